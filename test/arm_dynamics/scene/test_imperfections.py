@@ -72,7 +72,7 @@ def test_refusals(case: str) -> None:
 
 
 def test_a_sliding_joint_has_no_counts_in_a_turn() -> None:
-    with pytest.raises(SceneError, match="slides, so it has no counts in a turn"):
+    with pytest.raises(SceneError, match="is prismatic, so it has no counts per revolution"):
         load_scene({**SLIDING, "sensors": {"position": {"counts": 4096}}})
 
 

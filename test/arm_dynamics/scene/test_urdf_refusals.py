@@ -59,7 +59,7 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
     "loop": (changed('<parent link="base"/>', '<parent link="link3"/>'), ("link1",)),
     "two parents": (
         changed('<child link="link3"/>', '<child link="link1"/>'),
-        ("joint3", "link1", "already hangs on another joint"),
+        ("joint3", "link1", "already has a parent joint"),
     ),
     "two roots": (
         changed('<link name="base"/>', '<link name="base"/><link name="floor"/>'),
@@ -163,7 +163,7 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "three parents in a ring": (
         changed('<parent link="base"/>', '<parent link="link3"/>'),
-        ("link1, link2, link3 hang on each other in a ring",),
+        ("link1, link2, link3 form a loop",),
     ),
 }
 

@@ -50,15 +50,15 @@ def test_turns_follow_one_another() -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("", "is no joint trajectory"),
-        ("[1, 2]", "is no joint trajectory"),
+        ("", "is not a joint trajectory"),
+        ("[1, 2]", "is not a joint trajectory"),
         ("joint_names: [a]\npoints: [{positions: [0]}]", "time_from_start"),
         ("joint_names: [a]\npoints: []", "0 waypoints"),
         (
             "joint_names: [a]\npoints: [{positions: [x], time_from_start: {sec: 0}}]",
             "real numbers",
         ),
-        ("{", "is no joint trajectory"),
+        ("{", "is not a joint trajectory"),
     ],
 )
 def test_other_files_are_refused_by_name(tmp_path: Path, text: str, told: str) -> None:

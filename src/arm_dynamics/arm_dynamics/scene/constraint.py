@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Constraints of a scene: closed chains, an arm that touches the world, coupled joints.
 
-A frame is a link or joint of the URDF, or ``world``. What is measured in axes is measured in those
-of the *second* frame.
+A frame is a link or joint of the URDF, or ``world``. Components are given in the axes of the
+*second* frame.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ Fraction = Annotated[Finite, Field(ge=0.0, le=1.0)]
 
 
 class Touching(NamedTuple):
-    """Where an arm touches the world.
+    """A point at which an arm touches the world.
 
     Attributes:
         frame: Link or joint frame of the URDF.
         point: In that frame, in [m].
-        offset: From there to what touches, in the world's axes, in [m].
+        offset: Vector from there to the contact point, in the world's axes, in [m].
     """
 
     frame: str
@@ -48,13 +48,13 @@ class Touching(NamedTuple):
 
 
 class _Constraint(Part):
-    """What all constraints have.
+    """Keys common to all constraints.
 
     Attributes:
         name: Name in messages and in ``Simulator.set_constraint``; by default type and place, as
             ``point_0``.
         switchable: Whether ``Simulator.set_constraint`` may switch it while the simulator runs.
-        active: Whether it holds at the start; only a switchable one may be off.
+        active: Whether it is active at the start; only a switchable one may be inactive.
     """
 
     name: str | None = Field(default=None, min_length=1)
@@ -81,7 +81,7 @@ class _BetweenFrames(_Constraint):
 
     @property
     def at_world(self) -> Touching | None:
-        """Its point that is tied to the world; None if neither frame is the world."""
+        """Its point that is connected to the world; None if neither frame is the world."""
         if WORLD not in self.frames:
             return None
         own = self.frames.index(WORLD) ^ 1
@@ -147,8 +147,8 @@ class DistanceConstraint(_BetweenFrames):
 class RollingConstraint(_BetweenFrames):
     """The first frame is the centre of a wheel or a ball that rolls on a plane without slipping.
 
-    The material point that touches does not move along the plane. Nothing keeps the centre at its
-    height; a ``plane`` constraint does that.
+    The material contact point does not move along the plane. The height of the centre is not
+    constrained; a ``plane`` constraint does that.
 
     Attributes:
         radius: Radius in [m].
@@ -191,7 +191,7 @@ class Plane(Part):
     Attributes:
         frame: ``world``, or the link or joint frame of the URDF that carries it.
         point: Any point of it, in that frame, in [m].
-        normal: Its normal in that frame, towards what may touch it; any length but zero.
+        normal: Its normal in that frame, towards the side of contact; any length but zero.
     """
 
     frame: str = WORLD
@@ -208,8 +208,7 @@ class Contact(Part):
         radius: Radius of the ball in [m]; 0 for a point.
         plane: The plane that it may touch.
         friction: Coefficient µ of sliding friction.
-        static_friction: Coefficient up to which a contact at rest sticks, at least µ; by default
-            µ.
+        static_friction: Coefficient of static friction, at least µ; by default µ.
         restitution: Newton's coefficient of restitution: speed of rebound over speed of approach.
         name: Name in messages; by default type and place, as ``contact_0``.
     """
@@ -238,7 +237,7 @@ class Contact(Part):
 
     @property
     def sticking(self) -> float:
-        """The coefficient up to which it sticks."""
+        """The coefficient of static friction."""
         return self.friction if self.static_friction is None else self.static_friction
 
     @property
@@ -281,7 +280,7 @@ def switchable(constraints: tuple[Constraint, ...]) -> list[int]:
 
 
 def switches(constraints: tuple[Constraint, ...]) -> Array:
-    """1 or 0 for each switchable constraint: whether it holds at the start."""
+    """1 or 0 for each switchable constraint: whether it is active at the start."""
     return np.array([float(constraints[i].active) for i in switchable(constraints)])
 
 

@@ -15,11 +15,11 @@ from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
 
 
 class Wave(Part):
-    """Something that repeats with the motor's angle: amplitude · sin(order · angle + phase).
+    """A periodic function of the motor's angle: amplitude · sin(order · angle + phase).
 
     Attributes:
         amplitude: Amplitude, in the unit of the quantity that it is part of.
-        order: Periods in one turn of the motor.
+        order: Periods per revolution of the motor.
         phase: Phase in [rad].
     """
 
@@ -29,25 +29,25 @@ class Wave(Part):
 
 
 class Actuator(Part):
-    """A motor and its rigid gear. A gear of ratio N turns the motor N times as far as the joint.
+    """A motor and its rigid gear. With gear ratio N, the motor turns N times as far as the joint.
 
     Attributes:
-        command: What the command of this joint is: the torque of the motor as seen at the joint in
-            [N m] or [N], its current in [A], or its voltage in [V].
-        resistance: Resistance R of the winding in [Ω]; needed where a voltage is commanded or
+        command: Quantity commanded at this joint: the motor's torque reflected to the joint in [N
+            m] or [N], its current in [A], or its voltage in [V].
+        resistance: Resistance R of the winding in [Ω]; required where a voltage is commanded or
             limited.
-        inductance: Inductance L of the winding in [H]; without one, the current follows the
-            voltage at once.
-        torque_constant: Torque constant K_t in [N m/A]; needed where a current or a voltage is
+        inductance: Inductance L of the winding in [H]; without it, the current follows the voltage
+            immediately.
+        torque_constant: Torque constant K_t in [N m/A]; required where a current or a voltage is
             commanded or limited.
         back_emf_constant: Back-EMF constant K_e in [V s/rad]; by default equal to
             ``torque_constant``.
-        rotor_inertia: Inertia of the rotor in [kg m²]; on a rigid gear the joint sees it times the
-            gear ratio squared.
-        rotor_damping: Viscous friction of the rotor in [N m s/rad], seen at the joint likewise.
+        rotor_inertia: Inertia of the rotor in [kg m²]; reflected to the joint by the gear ratio
+            squared.
+        rotor_damping: Viscous friction of the rotor in [N m s/rad], reflected likewise.
         gear_ratio: Gear ratio N, motor over joint, in [rad/rad] or [rad/m]; negative where they
             turn in opposite directions. Not zero.
-        efficiency: Share of the power that the gear passes on, in both directions.
+        efficiency: Efficiency of the gear, in both directions of power flow.
         current_limit: Largest current in [A].
         voltage_limit: Largest voltage in [V]; with a current limit, it gives the torque–speed
             curve.
@@ -81,7 +81,7 @@ class Hysteresis(Part):
     Attributes:
         torque: Largest hysteretic torque in [N m] or [N].
         deflection: Twist in [rad] or [m] over which it builds up.
-        sharpness: Exponent of the Bouc–Wen law; the larger, the sharper the bend.
+        sharpness: Exponent of the Bouc–Wen model; the larger, the sharper the transition.
     """
 
     torque: NonNegative
@@ -90,7 +90,7 @@ class Hysteresis(Part):
 
 
 class Transmission(Part):
-    """A flexible shaft, belt or harmonic drive between gear and link, seen at the joint.
+    """A flexible shaft, belt or harmonic drive between gear and link, in joint coordinates.
 
     Attributes:
         stiffness: Stiffness in [N m/rad] or [N/m]; required.
@@ -98,7 +98,7 @@ class Transmission(Part):
         stiffening: Cubic stiffness in [N m/rad³] or [N/m³].
         backlash: Width of the backlash in [rad] or [m]; not together with ``hysteresis``.
         hysteresis: Hysteresis of the torque over the twist, by Bouc and Wen.
-        kinematic_error: How far the output runs ahead, at the joint, in [rad] or [m].
+        kinematic_error: Lead of the output, at the joint, in [rad] or [m].
     """
 
     stiffness: Positive | None = None

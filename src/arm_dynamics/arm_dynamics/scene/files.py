@@ -57,7 +57,7 @@ def find_file(name: str, folder: Path) -> Path:
     """Resolve a path or ``package://`` URI.
 
     Args:
-        name: What the user wrote.
+        name: The name as given by the user.
         folder: Where relative paths start.
 
     Returns:
@@ -81,7 +81,7 @@ def find_file(name: str, folder: Path) -> Path:
     beside = places[0].parent.glob("*") if places and places[0].parent.is_dir() else ()
     guess = did_you_mean(Path(name).name, [path.name for path in beside if path.is_file()])
     raise SceneError(
-        f"scene: no file '{name}'; looked at {known_names(map(str, places), 4)}{guess}"
+        f"scene: no file '{name}'; searched: {known_names(map(str, places), 4)}{guess}"
     )
 
 

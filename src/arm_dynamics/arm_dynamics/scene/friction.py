@@ -43,14 +43,14 @@ KINDS = ("number", "sides")
 
 
 class Table(Part):
-    """A factor that dry friction is multiplied with, by points.
+    """A tabulated factor of dry friction.
 
-    Between the points runs a cubic that rises and falls only where they do (Fritsch, Butland, SIAM
-    J. Sci. Stat. Comput. 5(2), 1984); it is level at the first and last, and held beyond them.
+    The table is interpolated by monotone cubics (Fritsch, Butland, SIAM J. Sci. Stat. Comput.
+    5(2), 1984), with zero slope at the first and last point and constant beyond them.
 
     Attributes:
-        at: Where the points are, increasing: the joint's position in [rad] or [m], or the load in
-            [N m] or [N].
+        at: Abscissas, increasing: the joint's position in [rad] or [m], or the load in [N m] or
+            [N].
         factor: The factor at each of these points.
         period: Length after which the table repeats, in the unit of ``at``; if absent it does not.
     """
@@ -71,7 +71,7 @@ class Table(Part):
 
 
 class Lugre(Part):
-    """LuGre bristles, which carry the dry friction of a joint in place of stick and slip.
+    """LuGre model of the dry friction of a joint, in place of stick-slip events.
 
     Attributes:
         sigma0: Stiffness of the bristles in [N m/rad] or [N/m].
@@ -98,7 +98,7 @@ class Friction(Part):
             from ``static`` to ``coulomb``; without it, friction falls at once.
         position: Factor of the dry friction over the position of the joint.
         load: Factor of the dry friction over the size of the drive's torque at the joint.
-        lugre: LuGre bristles in place of stick and slip; needs ``coulomb``, and
+        lugre: LuGre model in place of stick-slip events; requires ``coulomb``, and
             ``stribeck_velocity`` where ``static`` is larger.
     """
 
@@ -112,12 +112,12 @@ class Friction(Part):
 
     @property
     def stateful(self) -> str | None:
-        """Key of the law with states that carries the dry friction; None if none does."""
+        """Key of the friction model with states that includes dry friction; None if none does."""
         return next((key for key in STATEFUL if getattr(self, key) is not None), None)
 
 
 STATEFUL = ("lugre",)
-"""Keys of a joint's friction that name a law with states of its own."""
+"""Keys of a joint's friction that select a model with internal states."""
 
 
 def refusal(joint: str, text: str) -> SceneError:

@@ -29,7 +29,7 @@ def _by_joint(value: object) -> object:
 
 
 ByJoint = Annotated[dict[str, NonNegative], BeforeValidator(_by_joint)]
-"""Numbers of at least zero by joint name; ``"*"`` speaks for the joints that are not named."""
+"""Numbers of at least zero by joint name; ``"*"`` applies to joints that are not named."""
 AnyByJoint = Annotated[dict[str, Finite], BeforeValidator(_by_joint)]
 PositiveByJoint = Annotated[dict[str, Positive], BeforeValidator(_by_joint)]
 Delay = Annotated[NonNegative, Field(le=10.0)]
@@ -40,7 +40,7 @@ class PositionSensor(Part):
 
     Attributes:
         resolution: Step of the encoder in [rad] or [m]; 0 for none.
-        counts: The same for joints that turn, as steps in a turn; not both for one joint.
+        counts: The same for revolute joints, as steps per revolution; not both for one joint.
         noise: Standard deviation of each sample in [rad] or [m], before rounding.
         offset: Offset in [rad] or [m], before rounding.
     """
@@ -92,12 +92,12 @@ class EffortSensor(Part):
 
 
 class Line(Part):
-    """How messages get from one end to the other; what is overtaken counts as lost.
+    """Transmission of messages; overtaken messages are lost.
 
     Attributes:
         delay: Delay of each message in [s].
-        jitter: Largest additional delay in [s], drawn evenly from zero to this.
-        loss: Share of the messages that is lost.
+        jitter: Largest additional delay in [s], uniformly distributed from zero.
+        loss: Fraction of messages that are lost.
     """
 
     delay: Delay = 0.0
@@ -111,7 +111,7 @@ class Line(Part):
 
 
 class Sensors(Line):
-    """What a controller is told of the motion, and the line that states travel on.
+    """Measurements of the motion for controllers, and their transmission.
 
     Attributes:
         seed: Seed of all random numbers of sensors and lines.
@@ -127,10 +127,10 @@ class Sensors(Line):
 
 
 class Commands(Line):
-    """What commands mean, and the line that they travel on.
+    """Meaning of commands, and their transmission.
 
     Attributes:
-        gravity_compensated: Whether efforts come on top of those that carry the arm's own weight.
+        gravity_compensated: Whether efforts are added to the arm's own gravity compensation.
     """
 
     gravity_compensated: StrictBool = False
@@ -160,6 +160,6 @@ def check_sensors(sensors: Sensors, urdf: Urdf, locked: Collection[str]) -> None
     for name in free:
         if (name in counts or ALL in counts) and urdf.joints[name] == "prismatic":
             raise SceneError(
-                f"scene: 'sensors.position.counts': joint '{name}' slides, so it has no counts in "
-                "a turn; allowed: a resolution in m"
+                f"scene: 'sensors.position.counts': joint '{name}' is prismatic, so it has no "
+                "counts per revolution; allowed: a resolution in m"
             )

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Physical consistency of the mass and the rotational inertia of a rigid body.
 
-About the center of mass, I = ∫ (rᵀr E - r rᵀ) dm with dm ≥ 0. So no principal moment is negative,
-and none is larger than the sum of the other two (triangle inequality: Wensing, Kim, Slotine, IEEE
-Robotics and Automation Letters 3(1), 2018).
+About the center of mass, I = ∫ (rᵀr E - r rᵀ) dm with dm ≥ 0. Hence no principal moment is
+negative, and none is larger than the sum of the other two (triangle inequality: Wensing, Kim,
+Slotine, IEEE Robotics and Automation Letters 3(1), 2018).
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.scene.types import Inertia6
 
 ROUNDING = 1e-12
-"""Moments below this count as zero, in [kg m²], and so does this fraction of the largest one."""
+"""Moments below this, in [kg m²], and below this fraction of the largest one, are treated as
+zero."""
 DIGITS = 1e-2
-"""Relative excess of the largest moment over the sum of the others that is allowed: published
-values have two or three digits, and for a thin plate both are equal."""
+"""Allowed relative excess of the largest moment over the sum of the others: published values have
+two or three digits, and for a thin plate both are equal."""
 
 
 def inertia_matrix(six: Inertia6 | ArrayLike) -> Array:

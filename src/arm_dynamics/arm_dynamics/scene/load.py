@@ -34,14 +34,14 @@ def load_scene(source: SceneSource) -> Scene:
     Args:
         source: Name of a ready scene such as ``panda``, path or ``package://`` URI of a scene file
             (YAML) or of a URDF, URDF text, a dictionary of the same shape as a scene file, or a
-            scene, which is returned as it is.
+            scene, which is returned unchanged.
 
     Returns:
         The scene with the URDF's text in ``robot.urdf``.
 
     Raises:
         SceneError: If something is missing, unknown or not allowed; of a file, with its name.
-        ModelError: If it is the robot description that cannot be used.
+        ModelError: If the robot description cannot be used.
 
     Example:
         >>> load_scene({"robot": {"urdf": "arm.urdf"}, "gravity": [0, 0, 0]})  # doctest: +SKIP

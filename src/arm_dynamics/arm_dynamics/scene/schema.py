@@ -59,7 +59,7 @@ class RobotChoice(Part):
 
 
 class Stop(Part):
-    """What happens where a joint meets its position limits: a rigid stop, or a compliant one.
+    """The stops at a joint's position limits: rigid or compliant.
 
     Attributes:
         restitution: Speed of rebound over speed of approach at a rigid stop, 0 to 1; 0 unless
@@ -76,7 +76,7 @@ class Stop(Part):
     @model_validator(mode="after")
     def _one_kind(self) -> Stop:
         if self.stiffness is None and self.damping is not None:
-            raise ValueError("damping belongs to a compliant stop, which needs its stiffness too")
+            raise ValueError("damping belongs to a compliant stop, which also needs its stiffness")
         if self.stiffness is not None and self.restitution is not None:
             raise ValueError(
                 "a stop is rigid, with restitution, or compliant, with stiffness and damping"
@@ -120,14 +120,14 @@ class Joint(Part):
 
     Attributes:
         friction: Friction.
-        armature: Inertia of the drive as seen at the joint in [kg m²] or [kg]; the rotor of an
-            actuator is added to it.
+        armature: Inertia of the drive, reflected to the joint, in [kg m²] or [kg]; that of an
+            actuator's rotor is added.
         actuator: Motor and gear; without one, the command is the torque at the joint.
         transmission: A flexible element between gear and link; needs an actuator with
             ``rotor_inertia``.
         spring: A spring and damper beside the joint, acting on the link.
         limits: Limits in place of those of the URDF.
-        servo: How the joint follows commanded positions and velocities.
+        servo: Servo that tracks commanded positions and velocities.
     """
 
     friction: Friction = Friction()
@@ -166,7 +166,7 @@ class Payload(Part):
 
 
 class Initial(Part):
-    """Where the robot starts; joints that are not named start at zero, at rest.
+    """Initial state of the robot; joints that are not named start at zero, at rest.
 
     Where zero is beyond a joint's stops, it starts at the nearer one.
 
@@ -175,7 +175,7 @@ class Initial(Part):
             they are a guess, from which loops are closed.
         velocity: Joint velocities by name in [rad/s] or [m/s].
         hold: Joints that keep their position and velocity exactly when loops are closed at the
-            start; the others give way.
+            start; the others are adjusted.
     """
 
     position: dict[str, Finite] = {}
@@ -184,7 +184,7 @@ class Initial(Part):
 
 
 class Sim(Part):
-    """How the scene is integrated unless the caller says otherwise.
+    """Integration of the scene; defaults that callers may override.
 
     Attributes:
         integrator: ``euler``, ``semi_implicit_euler``, ``midpoint``, ``heun``, ``rk4``,
@@ -212,11 +212,12 @@ class Scene(Part):
         constraints: Closed loops, ties to the world, couplings, and contacts.
         initial: The state at the start.
         sim: Integration.
-        sensors: What a controller is told of the motion; by default the exact state, at once.
-        commands: How commands reach the arm; by default all of them, at once.
+        sensors: Measurements of the motion for controllers; by default the exact state, without
+            delay.
+        commands: Transmission of commands; by default without delay or loss.
         tunable: Quantities that may change while the simulator runs, or differ between the arms of
-            a rollout: ``friction`` is the viscous one, ``external`` are joint torques from
-            outside, zero at first.
+            a rollout: ``friction`` is the viscous one, ``external`` are external joint torques,
+            initially zero.
     """
 
     robot: RobotChoice

@@ -12,7 +12,7 @@ class Servo(Part):
     """The servo of one joint, used where the joint is commanded a position or velocity.
 
     Attributes:
-        bandwidth: ω in [rad/s] of ë + 2 ζ ω ė + ω² e = 0, which errors obey; by default 100, less
+        bandwidth: ω in [rad/s] of the error dynamics ë + 2 ζ ω ė + ω² e = 0; by default 100, lower
             for long ticks and flexible transmissions.
         damping_ratio: Damping ratio ζ; 1 is critical.
         stiffness: Stiffness in [N m/rad] or [N/m], in place of a bandwidth.

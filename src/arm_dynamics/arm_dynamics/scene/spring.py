@@ -14,9 +14,9 @@ class JointSpring(Part):
     """A spring and a damper beside a joint, on the side of the link.
 
     Attributes:
-        stiffness: Stiffness in [N m/rad] or [N/m]; required. 0 takes that of ``"*"`` away from a
+        stiffness: Stiffness in [N m/rad] or [N/m]; required. 0 removes that of ``"*"`` from a
             joint.
-        rest: Position in [rad] or [m] at which it does not push.
+        rest: Rest position in [rad] or [m].
         damping: Damping in [N m s/rad] or [N s/m].
     """
 
@@ -32,9 +32,9 @@ class PointSpring(Part):
         frames: The two frames: links or joints of the URDF, or ``world``.
         points: A point of each frame, in its own axes, in [m].
         stiffness: Stiffness in [N/m].
-        rest_length: Length in [m] at which it does not pull; 0 is allowed.
+        rest_length: Rest length in [m]; may be 0.
         damping: Damping along the line in [N s/m].
-        force: Additional tension in [N]; negative where it pushes, as a gas spring does.
+        force: Additional tension in [N]; negative if it pushes, as in a gas spring.
         tension_only: A cord: it pulls, or hangs slack.
         name: Name in messages; by default ``spring_`` and its place in the list.
     """

@@ -35,7 +35,7 @@ def _finite(value: float) -> float:
 
 
 AS_CHECKED = {"as checked": True}
-"""Context of a validation for content that was checked before and must not change."""
+"""Context of a validation of content that was checked before and must not change."""
 
 
 def _unit(value: tuple[float, float, float], info: ValidationInfo) -> tuple[float, float, float]:

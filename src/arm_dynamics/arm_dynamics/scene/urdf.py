@@ -39,7 +39,7 @@ _NOT_NEGATIVE = {
 NEGATIVE_PART = 0.5
 """Largest negative principal moment of a link relative to its largest one.
 
-Published robots have tensors that no rigid body has: 16 of the 69 descriptions in
+Published robots have physically inconsistent tensors: 16 of the 69 descriptions in
 example-robot-data, down to -0.39 (Tiago's antennas). The mass matrix may still be regular (if it
 is not, forward dynamics refuses the arm), so they cause a warning; larger ones are errors."""
 
@@ -61,7 +61,7 @@ class Urdf:
         joints: Type of every joint by name.
         links: Names of the links.
         mimics: Follower rules by joint name.
-        doubtful: Links whose inertia no rigid body has, and why; it is used unchanged.
+        doubtful: Links whose inertia is not physically consistent, and why; it is used unchanged.
     """
 
     joints: dict[str, str]
@@ -139,7 +139,7 @@ def _unique(robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Eleme
 
 
 def _dynamic_elements(element: ElementTree.Element) -> Iterator[ElementTree.Element]:
-    """The element's children that dynamics depends on, without visual and collision."""
+    """The element's children that affect the dynamics, without visual and collision."""
     for child in element:
         if child.tag == "inertial":
             yield from child
@@ -244,14 +244,14 @@ def _check_tree(
         child = _link_name(joint, "child")
         if child in parent_of:
             raise ModelError(
-                f"joint '{name}': link '{child}' already hangs on another joint; "
+                f"joint '{name}': link '{child}' already has a parent joint; "
                 "URDF describes trees only"
             )
         parent_of[str(child)] = str(_link_name(joint, "parent"))
     ringed = [name for name in links if _in_ring(name, parent_of)]
     if ringed:
         raise ModelError(
-            f"robot description: links {known_names(ringed)} hang on each other in a ring; "
+            f"robot description: links {known_names(ringed)} form a loop; "
             "URDF describes trees only"
         )
     roots = [name for name in links if name not in parent_of]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which axes of a frame a task is about."""
+"""Selection of the axes of a task."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What task controllers ask of the model at every tick, compiled: one call instead of a dozen.
+"""Terms that task controllers evaluate at every tick, compiled into a single call.
 
 The expressions are those of ``equations``; each kernel is checked against Pinocchio when built.
 """
@@ -77,7 +77,7 @@ class TaskKernel:
         self._scaled = self._state.outputs[-2].reshape((len(axes), -1), order="F")
 
     def state(self, q: Array, v: Array) -> TaskInstant:
-        """Everything at a state, vectors of shape (n,) that were checked already."""
+        """All terms at a state, for valid vectors of shape (n,)."""
         *_, bound, _, scale = self._state(q, v)
         if bound[0] < self._bound:
             return self._instant
@@ -98,7 +98,7 @@ _built = WeakKeyDictionary()
 
 
 def is_built(model: ArmModel, frame: str, axes: tuple[str, ...]) -> bool:
-    """Tell whether a kernel for this frame and these axes can be had at once."""
+    """Whether a kernel for this frame and these axes is available immediately."""
     return (frame, axes) in _built.get(model, {})
 
 
@@ -142,7 +142,7 @@ def expressions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Fu
 
 
 def _instant(outputs: tuple[Array, ...], n: int, m: int) -> TaskInstant:
-    """The memory of a kernel as matrices, those of one column too."""
+    """The outputs of a kernel as matrices, including those of a single column."""
     shapes = ((3,), (3, 3), (m, n), (m,), (m,), (n, n), (n,), (n, m), (m, m), (m, m))
     return TaskInstant._make(
         memory.reshape(shape, order="F") for memory, shape in zip(outputs, shapes, strict=False)
@@ -150,7 +150,7 @@ def _instant(outputs: tuple[Array, ...], n: int, m: int) -> TaskInstant:
 
 
 def _solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """Solve for every column; what they share is computed once (``cse``)."""
+    """Solve for every column; common subexpressions are computed once (``cse``)."""
     return ca.horzcat(*[rigid_body.solve(matrix, column) for column in ca.horzsplit(right)])
 
 
@@ -165,9 +165,9 @@ def _scales(A: ca.SX, linear: int) -> ca.SX:
 
 
 def _largest(inertia: ca.SX, scale: ca.SX) -> ca.SX:
-    """Bound of the greatest eigenvalue of the scaled Λ; inf where Λ is no inertia at all.
+    """Upper bound of the largest eigenvalue of the scaled Λ; inf where Λ is not an inertia.
 
-    That is its trace, for they are all positive where Λ is one.
+    This is its trace, since all eigenvalues of an inertia are positive.
     """
     mass = ca.diag(inertia)
     sound = ca.logic_and(ca.mmin(mass) > 0, ca.mmax(mass) < np.inf)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Matrices of the task space: Λ = (J M⁻¹ Jᵀ)⁻¹ and its kin, regularized near singularities."""
+"""Matrices of the task space, such as Λ = (J M⁻¹ Jᵀ)⁻¹, regularized near singularities."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.equations.elementary import Quantity, diagonal, larger
 
 THRESHOLD = 1e-4
-"""Scaled mobility in the least mobile direction below which a task counts as singular."""
+"""Scaled mobility in the least mobile direction below which a task is treated as singular."""
 
 
 class Inertia(NamedTuple):
@@ -21,7 +21,7 @@ class Inertia(NamedTuple):
 
     Attributes:
         matrix: Λ, shape (…, m, m).
-        damped: Whether damping was needed, shape (…).
+        damped: Whether damping was applied, shape (…).
         least: Scaled mobility in the least mobile direction, dimensionless, shape (…).
     """
 
@@ -33,11 +33,11 @@ class Inertia(NamedTuple):
 def task_inertia(A: Array, linear: int, threshold: float = THRESHOLD) -> Inertia:
     """Invert the mobility of a task: Λ = A⁻¹, or (A + δ S²)⁻¹ near a singularity.
 
-    A mixes units, so it is scaled first: S is diagonal with one scale for the linear and one for
-    the angular axes, the root of their mean mobility. With σ the least eigenvalue of the scaled
-    matrix, δ = ε (1 - σ/ε)² where σ < ε and zero elsewhere, which is continuous and leaves regular
-    states untouched (Nakamura and Hanafusa, "Inverse kinematic solutions with singularity
-    robustness", ASME J. Dyn. Sys. Meas. Control 108, 1986, equation (21), put on the inertia).
+    A has mixed units, so it is scaled first: S is diagonal with one scale for the linear and one
+    for the angular axes, the root of their mean mobility. With σ the least eigenvalue of the
+    scaled matrix, δ = ε (1 - σ/ε)² where σ < ε and zero elsewhere, which is continuous and leaves
+    regular states untouched (Nakamura and Hanafusa, "Inverse kinematic solutions with singularity
+    robustness", ASME J. Dyn. Sys. Meas. Control 108, 1986, equation (21), applied to the inertia).
 
     Args:
         A: Mobility J M⁻¹ Jᵀ, symmetric and not negative, shape (…, m, m).
@@ -71,9 +71,9 @@ def regularized(scaled: Array, scale: Array, threshold: float) -> Inertia:
 def axis_masses(A: Quantity, inertia: Quantity) -> Quantity:
     """Mass of every axis for tuning gains, bounded at singularities, shape (m,).
 
-    That with the other axes held, Λ_ii, which is infinite at a singularity that is not along an
-    axis; hence at most ten times that with the others free, 1 / A_ii, and never more than the
-    damped inertia itself.
+    The mass with the other axes held, Λ_ii, is infinite at a singularity that is not along an
+    axis; it is therefore limited to ten times the mass with the others free, 1 / A_ii, and to the
+    damped inertia.
 
     Args:
         A: Mobility J M⁻¹ Jᵀ, an array or expression of shape (m, m).
@@ -90,7 +90,7 @@ def _scales(A: Array, linear: int) -> Array:
         part = diagonal[..., rows]
         if part.shape[-1]:
             scale[..., rows] = np.sqrt(part.sum(-1, keepdims=True) / part.shape[-1])
-    scale[scale < 1e-9] = 1.0  # nothing moves along these axes, at any scale
+    scale[scale < 1e-9] = 1.0  # no motion along these axes, at any scale
     return scale
 
 
@@ -109,7 +109,7 @@ def manipulability(J: Array) -> Array:
 
 
 def condition_number(J: Array) -> Array:
-    """Ratio of greatest to least singular value, inf where the task is singular, shape (…).
+    """Ratio of the largest to the smallest singular value, inf at a singularity, shape (…).
 
     Args:
         J: Jacobian of shape (…, m, n); with linear and angular axes the number has mixed units.

@@ -3,7 +3,7 @@
 
 Levenberg-Marquardt with damping that follows the error (Sugihara, "Solvability-unconcerned inverse
 kinematics by the Levenberg-Marquardt method", IEEE Trans. Robotics 27(5), 2011), and joints that
-reach a limit are held there while the others go on.
+reach a limit are held there while the others continue.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model.sampling import postures
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
 
-_ANGLE = 0.3  # [m/rad]: how much an angle counts against a distance
-_BIAS = 1e-6  # damping that stays when the error is gone
+_ANGLE = 0.3  # [m/rad]: weight of an angle relative to a distance
+_BIAS = 1e-6  # damping that remains at zero error
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,11 @@ class Solution:
     Attributes:
         q: Joint positions in [rad] or [m], within limits, shape (n,).
         reached: Whether the pose is reached.
-        distance: What is missing in [m].
-        angle: What is missing in [rad].
+        distance: Remaining position error in [m].
+        angle: Remaining orientation error in [rad].
         seeds: Number of starting points that were tried.
         iterations: Total number of iterations.
-        at_limit: Names of the joints that stand at a limit.
+        at_limit: Names of the joints that are at a limit.
     """
 
     q: Array
@@ -55,7 +55,8 @@ class InverseKinematics:
         distance: Largest error in [m].
         angle: Largest error in [rad].
         iterations: Steps from one seed.
-        seeds: Starting points: the one given, the scene's, then random ones, always the same.
+        seeds: Number of starting points: the given one, the scene's, then deterministic random
+            ones.
 
     Raises:
         InvalidInput: If the task has other axes or a number is not allowed.
@@ -85,11 +86,11 @@ class InverseKinematics:
         """Search for joint positions; the result states whether they were found.
 
         Args:
-            pose: Where the frame should be in the world.
-            seed: Where to begin, shape (n,); None for the scene's initial position.
+            pose: Desired pose of the frame in the world.
+            seed: Initial guess, shape (n,); None for the scene's initial position.
 
         Raises:
-            InvalidInput: If the pose is no pose or the seed has a wrong shape or value.
+            InvalidInput: If the pose is invalid, or the seed has a wrong shape or value.
         """
         pose = checked_pose(pose)
         tries = []
@@ -107,7 +108,7 @@ class InverseKinematics:
         """Joint positions for a pose in [rad] or [m], shape (n,); arguments as of ``solve``.
 
         Raises:
-            Unreachable: If no seed led there, with what is missing.
+            Unreachable: If it is not reached from any seed; states the remaining errors.
             InvalidInput: If the pose or the seed is not allowed.
         """
         found = self.solve(pose, seed)
@@ -198,7 +199,8 @@ def checked_pose(pose: Pose) -> Pose:
     """Check a pose from a caller.
 
     Raises:
-        InvalidInput: If a shape is wrong, a number is not finite, or the rotation is none.
+        InvalidInput: If a shape is wrong, a number is not finite, or the rotation is not a
+            rotation matrix.
     """
     position = vector("pose.position", pose.position, 3)
     rotation = vector("pose.rotation", pose.rotation, 3)

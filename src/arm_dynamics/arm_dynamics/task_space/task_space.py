@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dynamics of an arm as seen at one of its frames: f = Λ ẍ + µ + p + s.
+"""Dynamics of an arm in the task space of one of its frames: f = Λ ẍ + µ + p + s.
 
 Source: Khatib, "A unified approach for motion and force control of robot manipulators: the
 operational space formulation", IEEE J. Robotics and Automation 3(1), 1987. Craig writes Λ, µ and p
-as M_x, V_x and G_x (Introduction to Robotics, section 6.9). What springs take, s, is their S seen
-from the frame, as p is the weight G.
+as M_x, V_x and G_x (Introduction to Robotics, section 6.9). The force s is that of springs, S, in
+task space, as p is that of gravity, G.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Pose:
     """Placement of a frame in the world.
 
     Attributes:
-        position: In [m], shape (3,) or (k, 3).
+        position: Position in [m], shape (3,) or (k, 3).
         rotation: Rotation matrix, its columns the frame's axes, shape (3, 3) or (k, 3, 3).
     """
 
@@ -54,7 +54,7 @@ class TaskTerms:
         rotation: Rotation of the frame in the world, shape (3, 3).
         jacobian: J, with ẋ = J q̇, shape (m, n).
         velocity: ẋ = J q̇ in [m/s] and [rad/s], shape (m,).
-        bias: J̇ q̇, the acceleration that is there without joint acceleration, shape (m,).
+        bias: J̇ q̇, the acceleration at zero joint acceleration, shape (m,).
         inertia: Λ = (J M⁻¹ Jᵀ)⁻¹ in [kg], [kg m], [kg m²], shape (m, m).
         coriolis: µ = Λ (J M⁻¹ C q̇ - J̇ q̇) in [N] and [N m], shape (m,).
         gravity: p = Λ J M⁻¹ G in [N] and [N m], shape (m,).
@@ -125,7 +125,7 @@ class TaskSpace:
             axes of the world), ``local`` (axes of the frame), ``world`` (spatial velocity at the
             world's origin).
         selection: ``pose``, ``position``, ``orientation``, or some of x, y, z, rx, ry, rz.
-        threshold: Scaled mobility, dimensionless, under which answers are damped; see
+        threshold: Scaled mobility, dimensionless, below which results are damped; see
             ``inertia.task_inertia``.
 
     Raises:
@@ -169,8 +169,8 @@ class TaskSpace:
     def kernel(self) -> TaskKernel:
         """The compiled terms, for controllers; in axes ``local_world_aligned``.
 
-        Built when it is first asked for, in about half a second; in a tenth when it was built
-        before on this machine.
+        Built on first use, in about half a second, or a tenth of that if it is cached on this
+        machine.
 
         Raises:
             ModelError: If a joint that carries the frame moves no mass.
@@ -179,7 +179,7 @@ class TaskSpace:
         return TaskKernel(self.model, self.frame, self.axes, self.threshold)
 
     def require_world_axes(self) -> None:
-        """Refuse a task in other axes than ``local_world_aligned``.
+        """Reject a task in other axes than ``local_world_aligned``.
 
         Raises:
             InvalidInput: Saying so.

@@ -80,7 +80,7 @@ class Circle:
 
     @property
     def length(self) -> float:
-        """Way of the origin in [m]."""
+        """Length of the origin's path in [m]."""
         return float(abs(self.angle) * np.linalg.norm(self.start.position - self.centre))
 
     def at(self, u: float) -> Place:
@@ -96,20 +96,22 @@ class Circle:
 
 
 def line(start: Pose, end: Pose) -> Line:
-    """A straight line with uniform rotation, by the shorter way round.
+    """A straight line with uniform rotation in the shorter direction.
 
     Args:
         start: Pose at u = 0.
         end: Pose at u = 1.
 
     Raises:
-        InvalidInput: If a pose is none, or both are the same.
+        InvalidInput: If a pose is invalid, or both are the same.
     """
     start, end = checked_pose(start), checked_pose(end)
     turn = pin.log3(end.rotation @ start.rotation.T)
     made = Line(start, end.position - start.position, turn)
     if made.length < 1e-9:
-        raise InvalidInput(f"start and end are the same, {start.position}; different are expected")
+        raise InvalidInput(
+            f"start and end are the same, {start.position}; allowed: different poses"
+        )
     return made
 
 
@@ -122,8 +124,8 @@ def circle(
         start: Pose at u = 0.
         centre: Centre in [m], shape (3,), in the plane of the circle.
         axis: Axis of the circle, right-handed, shape (3,), not zero.
-        angle: How far in [rad]; 2π is a whole circle.
-        turning: Whether the frame turns with the circle, else it keeps its rotation.
+        angle: Angle of the arc in [rad]; 2π for a full circle.
+        turning: Whether the frame rotates with the arc; otherwise it keeps its orientation.
 
     Raises:
         InvalidInput: If a number is not allowed, or the centre lies outside the plane.
@@ -153,8 +155,8 @@ class CartesianTrajectory:
     """A path with a timing: references for controllers in task space.
 
     Attributes:
-        path: The way.
-        timing: How it is covered.
+        path: The path.
+        timing: Its timing.
     """
 
     path: Path
@@ -162,7 +164,7 @@ class CartesianTrajectory:
 
     @property
     def duration(self) -> float:
-        """Time it takes in [s]."""
+        """Duration in [s]."""
         return self.timing.duration
 
     def sample(self, t: float) -> TaskReference:
@@ -179,9 +181,9 @@ def timed(
     """Time a path by the largest speed and acceleration along it.
 
     Args:
-        path: The way.
-        speed: Largest speed in [m/s] ([rad/s] where the frame only turns).
-        acceleration: Largest acceleration along the way in [m/s²] ([rad/s²]).
+        path: The path.
+        speed: Largest speed in [m/s] ([rad/s] for a pure rotation).
+        acceleration: Largest acceleration along the path in [m/s²] ([rad/s²]).
         profile: ``quintic`` or ``trapezoid``.
 
     Raises:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Check of a trajectory against limits: which joint violates which limit first, and when.
 
-Positions, velocities and accelerations are polynomials, so what they reach is exact; torques are
+Positions, velocities and accelerations are polynomials, so their extremes are exact; torques are
 computed at some points of every segment.
 """
 
@@ -20,8 +20,8 @@ from arm_dynamics.trajectory.reference import Limits, Trajectory
 from arm_dynamics.trajectory.time_scaling import torque_stretch
 
 _ROUNDED = 1e-9
-_POINTS = 60  # at which torques are computed at least
-_BATCH = 255  # points at once: for more Dynamics would compile, which takes a second when new
+_POINTS = 60  # smallest number of points at which torques are computed
+_BATCH = 255  # points per call: for more, Dynamics would compile code, which takes a second once
 _QUANTITIES = ("position", "velocity", "acceleration")
 
 
@@ -32,9 +32,9 @@ class Excess:
     Attributes:
         joint: Index of the joint.
         quantity: ``position``, ``velocity``, ``acceleration`` or ``effort``.
-        time: When, in [s] from the trajectory's start.
-        most: What the joint reaches in all, as far from zero as it gets.
-        limit: What is allowed, with its sign.
+        time: Time in [s] from the trajectory's start.
+        most: Extreme value that the joint reaches.
+        limit: The limit, with its sign.
     """
 
     joint: int
@@ -52,7 +52,7 @@ class Bounds:
         limits: Of positions, velocities and accelerations.
         dynamics: The model for its torques, or None to leave them unchecked; used from
             one thread only.
-        margin: Share by which velocities, accelerations and torques may be exceeded.
+        margin: Fraction by which limits of velocity, acceleration and torque may be exceeded.
     """
 
     limits: Limits
@@ -65,12 +65,12 @@ class Bounds:
         """Check a trajectory.
 
         Args:
-            trajectory: What shall be followed.
-            late: Time in [s] that its user counts when it starts.
+            trajectory: The trajectory.
+            late: The user's time in [s] at its start, for messages.
             before: Velocities just before it, shape (n,); None for rest.
 
         Raises:
-            InvalidInput: If it breaks a limit; the message names the joint, the moment and the
+            InvalidInput: If it violates a limit; the message names the joint, the time and the
                 limit.
         """
         still = np.zeros(trajectory.ends.shape[1])
@@ -92,7 +92,7 @@ class Bounds:
         """Factor by which a trajectory must be slowed down, at least one; its start is unchanged.
 
         Raises:
-            Unreachable: If weight and friction alone take more than a limit.
+            Unreachable: If gravity and friction alone exceed a limit.
         """
         h, peaks = np.diff(trajectory.times)[:, None], extremes(trajectory.coefficients)
         _, speed, rise = np.abs(peaks).max(axis=0)
@@ -124,7 +124,7 @@ class Bounds:
     def _allowed(self, start: Array) -> tuple[Array, Array]:
         """Smallest and largest position, velocity and acceleration, shape (3, n) each.
 
-        An arm that is beyond a position limit already may come back from there.
+        An arm that is already beyond a position limit may return from there.
         """
         limits, more = self.limits, 1.0 + self.margin
         speed, rise = limits.velocity * more, limits.acceleration * more

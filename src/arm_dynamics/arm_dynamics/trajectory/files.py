@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint trajectories as files: YAML of a ``trajectory_msgs/JointTrajectory``.
 
-So they can be given to ``ros2 topic pub`` as they are, and read without ROS.
+They can be passed to ``ros2 topic pub`` unchanged, and read without ROS.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class JointTrajectory:
 
     Attributes:
         joint_names: Order of the joints in each point.
-        points: With times in [s] from the start, the first at time 0.
+        points: Waypoints, with times in [s] from the start, the first at time 0.
     """
 
     joint_names: tuple[str, ...]
@@ -38,7 +38,7 @@ class JointTrajectory:
 
     @classmethod
     def of(cls, motion: Trajectory, joint_names: Sequence[str], turns: int = 1) -> JointTrajectory:
-        """The knots of a motion with position, velocity and acceleration.
+        """The knots of a motion, with position, velocity and acceleration.
 
         Args:
             motion: The motion.
@@ -67,7 +67,7 @@ class JointTrajectory:
         """Quintic segments through the points, joints in the order of an arm's.
 
         Raises:
-            InvalidInput: If the joints are others, or points are malformed.
+            InvalidInput: If the joints differ, or points are malformed.
         """
         if set(joint_names) != set(self.joint_names):
             raise InvalidInput(
@@ -108,7 +108,7 @@ class JointTrajectory:
         """Read it.
 
         Raises:
-            InvalidInput: If it is none.
+            InvalidInput: If it is not a joint trajectory.
             OSError: If it cannot be read.
         """
         try:
@@ -119,7 +119,7 @@ class JointTrajectory:
             made.motion(names)
         except (KeyError, TypeError, AttributeError, UnicodeDecodeError, yaml.YAMLError) as error:
             raise InvalidInput(
-                f"'{path}' is no joint trajectory: joint_names and points with positions and "
+                f"'{path}' is not a joint trajectory: joint_names and points with positions and "
                 f"time_from_start are expected ({type(error).__name__}: {error})"
             ) from None
         except InvalidInput as error:
@@ -131,7 +131,7 @@ def _waypoint(point: Mapping[str, Any]) -> Waypoint:
     time = point["time_from_start"]
     rest = [
         point.get(key) or None for key in list(_PARTS)[1:]
-    ]  # ROS says nothing by an empty list
+    ]  # in ROS an empty list means not given
     seconds = float(time["sec"]) + 1e-9 * float(time.get("nanosec", 0))
     return Waypoint(seconds, point["positions"], *rest)
 
@@ -141,6 +141,6 @@ def _quoted(name: str) -> str:
 
 
 def _number(x: float) -> str:
-    """Enough digits to be read back bit for bit, and never as an integer."""
+    """Text with enough digits to be read back exactly, and never as an integer."""
     text = repr(x)
     return text.replace("e", ".0e") if "e" in text and "." not in text else text

@@ -22,7 +22,7 @@ class Outset:
     """The start of a motion that is being planned.
 
     Attributes:
-        start: Stamp in [ns] that the times of waypoints count from.
+        start: Stamp in [ns] at which the waypoints' time is zero.
         begin: Stamp in [ns] of the motion's beginning, not before ``start``.
         here: The reference then.
     """
@@ -35,7 +35,7 @@ class Outset:
         """Plan a motion through waypoints, timed in [s] after ``start``; past ones are omitted.
 
         Raises:
-            InvalidInput: If they cannot be passed.
+            InvalidInput: If they cannot be followed.
         """
         return quintic(self.ahead(waypoints), limits)
 
@@ -48,7 +48,7 @@ class Outset:
         """The start and the remaining waypoints, with times in [s] after the beginning.
 
         Raises:
-            InvalidInput: If all are over.
+            InvalidInput: If all are in the past.
         """
         late, here = self.late, self.here
         ahead = [replace(w, time=w.time - late) for w in waypoints if not w.time <= late]
@@ -94,7 +94,7 @@ class Follower:
 
     @property
     def active(self) -> tuple[int, Motion]:
-        """The stamp in [ns] at which the present motion began, and the motion."""
+        """The stamp in [ns] at which the current motion began, and the motion."""
         return self._start, self._active
 
     @property
@@ -109,7 +109,7 @@ class Follower:
     def begin(self, motion: Motion, now: int) -> None:
         """Discard all trajectories and follow a motion from the stamp ``now`` in [ns].
 
-        Unlike ``take`` it may begin anywhere: the reference jumps there.
+        Unlike with ``take``, it may begin anywhere: the reference jumps there.
         """
         self._start, self._active, self._next = now, motion, None
 
@@ -120,15 +120,15 @@ class Follower:
 
         Args:
             waypoints: Points with times in [s] after ``start``; past ones are omitted.
-            now: Stamp of the present in [ns].
-            start: Stamp in [ns] that times count from: the present when None; until a later one
-                the motion under way goes on.
+            now: Current stamp in [ns].
+            start: Stamp in [ns] at which time is zero; None for now. Until a later one the current
+                motion continues.
 
         Returns:
             The trajectory that will be followed.
 
         Raises:
-            InvalidInput: If it cannot be followed; the one under way goes on.
+            InvalidInput: If it cannot be followed; the current one continues.
         """
         outset = self.outset(now, start)
         trajectory = outset.through(waypoints, self._limits)
@@ -139,8 +139,8 @@ class Follower:
         """The start of a motion that will be ready ``lead`` after ``now``.
 
         Args:
-            now: Stamp of the present in [ns].
-            start: Stamp in [ns] that times count from; None for the beginning.
+            now: Current stamp in [ns].
+            start: Stamp in [ns] at which time is zero; None for the beginning.
             lead: Time for planning in [ns].
         """
         self.reference(now)
@@ -150,16 +150,16 @@ class Follower:
     def take(self, outset: Outset, motion: Motion, now: int) -> bool:
         """Follow a motion that was planned from an outset of this follower.
 
-        A motion that comes late begins late where the reference has been standing still since;
-        else there would be a jump.
+        A motion that is ready too late begins late if the reference has been at rest since;
+        otherwise it would cause a jump.
 
         Args:
-            outset: Where it begins.
-            motion: What was planned.
-            now: Stamp of the present in [ns].
+            outset: Its start.
+            motion: The planned motion.
+            now: Current stamp in [ns].
 
         Returns:
-            Whether it is followed; else the one under way goes on.
+            Whether it is followed; otherwise the current one continues.
         """
         self.reference(now)
         begin = max(outset.begin, now)

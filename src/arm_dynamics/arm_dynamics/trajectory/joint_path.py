@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint motion along a Cartesian path, with velocity and acceleration exact from J and J̇.
 
-Along the path dq/du = J⁺ x' is integrated, the least joint motion that follows it; the second
-derivative is that of this very field, null space included (Golub and Pereyra, "The differentiation
-of pseudo-inverses", SIAM J. Numer. Anal. 10(2), 1973, for full row rank):
+Along the path dq/du = J⁺ x' is integrated, the minimum-norm joint motion that follows it; the
+second derivative is that of this field, null space included (Golub and Pereyra, "The
+differentiation of pseudo-inverses", SIAM J. Numer. Anal. 10(2), 1973, for full row rank):
 
     q'' = J⁺ (x'' - J' q') + (1 - J⁺ J) J'ᵀ (J Jᵀ)⁻¹ x'
 """
@@ -33,7 +33,7 @@ class JointPath:
 
     Attributes:
         over: Joint positions over u in [0, 1]; its "time" is u.
-        timing: How u goes with time.
+        timing: u over time.
     """
 
     over: Trajectory
@@ -41,7 +41,7 @@ class JointPath:
 
     @property
     def duration(self) -> float:
-        """Time it takes in [s]."""
+        """Duration in [s]."""
         return self.timing.duration
 
     def sample(self, t: float) -> Reference:
@@ -61,14 +61,14 @@ class JointPath:
 
     def table(self, count: int) -> tuple[Array, Array, Array, Array]:
         """Times of shape (count,), positions, velocities and accelerations of shape (count, n)."""
-        # Just inside the ends, where a trapezoid has its acceleration already.
+        # Just inside the ends, where a trapezoid accelerates already.
         t = np.linspace(1e-9, 1.0 - 1e-9, count) * self.duration
         u, rate, rise = np.array([self.timing.at(float(x)) for x in t]).T[..., None]
         q, first, second = self.along(u)
         return t, q, first * rate, second * rate**2 + first * rise
 
 
-_LAST = 1.0 - 1e-15  # beyond its end a trajectory stands still, which a path over u does not
+_LAST = 1.0 - 1e-15  # beyond its end a trajectory is at rest, but a path over u is not
 
 
 def joint_path(
@@ -124,14 +124,14 @@ def paced(
         motion: The motion.
         dynamics: The model.
         limit: Torque limits in [N m] or [N], a number or shape (n,); None for the model's.
-        count: How many points along the path are looked at.
+        count: Number of points along the path at which limits are checked.
         acceleration: Limits of joint accelerations in [rad/s²] or [m/s²], positive, likewise.
 
     Returns:
-        The motion, slower if need be.
+        The motion, slowed down if necessary.
 
     Raises:
-        Unreachable: If the arm's own weight, springs and dry friction exceed a limit at any pace.
+        Unreachable: If gravity, springs and dry friction exceed a limit at any speed.
     """
     _, q, v, a = motion.table(count)
     by_torque = torque_stretch(dynamics, q, v, a, torque_limits(dynamics, limit))
@@ -157,10 +157,10 @@ def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array
 
 
 def derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Array, Array]:
-    """Derivatives q' and q'' of the joints at a place of a path, each of shape (n,).
+    """Derivatives q' and q'' of the joints at a point of a path, each of shape (n,).
 
     Raises:
-        Unreachable: If the frame is singular there, at the share ``u`` of its way.
+        Unreachable: If the frame is singular there, at the fraction ``u`` of the path.
     """
     rows = task.rows
     J = task.motion.jacobian(q)[rows]
@@ -182,10 +182,10 @@ def _singular(task: TaskSpace, u: float) -> Unreachable:
 
 
 def check_limits(task: TaskSpace, q: Array, u: float) -> None:
-    """Check joint positions at the share ``u`` of a path.
+    """Check joint positions at the fraction ``u`` of a path.
 
     Raises:
-        Unreachable: If one lies beyond its limits.
+        Unreachable: If one is beyond its limits.
     """
     model = task.model
     beyond = np.maximum(model.position_lower - q, q - model.position_upper)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint motions to Cartesian goals: a line to a pose, or a path, from a moving reference.
 
-A reference that moves is brought to rest first.
+A moving reference is brought to rest first.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ class Pace:
     """Speed and acceleration of a frame.
 
     Attributes:
-        speed: Largest speed in [m/s]; a turn counts as a way at ``pose_path.ARM`` from its axis.
-        acceleration: Largest acceleration along the way in [m/s²], likewise.
+        speed: Largest speed in [m/s]; a rotation is converted by the lever arm ``pose_path.ARM``.
+        acceleration: Largest acceleration along the path in [m/s²], likewise.
         limits: Limits of the joints.
     """
 
@@ -46,15 +46,15 @@ class CartesianGoals:
         pace: Pace,
         within: Callable[..., JointPath] = paced,
     ) -> None:
-        """Choose the frame and its pace.
+        """Set the frame and its speed.
 
         Args:
             task: The task, in axes ``local_world_aligned``.
             dynamics: The model, for torque limits.
-            pace: How fast.
+            pace: Speed and acceleration.
             within: Brings motions within the limits of the joints: ``joint_path.paced``, or
-                ``time_optimal.retimed``, which makes them as quick as these allow, whatever the
-                speed and acceleration of the frame.
+                ``time_optimal.retimed``, which makes them as fast as these allow, regardless of
+                the speed and acceleration of the frame.
         """
         self._task, self._dynamics, self._pace, self._within = task, dynamics, pace, within
 
@@ -63,7 +63,7 @@ class CartesianGoals:
 
         Raises:
             Unreachable: If the goal cannot be reached, or not on a straight line from here.
-            InvalidInput: If the goal is no pose, or a limit is in the way.
+            InvalidInput: If the goal is not a pose, or a limit prevents the motion.
         """
         rest, begin = self._at_rest(here)
         goal, start = checked_pose(goal), self._task.pose(rest)
@@ -79,8 +79,8 @@ class CartesianGoals:
         """A motion through poses without stops, along straight lines with rounded corners.
 
         Raises:
-            Unreachable: If a pose or the way to it cannot be reached.
-            InvalidInput: If there are no poses, one is none, or a limit is in the way.
+            Unreachable: If a pose or the path to it cannot be reached.
+            InvalidInput: If there are no poses, one is invalid, or a limit prevents the motion.
         """
         rest, begin = self._at_rest(here)
         found = through(self._task, rest, [checked_pose(pose) for pose in poses])

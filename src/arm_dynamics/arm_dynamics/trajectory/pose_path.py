@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint motion through poses: straight pieces, densely divided, joined by a least-jerk spline."""
+"""Joint motion through poses: sampled straight segments, joined by a minimum-jerk spline."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ ARM = 0.25
 MAX_KNOTS = 10_000
 _SPACING = 0.02  # [m] between knots
 _NEAR = 1e-7  # [m], [rad] at a knot
-_FAR = 0.3  # [rad], [m] from knot to knot
+_FAR = 0.3  # [rad], [m] between successive knots
 
 
 def way(task: TaskSpace, start: Pose, end: Pose) -> float:
-    """Length of a way in [m], a turn counting as at ``ARM`` from its axis; for the task's axes."""
+    """Length of a path in [m] in the task's axes, rotations converted by the lever ``ARM``."""
     turn = float(np.linalg.norm(pin.log3(end.rotation @ start.rotation.T)))
     step = float(np.linalg.norm(end.position - start.position))
     return max(step if task.linear else 0.0, ARM * turn if task.linear < task.m else 0.0)
@@ -36,21 +36,20 @@ def way(task: TaskSpace, start: Pose, end: Pose) -> float:
 def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> tuple[Trajectory, float] | None:
     """Move a frame through poses, from its current pose.
 
-    At corners the way is rounded within a few knots, 20 mm apart.
+    Corners are rounded within a few knots, 20 mm apart.
 
     Args:
         task: The task, in axes ``local_world_aligned``.
-        q: Where the joints are, shape (n,).
-        poses: Where the frame is to pass, one after another; one like the pose before is passed
-            over.
+        q: Current joint positions, shape (n,).
+        poses: Poses to pass in sequence; repeated ones are ignored.
 
     Returns:
-        Joint positions over the share u of the way ("times" from 0 to 1), and its length in [m];
-        None where the frame is at its end already.
+        Joint positions over the fraction u of the path ("times" from 0 to 1), and its length in
+        [m]; None if the frame is at its end already.
 
     Raises:
-        Unreachable: If the way cannot be followed; the message says where.
-        InvalidInput: If there are no poses, or the way is too long.
+        Unreachable: If the path cannot be followed; the message states where.
+        InvalidInput: If there are no poses, or the path is too long.
     """
     if not poses:
         raise InvalidInput("no poses; at least one is expected")
@@ -71,7 +70,7 @@ def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> tuple[Trajector
     v, a = np.full_like(joints, np.nan), np.full_like(joints, np.nan)
     for i, u in ((0, 0.0), (-1, 1.0)):
         end = pieces[i].at(u)
-        end = replace(end, first=length / ways[i] * end.first)  # whose u is of its piece alone
+        end = replace(end, first=length / ways[i] * end.first)  # u is that of the segment alone
         v[i], a[i] = derivatives(task, end, joints[i], u)
     return Trajectory.through(us, joints, v, a), length
 
@@ -88,7 +87,7 @@ def _pieces(task: TaskSpace, start: Pose, poses: Sequence[Pose]) -> tuple[list[L
 
 
 def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:
-    """Joint positions at every knot, each found from the one before, shape (k, n)."""
+    """Joint positions at every knot, each computed from the previous one, shape (k, n)."""
     solver, rows = InverseKinematics(task), [q]
     for place, u in zip(places, us[1:], strict=True):
         rows.append(solver.correct(place, rows[-1]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mathematics of quintic segments: coefficients, least-jerk knots, exact extremes.
+"""Mathematics of quintic segments: coefficients, minimum-jerk knots, exact extremes.
 
 A segment runs over τ = (t − tᵢ)/hᵢ in [0, 1]: q(τ) = Σ c_k τᵏ, k = 0…5.
 """
@@ -117,7 +117,7 @@ def extremes(coefficients: Array) -> Array:
         coefficients: Polynomials in τ, shape (s, n, 6).
 
     Returns:
-        Least and greatest values of the three, derivatives taken in τ, shape (2, 3, s, n).
+        Smallest and largest values of the three, derivatives by τ, shape (2, 3, s, n).
     """
     derivatives = [np.asarray(polyder(coefficients, k, axis=-1), float) for k in range(6)]
     points = np.broadcast_to([0.0, 1.0], (*coefficients.shape[:2], 2))

@@ -35,12 +35,12 @@ class TaskReference:
     """Desired motion of the frame in the world at an instant.
 
     Attributes:
-        position: In [m], shape (3,).
+        position: Position in [m], shape (3,).
         rotation: Rotation matrix of shape (3, 3).
         velocity: Linear and angular, axes of the world, in [m/s] and [rad/s], shape (6,).
         acceleration: Likewise in [m/s²] and [rad/s²], shape (6,).
-        force: Force to press with along a controller's direction in [N].
-        posture: Joint positions to prefer where the task leaves a choice, shape (n,), or None.
+        force: Contact force along a controller's direction in [N].
+        posture: Preferred joint positions in the null space of the task, shape (n,), or None.
     """
 
     position: Array
@@ -56,7 +56,7 @@ class Motion(Protocol):
 
     @property
     def duration(self) -> float:
-        """Time it takes in [s]."""
+        """Duration in [s]."""
 
     def sample(self, t: float) -> Reference:
         """Position, velocity and acceleration at the time ``t`` in [s] from its start."""
@@ -67,8 +67,8 @@ class InTurn:
     """Two motions in sequence; the second begins where the first ends.
 
     Attributes:
-        first: What comes first.
-        then: What comes after it.
+        first: The first motion.
+        then: The second motion.
     """
 
     first: Motion
@@ -76,7 +76,7 @@ class InTurn:
 
     @property
     def duration(self) -> float:
-        """Time both take in [s]."""
+        """Total duration in [s]."""
         return self.first.duration + self.then.duration
 
     def sample(self, t: float) -> Reference:
@@ -152,7 +152,7 @@ class Trajectory:
         times: Knot times in [s] from 0, shape (w,).
         coefficients: Polynomials of every segment in τ = (t − tᵢ)/hᵢ, shape (w − 1, n, 6).
         ends: Positions of the first and the last knot, shape (2, n).
-        stretch: How much slower than asked, so that limits hold; 1 when as asked.
+        stretch: Factor by which it is slower than requested because of limits; 1 if it is not.
         polynomials: Coefficients of τ⁰ to τ⁵ of position, velocity and acceleration in every
             segment, shape (w − 1, 6, 3, n).
     """
@@ -208,7 +208,7 @@ class Trajectory:
         """Evaluate the trajectory.
 
         Args:
-            t: Time from the start in [s]; before 0 and after the duration it stands still.
+            t: Time from the start in [s]; before 0 and after the duration it is at rest.
 
         Returns:
             Position, velocity and acceleration; read-only arrays of shape (n,).
@@ -228,7 +228,7 @@ class Trajectory:
         """Positions, velocities and accelerations within each segment, both ends included.
 
         Args:
-            shares: Shares τ of every segment's time, in [0, 1], shape (m,).
+            shares: Fractions τ of every segment's duration, in [0, 1], shape (m,).
 
         Returns:
             Shape (segments, 3, n, m).

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint trajectories interpolated as in ROS: by segments, depending on the data of the points.
+"""Joint trajectories interpolated as in ROS, by segments that depend on their points' data.
 
-Between two points runs a line where they give positions only, a cubic where both give velocities
-too, and a quintic where both give accelerations as well. So two points fix the motion between
-them, whatever comes before and after: velocity jumps from line to line, acceleration from cubic to
-cubic. Source: "Trajectory Representation" in the documentation of joint_trajectory_controller
-(ros2_controllers, Jazzy).
+A segment is linear if its points have positions only, cubic if both also have velocities, and
+quintic if both also have accelerations. The motion between two points thus depends on them alone:
+velocities jump between linear segments, accelerations between cubic ones. Source: "Trajectory
+Representation" in the documentation of joint_trajectory_controller (ros2_controllers, Jazzy).
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from arm_dynamics.trajectory.quintic import segment_coefficients
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import given_rows, timed_positions
 
-STANDING = float(np.finfo(np.float32).eps)  # [rad/s] or [m/s] that count as rest at the end
+STANDING = float(np.finfo(np.float32).eps)  # [rad/s] or [m/s], speed tolerated as rest at the end
 _TRIES = 60
 
 
@@ -32,8 +31,8 @@ def spline(waypoints: Sequence[Waypoint]) -> Trajectory:
         waypoints: At least two, the first at time 0, with increasing times.
 
     Raises:
-        InvalidInput: If waypoints are malformed, accelerations come without velocities, or the
-            last velocity is not zero.
+        InvalidInput: If waypoints are malformed, accelerations are given without velocities, or
+            the last velocity is not zero.
     """
     return _knots(waypoints).trajectory(1.0)
 
@@ -43,12 +42,12 @@ def stretched_spline(
 ) -> Trajectory:
     """The same trajectory, slowed down by a factor until no limit is exceeded.
 
-    Velocities and accelerations asked for at waypoints shrink with it; the motion at the first one
-    is kept as it is, because the arm is in it.
+    Velocities and accelerations given at waypoints are reduced accordingly, except at the first
+    one, since it is the arm's current motion.
 
     Args:
         waypoints: As of ``spline``.
-        excess: Factor by which a trajectory is too fast; at most one where it is not.
+        excess: Returns the factor by which a trajectory is too fast; at most one if it is not.
 
     Raises:
         InvalidInput: As ``spline``, or if no factor is enough.

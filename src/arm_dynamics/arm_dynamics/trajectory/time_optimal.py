@@ -2,8 +2,8 @@
 """The fastest timing of a joint path within velocity, acceleration and torque limits.
 
 By reachability analysis along the path (Pham and Pham, "A new approach to time-optimal path
-parameterization based on reachability analysis", IEEE Trans. Robotics 34(3), 2018), as the library
-toppra does it: ``pip install toppra``. Nothing else needs it.
+parameterization based on reachability analysis", IEEE Trans. Robotics 34(3), 2018), implemented by
+the library toppra (``pip install toppra``), which is required only here.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.joint_path import JointPath, paced
 from arm_dynamics.trajectory.time_scaling import torque_limits
 
-_FREE = 1e9  # a limit that is none, for a library that wants a number
+_FREE = 1e9  # stands for no limit, since the library requires a number
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Profile:
     Attributes:
         us: Points from 0 to 1, shape (k,).
         rates: du/dt there in [1/s], shape (k,).
-        times: When they are passed in [s], shape (k,).
+        times: Times at these points in [s], shape (k,).
     """
 
     us: Array
@@ -46,7 +46,7 @@ class Profile:
 
     @property
     def duration(self) -> float:
-        """Time it takes in [s]."""
+        """Duration in [s]."""
         return float(self.times[-1])
 
     def at(self, t: float) -> tuple[float, float, float]:
@@ -71,21 +71,20 @@ def retimed(
     acceleration: ArrayLike = np.inf,
     points: int = 200,
 ) -> JointPath:
-    """The same way as quickly as limits allow, from rest to rest.
+    """The same path as fast as limits allow, from rest to rest.
 
-    Accelerations jump from limit to limit. Viscous friction and dampers, which the method does not
-    know, and what happens between its points are taken care of by slowing the whole down
-    (``paced``).
+    Accelerations jump between limits. Viscous friction and dampers, which the method ignores, and
+    violations between its points are handled by slowing down the whole motion (``paced``).
 
     Args:
         motion: The motion; its own timing does not matter.
         dynamics: The model, with its speed limits.
         limit: Torque limits in [N m] or [N], a number or shape (n,); None for the model's.
         acceleration: Limits of joint accelerations in [rad/s²] or [m/s²], positive, likewise.
-        points: How many intervals of the way are looked at.
+        points: Number of intervals of the path at which limits are imposed.
 
     Raises:
-        Unreachable: If limits cannot be kept at any pace.
+        Unreachable: If limits cannot be met at any speed.
         InvalidInput: If an argument is not allowed, or nothing limits the motion.
         ArmError: If the library is not installed.
     """
@@ -98,13 +97,13 @@ def retimed(
     us = np.linspace(0.0, 1.0, points + 1)
     rates = _rates(motion, dynamics, us, torque, rise)
     if rates is None or not np.all(rates[1:-1] > 0.0):
-        raise Unreachable("no timing of the path keeps to the limits, however slow")
+        raise Unreachable("no timing of the path satisfies the limits, however slow")
     quick = JointPath(motion.over, Profile.of(us, rates))
     return paced(quick, dynamics, torque, 4 * points, rise)
 
 
 class _Way:
-    """A path as toppra asks for it."""
+    """A path with the interface of toppra."""
 
     def __init__(self, motion: JointPath) -> None:
         self._motion = motion
@@ -123,7 +122,7 @@ class _Way:
 def _rates(
     motion: JointPath, dynamics: Dynamics, us: Array, torque: Array, rise: Array
 ) -> Array | None:
-    """Greatest du/dt at every point, or None where there is none."""
+    """Largest du/dt at every point, or None if there is none."""
     try:
         from toppra import algorithm, constraint
     except ImportError as error:

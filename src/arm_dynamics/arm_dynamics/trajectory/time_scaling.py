@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much slower a motion must be, so that speeds and torques keep to their limits.
+"""Uniform time scaling of a motion, such that speeds and torques are within limits.
 
 Slower by s, velocities shrink by 1/s and accelerations by 1/s², so with x = 1/s a torque along the
-path is G + F_dry + F_viscous x + (M a + C v) x², known for every pace from one evaluation
+path is G + F_dry + F_viscous x + (M a + C v) x², known for every speed from one evaluation
 (Hollerbach, "Dynamic scaling of manipulator trajectories", ASME J. Dyn. Sys. Meas. Control 106,
 1984).
 """
@@ -18,14 +18,14 @@ from arm_dynamics.exceptions import Unreachable
 
 
 def torque_limits(dynamics: Dynamics, given: ArrayLike | None) -> Array:
-    """Torque limits, positive, one or of shape (n,), or else the model's; shape (n,)."""
+    """Torque limits, from one positive number or shape (n,), else the model's; shape (n,)."""
     if given is None:
         return dynamics.model.effort_limit
     return positive_limits("limit", given, dynamics.n)
 
 
 def torque_stretch(dynamics: Dynamics, q: Array, v: Array, a: Array, limit: Array) -> float:
-    """Factor of slowness, at least one, that keeps torques within limits.
+    """Time-scaling factor, at least one, that keeps torques within limits.
 
     Args:
         dynamics: The model.
@@ -35,7 +35,7 @@ def torque_stretch(dynamics: Dynamics, q: Array, v: Array, a: Array, limit: Arra
         limit: Largest torques in [N m] or [N], inf for none, shape (n,).
 
     Raises:
-        Unreachable: If weight, springs and dry friction alone exceed a limit.
+        Unreachable: If gravity, springs and dry friction alone exceed a limit.
     """
     k, rigid = len(q), Term.INERTIA | Term.CORIOLIS | Term.GRAVITY
     still = np.zeros_like(q)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Timing laws: how a way is covered in time, from rest to rest."""
+"""Timing laws: the path parameter over time, from rest to rest."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from arm_dynamics.arrays import positive
 
 
 class Timing(Protocol):
-    """Share u(t) of a way that is covered, from 0 to 1."""
+    """Path parameter u(t), from 0 to 1."""
 
     @property
     def duration(self) -> float:
-        """Time it takes in [s]."""
+        """Duration in [s]."""
 
     def at(self, t: float) -> tuple[float, float, float]:
         """u, du/dt in [1/s] and d²u/dt² in [1/s²] at the time ``t`` in [s]."""
@@ -37,12 +37,12 @@ class Quintic:
 
     @classmethod
     def within(cls, length: float, speed: float, acceleration: float) -> Quintic:
-        """The quickest within limits: peaks 15/8 L/T and 10/√3 L/T² (Craig, section 7.3).
+        """The fastest within limits: peaks 15/8 L/T and 10/√3 L/T² (Craig, section 7.3).
 
         Args:
-            length: Way in [m] or [rad].
+            length: Path length in [m] or [rad].
             speed: Largest speed in [m/s] or [rad/s].
-            acceleration: Largest acceleration along the way in [m/s²] or [rad/s²].
+            acceleration: Largest acceleration along the path in [m/s²] or [rad/s²].
         """
         _check(length=length, speed=speed, acceleration=acceleration)
         return cls(max(15 / 8 * length / speed, np.sqrt(10 / np.sqrt(3) * length / acceleration)))
@@ -76,7 +76,7 @@ class Trapezoid:
 
     @classmethod
     def within(cls, length: float, speed: float, acceleration: float) -> Trapezoid:
-        """The quickest within limits; arguments as of ``Quintic.within``."""
+        """The fastest within limits; arguments as of ``Quintic.within``."""
         _check(length=length, speed=speed, acceleration=acceleration)
         if speed**2 >= length * acceleration:
             ramp = float(np.sqrt(length / acceleration))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a trajectory must be followed, and whether it is.
+"""Tolerances of the execution of a trajectory, and their monitoring.
 
-The rules are those of joint_trajectory_controller (ros2_controllers, Jazzy): on the way positions
-and velocities stay within tolerances of the reference; after the last point positions come within
-tolerances of it and joints stop, at the latest some time after it.
+The rules are those of joint_trajectory_controller (ros2_controllers, Jazzy): during the motion,
+positions and velocities stay within tolerances of the reference; after the last point, positions
+reach their tolerances and joints stop within a given time.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from arm_dynamics.arrays import Array, any_beyond
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.reference import Reference
 
-NONE = math.inf  # a tolerance that is never exceeded
+NONE = math.inf  # tolerance that is never exceeded
 _ERASED = -1.0
 
 
 def resolved(what: str, asked: float, default: float) -> float:
-    """The tolerance that holds: positive ones themselves, 0 the default, -1 none.
+    """The effective tolerance: positive ones unchanged, 0 the default, -1 none.
 
     Source: comments of control_msgs/JointTolerance.
 
     Args:
         what: Name of the tolerance, for messages.
-        asked: What was asked for.
-        default: What holds where nothing is asked for; inf for none.
+        asked: The requested tolerance.
+        default: The default tolerance; inf for none.
 
     Raises:
         InvalidInput: If it is another negative number, or not finite.
@@ -48,11 +48,11 @@ def resolved(what: str, asked: float, default: float) -> float:
 
 @dataclass(frozen=True)
 class StateTolerance:
-    """How far joints may be from where they shall be; inf for any distance.
+    """Largest errors of the joints; inf for any.
 
     Attributes:
-        position: In [rad] or [m], one a joint.
-        velocity: In [rad/s] or [m/s], one a joint.
+        position: Position errors in [rad] or [m], one per joint.
+        velocity: Velocity errors in [rad/s] or [m/s], one per joint.
     """
 
     position: tuple[float, ...]
@@ -80,7 +80,7 @@ class StateTolerance:
 
 
 class Verdict(Enum):
-    """What became of a trajectory."""
+    """Outcome of a trajectory."""
 
     REACHED = auto()
     LEFT_PATH = auto()
@@ -92,10 +92,10 @@ class Tolerances:
     """Tolerances of one trajectory.
 
     Attributes:
-        path: On the way.
-        goal: From the last point on.
+        path: Tolerances during the motion.
+        goal: Tolerances from the last point on.
         goal_time: Time in [s] after the last point until the goal must be reached; inf for any.
-        turning: Indices of joints that turn without end: their errors are the shortest turns.
+        turning: Indices of continuous joints, whose errors are the shortest rotations.
     """
 
     path: StateTolerance
@@ -114,16 +114,16 @@ class Tolerances:
         return position
 
     def verdict(self, left: float, reference: Reference, q: Array, v: Array) -> Verdict | None:
-        """Judge one state.
+        """Check one state.
 
         Args:
             left: Time in [s] until the last point; negative after it.
-            reference: Where the joints shall be.
-            q: Where they are, shape (n,).
-            v: How they move, shape (n,).
+            reference: Desired state of the joints.
+            q: Joint positions, shape (n,).
+            v: Joint velocities, shape (n,).
 
         Returns:
-            None while the trajectory is still to be followed.
+            The outcome; None while the trajectory is being followed.
         """
         tolerance = self.path if left > 0.0 else self.goal
         within = tolerance.is_none or self._within(tolerance, reference, q, v)
@@ -134,7 +134,7 @@ class Tolerances:
         return Verdict.MISSED_GOAL if -left > self.goal_time else None
 
     def _within(self, tolerance: StateTolerance, reference: Reference, q: Array, v: Array) -> bool:
-        """A few numbers in a tick of a loop: quicker one by one than by NumPy."""
+        """Whether errors are within tolerances; plain Python is faster for a few numbers."""
         if tolerance.of_position and any_beyond(self._far(reference, q), tolerance.position):
             return False
         fast = tolerance.of_velocity
@@ -143,7 +143,7 @@ class Tolerances:
     def worst(
         self, verdict: Verdict, names: Sequence[str], reference: Reference, q: Array, v: Array
     ) -> str:
-        """Name the joint that is farthest outside, its error and what is allowed; shapes (n,)."""
+        """Message about the joint that is farthest outside, its error and tolerance; (n,)."""
         tolerance = self.path if verdict is Verdict.LEFT_PATH else self.goal
         allowed = np.array((tolerance.position, tolerance.velocity))
         found = np.array(self.errors(reference, q, v))

@@ -2,9 +2,9 @@
 """Joint trajectories of quintic segments: position, velocity and acceleration are continuous.
 
 Each segment is the quintic fixed by position, velocity and acceleration at its two ends
-(Craig, Introduction to Robotics, section 7.3). What a waypoint leaves open is chosen so that the
-integral of the squared jerk over the whole trajectory is least (Flash and Hogan, Journal of
-Neuroscience 5(7), 1985): where velocity and acceleration are open, jerk and snap are continuous.
+(Craig, Introduction to Robotics, section 7.3). Free values of a waypoint are chosen to minimize
+the integral of the squared jerk over the whole trajectory (Flash and Hogan, Journal of
+Neuroscience 5(7), 1985): where velocity and acceleration are free, jerk and snap are continuous.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ _BALANCE_ROUNDS = 8
 
 
 def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Trajectory:
-    """Pass waypoints at their times, slower where limits ask for it.
+    """Pass waypoints at their times, or slower if limits require it.
 
-    Motion starts as the first waypoint says (at rest where it says nothing) and ends at rest. When
-    a velocity or acceleration exceeds its limit, all times are stretched by one factor, and the
-    velocities asked for at waypoints shrink with it: the path through space stays what it was.
-    Only the motion at the first waypoint is kept as it is, because the arm is in it.
+    The motion starts with the velocity and acceleration of the first waypoint (zero by default)
+    and ends at rest. If a velocity or acceleration exceeds its limit, all times are stretched by
+    one factor, and velocities given at waypoints are reduced accordingly, which preserves the
+    path. Only the motion at the first waypoint is kept, since it is the arm's current motion.
 
     Args:
-        waypoints: At least two, first at time 0, times rising.
-        limits: What to keep to, or None.
+        waypoints: At least two, the first at time 0, with increasing times.
+        limits: Limits of the motion, or None.
 
     Returns:
-        The trajectory; its ``stretch`` says how much slower it became.
+        The trajectory; its ``stretch`` is the factor by which it was slowed down.
 
     Raises:
-        InvalidInput: If waypoints are malformed, or no stretching brings the motion within limits.
+        InvalidInput: If waypoints are malformed, or no factor brings the motion within limits.
     """
     knots = _Knots(waypoints)
     if limits is None:
@@ -99,14 +99,15 @@ def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
 
 
 def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
-    """Come to rest evenly, every joint where that leads it.
+    """Decelerate all joints smoothly to rest, wherever that is.
 
-    Speed falls as v (1 - 3 s² + 2 s³), so the way is v T/2 and the deceleration up to 1.5 v/T.
+    The speed is v (1 - 3 s² + 2 s³), so the distance is v T/2 and the deceleration at most 1.5
+    v/T.
 
     Args:
         here: The motion to end.
-        limits: What to keep to.
-        least: Least time to take in [s].
+        limits: Limits of the motion.
+        least: Shortest duration in [s].
 
     Raises:
         InvalidInput: If it cannot be ended within limits.
@@ -136,7 +137,7 @@ def timed_positions(waypoints: Sequence[Waypoint]) -> tuple[Array, Array]:
     """Check and stack times, shape (w,), and positions, shape (w, n).
 
     Raises:
-        InvalidInput: If there are too few or too many, or times do not rise from 0, or positions
+        InvalidInput: If there are too few or too many, times do not increase from 0, or positions
             differ in length or are not finite.
     """
     if not 2 <= len(waypoints) <= MAX_WAYPOINTS:
@@ -149,7 +150,7 @@ def timed_positions(waypoints: Sequence[Waypoint]) -> tuple[Array, Array]:
 
 
 def given_rows(rows: Sequence[ArrayLike | None], n: int, what: str) -> Array:
-    """Check and stack what waypoints give, shape (w, n); NaN in the rows that are open.
+    """Check and stack values given at waypoints, shape (w, n); NaN in free rows.
 
     Raises:
         InvalidInput: If a row has another length than ``n`` or is not finite.
@@ -162,7 +163,7 @@ def given_rows(rows: Sequence[ArrayLike | None], n: int, what: str) -> Array:
 
 
 def _derivative(rows: list[ArrayLike | None], n: int, what: str) -> Array:
-    """Stack derivatives given at waypoints; open ends are zero, open inner rows are NaN."""
+    """Stack derivatives given at waypoints; free ends are zero, free inner rows are NaN."""
     stacked = given_rows(rows, n, what)
     for end in (0, -1):
         stacked[end] = np.nan_to_num(stacked[end])
@@ -199,7 +200,7 @@ def _excess(trajectory: Trajectory, peaks: Array, limits: Limits) -> Array:
 
 
 def _check_positions(q: Array, start: Array, limits: Limits) -> None:
-    """Refuse positions beyond limits, except where the start is beyond them already."""
+    """Reject positions beyond limits, except where the start is beyond them already."""
     beyond = np.maximum(np.minimum(limits.lower, start) - q, q - np.maximum(limits.upper, start))
     if np.all(beyond <= 1e-9):
         return
