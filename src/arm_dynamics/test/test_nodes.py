@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.dynamics_node import DynamicsNode
 
-ROOM = 87  # a domain of its own, where nobody else is expected
+ROOM = 87  # a separate domain without other nodes
 
 
 @pytest.fixture

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulation and controller in one process, tick by tick: as the nodes, without messages."""
+"""Simulation and controller in one process, tick by tick: like the nodes, without messages."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class ClosedLoop:
 
         Args:
             scene: The simulated scene; anything ``load_scene`` accepts.
-            controller: Name of the controller, see ``arm_dynamics.control.NAMES``; or a class of
-                your own, also as ``package.module:Class``.
+            controller: Name of the controller, see ``arm_dynamics.control.NAMES``; or a
+                user-defined class, also as ``package.module:Class``.
             settings: Settings of the controller.
             controller_scene: The controller's scene; None for the simulated one.
-            acceleration_limit: Of trajectories in [rad/s²] or [m/s²].
+            acceleration_limit: Acceleration limit of trajectories in [rad/s²] or [m/s²].
             **simulator: For ``Simulator``: integrator, dt, tolerance, backend.
 
         Raises:

@@ -37,7 +37,7 @@ class CompiledScene:
         self._linearizers = dict[tuple[int, ...], Linearizer]()
 
     def pushable(self) -> CompiledScene:
-        """The same with external joint torques, the quantity ``external``.
+        """Copy with external joint torques, the quantity ``external``.
 
         Scenes without them compute nothing for them; the equations are rebuilt here.
         """
@@ -91,7 +91,7 @@ class CompiledScene:
         """Exact derivatives of ticks, those by some entries of p included; kept for the next time.
 
         Args:
-            tuned: Places in p.
+            tuned: Indices in p.
         """
         if tuned not in self._linearizers:
             self._linearizers[tuned] = Linearizer(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the contacts of a recorded run did."""
+"""Forces and energy losses of the contacts of a recorded run."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from arm_sim.stepping.contact_forces import contact_forces
 
 @dataclass(frozen=True)
 class ContactHistory:
-    """What the contacts of a recorded run did; arrays are read-only.
+    """Forces and losses of the contacts of a recorded run; arrays are read-only.
 
     Attributes:
         names: Names of the nc contacts.
         gap: Distances from the planes in [m], shape (k+1, nc).
         force: Forces of the planes on the contact points in the world frame in [N], shape
             (k+1, nc, 3).
-        point: Where they act in the world frame in [m], shape (k+1, nc, 3).
+        point: Their points of action in the world frame in [m], shape (k+1, nc, 3).
         impact_loss: Energy lost in impacts up to each time in [J], shape (k+1,).
         friction_loss: Energy lost in friction of contacts, likewise.
     """

@@ -23,7 +23,7 @@ STYLE = {
     "axes.spines.top": False, "axes.spines.right": False, "axes.axisbelow": True,
     "grid.color": "0.9", "lines.linewidth": 1.7, "legend.frameon": False, "figure.dpi": 110.0,
 }  # fmt: skip
-MOST_FRAMES = 60  # of an animation, so that a page with one stays below a megabyte
+MOST_FRAMES = 60  # frames of an animation, such that a page with one stays below a megabyte
 FILM_DPI = 72.0  # likewise
 Chain = Array | tuple[Array, dict[str, Any]]
 
@@ -131,7 +131,7 @@ def animation(
         """An animation that may stay unused without a warning, as in a script without a screen."""
 
         def __del__(self) -> None:
-            """Say nothing."""
+            """Suppress the warning."""
 
     show(0)
     apart = 1e3 * (time[-1] - time[0]) / max(len(shown) - 1, 1) / speed  # [ms]
@@ -165,7 +165,7 @@ def frame_points(dynamics: Dynamics, q: Array, frames: Sequence[str], axes: str 
     """Positions of frames of an arm, for ``animation``.
 
     Args:
-        dynamics: Of the arm.
+        dynamics: Dynamics of the arm.
         q: Positions in [rad] or [m], shape (k, n).
         frames: Names of links or joints.
         axes: Two of ``xyz``: the projection of the world.

@@ -91,7 +91,7 @@ def rows(name: str, value: Any, arms: int, joints: int) -> Array:
 
 
 def whole(name: str, value: Any, least: int) -> None:
-    """Refuse what is not a whole number of at least ``least``."""
+    """Reject anything but a whole number of at least ``least``."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
         raise InvalidInput(f"{name} = {value!r}; expected a whole number of at least {least}")
 

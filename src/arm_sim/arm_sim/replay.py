@@ -31,7 +31,7 @@ class Difference:
     Attributes:
         tick: Its tick, counted from the beginning of the recording.
         time: Time at the end of the tick in [s].
-        what: The joint and quantity, or the state of a law.
+        what: The joint and quantity, or the internal state.
         recorded: The recorded value.
         replayed: The replayed value.
     """
@@ -201,7 +201,7 @@ class _Run:
         sim, here = self._sim, self._sim.plant.parameters
         values = {name: self._there.of(name, self._recording.p[row]) for name in self._told}
         values = {name: value for name, value in values.items() if name in here.names}
-        if len(x) != sim.plant.nx:  # another scene, whose laws have other states
+        if len(x) != sim.plant.nx:  # another scene, with other internal states
             q, v = x[: sim.n], x[sim.n : 2 * sim.n]
             x = np.concatenate([q, v, sim.plant.initial(q, v)])
         step = round(self._recording.time[row] / sim.dt)

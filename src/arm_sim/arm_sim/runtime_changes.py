@@ -30,7 +30,7 @@ def payload_change(
     Args:
         simulator: The simulation.
         index: Index of the payload in the scene.
-        mass: In [kg].
+        mass: Mass in [kg].
         com: Center of mass in the payload's frame in [m], shape (3,).
         inertia: ixx, ixy, ixz, iyy, iyz, izz about it in [kg m²].
 
@@ -57,7 +57,7 @@ def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
 
     Args:
         simulator: The simulation.
-        viscous: In [N m s/rad] or [N s/m], not negative, shape (n,).
+        viscous: Coefficients in [N m s/rad] or [N s/m], not negative, shape (n,).
 
     Raises:
         InvalidInput: If friction is not tunable or a number is not allowed.
@@ -82,7 +82,7 @@ def external_change(simulator: Simulator) -> Change:
 
 
 def _demand(simulator: Simulator, name: str) -> None:
-    """Refuse a quantity that is not tunable."""
+    """Reject a quantity that is not tunable."""
     parameters = simulator.plant.parameters
     parameters.merged({name: parameters.of(name, simulator.parameters)}, simulator.parameters)
 

@@ -66,7 +66,7 @@ class Simulator:
     """Simulated arm; keep one instance per thread.
 
     Args:
-        scene: A scene, anything ``load_scene`` accepts, or a model that was built already.
+        scene: A scene, anything ``load_scene`` accepts, or an existing arm model.
         integrator: Name of a method, or ``auto``; None for the scene's, else ``auto``.
         dt: Length of a tick in [s], for which a torque is held; None for the scene's.
         tolerance: Turns on error control: largest scaled error |e| / (1 + |x|) of each sub-step
@@ -76,7 +76,7 @@ class Simulator:
     Attributes:
         n: Degrees of freedom.
         joint_names: Order of every vector.
-        z_names: The states z of the scene's laws, with joint and unit.
+        z_names: Names of the internal states z of drives and friction, with joint and unit.
         dt: Length of a tick in [s].
         source: Name or path of the scene; empty if it is not from a file.
         x: The current state (q, v, z), shape (nx,): a read-only view that steps change.
@@ -168,14 +168,14 @@ class Simulator:
 
     @property
     def held_constraints(self) -> tuple[str, ...]:
-        """Names of the constraints that hold."""
+        """Names of the active constraints."""
         return holding(self.plant, self._stepper.p)
 
     @property
     def effort(self) -> Array:
         """Torque that acted in the last tick, limits applied, in [N m] or [N], shape (n,).
 
-        Of a drive: what it puts on the joint at the end of the tick.
+        For a drive: its torque on the joint at the end of the tick.
         """
         return self.plant.joint_torque(self._x, self.command)
 
@@ -207,7 +207,7 @@ class Simulator:
 
     @property
     def stop_torque(self) -> Array:
-        """Torques with which stops hold joints back under the last command, shape (n,).
+        """Torques of the stops on the joints under the last command, shape (n,).
 
         In [N m] or [N]: positive at a lower stop, negative at an upper one, zero elsewhere. A part
         that static friction may bear is included.
@@ -266,7 +266,7 @@ class Simulator:
     def follow(self, command: JointCommand) -> None:
         """As ``step`` for a command of shape (n,), for a loop that reads ``x``.
 
-        The same object counts as the same command; another one, as the next of a stream. A joint
+        The same object means the same command; another one, the next command of a stream. A joint
         that a servo holds at a position stays exactly at rest there.
         """
         servo, x, n = self._compiled.servo, self._x, self.n
@@ -401,7 +401,7 @@ class Simulator:
         Args:
             q: Joint positions in [rad] or [m], shape (n,); None for the scene's initial ones.
             v: Joint velocities in [rad/s] or [m/s], likewise.
-            z: States of the laws, shape (nz,); None for those consistent with q and v.
+            z: Internal states, shape (nz,); None for those consistent with q and v.
 
         Raises:
             InvalidInput: If a shape or value is not allowed; the state stays.
@@ -500,7 +500,7 @@ class Simulator:
 
         Returns:
             States (q, v), shape (b, steps + 1, 2n), or (b, 2n) if ``last_only``; NaN from where an
-            arm diverges. States z of laws start as after a reset and are not returned.
+            arm diverges. Internal states z start as after a reset and are not returned.
 
         Raises:
             InvalidInput: If a shape or value is not allowed.
@@ -529,9 +529,9 @@ class Simulator:
         the simulator remembers: derivatives depend on the arguments alone.
 
         Args:
-            state: Where the tick begins.
-            tau: Torque in [N m] or [N], shape (n,), or what the drives take.
-            ticks: How many ticks.
+            state: State at the beginning of the tick.
+            tau: Torque in [N m] or [N], or commands of the drives, shape (n,).
+            ticks: Number of ticks.
             by: Names of tunable quantities to differentiate by as well, see ``set_parameter``.
 
         Returns:
@@ -554,16 +554,16 @@ class Simulator:
     def jvp(
         self, state: State, tau: ArrayLike, dx: ArrayLike, dtau: ArrayLike, ticks: int = 1
     ) -> Array:
-        """A dx + B dτ of ``linearize``: how the state after a tick changes, to first order.
+        """A dx + B dτ of ``linearize``: first-order change of the state after a tick.
 
         A and B are not formed where the tick is smooth.
 
         Args:
-            state: Where the tick begins.
+            state: State at the beginning of the tick.
             tau: Torque, as for ``linearize``.
             dx: Change of x = (q, v, z), shape (nx,).
             dtau: Change of the torque, shape (n,).
-            ticks: How many ticks.
+            ticks: Number of ticks.
 
         Returns:
             Change of the state after the ticks, shape (nx,).
@@ -586,10 +586,10 @@ class Simulator:
         A and B are not formed where the tick is smooth.
 
         Args:
-            state: Where the tick begins.
+            state: State at the beginning of the tick.
             tau: Torque, as for ``linearize``.
             weights: w, shape (nx,).
-            ticks: How many ticks.
+            ticks: Number of ticks.
 
         Returns:
             Gradients by x = (q, v, z), shape (nx,), and by the torque, shape (n,).
@@ -646,14 +646,14 @@ class Simulator:
             q: Positions in [rad] or [m], shape (b, n).
             v: Velocities in [rad/s] or [m/s], shape (b, n).
             tau: Torques in [N m] or [N], held, shape (n,) or (b, n).
-            ticks: How many ticks.
+            ticks: Number of ticks.
             by: As for ``linearize``.
-            threads: Cores to use; None for all.
-            lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is.
+            threads: Number of threads; None for all cores.
+            lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available.
 
         Returns:
             A of shape (b, nx, nx) and B of shape (b, nx, n); if parameters are named, also P with
-            P[name] of shape (b, nx, size). States z of laws are those consistent with q and v, as
+            P[name] of shape (b, nx, size). Internal states z are those consistent with q and v, as
             after a reset.
 
         Raises:
@@ -684,13 +684,13 @@ class Simulator:
         threads: int | None = None,
         lanes: int | None = None,
     ) -> Array:
-        """How the states of ``rollout`` change, to first order, along a direction for each arm.
+        """Directional derivative of the states of ``rollout``, with a direction for each arm.
 
         It is the product of the rollout's derivative with that direction; ``rollout_gradient`` is
-        that of the transpose with weights. Derivatives of ticks are formed at events only.
+        the product of its transpose with weights. Derivatives of ticks are formed at events only.
 
         Args:
-            q0: As for ``rollout``; under bilateral constraints states that obey them.
+            q0: As for ``rollout``; with bilateral constraints, states that satisfy them.
             v0: As for ``rollout``.
             tau: As for ``rollout``; they act immediately.
             steps: Ticks to advance.
@@ -698,8 +698,8 @@ class Simulator:
             dv0: Change of the initial velocities, shape (b, n).
             dtau: Change of the torques, shape (n,), (b, n) or (b, steps, n).
             parameters: As for ``rollout``.
-            threads: Cores to use; None for all.
-            lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is.
+            threads: Number of threads; None for all cores.
+            lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available.
 
         Returns:
             Changes of the states (q, v), shape (b, steps + 1, 2n).
@@ -744,8 +744,8 @@ class Simulator:
             steps: Ticks to advance.
             g: ∂L/∂states at the states that ``rollout`` returns, shape (b, steps + 1, 2n).
             parameters: As for ``rollout``.
-            threads: Cores to use; None for all.
-            lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is.
+            threads: Number of threads; None for all cores.
+            lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available.
 
         Raises:
             InvalidInput: If a shape or value is not allowed.
@@ -777,13 +777,13 @@ class Simulator:
     def set_constraint(self, name: str, on: bool) -> State:
         """Switch a constraint that the scene declares switchable.
 
-        A constraint that is switched on holds at once: velocities across it are lost, as in an
-        impact without restitution, and a position that violates it is moved to the nearest one
-        that satisfies it.
+        A constraint that is switched on is enforced immediately: velocities across it are lost, as
+        in an impact without restitution, and a position that violates it is moved to the nearest
+        one that satisfies it.
 
         Args:
             name: Name of the constraint.
-            on: Whether it holds from now on.
+            on: Whether it is active from now on.
 
         Returns:
             The state, time unchanged.
@@ -842,7 +842,7 @@ class Simulator:
         return Rig(self, self._seen, lambda: self.use(self._compiled.pushable()), account)
 
     def _point(self, state: State, tau: ArrayLike) -> tuple[Array, Array]:
-        """Where a tick is to be differentiated: x and the command, checked."""
+        """Point at which a tick is differentiated: x and the command, validated."""
         if not isinstance(state, State):
             kind = type(state).__name__
             raise InvalidInput(f"state is of type {kind}; a State is expected, such as sim.state")
@@ -850,7 +850,7 @@ class Simulator:
         return x, np.array(torque(tau, self.joint_names))
 
     def _places(self, by: Sequence[str] | None) -> dict[str, tuple[int, ...]]:
-        """Where quantities to differentiate by are in p; ``by`` may be a single name."""
+        """Indices in p of quantities to differentiate by; ``by`` may be a single name."""
         names = () if by is None else (by,) if isinstance(by, str) else tuple(by)
         return self.plant.parameters.places(names)
 

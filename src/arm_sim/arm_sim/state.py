@@ -24,7 +24,7 @@ class State:
         step: Ticks since the last reset.
         q: Joint positions in [rad] or [m], shape (n,).
         v: Joint velocities in [rad/s] or [m/s], shape (n,).
-        z: States of the other laws that the scene uses, shape (nz,).
+        z: Internal states of drives and friction, shape (nz,).
         error: Estimated error of q since the last reset in [rad] or [m]; 0 if the method has none.
         time_stepped: Number of ticks since the last reset with so many events that the rest of
             the tick was time-stepped at first order.

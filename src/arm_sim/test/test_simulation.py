@@ -17,7 +17,7 @@ from arm_sim import Simulator
 from arm_sim.ros.sim_node import SimNode
 
 SCENE = "double_pendulum"  # comes with the package, robot included
-ROOM = 88  # a domain of its own, where nobody else is expected
+ROOM = 88  # a separate domain without other nodes
 
 
 @pytest.fixture

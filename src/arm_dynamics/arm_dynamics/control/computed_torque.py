@@ -21,7 +21,7 @@ from arm_dynamics.model.rigid_expressions import RigidExpressions
 from arm_dynamics.trajectory.reference import Reference
 
 _FLOAT = np.dtype(float)
-_NONE = object()  # where there is no reference to look at
+_NONE = object()  # without a reference
 _FASTEST = 1e6  # [rad/s], beyond anything that a torque can follow
 
 

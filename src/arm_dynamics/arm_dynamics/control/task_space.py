@@ -86,7 +86,7 @@ class MotionForce:
     """Operational-space motion in all directions but one, and a force along that one.
 
     Along the direction the frame presses with ``reference.force`` and only brakes: at rest in
-    contact the surface feels exactly this force (Khatib 1987, section V, for one direction).
+    contact exactly this force acts on the surface (Khatib 1987, section V, for one direction).
     """
 
     def __init__(

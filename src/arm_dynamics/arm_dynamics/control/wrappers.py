@@ -272,7 +272,7 @@ class Switch:
         self._active, self._offset, self._left = control, None, self._ticks
 
     def retune(self, control: AnyController) -> None:
-        """Use the same controller with other gains: at once, unless it has memory."""
+        """Use the same controller with other gains: immediately, unless it has memory."""
         if isinstance(control, Restartable):
             self.to(control)
         else:

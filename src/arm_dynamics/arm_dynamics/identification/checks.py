@@ -14,9 +14,9 @@ from arm_dynamics.identification.regression.rows import Rows
 from arm_dynamics.model.arm import ArmModel
 
 BEYOND = 0.2
-"""How far in [rad] or [m] positions may be beyond the limits of the URDF."""
+"""Tolerance of positions beyond the limits of the URDF in [rad] or [m]."""
 MOVED = 1e-3
-"""Range in [rad] or [m] below which a joint counts as not moved."""
+"""Range in [rad] or [m] below which a joint has not moved."""
 UNEXPLAINED = 0.6
 """Largest residual of a fit relative to the torques; above it the model is of another robot."""
 OUT_OF_SCALE = 5.0

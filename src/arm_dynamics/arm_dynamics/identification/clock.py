@@ -19,7 +19,7 @@ LEAST = 1e-2
 REPEATS = 3
 """Largest number of repetitions of a row; in longer ones the robot rests."""
 MOTION = 30.0
-"""Ratio to the noise above which the power of a position counts as motion."""
+"""Ratio to the noise above which the power of a position is motion."""
 
 
 def without_repeats(record: JointRecord) -> JointRecord:

@@ -184,7 +184,7 @@ class MeasuredMotion:
 
     @property
     def n(self) -> int:
-        """How many joints."""
+        """Number of joints."""
         return len(self.joint_names)
 
     @property

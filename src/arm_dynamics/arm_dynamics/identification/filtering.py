@@ -24,7 +24,7 @@ FADED = 12.0
 FEWEST = 25
 """Samples that are always discarded, so that at wide bands it has decayed to rounding."""
 ABOVE = 3.0
-"""Ratio to the noise above which the smoothed power counts as motion."""
+"""Ratio to the noise above which the smoothed power is motion."""
 FLAT = 2.0
 """Cut-off frequency over the highest frequency at which the motion exceeds the noise: there the
 gain is within 4e-3 of one."""

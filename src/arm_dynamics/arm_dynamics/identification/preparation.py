@@ -26,7 +26,7 @@ PER_BAND = 10.0
 UNEVEN = 1e-3
 """Fraction of a step by which samples may be off an even grid without being interpolated."""
 SATURATED = 8
-"""Consecutive samples at the same extreme effort that count as saturation."""
+"""Number of consecutive samples at the same extreme effort that indicate saturation."""
 
 
 @dataclass(frozen=True)

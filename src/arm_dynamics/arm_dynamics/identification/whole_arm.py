@@ -45,9 +45,9 @@ from arm_dynamics.scene.load import load_scene
 CERTAIN = 1.96
 """Standard deviations on either side of a 95 % interval."""
 VAGUE = 0.5
-"""Largest relative standard deviation of a parameter that counts as identified."""
+"""Largest relative standard deviation of an identified parameter."""
 NOTHING = 1e-9
-"""Standard deviation below which even a zero counts as identified."""
+"""Standard deviation below which even a zero is identified."""
 MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
 """Prior deviations of bodies from nominal: of density, of all else; selected by the evidence."""
 ROUNDS = 3

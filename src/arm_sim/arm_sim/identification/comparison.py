@@ -18,7 +18,7 @@ from arm_sim.recording.recording import Recording
 from arm_sim.simulator import Simulator
 
 _FEWEST = 100  # rows with a valid torque
-_MOVES = 1e-6  # [rad] or [m] of a joint in all windows that count as a motion
+_MOVES = 1e-6  # [rad] or [m] in all windows above which a joint has moved
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class FreeRun:
     Attributes:
         window: Duration of each simulation in [s].
         count: Number of simulations.
-        lost: How many of them diverged; they do not enter the errors.
+        lost: Number of simulations that diverged; they do not enter the errors.
         error: Root mean square error of each joint at the end in [rad] or [m], shape (n,).
         moved: Root mean square displacement of each joint in a window, likewise.
     """

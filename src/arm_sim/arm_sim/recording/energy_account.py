@@ -241,7 +241,7 @@ def relative_error(balance: float, moved: float, size: float) -> float:
     Args:
         balance: Unexplained energy in [J].
         moved: Energy that changed its form, was supplied or lost, in [J].
-        size: Largest energy in [J]; ``ROUNDING`` of it counts as rounding, not motion.
+        size: Largest energy in [J]; ``ROUNDING`` of it is treated as rounding, not motion.
 
     Returns:
         A ratio; infinite where an energy is not finite.

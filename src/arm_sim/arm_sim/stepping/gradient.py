@@ -95,7 +95,7 @@ def gradient_of(
 
 
 def _initial_slope(plant: Plant, x: Array) -> Array:
-    """Derivative of the laws' states at the beginning by (q, v), shape (nz, 2n).
+    """Derivative of the initial internal states by (q, v), shape (nz, 2n).
 
     They are those at rest and nearly linear, so fourth-order differences are accurate.
     """
@@ -195,7 +195,7 @@ class Gradients:
             x: State, shape (nx,).
             r: Command, shape (n,).
             p: Tunable numbers, shape (np,).
-            ticks: How many.
+            ticks: Number of ticks.
             weights: Shape (nx,).
 
         Raises:

@@ -19,7 +19,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import jacobian_by
 from arm_sim.stepping.events import Modes
 
-# A guard that reaches zero within this fraction of a tick counts as zero; likewise one that is
+# A guard that reaches zero within this fraction of a tick is treated as zero; likewise one that is
 # smaller than this fraction of its terms.
 INSTANT, ROUNDING = 1e-9, 1e-12
 # A guard that approaches zero this much more slowly than it did at the beginning grazes it.

@@ -97,7 +97,7 @@ class Linearizer:
         Args:
             x: State, shape (nx,).
             r: Command, shape (n,).
-            ticks: How many.
+            ticks: Number of ticks.
 
         Returns:
             Derivatives by state, command and quantities side by side, shape (nx, nx + n + nt).
@@ -117,7 +117,7 @@ class Linearizer:
         Args:
             x: States, shape (b, nx).
             r: Commands, shape (b, n).
-            ticks: How many.
+            ticks: Number of ticks.
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
 
@@ -141,7 +141,7 @@ class Linearizer:
         Args:
             x: State, shape (nx,).
             r: Command, held, shape (n,).
-            ticks: How many.
+            ticks: Number of ticks.
             dx: Change of the state, shape (nx,).
             dr: Change of the command, shape (n,).
 
@@ -399,7 +399,7 @@ class Events:
         return self._settling.closed(segment["begin"], x, self._modes(segment), slope, begin)
 
     def part(self, segment: np.void, u: Array, slope: Array) -> Array:
-        """Derivative of the length of a segment that no event ends, though the tick goes on."""
+        """Derivative of the length of a segment that no event ends, though the tick continues."""
         x, length = segment["begin"], float(segment["length"])
         return self._turning.delay(x, u, self._modes(segment), slope, length)
 

@@ -163,7 +163,7 @@ class Stepper:
     def modes_at(self, x: Array, u: Array) -> Modes:
         """Modes of joints and contacts at a state under a torque.
 
-        A contact that approaches its plane counts as closed already.
+        A contact that approaches its plane is treated as closed already.
         """
         modes = Modes(self._plant, self.p)
         modes.direction[:] = 1.0

@@ -44,7 +44,7 @@ LONGEST = 300_000
 class Arms:
     """Arms and columns to propagate, and the arrays that receive the results.
 
-    What is shared by arms or ticks is repeated by strides of zero.
+    Data shared by arms or ticks are repeated by strides of zero.
 
     Attributes:
         x: Initial states, shape (b, nx).
@@ -63,12 +63,12 @@ class Arms:
 
     @property
     def count(self) -> int:
-        """How many arms."""
+        """Number of arms."""
         return len(self.x)
 
     @property
     def ticks(self) -> int:
-        """How many ticks."""
+        """Number of ticks."""
         return int(self.tau.shape[1])
 
 

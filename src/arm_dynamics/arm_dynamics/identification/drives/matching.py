@@ -23,9 +23,9 @@ from arm_dynamics.exceptions import InvalidInput
 
 _MOST = 512  # steps between two samples
 _SMALL, _LIKE = 1e-3, 0.6  # residual over signal, and its correlation from sample to sample, above
-# which the residual is not noise: another law, or a local minimum
+# which the residual is not noise: another model, or a local minimum
 _BLIND, _APART = 1e-9, 1e-7  # singular values, and entries of singular vectors, that are zero
-_FOUND = 0.5  # relative half width of an interval above which a parameter counts as not found
+_FOUND = 0.5  # relative half width of an interval above which a parameter is not identified
 _WEIGHTED = 3
 _ROUNDS, _TRIES, _ENOUGH = 60, 12, 1e-12
 
@@ -113,7 +113,7 @@ class Match:
     Attributes:
         estimates: Parameters by name.
         residual: Residual relative to the variation of the outputs.
-        follows: Whether the law fits the records up to noise; else no estimate counts as found.
+        follows: Whether the model fits the records up to noise; otherwise no estimate is valid.
         simulated: Simulated outputs of each record, shape (k, ny).
     """
 
@@ -198,7 +198,7 @@ class _Problem:
         return finer
 
     def weigh(self, log_p: Array) -> None:
-        """Take what is left of each output for its noise."""
+        """Estimate the noise of each output by its residual."""
         for i, trial in enumerate(self.trials):
             y, _ = self.simulate(i, log_p, self.x0[i])
             left = np.array([_spread(column) for column in (y - trial.y).T])

@@ -15,7 +15,7 @@ EACH = 10
 joint's frame; in Pinocchio's order ``NAMES``."""
 NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 TINY = 1e-9
-"""Mass in [kg] below which a body counts as massless, and is not identified."""
+"""Mass in [kg] below which a body is treated as massless, and not identified."""
 
 
 class RigidRegressor:

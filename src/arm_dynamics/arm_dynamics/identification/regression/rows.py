@@ -47,7 +47,7 @@ class Rows:
         train: Rows that are not held out, shape (k,).
         fold: Fold of each row, shape (k,); -1 if it is held out.
         independent: Independent values of filtered noise per row.
-        lag: Rows after which residuals count as independent.
+        lag: Number of rows after which residuals are treated as independent.
     """
 
     def __init__(

@@ -47,7 +47,7 @@ class FollowParams:
         low=0.0, high=10.0, read_only=False,
     )  # fmt: skip
     stopped_velocity_tolerance: float = parameter(
-        0.01, "Speed below which joints count as stopped at the goal [rad/s]; 0: any",
+        0.01, "Speed below which joints are considered stopped at the goal [rad/s]; 0: any",
         low=0.0, high=1e6, read_only=False, name="constraints.stopped_velocity_tolerance",
     )  # fmt: skip
     goal_time: float = parameter(
@@ -63,7 +63,7 @@ class FollowParams:
 def follow_params(joint_names: Sequence[str]) -> type[FollowParams]:
     """The parameters of the action of an arm with these joints."""
     about = {
-        "trajectory": "Largest position error on the way [rad or m]; 0: any",
+        "trajectory": "Largest position error during the motion [rad or m]; 0: any",
         "goal": "Largest position error at the goal [rad or m]; 0: any",
     }
     tolerances = [

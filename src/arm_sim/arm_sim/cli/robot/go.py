@@ -82,8 +82,8 @@ def go(
         raise click.UsageError("--frame is allowed with --pose only")
     if numbers is not None and duration:
         raise click.UsageError(
-            "--duration is for goals of joints; a pose takes what the controller's parameters "
-            "cartesian_speed and cartesian_acceleration say"
+            "--duration is for goals of joints; that of a motion to a pose follows from the "
+            "controller's parameters cartesian_speed and cartesian_acceleration"
         )
     from arm_sim.cli.robot.controller import Controller
 

@@ -19,7 +19,7 @@ class Servos:
 
     Args:
         simulator: The simulation.
-        background: Builds them while the loop goes on; None: in the loop.
+        background: Builds them while the loop continues; None: in the loop.
     """
 
     def __init__(self, simulator: Simulator, background: Background | None) -> None:
