@@ -31,7 +31,7 @@ def payload_change(
         simulator: The simulation.
         index: Index of the payload in the scene.
         mass: Mass in [kg].
-        com: Center of mass in the payload's frame in [m], shape (3,).
+        com: Centre of mass in the payload's frame in [m], shape (3,).
         inertia: ixx, ixy, ixz, iyy, iyz, izz about it in [kg m²].
 
     Raises:

@@ -90,7 +90,7 @@ def _set_inertial(link: ElementTree.Element, numbers: Array) -> None:
 
 
 def central_inertia(numbers: Array) -> tuple[float, Array, Array]:
-    """Mass, center of mass and inertia about it, from ten inertial parameters."""
+    """Mass, centre of mass and inertia about it, from ten inertial parameters."""
     mass = float(numbers[0])
     com = numbers[1:4] / mass
     about_origin = numbers[4:][[[0, 1, 3], [1, 2, 4], [3, 4, 5]]]

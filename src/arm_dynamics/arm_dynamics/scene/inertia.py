@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Physical consistency of the mass and the rotational inertia of a rigid body.
 
-About the center of mass, I = ∫ (rᵀr E - r rᵀ) dm with dm ≥ 0. Hence no principal moment is
+About the centre of mass, I = ∫ (rᵀr E - r rᵀ) dm with dm ≥ 0. Hence no principal moment is
 negative, and none is larger than the sum of the other two (triangle inequality: Wensing, Kim,
 Slotine, IEEE Robotics and Automation Letters 3(1), 2018).
 """

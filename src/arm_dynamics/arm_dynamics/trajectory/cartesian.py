@@ -143,8 +143,8 @@ def circle(
     off = abs(float(arm @ around))
     if off > 1e-6 * radius:
         raise InvalidInput(
-            f"the center {middle} is {off:.3g} m beside the plane through {start.position} across "
-            f"the axis {around}; allowed: centers in that plane"
+            f"the centre {middle} is {off:.3g} m beside the plane through {start.position} across "
+            f"the axis {around}; allowed: centres in that plane"
         )
     turn = angle * around if turning else np.zeros(3)
     return Circle(start, middle, around, float(angle), turn)

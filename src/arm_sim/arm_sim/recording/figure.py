@@ -141,7 +141,7 @@ _AGAIN = 60_001  # rows up to which ticks are repeated for a figure
 
 
 def _marks(axis: Any, recording: Motion) -> None:
-    """Lines at changes, and gray areas where ticks are missing."""
+    """Lines at changes, and grey areas where ticks are missing."""
     times = [recording.time[jump.row] for jump in recording.jumps]
     times += [event.time for event in recording.events]
     for time in sorted(set(times))[:_MARKS]:

@@ -32,7 +32,7 @@ THIN, THICK = 0.012, 0.08  # least and largest radius of capsules, relative to t
 
 @dataclass(frozen=True)
 class Mesh:
-    """A scaled mesh file; colors and textures are those of the file."""
+    """A scaled mesh file; colours and textures are those of the file."""
 
     path: Path
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -73,7 +73,7 @@ class Visual:
         joint: Number of Pinocchio's joint that carries it; 0 is the world.
         placement: Its placement in the joint's frame.
         shape: The shape.
-        colour: Its color; None for that of the file, if any.
+        colour: Its colour; None for that of the file, if any.
     """
 
     name: str

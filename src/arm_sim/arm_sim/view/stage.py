@@ -39,7 +39,7 @@ _log = logging.getLogger(__name__)
 CONTACT, TIE, SPRING, STOP, WAY = (
     (40, 130, 60), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20)
 )  # fmt: skip
-"""Colors of forces of contacts and constraints, springs, stops, and the path of the hand."""
+"""Colours of forces of contacts and constraints, springs, stops, and the path of the hand."""
 
 LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
 FIELD = 0.7  # [rad] vertical field of view of the camera
@@ -274,7 +274,7 @@ def _coils(springs: Array, size: float, turns: int = 9) -> Array:
 
 @lru_cache(maxsize=256)
 def _glb(mesh: Mesh, colour: Colour | None) -> bytes:
-    """A mesh file as binary glTF, in [m]; a color applies to files that have none."""
+    """A mesh file as binary glTF, in [m]; a colour applies to files that have none."""
     import trimesh
 
     loaded = trimesh.load_scene(mesh.path)

@@ -244,7 +244,7 @@ def _cast(
     server: viser.ViserServer, names: Sequence[str], models: Sequence[ArmModel],
     folder: Path | None, together: bool,
 ) -> list[Actor]:  # fmt: skip
-    """Place arms side by side about the center, the first at the left."""
+    """Place arms side by side about the centre, the first at the left."""
     sizes = np.array([reach(model) for model in models])
     gaps = np.zeros(len(sizes) - 1) if together else GAP * (sizes[:-1] + sizes[1:])
     places = np.concatenate([[0.0], np.cumsum(gaps)])

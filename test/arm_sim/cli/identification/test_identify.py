@@ -95,7 +95,7 @@ def test_a_payload_alone(table, tmp_path):
     out = tmp_path / "holding.yaml"
     done = typed(heavier, "--scene", lighter, "--payload", "tip", "--out", out)
     assert done.exit_code == 0, done.output
-    assert "center of mass" in done.output
+    assert "centre of mass" in done.output
     (found,) = load_scene(out).payloads
     assert found.mass == pytest.approx(0.5, rel=0.02)
     assert found.com[0] == pytest.approx(0.1, rel=0.05)

@@ -5,7 +5,7 @@ The determinant over all parameters gains as much from reducing a small variance
 reducing a large one. To identify masses, the sum of their variances is minimized instead
 (A-optimality for some of the parameters: Atkinson, Donev, Optimum Experimental Designs, 1992,
 sections 10.3 and 10.4). The link whose weight is the smallest part of its joint's torque dominates
-it, since noise and unmodeled effects grow with the torque.
+it, since noise and unmodelled effects grow with the torque.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ def possible(theta: Array, least: float = 0.0) -> bool:
 
 
 def nearest(theta: Array) -> Array:
-    """The body with the same mass and center of mass, but no direction thinner than ``THIN``.
+    """The body with the same mass and centre of mass, but no direction thinner than ``THIN``.
 
     Args:
         theta: Ten inertial parameters with a positive mass.

@@ -11,7 +11,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.springs import SpringTerms
 
 EACH = 10
-"""Inertial parameters of a body: mass, mass times center of mass, inertia about the origin of its
+"""Inertial parameters of a body: mass, mass times centre of mass, inertia about the origin of its
 joint's frame; in Pinocchio's order ``NAMES``."""
 NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 TINY = 1e-9

@@ -78,7 +78,7 @@ def set_joint_state(
     epilog=examples('./arm call set-payload --mass 1.5 --com "0 0 0.05"'),
 )
 @click.option("--mass", required=True, type=float, help="Mass in kg.")
-@click.option("--com", type=VECTOR, default="0 0 0", help="Center of mass in its frame, in m.")
+@click.option("--com", type=VECTOR, default="0 0 0", help="Centre of mass in its frame, in m.")
 @click.option("--inertia", type=VECTOR, default="0 0 0 0 0 0",
               help="Inertia about it: xx xy xz yy yz zz, in kg m².")  # fmt: skip
 @click.option("--index", default=0, show_default=True, type=click.IntRange(0),

@@ -111,7 +111,7 @@ def _carried(
         return
     console().print(facts([
         ("frame", frame), ("mass", f"{found.mass:.4g} kg"),
-        ("center of mass", f"{', '.join(f'{x:.4g}' for x in found.com)} m, in the frame"),
+        ("centre of mass", f"{', '.join(f'{x:.4g}' for x in found.com)} m, in the frame"),
         ("inertia", f"{', '.join(f'{x:.3g}' for x in found.inertia)} kg m² about the center of "
                     "mass: xx, xy, xz, yy, yz, zz"),
     ]))  # fmt: skip
