@@ -157,7 +157,7 @@ class GravityCompensation(JointLaw):
         self.tuning = (gain("damping", damping, dynamics.n),)
 
     def torque(self, state: Moving, reference: Any = None) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,); the reference is not looked at."""
+        """Return joint torques in [N m] or [N], shape (n,); the reference is ignored."""
         q, v = checked(state, self._n)
         return np.asarray(self.formula(self._rigid, q, v, reference, self.tuning, ())[0])
 

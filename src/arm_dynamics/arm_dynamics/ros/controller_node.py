@@ -236,7 +236,7 @@ class ControllerNode(Node):
             self._builder.start(job, lambda built: self._put(built, put))
 
     def _build_ahead(self, params: ControllerParams) -> None:
-        """Prepare the first controller at once, a task-space controller in the background."""
+        """Prepare the first controller now, and a task-space controller in the background."""
         if job := self._preparation(self.control.active):
             job()
         if not params.settings.frame:
