@@ -111,7 +111,7 @@ def test_the_condition_number_decides_in_whatever_units() -> None:
         check_regular(M[None], NAMES)
     for M in (spread(30.0 * most), units @ spread(30.0 * most) @ units):
         with pytest.raises(
-            ModelError, match=r"^joints 'a', 'b' can .* is (inf|\d.*e\+1\d), up to"
+            ModelError, match=r"^joints 'a', 'b' can .* is (inf|\d.*e\+1\d), allowed: up to"
         ):
             check_regular(np.array([np.eye(3), M]), NAMES)
 

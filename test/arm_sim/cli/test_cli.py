@@ -53,7 +53,7 @@ def test_every_command_has_help_with_an_example(words: tuple[str, ...]) -> None:
 
 def test_help_says_what_a_demo_does_unless_told_otherwise() -> None:
     said = " ".join(run("demo", "--help").output.split())
-    assert "How long the motion takes, in s. [default: 10.0;" in said
+    assert "Duration of the motion in s. [default: 10.0;" in said
 
 
 def test_help_loads_no_ros_and_no_plotting() -> None:

@@ -193,7 +193,7 @@ REFUSED = {
     ("set", "controller", "friction", "perhaps"): "refused: ",
     ("set", "controller", "controller", "os:system"): "refused: .*when the node is started",
     ("set", "controller", "switch_time", "1"): "refused: ",
-    ("set", "controller", "bandwidth", "{a: 1}"): "no value of a parameter",
+    ("set", "controller", "bandwidth", "{a: 1}"): "not a parameter value",
     ("get", "controller", "q"): "has no parameter 'q'",
 }
 

@@ -162,7 +162,7 @@ def test_a_damaged_chunk_is_a_gap(tmp_path: Path) -> None:
     [
         ("run.npz", b"PK\x03\x04 no archive", "damaged"),
         ("run.npz", b"", "damaged"),
-        ("run.mcap", b"", "no MCAP"),
+        ("run.mcap", b"", "not an MCAP"),
         ("run.mcap", b"\x89MCAP0\r\n", "no joint states"),
         ("run.db3", b"SQLite format 3\0 but not really", "damaged"),
         ("run.csv", b"a,b\n1,2\n", "time"),

@@ -236,7 +236,7 @@ def _compiled(law: Law, model: ArmModel) -> Kernel | None:
         kernel = Kernel([_function(law, model)], "native")
         _check(kernel, law, model)
     except (KernelError, OSError) as error:
-        _log.warning("%s; the controller goes on without compiled code, slower", error)
+        _log.warning("%s; the controller continues without compiled code, which is slower", error)
         return None
     return kernel
 
