@@ -367,7 +367,7 @@ class Simulator:
                 table = table.reshape(ticks, self.n)
             done = self._roll(self._stepper, table, trace, effort, later)
             self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
-            self._look_over(trace[:done], effort[:done], told)
+            self._update_sensors(trace[:done], effort[:done], told)
         command[done] = command[done - 1] if done else 0.0
         time, x, command, notes = (
             read_only(array[: done + 1]) for array in (time, x, command, notes)
@@ -950,7 +950,7 @@ class Simulator:
         if self.sensors is not None:
             self.sensors.restart(self._step, self._q, self._v, self._driving)
 
-    def _look_over(self, trace: Array, command: Array, told: Array | None) -> None:
+    def _update_sensors(self, trace: Array, command: Array, told: Array | None) -> None:
         """Update the sensors with ticks that were executed in one call."""
         if self.sensors is None or told is None:
             return

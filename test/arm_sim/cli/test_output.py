@@ -58,7 +58,7 @@ def test_one_hears_at_a_time() -> None:
     inner = logging.Handler()
     inner.emit = lambda record: heard.append(record.getMessage())  # type: ignore[method-assign]
     screen = Screen()
-    with redirect_stderr(screen), output.told_meanwhile():
+    with redirect_stderr(screen), output.progress_on_stderr():
         log.info("building one")
         with output.heard_by(inner):
             log.info("building another")

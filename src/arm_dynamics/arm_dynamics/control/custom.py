@@ -49,7 +49,7 @@ def load_controller(name: str) -> Maker:
         module = import_module(where)
     except Exception as error:  # user code may raise anything
         raise InvalidInput(
-            f"controller = {name!r}: importing '{where}' failed with {_said(error)}; modules are "
+            f"controller = {name!r}: importing '{where}' failed with {_cause(error)}; modules are "
             "looked for in installed packages and in the folders of PYTHONPATH"
         ) from error
     maker: Maker | None = getattr(module, what, None)
@@ -79,7 +79,7 @@ def made(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
     except InvalidInput:
         raise
     except Exception as error:
-        raise InvalidInput(f"controller {name} cannot be made: {_said(error)}") from error
+        raise InvalidInput(f"controller {name} cannot be made: {_cause(error)}") from error
     return Watched(control, name, n)
 
 
@@ -123,7 +123,7 @@ class Watched:
         try:
             restart(self._control)
         except Exception as error:
-            self._failed = self._failure(f"raised {_said(error)} when restarted")
+            self._failed = self._failure(f"raised {_cause(error)} when restarted")
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], finite, of shape (n,).
@@ -138,7 +138,7 @@ class Watched:
         try:
             tau = self._control.torque(Checked(read_only(q), read_only(v)), goal)
         except Exception as error:
-            self._failed = self._failure(f"raised {_said(error)}")
+            self._failed = self._failure(f"raised {_cause(error)}")
             raise self._failed from error
         return self._numbers(tau)
 
@@ -159,7 +159,7 @@ class Watched:
         return ControllerFailed(f"controller {self._name} {what}")
 
 
-def _said(error: Exception) -> str:
+def _cause(error: Exception) -> str:
     """An exception in one line."""
     text = " ".join(f"{type(error).__name__}: {error}".split())
     return text if len(text) <= 300 else text[:299] + "…"

@@ -385,7 +385,7 @@ def _check_effect(joints: Sequence[Given], coulomb: Sided, static: Sided) -> Non
     ]
     for joint, keys in zip(joints, silent, strict=True):
         for key, why in keys.items():
-            if _said(joint.named, key):
+            if _is_given(joint.named, key):
                 raise refusal(joint.name, f"{key}' is without effect: {why}")
     for key, why in silent[0].items():  # of "*": enough if it affects one joint
         if all(key in keys for keys in silent):
@@ -410,10 +410,10 @@ def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, s
         lost |= {"position": none, "load": none}
     if own.lugre is not None and own.lugre.sigma1 == 0.0:
         lost["lugre.sigma1_velocity"] = "the damping that it fades, 'sigma1', is 0"
-    return {key: why for key, why in lost.items() if _said(own, key)}
+    return {key: why for key, why in lost.items() if _is_given(own, key)}
 
 
-def _said(own: Friction, key: str) -> bool:
+def _is_given(own: Friction, key: str) -> bool:
     """Whether a key, its parts separated by dots, is given."""
     said: Any = own
     for part in key.split("."):

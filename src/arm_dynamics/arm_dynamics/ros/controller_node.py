@@ -119,7 +119,9 @@ class ControllerNode(Node):
         self._build_ahead(self.params)
         limits = Limits.of(model, self.params.acceleration_limit or float("inf"))
         self.goals = Goals(model, limits, self.get_logger(), self.answers.interrupt)
-        self.action = TrajectoryAction(self, self.goals, model, limits, self._deaf, self.answers)
+        self.action = TrajectoryAction(
+            self, self.goals, model, limits, self._obstacle, self.answers
+        )
         self._next_report = 0
         self._reader = make_reader(names, ("position", "velocity"), partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
@@ -190,7 +192,7 @@ class ControllerNode(Node):
         self.action.close()
         super().destroy_node()
 
-    def _deaf(self) -> str:
+    def _obstacle(self) -> str:
         """Reason why trajectories are not followed now; empty if they are."""
         free = self.params.controller == _FREE
         return self._log.failure or ("controller 'float' follows no trajectories" if free else "")
@@ -269,7 +271,7 @@ class ControllerNode(Node):
             stamp, (q, v) = self._reader.read(raw)
         except InvalidInput as error:
             self._log.passed_over += 1
-            self._say(f"joint state ignored: {plain(error)}")
+            self._warn(f"joint state ignored: {plain(error)}")
             return None
         state = Checked(np.array(q), np.array(v))
         reference = self._reference(stamp, state)
@@ -280,10 +282,10 @@ class ControllerNode(Node):
             return None
         if not finite_numbers(tau.tolist()):
             self.control.restart()
-            self._say(f"no command, the torque would not be finite: {tau}")
+            self._warn(f"no command, the torque would not be finite: {tau}")
             return None
         if cut := self._cut():
-            self._say(f"torque clipped at the effort limit: {', '.join(cut)}")
+            self._warn(f"torque clipped at the effort limit: {', '.join(cut)}")
         command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))
         self.send(command)
         self._log.note(raw, command)
@@ -330,7 +332,7 @@ class ControllerNode(Node):
         answers = self.answers.summary()
         return [self._log.finding(self, self.params.controller, self._cut(), about, answers)]
 
-    def _say(self, warning: str) -> None:
+    def _warn(self, warning: str) -> None:
         self.get_logger().warning(warning, throttle_duration_sec=_THROTTLE)
 
     @_locked

@@ -79,7 +79,7 @@ def complaint(
         )
     if error["type"] == "missing":
         return f"{file}: '{where}' is missing; it is required"
-    return f"{file}: '{where}' = {error['input']!r}: {_said(error, whole, tagged)}"
+    return f"{file}: '{where}' = {error['input']!r}: {_reason(error, whole, tagged)}"
 
 
 def _internal(key: int | str) -> bool:
@@ -87,7 +87,7 @@ def _internal(key: int | str) -> bool:
     return isinstance(key, str) and ("[" in key or key in ("bool", "function-after"))
 
 
-def _said(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Part]]) -> str:
+def _reason(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Part]]) -> str:
     kind, context = error["type"], error.get("ctx", {})
     if kind in _MAPPINGS:
         fields = fields_at(error["loc"], whole, tagged, default=False)

@@ -92,7 +92,7 @@ def scene_from_urdf(text: str) -> Scene:
     Raises:
         ModelError: If the description cannot be used.
     """
-    _tell(read_urdf(text))
+    _warn_of_inertias(read_urdf(text))
     return validated({"robot": {"urdf": text}})
 
 
@@ -118,13 +118,13 @@ def _complete(data: dict[str, Any], folder: Path) -> Scene:
         with in_file(path):
             urdf = read_urdf(text)
     _check_names(scene, urdf)
-    _tell(urdf)
-    _tell_far(scene, urdf)
+    _warn_of_inertias(urdf)
+    _warn_of_units(scene, urdf)
     robot = scene.robot.model_copy(update={"urdf": text})
     return scene.model_copy(update={"robot": robot})
 
 
-def _tell(urdf: Urdf) -> None:
+def _warn_of_inertias(urdf: Urdf) -> None:
     """Warn of links whose inertia is not physically consistent."""
     if urdf.doubtful:
         name, trouble = next(iter(urdf.doubtful.items()))
@@ -137,7 +137,7 @@ def _tell(urdf: Urdf) -> None:
         )  # fmt: skip
 
 
-def _tell_far(scene: Scene, urdf: Urdf) -> None:
+def _warn_of_units(scene: Scene, urdf: Urdf) -> None:
     """Warn of values that are so large that their unit is probably wrong."""
     for i, payload in enumerate(scene.payloads):
         if (distance := math.dist(payload.com, (0.0, 0.0, 0.0))) > _FAR:

@@ -16,7 +16,7 @@ from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.identification import compare, excite, identify, identify_drive
 from arm_sim.cli.nodes import controller, dynamics, sim
-from arm_sim.cli.output import examples, told_meanwhile
+from arm_sim.cli.output import examples, progress_on_stderr
 from arm_sim.cli.recordings import plot, record, replay
 from arm_sim.cli.robot import get, go, set_, watch
 from arm_sim.cli.sweep import sweep
@@ -30,7 +30,7 @@ class Suite(Commands):
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; errors of the suite become a message and exit status 1."""
         try:
-            with told_meanwhile():
+            with progress_on_stderr():
                 return super().invoke(ctx)
         except ModuleNotFoundError as error:
             raise _explained(error) from error

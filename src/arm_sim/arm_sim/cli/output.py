@@ -35,7 +35,7 @@ def console() -> Console:
     return Console(width=width, highlight=False, emoji=False)
 
 
-def told_meanwhile() -> AbstractContextManager[None]:
+def progress_on_stderr() -> AbstractContextManager[None]:
     """Print progress messages of the cores on stderr within the context."""
     return heard_by(_Said())
 

@@ -110,13 +110,13 @@ class Sensors:
             self.said[:] = self._line.carry(tick, self._now.copy())
 
     def _position(self, tick: int, q: Array) -> None:
-        _told(self._q, q, self._errors[0], tick)
+        _write(self._q, q, self._errors[0], tick)
         if self._rounding is not None:
             self._rounding.apply(self._q)
 
     def _rest(self, tick: int, v: Array, effort: Array) -> None:
-        _told(self._v, v, self._errors[1], tick)
-        _told(self._effort, effort, self._errors[2], tick)
+        _write(self._v, v, self._errors[1], tick)
+        _write(self._effort, effort, self._errors[2], tick)
 
 
 class _Rounding:
@@ -136,7 +136,7 @@ class _Rounding:
             q[self._some] = rounded
 
 
-def _told(place: Array, value: Array, error: Chance | Array | None, tick: int) -> None:
+def _write(place: Array, value: Array, error: Chance | Array | None, tick: int) -> None:
     """Write a value with its error, shape (n,), to an array."""
     if error is None:
         place[:] = value

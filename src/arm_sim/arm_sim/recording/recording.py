@@ -286,7 +286,7 @@ class Recording(Contents):
         balance = float(np.max(abs(self.balance)))
         error = relative_error(balance, moved, float(abs(self._energies).max()))
         if error > TRUSTED:
-            _log.warning("%s; a smaller dt or a tolerance is expected", self._told(error))
+            _log.warning("%s; a smaller dt or a tolerance is expected", self._verdict(error))
         return error
 
     @property
@@ -301,7 +301,7 @@ class Recording(Contents):
         """
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
         joints = f"{len(self.joint_names)} joints: {known_names(self.joint_names, 8)}"
-        lines = [f"{max(len(self) - 1, 0)} ticks, {span}", joints, *self._told_origin()]
+        lines = [f"{max(len(self) - 1, 0)} ticks, {span}", joints, *self._origin_texts()]
         for count, what in (
             (len(self.jumps), "changes between ticks"), (len(self.events), "events"),
             (len(self.gaps), "gaps: ticks are missing"),
@@ -310,7 +310,7 @@ class Recording(Contents):
                 lines.append(f"{count} {what}")
         return "<Recording: " + "\n  ".join(lines) + ">"
 
-    def _told_origin(self) -> list[str]:
+    def _origin_texts(self) -> list[str]:
         """Origin, and error of the energy account, as text."""
         if self.of_robot:
             return ["measured: without a scene" if self.origin is None else "measured"]
@@ -323,11 +323,11 @@ class Recording(Contents):
         fresh = "account" in vars(self.physics)
         cheap = fresh and not self.account.makes_ticks_again(self._x)
         known = "energy_error" in vars(self) or cheap
-        told = self._told(self.energy_error) if known else "energy account not evaluated yet"
+        told = self._verdict(self.energy_error) if known else "energy account not evaluated yet"
         return [method, told]
 
     @staticmethod
-    def _told(error: float) -> str:
+    def _verdict(error: float) -> str:
         if error <= TRUSTED:
             return f"energy account closed to {error:.2g} of the energy that moved"
         return (

@@ -44,12 +44,12 @@ class SimDiagnostics:
 
     def __call__(self) -> list[Finding]:
         """Inspect every part."""
-        found = [self._look_at_loop(), self._look_at_commands(), self._look_at_simulation()]
+        found = [self._check_loop(), self._check_commands(), self._check_simulation()]
         if self.recorder is not None:
-            found.append(self._look_at_recorder(self.recorder))
-        return found if self.lockstep is None else [*found, self._look_at(self.lockstep)]
+            found.append(self._check_recorder(self.recorder))
+        return found if self.lockstep is None else [*found, self._check_lockstep(self.lockstep)]
 
-    def _look_at_loop(self) -> Finding:
+    def _check_loop(self) -> Finding:
         report, params, found = self.loop.report(), self.params, Finding("loop")
         executor = self.node.executor
         found.values = {
@@ -60,7 +60,7 @@ class SimDiagnostics:
             "driven by": params.tick_source,
             "executor": "none" if executor is None else type(executor).__name__,
             "messages": "in C" if native() is not None else "in Python",
-            "ticks made": self._where_ticks_are_made(),
+            "ticks made": self._tick_execution(),
         }  # fmt: skip
         self.growth.warn(found, report.missed, "ticks began after the next one was due")
         self.growth.warn(found, report.dropped, "ticks dropped")
@@ -68,11 +68,11 @@ class SimDiagnostics:
             found.complain(WARN, refusal)
         return found
 
-    def _where_ticks_are_made(self) -> str:
+    def _tick_execution(self) -> str:
         refusal, count = self.ordinary.refusal, self.ordinary.count
         return f"in Python: {refusal}" if refusal else f"{count} of them in C"
 
-    def _look_at_commands(self) -> Finding:
+    def _check_commands(self) -> Finding:
         engine, found = self.engine, Finding("commands")
         arbiter, slot, policy = engine.arbiter, engine.commands, engine.stale_policy
         inputs, trip = self.inputs, self.inputs.round_trip.percentiles()
@@ -100,7 +100,7 @@ class SimDiagnostics:
             found.complain(WARN, f"{publishers} publishers on {topic}")
         return found
 
-    def _look_at_simulation(self) -> Finding:
+    def _check_simulation(self) -> Finding:
         engine, found = self.engine, Finding("simulation")
         state, stops, account = engine.queue.run(
             lambda: (engine.simulator.state, engine.simulator.stop_torque, engine.account())
@@ -129,7 +129,7 @@ class SimDiagnostics:
             )
         return found
 
-    def _look_at_recorder(self, recorder: TickRecorder) -> Finding:
+    def _check_recorder(self, recorder: TickRecorder) -> Finding:
         found, thread = Finding("recording"), recorder.thread
         found.values = {
             "path": str(recorder.path), "ticks": recorder.ticks, "ticks lost": recorder.lost,
@@ -140,7 +140,7 @@ class SimDiagnostics:
             found.complain(ERROR, thread.failure)
         return found
 
-    def _look_at(self, lockstep: Lockstep) -> Finding:
+    def _check_lockstep(self, lockstep: Lockstep) -> Finding:
         found = Finding("lockstep")
         found.values = {
             "asked again": lockstep.asked_again, "ignored": lockstep.ignored,

@@ -250,7 +250,7 @@ class Bench:
             if rig.control != SLIDERS:
                 for slider, value in zip(sliders, rig.simulation.state.q.tolist(), strict=True):
                     slider.value = float(np.clip(value, slider.min, slider.max))
-        self._tell()
+        self._show_status()
         if time.monotonic() - self._charted > CHARTED or not self.running:
             self._charted = time.monotonic()
             for chart in self._curves():
@@ -258,7 +258,7 @@ class Bench:
 
     # --- inside --------------------------------------------------------------------------------
 
-    def _tell(self) -> None:
+    def _show_status(self) -> None:
         now = self.rigs[0].simulation.state.time
         going = f"running at {self._speed.value} ×" if self.running else "paused"
         if self.running and any(rig.account.in_preparation for rig in self.rigs):
@@ -297,7 +297,7 @@ class Bench:
     def _complain(self, trouble: str) -> None:
         self.run(False)
         self._trouble = trouble
-        self._tell()
+        self._show_status()
 
     def _curves(self) -> list[Chart]:
         """Torques, errors and energies of the last seconds."""

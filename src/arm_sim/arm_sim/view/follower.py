@@ -68,7 +68,7 @@ class Follower:
         self, server: viser.ViserServer, told: Sequence[Told], actors: Sequence[Actor]
     ) -> None:
         self._server, self._pairs = server, tuple(zip(told, actors, strict=True))
-        self.pulse = Pulse(self._beat, self._say)
+        self.pulse = Pulse(self._beat, self._show_status)
         self._status = server.gui.add_markdown("waiting")
         forget = server.gui.add_button("Clear path")
         forget.on_click(lambda _: self.pulse.order(self._forget))
@@ -96,7 +96,7 @@ class Follower:
                 self._take(news, actor, self._samples[i])
         if now - self._charted > CHARTED:
             self._charted = now
-            self._say("")
+            self._show_status("")
             for chart in self._curves():
                 self._charts.update(chart.title, chart.time, chart.values)
 
@@ -110,7 +110,7 @@ class Follower:
             row = np.concatenate([news.effort, news.error, news.energy])
             samples.append((news.time, row))
 
-    def _say(self, trouble: str) -> None:
+    def _show_status(self, trouble: str) -> None:
         now, lines = time.monotonic(), []
         for (_, actor), heard, at in zip(self._pairs, self._heard, self._times, strict=True):
             silent = f", silent for {now - heard:.0f} s" if now - heard > OLD else ""

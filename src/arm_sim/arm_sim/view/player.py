@@ -44,7 +44,7 @@ class Player:
         self.begin = min(float(film.time[0]) for film in films)
         self.end = max(float(film.time[-1]) for film in films)
         self.time, self._playing = self.begin, False
-        self.pulse = Pulse(self._beat, self._say)
+        self.pulse = Pulse(self._beat, self._show_status)
         gui = server.gui
         step = max((self.end - self.begin) / 20000, 1e-3)
         self._slider = gui.add_slider(
@@ -77,7 +77,7 @@ class Player:
             for film, actor in self._pairs:
                 actor.draw(film.at(self.time))
         self._slider.value = self.time
-        self._say("")
+        self._show_status("")
 
     def _charted(self, film: Film, actor: Actor) -> Iterator[Chart]:
         """A film's plots, with the arm's name if there are several."""
@@ -99,6 +99,6 @@ class Player:
             self.seek(self.end)
             self.play(False)
 
-    def _say(self, trouble: str) -> None:
+    def _show_status(self, trouble: str) -> None:
         text = f"t = {self.time:.3f} s of {self.end:.3f} s"
         self._status.content = f"{text}\n\n**{trouble}**" if trouble else text

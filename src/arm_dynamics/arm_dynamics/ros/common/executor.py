@@ -147,7 +147,7 @@ def run(
     try:
         _initialize(context, args)
         node = make_node(context=context)
-        _tell_unknown(node)
+        _warn_of_unknown(node)
         demote_timers()
         if node.has_parameter(FREEZE) and node.get_parameter(FREEZE).value:
             freeze_garbage()
@@ -163,7 +163,7 @@ def run(
     return 0
 
 
-def _tell_unknown(node: Node) -> None:
+def _warn_of_unknown(node: Node) -> None:
     """Warn of parameters that the node does not have, which ROS ignores.
 
     Those with dots may be declared later: for joints that are not known yet.
@@ -182,10 +182,10 @@ def _initialize(context: Context, args: list[str] | None) -> None:
     try:
         rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
-        raise InvalidInput(f"ROS cannot start: {_said(error)}") from error
+        raise InvalidInput(f"ROS cannot start: {_reason(error)}") from error
 
 
-def _said(error: RuntimeError) -> str:
+def _reason(error: RuntimeError) -> str:
     """The error message of ROS without references to its source lines."""
     text = str(error).split(", at /")[0]
     rule = re.search(r"parameter override rule: '(.*?)'\.", text)

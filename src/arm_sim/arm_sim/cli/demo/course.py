@@ -51,7 +51,7 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
     out = console()
     with tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch, _progress(out) as (say, bar):
         seen, clock = _run(motion, output, Path(scratch), say, bar, view)
-    _tell(output, motion, seen, numbers(motion, seen, clock), out)
+    _report(output, motion, seen, numbers(motion, seen, clock), out)
 
 
 def _run(
@@ -138,7 +138,7 @@ def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
         yield say, lambda share: progress.update(task, completed=share, refresh=True)
 
 
-def _tell(output: Path, motion: Motion, seen: Seen, n: Numbers, out: Any) -> None:
+def _report(output: Path, motion: Motion, seen: Seen, n: Numbers, out: Any) -> None:
     """Write the figure and the numbers, and print a summary."""
     figure, file, model = output / "demo.png", output / "demo.json", motion.model
     title = (

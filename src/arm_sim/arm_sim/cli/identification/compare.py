@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from arm_sim.cli.output import console, examples, number, show, table, told_meanwhile
+from arm_sim.cli.output import console, examples, number, progress_on_stderr, show, table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,7 +60,7 @@ def compare(
     called = dict(_pair(word) for word in names)
     record = read_joint_record(recording, topic)
     scenes = [name for name in (scene, scene2) if name is not None]
-    with told_meanwhile():
+    with progress_on_stderr():
         found = []
         for name in scenes:
             click.echo(f"comparing {name} with {recording.name} …", err=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim.cli.output import console, examples, facts, number, show, table, told_meanwhile
+from arm_sim.cli.output import console, examples, facts, number, progress_on_stderr, show, table
 
 if TYPE_CHECKING:
     from arm_dynamics.identification import Identification, JointRecord
@@ -75,7 +75,7 @@ def identify(
         _carried(records, scene, payload, out, band, _pairs("--map", names), as_json)
         return
     per_unit = _pairs("--per-unit", units)
-    with told_meanwhile():
+    with progress_on_stderr():
         found = find(
             scene, records, band=band, effort=_numbers("--per-unit", per_unit) or effort,
             names=_pairs("--map", names), total_mass=total_mass,
@@ -102,7 +102,7 @@ def _carried(
     from arm_sim.identification.report import write_scene
 
     arm = load_scene(scene)
-    with told_meanwhile():
+    with progress_on_stderr():
         found = identify_payload(arm, records, frame, band=band, names=names)
     files = write_scene(arm.model_copy(update={"payloads": (*arm.payloads, found)}), out)
     if as_json:

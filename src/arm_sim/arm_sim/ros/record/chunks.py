@@ -184,7 +184,7 @@ class ChunkThread:
             try:
                 chunk = self._full.get(timeout=PERIOD)
             except Empty:
-                self._look_after_the_last()
+                self._write_idle()
                 continue
             if chunk is None:
                 break
@@ -193,7 +193,7 @@ class ChunkThread:
             self._free.put(chunk)
         self._end()
 
-    def _look_after_the_last(self) -> None:
+    def _write_idle(self) -> None:
         """Write the last messages even if no further ones arrive."""
         if not self.lock.acquire(blocking=False):
             return  # wakes up when messages arrive

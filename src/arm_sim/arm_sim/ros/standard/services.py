@@ -182,17 +182,17 @@ class StandardServices:
     def _get_entity_state(self, request: Any, response: Any) -> None:
         """Pose and velocity of an entity."""
         entity = self._entities.named(request.entity)
-        self._fill(response.state, entity, self._look())
+        self._fill(response.state, entity, self._update())
 
     def _get_entities_states(self, request: Any, response: Any) -> None:
         """Names, poses and velocities of entities."""
         from simulation_interfaces.msg import EntityState
 
-        entities, stamp = self._entities.chosen(request.filters), self._look()
+        entities, stamp = self._entities.chosen(request.filters), self._update()
         response.entities = [entity.name for entity in entities]
         response.states = [self._fill(EntityState(), entity, stamp) for entity in entities]
 
-    def _look(self) -> int:
+    def _update(self) -> int:
         """Update the entities to the current state; return its stamp in [ns]."""
         simulator = self._engine.simulator
         n, (stamp, x) = simulator.n, self._engine.queue.run(
