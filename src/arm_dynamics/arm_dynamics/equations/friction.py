@@ -32,10 +32,10 @@ def dry(
 ) -> Quantity:
     """Dry friction of sliding joints: F = s (Fc + ΔF exp(-(v/vs)²)), s the sliding direction.
 
-    Coulomb's constant torque with Stribeck's fall from the level at rest, or, with ΔF < 0, a rise
-    from there that levels off; the exponent 2 is of Armstrong-Hélouvry, Dupont and Canudas de Wit,
-    "A survey of models, analysis tools and compensation methods for the control of machines with
-    friction", Automatica 30(7), 1994, equation (4). With ΔF = 0 it is Coulomb's law.
+    Coulomb friction with the Stribeck effect, or, with ΔF < 0, a saturating rise from the level at
+    rest; the exponent 2 is from Armstrong-Hélouvry, Dupont and Canudas de Wit, "A survey of
+    models, analysis tools and compensation methods for the control of machines with friction",
+    Automatica 30(7), 1994, equation (4). With ΔF = 0 it is Coulomb's law.
 
     Args:
         v: Joint velocities in [rad/s] or [m/s], shape (…, n).

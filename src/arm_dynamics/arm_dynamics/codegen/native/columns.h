@@ -3,7 +3,7 @@
  * Columns side by side, WIDTH of them in a `column`: what the code of columns.py is made of. Of one arm they fill a vector
  * register; of LANES arms they are two, so that each coefficient, a number of every arm, is loaded for both at once.
  *
- * Before this file: `real`, LANES and, for one arm, WIDTH, the number of doubles in a register.
+ * Required definitions: `real`, LANES and, for one arm, WIDTH, the number of doubles in a register.
  */
 #if LANES == 1
 typedef double column __attribute__((vector_size(8 * WIDTH)));

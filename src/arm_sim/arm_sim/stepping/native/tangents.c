@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Derivatives of smooth motion carried in columns, see columns.h; where LANES > 1 they are those of as many arms, each in a
- * lane. The columns' matrices lie row by row, `count` numbers a row.
+ * Propagation of tangents of smooth motion in columns, see columns.h; where LANES > 1 a column holds those of LANES arms,
+ * one per lane. Matrices of columns are stored by rows, `count` numbers per row.
  *
  * Required definitions: NX, NU (lengths of state and command), NP (of the parameters), NT (number of varied parameters),
  * SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated functions), ND and NA (numbers of coefficients of the derivatives
@@ -17,7 +17,7 @@
 #define EXPORTED __attribute__((visibility("default")))
 #endif
 
-/* Of arm j (of_lane[j]) the matrix begins at matrix + of_lane[j] * size. */
+/* The matrix of arm j (of_lane[j]) begins at matrix + of_lane[j] * size. */
 #if LANES == 1
 static inline void take(column* to, const double* matrix, const long long* of_lane, long long size, int rows, long long count,
                         long long first) {
