@@ -113,20 +113,20 @@ class Caller:
         """
         asker = self._asker(node, service)
         met = asker in self._answered
-        if not (met and repeatable):  # to look takes 10 µs
+        if not (met and repeatable):  # a check takes 10 µs
             if not _until(asker.ready, self._timeout):
                 self._answered.discard(asker)
                 raise NoAnswer(self._not_offered(asker.name))
             if not (met or repeatable):
                 time.sleep(_SETTLE)
-        # A server that has answered before may have been restarted; but give it time to work.
+        # A server that has answered before may have been restarted, but it needs time to work.
         patience = self._timeout / 3.0 if met else _RETRY
         response = self._response(asker, request, patience if repeatable else None)
         if response is None:
             self._answered.discard(asker)
             if not asker.ready():
                 raise NoAnswer(self._not_offered(asker.name))
-            doubt = "" if repeatable else " The request may have been carried out all the same"
+            doubt = "" if repeatable else " The request may have been carried out nevertheless"
             raise NoAnswer(
                 f"{asker.name} exists but did not answer within {self._timeout:g} s; is its "
                 f"node busy or stopped?{doubt}"
