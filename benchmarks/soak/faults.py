@@ -21,6 +21,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from arm_dynamics.ros.interfaces import LATCHED
 from benchmarks.soak.system import System
 
+HARDEST = 1e200  # [N]
 FLOOD_RATE, FLOOD_TIME = 10_000, 1.5  # [Hz], [s]
 HOG = "import time\nend = time.monotonic() + 2.0\nwhile time.monotonic() < end: pass"
 
@@ -122,7 +123,10 @@ def _requests(system: System) -> None:
 
 
 def _diverge(system: System) -> None:
-    system.client.set_joint_state(v=np.full(system.n, 1e160))
+    message = WrenchStamped()
+    message.header.frame_id = "panda_hand"
+    message.wrench.force.x = HARDEST
+    system.watcher.publisher(WrenchStamped, "sim/wrench").publish(message)
     system.watcher.listen(2.5)
     system.client.reset()
     system.client.resume()
@@ -171,8 +175,8 @@ FAULTS = (
     Fault("requests that are not finite or too long", _requests,
           "dynamics: services", "requests refused"),
     Fault("bad robot description", _description, "other: services", "description was refused"),
-    Fault("speeds beyond all numbers", _diverge, "sim: simulation", "last good state is kept",
-          gentle=False),
+    Fault("a force that no tick can follow", _diverge, "sim: simulation",
+          "last good state is kept", gentle=False),
     Fault("time goes back to zero", _back, "controller: controller", "time or the arm jumped",
           gentle=False),
     Fault("processors taken away for two seconds", _hog, "sim: loop", "after the next one was due",
