@@ -35,7 +35,7 @@ from benchmarks.reporting.markdown import table
 ROOT = Path(__file__).parents[2]
 RECORDED = ":record"  # at the end of a tree's name
 PATIENCE = 20.0  # [s] for a process to end
-HEARD = 1.5  # [s] in which diagnostics come
+HEARD = 2.0  # [s] between looks at what diagnostics came
 HEAD = ("", "sim [% of a core]", "its busiest thread", "controller", "ticks", "missed",
         "p50 late [µs]", "p99 late [µs]", "round trip p50 [ms]")  # fmt: skip
 Record = dict[str, Any]
@@ -89,9 +89,10 @@ def measure(
         for number, (leader, _) in enumerate(loops):
             _reset_counters(leader, folder / str(number) / "sim.log")
         before, began = [used(ids) for _, ids in loops], time.monotonic()
-        time.sleep(max(0.0, seconds - HEARD))
-        for watcher in watchers:
-            watcher.listen(HEARD / len(watchers))
+        while (left := began + seconds - time.monotonic()) > 0.0:
+            time.sleep(min(HEARD, left))
+            for watcher in watchers:
+                watcher.listen(0.05)
         passed = time.monotonic() - began
         after = [used(ids) for _, ids in loops]
         rows = [

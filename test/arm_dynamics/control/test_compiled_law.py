@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
+from arm_dynamics import ArmModel, Dynamics, InvalidInput, KernelError, load_scene
 from arm_dynamics.control import (
     NAMES,
     CompiledComputedTorque,
@@ -221,6 +221,18 @@ def test_a_task_that_is_singular_everywhere_is_not_compiled(
     control = make_controller("operational_space", new("two_link"), Settings(frame="tip"))
     assert compiled_law.compiled_law(control) is None
     assert "singular wherever it was compared" in caplog.text
+
+
+def test_a_comparison_leaves_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where code is refused."""
+
+    def refuse(*_: Any) -> None:
+        raise KernelError("it differs")
+
+    monkeypatch.setattr(compiled_law, "compare", refuse)
+    control = make_controller("pid", new("two_link"))
+    assert compiled_law.compiled_law(control) is None
+    np.testing.assert_array_equal(control.law.integral, np.zeros(2))
 
 
 def test_an_integral_is_reset_also_within_friction(rng: np.random.Generator) -> None:

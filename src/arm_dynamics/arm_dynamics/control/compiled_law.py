@@ -8,7 +8,7 @@ expressions it becomes code for an arm, in which gains are inputs: other gains n
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, Protocol, runtime_checkable
@@ -258,22 +258,29 @@ def _function(law: Law, model: ArmModel) -> ca.Function:
 
 def _check(kernel: Kernel, law: Law, model: ArmModel) -> None:
     """Check the code against the controller; errors of ``compare``."""
-    call, kept, found = kernel.call(_NAME), law.memory, []
+    kept = law.memory
+    try:
+        found = list(_pairs(kernel.call(_NAME), law, model))
+    finally:
+        law.memory = kept
+    if not found:
+        raise KernelError(f"{type(law).__name__} is singular wherever it was compared")
+    made, expected = np.swapaxes(found, 0, 1)
+    compare(type(law).__name__, (made - expected, np.maximum(abs(expected), 1.0)))
+
+
+def _pairs(call: Call, law: Law, model: ArmModel) -> Iterator[tuple[Array, Array]]:
+    """Torques and memory by the code and by the controller, where the code has an answer."""
+    like, rng = law.memory, np.random.default_rng(0)
     call.inputs[1][:] = _flat(law.tuning)
-    rng = np.random.default_rng(0)
     for q, v, *desired in np.swapaxes(random_states(model.n, 5), 0, 1):
-        law.memory = tuple(rng.normal(size=part.shape) for part in kept)
+        law.memory = tuple(rng.normal(size=part.shape) for part in like)
         call.inputs[0][:] = np.concatenate((q, v, *desired))
         call.inputs[2][:] = _flat(law.memory)
         call.run()
         if all_finite(call.outputs[0]):
             tau = law.torque(Measured(q, v), Reference(*desired))
-            found.append((np.hstack(call.outputs), np.hstack((tau, _flat(law.memory)))))
-    law.memory = kept
-    if not found:
-        raise KernelError(f"{type(law).__name__} is singular wherever it was compared")
-    made, expected = np.swapaxes(found, 0, 1)
-    compare(type(law).__name__, (made - expected, np.maximum(abs(expected), 1.0)))
+            yield np.hstack(call.outputs), np.hstack((tau, _flat(law.memory)))
 
 
 def _flat(parts: Sequence[Array]) -> Array:
