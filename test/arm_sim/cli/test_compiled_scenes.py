@@ -116,13 +116,15 @@ def test_a_process_without_a_compiler_runs_the_scene(scene: Path, compiled: Path
         assert here.run(0.3).q[-1, 0] == float.fromhex(position)
 
 
+@pytest.mark.parametrize("target", ["native", "x86-64-v2"])
 def test_derivatives_are_compiled_on_request(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A machine without a compiler then optimizes motions."""
+    """A machine without a compiler then optimizes motions; arms side by side as far as fits."""
     (tmp_path / "rod.urdf").write_text(URDF)
     out = tmp_path / "compiled"
-    build(tmp_path / "rod.urdf", out, "--derivatives", "--integrator", "rk4")
+    options = "--derivatives", "--batches", "--integrator", "rk4", "--processor", target
+    build(tmp_path / "rod.urdf", out, *options)
     for variable in ("CC", "CXX"):
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
@@ -134,6 +136,9 @@ def test_derivatives_are_compiled_on_request(
     optimizer = ILQR([Phase(sim, 10)], QuadraticCost(x, np.ones(x.shape), u, np.ones(u.shape)))
     assert optimizer.solve([0.1, 0.0], u).verdict == "converged"
     RecedingHorizon(sim.dynamics)
+    rollouts = sim.compiled.rollouts
+    batch = rollouts.batch(np.zeros((3, 1)), np.ones((3, 1)), [0.0], 5, sim.parameters, False)
+    assert rollouts.side_by_side(batch) == []
     assert not list((tmp_path / "cache").rglob("*.so"))
 
 

@@ -122,6 +122,12 @@ def may_build(language: str = "c") -> bool:
     return find_compiler(language) is not None or bool(compiled_scenes.folders())
 
 
+def instructions() -> frozenset[str]:
+    """Extensions of the instruction set that code may use that is compiled now."""
+    destination = _destination.get()
+    return processor.needed(destination.target if destination else processor.NATIVE)
+
+
 def build(source: str, language: str = "c", flags: tuple[str, ...] = FLAGS) -> Code:
     """Compile source into a library, or take it from a folder of ARM_CACHE or the user's cache.
 

@@ -268,6 +268,7 @@ def prepare(simulator: Simulator) -> None:
     """
     simulator.compiled.linearizer().prepare()
     Forward(simulator).prepare()
+    library_of.cache_clear()  # what this process has loaded may not be in the folder to build into
     library_of(simulator.plant.nx, simulator.n)
 
 

@@ -33,7 +33,7 @@ from arm_sim.stepping.adaptive import SubstepControl, controlled_tick
 from arm_sim.stepping.blow import Blow
 from arm_sim.stepping.events import Modes
 from arm_sim.stepping.guards import INSTANT, Guards
-from arm_sim.stepping.rollout import alike, widths
+from arm_sim.stepping.rollout import alike, natural_width, widths
 from arm_sim.stepping.settling import Settling
 from arm_sim.stepping.stepper import Stepper
 from arm_sim.stepping.tangents import Arms, Carried, Tangents, repeated
@@ -132,7 +132,7 @@ class Linearizer:
 
     def prepare(self) -> None:
         """Compile what smooth ticks need, unless that is done."""
-        for width in widths(None):
+        for width in (natural_width(), 1):
             self._smooth.library(width)
 
     def product(self, x: Array, r: Array, ticks: int, dx: Array, dr: Array) -> Array:

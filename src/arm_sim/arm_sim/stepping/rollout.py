@@ -16,7 +16,7 @@ import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, real_array, vector
-from arm_dynamics.codegen import compiler, processor
+from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.inputs import whole
@@ -254,7 +254,9 @@ def of_lanes(code: str, width: int) -> str:
 
 
 def widths(lanes: int | None) -> tuple[int, ...]:
-    """Numbers of lanes to try in turn: as requested, else the processor's; then one.
+    """Numbers of lanes to try in turn: as requested, else the processor's and fewer; then one.
+
+    Code compiled elsewhere, for all processors of a level, may be of fewer lanes than fit here.
 
     Raises:
         InvalidInput: If ``lanes`` is not one of ``WIDTHS``.
@@ -262,12 +264,14 @@ def widths(lanes: int | None) -> tuple[int, ...]:
     if lanes is not None and (isinstance(lanes, bool) or lanes not in WIDTHS):
         allowed = ", ".join(map(str, WIDTHS))
         raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
-    return tuple(dict.fromkeys((lanes or natural_width(), 1)))
+    if lanes is not None:
+        return tuple(dict.fromkeys((lanes, 1)))
+    return tuple(width for width in WIDTHS if width <= natural_width())
 
 
 def natural_width() -> int:
-    """Doubles that a vector register of this processor holds."""
-    present = processor.instructions()
+    """Doubles in a vector register of the processor that code is compiled for."""
+    present = compiler.instructions()
     return 8 if "avx512f" in present else 4 if "avx2" in present else 2
 
 

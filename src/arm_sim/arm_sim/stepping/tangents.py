@@ -27,7 +27,6 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import Kept, Slopes
 from arm_sim.stepping.rollout import (
-    natural_width,
     of_lanes,
     share,
     stop_defines,
@@ -168,7 +167,7 @@ class Tangents:
         Returns:
             Arms that may meet a stop; their results are invalid.
         """
-        built = [(self.library(width), width) for width in widths(lanes)]
+        built = ((self.library(width), width) for width in widths(lanes))
         library, width = next(pair for pair in built if pair[0] is not None)
         met, length = (ctypes.c_byte * arms.count)(), np.array([self._choice.dt])
         columns = found.by_tick(arms.ticks)
@@ -226,7 +225,7 @@ class Tangents:
         stops, parts = stop_defines(self.plant)
         columns = [self._carry, self._limit]
         if lanes == 1:
-            defines |= {"WIDTH": str(natural_width()), "STRETCH": "1"}
+            defines["STRETCH"] = "1"
             columns.append(self._stretch)
         text = "\n".join(map(column_function, columns))
         return (

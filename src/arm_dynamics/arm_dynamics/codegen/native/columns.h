@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Columns side by side, WIDTH of them in a `column`: what the code of columns.py is made of. Of one arm they fill a vector
- * register; of LANES arms they are two, so that each coefficient, a number of every arm, is loaded for both at once.
+ * Columns side by side, WIDTH of them in a `column`: what the code of columns.py is made of. Of one arm they are the four
+ * numbers of a vector of 256 bits (in registers of 512 bits, eight are no faster); of LANES arms two, so that each
+ * coefficient, a number of every arm, is loaded for both at once.
  *
- * Required definitions: `real`, LANES and, for one arm, WIDTH, the number of doubles in a register.
+ * Required definitions: `real` and LANES.
  */
 #if LANES == 1
+#define WIDTH 4
 typedef double column __attribute__((vector_size(8 * WIDTH)));
 #define SPREAD(x) ((x) - (column){})
 #else
