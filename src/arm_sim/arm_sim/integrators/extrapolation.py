@@ -47,12 +47,12 @@ def extrapolated_step(
         State at the end, and an estimate of its error, both of shape (nx,).
     """
     if scaled is None:
-        J_q, J_w, *H = _jacobian(rhs, n).call([x, u, p])
+        J_q, J_w, *H = jacobian(rhs, n).call([x, u, p])
     else:
         J_q, J_w, *H = scaled.call([x, u, p, rhs(x, u, p)])
     patterns = J_q.sparsity(), *(matrix.sparsity() for matrix in H)
-    factor = _factor(n, J_w.sparsity(), *patterns)
-    solve = _solve(n, factor.sparsity_out(0), *patterns)
+    factor = factored(n, J_w.sparsity(), *patterns)
+    solve = solved(n, factor.sparsity_out(0), *patterns)
     row: list[ca.MX] = []
     for j, parts in enumerate(PARTS):
         length, moved, slopes = h / parts, ca.MX.zeros(x.shape[0]), list[ca.MX]()
@@ -61,10 +61,7 @@ def extrapolated_step(
             y = x + moved
             slopes.append(rhs(y, u, p))
             moved = moved + solve(factors, J_q, y, slopes[-1], length, *H)
-        above, row = row, [moved]
-        for k in range(j):
-            ratio = parts / PARTS[j - k - 1]
-            row.append(row[k] + (row[k] - above[k]) / (ratio - 1.0))
+        row = extrapolated(row, moved, j)
     estimate = row[-1] - row[-2]
     if x.shape[0] > 2 * n:
         surprise = _surprise(rhs(x + row[0], u, p), slopes)
@@ -72,6 +69,15 @@ def extrapolated_step(
         error = solve(factor(J_q, J_w, h, *H), J_q, still, surprise, h, *H)
         estimate = ca.fmax(ca.fabs(estimate), ca.fabs(error))
     return x + row[-1], estimate
+
+
+def extrapolated(above: list[ca.MX], moved: ca.MX, j: int) -> list[ca.MX]:
+    """Row j of the table, from the row above and its first entry."""
+    row = [moved]
+    for k in range(j):
+        ratio = PARTS[j] / PARTS[j - k - 1]
+        row.append(row[k] + (row[k] - above[k]) / (ratio - 1.0))
+    return row
 
 
 def _surprise(end: ca.MX, slopes: list[ca.MX]) -> ca.MX:
@@ -84,7 +90,7 @@ def _surprise(end: ca.MX, slopes: list[ca.MX]) -> ca.MX:
     return end - (4.0 * d - 6.0 * c + 4.0 * b - a)
 
 
-def _jacobian(rhs: ca.Function, n: int) -> ca.Function:
+def jacobian(rhs: ca.Function, n: int) -> ca.Function:
     """Exact ∂g/∂q and ∂g/∂w; dense without internal states, else sparse."""
     x, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
     J = ca.jacobian(rhs(x, u, p)[n:], x)
@@ -92,7 +98,7 @@ def _jacobian(rhs: ca.Function, n: int) -> ca.Function:
     return ca.Function("jacobian", [x, u, p], [J[:, :n], J[:, n:]], {"cse": True})
 
 
-def _order(n: int, m: int, scaled: bool) -> list[int]:
+def pivots(n: int, m: int, scaled: bool) -> list[int]:
     """Pivot order: internal states first, since each couples to few others, then velocities.
 
     Velocities of a scaled system are ordered from the tips, which preserves the zeros due to
@@ -101,7 +107,7 @@ def _order(n: int, m: int, scaled: bool) -> list[int]:
     return [*range(n, m), *(reversed(range(n)) if scaled else range(n))]
 
 
-def _factor(n: int, J_w: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
+def factored(n: int, J_w: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
     """LU factors of H - h ∂g/∂w - h² [∂g/∂q, 0] in one matrix; H = 1 unless its pattern is given.
 
     No pivoting: for a passive model J = (S - D) H with S skew, D and H positive, so that I - h J =
@@ -115,7 +121,7 @@ def _factor(n: int, J_w: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> 
     H = [ca.SX.sym("H", pattern) for pattern in scale]
     wide = Q if m == n else ca.horzcat(Q, ca.SX(m, m - n))
     A = (*H, ca.SX.eye(m))[0] - h * (W + h * wide)
-    order = _order(n, m, bool(H))
+    order = pivots(n, m, bool(H))
     for step, k in enumerate(order):
         rest = [j for j in order[step + 1 :] if A.sparsity().has_nz(k, j)]
         for i in order[step + 1 :]:
@@ -126,21 +132,29 @@ def _factor(n: int, J_w: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> 
     return ca.Function("factor", [Q, W, h, *H], [A], {"cse": True})
 
 
-def _solve(n: int, factors: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
+def solved(n: int, factors: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
     """Increment of x in one linearly implicit Euler step, which avoids cancellation."""
     m = factors.size1()
     LU, Q, h = ca.SX.sym("LU", factors), ca.SX.sym("J_q", J_q), ca.SX.sym("h")
     x, slope = ca.SX.sym("x", n + m), ca.SX.sym("f", n + m)
     H = [ca.SX.sym("H", pattern) for pattern in scale]
-    v, order = x[n : 2 * n], _order(n, m, bool(H))
+    v, order = x[n : 2 * n], pivots(n, m, bool(H))
     d = h * ((H[0] @ slope[n:] if H else slope[n:]) + h * (Q @ v))
 
+    d = substituted(LU, d, order)
+    arguments, moved = [LU, Q, x, slope, h, *H], ca.vertcat(h * (v + d[:n]), d)
+    return ca.Function("solve", arguments, [moved], {"cse": True})
+
+
+def substituted(LU: ca.SX, d: ca.SX, order: list[int]) -> ca.SX:
+    """Solution of a system whose factors are in one matrix, eliminated in an order."""
+    d = ca.SX(d)
+
     def known(i: int, others: list[int]) -> ca.SX:
-        return sum((LU[i, j] * d[j] for j in others if factors.has_nz(i, j)), ca.SX(0.0))
+        return sum((LU[i, j] * d[j] for j in others if LU.has_nz(i, j)), ca.SX(0.0))
 
     for step, i in enumerate(order):
         d[i] = d[i] - known(i, order[:step])
     for step, i in reversed(list(enumerate(order))):
         d[i] = (d[i] - known(i, order[step + 1 :])) / LU[i, i]
-    arguments, moved = [LU, Q, x, slope, h, *H], ca.vertcat(h * (v + d[:n]), d)
-    return ca.Function("solve", arguments, [moved], {"cse": True})
+    return d

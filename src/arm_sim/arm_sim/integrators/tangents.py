@@ -19,6 +19,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from arm_sim.integrators.implicit_tangents import implicit_tangent
 from arm_sim.integrators.methods import Method, Scaled, build_step, weighed_sum
 from arm_sim.integrators.tableaux import Tableau
 from arm_sim.plant.slopes import Kept, Slopes, jacobian_by
@@ -52,8 +53,13 @@ def build_tangent(
         tangents.
     """
     if method.name == "implicit":
-        return _whole(build_step(method, rhs, n, project, scaled), tuned)
-    pair = _semi_implicit(slopes, n) if method.tableau is None else _staged(method.tableau, slopes)
+        if scaled is not None and scaled() is not None:
+            return _whole(build_step(method, rhs, n, project, scaled), tuned)
+        pair = implicit_tangent(rhs, slopes, n, tuned)
+    elif method.tableau is None:
+        pair = _semi_implicit(slopes, n)
+    else:
+        pair = _staged(method.tableau, slopes)
     return pair if project is None else _projected(pair, project, n, tuned)
 
 

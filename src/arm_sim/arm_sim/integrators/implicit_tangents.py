@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Derivative of the extrapolated linearly implicit step, see ``extrapolation``.
+
+A part of length h solves A d = h (g + h J_q v), A = I - h J_w - h² [J_q, 0], and moves by
+Δ = (h (v + d_q), d), with g at the beginning y of the part and J at that of the whole step, x.
+Then
+
+    A dd = h (dg + h J_q dv + d(J Δ)) + dh (g + J_w d + 2 J_q Δq),
+
+where d(J Δ) is the change of J along x and what is held, at fixed Δ: second derivatives of g along
+one direction, so that J is never differentiated as a matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from arm_sim.integrators import extrapolation as implicit
+from arm_sim.plant.slopes import Slopes
+
+
+def implicit_tangent(
+    rhs: ca.Function, slopes: Slopes, n: int, tuned: Sequence[int]
+) -> tuple[ca.Function, ca.Function]:
+    """Compose the derivative of one step.
+
+    Args:
+        rhs: Function (x, u, p) -> x'.
+        slopes: Its derivatives.
+        n: Degrees of freedom.
+        tuned: Places in p of the quantities to differentiate by, those of ``slopes``.
+
+    Returns:
+        As ``tangents.build_tangent``.
+    """
+    x, u, p = (ca.MX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
+    h, bend = ca.MX.sym("h"), _bending(rhs, n, tuned)
+    J_q, J_w = implicit.jacobian(rhs, n).call([x, u, p])
+    factor = implicit.factored(n, J_w.sparsity(), J_q.sparsity())
+    solve = implicit.solved(n, factor.sparsity_out(0), J_q.sparsity())
+    kept, row = [h, J_q.nz[:]], list[ca.MX]()
+    for j, parts in enumerate(implicit.PARTS):
+        length, moved = h / parts, ca.MX.zeros(x.shape[0])
+        LU = factor(J_q, J_w, length)
+        kept.append(LU.nz[:])
+        for _ in range(parts):
+            y = x + moved
+            slope, c = rhs(y, u, p), slopes.coefficients(y, u, p)[1]
+            change = solve(LU, J_q, y, slope, length)
+            by_length = slope[n:] + J_w @ change[n:] + 2.0 * (J_q @ change[:n])
+            kept += [c, bend(x, u, p, change), by_length, change[:n] / length]
+            moved = moved + change
+        row = implicit.extrapolated(row, moved, j)
+    results = [x + row[-1], ca.vertcat(*kept)]
+    advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
+    patterns = J_q.sparsity(), factor.sparsity_out(0), bend
+    return advance, _stretch(slopes, n, advance.size1_out(1), *patterns)
+
+
+def _bending(rhs: ca.Function, n: int, tuned: Sequence[int]) -> ca.Function:
+    """Function (x, u, p, Δ) -> derivatives of J Δ by x and by what is held, at fixed Δ, dense."""
+    x, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
+    d, held = ca.SX.sym("d", x.shape[0]), ca.vertcat(u, p[list(tuned), :])
+    along = ca.jtimes(rhs(x, u, p)[n:], x, d)
+    bent = ca.vec(ca.densify(ca.jacobian(along, ca.vertcat(x, held))))
+    return ca.Function("bend", [x, u, p, d], [bent], {"cse": True})
+
+
+def _stretch(
+    slopes: Slopes, n: int, count: int, of_q: ca.Sparsity, of_LU: ca.Sparsity, bend: ca.Function
+) -> ca.Function:
+    """Function (c, dx, dw, dh) -> dx at the end."""
+    dx, dw = (ca.SX.sym(name, slopes.carried.size1_in(i)) for i, name in ((1, "dx"), (2, "dw")))
+    dh, c, nx = ca.SX.sym("dh"), ca.SX.sym("c", count), dx.shape[0]
+    m, place = nx - n, 0
+
+    def taken(size: int) -> ca.SX:
+        nonlocal place
+        place += size
+        return c[place - size : place]
+
+    h, order, row = taken(1), implicit.pivots(n, m, False), list[ca.SX]()
+    J_q = ca.SX(of_q, taken(of_q.nnz()))
+    for j, parts in enumerate(implicit.PARTS):
+        length, dlength, moved = h / parts, dh / parts, ca.SX(nx, 1)
+        LU = ca.SX(of_LU, taken(of_LU.nnz()))
+        for _ in range(parts):
+            dy = dx + moved
+            dg = slopes.carried(taken(slopes.coefficients.size1_out(1)), dy, dw)[n:]
+            bent = ca.reshape(taken(bend.size1_out(0)), m, -1) @ ca.vertcat(dx, dw)
+            d = length * (dg + length * (J_q @ dy[n : 2 * n]) + bent) + dlength * taken(m)
+            d = implicit.substituted(LU, d, order)
+            dq = dlength * taken(n) + length * (dy[n : 2 * n] + d[:n])
+            moved = moved + ca.vertcat(dq, d)
+        row = implicit.extrapolated(row, moved, j)
+    return ca.Function("stretch", [c, dx, dw, dh], [dx + row[-1]], {"cse": True})
