@@ -28,7 +28,7 @@ ABOVE = 3.0
 FLAT = 2.0
 """Cut-off frequency over the highest frequency at which the motion exceeds the noise: there the
 gain is within 4e-3 of one."""
-SLOWEST = 20.0
+SLOWEST = 45.0
 """Smallest number of periods of the cut-off frequency in a recording."""
 RATIO = 1.15
 """Growth of the bins of the spectrum."""

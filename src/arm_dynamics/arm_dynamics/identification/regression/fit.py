@@ -37,8 +37,8 @@ from arm_dynamics.identification.regression.selection import STEEP, STEEPEST
 
 SIGNED = (COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
 STEPS = 25
-SETTLED = 1e-10
-"""Relative change of a shape at which it has converged."""
+SETTLED = 1e-6
+"""Change of the sum of the logarithms of residuals at which shapes have converged."""
 
 
 @dataclass(frozen=True)

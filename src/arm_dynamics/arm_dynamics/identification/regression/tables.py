@@ -55,8 +55,12 @@ def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
             own if own.shape.load is None else _begun(rows, use, load, fit, j, count)
             for j, own in enumerate(fit.friction)
         ]
-        trials = [trial(laws, fold) for fold in JUDGES]
-        if all(now < BETTER * before for (now, _), before in zip(trials, least, strict=True)):
+        trials = []
+        for fold, before in zip(JUDGES, least, strict=True):
+            trials.append(trial(laws, fold))
+            if trials[-1][0] >= BETTER * before:
+                break
+        else:
             least, chosen = [now for now, _ in trials], trials[0][1]
     if not chosen:
         return fit
