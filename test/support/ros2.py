@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import sys
 import time
 from argparse import ArgumentParser, Namespace
@@ -29,6 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 
 SRC = Path(__file__).parents[2] / "src"
 PATIENCE = 30.0  # [s]
+_interrupted: list[bool] = []
 
 
 def loaded(name: str) -> Any:
@@ -57,9 +59,17 @@ def _value(kind: str, inner: Any, value: Any) -> Any:
     return value
 
 
+def spin(made: Node, seconds: float) -> None:
+    """Spin once; Ctrl-C ends it between messages, since rclpy does not expect it within one."""
+    rclpy.spin_once(made, timeout_sec=seconds)
+    if _interrupted:
+        raise KeyboardInterrupt
+
+
 @contextmanager
 def node() -> Iterator[Node]:
     """A node for a moment."""
+    signal.signal(signal.SIGINT, lambda *_: _interrupted.append(True))
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     made = rclpy.create_node(f"_ros2cli_{os.getpid()}")
     try:
@@ -75,7 +85,7 @@ def wait(made: Node, done: Callable[[], Any], what: str) -> None:
     while not done():
         if time.monotonic() > end:
             sys.exit(f"ros2: {what} (waited {PATIENCE:g} s)")
-        rclpy.spin_once(made, timeout_sec=0.02)
+        spin(made, 0.02)
 
 
 def answer(made: Node, future: Any, what: str) -> Any:
@@ -120,7 +130,7 @@ def topic_pub(words: Namespace) -> None:
             if words.once:
                 publisher.wait_for_all_acked()
                 return
-            rclpy.spin_once(made, timeout_sec=0.0)
+            spin(made, 0.0)
             time.sleep(1.0 / words.rate)
 
 

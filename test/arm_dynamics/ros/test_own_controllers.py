@@ -94,12 +94,12 @@ def test_hand_over_is_without_a_jump_both_ways(ros: Ros) -> None:
     np.testing.assert_array_equal(effort(node.on_joint_states(state(30 * MS, q))), tau)
 
 
-def test_torques_are_cut_and_gains_handed_on_as_ours(ros: Ros) -> None:
+def test_torques_are_clipped_and_gains_handed_on_as_ours(ros: Ros) -> None:
     scene = SCENE.model_dump(exclude_none=True) | {"joints": {"*": {"limits": {"effort": 0.5}}}}
     node = ros.add(ControllerNode, scene, controller=SPRINGS, saturate=True, bandwidth=[7.0])
     node.on_joint_states(state(0))
     tau = effort(node.on_joint_states(state(MS, HOME + 0.1)))
-    assert (abs(tau) <= 0.5).all() and "cut" in level(node)[1]
+    assert (abs(tau) <= 0.5).all() and "clipped" in level(node)[1]
     assert node.control.active.control._control.bandwidth == 7.0
 
 

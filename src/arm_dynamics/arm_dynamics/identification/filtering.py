@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,9 +80,7 @@ class ZeroPhase:
         # Without the line through both ends it begins and ends at zero, as if it were periodic.
         slope = (long[-1] - long[0]) / (count - 1)
         line = long[0] + np.arange(count).reshape(shape) * slope
-        frequency = np.fft.rfftfreq(count, self.dt)
-        response = (2j * np.pi * frequency) ** derivative
-        response = response / (1.0 + (frequency / band) ** (2 * self.order))
+        response = _response(count, self.dt, band, self.order, derivative)
         spectrum = np.fft.rfft(long - line, axis=0) * response.reshape(shape)
         found = np.fft.irfft(spectrum, count, axis=0)
         found += (line, slope / self.dt, 0.0)[min(derivative, 2)]
@@ -93,6 +92,18 @@ class ZeroPhase:
             return 1
         settled = math.ceil(SETTLED / (self.band * self.dt))
         return max(FEWEST, min(settled, int(MOST_LEFT_OUT * count)))
+
+
+@lru_cache(maxsize=16)  # columns are filtered thousands of times, all of one length
+def _response(
+    count: int, dt: float, band: float, order: int, derivative: int
+) -> NDArray[np.complexfloating]:
+    """Gains of the filter at the frequencies of a real spectrum."""
+    frequency = np.fft.rfftfreq(count, dt)
+    gain = 1.0 / (1.0 + (frequency / band) ** (2 * order))
+    found = gain * (2j * np.pi * frequency) ** derivative
+    found.setflags(write=False)
+    return found
 
 
 def _fast_length(least: int) -> int:

@@ -38,7 +38,7 @@ from arm_dynamics.identification.regression.selection import STEEP, STEEPEST
 SIGNED = (COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
 STEPS = 25
 SETTLED = 1e-6
-"""Change of the sum of the logarithms of residuals at which shapes have converged."""
+"""``settled`` of results: then shapes are known far better than any noise lets them be."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Fit:
 
 def fitted(
     rows: Rows, use: Mask, belief_for: object, friction: Sequence[JointFit], *,
-    possible: bool = False,
+    possible: bool = False, settled: float = SETTLED,
 ) -> Fit:  # fmt: skip
     """Fit all unknowns: linear ones in one step, shapes of friction by Gauss-Newton.
 
@@ -92,6 +92,8 @@ def fitted(
         belief_for: Returns the prior for a number of unknowns.
         friction: Laws of each joint, with first guesses of their shapes.
         possible: Whether bodies must be physically consistent.
+        settled: Change of the sum of the logarithms of the joints' residuals at which shapes have
+            converged.
     """
     target = rows.effort - rows.known
     common = common_columns(rows, use)
@@ -101,7 +103,7 @@ def fitted(
     fastest = abs(rows.v).max(axis=0)
     for _ in range(4):  # impossible terms are removed
         fits, load, weights, x, columns = _settled(
-            rows, use, common, belief_for, fits, target, load, weights
+            rows, use, common, belief_for, fits, target, load, weights, settled
         )
         lean = [_without_impossible(fit, fastest[j]) for j, fit in enumerate(fits)]
         if all(_same(a, b) for a, b in zip(lean, fits, strict=True)):
@@ -129,7 +131,7 @@ def _kept(rows: Rows, use: Mask, j: int, fit: JointFit) -> JointFit:
 
 def _settled(
     rows: Rows, use: Mask, common: Any, belief_for: object, fits: list[JointFit], target: Array,
-    load: Array, weights: Array,
+    load: Array, weights: Array, settled: float,
 ) -> tuple[list[JointFit], Array, Array, Array, Columns]:  # fmt: skip
     best = np.inf
     kept: tuple[list[JointFit], Array, Array, Array, Columns] | None = None
@@ -158,7 +160,7 @@ def _settled(
             if step >= 3:
                 break
             continue
-        if step >= 3 and abs(gain) < SETTLED:
+        if step >= 3 and abs(gain) < settled:
             break
         damping = min(1.0, 2.0 * damping)
         trial = _stepped(rows, belief_for, (trial, load, weights, x, columns), target, damping)
@@ -210,9 +212,10 @@ def _stepped(
     fits, load, weights, _, columns = now
     names = [(j, name) for j, fit in enumerate(fits) for name in _shapes(fit)]
     parts, places = list(columns.own), list(columns.places)
-    for i, (j, name) in enumerate(names):
-        slope = rows.sudden(partial(_slope, fits[j], name), j, load[:, j])
-        parts[j] = np.column_stack([parts[j], slope])
+    for j in dict.fromkeys(j for j, _ in names):
+        slopes = rows.sudden(partial(_slopes, fits[j]), j, load[:, j])
+        parts[j] = np.column_stack([parts[j], slopes])
+    for i, (j, _) in enumerate(names):
         places[j] = np.append(places[j], columns.size + i)
     wide = replace(columns, own=tuple(parts), places=tuple(places), size=columns.size + len(names))
     belief: Belief = belief_for(wide.size)  # type: ignore[operator]
@@ -225,14 +228,17 @@ def _stepped(
     return moved
 
 
-def _slope(fit: JointFit, name: str, v: Array, load: Array) -> Array:
-    """Derivative of a joint's friction by one parameter of its shape, shape (k, 1)."""
-    h = 1e-6
-    up, down = (replace(fit, shape=_moved(fit.shape, name, by)) for by in (h, -h))
-    span = 2.0 * h
-    if name == "load":
-        span = (up.shape.load or 0.0) - (down.shape.load or 0.0)
-    return np.asarray((up.torque(v, load) - down.torque(v, load))[:, None] / span)
+def _slopes(fit: JointFit, v: Array, load: Array) -> Array:
+    """Derivatives of a joint's friction by the parameters of its shape, shape (k, parameters)."""
+    h, now, found = 1e-6, fit.torque(v, load), []
+    for name in _shapes(fit):
+        shape, span = _moved(fit.shape, name, h), h
+        if shape == fit.shape:  # at its upper bound
+            shape, span = _moved(fit.shape, name, -h), -h
+        if name == "load":
+            span = (shape.load or 0.0) - (fit.shape.load or 0.0)
+        found.append((replace(fit, shape=shape).torque(v, load) - now) / span)
+    return np.column_stack(found)
 
 
 def _same(one: JointFit, other: JointFit) -> bool:

@@ -7,7 +7,7 @@ see ``model.friction`` for the keys of a scene.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -76,9 +76,10 @@ class Shape:
         dry = friction.dry(v, way, level, excess, fall)
         if kind == COULOMB_SKEW:
             dry = way * dry
-        return np.asarray(dry if self.load is None else dry * self._factor(load))
+        return np.asarray(dry if self.load is None else dry * self.factor(load))
 
-    def _factor(self, load: Array) -> Array:
+    def factor(self, load: Array) -> Array:
+        """Dry friction under loads relative to that without load, shape (k,)."""
         return np.asarray(Curve.through(*self.table)(abs(load)))
 
 
@@ -98,8 +99,14 @@ class JointFit:
 
     def columns(self, v: Array, load: Array) -> Array:
         """One column for each kind, shape (k, kinds)."""
-        made = [self.shape.column(kind, v, load) for kind in self.kinds]
-        return np.column_stack(made) if made else np.zeros((len(v), 0))
+        if not self.kinds:
+            return np.zeros((len(v), 0))
+        plain = replace(self.shape, load=None)
+        made = np.column_stack([plain.column(kind, v, load) for kind in self.kinds])
+        if self.shape.load is not None:
+            dry = [kind not in (VISCOUS, VISCOUS_SKEW) for kind in self.kinds]
+            made[:, dry] *= self.shape.factor(load)[:, None]
+        return made
 
     def torque(self, v: Array, load: Array) -> Array:
         """The friction, shape (k,)."""

@@ -22,6 +22,8 @@ ENDS = np.geomspace(0.1, 1.1, 10)
 """First guesses of the last point, relative to the largest load."""
 BETTER = 0.95
 """Relative prediction error of each of ``JUDGES`` that a table must reach to be accepted."""
+ROUGH = 1e-3
+"""``settled`` of fits that are only compared, to a few percent."""
 JUDGES = (FOLDS - 1, FOLDS // 2)
 """Folds that tables predict from the others; one alone may favor a table by chance."""
 
@@ -45,7 +47,7 @@ def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
 
     def trial(laws: Sequence[JointFit], fold: int) -> tuple[float, tuple[JointFit, ...]]:
         mine = (rows.fold == fold)[:, None]
-        found = fitted(rows, use & ~mine, belief_for, laws)
+        found = fitted(rows, use & ~mine, belief_for, laws, settled=ROUGH)
         return mean_residual(found, use & mine), found.friction
 
     least = [trial(fit.friction, fold)[0] for fold in JUDGES]
