@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -44,6 +45,8 @@ def main(runs: int | None, workers: int, cluster_workers: int, out: Path) -> Non
 
     The three tables must agree to the bit.
     """
+    if find_spec("distributed") is None:  # before a minute of work, not after it
+        raise click.ClickException("Dask is missing: './arm setup sweep' installs it")
     study = load_study(STUDY)
     if runs is not None:
         study = study.model_copy(update={"samples": runs})
