@@ -42,10 +42,10 @@ def lockstep(
     Returns:
         Ticks per second and digests of all states and torques.
     """
-    across = [across(scene, ticks, logs, domain) for _ in range(2)]
+    twice = [across(scene, ticks, logs, domain) for _ in range(2)]
     alone = [_alone(scene, ticks) for _ in range(2)]
     compiled = _compiled(scene, compiled_ticks)
-    return {"ticks": ticks, "compiled ticks": compiled_ticks, "across": across, "alone": alone,
+    return {"ticks": ticks, "compiled ticks": compiled_ticks, "across": twice, "alone": alone,
             "compiled": compiled}  # fmt: skip
 
 
