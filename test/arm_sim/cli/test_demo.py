@@ -34,7 +34,7 @@ class Demo:
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-m", "arm_sim.cli", "demo", "--output", str(folder), *words],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
-            env=surroundings(),
+            env=surroundings() | {"TMPDIR": str(folder.parent)},  # a killed demo removes nothing
         )  # fmt: skip
         self.said = ""
 

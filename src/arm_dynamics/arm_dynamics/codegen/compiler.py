@@ -10,6 +10,7 @@ again and never loaded.
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import hashlib
 import logging
@@ -214,7 +215,9 @@ def cache_folder() -> Path:
 
 @cache
 def _temporary_folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="arm_dynamics-"))
+    folder = Path(tempfile.mkdtemp(prefix="arm_dynamics-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def digest(*parts: str) -> str:
