@@ -27,8 +27,8 @@ FEWEST = 25
 ABOVE = 3.0
 """Ratio to the noise above which the smoothed power is motion."""
 FLAT = 2.0
-"""Cut-off frequency over the highest frequency at which the motion exceeds the noise: there the
-gain is within 4e-3 of one."""
+"""Cut-off frequency over the highest frequency at which the motion exceeds the noise, for
+positions as for efforts: there the gain is within 4e-3 of one."""
 SLOWEST = 45.0
 """Smallest number of periods of the cut-off frequency in a recording."""
 RATIO = 1.15

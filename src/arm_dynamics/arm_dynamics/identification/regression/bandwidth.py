@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.identification.filtering import FLAT
 from arm_dynamics.identification.regression.estimation import Mask, deviations
 from arm_dynamics.identification.regression.fit import Fit, fitted
 from arm_dynamics.identification.regression.rows import Rows
@@ -20,8 +21,6 @@ BETTER = 0.95
 """Relative residual that a bandwidth must reach to be accepted."""
 ROUNDS = 8
 """Largest number of fits until the bandwidth is stable."""
-FLAT = 2.0
-"""The band over the frequency up to which predictions exceed residuals, as for positions."""
 NOISY = 0.05
 """Fraction of the residual's power above that frequency for which the band is narrowed to it."""
 

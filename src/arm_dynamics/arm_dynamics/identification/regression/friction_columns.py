@@ -7,7 +7,8 @@ see ``model.friction`` for the keys of a scene.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -58,14 +59,28 @@ class Shape:
         at, factor = self.table
         return float((np.diff(factor) / np.diff(at)).max())
 
-    def column(self, kind: str, v: Array, load: Array) -> Array:
-        """Friction with a unit coefficient.
+    def columns(self, kinds: Sequence[str], v: Array, load: Array) -> Array:
+        """Friction with unit coefficients, shape (k, kinds).
 
         Args:
-            kind: One of ``LINEAR``.
+            kinds: Of ``LINEAR``.
             v: Velocities, shape (k,).
             load: Torques of the drive in [N m] or [N], shape (k,).
         """
+        if not kinds:
+            return np.zeros((len(v), 0))
+        made = np.column_stack([self._unloaded(kind, v) for kind in kinds])
+        if self.load is not None:
+            dry = [kind not in (VISCOUS, VISCOUS_SKEW) for kind in kinds]
+            made[:, dry] *= np.asarray(Curve.through(*self.table)(abs(load)))[:, None]
+        return made
+
+    def column(self, kind: str, v: Array, load: Array) -> Array:
+        """One of the columns, shape (k,)."""
+        return self.columns((kind,), v, load)[:, 0]
+
+    def _unloaded(self, kind: str, v: Array) -> Array:
+        """A column without its growth with load, shape (k,)."""
         way = np.sign(v)
         if kind == VISCOUS:
             return np.asarray(friction.viscous(v, 1.0))
@@ -74,13 +89,7 @@ class Shape:
         fall = self.stribeck_velocity or 1.0
         level, excess = (0.0, 1.0) if kind == EXCESS else (1.0, 0.0)
         dry = friction.dry(v, way, level, excess, fall)
-        if kind == COULOMB_SKEW:
-            dry = way * dry
-        return np.asarray(dry if self.load is None else dry * self.factor(load))
-
-    def factor(self, load: Array) -> Array:
-        """Dry friction under loads relative to that without load, shape (k,)."""
-        return np.asarray(Curve.through(*self.table)(abs(load)))
+        return np.asarray(way * dry if kind == COULOMB_SKEW else dry)
 
 
 @dataclass(frozen=True)
@@ -99,14 +108,7 @@ class JointFit:
 
     def columns(self, v: Array, load: Array) -> Array:
         """One column for each kind, shape (k, kinds)."""
-        if not self.kinds:
-            return np.zeros((len(v), 0))
-        plain = replace(self.shape, load=None)
-        made = np.column_stack([plain.column(kind, v, load) for kind in self.kinds])
-        if self.shape.load is not None:
-            dry = [kind not in (VISCOUS, VISCOUS_SKEW) for kind in self.kinds]
-            made[:, dry] *= self.shape.factor(load)[:, None]
-        return made
+        return self.shape.columns(self.kinds, v, load)
 
     def torque(self, v: Array, load: Array) -> Array:
         """The friction, shape (k,)."""

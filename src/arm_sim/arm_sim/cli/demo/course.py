@@ -30,8 +30,6 @@ from arm_sim.view.server import library
 _SETTLED = 0.3  # [s] of observation after the motion
 _OPENING = 3.0  # [s] for a browser to open
 _LATE = 10.0  # [s] that the motion may take beyond one and a half times its duration
-# In simulated time a busy machine slows the motion down; in real time it would disturb it.
-_ROS_SIM = ("--ros-args", "-p", "time:=sim")
 _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
 Say = Callable[[str], None]

@@ -1,7 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Arms in SIMD lanes: assignment of arms to lanes, and loading of their data.
+ *
+ * Required definitions: NU. With a controller in the tick also NR, the length of its references, which then replace torques.
  */
+
+#ifdef NR
+#define WITH_CONTROLLER
+#define CONTROLLED , double* effort
+#else
+#define NR NU
+#define CONTROLLED
+#endif
 
 /* Spare lanes of the last group repeat the last arm before `last`. */
 static void choose_arms(long long arm, long long last, long long* of_lane) {

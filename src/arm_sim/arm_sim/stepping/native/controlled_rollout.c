@@ -4,16 +4,8 @@
  * of its own, and takes the next arm when it is done with one.
  *
  * Before this file: arms.c, substeps.c, NX, NU, NP, SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.c), the generated `attempt`
- * and `actuate`, MOST_SUBSTEPS, TOLERANCE; where joints have stops also stops.c, and STOPS. With a controller in
- * `actuate` also NR, as for rollout.c.
+ * and `actuate`, MOST_SUBSTEPS, TOLERANCE; where joints have stops also stops.c, and STOPS.
  */
-#ifdef NR
-#define WITH_CONTROLLER
-#define CONTROLLED , double* effort
-#else
-#define NR NU
-#define CONTROLLED
-#endif
 
 /* The arguments of `rollout`. */
 typedef struct {

@@ -3,15 +3,8 @@
  * Many arms, LANES at a time. C where `real` is a double, C++ where it is a vector of them.
  *
  * Required definitions: arms.c, and as for roll.c; NP (length of the parameters); where joints have stops also stops.c, and
- * STOPS. With a controller in the tick also NR, the length of its references, which then replace torques.
+ * STOPS.
  */
-#ifdef NR
-#define WITH_CONTROLLER
-#define CONTROLLED , double* effort
-#else
-#define NR NU
-#define CONTROLLED
-#endif
 
 #ifdef __cplusplus
 extern "C"
