@@ -26,5 +26,9 @@ class NotDifferentiable(InvalidInput):
     """
 
 
+class NoRecording(ArmError, FileNotFoundError):
+    """There is no file or folder where a recording is to be read."""
+
+
 class ViewError(ArmError):
     """Something cannot be shown: a library, browser or port is missing, or a file is invalid."""

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_dynamics import ArmModel, Dynamics, SceneError, load_scene
 
 SCARA = str(models.FOLDER / "scara.urdf")
 
@@ -41,6 +41,15 @@ def test_scene_replaces_limits() -> None:
     found = (model.effort_limit, model.velocity_limit, model.position_lower, model.position_upper)
     assert [float(x[2]) for x in found] == [5.0, 0.5, -0.1, 0.1]
     np.testing.assert_array_equal(model.effort_limit[[0, 1, 3]], [60.0, 30.0, np.inf])
+
+
+@pytest.mark.parametrize("limits", [{"lower": 3.0}, {"upper": -3.0}, {"lower": 2.6}], ids=str)
+def test_a_limit_beyond_the_other_one_of_the_description(limits: dict[str, float]) -> None:
+    """The description limits this joint to ±2.6 rad, so that no position would be left."""
+    name = ArmModel(load_scene(SCARA)).joint_names[0]
+    scene = load_scene({"robot": {"urdf": SCARA}, "joints": {name: {"limits": limits}}})
+    with pytest.raises(SceneError, match=rf"'joints.{name}.limits'.*lower = .* upper = "):
+        ArmModel(scene)
 
 
 @pytest.mark.parametrize(

@@ -168,6 +168,19 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "inertia indefinite": (payload(inertia=[1, 5, 0, 1, 0, 1]), ("inertia", "negative")),
     "payloads a mapping": ({"payloads": {"frame": "link3", "mass": 1}}, ("payloads",)),
     "no payload to tune": ({"tunable": ["payload"]}, ("tunable", "there are no 'payloads'")),
+    "two kinds of stops, one of them for all joints": (
+        {
+            "joints": {
+                "*": {"limits": {"stop": {"restitution": 0.5}}},
+                "joint1": {"limits": {"lower": -1, "upper": 1, "stop": {"stiffness": 1e4}}},
+            }
+        },
+        ("joints.joint1.limits.stop", "0.5", "10000", "rigid", "compliant"),
+    ),
+    "two kinds of servos, one of them for all joints": (
+        {"joints": {"*": {"servo": {"bandwidth": 50}}, "joint1": {"servo": {"stiffness": 9}}}},
+        ("joints.joint1.servo", "50", "9", "not both"),
+    ),
     "joints a list": ({"joints": ["joint1"]}, ("joints",)),
     "initial NaN": ({"initial": {"position": {"joint1": NAN}}}, ("joint1", "nan")),
     "initial a list": ({"initial": {"position": [0, 0, 0]}}, ("position",)),
@@ -202,6 +215,8 @@ BAD_YAML = {
     "a word": "panda",
     "nothing": "",
     "an object": "robot: !!python/object/apply:os.getcwd []",
+    "an alias within its anchor": "robot: &all [*all]",
+    "brackets without end": "[" * 5000,
     "key twice over": "robot: [urdf]\n  lock: x",
 }
 

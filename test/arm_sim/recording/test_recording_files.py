@@ -185,6 +185,12 @@ def test_an_archive_of_something_else_is_refused_by_what_it_holds(tmp_path: Path
         Recording.load(tmp_path / "other.npz")
 
 
+def test_what_does_not_exist_is_an_error_of_ours(tmp_path: Path) -> None:
+    for kind in (ArmError, FileNotFoundError):
+        with pytest.raises(kind, match="no recording '.*none.npz'"):
+            Recording.load(tmp_path / "none.npz")
+
+
 def test_a_name_that_cannot_be_written_is_refused(recording: Recording, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match=r"\.npz, \.mcap"):
         recording.save(tmp_path / "run.txt")

@@ -19,6 +19,7 @@ from std_msgs.msg import Float64MultiArray
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.interfaces import EVERY
 from arm_sim import Recording
+from arm_sim.exceptions import NoRecording
 from arm_sim.recording.files import messages
 from arm_sim.replay import replay
 from arm_sim.ros.record.definitions import definition_of
@@ -145,5 +146,5 @@ def test_what_cannot_be_played_is_said(ros: Ros, tmp_path: Path) -> None:
     assert player.duration == 1.0
     with pytest.raises(InvalidInput, match="rate"):
         player.start(-1.0)
-    with pytest.raises(FileNotFoundError, match="none"):
+    with pytest.raises(NoRecording, match="none"):
         Player(tmp_path / "none.mcap", context=ros.peer.context)

@@ -93,13 +93,21 @@ class ArmModel(Robot):
         found = []
         for name in self._index:
             limits, (lower, upper) = self.scene.joint(name).limits, self._described_range(name)
+            given = limits.lower is not None or limits.upper is not None
+            lower = lower if limits.lower is None else limits.lower
+            upper = upper if limits.upper is None else limits.upper
+            if given and lower >= upper:
+                raise SceneError(
+                    f"scene: 'joints.{name}.limits': with that of the robot description, lower = "
+                    f"{lower:g} is not below upper = {upper:g}; give both, or robot.lock"
+                )
             own = self._rules.get(name)
             leader = own.leader if own else name
             found.append(
                 Range(
                     name,
-                    lower if limits.lower is None else limits.lower,
-                    upper if limits.upper is None else limits.upper,
+                    lower,
+                    upper,
                     limits.stop,
                     self.joint_names.index(leader),
                     *((own.multiplier, own.offset) if own else (1.0, 0.0)),

@@ -41,6 +41,9 @@ def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str
     except (yaml.YAMLError, ValueError) as error:
         said = " ".join(str(error).split())
         raise SceneError(f"{file}: this is not well-formed YAML: {said}") from None
+    except RecursionError:
+        said = "nested too deeply, or an alias within its own anchor"
+        raise SceneError(f"{file}: this YAML cannot be used: {said}") from None
     finally:
         loader.dispose()
     if isinstance(data, dict):

@@ -162,6 +162,8 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
         "initial.velocity": list(scene.initial.velocity),
     }.items():
         check_joints(key, names, urdf.moving, urdf)
+    for name in scene.joints:
+        scene.joint(name)  # which refuses what cannot be merged with the entry of "*"
     for i, payload in enumerate(scene.payloads):
         check_frame(f"payloads.{i}.frame", payload.frame, urdf)
     check_constraints(scene.constraints, urdf, set(scene.robot.lock))

@@ -251,11 +251,18 @@ class Scene(Part):
         return tuple((label(c, i), c) for i, c in numbered if isinstance(c, Contact))
 
     def joint(self, name: str) -> Joint:
-        """Settings of the joint ``name``: its own entry merged with that of ``"*"``."""
+        """Settings of the joint ``name``: its own entry merged with that of ``"*"``.
+
+        Raises:
+            SceneError: If the two cannot be merged, such as two kinds of stops.
+        """
         common, own = self.joints.get("*"), self.joints.get(name)
         if common is None or own is None:
             return own or common or Joint()
-        return Joint.model_validate(_overlay(_given(common), _given(own)))
+        try:
+            return Joint.model_validate(_overlay(_given(common), _given(own)))
+        except ValidationError as error:
+            raise _refused(error, ("joints", name)) from None
 
 
 def _given(part: Part) -> dict[str, Any]:
@@ -286,5 +293,12 @@ def validated(data: dict[str, Any], context: dict[str, Any] | None = None) -> Sc
     try:
         return Scene.model_validate(data, context=context)
     except ValidationError as error:
-        said = complaints(error.errors(), Scene, SCHEMAS, KINDS)
-        raise SceneError("\n".join(said)) from None
+        raise _refused(error) from None
+
+
+def _refused(error: ValidationError, place: tuple[str, ...] = ()) -> SceneError:
+    """The error to raise for content at a place of the scene that the schema refuses."""
+    errors = error.errors()
+    for each in errors:
+        each["loc"] = (*place, *each["loc"])
+    return SceneError("\n".join(complaints(errors, Scene, SCHEMAS, KINDS)))

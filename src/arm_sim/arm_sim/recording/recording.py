@@ -75,6 +75,7 @@ class Recording(Contents):
             topic: Topic of the joint states, if a bag has several.
 
         Raises:
+            NoRecording: If it does not exist.
             InvalidInput: If it is not a recording, or too damaged to be used.
             SceneError: If the scene cannot be used or is of another robot.
             OSError: If it cannot be read.

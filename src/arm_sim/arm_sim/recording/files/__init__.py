@@ -15,6 +15,7 @@ import yaml
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
+from arm_sim.exceptions import NoRecording
 from arm_sim.recording.contents import Contents
 from arm_sim.recording.files import measured, npz, ticks
 from arm_sim.recording.files.bags import BAGS, read_bag
@@ -107,7 +108,7 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
     """Read a recording; see ``Recording.load``."""
     path = Path(path)
     if not path.exists():
-        raise FileNotFoundError(f"no recording '{path}'")
+        raise NoRecording(f"no recording '{path}'")
     if path.suffix == ".npz":
         return npz.read(path)
     if path.suffix == ".csv":

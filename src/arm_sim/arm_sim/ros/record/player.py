@@ -13,6 +13,7 @@ from rclpy.node import Node
 from arm_dynamics.cdr import time_bytes
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.ros.interfaces import EVERY, LATCHED, ROBOT_DESCRIPTION
+from arm_sim.exceptions import NoRecording
 from arm_sim.recording.files.bags import BAGS, read_bag
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, TICK, JointStateWriter
 from arm_sim.recording.recording import Recording
@@ -47,7 +48,7 @@ class Player(Node):
         self._stop = Event()
         self._thread: Thread | None = None
         if not path.exists():
-            raise FileNotFoundError(f"no recording '{path}'")
+            raise NoRecording(f"no recording '{path}'")
         bag = path.suffix in BAGS or path.is_dir()
         read = _messages(path, topics) if bag else _joint_states(path)
         self._pending: list[tuple[int, Any, bytes]] = []
