@@ -30,13 +30,14 @@ class Pair:
         stamp: Of the last state in [ns].
         q: Where the arm is.
         v: How it moves.
+        heard: Commands of the fast node.
         by_python: What Python answered for the fast node.
     """
 
     def __init__(self, ros: Ros, scene: Any, **parameters: Any) -> None:
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         options: dict[str, Any] = {"context": ros.context, "parameter_overrides": overrides}
-        self._ros, self.stamp, self._heard = ros, 0, list[bytes]()
+        self._ros, self.stamp, self.heard = ros, 0, list[bytes]()
         self.slow = ControllerNode(scene, **options)  # nobody spins it
         self.slow.send = lambda command: None
         self.fast = ros.adopt(ControllerNode(scene, own_thread=True, **options))
@@ -49,7 +50,7 @@ class Pair:
 
         self.fast.on_joint_states = noted
         ros.peer.create_subscription(
-            JointState, JOINT_COMMANDS.name, self._heard.append, 10, raw=True
+            JointState, JOINT_COMMANDS.name, self.heard.append, 10, raw=True
         )
         self._publisher = ros.publisher(JointState, JOINT_STATES.name)
         ros.spin_until(lambda: self._publisher.get_subscription_count() >= 2)
@@ -76,14 +77,14 @@ class Pair:
 
     def answers(self, raw: bytes) -> bytes | None:
         """What both command for a state, which must be the same."""
-        commands, by_python = len(self._heard), len(self.by_python)
+        commands, by_python = len(self.heard), len(self.by_python)
         expected = self.slow.on_joint_states(raw)
         self._publisher.publish(raw)
         if expected is None:
             self._ros.spin_until(lambda: None in self.by_python[by_python:])
             return None
-        self._ros.spin_until(lambda: len(self._heard) > commands)
-        assert self._heard[-1] == expected
+        self._ros.spin_until(lambda: len(self.heard) > commands)
+        assert self.heard[-1] == expected
         return expected
 
     def shown(self, raw: bytes) -> None:

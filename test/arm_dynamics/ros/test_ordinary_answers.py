@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
@@ -55,8 +56,9 @@ DRIVEN = {
         (models.scene("panda"), {"bandwidth": [30.0], "saturate": True}),
         (models.scene("gripper"), {}),
         (DRIVEN, {"damping_ratio": [0.7, 1.2]}),
+        (TWO_LINK, {"cpus": ", ".join(map(str, os.sched_getaffinity(0)))}),
     ],
-    ids=["two_link", "panda", "gripper", "driven"],
+    ids=["two_link", "panda", "gripper", "driven", "on a thread with processors of its own"],
 )
 def test_commands_are_those_of_python(
     ros: Ros, rng: np.random.Generator, scene: Any, parameters: dict[str, Any]
@@ -143,6 +145,24 @@ def test_a_state_that_comes_again_gets_the_same_answer(ros: Ros, rng: np.random.
         assert pair.in_c == count
         pair.led(10, rng)
         assert pair.in_c >= count + 8
+
+
+def test_a_state_that_arrives_during_a_change_is_answered_after_it(
+    ros: Ros, rng: np.random.Generator
+) -> None:
+    with side_by_side(ros, TWO_LINK) as pair:
+        for _ in range(5):
+            pair.led(5, rng)
+            pair.stamp += MS
+            raw, heard = pair.state(pair.q, pair.v), len(pair.heard)
+            with pair.fast.answers:
+                pair.shown(raw)
+                for _ in range(5):
+                    ros.spin_once()
+                assert len(pair.heard) == heard
+            ros.spin_until(lambda: len(pair.heard) > heard)
+            assert pair.heard[-1] == pair.slow.on_joint_states(raw)
+        assert pair.in_c > 15
 
 
 def test_jumps_of_time_and_arm_are_for_python(ros: Ros, rng: np.random.Generator) -> None:

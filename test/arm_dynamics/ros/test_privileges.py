@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
+import platform
+import struct
 import threading
 from pathlib import Path
 
@@ -15,12 +18,14 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common import privileges
 from arm_dynamics.ros.common.privileges import (
     ThreadParams,
-    demote_timers,
+    arrange_middleware_threads,
     freeze_garbage,
     read_cpus,
+    shorten_slice,
 )
 
 pytestmark = pytest.mark.ros
+MACHINE = platform.machine()
 
 
 def claimed(wanted: ThreadParams) -> tuple[list[str], set[int]]:
@@ -60,9 +65,33 @@ def test_timers_of_dds_interrupt_nobody(ros: Ros) -> None:
         return {os.sched_getscheduler(int(task.name)) for task in found}
 
     assert os.SCHED_OTHER in policies()
-    demote_timers()
+    arrange_middleware_threads()
     assert policies() == {os.SCHED_BATCH}
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
+def slice_of(thread: int) -> int:
+    """The time slice of a thread in [ns]; 0 before Linux 6.12."""
+    attributes, number = ctypes.create_string_buffer(56), privileges._SCHED_SETATTR[MACHINE] + 1
+    ctypes.CDLL(None).syscall(number, thread, attributes, len(attributes), 0)
+    return struct.unpack_from("Q", attributes, 24)[0]
+
+
+@pytest.mark.skipif(MACHINE not in privileges._SCHED_SETATTR, reason="another processor")
+def test_receivers_of_dds_run_as_soon_as_messages_arrive(ros: Ros) -> None:
+    if not (ordinary := slice_of(0)):
+        pytest.skip("Linux before 6.12 has no time slices of threads")
+    arrange_middleware_threads()
+    tasks = {task: (task / "comm").read_text() for task in Path("/proc/self/task").iterdir()}
+    receivers = [task for task, name in tasks.items() if name.startswith(("dds.shm", "dds.udp"))]
+    assert receivers
+    assert {slice_of(int(task.name)) for task in receivers} == {100_000}
+    assert slice_of(0) == ordinary > 100_000
+    found = list[int]()
+    thread = threading.Thread(target=lambda: (shorten_slice(), found.append(slice_of(0))))
+    thread.start()
+    thread.join()
+    assert found == [100_000]
 
 
 def test_refusals_are_said_and_the_rest_is_done(monkeypatch: pytest.MonkeyPatch) -> None:

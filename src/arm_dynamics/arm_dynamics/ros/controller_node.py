@@ -150,7 +150,9 @@ class ControllerNode(Node):
             self._reader, self._sink, self._command, self._report, self.control,
             self.dynamics.command_map, self.goals, self.action, self._jumps, self._log,
         )  # fmt: skip
-        if not (own_thread and self.answers.start(self, parts, self._answer, self._claim)):
+        # What is granted to the states' thread, the middleware's threads do not have.
+        direct = not (self.params.priority or self.params.cpus)
+        if not (own_thread and self.answers.start(self, parts, self._answer, self._claim, direct)):
             subscribe(self, JOINT_STATES, self.on_joint_states, raw=True)
             self._claim()
 

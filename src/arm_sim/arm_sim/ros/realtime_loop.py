@@ -11,6 +11,7 @@ from ctypes import Structure, addressof, c_int64, c_void_p
 from dataclasses import dataclass
 from typing import Any
 
+from arm_dynamics.ros.common.privileges import shorten_slice
 from arm_sim.ros.latency import Histogram, Percentiles
 
 CATCH_UP, SKIP, SLOW_DOWN = "catch_up", "skip", "slow_down"
@@ -145,6 +146,7 @@ class RealtimeLoop:
 
     def _run(self) -> None:
         _ask_for_exact_timers()
+        shorten_slice()
         self._prepare()
         self.reset()
         once = self._by_the_clock if self._period else self._at_once

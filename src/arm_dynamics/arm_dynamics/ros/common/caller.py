@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import NoAnswer
-from arm_dynamics.ros.common.privileges import demote_timers
+from arm_dynamics.ros.common.privileges import arrange_middleware_threads
 from arm_dynamics.ros.interfaces import Service
 
 _RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
@@ -84,7 +84,7 @@ class Caller:
             f"arm_call_{os.getpid()}_{id(self) & 0xFFFFFF:x}", context=self._context,
             enable_rosout=False, start_parameter_services=False,
         )  # fmt: skip
-        demote_timers()
+        arrange_middleware_threads()
         self._askers: dict[tuple[str, str], Asker] = {}
         self._answered: set[Asker] = set()
         self._offering: dict[Asker, int] = {}

@@ -20,7 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 from arm_dynamics.logs import heard_by
-from arm_dynamics.ros.common.privileges import demote_timers, freeze_garbage
+from arm_dynamics.ros.common.privileges import arrange_middleware_threads, freeze_garbage
 from arm_dynamics.ros.interfaces import Topic
 
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
@@ -148,7 +148,7 @@ def run(
         _initialize(context, args)
         node = make_node(context=context)
         _warn_of_unknown(node)
-        demote_timers()
+        arrange_middleware_threads()
         if node.has_parameter(FREEZE) and node.get_parameter(FREEZE).value:
             freeze_garbage()
         with heard_by(NodeHandler(node)):

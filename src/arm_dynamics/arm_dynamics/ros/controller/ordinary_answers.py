@@ -15,13 +15,14 @@ import ctypes
 from collections.abc import Callable
 from ctypes import Structure, addressof, byref, c_double, c_int64, c_void_p
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from threading import Thread
 from typing import Any
 
 import numpy as np
 from rclpy.node import Node
+from rclpy.utilities import get_rmw_implementation_identifier
 
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
@@ -48,6 +49,8 @@ SOURCE = Path(__file__).with_name("native") / "answers.c"
 _ENDED = -1  # as in answers.c
 _ROOM = 4096  # bytes of a state; longer ones are passed to Python
 _NEVER = 2**63 - 1
+# Fast DDS's listeners may take and write; others hold locks meanwhile that taking needs.
+_TAKE_IN_CALLBACKS = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
 
 class Answers(Structure):
@@ -107,7 +110,7 @@ def _library() -> ctypes.CDLL | None:
     if (library := native(SOURCE)) is None:
         return None
     library.receiver.argtypes, library.receiver.restype = [c_void_p], c_void_p
-    library.serve.argtypes, library.serve.restype = [c_void_p] * 2, c_int64
+    library.serve.argtypes, library.serve.restype = [c_void_p, c_void_p, c_int64], c_int64
     for function in (library.lock, library.unlock, library.end, library.destroy):
         function.argtypes, function.restype = [c_void_p], None
     return library
@@ -138,7 +141,12 @@ class OrdinaryAnswers:
         self._used: tuple[object, ...] = ()  # kept alive while C uses their memory
 
     def start(
-        self, node: Node, parts: Parts, answer: Callable[[bytes], None], claim: Callable[[], None]
+        self,
+        node: Node,
+        parts: Parts,
+        answer: Callable[[bytes], None],
+        claim: Callable[[], None],
+        direct: bool,
     ) -> bool:
         """Subscribe to the states and start the thread that answers them.
 
@@ -147,6 +155,8 @@ class OrdinaryAnswers:
             parts: Its parts.
             answer: Answers a state in Python; called with the lock held.
             claim: Called by the thread before the first state.
+            direct: Whether C may answer on the thread of the middleware that brings a state, where
+                the middleware allows it: that saves a change of threads.
 
         Returns:
             Whether it was started; if not, ``obstacle`` says why.
@@ -165,6 +175,7 @@ class OrdinaryAnswers:
         reader.open(self._newest.pointer)
         self._bind(parts)
         self._answer, self._claim = answer, claim
+        self._direct = direct and get_rmw_implementation_identifier() in _TAKE_IN_CALLBACKS
         self._pass_on = guarded(node, self._in_python)
         node.context.on_shutdown(self._end)
         self._thread = Thread(target=self._serve, name="states", daemon=True)
@@ -321,7 +332,8 @@ class OrdinaryAnswers:
         """Answer states until the end."""
         self._claim()
         self._native.lock(self._receiver)
-        while (outcome := self._native.serve(self._receiver, byref(self._answers))) != _ENDED:
+        serve = partial(self._native.serve, self._receiver, byref(self._answers), self._direct)
+        while (outcome := serve()) != _ENDED:
             self._stop()
             self._pass_on(outcome)
         self._native.unlock(self._receiver)

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 
-from arm_dynamics.ros.common.privileges import demote_timers
+from arm_dynamics.ros.common.privileges import arrange_middleware_threads
 from arm_dynamics.ros.interfaces import Topic
 
 _GLANCE = 0.02  # [s] between checks of a condition
@@ -31,7 +31,7 @@ class Listener:
             f"arm_shell_{os.getpid()}", context=self._context, enable_rosout=False,
             start_parameter_services=False,
         )  # fmt: skip
-        demote_timers()
+        arrange_middleware_threads()
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
 

@@ -67,8 +67,10 @@ typedef struct {
 /* Passes states from ROS to the thread that answers them. */
 typedef struct {
   pthread_mutex_t lock; /* held while a state is answered, or while Python uses the parts of the controller */
-  sem_t calls;          /* posted for every state, and at the end */
+  sem_t calls;          /* posted for every state left to `serve`, and at the end */
   atomic_bool ended;
+  answers_t* at_once; /* answers of states on the thread that brings them; NULL: `serve` answers all */
+  int64_t left;       /* outcome for a state that was taken on that thread and is left to Python; NONE: none */
   const rcl_subscription_t* subscription;
 } receiver_t;
 
@@ -193,24 +195,44 @@ static int answer(answers_t* a, int64_t began) {
 EXPORT void lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
 EXPORT void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 
-/* Answer states until Python must answer one; returns the outcome of `take` for it, or ENDED after `end`. Called by one thread,
- * which holds the lock before and after, but not while it waits. */
-EXPORT int64_t serve(receiver_t* r, answers_t* a) {
+/* Take a state and answer it; the outcome of `take` if Python must answer it, else NONE. */
+static int64_t take_and_answer(answers_t* a) {
+  const int64_t began = now(), outcome = take(a->source, a->reader);
+  return outcome == KNOWN && answer(a, began) ? NONE : outcome;
+}
+
+/* Answer states until Python must answer one; returns the outcome of `take` for it, or ENDED after `end`. Called by one
+ * thread, which holds the lock before and after, but not while it waits. With `direct`, the thread of the middleware
+ * that brings a state answers it at once where possible. */
+EXPORT int64_t serve(receiver_t* r, answers_t* a, int64_t direct) {
+  r->at_once = direct ? a : NULL;
   for (;;) {
     unlock(r);
     while (sem_wait(&r->calls)) continue; /* interrupted by a signal */
     lock(r);
     if (r->ended) return ENDED;
-    const int64_t began = now(), outcome = take(a->source, a->reader);
-    if (outcome == NONE || (outcome == KNOWN && answer(a, began))) continue;
-    return outcome;
+    int64_t outcome = r->left;
+    r->left = NONE;
+    if (outcome == NONE) outcome = take_and_answer(a);
+    if (outcome != NONE) return outcome;
   }
+}
+
+/* Answer a new state unless someone else uses the parts; 0: it is left to `serve`. */
+static int answer_at_once(receiver_t* r) {
+  if (pthread_mutex_trylock(&r->lock)) return 0;
+  const int mine = r->at_once && !r->ended && r->left == NONE;
+  if (mine) r->left = take_and_answer(r->at_once);
+  const int answered = mine && r->left == NONE;
+  unlock(r);
+  return answered;
 }
 
 /* Called by ROS when states arrive, on a thread of the middleware. */
 static void note(const void* receiver, size_t count) {
+  receiver_t* r = (receiver_t*)receiver;
   (void)count;
-  sem_post(&((receiver_t*)receiver)->calls);
+  if (!answer_at_once(r)) sem_post(&r->calls);
 }
 
 /* Let `serve` return. */
