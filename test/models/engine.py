@@ -20,7 +20,7 @@ from arm_sim.integrators.methods import build_step
 from arm_sim.integrators.selection import choose
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.adaptive import SubstepControl
+from arm_sim.stepping.adaptive import LARGEST, SubstepControl
 from arm_sim.stepping.stepper import engine_source, source
 
 APART, SLIDES, STICKS, UNSOLVABLE = range(4)
@@ -221,7 +221,7 @@ def decay(x: np.ndarray, rate: float, h: float, control: SubstepControl) -> np.n
 
     The error of a sub-step is that of Euler's method. None if it gives up.
     """
-    sizes = {"ADAPTIVE": "1", "ORDER": "2", "MOST_SUBSTEPS": "2000"}
+    sizes = {"LARGEST": repr(LARGEST), "ADAPTIVE": "1", "ORDER": "2", "MOST_SUBSTEPS": "2000"}
     library = _library(_DECAY + source(sizes, "substeps.c", "flow.c") + _FLOW)
     u, after = np.array([rate]), np.zeros(2)
     done = library.decay(

@@ -17,6 +17,9 @@ MAX_SUBSTEPS = 100_000
 # Near the instant at which a sliding contact comes to rest its direction turns ever faster. The
 # search for that instant looks beyond it and need not resolve this.
 MAX_SUBSTEPS_TOUCHING = 250
+# A motion diverges where a number of the state is larger than this: far from overflow, so that its
+# squares are finite.
+LARGEST = 1e150
 
 
 class SubstepControl(ctypes.Structure):
@@ -105,5 +108,5 @@ def _growth(size: float, order: int) -> float:
 
 
 def within_reach(x: Array) -> bool:
-    """Whether a state is finite and far from overflow; compiled code asks the same."""
-    return bool(sum(map(abs, x.tolist())) < 1e150)
+    """Whether no number of a state is larger than ``LARGEST`` or NaN."""
+    return all(abs(number) <= LARGEST for number in x.tolist())

@@ -32,6 +32,7 @@ from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import INSIDE
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import (
+    LARGEST,
     MAX_SUBSTEPS,
     MAX_SUBSTEPS_TOUCHING,
     SubstepControl,
@@ -236,11 +237,12 @@ def _built(
 
 
 def sizes(plant: Plant, functions: Sequence[ca.Function]) -> dict[str, str]:
-    """Sizes of a scene and of its functions, as definitions for C drivers."""
+    """Sizes of a scene, its functions and its largest numbers, as definitions for C drivers."""
     return {
         "NX": str(plant.nx),
         "NU": str(plant.model.n),
         "NP": str(len(plant.parameters.nominal)),
+        "LARGEST": repr(LARGEST),
         "SZ_ARG": str(max(function.sz_arg() for function in functions) + 8),
         "SZ_RES": str(max(function.sz_res() for function in functions) + 8),
         "SZ_IW": str(max(function.sz_iw() for function in functions) + 8),

@@ -3,7 +3,7 @@
  * Many arms under error control, LANES at a time. Only attempts are made side by side: every lane has ticks and sub-steps
  * of its own, and takes the next arm when it is done with one.
  *
- * Before this file: arms.c, substeps.c, NX, NU, NP, SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.c), the generated `attempt`
+ * Before this file: arms.c, substeps.c, NX, NU, NP, LARGEST, SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.c), the generated `attempt`
  * and `actuate`, MOST_SUBSTEPS, TOLERANCE; where joints have stops also stops.c, and STOPS.
  */
 
@@ -101,7 +101,7 @@ static int meets_any_stop(const batch_t* batch, const group_t* group, int j) {
 static void end_attempt(const batch_t* batch, group_t* group, int j, const real* next, double error) {
   lane_t* own = group->lane + j;
   int reached = 1;
-  for (int i = 0; i < NX; ++i) reached &= __builtin_fabs(LANE(next[i], j)) <= 1e150;
+  for (int i = 0; i < NX; ++i) reached &= __builtin_fabs(LANE(next[i], j)) <= LARGEST;
   const enum verdict verdict = judge(&own->at, batch->h, error / TOLERANCE, reached);
   if (verdict == ACCEPTED || verdict == ENDED)
     for (int i = 0; i < NX; ++i) LANE(group->x[i], j) = LANE(next[i], j);

@@ -2,9 +2,9 @@
  *
  * Smooth motion: one step of fixed length, or sub-steps under error control where ADAPTIVE is defined.
  *
- * Required definitions: NX, NU (lengths of state and command), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated
- * functions), the generated
- * `step`, or with ADAPTIVE the generated `attempt`, substeps.c and MOST_SUBSTEPS (a tick may try).
+ * Required definitions: NX, NU (lengths of state and command), LARGEST (number of a state), SZ_ARG, SZ_RES, SZ_IW, SZ_W
+ * (work space of the generated functions), the generated `step`, or with ADAPTIVE the generated `attempt`, substeps.c and
+ * MOST_SUBSTEPS (a tick may try).
  * With FREE also `free_step` or `free_attempt`: the same while no joint is at a stop, with tunable numbers alone in p.
  */
 
@@ -24,7 +24,7 @@ typedef struct {
 
 static int within_reach(const real* x) {
   int reached = 1;
-  for (int i = 0; i < NX; ++i) reached &= !BEYOND(x[i], 1e150);
+  for (int i = 0; i < NX; ++i) reached &= !BEYOND(x[i], LARGEST);
   return reached;
 }
 

@@ -48,7 +48,7 @@ void rollout_gradient(const double* x0, const double* tau, long long tau_arm, lo
       memcpy(motion + (k + 1) * NX * LANES, x, sizeof x);
     }
     for (int j = 0; j < LANES; ++j)
-      for (int i = 0; i < NX; ++i) met[of_lane[j]] |= !(__builtin_fabs(LANE(x[i], j)) <= 1e150);
+      for (int i = 0; i < NX; ++i) met[of_lane[j]] |= !(__builtin_fabs(LANE(x[i], j)) <= LARGEST);
     for (int i = 0; i < NP; ++i) sum[i] = 0.0;
     for (int i = 0; i < NX; ++i) weight[i] = 0.0;
     for (long long k = ticks; k >= 0; --k) {

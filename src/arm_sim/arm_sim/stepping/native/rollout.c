@@ -57,9 +57,9 @@ void rollout(const double* x0, const double* tau, long long tau_arm, long long t
 #endif
       for (int i = 0; i < NX; ++i) x[i] = next[i];
       for (int i = 0; i < NX; ++i)
-        if (BEYOND(x[i], 1e150))
+        if (BEYOND(x[i], LARGEST))
           for (int j = 0; j < LANES; ++j)
-            if (!(__builtin_fabs(LANE(x[i], j)) <= 1e150))
+            if (!(__builtin_fabs(LANE(x[i], j)) <= LARGEST))
               for (int m = 0; m < NX; ++m) LANE(x[m], j) = __builtin_nan("");
     }
   }
