@@ -160,6 +160,29 @@ def test_a_rod_makes_a_pendulum_of_a_sliding_mass() -> None:
     assert_close(kinetic, fall, 1e-10)
 
 
+@pytest.mark.parametrize("coulomb", [0.0, 2.0])
+def test_a_joint_that_a_rod_leaves_no_speed_at_first(coulomb: float) -> None:
+    """Slides with stops, or dry friction: at rest across the rod they do not stick."""
+    rod = {"type": "distance", "frames": ["carriage", "world"], "distance": 0.5}
+    sim = Simulator(
+        {
+            "robot": {"urdf": (models.FOLDER / "gantry.urdf").read_text()},
+            "joints": {"y": {"friction": {"coulomb": coulomb}}},
+            "constraints": [rod],
+            "initial": {"position": {"y": -0.5}},
+        },
+        tolerance=1e-10,
+    )
+    sim.reset(v=[0.6, 0.0])
+    run = sim.run(0.5)
+    assert run.v[0, 1] == 0.0 and abs(run.v[:, 1]).max() > 0.1
+    assert_close(np.linalg.norm(run.q, axis=1), np.full(len(run.q), 0.5), CLOSURE)
+    slid = abs(np.diff(run.q[:, 1])).sum()
+    fallen = 15.0 * 9.81 * 0.6 * run.q[-1, 0]  # the x slide rises by 0.6 of its way
+    kinetic = 0.5 * run.v[-1] ** 2 @ [15.0, 3.0]
+    assert_close(kinetic, 0.5 * 15.0 * 0.6**2 - fallen - coulomb * slid, 1e-6)
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_doubled_constraints_change_nothing(turn: float) -> None:
     """Nor does a planar loop in a tilted plane, whose third row depends on the other two."""

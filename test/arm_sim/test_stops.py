@@ -70,6 +70,13 @@ def test_it_rebounds_as_newton_says_and_comes_to_rest() -> None:
     assert abs(run.balance).max() < 1e-10
 
 
+def test_an_elastic_impact_is_counted_although_it_loses_nothing() -> None:
+    sim = Simulator(rail({"restitution": 1.0}))
+    run = sim.run(2.0)
+    assert sim.impacts == np.count_nonzero(np.diff(np.sign(run.v[:, 0])) > 0)
+    assert sim.impacts > 1
+
+
 def test_what_holds_a_joint_at_its_stop_is_reported() -> None:
     sim = Simulator(rail())
     assert not sim.stop_torque.any()

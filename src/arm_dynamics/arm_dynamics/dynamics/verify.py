@@ -80,7 +80,7 @@ class Expected(Protocol):
 
     def inverse(self, q: Array, v: Array, a: Array, terms: int = ...) -> Array: ...  # noqa: D102
 
-    def friction(self, v: Array, *, q: Array, load: Array) -> Array: ...  # noqa: D102
+    def friction(self, v: Array, direction: Array, q: Array, load: Array) -> Array: ...  # noqa: D102
 
     def forward(self, q: Array, v: Array, tau: Array) -> Array: ...  # noqa: D102
 
@@ -112,6 +112,15 @@ def check_forward(dynamics: Expected, acceleration: Acceleration) -> float:
     return compare("forward dynamics", (dynamics.inverse(q, v, a) - tau, size))
 
 
+def sliding(v: Array) -> Array:
+    """Directions in which joints slide, 1 or -1, shape of ``v``.
+
+    A joint that constraints leave no speed is compared as if it began to slide, not as one that
+    sticks, which needs additional forces.
+    """
+    return np.where(v < 0.0, -1.0, 1.0)
+
+
 def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     """Verify constrained forward dynamics: A a + γ = 0, and the missing torque is Aᵀλ.
 
@@ -133,7 +142,7 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     A = np.array([row.jacobian[kept] for row in rows])
     drift = np.array([row.drift[kept] for row in rows])
     # A gear's loss depends on the drive's torque, not on what the constraints leave of it.
-    friction = dynamics.friction(v, q=q, load=tau)
+    friction = dynamics.friction(v, sliding(v), q, tau)
     lacking, unmoved = (
         tau - friction - dynamics.inverse(q, v, way, terms=WITHOUT_FRICTION)
         for way in (a, np.zeros_like(q))

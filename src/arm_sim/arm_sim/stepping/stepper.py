@@ -23,7 +23,7 @@ from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.codegen.known_kernels import digest_of
-from arm_dynamics.dynamics.verify import check_constrained, check_forward
+from arm_dynamics.dynamics.verify import check_constrained, check_forward, sliding
 from arm_dynamics.equations.contact import AT_REST
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.integrators.methods import build_attempt, build_step
@@ -375,15 +375,16 @@ def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
     modes = Modes(plant, plant.parameters.nominal)
 
     def acceleration(q: Array, v: Array, tau: Array) -> Array:
-        modes.direction[:] = np.sign(v)[: len(modes.direction)]  # none is at a stop
+        slides = sliding(v)
+        modes.direction[:] = slides[: len(modes.direction)]  # none is at a stop
         x = np.concatenate([q, v, plant.initial(q, v)])
         a = call(x, tau, modes.p)[0][n : 2 * n]
         if plant.torques is None:
             return a
         # The laws change the torque that acts, and bristles are not deflected yet.
         acted, law = np.array(plant.torques(x, tau)[1]).ravel(), dynamics.steady_friction
-        steady = [law(v, np.sign(v), q, load) for load in (acted, tau)]
-        bent = law.of_laws(v, np.sign(v), q, acted)
+        steady = [law(v, slides, q, load) for load in (acted, tau)]
+        bent = law.of_laws(v, slides, q, acted)
         missing = tau - steady[1] - (acted - steady[0] + bent)
         if not plant.constrained:
             return a + np.linalg.solve(dynamics.mass_matrix(q), missing)

@@ -20,7 +20,7 @@
 #define CATCHES 10   /* corrections of penetrations, or of contacts that set joints in motion */
 #define LEAST_PART 1e-6 /* fraction of such a correction below which it is not applied */
 #define TIME_STEPS 4 /* steps into which the rest of a time-stepped tick is divided */
-#define MOST_REBOUNDS 500 /* impacts in one tick after which contacts no longer rebound */
+#define MOST_REBOUNDS 500 /* impacts with loss in one tick after which contacts no longer rebound */
 
 static int is_inside(const real* x) {
   geometry_t geometry;
@@ -38,11 +38,17 @@ static int turns_back(const real* x, const segment_t* segment) {
   return any;
 }
 
-/* Choose the modes at x, after impacts, and correct x for them; `anchor` receives the positions of sticking points. */
-static enum trouble begin_segment(real* x, segment_t* segment, double tick, long long impacts, report_t* report,
+/* Choose the modes at x, after impacts, and correct x for them; `losses` are the impacts with loss in this tick, and `anchor`
+ * receives the positions of sticking points.
+ */
+static enum trouble begin_segment(real* x, segment_t* segment, double tick, long long* losses, report_t* report,
                                   real* anchor) {
   geometry_t geometry;
-  const double lost = impact(x, segment, impacts < MOST_REBOUNDS, &geometry);
+  real before[NU];
+  int hit = 0;
+  for (int i = 0; i < NU; ++i) before[i] = x[NU + i];
+  const double lost = impact(x, segment, *losses < MOST_REBOUNDS, &geometry);
+  for (int i = 0; i < NU; ++i) hit |= x[NU + i] != before[i]; /* an elastic impact loses no energy */
   if (stop_rounding(x)) find_geometry(x, &geometry);
   for (int k = 0; k < NC; ++k) segment->contact[k].slow = 0;
   if (lost < 0.0 || !settle(x, segment, &geometry)) return UNDETERMINED;
@@ -52,7 +58,8 @@ static enum trouble begin_segment(real* x, segment_t* segment, double tick, long
     find_geometry(x, &geometry);
   }
   report->impact_loss += lost;
-  report->impacts += lost > 0.0;
+  report->impacts += hit;
+  *losses += lost > 0.0;
   find_anchors(&geometry, anchor);
   for (int turn = 0; turn < CATCHES; ++turn) {
     if (is_off(x, segment, &geometry)) {
@@ -104,10 +111,11 @@ static void stop_short(const real* x, real* after) {
 
 /* The rest of a tick in a few steps of fixed length, in place. */
 static enum trouble step_through(real* x, segment_t* segment, double left, report_t* report) {
+  long long losses = MOST_REBOUNDS;
   segment->step = left / TIME_STEPS;
   for (int k = 0; k < TIME_STEPS; ++k) {
     real after[NX], anchor[2 * NC];
-    const enum trouble trouble = begin_segment(x, segment, left, MOST_REBOUNDS, report, anchor);
+    const enum trouble trouble = begin_segment(x, segment, left, &losses, report, anchor);
     if (trouble != NONE) return trouble;
     if (!flow_once(x, segment->u, (const real*)&segment->p, segment->step, after)) return NUMBERS;
     close_contacts(after, segment, anchor);
@@ -147,7 +155,7 @@ static void note_end(record_t* record, const real* x, double length, int calm) {
 
 static enum trouble tick_with_events(const real* x, segment_t* segment, double h, report_t* report, trace_t* trace,
                                      real* now) {
-  const long long impacts_before = report->impacts;
+  long long losses = 0;
   double left = h;
   for (int i = 0; i < NX; ++i) now[i] = x[i];
   if (is_inside(now)) return INSIDE;
@@ -155,9 +163,8 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
   while (*segment->work < MOST_WORK) {
     real after[NX], anchor[2 * NC];
     int calm;
-    const long long impacts = report->impacts - impacts_before;
     segment->record = next_record(trace, now);
-    const enum trouble trouble = begin_segment(now, segment, h, impacts, report, anchor);
+    const enum trouble trouble = begin_segment(now, segment, h, &losses, report, anchor);
     if (trouble != NONE) return trouble;
     note_segment(segment, now, segment->control ? segment->control->step : 0.0);
     if (NX == 2 * NU && is_held(now, segment)) { /* a drive with internal states may still break it loose */
