@@ -132,7 +132,7 @@ class _Run:
             )
         self._x = np.hstack([recording.q, recording.v, recording.z])
         self._ended = self._x.copy()  # at the end of each tick, before changes
-        for jump in reversed(recording.jumps):
+        for jump in reversed(recording.jumps):  # the first of several at one time is kept
             self._ended[jump.row] = jump.x
         self._jumps = {jump.row: i for i, jump in enumerate(recording.jumps)}
         self._there = Parameters(recording.plant.model)
@@ -184,7 +184,7 @@ class _Run:
         jump = recording.jumps[self._jumps[row]] if row in self._jumps else None
         if EXTERNAL in self._tunable_at(row) and EXTERNAL not in sim.plant.parameters.names:
             external_change(sim)()
-        moved = jump is not None and jump.x.tobytes() != self._x[row].tobytes()
+        moved = self._ended[row].tobytes() != self._x[row].tobytes()
         if row == 0 or row in recording.gaps or moved:
             self._place(self._x[row], row, recording.substep if jump is None else jump.substep)
         elif jump is not None or np.any(recording.p[row] != recording.p[row - 1]):

@@ -20,6 +20,7 @@ from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
 from arm_sim.ros.record.chunks import COUNT
 from arm_sim.ros.record.ticks import TickRecorder
+from arm_sim.runtime_changes import payload_change
 from arm_sim.servo import JointCommand
 
 
@@ -42,6 +43,27 @@ def test_every_tick_is_in_the_file_and_comes_out_again(
     found = replay(loaded)
     assert found.equal, found.first
     assert not found.apart.any()
+
+
+def test_several_changes_between_two_ticks_come_out_again(tmp_path: Path) -> None:
+    """The state moves at the first or at the last of them."""
+    engine, path = engine_of(scene()), tmp_path / "run.mcap"
+    recorder = TickRecorder(path, engine)
+    load = payload_change(engine.simulator, 0, 0.8, [0.0, 0.0, 0.1], [2e-3, 0, 0, 2e-3, 0, 2e-3])
+    for orders in (
+        (engine.reset, lambda: engine.change(load)),
+        (lambda: engine.change(load), engine.reset),
+    ):
+        run(engine, 100)
+        for order in orders:
+            order()
+    run(engine, 100)
+    recorder.close()
+    loaded = Recording.load(path)
+    assert [jump.row for jump in loaded.jumps] == [100, 100, 200, 200]
+    found = replay(loaded)
+    assert found.equal, found.first
+    assert loaded.energy_error < 1e-6
 
 
 def test_what_servos_and_brakes_hold_comes_out_again(tmp_path: Path) -> None:

@@ -265,7 +265,7 @@ class Recording(Contents):
         the state, by ``set_state`` and ``set_constraint``, during the run.
         """
         changed = np.zeros(len(self))
-        for jump in self.jumps:
+        for jump in reversed(self.jumps):  # the first of several at one time is kept
             before = self.account.energies(jump.x[None], jump.p[None]).sum()
             changed[jump.row] = self.energy[jump.row] - before
         for row in self.gaps:
@@ -386,7 +386,7 @@ class Recording(Contents):
                 "of a robot there are kinetic, potential and stored energy only"
             )
         x, after = self._x, self._x[1:].copy()
-        for jump in self.jumps:
+        for jump in reversed(self.jumps):  # likewise
             if jump.row > 0:
                 after[jump.row - 1] = jump.x
         flows = self.account.flows(x[:-1], after, self.command[:-1], self.p[:-1])
