@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An engine to be recorded, and a motion in which everything happens to it."""
+"""An engine to be recorded, a motion in which everything happens to it, and what is in a file."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap.reader import make_reader
 
 import models
 from arm_sim import Simulator
@@ -53,3 +55,12 @@ def busy(engine: TickEngine) -> list[np.ndarray]:
     engine.reset()
     run(engine, 150)
     return states
+
+
+def contents(path: Path) -> dict[str, list[bytes]]:
+    """Messages of a file by topic."""
+    found: dict[str, list[bytes]] = {}
+    with path.open("rb") as file:
+        for _, channel, told in make_reader(file).iter_messages(log_time_order=False):
+            found.setdefault(channel.topic, []).append(told.data)
+    return found

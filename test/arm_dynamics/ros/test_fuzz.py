@@ -6,11 +6,11 @@
 
 from __future__ import annotations
 
-import struct
 from typing import Any
 
 import numpy as np
 import pytest
+from bent_messages import bent
 from controller_pair import MS, Pair, side_by_side
 from harness import Ros
 from rclpy.serialization import serialize_message
@@ -32,28 +32,8 @@ pytestmark = [
 ]
 
 NAMES = ["base", "elbow", "wrist_é"]
-LENGTHS = (0, 1, 3, 4, 2**16, 2**24 + 1, 2**31 - 1, 2**31, 2**32 - 8, 2**32 - 1)
 CONTROLLERS = ("computed_torque", "pd_gravity", "pid", "joint_impedance")
 ROOM = 0.3  # of requests that C may answer
-
-
-def bent(rng: np.random.Generator, raw: bytes) -> bytes:
-    """A message with damaged bytes, hostile lengths, pieces too few or too many, or all of it."""
-    made = bytearray(raw)
-    for way in rng.integers(5, size=rng.integers(1, 4)):
-        at = int(rng.integers(len(made) + 1)) if made else 0
-        if way == 0 and at < len(made):
-            made[at] ^= int(rng.integers(1, 256))
-        elif way == 1:
-            made = made[:at]
-        elif way == 2:
-            made[at:at] = rng.bytes(int(rng.integers(1, 9)))
-        elif way == 3:
-            at -= at % 4
-            made[at : at + 4] = struct.pack("<I", int(rng.choice(LENGTHS)))
-        else:
-            made += made[at:]
-    return bytes(made)
 
 
 @pytest.mark.parametrize("gaps", [False, True])

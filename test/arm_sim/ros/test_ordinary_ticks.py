@@ -17,11 +17,11 @@ import pytest
 import rclpy
 from arm_msgs.msg import Energy
 from harness import Ros
-from mcap.reader import make_reader
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
+from recorded_engine import contents
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, by_hand, ticks
 from std_msgs.msg import Float64MultiArray
@@ -105,15 +105,6 @@ class Fast:
             assert time.monotonic() < end, "no message came"
             assert not self.node.ordinary.by_the_clock(self.due)
         assert self.made == before
-
-
-def contents(path: Path) -> dict[str, list[bytes]]:
-    """Messages of a file by topic."""
-    found: dict[str, list[bytes]] = {}
-    with path.open("rb") as file:
-        for _, channel, told in make_reader(file).iter_messages(log_time_order=False):
-            found.setdefault(channel.topic, []).append(told.data)
-    return found
 
 
 @pytest.mark.parametrize("every", [1, 2])

@@ -86,8 +86,9 @@ typedef struct {
   int64_t kind;
   answer_t answer;
   rmw_request_id_t header;  /* identifies the pending request */
-  int64_t answered, busy;   /* number of requests, and the time spent on them in [ns] */
-  atomic_llong lost;        /* responses that could not be sent, since the client is gone */
+  /* Read by other threads: number of requests, time spent on them in [ns], and responses that could not be sent, since the
+   * client is gone. */
+  atomic_llong answered, busy, lost;
   bool called;              /* whether requests may have arrived since the last check */
   server_t* server;
 } service_t;

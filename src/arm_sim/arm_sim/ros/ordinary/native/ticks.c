@@ -100,6 +100,9 @@ static int64_t time_of(clockid_t clock) {
   return GIGA * now.tv_sec + now.tv_nsec;
 }
 
+/* Set a number that other threads read at any time, for diagnostics; only the ticking thread writes it. */
+static void show(int64_t* number, int64_t value) { __atomic_store_n(number, value, __ATOMIC_RELAXED); }
+
 /* Histogram.add */
 static void count_one(histogram_t* h, int64_t duration) {
   int64_t bin = duration / 1000;
@@ -107,8 +110,9 @@ static void count_one(histogram_t* h, int64_t duration) {
     bin = (int64_t)(STEPS * log2((double)bin / FINE));
     bin = FINE + (bin < COARSE - 1 ? bin : COARSE - 1);
   }
-  ++h->bins[bin > 0 ? bin : 0];
-  if (duration > h->longest) h->longest = duration;
+  if (bin < 0) bin = 0;
+  show(h->bins + bin, h->bins[bin] + 1);
+  if (duration > h->longest) show(&h->longest, duration);
 }
 
 /* RoundTrip.sent */
@@ -247,7 +251,7 @@ static int64_t wait_until(int64_t wake) {
 /* RealtimeLoop.shift */
 static int64_t shift(due_t* d, int64_t late) {
   const int64_t beyond = d->slow_down ? late : late - d->give_up + d->period - 1, dropped = beyond / d->period;
-  d->dropped += dropped;
+  show(&d->dropped, d->dropped + dropped);
   return d->slow_down ? late : dropped * d->period;
 }
 
@@ -261,7 +265,7 @@ EXPORT int64_t by_the_clock(ticks_t* t, due_t* due) {
     const int made = ready(t) && read_waiting(t) ? tick(t) : LEFT;
     if (made == LEFT) return LEFT;
     count_one(due->lateness, late);
-    due->missed += late > due->period;
+    if (late > due->period) show(&due->missed, due->missed + 1);
     due->earliest = now + due->closest;
     due->deadline += due->period;
     if (late > due->give_up) due->deadline += shift(due, late);

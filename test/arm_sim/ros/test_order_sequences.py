@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Orders and commands in any sequence: a sim whose ticks C makes does what Python alone does.
+
+``--fuzz N`` makes the test N times as long; ``tools/sanitize.py`` runs it under sanitizers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from ctypes import CDLL, Structure, addressof, byref, c_int64, c_uint8, c_void_p
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bent_messages import bent
+from harness import Ros
+from pushes import pushed
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+from recorded_engine import contents
+from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, by_hand
+from std_msgs.msg import Float64MultiArray
+
+import models
+from arm_dynamics.ros import interfaces
+from arm_dynamics.ros.common.convert import to_time
+from arm_dynamics.ros.joint_state import address, native
+from arm_sim import Recording
+from arm_sim.replay import replay
+from arm_sim.ros.commands.latest import POLICIES
+from arm_sim.ros.latency import Histogram
+from arm_sim.ros.ordinary.ticks import SOURCE
+from arm_sim.ros.realtime_loop import Due
+from arm_sim.ros.record import RECORD
+from arm_sim.ros.sim_node import SimNode
+
+pytestmark = pytest.mark.ros
+
+TIMEOUT = 5  # ticks that a command acts
+PATIENCE = 60  # ticks between two orders, at most
+
+
+class Wire(Structure):
+    """``wire_t`` of wire.c."""
+
+    _fields_ = (
+        ("to", c_void_p), ("raw", c_void_p), ("ends", c_void_p),
+        ("count", c_int64), ("taken", c_int64), ("bell", c_void_p), ("state", c_void_p),
+        ("stamp", c_uint8 * 8),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def library(monkeypatch: pytest.MonkeyPatch) -> CDLL:
+    """The native code of the nodes, whose messages come by ``wire.c``."""
+    made = native(RECORD, SOURCE, Path(__file__).parents[2] / "support/wire.c")
+    assert made is not None
+    made.left_on_wire.argtypes, made.left_on_wire.restype = [c_void_p], c_int64
+    for place in "arm_dynamics.ros.joint_state.topics", "arm_sim.ros.ordinary.ticks":
+        monkeypatch.setattr(f"{place}.native", lambda *files: made)
+    return made
+
+
+class Sim:
+    """A node with its messages."""
+
+    def __init__(self, ros: Ros, library: CDLL, scene: Any, path: Path) -> None:
+        self.node: SimNode = by_hand(
+            ros, scene, command_timeout=TIMEOUT * 1e-3, record=str(path), time="sim"
+        )
+        self._library, self.path, self.told = library, path, list[str]()
+        self.node.inputs._warn = self.told.append
+        self.lateness = Histogram()
+        self._due = Due(give_up=10**12, lateness=addressof(self.lateness))
+        assert self.node.ordinary.refusal == ""
+        source: Any = self.node.inputs.source
+        self._to = source._newest.pointer
+
+    def hears(self, messages: list[bytes]) -> None:
+        """Let these come from now on; the last one rings, so that C leaves."""
+        self._raw = b"".join(messages)
+        self._ends = np.cumsum([len(message) for message in messages], dtype=np.int64)
+        raw = np.frombuffer(self._raw or b"\0", np.uint8)
+        bell, state = (
+            addressof(self.node.engine.queue.bell),
+            address(self.node._outputs.states.raw),
+        )
+        wire = Wire(
+            self._to, raw.ctypes.data, self._ends.ctypes.data, len(messages), 0, bell, state
+        )
+        self._library.put_on_wire(byref(wire))
+
+    def lives(self) -> int:
+        """Make ticks, in C where it can, until all has come or time stands still; their number."""
+        node, made = self.node, 0
+        while self._library.left_on_wire(self._to) and not (made and node.engine.paused):
+            before = node.simulator.step_count
+            if not node.ordinary.by_the_clock(self._due):
+                node.tick()
+                made += node.engine.paused
+            made += node.simulator.step_count - before
+        return made
+
+    def ticks(self, count: int) -> None:
+        """As many ticks in Python."""
+        for _ in range(count):
+            self.node.tick()
+
+    @property
+    def everything(self) -> dict[str, Any]:
+        """All that an order or a command may change."""
+        node = self.node
+        engine, simulator, slot = node.engine, node.simulator, node.engine.commands
+        arbiter, inputs = engine.arbiter, node.inputs
+        return {
+            "time": simulator.step_count, "state": simulator.x.tobytes(),
+            "acted": simulator.acted.tobytes(), "parameters": simulator.parameters.tobytes(),
+            "commands": (slot.empty, slot.age, slot.stale, slot.stale_count),
+            "next": str(slot.held(simulator.x[:2])),
+            "sources": [(k, s.joints, s.at, s.count) for k, s in arbiter._heard.items()],
+            "arbiter": (arbiter.now, arbiter.refused, arbiter.conflict, arbiter.last_refusal),
+            "refused": (inputs.refused, inputs.refused_wrenches),
+            "engine": (engine.paused, engine.failure, engine.held, engine.pushed_frames),
+            "account": engine.accounted, "told": self.told,
+        }  # fmt: skip
+
+
+def command(rng: np.random.Generator, stamp: int) -> bytes:
+    """A message that is mostly an ordinary command; empty: there is none at this moment."""
+    way, efforts = rng.random(), (*rng.uniform(-2.0, 2.0, 2).tolist(),)
+    if way < 0.5:
+        return b""
+    told = JointState(name=NAMES, effort=efforts)
+    told.header.frame_id, told.header.stamp = "leader", to_time(stamp)
+    if way > 0.99:
+        told.name, told.effort = NAMES[:1], efforts[:1]
+    elif way > 0.985:
+        told.effort = [1e4, -1e4]
+    elif way > 0.98:
+        told.header.frame_id = "another"
+    elif way > 0.97:
+        told.effort = [float(rng.choice([np.nan, np.inf])), 0.0]
+    elif way > 0.965:
+        told.position, told.effort = efforts, []
+    raw = bytes(serialize_message(told))
+    return bent(rng, raw) if 0.95 < way <= 0.965 else raw
+
+
+Order = Callable[[Sim], Any]
+
+
+def asked(service: Any, **fields: Any) -> Order:
+    """A request; what is answered."""
+    request = service.type.Request(**fields)
+
+    def ask(sim: Sim) -> Any:
+        return str(sim.node.requests.answer(service, request))
+
+    return ask
+
+
+def tuned(**values: Any) -> Order:
+    """Parameters; whether they were taken."""
+    wanted = [Parameter(name, value=value) for name, value in values.items()]
+    return lambda sim: str(sim.node.set_parameters_atomically(wanted))
+
+
+def order(rng: np.random.Generator) -> Order:
+    """Something that is asked of a sim between two ticks, and is sometimes wrong."""
+    two, wild = rng.uniform(-1.0, 1.0, 2).tolist(), float(rng.choice([1.0, 1.0, 1.0, np.nan]))
+    numbers = Float64MultiArray(data=[wild * x for x in two[: rng.choice([2, 2, 1])]])
+    frame = str(rng.choice(["tip", "tip", "toe"]))  # without padding, which may hold anything
+    push = pushed(frame, *rng.normal(size=5), wild)
+    all_of_them: tuple[Order, ...] = (
+        asked(interfaces.RESET),
+        asked(interfaces.RESET),
+        asked(interfaces.RESET_COUNTERS),
+        asked(interfaces.PAUSE, data=bool(rng.random() < 0.3)),
+        asked(interfaces.PAUSE, data=False),
+        asked(interfaces.STEP, steps=int(rng.choice([0, 1, 7, 10_001]))),
+        asked(interfaces.SET_JOINT_STATE, position=[wild * x for x in two]),
+        asked(interfaces.SET_JOINT_STATE, joint_names=NAMES[1:], velocity=two[:1]),
+        asked(interfaces.SET_PAYLOAD, index=0, mass=2.0 * two[0], com=[0.0, 0.0, 0.1]),
+        asked(interfaces.SET_FRICTION, viscous=two),
+        tuned(command_timeout=float(rng.choice([0.0, TIMEOUT * 1e-3, 0.02, -1.0]))),
+        tuned(stale_policy=str(rng.choice([*POLICIES, "none"]))),
+        lambda sim: sim.node.inputs.on_commands(numbers),
+        lambda sim: sim.node.inputs.on_wrench(push),
+        lambda sim: [found.message(sim.node).message for found in sim.node.diagnostics()],
+        lambda sim: sim.node.engine.keep_account(two[0] > 0.0),
+    )
+    return all_of_them[rng.integers(len(all_of_them))]
+
+
+def test_orders_and_commands_in_any_sequence(
+    ros: Ros, library: CDLL, tmp_path: Path, rng: np.random.Generator, fuzz: int
+) -> None:
+    load = {"frame": "tip", "mass": 0.1, "com": [0.0] * 3, "inertia": [0.0] * 6}
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    scene["joints"] = {"*": {"limits": {"effort": 5.0}}}
+    scene |= {"payloads": [load], "tunable": ["payload", "friction"]}
+    fast, slow = (Sim(ros, library, scene, tmp_path / f"{k}.mcap") for k in range(2))
+    for _ in range(300 * fuzz):
+        stamp = fast.node.engine.stamp
+        messages = [command(rng, stamp) for _ in range(rng.integers(1, PATIENCE))]
+        for sim in fast, slow:
+            sim.hears(messages)
+        slow.ticks(fast.lives())
+        assert fast.everything == slow.everything
+        wanted = order(rng)
+        assert wanted(fast) == wanted(slow)
+        assert fast.everything == slow.everything
+    made, in_c = fast.lateness.percentiles().count, fast.node.ordinary.count
+    assert made == in_c > 1000 * fuzz and slow.node.ordinary.count == 0
+    for sim in fast, slow:
+        assert sim.node.recorder is not None and sim.node.recorder.lost == 0
+        sim.node.recorder.close()
+    told, expected = contents(fast.path), contents(slow.path)
+    assert told.keys() == expected.keys()
+    name, other = fast.path.name.encode(), slow.path.name.encode()
+    for topic in told.keys() - {"/sim/commands"}:  # whose padding may hold anything
+        assert [raw.replace(name, other) for raw in told[topic]] == expected[topic]
+    assert replay(Recording.load(fast.path)).equal

@@ -1,0 +1,239 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The threads of a sim node, all in C, so that a sanitizer sees every access of each. What Python does in the node is
+ * done here in the same order and under the same locks; in place of the middleware there is a wire. Compiled after
+ * joint_state.c, record.c and ticks.c, which are those of the node.
+ *
+ *   ticking   RealtimeLoop with OrdinaryTicks and TickEngine.tick    ordering   a service: TickQueue.run
+ *   leading   a controller that answers states                       looking    SimDiagnostics
+ *   writing   ChunkThread
+ */
+#include <pthread.h>
+
+#define JOINTS 2
+#define HEAD 16 /* of a message, before its numbers */
+#define MESSAGE (HEAD + 8 * JOINTS)
+#define WIRE 64
+#define CHUNK 65536
+#define NEWS 8 /* [ticks] after which a command is too old */
+
+typedef pthread_mutex_t lock_t;
+
+typedef struct {
+  int64_t orders, ticks, in_c, recorded, written, counted, looks; /* what was done; found by the test */
+} done_t;
+
+/* The wire: bytes of commands on their way to the sim, and the newest stamp on its way to the controller. */
+static lock_t wire = PTHREAD_MUTEX_INITIALIZER;
+static pthread_cond_t moved = PTHREAD_COND_INITIALIZER;
+static uint8_t commands[WIRE][MESSAGE];
+static int64_t sent_commands, taken_commands, state_stamp;
+
+/* The queue of orders, and the lock of the recording. */
+static lock_t queue = PTHREAD_MUTEX_INITIALIZER, recording = PTHREAD_MUTEX_INITIALIZER;
+static pthread_cond_t served = PTHREAD_COND_INITIALIZER, filled = PTHREAD_COND_INITIALIZER;
+static int64_t ordered, fulfilled, full;
+
+static int64_t bell, ended, lateness_bins[FINE + COARSE], trip_bins[FINE + COARSE];
+static int64_t stamps[SENT], times[SENT];
+static double x[JOINTS], acted[JOINTS], newest[JOINTS], next_command[JOINTS];
+static uint8_t state_raw[MESSAGE], tick_raw[MESSAGE], chunk_raw[2][CHUNK], found[24 + 8 * JOINTS];
+static int64_t places[2][CHUNK / 31];
+static chunk_t chunks[2];
+static done_t done;
+
+rcl_ret_t rcl_take_serialized_message(const rcl_subscription_t* s, rcl_serialized_message_t* m, rmw_message_info_t* about,
+                                      rmw_subscription_allocation_t* a) {
+  (void)s, (void)a;
+  static uint8_t kept[MESSAGE];
+  pthread_mutex_lock(&wire);
+  const int none = taken_commands == sent_commands;
+  if (!none) memcpy(kept, commands[taken_commands++ % WIRE], MESSAGE);
+  pthread_mutex_unlock(&wire);
+  if (none) return RCL_RET_SUBSCRIPTION_TAKE_FAILED;
+  m->buffer = kept;
+  m->buffer_length = MESSAGE;
+  about->received_timestamp = time_of(CLOCK_REALTIME);
+  return RCL_RET_OK;
+}
+
+rcl_ret_t rcl_publish_serialized_message(const rcl_publisher_t* p, const rcl_serialized_message_t* m,
+                                         rmw_publisher_allocation_t* a) {
+  (void)p, (void)a;
+  int32_t seconds;
+  uint32_t nanoseconds;
+  memcpy(&seconds, m->buffer + STAMP, 4);
+  memcpy(&nanoseconds, m->buffer + STAMP + 4, 4);
+  pthread_mutex_lock(&wire);
+  state_stamp = GIGA * seconds + nanoseconds;
+  pthread_cond_broadcast(&moved);
+  pthread_mutex_unlock(&wire);
+  return RCL_RET_OK;
+}
+
+/* One tick of an arm that moves by its command. */
+static long long move(double* q, const double* u, long long stride, const double* p, double h, long long ticks,
+                      double* trace, double* effort, double* notes, void* control, void* report) {
+  (void)stride, (void)p, (void)h, (void)trace, (void)notes, (void)control, (void)report;
+  for (int i = 0; i < JOINTS; ++i) {
+    q[i] += u[i];
+    effort[i] = u[i];
+  }
+  return ticks;
+}
+
+static int64_t is_over(void) { return __atomic_load_n(&ended, __ATOMIC_RELAXED); }
+
+/* Answers every state that it sees, so that some ticks have no new command. */
+static void* leading(void* nothing) {
+  int64_t last = 0;
+  while (!is_over()) {
+    pthread_mutex_lock(&wire);
+    while (state_stamp == last && !is_over()) pthread_cond_wait(&moved, &wire);
+    last = state_stamp;
+    if (sent_commands - taken_commands < WIRE) {
+      uint8_t* raw = commands[sent_commands++ % WIRE];
+      const int32_t seconds = last / GIGA, nanoseconds = last % GIGA;
+      const double efforts[JOINTS] = {1.0, 2.0};
+      memcpy(raw + STAMP, &seconds, 4);
+      memcpy(raw + STAMP + 4, &nanoseconds, 4);
+      memcpy(raw + HEAD, efforts, sizeof efforts);
+    }
+    pthread_mutex_unlock(&wire);
+  }
+  return nothing;
+}
+
+/* Gives an order and waits until it is fulfilled, `count` times; as ctypes does, it writes the bell at once. */
+static void* ordering(void* count) {
+  for (int64_t i = 0; i < *(int64_t*)count; ++i) {
+    pthread_mutex_lock(&queue);
+    ++ordered;
+    pthread_mutex_unlock(&queue);
+    __atomic_store_n(&bell, 1, __ATOMIC_RELAXED);
+    pthread_mutex_lock(&queue);
+    while (fulfilled <= i) pthread_cond_wait(&served, &queue);
+    pthread_mutex_unlock(&queue);
+  }
+  __atomic_store_n(&ended, 1, __ATOMIC_RELAXED);
+  return NULL;
+}
+
+/* Number of durations in a histogram; NumPy reads each number at once. */
+static int64_t count_of(const histogram_t* h) {
+  int64_t sum = 0;
+  for (int i = 0; i < FINE + COARSE; ++i) sum += __atomic_load_n(h->bins + i, __ATOMIC_RELAXED);
+  return sum + 0 * __atomic_load_n(&h->longest, __ATOMIC_RELAXED);
+}
+
+typedef struct {
+  ticks_t* ticks;
+  due_t* due;
+} loop_t;
+
+static void* looking(void* of) {
+  const struct timespec moment = {0, 1000000};
+  const loop_t* loop = of;
+  while (!is_over()) {
+    const int64_t before = count_of(loop->due->lateness);
+    const int64_t late = __atomic_load_n(&loop->due->missed, __ATOMIC_RELAXED);
+    const int64_t gone = __atomic_load_n(&loop->due->dropped, __ATOMIC_RELAXED);
+    done.looks += before >= 0 && late >= 0 && gone >= 0 && count_of(loop->ticks->trip->trips) >= 0;
+    nanosleep(&moment, NULL);
+  }
+  return NULL;
+}
+
+/* Takes full chunks; the other one is being filled. */
+static void* writing(void* nothing) {
+  pthread_mutex_lock(&recording);
+  for (;;) {
+    while (full < 0 && !is_over()) pthread_cond_wait(&filled, &recording);
+    if (full < 0) break;
+    chunk_t* c = chunks + full;
+    for (int64_t k = 0; k < c->count; ++k) done.written += c->raw[c->places[k] + 9] == 1; /* channel of ticks */
+    c->at = c->count = 0;
+    full = -1;
+  }
+  pthread_mutex_unlock(&recording);
+  return nothing;
+}
+
+/* OrdinaryTicks: lends a chunk, and executes ticks until one is not ordinary. */
+static int64_t ordinary(ticks_t* t, due_t* due) {
+  const int64_t before = t->ticks;
+  pthread_mutex_lock(&recording);
+  if (t->chunk->at > CHUNK / 2 && full < 0) {
+    full = t->chunk - chunks;
+    t->chunk = chunks + !full;
+    pthread_cond_signal(&filled);
+  }
+  t->fresh = t->pending = t->recorded = 0;
+  const int64_t why = by_the_clock(t, due);
+  if (why == MADE) tell(t); /* which Python does as well */
+  done.recorded += t->recorded;
+  pthread_mutex_unlock(&recording);
+  done.in_c += t->ticks - before;
+  return why;
+}
+
+/* TickEngine.tick, in which everything that waits is done. */
+static void by_python(ticks_t* t, due_t* due) {
+  __atomic_store_n(&bell, 0, __ATOMIC_RELAXED);
+  pthread_mutex_lock(&queue);
+  const int64_t orders = ordered - fulfilled;
+  fulfilled = ordered;
+  if (orders) x[0] = 0.0; /* as by ~/set_joint_state */
+  pthread_cond_broadcast(&served);
+  pthread_mutex_unlock(&queue);
+  done.orders += orders;
+  count_one(due->lateness, 0);
+  due->deadline += due->period;
+  t->age = 0;
+  ++t->ticks;
+  ++t->now;
+  send(t->state, llrint(1e9 * (t->ticks * t->step->dt)));
+}
+
+/* Run all threads until `count` orders are fulfilled, with ticks of `period` in [ns]. */
+EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
+  static const uint8_t any[MESSAGE];
+  static const int64_t joints[JOINTS] = {0, 1};
+  bell = ended = ordered = fulfilled = sent_commands = taken_commands = state_stamp = 0;
+  full = -1;
+  memset(lateness_bins, 0, sizeof lateness_bins);
+  memset(&done, 0, sizeof done);
+  for (int i = 0; i < 2; ++i) chunks[i] = (chunk_t){chunk_raw[i], places[i]};
+  histogram_t lateness = {lateness_bins}, trips = {trip_bins};
+  trip_t trip = {0, 0, stamps, times, &trips};
+  joint_state_t reader = {{{any, any, MESSAGE, {HEAD}, joints}}, 1, JOINTS, NULL, found};
+  source_t from = {0};
+  const uint8_t* numbers = (uint8_t*)x;
+  sink_t state = {state_raw, MESSAGE, 1, JOINTS, {HEAD}, {numbers}};
+  step_t step = {move, x, next_command, 0, NULL, 1e-3, 1, NULL, acted};
+  tick_t copy = {tick_raw, MESSAGE, 0, 8, {HEAD}, {numbers, numbers, numbers}, {8 * JOINTS}, 1, 2};
+  ticks_t ticks = {
+      .bell = &bell, .source = &from, .reader = &reader, .at_once = 2, .leads = {1}, .patience = 1000, .timeout = NEWS,
+      .newest = newest, .step = &step, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100, .state = &state,
+      .trip = &trip, .chunk = chunks, .copy = &copy, .size = CHUNK, .oldest = GIGA, .commands = 3};
+  due_t due = {time_of(CLOCK_MONOTONIC), 0, period, 0, 1000 * GIGA, 0, 0, 0, &lateness};
+  loop_t loop = {&ticks, &due};
+  pthread_t threads[4];
+  pthread_create(threads, NULL, leading, NULL);
+  pthread_create(threads + 1, NULL, writing, NULL);
+  pthread_create(threads + 2, NULL, looking, &loop);
+  pthread_create(threads + 3, NULL, ordering, &count);
+  while (!is_over())
+    if (ordinary(&ticks, &due) == LEFT) by_python(&ticks, &due);
+  pthread_mutex_lock(&wire);
+  pthread_cond_broadcast(&moved);
+  pthread_mutex_unlock(&wire);
+  pthread_mutex_lock(&recording);
+  pthread_cond_broadcast(&filled);
+  pthread_mutex_unlock(&recording);
+  for (int i = 0; i < 4; ++i) pthread_join(threads[i], NULL);
+  for (int64_t k = 0; k < ticks.chunk->count; ++k) done.written += ticks.chunk->raw[ticks.chunk->places[k] + 9] == 1;
+  done.ticks = ticks.ticks;
+  done.counted = count_of(&lateness);
+  *found_out = done;
+}
