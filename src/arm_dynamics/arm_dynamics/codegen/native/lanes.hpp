@@ -72,24 +72,25 @@ static inline bool BEYOND(real x, double limit) {
   return outside;
 }
 
-static inline real sin_shifted(real x, const long long quarters);
+#include "sincos.h"
 
-/* Library functions, only for lanes beyond the range of the polynomials. */
+/* With some lanes out of range, which is rare, the library's functions replace those alone. */
 static inline real far_sin(real x) {
   real y = sin_shifted(x, 0);
   for (int i = 0; i < LANES; ++i)
-    if (!(__builtin_fabs(x.v[i]) <= 1.0e6)) y.v[i] = __builtin_sin(x.v[i]);
+    if (!(__builtin_fabs(x.v[i]) <= REDUCIBLE)) y.v[i] = __builtin_sin(x.v[i]);
   return y;
 }
 
 static inline real far_cos(real x) {
   real y = sin_shifted(x, 1);
   for (int i = 0; i < LANES; ++i)
-    if (!(__builtin_fabs(x.v[i]) <= 1.0e6)) y.v[i] = __builtin_cos(x.v[i]);
+    if (!(__builtin_fabs(x.v[i]) <= REDUCIBLE)) y.v[i] = __builtin_cos(x.v[i]);
   return y;
 }
 
-#include "sincos.h"
+static inline real arm_sin(real x) { return BEYOND(x, REDUCIBLE) ? far_sin(x) : sin_shifted(x, 0); }
+static inline real arm_cos(real x) { return BEYOND(x, REDUCIBLE) ? far_cos(x) : sin_shifted(x, 1); }
 
 #define sin arm_sin
 #define cos arm_cos

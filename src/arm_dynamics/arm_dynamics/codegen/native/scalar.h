@@ -12,10 +12,11 @@ typedef unsigned long long ubits;
 static inline bits AS_BITS(real x) { bits b; memcpy(&b, &x, sizeof b); return b; }
 static inline real AS_REAL(bits b) { real x; memcpy(&x, &b, sizeof x); return x; }
 #define BEYOND(x, limit) (!(fabs(x) <= (limit)))
-static inline real far_sin(real x) { return sin(x); }
-static inline real far_cos(real x) { return cos(x); }
 
 #include "sincos.h"
+
+static inline real arm_sin(real x) { return BEYOND(x, REDUCIBLE) ? sin(x) : sin_shifted(x, 0); }
+static inline real arm_cos(real x) { return BEYOND(x, REDUCIBLE) ? cos(x) : sin_shifted(x, 1); }
 
 /* The library's versions are function calls, which are slow while the upper halves of vector registers are in use: seven
  * take a microsecond. If one argument is NaN, the first one is used. Numbers are never so large or small that squares

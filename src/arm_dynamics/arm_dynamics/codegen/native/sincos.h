@@ -5,8 +5,7 @@
  * where the result nearly vanishes, below 1e-20.
  *
  * Required definitions: `real` (double or a vector of doubles), `bits` and `ubits` (64-bit integers, signed and not, or
- * vectors of them), AS_BITS(x) and AS_REAL(b), which reinterpret one as the other, and BEYOND(x, limit), true if any
- * |x| > limit.
+ * vectors of them), AS_BITS(x) and AS_REAL(b), which reinterpret one as the other.
  *
  * Argument reduction: Cody and Waite, Software Manual for the Elementary Functions, 1980: pi/2 in two parts, the first
  * of 33 bits, so that k * PIO2_HIGH is exact for |k| < 2^20. Polynomials: minimax by Remez exchange with 60 digits
@@ -19,7 +18,7 @@
 #define PIO2_HIGH 1.5707963267341256
 #define PIO2_LOW 6.077100506506192e-11
 #define ROUND_MAGIC 6755399441055744.0 /* 1.5 * 2^52: adding it rounds to an integer in the low bits */
-#define REDUCIBLE 1.0e6
+#define REDUCIBLE 1.0e6 /* largest argument: beyond it, the library's functions are called */
 
 static inline real sin_polynomial(real x, real tail) {
   const real z = x * x;
@@ -38,7 +37,7 @@ static inline real cos_polynomial(real x, real tail) {
   return one + (((1.0 - one) - half) + (z * p - x * tail));
 }
 
-/* sin(x + quarters * pi/2) for |x| below a million. */
+/* sin(x + quarters * pi/2) for |x| up to REDUCIBLE. */
 static inline real sin_shifted(real x, const long long quarters) {
   const real shifted = x * TWO_OVER_PI + ROUND_MAGIC;
   const real k = shifted - ROUND_MAGIC;
@@ -52,8 +51,5 @@ static inline real sin_shifted(real x, const long long quarters) {
   const bits s = AS_BITS(sin_polynomial(y, tail)), c = AS_BITS(cos_polynomial(y, tail));
   return AS_REAL(((s & ~odd) | (c & odd)) ^ sign);
 }
-
-static inline real arm_sin(real x) { return BEYOND(x, REDUCIBLE) ? far_sin(x) : sin_shifted(x, 0); }
-static inline real arm_cos(real x) { return BEYOND(x, REDUCIBLE) ? far_cos(x) : sin_shifted(x, 1); }
 
 #endif
