@@ -178,10 +178,6 @@ class McapWriter:
         finally:
             self._file.close()
 
-    def abandon(self) -> None:
-        """Close the file without a summary; readers then scan it from the beginning."""
-        self._file.close()
-
     def _ending(self) -> bytes:
         end = _bytes(records.DataEnd(data_section_crc=0))
         start = self.written + len(end)
