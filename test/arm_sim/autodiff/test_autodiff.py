@@ -207,6 +207,10 @@ def test_torch_checks_the_gradient_and_keeps_the_type() -> None:
         ({"tau": np.zeros((0, 3))}, "at least one tick"),
         ({"parameters": {"gravity": np.zeros(3)}}, r"'gravity' is not tunable.*\['payload'\]"),
         ({"parameters": {"payload": np.zeros(3)}}, r"payload has shape \(3,\).*\(…, 10\)"),
+        (
+            {"x0": np.zeros((2, 6)), "tau": np.zeros((3, TICKS, 3))},
+            r"leading axes of x0, tau and parameters are \(2,\), \(3,\), .*broadcast",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused(library: Any, changed: Arrays, said: str) -> None:

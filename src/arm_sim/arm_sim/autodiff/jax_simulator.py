@@ -69,13 +69,10 @@ class JaxSimulator:
         """
         import jax.numpy as jnp
 
-        self._motion.check(x0, tau)
-        kind = jnp.result_type(float)
-        named = [jnp.asarray(part, kind) for part in self._motion.parameters(parameters)]
+        given, kind = self._motion.parameters(parameters), jnp.result_type(float)
+        arms = self._motion.arms(x0, tau, given)
         x0, tau = jnp.asarray(x0, kind), jnp.asarray(tau, kind)
-        arms = jnp.broadcast_shapes(
-            x0.shape[:-1], tau.shape[:-2], *(part.shape[:-1] for part in named)
-        )
+        named = [jnp.asarray(part, kind) for part in given]
         parts = [jnp.broadcast_to(part, (*arms, part.shape[-1])) for part in named]
         return self._states(
             self._motion,

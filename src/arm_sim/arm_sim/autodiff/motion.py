@@ -62,11 +62,17 @@ class Motion:
             found.append(value)
         return found
 
-    def check(self, x0: Any, tau: Any) -> None:
-        """Refuse shapes that do not fit.
+    def arms(self, x0: Any, tau: Any, parameters: list[Any]) -> tuple[int, ...]:
+        """Leading axes to which all arguments are broadcast.
+
+        Args:
+            x0: Initial states.
+            tau: Torques of each tick.
+            parameters: Results of ``parameters``.
 
         Raises:
-            InvalidInput: If they are not (…, nx) and (…, ticks, n) with at least one tick.
+            InvalidInput: If x0 and tau are not (…, nx) and (…, ticks, n) with at least one tick,
+                or the leading axes cannot be broadcast.
         """
         if np.shape(x0)[-1:] != (self.nx,):
             raise InvalidInput(f"x0 has shape {tuple(np.shape(x0))}; expected (…, {self.nx})")
@@ -75,6 +81,14 @@ class Motion:
             raise InvalidInput(
                 f"tau has shape {shape}; expected (…, ticks, {self.n}), at least one tick"
             )
+        leading = [np.shape(x0)[:-1], shape[:-2], *(np.shape(part)[:-1] for part in parameters)]
+        try:
+            return np.broadcast_shapes(*leading)
+        except ValueError:
+            raise InvalidInput(
+                f"leading axes of x0, tau and parameters are {', '.join(map(str, leading))}; "
+                "expected ones that can be broadcast"
+            ) from None
 
     def states(self, x0: ArrayLike, tau: ArrayLike, p: ArrayLike) -> Array:
         """States at all ticks.

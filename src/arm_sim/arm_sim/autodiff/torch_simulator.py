@@ -67,14 +67,12 @@ class TorchSimulator:
         """
         import torch
 
-        self._motion.check(x0, tau)
+        given = self._motion.parameters(parameters)
+        arms = self._motion.arms(x0, tau, given)
         x0 = torch.as_tensor(x0)
         like = {"dtype": x0.dtype, "device": x0.device}
         tau = torch.as_tensor(tau, **like)
-        named = [torch.as_tensor(part, **like) for part in self._motion.parameters(parameters)]
-        arms = torch.broadcast_shapes(
-            x0.shape[:-1], tau.shape[:-2], *(part.shape[:-1] for part in named)
-        )
+        named = [torch.as_tensor(part, **like) for part in given]
         parts = [part.expand(*arms, part.shape[-1]) for part in named]
         states: torch.Tensor = self._states.apply(
             self._motion,
