@@ -21,7 +21,13 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, all_finite
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
-from arm_dynamics.control.computed_torque import ComputedTorque, Measured, Moving, checked
+from arm_dynamics.control.computed_torque import (
+    ComputedTorque,
+    Measured,
+    Moving,
+    Parts,
+    checked,
+)
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.verify import compare, random_states
 from arm_dynamics.exceptions import KernelError
@@ -88,14 +94,8 @@ class Law(Protocol):
         """Return joint torques in [N m] or [N], shape (n,); see ``Controller.torque``."""
 
     def formula(
-        self,
-        rigid: Any,
-        q: Any,
-        v: Any,
-        desired: Reference,
-        tuning: Sequence[Any],
-        memory: Sequence[Any],
-    ) -> tuple[Any, Sequence[Any]]:
+        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[Any, Parts]:
         """Torques, and the memory for the next call.
 
         Args:

@@ -20,6 +20,8 @@ from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.rigid_expressions import RigidExpressions
 from arm_dynamics.trajectory.reference import Reference
 
+Parts = Sequence[Any]
+"""Numbers of a formula, arrays or expressions."""
 _FLOAT = np.dtype(float)
 _NONE = object()  # without a reference
 _FASTEST = 1e6  # [rad/s], beyond anything that a torque can follow
@@ -129,14 +131,8 @@ class ComputedTorque:
         return np.asarray(demanded_torque(rigid, friction, q, v, desired, tuning, sliding))
 
     def formula(
-        self,
-        rigid: Any,
-        q: ca.SX,
-        v: ca.SX,
-        desired: Reference,
-        tuning: Sequence[ca.SX],
-        memory: Sequence[ca.SX],
-    ) -> tuple[ca.SX, Sequence[ca.SX]]:
+        self, rigid: Any, q: ca.SX, v: ca.SX, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[ca.SX, Parts]:
         """Torques as an expression; see ``compiled_law.Law``."""
         motion = desired.q, desired.v, desired.a
         return expression(self._model, q, v, motion, tuning), memory

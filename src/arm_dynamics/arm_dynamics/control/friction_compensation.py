@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.compiled_law import law_of
-from arm_dynamics.control.computed_torque import Controller, Moving
+from arm_dynamics.control.computed_torque import Controller, Moving, Parts
 from arm_dynamics.equations.elementary import Quantity, hyperbolic_tangent
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
@@ -97,7 +96,7 @@ class FrictionFeedForward:
 
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, *numbers: Any
-    ) -> tuple[Any, Sequence[Any]]:
+    ) -> tuple[Any, Parts]:
         """The controller's torques and friction as an expression; see ``compiled_law.Law``."""
         tau, after = self._law.formula(rigid, q, v, desired, *numbers)
         return self._with_friction(tau, desired), after

@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits, vector
-from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
+from arm_dynamics.control.computed_torque import Moving, Parts, checked, gain, gains
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations.elementary import choose, diagonal, root
 from arm_dynamics.exceptions import InvalidInput
@@ -19,8 +18,6 @@ from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.sampling import postures
 from arm_dynamics.trajectory.reference import Reference
 
-Parts = Sequence[Any]
-"""Numbers of a formula, arrays or expressions."""
 _POSTURES = 200  # over which inertia is averaged
 _STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
 

@@ -17,7 +17,14 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, unit_vector, vector
-from arm_dynamics.control.computed_torque import Controller, Moving, checked, gain, gains
+from arm_dynamics.control.computed_torque import (
+    Controller,
+    Moving,
+    Parts,
+    checked,
+    gain,
+    gains,
+)
 from arm_dynamics.control.friction_compensation import ahead
 from arm_dynamics.equations.elementary import root
 from arm_dynamics.equations.frame import rotation_vector
@@ -214,14 +221,8 @@ class AlongJoints:
         return *control.tuning, np.array([self._force])
 
     def formula(
-        self,
-        rigid: Any,
-        q: ca.SX,
-        v: ca.SX,
-        desired: Reference,
-        tuning: Sequence[ca.SX],
-        memory: Sequence[ca.SX],
-    ) -> tuple[ca.SX, Sequence[ca.SX]]:
+        self, rigid: Any, q: ca.SX, v: ca.SX, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[ca.SX, Parts]:
         """Torques as an expression, not numbers near singularities; see ``compiled_law.Law``."""
         task, control = self._task, cast(Any, self._control)
         *its, force = tuning

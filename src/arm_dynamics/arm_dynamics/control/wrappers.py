@@ -13,7 +13,14 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits
 from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law, law_of
-from arm_dynamics.control.computed_torque import Controller, Measured, Moving, checked, gain
+from arm_dynamics.control.computed_torque import (
+    Controller,
+    Measured,
+    Moving,
+    Parts,
+    checked,
+    gain,
+)
 from arm_dynamics.control.joint_space import cut
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations.elementary import choose, sign
@@ -152,14 +159,8 @@ class DisturbanceObserver:
             self._law.memory = parts[_SEEN:]
 
     def formula(
-        self,
-        rigid: Any,
-        q: Any,
-        v: Any,
-        desired: Reference,
-        tuning: Sequence[Any],
-        memory: Sequence[Any],
-    ) -> tuple[Any, Sequence[Any]]:
+        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[Any, Parts]:
         """Torques and the next memory as expressions; see ``compiled_law.Law``."""
         mine, its = tuning[:_TUNING], tuning[_TUNING:]
         seen, kept = memory[:_SEEN], memory[_SEEN:]
