@@ -496,7 +496,8 @@ class Simulator:
             last_only: Whether to return only the last states.
             threads: Cores to use; None for all.
             lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is, under
-                error control only where arms and steps are many. Results do not depend on it.
+                error control and with dry friction or contact only where arms and steps are many.
+                Results do not depend on it.
 
         Returns:
             States (q, v), shape (b, steps + 1, 2n), or (b, 2n) if ``last_only``; NaN from where an

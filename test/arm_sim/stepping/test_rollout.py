@@ -162,6 +162,55 @@ def test_error_control_in_registers_gives_the_bits_of_one_arm(
     np.testing.assert_array_equal(still[:, 0], side_by_side[:, 0])
 
 
+EVENTFUL: dict[str, tuple[str, ...]] = {
+    "dry friction": ("coulomb", "table"),
+    "a drive with currents": ("coulomb", "voltage"),
+    "end stops": ("coulomb", "end stop", "payload"),
+    "a loop": ("coulomb", "bilateral"),
+    "a contact": ("contact", "viscous"),
+    "everything": ("table", "lossy gear", "contact", "end stop", "mimic"),
+}
+
+
+@pytest.mark.parametrize("chosen", EVENTFUL.values(), ids=EVENTFUL)
+def test_events_in_registers_give_the_bits_of_one_arm(
+    chosen: tuple[str, ...], rng: np.random.Generator
+) -> None:
+    """Some arms of a group are held, some slide, and each has events of its own."""
+    sim = Simulator(features.scene("planar", chosen))
+    arms, steps = 11, 150
+    q = sim.model.q0 + 0.005 * rng.normal(size=(arms, sim.n))
+    v = np.outer(rng.permutation(arms) // 3, 0.1 * rng.normal(size=sim.n))
+    tau = np.repeat(rng.normal(0.0, 6.0, size=(arms, 3, sim.n)), steps // 3, axis=1)
+    one_by_one = sim.rollout(q, v, tau, steps, lanes=1)
+    for threads in (1, 2):
+        side_by_side = sim.rollout(q, v, tau, steps, lanes=4, threads=threads)
+        np.testing.assert_array_equal(side_by_side, one_by_one)
+    last = sim.rollout(q, v, tau, steps, lanes=4, last_only=True)
+    np.testing.assert_array_equal(last, one_by_one[:, -1])
+    order = rng.permutation(arms)
+    shuffled = sim.rollout(q[order], v[order], tau[order], steps, lanes=4)
+    np.testing.assert_array_equal(shuffled, one_by_one[order])
+
+
+def test_in_registers_arms_slide_stick_and_break_away() -> None:
+    """Next to one that diverges."""
+    friction, rng = {"coulomb": 3.0, "static": 4.0}, np.random.default_rng(0)
+    scene = load_scene("two_link").model_dump(exclude_unset=True)
+    sim = Simulator(scene | {"joints": {"*": {"friction": friction}}}, integrator="rk4")
+    q, v = rng.normal(0.0, 0.5, (2, 9, 2))
+    tau = np.repeat(rng.normal(0.0, 6.0, (9, 5, 2)), 60, axis=1)
+    v[4] = 1e160
+    rollouts = sim.compiled.rollouts
+    batch = rollouts.batch(q, v, tau, 300, sim.plant.parameters.nominal, last_only=False)
+    assert rollouts.side_by_side(batch) == [], "no arm is left for the engine of one arm"
+    np.testing.assert_array_equal(batch.out, sim.rollout(q, v, tau, 300, lanes=1))
+    assert np.isnan(batch.out[4, 1:]).all() and np.isfinite(batch.out[[3, 5]]).all()
+    still = batch.out[[0, 1, 2, 3, 5, 6, 7, 8], :, 2:] == 0.0
+    assert 0.05 < still.mean() < 0.95
+    assert (np.diff(still.astype(int), axis=1) != 0).any(axis=(1, 2)).all()
+
+
 def test_in_registers_an_arm_that_cannot_be_advanced_is_nan_from_there_on() -> None:
     sim = models.simulator("double_pendulum", tolerance=1e-8)
     tau = np.zeros((9, 10, 2))

@@ -28,6 +28,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import (
     Stepper,
     error_control,
+    mode_sizes,
     pointer,
     sizes,
     smooth_motion,
@@ -36,8 +37,8 @@ from arm_sim.stepping.stepper import (
 )
 
 WIDTHS = (8, 4, 2, 1)
-# Ticks of all arms from which attempts side by side save more time than it takes to compile them:
-# up to ten seconds for implicit methods.
+# Ticks of all arms from which code for error control or events side by side saves more time than
+# its compilation takes: up to ten seconds for implicit methods.
 MANY_TICKS = 100_000
 # How CasADi writes choices; C++ has no such operator for many arms at a time.
 _SIGN = "x<0 ? -1 : x>0 ? 1 : x"
@@ -66,6 +67,18 @@ class Batch:
     effort: Array | None = None
 
 
+class Engine(ctypes.Structure):
+    """Functions of the compiled engine of one arm; ``engine_t`` in ``native/foreseen.c``."""
+
+    _fields_ = [("foresee", ctypes.c_void_p), ("tick_as_foreseen", ctypes.c_void_p)]
+
+    @classmethod
+    def of(cls, stepper: Stepper) -> Engine:
+        """Those of a scene with events."""
+        found = (getattr(stepper.kernel.library, field[0]) for field in cls._fields_)
+        return cls(*(ctypes.cast(function, ctypes.c_void_p).value for function in found))
+
+
 class Rollouts:
     """Rollouts of one scene with one method; arms never influence one another.
 
@@ -81,17 +94,20 @@ class Rollouts:
     ) -> None:
         self._plant, self._choice, self._backend = plant, choice, backend
         self._control = control
-        # Dry friction and contacts give every arm segments of its own. So do stops: arms that meet
-        # one are advanced once more, alone.
+        # Arms that meet a stop are advanced once more, alone. With dry friction or contacts, lanes
+        # compute the motions without events, and the engine of one arm does the rest.
         self._smooth = plant.free or plant
-        self._in_registers = not self._smooth.eventful and backend != "vm"
+        together = not self._smooth.eventful or choice.tolerance is None
+        self._in_registers = together and backend != "vm"
         self._libraries: dict[int, ctypes.CDLL | None] = {}
+        self._engine: Engine | None = None
         self._resting: list[Stepper] = []
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
         """Advance a batch; see ``Simulator.rollout``."""
         wide, together = widths(lanes), self._in_registers
-        if lanes is None and self._choice.tolerance is not None and not self._libraries:
+        short = self._choice.tolerance is None and not self._smooth.eventful
+        if lanes is None and not (short or self._libraries):
             together &= len(batch.x0) * batch.steps >= MANY_TICKS
         library, width = self._library(wide) if together else (None, 1)
 
@@ -111,7 +127,8 @@ class Rollouts:
 
         Returns:
             Arms that come near a stop, or cannot be advanced, and must be advanced one by one;
-            None if that holds for all: the scene has events, or there is no compiler.
+            None if that holds for all: the scene has dry friction or contacts under error control,
+            or there is no compiler.
         """
         library = self._lanes_here()
         return None if library is None else self._in_lanes(library, batch, 0, len(batch.x0))
@@ -166,6 +183,7 @@ class Rollouts:
             pointer(length), ctypes.c_longlong(batch.steps), ctypes.c_longlong(first),
             ctypes.c_longlong(last), pointer(batch.out), ctypes.c_int(batch.out.ndim == 2),
             ctypes.byref(met), *([] if batch.effort is None else [pointer(batch.effort)]),
+            *([] if self._engine is None else [ctypes.byref(self._engine)]),
         )  # fmt: skip
         return [arm for arm in range(first, last) if met[arm]]
 
@@ -190,7 +208,10 @@ class Rollouts:
         try:
             return self._resting.pop()
         except IndexError:
-            return Stepper(self._plant, self._choice, self._backend)
+            return self._stepper()
+
+    def _stepper(self) -> Stepper:
+        return Stepper(self._plant, self._choice, self._backend)
 
     def _library(self, wide: tuple[int, ...]) -> tuple[ctypes.CDLL | None, int]:
         """Compiled code and the number of arms that it advances side by side."""
@@ -203,10 +224,12 @@ class Rollouts:
 
     def _built(self, width: int) -> ctypes.CDLL | None:
         language = "c++" if width > 1 else "c"
-        controlled = self._choice.tolerance is not None
-        if not compiler.may_build(language) or (width == 1 and controlled):
+        controlled, eventful = self._choice.tolerance is not None, self._smooth.eventful
+        if not compiler.may_build(language) or (width == 1 and (controlled or eventful)):
             return None
         write = self._of_attempts if controlled else self._of_ticks
+        if eventful:
+            write, self._engine = self._of_events, self._engine or Engine.of(self._stepper())
         try:
             return compiler.build(write(width), language).library
         except CompilerMissing:
@@ -217,6 +240,14 @@ class Rollouts:
         tick = build_tick(smooth_motion(plant, self._choice), actuation(plant, self._control))
         return self._source(width, [tick], {"TICK": "tick"}, "rollout.c")
 
+    def _of_events(self, width: int) -> str:
+        plant, choice = self._plant, self._choice
+        loads = next(function for function in plant.events if function.name() == "loads")
+        step, actuate = smooth_motion(plant, choice), actuation(plant, self._control)
+        functions = [plant.rhs, step, actuate, loads]
+        more = {"EVENTS": "1"} | mode_sizes(plant)
+        return self._source(width, functions, more, "foreseen.c", "foresight.c", "rollout.c")
+
     def _of_attempts(self, width: int) -> str:
         plant, choice = self._smooth, self._choice
         functions = [smooth_motion(plant, choice), actuation(plant, self._control)]
@@ -226,7 +257,7 @@ class Rollouts:
     def _source(
         self, width: int, functions: list[ca.Function], more: dict[str, str], *files: str
     ) -> str:
-        stops, parts = stop_defines(self._smooth)
+        stops, parts = ({}, []) if self._smooth.eventful else stop_defines(self._smooth)
         defines = sizes(self._smooth, functions) | more | stops
         if self._control is not None:
             defines["NR"] = str(self._control.law.size1_in(1))

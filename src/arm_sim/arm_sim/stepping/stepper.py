@@ -54,7 +54,9 @@ WEIGHTS = {
     ca.OP_EXP: 20, ca.OP_LOG: 20, ca.OP_POW: 50, ca.OP_TANH: 30, ca.OP_SQRT: 5, ca.OP_DIV: 4
 }  # fmt: skip
 """Operations that take as long as several additions."""
-WITH_EVENTS = ("stops.c", "cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c")
+WITH_EVENTS = (
+    "foreseen.c", "stops.c", "cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c",
+)  # fmt: skip
 """Parts of the engine that only scenes with events need, in their order."""
 
 
@@ -285,6 +287,12 @@ def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function)
     }  # fmt: skip
 
 
+def mode_sizes(plant: Plant) -> dict[str, str]:
+    """Numbers of contacts, and of joints with directions and with compliant stops."""
+    counts = {"NC": len(plant.points), "ND": plant.directions, "NQ": plant.pressed}
+    return {name: str(count) for name, count in counts.items()}
+
+
 def stop_places(plant: Plant) -> dict[str, str]:
     """Positions of rigid and compliant stops, for ``native/stops.c``."""
     lower, upper = np.clip(plant.model.stops.place, -NOWHERE, NOWHERE)
@@ -333,10 +341,8 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
     lower, upper = np.clip(stops.bounds, -NOWHERE, NOWHERE)
     return {
         **stop_places(plant),
-        "NC": str(len(points)),
+        **mode_sizes(plant),
         "NB": "1" if plant.constrained else "0",
-        "ND": str(plant.directions),
-        "NQ": str(plant.pressed),
         **({"RIGID": "1"} if stops.rigid.any() else {}),
         **({"FREE": "1"} if plant.free else {}),
         "LOWER": _braces(lower),

@@ -13,6 +13,13 @@
 #define CONTROLLED
 #endif
 
+/* In a scene with events also the engine of one arm. */
+#ifdef EVENTS
+#define WITH_ENGINE , const engine_t* engine
+#else
+#define WITH_ENGINE
+#endif
+
 /* Spare lanes of the last group repeat the last arm before `last`. */
 static void choose_arms(long long arm, long long last, long long* of_lane) {
   for (int j = 0; j < LANES; ++j) of_lane[j] = arm + j < last ? arm + j : last - 1;

@@ -217,6 +217,27 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
   return report->trouble == NONE;
 }
 
+/* Find the probable modes of a tick. */
+EXPORTED void foresee(foreseen_t* tick) {
+  long long work = 0;
+  segment_t segment = {.u = tick->u, .work = &work};
+  geometry_t geometry;
+  memcpy(&segment.p, tick->p, sizeof segment.p);
+  find_geometry(tick->x, &geometry);
+  guess_modes(tick->x, &segment, &geometry);
+  memcpy(tick->p, &segment.p, sizeof segment.p);
+  tick->rests = anything_rests(tick->x, &segment);
+}
+
+/* The foreseen tick, whatever happens in it: 0 if it cannot be computed. */
+EXPORTED int tick_as_foreseen(const foreseen_t* tick, double* after) {
+  long long work = 0;
+  report_t report = {0};
+  segment_t segment = {.u = tick->u, .work = &work, .foreseen = tick};
+  memcpy(segment.p.tunable, tick->p, sizeof segment.p.tunable);
+  return tick_with_events(tick->x, &segment, tick->length, &report, 0, after) == NONE;
+}
+
 /* One traced tick: returns the number of segments, even if there was room for fewer, or -1. */
 EXPORTED long long trace_tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report,
                               record_t* records, long long most, real* after) {

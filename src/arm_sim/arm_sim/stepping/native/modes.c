@@ -9,7 +9,7 @@
  * until there is none. If that cycles, the first violation is chosen for joints alone, a rule that cannot cycle (Murty,
  * Linear Complementarity, Linear and Nonlinear Programming, 1988, section 4.1), and contacts are solved together by cone.c.
  *
- * Required definitions: flow.c, cone.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
+ * Required definitions: flow.c, cone.c, foreseen.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
  * HOLDING, RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`,
  * `contact_inertia`; RIGID where joints have rigid stops: at LOWER and UPPER, with LOWER_REBOUND and UPPER_REBOUND, and the
  * generated `strike`; NQ (joints with compliant stops: NU or 0), with SOFT_LOWER and SOFT_UPPER and the generated
@@ -99,6 +99,7 @@ typedef struct {
   int turned[ND];  /* whether the other direction has been tried for a joint that moved the wrong way */
   long long* work; /* operations of the generated functions in the tick */
   double step;     /* length of the steps if the tick is time-stepped, else 0 */
+  const foreseen_t* foreseen; /* answers that are known beforehand, or null */
   record_t* record; /* record of this segment, if the tick is traced */
 } segment_t;
 
@@ -121,6 +122,13 @@ static int at_stop(const real* x, int joint) { (void)x; (void)joint; return 0; }
 #endif
 static const double soft_stop[2][NU] = {SOFT_LOWER, SOFT_UPPER};
 
+static int same(const real* a, const double* b, int count) { return !memcmp(a, b, count * sizeof *a); }
+
+/* Whether answers are known for the modes of a segment. */
+static int is_foreseen(const segment_t* segment) {
+  return segment->foreseen && same((const real*)&segment->p, segment->foreseen->p, NP + MODES);
+}
+
 static void find_geometry(const real* x, geometry_t* geometry) {
   WORKSPACE;
   arg[0] = x;
@@ -130,11 +138,16 @@ static void find_geometry(const real* x, geometry_t* geometry) {
 
 /* Holding torques of sticking joints, relative to their level; forces, accelerations and grips of contacts. */
 static void find_loads(const real* x, const segment_t* segment, loads_t* found) {
+  const foreseen_t* known = segment->foreseen;
   WORKSPACE;
+  *segment->work += COST_LOADS;
+  if (is_foreseen(segment) && known->rests && (same(x, known->x, NX) || same(x, known->after, NX))) {
+    memcpy(found, same(x, known->x, NX) ? known->loads : known->loads_after, sizeof *found);
+    return;
+  }
   arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
   res[0] = found->load; res[1] = found->force; res[2] = found->rate; res[3] = found->grip;
   loads(arg, res, iw, w, 0);
-  *segment->work += COST_LOADS;
 }
 
 static void find_inertia(const real* x, const segment_t* segment, inertia_t* inertia) {
@@ -146,11 +159,16 @@ static void find_inertia(const real* x, const segment_t* segment, inertia_t* ine
 }
 
 static void find_slope(const real* x, const segment_t* segment, real* slope) {
+  const foreseen_t* known = segment->foreseen;
   WORKSPACE;
+  *segment->work += COST_SLOPE;
+  if (is_foreseen(segment) && known->rests && same(x, known->x, NX)) {
+    memcpy(slope, known->slope, sizeof known->slope);
+    return;
+  }
   arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
   res[0] = slope;
   rhs(arg, res, iw, w, 0);
-  *segment->work += COST_SLOPE;
 }
 
 static double largest_of(const real* values, int count) {
@@ -429,11 +447,15 @@ static int anything_rests(const real* x, const segment_t* segment) {
   return any;
 }
 
+static void guess_modes(const real* x, segment_t* segment, const geometry_t* geometry) {
+  guess(x, segment, geometry);
+  if (NB && largest_of(x + NU, NU) > 0.0) guess_turning(x, segment);
+}
+
 /* Find the modes of all contacts and joints: 0 if none satisfies the laws, or the motion is not unique (Painlevé 1895). */
 static int settle(const real* x, segment_t* segment, const geometry_t* geometry) {
   loads_t found;
-  guess(x, segment, geometry);
-  if (NB && largest_of(x + NU, NU) > 0.0) guess_turning(x, segment);
+  guess_modes(x, segment, geometry);
   if (!anything_rests(x, segment)) return 1;
   for (int attempt = 0; attempt < 3; ++attempt) {
     for (int k = 0; k < PIVOTS; ++k) {

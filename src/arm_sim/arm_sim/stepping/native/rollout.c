@@ -3,7 +3,7 @@
  * Many arms, LANES at a time. C where `real` is a double, C++ where it is a vector of them.
  *
  * Required definitions: arms.c, and as for roll.c; NP (length of the parameters); where joints have stops also stops.c, and
- * STOPS.
+ * STOPS; in a scene with events instead foresight.c, and EVENTS.
  */
 
 #ifdef __cplusplus
@@ -17,12 +17,13 @@ extern "C"
  * out:  states of every tick, the first included, (ticks + 1) * NX per arm; if last_only, NX per arm.
  * met:  set to 1 for an arm that meets a stop; its states are invalid from there on.
  * effort: with a controller, effective commands of every tick, ticks * NU per arm.
+ * engine: in a scene with events, that of one arm.
  * An arm that diverges is NaN from there on; other lanes are not affected.
  */
 __attribute__((visibility("default")))
 void rollout(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
              long long p_arm, const double* h, long long ticks, long long first, long long last, double* out,
-             int last_only, signed char* met CONTROLLED) {
+             int last_only, signed char* met CONTROLLED WITH_ENGINE) {
   const long long row = last_only ? NX : (ticks + 1) * NX;
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
@@ -41,9 +42,13 @@ void rollout(const double* x0, const double* tau, long long tau_arm, long long t
       if (k == ticks) break;
       if (k == 0 || tau_tick)
         read_arms(r, NR, tau + k * tau_tick, tau_arm, of_lane);
+#ifdef EVENTS
+      tick_of_lanes(x, r, par, &length, last - arm < LANES ? (int)(last - arm) : LANES, engine, next, acted);
+#else
       arg[0] = x; arg[1] = r; arg[2] = par; arg[3] = &length;
       res[0] = next; res[1] = acted;
       TICK(arg, res, iw, w, 0);
+#endif
 #ifdef WITH_CONTROLLER
       for (int j = 0; j < LANES && arm + j < last; ++j)
         for (int i = 0; i < NU; ++i) effort[((arm + j) * ticks + k) * NU + i] = LANE(acted[i], j);

@@ -27,6 +27,15 @@ static int try_flow(const real* x, const segment_t* segment, double h, real* aft
   return good;
 }
 
+/* Motion over the whole of a segment, see `flow`; it may be foreseen. */
+static int flow_on(const real* x, const segment_t* segment, double h, real* after) {
+  const foreseen_t* known = segment->foreseen;
+  if (!is_foreseen(segment) || h != known->length || !same(x, known->x, NX))
+    return flow(x, segment->u, (const real*)&segment->p, h, segment->control, after);
+  memcpy(after, known->after, sizeof known->after);
+  return within_reach(after);
+}
+
 /* Whether a contact is closed or a joint sticks. */
 static int anything_held(const segment_t* segment) {
   int any = 0;
@@ -213,7 +222,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
   limits_t limits, early;
   find_geometry(x, &geometry);
   for (int k = 0; k < NC; ++k) search.ground[k] = fmin(geometry.place[3 * k], 0.0);
-  const int reached = flow(x, segment->u, (const real*)&segment->p, reach, segment->control, after);
+  const int reached = flow_on(x, segment, reach, after);
   *segment->work += COST_STEP * (1 + (segment->control ? segment->control->attempts - kept.attempts : 0));
   double known = reach, wrong = INFINITY, length = reach;
   if (reached) wrong = disobedience(after, segment, search.ground, reach, &limits);

@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Ticks with events of LANES arms: functions of the motion without events are evaluated side by side, the logic of events
+ * runs arm by arm.
+ *
+ * Before this file: arms.c, foreseen.c; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.c), the generated `actuate`, `step`, `rhs`
+ * and `loads`.
+ */
+
+/* Store some numbers of each arm; those of lane j go to to + j * stride. */
+static void write_arms(double* to, long long stride, const real* from, int count) {
+  for (int j = 0; j < LANES; ++j)
+    for (int i = 0; i < count; ++i) to[j * stride + i] = LANE(from[i], j);
+}
+
+/* The loads at x, see loads_t. */
+static void find_loads(const real* x, const real* u, const real* p, real* found) {
+  real w[SZ_W];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG] = {x, u, p};
+  real* res[SZ_RES] = {found, found + NU, found + NU + 3 * NC, found + NU + 6 * NC};
+  loads(arg, res, iw, w, 0);
+}
+
+/* Tick of length h of the first `used` lanes from x with inputs r and parameters `tunable`: the states after it, NaN for an
+ * arm that cannot be advanced, and the effective commands. */
+static void tick_of_lanes(const real* x, const real* r, const real* tunable, const real* h, int used,
+                          const engine_t* engine, real* next, real* acted) {
+  const long long stride = sizeof(foreseen_t) / sizeof(double);
+  foreseen_t tick[LANES];
+  long long of_lane[LANES], rests = 0;
+  real p[NP + MODES], slope[NX], found[LOADS], w[SZ_W];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG] = {x, r};
+  real* res[SZ_RES] = {acted};
+  actuate(arg, res, iw, w, 0);
+  write_arms(tick->x, stride, x, NX);
+  write_arms(tick->u, stride, acted, NU);
+  write_arms(tick->p, stride, tunable, NP);
+  for (int j = 0; j < LANES; ++j) {
+    of_lane[j] = j;
+    tick[j].length = LANE(*h, j);
+    engine->foresee(tick + j);
+    rests |= tick[j].rests;
+  }
+  read_arms(p, NP + MODES, tick->p, stride, of_lane);
+  arg[1] = acted; arg[2] = p; arg[3] = h;
+  res[0] = next;
+  step(arg, res, iw, w, 0);
+  write_arms(tick->after, stride, next, NX);
+  if (rests) {
+    res[0] = slope;
+    rhs(arg, res, iw, w, 0);
+    write_arms(tick->slope, stride, slope, NX);
+    find_loads(x, acted, p, found);
+    write_arms(tick->loads, stride, found, LOADS);
+    find_loads(next, acted, p, found);
+    write_arms(tick->loads_after, stride, found, LOADS);
+  }
+  for (int j = 0; j < used; ++j) {
+    double after[NX];
+    const int good = tick[j].x[0] == tick[j].x[0] && engine->tick_as_foreseen(tick + j, after);
+    for (int i = 0; i < NX; ++i) LANE(next[i], j) = good ? after[i] : __builtin_nan("");
+  }
+}
