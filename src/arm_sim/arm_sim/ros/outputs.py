@@ -26,7 +26,7 @@ from arm_sim.ros.stamps import SIM, NodeTime, SimulatedTime
 from arm_sim.ros.tick_engine import TickEngine
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
-_GLANCE = 0.1  # [s] between checks for subscribers of infrequent topics
+_GLANCE = 0.5  # [s] between checks for subscribers of infrequent topics
 
 
 class Outputs:
@@ -101,8 +101,8 @@ class Outputs:
     @property
     def seldom(self) -> int:
         """Number of ticks between checks for other topics than joint states."""
-        multipliers = self._multipliers is not None and self._multipliers.get_subscription_count()
-        if self._engine.accounted or multipliers:
+        others = [self._energy] if self._multipliers is None else [self._energy, self._multipliers]
+        if any(topic.get_subscription_count() for topic in others):
             return self._energy_every
         return self._energy_every * max(1, round(self._glance / self._energy_every))
 

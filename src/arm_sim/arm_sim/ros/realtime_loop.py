@@ -55,13 +55,14 @@ class Due(Structure):
         slow_down: Whether they are shifted.
         missed: Ticks that began after the next one was due.
         dropped: Deadlines that were dropped, skipped or shifted.
+        ended: Nonzero: no more ticks.
         lateness: Address of the histogram of the delays of ticks after their deadlines.
     """
 
     _fields_ = (
         ("deadline", c_int64), ("earliest", c_int64), ("period", c_int64), ("closest", c_int64),
         ("give_up", c_int64), ("slow_down", c_int64), ("missed", c_int64), ("dropped", c_int64),
-        ("lateness", c_void_p),
+        ("ended", c_int64), ("lateness", c_void_p),
     )  # fmt: skip
 
 
@@ -85,7 +86,8 @@ class RealtimeLoop:
         closest: Shortest time between ticks while catching up, as a fraction of the period.
         give_up: Lag in [s] beyond which deadlines are dropped while catching up.
         prepare: Called once by the thread, before its first tick.
-        ahead: Executes due ticks until one is left to ``tick``; returns whether none is left yet.
+        ahead: Executes due ticks until one is left to ``tick`` or ``Due.ended``; returns whether none
+            is left yet.
         clock: Clock with sleep; the module ``time`` or an equivalent.
 
     Attributes:
@@ -114,18 +116,17 @@ class RealtimeLoop:
             period=self._period, closest=closest, give_up=give_up, slow_down=overrun == SLOW_DOWN
         )
         self._thread: threading.Thread | None = None
-        self._running = False
         self.reset()
 
     def start(self) -> None:
         """Start ticking in a thread of its own."""
-        self._running = True
+        self._due.ended = 0
         self._thread = threading.Thread(target=self._run, name="realtime_loop", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
         """Stop after the current tick; the report is kept."""
-        self._running = False
+        self._due.ended = 1
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
         if self._until is None:
@@ -151,7 +152,7 @@ class RealtimeLoop:
         self.reset()
         once = self._by_the_clock if self._period else self._at_once
         self._due.deadline = self._due.earliest = self._clock.monotonic_ns()
-        while self._running:
+        while not self._due.ended:
             if not self._ahead(self._due):
                 once()
 

@@ -14,7 +14,7 @@
 #define STEPS 32      /* of them per factor of two */
 #define SENT 256      /* number of states whose answers are awaited */
 #define ROOMY 4096    /* largest command in bytes that is recorded without a check of the space */
-#define TURN 100000000 /* [ns] after which Python decides whether to continue */
+#define TURN 500000000 /* [ns] after which Python decides whether to continue */
 
 /* Reason for returning: Python must execute the next tick; a tick was executed and Python must publish it; Python must
  * decide whether to continue; an answer has arrived, and Python must execute its tick. */
@@ -51,7 +51,7 @@ typedef struct {
 
 /* realtime_loop.Due */
 typedef struct {
-  int64_t deadline, earliest, period, closest, give_up, slow_down, missed, dropped;
+  int64_t deadline, earliest, period, closest, give_up, slow_down, missed, dropped, ended;
   histogram_t* lateness;
 } due_t;
 
@@ -270,7 +270,7 @@ EXPORT int64_t by_the_clock(ticks_t* t, due_t* due) {
     due->deadline += due->period;
     if (late > due->give_up) due->deadline += shift(due, late);
     if (made == MADE) return MADE;
-    if (now > end) return TURN_OVER;
+    if (now > end || __atomic_load_n(&due->ended, __ATOMIC_ACQUIRE)) return TURN_OVER;
   }
 }
 
