@@ -160,7 +160,7 @@ def test_a_state_that_arrives_during_a_change_is_answered_after_it(
                 for _ in range(5):
                     ros.spin_once()
                 assert len(pair.heard) == heard
-            ros.spin_until(lambda: len(pair.heard) > heard)
+            ros.spin_until(lambda before=heard: len(pair.heard) > before)
             assert pair.heard[-1] == pair.slow.on_joint_states(raw)
         assert pair.in_c > 15
 

@@ -18,7 +18,8 @@ from arm_dynamics.ros.common.params import parameter
 _MCL_CURRENT_AND_FUTURE = 3
 _TIMERS, _RECEIVERS = "dds.ev", ("dds.shm", "dds.udp")  # names of these threads in Fast DDS
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # Linux's numbers of the system call
-_SCHED_ATTR = struct.Struct("IIQiIQQQ")  # size, policy, flags, nice, priority, slice, two deadlines
+# Size, policy, flags, nice, priority, slice, two deadlines.
+_SCHED_ATTR = struct.Struct("IIQiIQQQ")
 _SHORT = 100_000  # [ns], the shortest time slice that Linux allows
 
 
@@ -113,9 +114,9 @@ def arrange_middleware_threads() -> None:
 def shorten_slice(thread: int = 0) -> None:
     """Let a thread run as soon as it wakes although others are running, as far as that is fair.
 
-    Linux, from version 6.12, interrupts a thread for one with a shorter time slice if both have had
-    their share of the processor (docs.kernel.org/scheduler/sched-eevdf.html). Needs no privileges;
-    priority and share stay the same. Without effect on other systems.
+    Linux, from version 6.12, interrupts a thread for one with a shorter time slice if both have
+    had their share of the processor (docs.kernel.org/scheduler/sched-eevdf.html). Needs no
+    privileges; priority and share stay the same. Without effect on other systems.
 
     Args:
         thread: Number that the system gave to the thread; 0: the calling thread.
