@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What others wrote is shown on one line, printable and of bounded length."""
+"""Text from outside is shown on one line, printable and of bounded length."""
 
 from __future__ import annotations
 

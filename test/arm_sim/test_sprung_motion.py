@@ -134,7 +134,7 @@ def test_heat_of_dampers_is_counted_beside_events() -> None:
 
 
 def test_a_joint_that_sticks_bears_its_spring() -> None:
-    """Held up to the static level, and let go beyond it."""
+    """It sticks up to the static level, and slides beyond it."""
     for bend, held in ((0.9, True), (1.1, False)):
         joints = {"swing": {"friction": {"coulomb": 2.0}, "spring": {"stiffness": 2.0}}}
         scene = {"robot": PENDULUM, "gravity": [0, 0, 0], "joints": joints}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The comparison in pairs times what its lines say, and tells what has become slower."""
+"""The paired comparison times what its lines state, and reports what has become slower."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random sets of features: what is drawn is as promised, and a fault would be noticed."""
+"""Random sets of features: they are drawn as specified, and a fault would be noticed."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ BUILT = Path(os.environ.get("ARM_GALLERY", ""))
 
 @pytest.fixture
 def paper(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Figures that nobody sees, and an empty folder to be in."""
+    """Figures without a window, and an empty working folder."""
     monkeypatch.chdir(tmp_path)
     with unseen():
         yield

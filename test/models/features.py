@@ -121,7 +121,7 @@ def many(count: int, least: int = 6, seed: int = 0) -> list[tuple[str, ...]]:
 
 
 def scene(arm: str, features: Collection[str]) -> dict[str, Any]:
-    """A scene of an arm with features, and none that are not asked for."""
+    """A scene of an arm with the given features only."""
     about = ARMS[arm]
     name = "planar_3r" if arm == "planar" else arm
     robot: dict[str, Any] = {"urdf": models.scene(name).robot.urdf, "lock": about["lock"]}

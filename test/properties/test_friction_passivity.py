@@ -133,7 +133,7 @@ def holding(dt: float, factor: float = 1.0) -> Simulator:
 
 
 def test_an_arm_that_holds_does_not_move_by_a_bit() -> None:
-    """A minute; docs/concepts/friction.md tells of an hour, 3.6 million ticks."""
+    """One minute; docs/concepts/friction.md states it for an hour, 3.6 million ticks."""
     sim = holding(1e-3)
     start = sim.state
     for _ in range(6):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robots nobody designed: random trees of skewed joints, against Pinocchio called directly."""
+"""Random trees of skewed joints, against Pinocchio called directly."""
 
 from __future__ import annotations
 

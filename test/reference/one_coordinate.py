@@ -17,7 +17,7 @@ Array = np.ndarray
 
 
 class OneCoordinate:
-    """A linkage whose first joint says where all others are.
+    """A linkage whose first joint determines the positions of all others.
 
     Attributes:
         coulomb: Dry friction of each joint, shape (n,).

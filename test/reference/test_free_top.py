@@ -35,7 +35,7 @@ def attitude(q: np.ndarray) -> np.ndarray:
 
 
 def body_rates(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Angular velocity in body axes: each ring's rate about its axis as the body sees it."""
+    """Angular velocity in body axes: each ring's rate about its axis, in the axes of the body."""
     _, b, c = q
     axis_a = [np.cos(b) * np.cos(c), -np.cos(b) * np.sin(c), np.sin(b)]
     return np.column_stack([axis_a, [np.sin(c), np.cos(c), 0.0], [0.0, 0.0, 1.0]]) @ v

@@ -42,7 +42,7 @@ def test_half_a_second(case: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("options", [{"tolerance": 1e-8}, {"integrator": "rk4"}], ids=str)
 def test_whatever_the_caller_says(options: dict[str, Any]) -> None:
-    """A tolerance is kept; a method that bristles would blow up gives way, as the plan says."""
+    """A tolerance is kept; a method that diverges with bristles is replaced (see the plan)."""
     case = DATA[0]
     sim = simulator(case["wheel"], **options)
     assert sim.plan.integrator == "implicit" and "LuGre" in sim.plan.reason

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages that are bent at random."""
+"""Messages that are corrupted at random."""
 
 from __future__ import annotations
 

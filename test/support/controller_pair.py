@@ -88,12 +88,12 @@ class Pair:
         return expected
 
     def shown(self, raw: bytes) -> None:
-        """Show it to the fast node alone."""
+        """Send it to the fast node only."""
         self._publisher.publish(raw)
         self._ros.spin_once()
 
     def led(self, states: int, rng: np.random.Generator) -> None:
-        """Show both an arm that is about where it should be."""
+        """Send both nodes states of an arm close to its reference."""
         for _ in range(states):
             self.stamp += MS
             if self.slow.follower is not None:
@@ -131,7 +131,7 @@ class Pair:
 
 @contextmanager
 def side_by_side(ros: Ros, scene: Any, **parameters: Any) -> Iterator[Pair]:
-    """A pair; what no executor knows of it is taken down in the end."""
+    """A pair; what belongs to no executor is destroyed at the end."""
     pair = Pair(ros, scene, **parameters)
     try:
         yield pair

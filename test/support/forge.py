@@ -19,7 +19,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def ask(path: str, words: list[str]) -> int:
-    """Have words run by the server as if this process ran them; returns the exit status."""
+    """Run a command in the server as if this process ran it; returns the exit status."""
     request = {"words": words, "folder": os.getcwd(), "environment": dict(os.environ)}
     text = json.dumps(request).encode()
     files = array.array("i", [0, 1, 2]).tobytes()
@@ -35,7 +35,7 @@ def ask(path: str, words: list[str]) -> int:
 
 
 def serve(path: str) -> None:
-    """Fork for whoever asks, until killed."""
+    """Fork for each request, until killed."""
     _end_with_parent()
     import matplotlib.pyplot  # noqa: F401
     import ros2  # noqa: F401
@@ -66,7 +66,7 @@ def _end_with_parent() -> None:
 
 
 def _attend(asking: socket.socket) -> None:
-    """Run what is asked for in a child; it is killed when the one who asked is gone."""
+    """Run the command in a child process, which is killed when its client ends."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     head, files, _, _ = socket.recv_fds(asking, 64, 3)
     size, _, text = head.partition(b"\n")
@@ -88,7 +88,7 @@ def _attend(asking: socket.socket) -> None:
 
 
 def _become(request: dict, files: list[int]) -> None:
-    """The command, in this process, with the folder, environment and files of who asked."""
+    """Run the command in this process, with the folder, environment and files of the client."""
     for standard, given in enumerate(files):
         os.dup2(given, standard)
     os.setsid()

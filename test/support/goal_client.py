@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A client of FollowJointTrajectory before a controller node that is shown states by hand."""
+"""A client of FollowJointTrajectory, and a controller node that receives states by hand."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def path(*steps: Any, frame_id: str = "") -> Path:
 
 
 def planned(node: ControllerNode, stamp: int) -> None:
-    """Show states at one instant until nothing is being planned any more."""
+    """Send states of one instant until planning is finished."""
     end = time.monotonic() + 20.0
     while node.goals.planner.busy and time.monotonic() < end:
         time.sleep(2e-3)

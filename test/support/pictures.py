@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of pyplot in tests: drawn to memory, and gone afterwards."""
+"""Figures of pyplot in tests: drawn in memory, and closed afterwards."""
 
 from __future__ import annotations
 

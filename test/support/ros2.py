@@ -119,7 +119,7 @@ def service_call(words: Namespace) -> None:
 
 
 def topic_pub(words: Namespace) -> None:
-    """Publish once, when somebody listens, or until Ctrl-C."""
+    """Publish once, when there is a subscriber, or until Ctrl-C."""
     with node() as made:
         message = fill(loaded(words.type)(), yaml.safe_load(words.values or "{}"))
         publisher = made.create_publisher(type(message), words.name, 10)
@@ -201,7 +201,7 @@ def node_list(_: Namespace) -> None:
 
 
 def understood() -> ArgumentParser:
-    """The words that are known."""
+    """The known words."""
     parser = ArgumentParser("ros2", allow_abbrev=False)
     groups = parser.add_subparsers(required=True)
 

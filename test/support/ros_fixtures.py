@@ -17,7 +17,7 @@ from arm_dynamics.ros.common.transport import by_udp, clear_dead
 
 @pytest.fixture(autouse=True)
 def ros_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tests meet nobody else, and their logs go away with them."""
+    """Tests are isolated from other nodes, and their logs are removed."""
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
     for name in ("ROS_DOMAIN_ID", "ROS_NAMESPACE"):
         monkeypatch.delenv(name, raising=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sim node that ticks when told to."""
+"""A sim node whose ticks are triggered by hand."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def forging(folder: Path) -> Iterator[Path]:
 
 
 def _has_states(file: Path) -> bool:
-    """Whether a recorder has heard an arm; what names the topics is in its file before that."""
+    """Whether a recorder has received a state; its file names the topics before that."""
     try:
         return file.is_file() and len(Recording.load(file)) > 1
     except InvalidInput:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands for torques: what a controller sends to motors that take a current or a voltage."""
+"""Commands for torques: what a controller sends to motors driven by current or voltage."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def test_computed_torque_through_motors(drive: dict[str, Any], error: float) -> 
 
 
 def test_compiled_computed_torque_speaks_in_volts() -> None:
-    """The same motion as the law in Python, bit for bit nearly."""
+    """The same motion as the controller in Python, to rounding."""
     sim = Simulator(arm(actuator=MOTOR | POLES | {"command": "voltage"}))
     interpreted, path = ComputedTorque(sim.dynamics, bandwidth=15.0), sine
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every drive accounts for its energy: what it stores changes by what comes in, is lost, goes out.
 
-Checked at an instant, where no integrator has a say: ∂E/∂x · x' = supplied - lost - torque · v.
+Checked at an instant, where no integrator is involved: ∂E/∂x · x' = supplied - lost - torque · v.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def test_constants_that_differ_are_counted_as_a_loss(rng: np.random.Generator) -
 
 @pytest.mark.parametrize("scene", DRIVES.values(), ids=DRIVES)
 def test_energy_of_a_run_is_balanced(scene: Any) -> None:
-    """What the recording says came in, went out and stayed; a command that shakes the drive."""
+    """Work supplied, heat lost and energy stored in a recording, under an oscillating command."""
     sim = Simulator(scene, backend="vm", tolerance=1e-9)
     recording = sim.run(0.05, 20.0 * np.cos(0.04 * np.arange(50))[:, None])
     assert recording.supplied[-1] > 1e-3

@@ -39,7 +39,7 @@ def driven(robot: str, kind: str, **options: Any) -> Simulator:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("robot", ["gantry", "gripper", "scara"])
 def test_every_kind_of_arm_moves_and_keeps_its_account(robot: str, kind: str) -> None:
-    """Sliding joints, mimic joints, branches: energy from nowhere is none."""
+    """Sliding joints, mimic joints, branches: no energy is created."""
     sim = driven(robot, kind, backend="auto" if kind == "lossy" else "vm")
     volts = 8.0 * np.sin(0.04 * np.arange(50))[:, None] * np.ones(sim.n)
     recording = sim.run(0.05, volts)

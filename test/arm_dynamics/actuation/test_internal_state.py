@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws with states of their own: x = (q, v, z) through every part of the simulator.
+"""Models with internal states: x = (q, v, z) through every part of the simulator.
 
 The law is a toy, a coil on a joint, so that what is tested is the simulator and not a motor.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Closed chains whose joints have motors, springs and bristles: both laws hold at once."""
+"""Closed chains whose joints have motors, springs and bristles."""
 
 from __future__ import annotations
 

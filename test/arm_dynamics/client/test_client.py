@@ -33,7 +33,7 @@ JOINTS = ["elbow", "shoulder"]
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ArmClient]:
-    """A client of two nodes in processes of their own, in a domain of their own."""
+    """A client of two nodes in separate processes, in a separate domain."""
     logs = tmp_path_factory.mktemp("log")
     with running(logs, ("dynamics", SCENE), ("sim", SCENE)) as domain:
         with ArmClient(timeout=20.0, domain=domain) as client:
@@ -157,7 +157,7 @@ def test_commands_to_the_simulation(arm: ArmClient) -> None:
 
 @contextmanager
 def served(ros: Ros) -> Iterator[None]:
-    """The peer's services are answered meanwhile."""
+    """The peer's services are answered in the background."""
     end = threading.Event()
     server = threading.Thread(target=lambda: ros.spin_until(end.is_set, 60.0))
     server.start()
@@ -169,7 +169,7 @@ def served(ros: Ros) -> Iterator[None]:
 
 
 def agree(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
-    """Answer a question with nothing but success."""
+    """Answer a request with success only."""
     response.success = True
     return response
 
@@ -196,7 +196,7 @@ def test_an_answer_to_a_question_that_was_interrupted_is_passed_over(
 
 
 def test_a_node_that_was_started_anew_is_asked_again(ros: Ros) -> None:
-    """The reply to a node's first question may get lost, whoever answered before."""
+    """The reply to the first request to a node may be lost, also after another node's replies."""
     silent: list[int] = []
 
     service = ros.peer.create_service(ModelInfo, "dynamics/model_info", agree)
@@ -210,7 +210,7 @@ def test_a_node_that_was_started_anew_is_asked_again(ros: Ros) -> None:
 
 
 def test_who_comes_in_place_of_a_killed_node_is_asked_at_once(ros: Ros) -> None:
-    """A killed node counts as there for a while; only its patience bounds a client's wait."""
+    """A killed node is listed for a while; only the timeout limits how long a client waits."""
     patience = 20.0  # [s], a third of the timeout
 
     def offer() -> Service:
@@ -243,7 +243,7 @@ def test_nobody_there(ros: Ros) -> None:
 
 
 def test_nobody_answers(ros: Ros) -> None:
-    """The service is there, but its node does not spin; the client waits no longer than told."""
+    """The service exists, but its node does not spin; the client waits for its timeout only."""
     ros.peer.create_service(ModelInfo, "dynamics/model_info", lambda request, response: response)
     with ArmClient(timeout=1.0, domain=ros.domain) as arm:
         with pytest.raises(NoAnswer, match="did not answer within 1 s"):
@@ -333,7 +333,7 @@ def test_what_is_asked_once_waits_until_the_node_can_see_who_asks(ros: Ros) -> N
 
 
 def test_the_answer_to_a_request_that_was_repeated_meanwhile_counts(ros: Ros) -> None:
-    """A node that takes longer than the client's first patience answers all the same."""
+    """A node that takes longer than the client's first timeout still answers."""
 
     def late(response: ModelInfo.Response) -> None:
         response.total_mass = float(len(service.asked))

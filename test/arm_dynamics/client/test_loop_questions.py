@@ -42,14 +42,14 @@ def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def loop(domain: int) -> Iterator[ArmClient]:
-    """Asks the node that knows the closed chain."""
+    """A client of the node with the closed chain."""
     with ArmClient(LOOP, timeout=20.0, domain=domain) as client:
         yield client
 
 
 @pytest.fixture
 def arm(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Typist:
-    """Types a command in the domain of the nodes."""
+    """Runs a command in the domain of the nodes."""
     return Typist(domain, monkeypatch, capfd)
 
 

@@ -74,7 +74,7 @@ def test_other_code_is_another_entry(cache: Path) -> None:
 def test_another_header_is_another_entry(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, header: str
 ) -> None:
-    """An upgrade that changes only a header, included directly or by another, is not missed."""
+    """A change of a header only, included directly or by another one, is noticed."""
     native = tmp_path / "native"
     shutil.copytree(compiler.NATIVE, native)
     monkeypatch.setattr(compiler, "NATIVE", native)
@@ -135,7 +135,7 @@ def test_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_without_a_compiler(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """auto falls back and says so, native refuses, vm does not care."""
+    """auto falls back with a warning, native is an error, vm needs none."""
     monkeypatch.setenv("CC", "/no/such/compiler")
     x = ca.SX.sym("x")
     function = ca.Function("triple", [x], [3 * x])
@@ -149,14 +149,14 @@ def test_without_a_compiler(
 
 
 def test_compiler_that_fails(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Code that cannot be compiled is an error with the compiler's words, and leaves no entry."""
+    """Code that cannot be compiled raises the compiler's message and leaves no entry."""
     with pytest.raises(KernelError, match="nonsense"):
         compiler.build("this is nonsense;")
     assert list(cache.iterdir()) == []
 
 
 def test_many_processes_at_once(cache: Path) -> None:
-    """All build the same entry in an empty cache; each gets a sound one."""
+    """All build the same entry in an empty cache; each gets an intact one."""
     command = [sys.executable, "-c", IMPORT + "print(t.value(t.triple()))"]
     running = [
         subprocess.Popen(command, stdout=subprocess.PIPE, env=os.environ.copy()) for _ in range(3)

@@ -24,7 +24,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def found(monkeypatch: pytest.MonkeyPatch, mode: int, owner: int) -> None:
-    """Let the system say this of every file."""
+    """Let the system report this for every file."""
     said = SimpleNamespace(st_mode=mode, st_uid=owner)
     monkeypatch.setattr(Path, "lstat", lambda _: said)
 

@@ -184,7 +184,7 @@ def test_regrouping_saves_work_and_changes_nothing(rng: np.random.Generator) -> 
 
 
 def test_dynamics_is_the_judge() -> None:
-    """A kernel is held against Dynamics, and Dynamics is Pinocchio: they must see one scene."""
+    """A kernel is compared with Dynamics, which calls Pinocchio: both must use the same scene."""
     plant = models.simulator("puma560").plant
     assert isinstance(models.simulator("puma560").dynamics, Dynamics)
     assert models.simulator("puma560").dynamics.model is plant.model

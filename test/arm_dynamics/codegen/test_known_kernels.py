@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels found again by what they are made of."""
+"""Compiled kernels found by the inputs they were generated from."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several numbers at once, as rollouts compute with them: whether one of them is out of bounds."""
+"""Several numbers in a vector, as in rollouts: whether one of them is out of range."""
 
 from __future__ import annotations
 

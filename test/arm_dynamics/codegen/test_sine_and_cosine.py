@@ -89,7 +89,7 @@ def test_within_one_unit_of_the_last_place(language: str, rng: np.random.Generat
 
 
 def test_lanes_give_the_same_bits(rng: np.random.Generator) -> None:
-    """Also where some lanes of a vector are far out, or hold no number."""
+    """Also where some lanes of a vector are out of range or NaN."""
     alone, lanes = built("c"), built("c++")
     x = rng.permutation(np.concatenate([*numbers(rng).values(), [np.nan, np.inf, -np.inf, -0.0]]))
     x = np.resize(x, len(x) + -len(x) % LANES)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Long generated functions in pieces: other code, the same numbers."""
+"""Long generated functions in pieces: different code, the same numbers."""
 
 from __future__ import annotations
 

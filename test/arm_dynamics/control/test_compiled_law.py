@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers in compiled code: the same laws, built once, and never a wrong one."""
+"""Compiled controllers: the same torques, built once, and refused if they differ."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def test_every_controller_is_the_plain_one(
 
 
 def test_where_code_has_no_answer_numbers_have(rng: np.random.Generator) -> None:
-    """Near a singularity, and where a pose is off by half a turn; memory is that of both."""
+    """Near a singularity, and for a pose off by half a turn; both share their memory."""
     dynamics = models.dynamics("panda")
     settings = Settings(frame="panda_hand_tcp", observer=10.0)
     control = make_controller("operational_space", dynamics, settings)
@@ -224,7 +224,7 @@ def test_a_task_that_is_singular_everywhere_is_not_compiled(
 
 
 def test_a_comparison_leaves_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where code is refused."""
+    """Also if the code is refused."""
 
     def refuse(*_: Any) -> None:
         raise KernelError("it differs")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computed torque: the error dynamics it promises, and refusals."""
+"""Computed torque: its error dynamics, and refusals."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_held_gains_of_no_time_are_those_of_the_books() -> None:
 
 
 def test_a_bandwidth_beyond_the_tick_is_still_stable() -> None:
-    """Where the gains of the books swing up: ω dt = 4."""
+    """Where the textbook gains are unstable: ω dt = 4."""
     sim = models.simulator("two_link", integrator="rk4", dt=1e-3)
     goal = sim.state.q + 1e-5
     control, reference = ComputedTorque(sim.dynamics, 4000.0), hold(goal).sample(0.0)

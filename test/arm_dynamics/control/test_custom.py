@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers of one's own: found by name, made with what they ask for, and watched."""
+"""User-defined controllers: found by name, built with their arguments, and supervised."""
 
 from __future__ import annotations
 

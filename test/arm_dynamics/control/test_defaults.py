@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a controller does where nothing is said: the values that its description gives."""
+"""Controllers without parameters use the defaults that are documented."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers by name: all follow one kind of reference and can hand over to one another."""
+"""Controllers by name: all follow the same kind of reference and can replace one another."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tolerances import assert_close
 @pytest.mark.parametrize("observer", [0.0, 30.0])
 @pytest.mark.parametrize("name", NAMES)
 def test_every_controller_holds_the_arm_at_rest(name: str, observer: float) -> None:
-    """Each stays where it is, but PD and PID, which know no weight and sag at first."""
+    """Each holds its position; PD and PID do not know the weight and sag at first."""
     sim = models.simulator("panda", dt=1e-3)
     q = sim.state.q.copy()
     still = Reference(q, np.zeros(7), np.zeros(7))
@@ -86,7 +86,7 @@ RUBBED = {"viscous": 0.5, "coulomb": 2.0}  # [N m s/rad], [N m]
 
 @pytest.mark.parametrize("name", NAMES)
 def test_friction_of_the_reference_is_fed_forward_once(name: str) -> None:
-    """Without error each law asks for what it knows of the motion, and for its friction."""
+    """Without error each controller gives its feed-forward torque, including friction."""
     given = models.scene("two_link").model_dump(exclude_none=True)
     dyn = Dynamics(given | {"joints": {"*": {"friction": RUBBED}}})
     q, v = np.array([0.3, 0.8]), np.array([1.0, -2.0])

@@ -17,7 +17,7 @@ DAMPED = np.array([60.0, 50.0, 40.0, 30.0, 5.0, 4.0, 3.0])
 
 
 def torque(name: str, q: np.ndarray, v: np.ndarray, **settings: object) -> np.ndarray:
-    """What the Panda's impedance answers at its start to a displacement and a speed."""
+    """Torque of the Panda's impedance at its start for a displacement and a speed."""
     dynamics = models.dynamics("panda")
     place, still = dynamics.model.q0, np.zeros(7)
     control = make_controller(name, dynamics, Settings(frame="panda_hand", **settings))  # type: ignore[arg-type]
@@ -51,7 +51,7 @@ def test_a_damping_ratio_goes_with_a_stiffness(rng: np.random.Generator) -> None
 
 
 def test_the_hand_pushes_back_in_newtons_per_metre(rng: np.random.Generator) -> None:
-    """Twice the stiffness of an axis is twice its force, and nothing for the others."""
+    """Twice the stiffness of an axis doubles its force and does not change the others."""
     q, still = 1e-6 * rng.normal(size=7), np.zeros(7)
     J = _jacobian()
     soft = np.array([400.0, 400.0, 0.0, 20.0, 20.0, 20.0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint controllers: what each promises at rest, in motion and at its limits; refusals."""
+"""Joint controllers: behaviour at rest, in motion and at limits; refusals."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_pd_with_gravity_leaves_no_error(name: str) -> None:
 @pytest.mark.parametrize("omega", [15.0, 60.0, 400.0])
 @pytest.mark.parametrize("name", ["panda", "kinova", "ur10", "z1"])
 def test_tuned_gains_are_stable_when_held_for_a_tick(name: str, omega: float) -> None:
-    """The linear loop at rest, sampled, in postures the tuning did not look at."""
+    """The linear sampled loop at rest, in postures that were not used for tuning."""
     dyn, dt = models.dynamics(name), 1e-3
     kp, kd = tuned(dyn, omega, dt=dt)
     rng, n = np.random.default_rng(5), dyn.n
@@ -111,7 +111,7 @@ def test_pid_removes_what_pd_leaves() -> None:
 
 
 def test_pid_does_not_wind_up() -> None:
-    """Held by a limit below its weight, the integral stays near the limit and lets go at once."""
+    """With a limit below the weight, the integral stays near the limit and recovers at once."""
     control = PID(1, 10.0, 40.0, 1.0, 1e-3, limit=5.0)
     stuck = Measured(np.zeros(1), np.zeros(1))
     for _ in range(20_000):
@@ -128,7 +128,7 @@ def test_pid_does_not_wind_up() -> None:
 
 
 def test_a_pid_whose_integral_is_faster_than_a_tick_stays_at_its_limit() -> None:
-    """ki dt / kp = 5: taken back five times over, what the limit cut off would swing and grow."""
+    """ki dt / kp = 5: correcting the integral five times over would oscillate and grow."""
     control = PID(1, 1.0, 5000.0, 0.0, 1e-3, limit=3.0)
     stuck = Measured(np.zeros(1), np.zeros(1))
     torques = [control.torque(stuck, at_rest([1.0]))[0] for _ in range(100)]
@@ -149,7 +149,7 @@ def test_float_keeps_still_and_yields(rng: np.random.Generator) -> None:
 
 
 def test_joint_impedance_is_a_spring_to_who_pushes() -> None:
-    """Pushed by a constant torque, it gives way by torque over stiffness."""
+    """A constant external torque displaces it by torque over stiffness."""
     sim = models.simulator("two_link", dt=1e-3)
     goal, push = sim.state.q.copy(), np.array([3.0, -1.0])
     control = JointImpedance(sim.dynamics, 80.0, 1.0)
@@ -177,7 +177,7 @@ def test_half_a_tick_ahead_the_law_of_the_books_gives_the_linear_response(zeta: 
 
 
 class Seen:
-    """A controller that asks for the same torque always and keeps the state it was shown."""
+    """A controller of constant torque that keeps the state it was given."""
 
     def __init__(self, *torque: float) -> None:
         self.tau, self.state = np.array(torque), Measured(np.zeros(0), np.zeros(0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers know the springs of their model: what those carry, drives need not."""
+"""Controllers take the springs of their model into account."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def state(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
 
 
 def test_arm_that_floats_stays(rng: np.random.Generator) -> None:
-    """Gravity compensation holds what weight and springs leave, so that the arm rests."""
+    """Gravity compensation balances weight and springs, so that the arm rests."""
     q, still = state(rng)[0], np.zeros(2)
     for control in (GravityCompensation(arm()), PDGravity(arm(), 10.0, 1.0)):
         tau = control.torque(Measured(q, still), Reference(q, still, still))
@@ -80,7 +80,7 @@ def test_without_error_all_give_inverse_dynamics(rng: np.random.Generator) -> No
 
 
 def test_impedance_leaves_the_error_its_own_damping(rng: np.random.Generator) -> None:
-    """Dampers are fed forward from the reference's speed, as viscous friction is."""
+    """Dampers are fed forward from the reference's speed, like viscous friction."""
     bare = Dynamics({"robot": SCENE["robot"]})
     (q, v, a), (q_d, v_d, _) = state(rng), state(rng)
     more, less = (

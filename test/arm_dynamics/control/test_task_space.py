@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Task-space controllers: the laws they promise, straight lines, contact, singularities."""
+"""Task-space controllers: their control laws, straight lines, contact, singularities."""
 
 from __future__ import annotations
 

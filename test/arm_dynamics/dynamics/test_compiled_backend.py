@@ -226,7 +226,7 @@ def test_only_what_is_asked_for_is_built(
 
 
 def same_as_pinocchio(dyn: Dynamics, rng: np.random.Generator) -> None:
-    """To the bit, for it is Pinocchio that answers."""
+    """Equal to the bit, since both are computed by Pinocchio."""
     batch = states(dyn, MANY, rng)
     for call in CALLS.values():
         made = call(dyn, *batch)[:ROWS]

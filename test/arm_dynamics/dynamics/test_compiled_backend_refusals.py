@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Large batches refuse what single calls refuse, with the same words."""
+"""Large batches refuse the same arguments as single calls, with the same messages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Words = Callable[[Dynamics, np.ndarray, np.ndarray, np.ndarray], object]
 
 
 def point_on_a_rod(height: float) -> Dynamics:
-    """A post that turns about the vertical and a rod hinged to it with a point mass at its end."""
+    """A post that turns about the vertical; hinged to it, a rod with a point mass at its end."""
     return Dynamics({"robot": {"urdf": f"""<robot name="rod">
       <link name="base"/><link name="post"/>
       <link name="rod"><inertial><origin xyz="0 0 {height}"/><mass value="1"/>
@@ -34,7 +34,7 @@ def said(call: Callable[[], object]) -> tuple[type, str]:
 
 
 def test_a_position_without_mass(rng: np.random.Generator) -> None:
-    """With the rod upright nothing resists the post; all other points are answered."""
+    """With the rod upright the post has no inertia; all other points are answered."""
     dyn = point_on_a_rod(0.5)
     q, v, tau = (rng.uniform(0.5, 1.0, (MANY, 2)) for _ in range(3))
     assert np.isfinite(dyn.forward(q, v, tau)).all()

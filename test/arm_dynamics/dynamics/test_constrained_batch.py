@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Constrained dynamics of large batches: compiled rows, the same answers as point by point."""
+"""Constrained dynamics of large batches: compiled code gives the results of single points."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_without_a_compiler_pinocchio_answers(
 
 
 def test_an_answer_does_not_depend_on_questions_before(rng: np.random.Generator) -> None:
-    """A position from which Bricard's linkage cannot be closed, asked first and last."""
+    """With a position from which Bricard's linkage cannot be closed as first and as last point."""
     first, later = (Dynamics(scene("bricard")) for _ in range(2))
     far = rng.uniform(-1.0, 1.0, (3, first.n))
     near = later.model.q0, later.model.v0, far[2]

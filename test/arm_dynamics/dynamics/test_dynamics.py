@@ -59,7 +59,7 @@ def test_kinetic_energy(robot: str, rng: np.random.Generator) -> None:
 
 
 def test_potential_energy_difference(robot: str, rng: np.random.Generator) -> None:
-    """Where potential energy is zero is a choice; how much it changes is not."""
+    """The zero of potential energy is arbitrary; its differences are not."""
     dyn, oracle = models.dynamics(robot), models.oracle(robot)
     at_zero = dyn.energy(np.zeros(dyn.n), np.zeros(dyn.n))[1]
     oracle_at_zero = oracle.energy(np.zeros(dyn.n), np.zeros(dyn.n))[1]
@@ -123,7 +123,7 @@ def test_panda_by_pinocchio_in_plain_sight(rng: np.random.Generator) -> None:
 
 
 def test_answers_are_the_callers_own(rng: np.random.Generator) -> None:
-    """A second call must not write into what the first one handed out."""
+    """A second call must not overwrite the results of the first one."""
     dyn = models.dynamics("scara")
     q, v, a = models.random_state(rng, dyn.n)
     calls = (

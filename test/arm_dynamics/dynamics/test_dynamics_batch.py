@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A batch in, a batch out: row by row what single calls give."""
+"""Batches give row by row the results of single calls."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The check that generated code passes: what is right goes through, and nothing that is wrong."""
+"""The check of generated code accepts correct code and rejects wrong code."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_what_is_not_a_number_is_off(bad: float) -> None:
 
 
 def test_each_state_is_measured_by_itself() -> None:
-    """A large size at one state hides nothing at another, even where the size is zero."""
+    """A large value at one state does not hide an error at another, even where that is zero."""
     with pytest.raises(KernelError, match="by 5.00e-10"):
         compare("code", part([[0.0], [5e-10]], [[1e9], [1.0]]))
     with pytest.raises(KernelError):
@@ -80,7 +80,7 @@ def test_states_to_compare_at_are_always_the_same_and_all_round() -> None:
 
 @pytest.fixture(scope="module", params=["two_link", "planar_3r"])
 def dynamics(request: pytest.FixtureRequest) -> Dynamics:
-    """Arms without dry friction, as generated code sees them."""
+    """Arms without dry friction, as in the generated code."""
     scene = models.scene(request.param)
     none = {"*": {"friction": {"viscous": 0.0, "coulomb": 0.0}}}
     return Dynamics({"robot": scene.robot.model_dump(), "joints": none})
@@ -95,7 +95,7 @@ def test_the_right_accelerations_pass(dynamics: Dynamics) -> None:
 def test_accelerations_of_another_state_do_not_pass(
     dynamics: Dynamics, which: str, joint: int
 ) -> None:
-    """Off by 1e-6 in one entry at one of the states, the last one."""
+    """An error of 1e-6 in one entry, at the last of the states."""
     last = random_states(dynamics.n)[:, -1]
 
     def forward(q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
@@ -152,7 +152,7 @@ def tied(request: pytest.FixtureRequest) -> Dynamics:
 
 
 def rows_of(tied: Dynamics) -> tuple[Closure, list[bool]]:
-    """Where the constraints are closed, and which of their rows imply the others."""
+    """A state that satisfies the constraints, and which of their rows are independent."""
     closure = tied.constrained.closure
     return closure, closure.kept(closure.initially_active, tied.model.constraint_rows)
 
@@ -200,7 +200,7 @@ def test_free_accelerations_do_not_pass_for_constrained_ones(tied: Dynamics) -> 
 
 
 def bias(dynamics: Dynamics, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """What moves an arm against inertia: weight, Coriolis and viscous torques."""
+    """Torques besides inertia: weight, Coriolis and viscous torques."""
     drag = dynamics.model.viscous
     return dynamics.coriolis_matrix(q, v) @ v + dynamics.gravity(q) + drag * v
 
@@ -219,7 +219,7 @@ def test_an_error_is_measured_by_the_torques_that_add_up(dynamics: Dynamics) -> 
 def test_an_error_under_constraints_is_measured_by_what_adds_up(
     tied: Dynamics, *, along: bool
 ) -> None:
-    """Off where only the constraint, or only the equation of motion, can see it."""
+    """Errors that violate only the constraint, or only the equation of motion."""
     closure, kept = rows_of(tied)
     q, v, tau, condition = closed_states(closure, tied.model.q0, kept)
     for k in (0, len(q) - 1):
@@ -281,6 +281,6 @@ def test_what_is_allowed_grows_with_the_condition_and_ends() -> None:
 
 
 def test_generated_code_of_constraints_that_are_nearly_one_passes() -> None:
-    """What it is off by is rounding, and more than well-conditioned ones may be off by."""
+    """Their error is rounding, and above the tolerance of well-conditioned constraints."""
     run = Simulator(loops.nearly_parallel(2e-5), backend="vm").run(0.01)
     assert abs(run.balance).max() < 1e-8

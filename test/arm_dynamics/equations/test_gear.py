@@ -213,7 +213,7 @@ def test_the_rotors_inertia_makes_at_most_this_difference(
 
 @pytest.mark.parametrize(("torque", "way"), [(3.0, 1.0), (-1.0, 1.0), (0.5, -1.0)])
 def test_behind_a_stiff_spring_the_loss_sees_what_passes(torque: float, way: float) -> None:
-    """The way out where that matters: with a transmission the rotor is on the other side of the
+    """The remedy where that matters: with a transmission the rotor is on the other side of the
     teeth, and the stiffer it is, the nearer the acceleration is to that of the flow of power.
     """
     gaps = []
@@ -227,7 +227,7 @@ def test_behind_a_stiff_spring_the_loss_sees_what_passes(torque: float, way: flo
 
 
 def test_behind_a_spring_it_holds() -> None:
-    """A load within what the gear holds does not move, whatever the rotor does meanwhile."""
+    """A load that the gear can hold does not move, however the rotor moves."""
     scene = pendulum(rotor_inertia=1e-4)
     scene["joints"]["swing"]["transmission"] = {"stiffness": 2e3, "damping": 20.0}
     sim = Simulator(scene)

@@ -35,7 +35,7 @@ STEP_RESPONSE = {
 
 @pytest.mark.parametrize("t", STEP_RESPONSE)
 def test_step_response_to_the_reference_values(t: float) -> None:
-    """At 1 kHz, by the method that the scene gets without asking."""
+    """At 1 kHz, by the method that is selected by default."""
     state = run(wheel(J, command="voltage", rotor_damping=B, **WINDING), t, 12.0).state
     np.testing.assert_allclose([state.z[0], state.v[0]], STEP_RESPONSE[t], rtol=MOTOR)
 

@@ -33,7 +33,7 @@ def bead(aside: float, **about: Any) -> Dynamics:
 @pytest.mark.parametrize("x", [-0.7, 0.05, 0.4])
 @pytest.mark.parametrize("speed", [-2.0, 0.0, 3.0])
 def test_tension_along_the_line(x: float, speed: float) -> None:
-    """k (L - L0) + c L' + T0, of which the wire feels x / L."""
+    """k (L - L0) + c L' + T0, times x / L along the wire."""
     arm = bead(0.3, stiffness=200.0, rest_length=0.2, damping=5.0, force=7.0)
     L = np.hypot(x, 0.3)
     pull = 200.0 * (L - 0.2) + 5.0 * speed * x / L + 7.0

@@ -106,7 +106,7 @@ def test_within_the_play_nothing_is_transmitted() -> None:
 
 
 def test_flanks_push_and_never_pull() -> None:
-    """However fast the teeth part, none holds the other back."""
+    """However fast the teeth separate, neither pulls the other."""
     flow = of_states(law(drive(PLAY)), 1)
     for side in (1.0, -1.0):
         pull = float(flow["torque"]([0.0], [0.0], [side * 0.0101, -side * 50.0], [0.0]))
@@ -191,7 +191,7 @@ def test_kinematic_error_shifts_the_output_by_itself() -> None:
 
 
 def test_kinematic_error_reacts_on_the_motor() -> None:
-    """A motor turned by hand feels -∂V/∂θ: what the spring stores comes from the motor."""
+    """-∂V/∂θ acts on a motor turned by hand: the energy of the spring comes from the motor."""
     flow = of_states(law(drive({"stiffness": 1e3, "kinematic_error": ERROR})), 1)
     at, step = 0.31, 1e-6
     push = AT_JOINT * float(flow["slope"]([0.3], [0.0], [at, 0.0], [0.0])[1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Even times, no lag, derivatives; and what is odd about a recording is told or refused."""
+"""Even times, no lag, derivatives; faults of a recording are reported or refused."""
 
 import numpy as np
 import pytest

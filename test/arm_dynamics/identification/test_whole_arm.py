@@ -142,7 +142,7 @@ def test_dry_friction_that_rises_with_speed():
 
 
 def test_friction_by_direction_and_by_load():
-    """Of the load, points and factors of the scene's own table come out, which nobody told."""
+    """The points and factors of the scene's table over load are found without being given."""
     model, t, q, v, a, _ = two_link()
     scene, sides = wide(model), {"positive": 0.7, "negative": 0.4}
     scene["joints"] = {

@@ -92,7 +92,7 @@ def test_batches_run_as_checked_code(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("name", ["SPRING", "ENERGIES"])
 def test_code_that_differs_is_refused(name: str, rng: np.random.Generator) -> None:
-    """The check at build sees a stiffness that is off by a part in a million."""
+    """The check of generated code detects a stiffness that is wrong by one part in a million."""
     data = tree(rng, 3)
     term = getattr(compiled_terms, name)
     answer = compiled_backend.rows(term.expression(ArmModel(load_scene(data))), False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a request is asked again, by a clock of its own, and how long somebody waits in all."""
+"""When a request is repeated, by a simulated clock, and how long the client waits in all."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def test_the_hand_goes_straight_to_a_pose(ros: Ros, law: str) -> None:
 
 
 def test_planning_does_not_hold_up_the_loop(node: ControllerNode) -> None:
-    """The answer to the goal itself takes no time, and states are answered meanwhile."""
+    """The response to the goal is immediate, and states are answered while it is planned."""
     before = see(node, MS)
     node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
     assert node.goals.planner.busy

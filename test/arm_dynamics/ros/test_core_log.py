@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the cores log is heard of: on the node's console and on /rosout."""
+"""Log messages of the cores appear on the node's console and on /rosout."""
 
 from __future__ import annotations
 

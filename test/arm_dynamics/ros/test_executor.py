@@ -45,7 +45,7 @@ class Deaf:
 
 @pytest.fixture
 def node(ros: Ros) -> Any:
-    """A node that nobody spins yet."""
+    """A node that is not being spun."""
     node = Node("spun", context=ros.context)
     yield node
     node.destroy_node()

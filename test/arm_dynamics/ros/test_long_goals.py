@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals that take long to plan: the loop goes on meanwhile, and late plans are made again."""
+"""Goals that take long to plan: the loop goes on, and plans that come too late are made again."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def test_pose_is_a_position_and_a_unit_quaternion(
 def test_order_of_joints_and_choice_of_axes(
     node: DynamicsNode, rng: np.random.Generator, reference: str
 ) -> None:
-    """The same arm, asked about with its joints in another order."""
+    """The same arm, with its joints in another order in the requests."""
     order, axes = rng.permutation(7), ["rz", "x", "y"]
     names = [node.dynamics.joint_names[i] for i in order]
     q, v = states(rng, 3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene's author is told: the file, the key, what is expected, and what was meant."""
+"""Errors in scenes name the file, the key, what is expected, and the likely intention."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints and frames that a scene names must exist, and be free to do what is asked of them."""
+"""Joints and frames that a scene names must exist, and be free to move as it requires."""
 
 from __future__ import annotations
 

@@ -305,7 +305,7 @@ def test_locking_everything() -> None:
 
 
 def test_every_complaint_at_once() -> None:
-    """Two mistakes are told in one go, not one after the other."""
+    """Two mistakes are reported together, not one after the other."""
     refuses({"robot": {"urdf": URDF}, "gravity": [0, 0], "sim": {"dt": -1}}, ("gravity", "dt"))
 
 

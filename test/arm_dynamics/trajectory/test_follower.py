@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a controller is told to follow while trajectories come and go."""
+"""References of a controller while trajectories start and end."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
 
 @pytest.fixture
 def arm(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Typist:
-    """Types a command in the domain of the nodes."""
+    """Runs a command in the domain of the nodes."""
     return Typist(domain, monkeypatch, capfd)
 
 

@@ -85,7 +85,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 
 def gone(ids: dict[str, int], timeout: float = 10.0) -> bool:
-    """Whether processes end in time."""
+    """Whether all processes end in time."""
     end = time.monotonic() + timeout
     while any(Path(f"/proc/{number}").exists() for number in ids.values()):
         if time.monotonic() > end:

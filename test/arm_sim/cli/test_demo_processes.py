@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Children of the demo: asked to end together, ended for good if they do not, and told of."""
+"""Child processes of the demo: ended together, killed if they do not end, and reported."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def cleared(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
 
 @pytest.fixture
 def heard() -> Iterator[None]:
-    """Children hear SIGINT, even where a shell has started the tests without it."""
+    """Child processes receive SIGINT, even if a shell started the tests with it ignored."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)

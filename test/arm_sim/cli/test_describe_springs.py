@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people are told of the springs of a scene."""
+"""The description of a scene's springs."""
 
 from __future__ import annotations
 

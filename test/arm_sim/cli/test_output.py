@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is shown while one waits."""
+"""Progress displays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from arm_sim.cli import output
 
 
 class Screen(io.StringIO):
-    """A terminal that tells when something is written to it."""
+    """A terminal that signals when something is written to it."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What sensors tell of a motion that is known: steps, offsets, noise, spectra, delays."""
+"""Sensor readings of a known motion: resolution, offsets, noise, spectra, delays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DT, NAMES = 1e-3, ("one", "two")
 
 
 def told(q: np.ndarray, v: np.ndarray | None = None, **scene: Any) -> list[np.ndarray]:
-    """Positions, velocities and efforts told of a motion, shape (k, 2) each; efforts are zero."""
+    """Measured positions, velocities and efforts of a motion without effort, shape (k, 2) each."""
     v = np.zeros_like(q) if v is None else v
     sensors, none = Sensors(schema.Sensors.model_validate(scene), NAMES, DT), np.zeros(2)
     sensors.restart(0, q[0], v[0], none)

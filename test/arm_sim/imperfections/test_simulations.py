@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs with sensors and lines: the control sees what they tell, the motion does not change."""
+"""Runs with sensors and delays: control receives measured values, the motion is unchanged."""
 
 from __future__ import annotations
 

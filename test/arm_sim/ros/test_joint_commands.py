@@ -24,7 +24,7 @@ FIELDS = ("effort", "position", "velocity")
 
 @pytest.fixture
 def node(ros: Ros) -> SimNode:
-    """A Panda that ticks when told to, its brakes on."""
+    """A Panda whose ticks are triggered by hand, with its brakes on."""
     return by_hand(ros, "panda", stale_policy="brake")
 
 
@@ -40,7 +40,7 @@ def test_positions_lead_the_arm(node: SimNode) -> None:
 
 
 def test_by_name_in_any_order_and_some_joints_only(node: SimNode) -> None:
-    """Joints that were never commanded get no effort; others keep what they were told."""
+    """Joints that were never commanded get no effort; others keep their last command."""
     every, start = names(node), node.simulator.state.q.copy()
     node.inputs.on_joint_commands(command(name=every, position=start.tolist()))
     ticks(node, 10)

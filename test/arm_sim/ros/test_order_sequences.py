@@ -168,7 +168,7 @@ def tuned(**values: Any) -> Order:
 
 
 def order(rng: np.random.Generator) -> Order:
-    """Something that is asked of a sim between two ticks, and is sometimes wrong."""
+    """A request to a sim between two ticks, sometimes an invalid one."""
     two, wild = rng.uniform(-1.0, 1.0, 2).tolist(), float(rng.choice([1.0, 1.0, 1.0, np.nan]))
     numbers = Float64MultiArray(data=[wild * x for x in two[: rng.choice([2, 2, 1])]])
     frame = str(rng.choice(["tip", "tip", "toe"]))  # without padding, which may hold anything

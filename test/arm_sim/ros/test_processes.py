@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes as processes of their own: they start, close the loop, and end when asked."""
+"""The nodes as separate processes: they start, close the loop, and end on request."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the sim tells about its robot: description, all joints, frames."""
+"""What the sim publishes about its robot: description, all joints, frames."""
 
 from __future__ import annotations
 

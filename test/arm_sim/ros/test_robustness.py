@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever comes in, the nodes go on, and nothing moves that should not."""
+"""Whatever messages arrive, the nodes continue, and nothing moves that should not."""
 
 from __future__ import annotations
 

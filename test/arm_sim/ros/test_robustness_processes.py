@@ -36,7 +36,7 @@ ROS_ARGS = {
 
 
 class Loop:
-    """A sim and a controller in processes of their own, and somebody who watches."""
+    """A sim and a controller in separate processes, and an observer."""
 
     def __init__(self, ros: Ros) -> None:
         self.ros = ros
@@ -73,7 +73,7 @@ class Loop:
         self.ros.spin_until(lambda: words in self.levels.get(part, (0, ""))[1], timeout=20.0)
 
     def until_well(self) -> None:
-        """Both nodes say that all is well, and the arm is led."""
+        """Both nodes report that all is well, and the arm is being controlled."""
         parts = ("sim: commands", "controller: controller")
         for part in parts:
             self.levels.pop(part, None)

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture
 def node(ros: Ros) -> SimNode:
-    """A two-link arm that ticks when told to."""
+    """A two-link arm whose ticks are triggered by hand."""
     return by_hand(ros)
 
 
@@ -104,7 +104,7 @@ def test_the_answer_to_the_newest_state_acts_whatever_waits_before_it(
 
 
 def test_all_commands_that_come_within_a_tick_are_looked_at(ros: Ros, node: SimNode) -> None:
-    """Sixteen: one who leads, and fifteen who would like to."""
+    """Sixteen sources: one in control, and fifteen others."""
     for _ in range(10):
         node.inputs.on_joint_commands(named(0, "leader", 0, 1.0))
     publisher = ros.publisher(JointState, "/joint_commands")

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture
 def node(ros: Ros) -> SimNode:
-    """A two-link arm that ticks when told to."""
+    """A two-link arm whose ticks are triggered by hand."""
     return by_hand(ros)
 
 

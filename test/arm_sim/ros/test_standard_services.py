@@ -67,13 +67,13 @@ class Client:
 
 @pytest.fixture
 def client(ros: Ros) -> Client:
-    """Somebody who asks."""
+    """A client."""
     return Client(ros)
 
 
 @pytest.fixture
 def node(ros: Ros) -> SimNode:
-    """A Panda that ticks when told to."""
+    """A Panda whose ticks are triggered by hand."""
     return by_hand(ros, "panda")
 
 
@@ -334,7 +334,7 @@ SUCCEEDED, CANCELED, ABORTED = 4, 5, 6  # action_msgs/GoalStatus
 
 @pytest.fixture
 def stepper(ros: Ros) -> Any:
-    """Somebody who asks for steps."""
+    """A client that requests steps."""
     made = []
 
     def make() -> Stepper:

@@ -303,7 +303,7 @@ def test_ticks_that_are_too_coarse_are_told() -> None:
 
 
 def moved(made: TickEngine) -> float:
-    """Kinetic energy and weight lifted since the arm was let go at rest."""
+    """Kinetic and potential energy gained since the arm was released at rest."""
     state = made.simulator.state
     kinetic, potential = made.simulator.dynamics.energy(state.q, state.v)
     start = made.simulator.dynamics.energy(made.simulator.model.q0, made.simulator.model.v0)
@@ -334,7 +334,7 @@ def test_the_energy_account_is_open_while_it_is_wanted_and_opens_anew_by_a_reset
 
 
 def asked(queue: TickQueue, action: Callable[[], Any]) -> tuple[threading.Thread, list[Any]]:
-    """A thread that asks, and what it got."""
+    """A thread that sends requests, and the responses."""
     got: list[Any] = []
 
     def ask() -> None:

@@ -84,7 +84,7 @@ def test_positions_are_followed(ros: Ros) -> None:
 
 
 def test_until_a_controller_is_active_brakes_hold(ros: Ros) -> None:
-    """The hardware sends what nobody has written: NaN."""
+    """The hardware sends values that were never written: NaN."""
     node = robot(ros)
     hardware, start = TopicHardware(offered(node, "position")), node.simulator.state.q.copy()
     for _ in range(50):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arms led by positions and velocities, in every kind of scene."""
+"""Arms commanded by positions and velocities, in every kind of scene."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def scene(name: str, tunable: tuple[str, ...] = (), **joint: Any) -> Any:
 
 
 def test_stiffness_in_newton_metres() -> None:
-    """Pushed from outside, a joint gives way by torque over stiffness."""
+    """Under an external torque, a joint is displaced by torque over stiffness."""
     sim = Simulator(scene("two_link", ("external",), servo={"stiffness": 400.0}))
     place, push = sim.state.q.copy(), np.array([2.0, -1.0])
     sim.set_parameter("external", push)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CasADi's virtual machine and compiled code tell the same story."""
+"""CasADi's virtual machine and compiled code give the same results."""
 
 from __future__ import annotations
 

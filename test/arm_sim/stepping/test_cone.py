@@ -155,7 +155,7 @@ def test_the_direction_of_starting_is_found_to_rounding(rng: np.random.Generator
 
 @pytest.mark.parametrize("seed", range(10))
 def test_speeds_that_are_hardly_more_than_rounding_have_impulses(seed: int) -> None:
-    """A box on five places of which three are on one edge: what stops it is told from rounding."""
+    """A box on five points, three of them on one edge: impacts are distinguished from rounding."""
     rng = np.random.default_rng(seed)
     places = [(0.03, -0.08), (0.03, 0.08), (0.0, -0.08), (0.0, 0.08), (0.03, 0.0)]
     rows = []

@@ -88,7 +88,7 @@ def test_painleve_is_said() -> None:
 
 
 def test_two_motions_at_once_are_refused() -> None:
-    """Pulled up while friction presses it down: it may lift off or jam, and nobody says which."""
+    """Pulled up while friction presses it down: it may lift off or jam; both are solutions."""
     rod = contact("body", point=[-0.5, 0, 0], friction=3.0)
     data = rails("xz", 1.0, turns=True, iyy=1.0 / 12.0)
     start = {"z": 0.5 * np.sin(1.1), "turn": -1.1}

@@ -310,7 +310,7 @@ def test_block_that_stops_by_hand() -> None:
 
 
 def test_a_stuck_joint_stays_and_passes_its_momentum_on() -> None:
-    """A speed given to it stops at once; the others feel that as a blow."""
+    """A speed given to it is lost at once, with an impulse on the other joints."""
     friction = {"coulomb": 0.5, "static": 0.8, "viscous": 0.1}
     sim = Simulator(planar(False, friction, gravity=[0, 0, 0]), dt=0.02)
     q, v = [0.3, 0.5, -0.2], [0.5, 0.6, 0.0]

@@ -231,7 +231,7 @@ def test_bounces_without_loss_go_on() -> None:
 
 
 def test_contacts_without_end_are_stepped_through() -> None:
-    """Fifty thousand elastic bounces in one tick are not followed, and that is told."""
+    """Fifty thousand elastic bounces in one tick are not followed, and this is reported."""
     sim = Simulator({**rails("z"), "constraints": [contact("body", restitution=1.0)]}, dt=10.0)
     sim.reset(q=[1e-8])
     state = sim.step([0.0])

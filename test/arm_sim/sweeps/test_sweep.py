@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sweeps: each run is the closed loop that its values say, whoever makes it and in what order."""
+"""Sweeps: each run is the closed loop with its values, regardless of worker and order."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motions to look at: which state is shown when, with which forces and curves."""
+"""Playback of motions: which state is shown when, with which forces and curves."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page's server: where it listens, what it serves, what it says where it cannot."""
+"""The page's server: its address, what it serves, and its errors."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class TestListening:
         port = server.get_port()
 
         def greeted(name: str, origin: str | None) -> bool:
-            """Whether who asks for a server of this name is told what the page shows."""
+            """Whether a request with this host name is answered with the page."""
             with socket.create_connection(("127.0.0.1", port)) as wire:
                 try:
                     with connect(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole arm: rates of its state while nothing that holds lets go."""
+"""The whole arm: rates of its state while the modes of joints and contacts do not change."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Mode(NamedTuple):
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What tells modes apart."""
+        """What distinguishes modes."""
         lines = (None if w is None or len(w) > 1 else float(w[0]) for w in self.ways)
         return self.dry, self.touch, *lines
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motors, flexible joints and bristles from records whose truth is known.
+"""Motors, flexible joints and bristles from records with known parameters.
 
 The records are solutions by SciPy's DOP853 at 1e-11, tick by tick, of equations written here.
 """
@@ -111,7 +111,7 @@ def test_a_motor_is_found_from_its_tests(kinds: Sequence[str], names: Sequence[s
 
 
 def test_what_a_test_does_not_tell_is_named() -> None:
-    """A blocked and a coasting rotor tell friction over inertia only, and nothing of K_t."""
+    """Blocked and coasting rotors determine friction over inertia only, and not K_t."""
     found = identify_motor([motor_record("blocked"), motor_record("coast")])
     close(found, MOTOR, ("resistance", "inductance"), 1e-5)
     told = {"torque_constant", "rotor_inertia", "rotor_damping", "coulomb"}
@@ -119,7 +119,7 @@ def test_what_a_test_does_not_tell_is_named() -> None:
 
 
 def test_a_measured_torque_tells_the_constants_of_torque_and_voltage_apart() -> None:
-    """As if K_t were 5 % below K_e: the torque that is measured is smaller by that."""
+    """With K_t 5 % below K_e: the measured torque is smaller by that."""
     i = motor_runs()["blocked"][1][:, 0]
     blocked = motor_record("blocked", torque=0.95 * MOTOR["torque_constant"] * i)
     found = identify_motor([blocked, motor_record("free")])
@@ -179,7 +179,7 @@ def test_coasting_alone_is_refused() -> None:
 
 
 def test_records_of_something_else_give_no_numbers() -> None:
-    """The speed of another motor: voltage, current and speed do not go together."""
+    """The speed of another motor: voltage, current and speed are inconsistent."""
     V, x = motor_runs()["free"]
     wrong = MotorRecord.of(
         "free", DT * np.arange(len(V)), voltage=V, current=x[::-1, 0],
@@ -245,7 +245,7 @@ def test_bristles_are_found_from_small_and_wide_motions() -> None:
 
 
 def test_motions_below_breakaway_tell_stiffness_and_not_what_slides() -> None:
-    """At a third of breakaway nothing is learnt of the fall of friction with speed."""
+    """A third of the breakaway force contains no information on how friction falls with speed."""
     found = identify_bristles([lugre_record(4, 0.3, 13, 16)])
     close(found, LUGRE, ("inertia", "sigma0"), 1e-3)
     assert {"coulomb", "stribeck_velocity"} <= set(found.missing)

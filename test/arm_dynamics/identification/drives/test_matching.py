@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The search that lays simulated trajectories onto measured ones."""
+"""The search that fits simulated trajectories to measured ones."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exciting motions: what they tell, that they keep to their room, and what is refused."""
+"""Exciting motions: the information they contain, their limits, and what is refused."""
 
 from __future__ import annotations
 
