@@ -102,7 +102,7 @@ class RealtimeLoop:
         period: float,
         *,
         overrun: str = CATCH_UP,
-        closest: float = 0.2,
+        closest: float = 0.1,
         give_up: float = 1.0,
         prepare: Callable[[], None] = lambda: None,
         ahead: Callable[[Due], bool] = lambda due: False,
