@@ -15,7 +15,7 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.identification.clock import repaired, without_repeats
 from arm_dynamics.identification.data import JointRecord, MeasuredMotion
-from arm_dynamics.identification.filtering import WIDEST, ZeroPhase, chosen_band
+from arm_dynamics.identification.filtering import WIDEST, ZeroPhase, chosen_band, decimated
 
 GAP = 4.5
 """Steps without a sample that split a recording; shorter holes are interpolated."""
@@ -143,8 +143,6 @@ def _saturation(stretch: JointRecord) -> list[str]:
 def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
     """The motion with only as many rows as its band needs, ``PER_BAND`` per period.
 
-    Efforts are sampled at these times: they must be low-pass filtered before.
-
     Returns:
         The motion, and the stride of the rows that it keeps.
     """
@@ -157,8 +155,9 @@ def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
     for part in motion.parts():
         rows = slice(0, None, stride)
         values: dict[str, Any] = {
-            key: getattr(part, key)[rows] for key in ("time", "q", "v", "a", "effort", "valid")
+            key: getattr(part, key)[rows] for key in ("time", "q", "v", "a", "valid")
         }
+        values["effort"] = decimated(part.effort, stride)
         stretches = (slice(0, len(values["time"])),)
         values |= {"dt": dt, "low_pass": low_pass, "stretches": stretches}
         parts.append(replace(part, **values))

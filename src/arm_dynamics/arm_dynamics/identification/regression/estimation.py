@@ -40,8 +40,12 @@ class Common:
 
     @classmethod
     def of(cls, columns: Array, use: Mask) -> Common:
-        """Of columns of shape (k, m)."""
-        return cls(use, *np.linalg.qr(columns[use]))
+        """Of columns of shape (k, m); a joint does not carry the bodies before it."""
+        there = columns.any(axis=0)
+        Q, R = np.linalg.qr(columns[use][:, there])
+        T = np.zeros((len(R), len(there)))
+        T[:, there] = R
+        return cls(use, Q, T)
 
 
 @dataclass(frozen=True)

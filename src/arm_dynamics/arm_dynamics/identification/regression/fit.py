@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -97,8 +96,8 @@ def fitted(
     """
     target = rows.effort - rows.known
     common = common_columns(rows, use)
-    fits, load = list(friction), np.zeros_like(target)
-    fits = [_kept(rows, use, j, fit) for j, fit in enumerate(fits)]
+    load = np.zeros_like(target)
+    fits = [_kept(rows, use, j, fit) for j, fit in enumerate(friction)]
     weights = 1.0 / deviations(target, np.zeros_like(target), use)
     fastest = abs(rows.v).max(axis=0)
     for _ in range(4):  # impossible terms are removed
@@ -146,13 +145,15 @@ def _settled(
         left = deviations(target, predicted, use)
         cost = float(np.log(left).sum())
         trial = _with_coefficients(trial, x, columns.size)
-        if step > 4 and cost > best + 1e-12 and kept is not None:
+        gain = best - cost
+        if step > 4 and gain < -1e-12 and kept is not None:
+            if -gain < settled:
+                break
             damping *= 0.3
-            if damping < 1e-3:
+            if damping < 1e-2:
                 break
             trial = _stepped(rows, belief_for, kept, target, damping)
             continue
-        gain = best - cost
         best, kept = cost, (trial, load, weights, x, columns)
         weights = 1.0 / left
         load = predicted + rows.known
@@ -185,7 +186,7 @@ def _shapes(fit: JointFit) -> tuple[str, ...]:
     grows = fit.shape.load is not None
     bends = [f"at.{i}" for i in range(1, len(fit.shape.points))]
     bends += [f"part.{i}" for i in range(1, len(fit.shape.points) - 1)]
-    return ("stribeck_velocity",) * falls + ("load", *bends) * grows
+    return ("load", *bends) * grows + ("stribeck_velocity",) * falls
 
 
 def _moved(shape: Shape, name: str, by: float) -> Shape:
@@ -213,8 +214,7 @@ def _stepped(
     names = [(j, name) for j, fit in enumerate(fits) for name in _shapes(fit)]
     parts, places = list(columns.own), list(columns.places)
     for j in dict.fromkeys(j for j, _ in names):
-        slopes = rows.sudden(partial(_slopes, fits[j]), j, load[:, j])
-        parts[j] = np.column_stack([parts[j], slopes])
+        parts[j] = np.column_stack([parts[j], _slopes(rows, fits[j], j, load[:, j])])
     for i, (j, _) in enumerate(names):
         places[j] = np.append(places[j], columns.size + i)
     wide = replace(columns, own=tuple(parts), places=tuple(places), size=columns.size + len(names))
@@ -228,17 +228,22 @@ def _stepped(
     return moved
 
 
-def _slopes(fit: JointFit, v: Array, load: Array) -> Array:
+def _slopes(rows: Rows, fit: JointFit, j: int, load: Array) -> Array:
     """Derivatives of a joint's friction by the parameters of its shape, shape (k, parameters)."""
-    h, now, found = 1e-6, fit.torque(v, load), []
+    coefficients = [fit.coefficients[kind] for kind in fit.kinds]
+
+    def torque(shape: Shape) -> Array:
+        return np.asarray(rows.sliding(replace(fit, shape=shape), j, load) @ coefficients)
+
+    h, now, found = 1e-6, torque(fit.shape), []
     for name in _shapes(fit):
         shape, span = _moved(fit.shape, name, h), h
         if shape == fit.shape:  # at its upper bound
             shape, span = _moved(fit.shape, name, -h), -h
         if name == "load":
             span = (shape.load or 0.0) - (fit.shape.load or 0.0)
-        found.append((replace(fit, shape=shape).torque(v, load) - now) / span)
-    return np.column_stack(found)
+        found.append((torque(shape) - now) / span)
+    return rows.filtered(np.column_stack(found))
 
 
 def _same(one: JointFit, other: JointFit) -> bool:

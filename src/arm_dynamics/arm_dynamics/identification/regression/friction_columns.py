@@ -7,7 +7,6 @@ see ``model.friction`` for the keys of a scene.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +20,8 @@ COULOMB, COULOMB_SKEW, EXCESS = "coulomb", "coulomb_skew", "excess"
 LINEAR = (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
 """Coefficients in which friction is linear. In a moving joint, a constant torque, such as a sensor
 offset, is equivalent to a skew of its Coulomb friction."""
+DRY = (COULOMB, COULOMB_SKEW, EXCESS)
+"""Those that grow with the load."""
 STRIBECK_VELOCITY, LOAD = "stribeck_velocity", "load"
 POINTS = 6
 """Number of points in a table of friction over load."""
@@ -59,28 +60,12 @@ class Shape:
         at, factor = self.table
         return float((np.diff(factor) / np.diff(at)).max())
 
-    def columns(self, kinds: Sequence[str], v: Array, load: Array) -> Array:
-        """Friction with unit coefficients, shape (k, kinds).
+    def growth(self, load: Array) -> Array:
+        """The factor of dry friction under torques of the drive in [N m] or [N], shape (k,)."""
+        return np.asarray(Curve.through(*self.table)(abs(load)))
 
-        Args:
-            kinds: Of ``LINEAR``.
-            v: Velocities, shape (k,).
-            load: Torques of the drive in [N m] or [N], shape (k,).
-        """
-        if not kinds:
-            return np.zeros((len(v), 0))
-        made = np.column_stack([self._unloaded(kind, v) for kind in kinds])
-        if self.load is not None:
-            dry = [kind not in (VISCOUS, VISCOUS_SKEW) for kind in kinds]
-            made[:, dry] *= np.asarray(Curve.through(*self.table)(abs(load)))[:, None]
-        return made
-
-    def column(self, kind: str, v: Array, load: Array) -> Array:
-        """One of the columns, shape (k,)."""
-        return self.columns((kind,), v, load)[:, 0]
-
-    def _unloaded(self, kind: str, v: Array) -> Array:
-        """A column without its growth with load, shape (k,)."""
+    def unloaded(self, kind: str, v: Array) -> Array:
+        """Friction of a kind of ``LINEAR`` with a unit coefficient, without growth, shape (k,)."""
         way = np.sign(v)
         if kind == VISCOUS:
             return np.asarray(friction.viscous(v, 1.0))
@@ -106,11 +91,10 @@ class JointFit:
     shape: Shape = Shape()
     coefficients: dict[str, float] = field(default_factory=dict)
 
-    def columns(self, v: Array, load: Array) -> Array:
-        """One column for each kind, shape (k, kinds)."""
-        return self.shape.columns(self.kinds, v, load)
-
     def torque(self, v: Array, load: Array) -> Array:
         """The friction, shape (k,)."""
-        values = np.array([self.coefficients.get(kind, 0.0) for kind in self.kinds])
-        return np.asarray(self.columns(v, load) @ values)
+        growth, total = self.shape.growth(load), np.zeros_like(v)
+        for kind in self.kinds:
+            factor = growth if kind in DRY else 1.0
+            total += self.coefficients.get(kind, 0.0) * factor * self.shape.unloaded(kind, v)
+        return total

@@ -13,9 +13,14 @@ from numpy.typing import NDArray
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.identification.data import MeasuredMotion
-from arm_dynamics.identification.filtering import ZeroPhase
+from arm_dynamics.identification.filtering import REACH, ZeroPhase, decimated, spread
 from arm_dynamics.identification.preparation import thinned
-from arm_dynamics.identification.regression.friction_columns import EXCESS, JointFit
+from arm_dynamics.identification.regression.friction_columns import (
+    DRY,
+    EXCESS,
+    JointFit,
+    Shape,
+)
 from arm_dynamics.identification.regression.regressor import RigidRegressor
 from arm_dynamics.model.arm import ArmModel
 
@@ -33,8 +38,8 @@ SLOW = 1e-3
 class Rows:
     """The regression's rows of all motions.
 
-    Columns are filtered as the efforts are, since an equation stays true if both sides are
-    filtered; if the robot filters its efforts itself, columns are also filtered at
+    Columns are decimated and filtered as the efforts are, since an equation stays true if both
+    sides are filtered; if the robot filters its efforts itself, columns are also filtered at
     ``effort_band``.
 
     Attributes:
@@ -55,18 +60,14 @@ class Rows:
         effort_band: float | None = None, held_out: float = HELD_OUT,
     ) -> None:  # fmt: skip
         self.regressor, self.whole, self.effort_band = regressor, tuple(motions), effort_band
-        self._made: dict[tuple[int, str, float | None], Array] = {}
+        self._made: dict[tuple[int, str], tuple[float | None, Array, Array]] = {}
         pairs = [thinned(motion) for motion in motions]
         self.motions, self._strides = [m for m, _ in pairs], [stride for _, stride in pairs]
         self.q, self.v, self.a = (
             np.concatenate([getattr(motion, key) for motion in self.motions]) for key in "qva"
         )
-        self.effort = np.concatenate([
-            low[stretch][::stride]
-            for motion, stride in zip(self.whole, self._strides, strict=True)
-            for low in [motion.filtered(motion.effort)]
-            for stretch in motion.stretches
-        ])  # fmt: skip
+        self._near = np.concatenate(_neighbours(self.motions))
+        self.effort = np.concatenate([motion.filtered(motion.effort) for motion in self.motions])
         self.valid = np.concatenate([motion.valid for motion in self.motions])
         still = np.concatenate([_still(motion) for motion in self.motions])
         self.use = self.valid & ~still
@@ -135,28 +136,51 @@ class Rows:
         return found
 
     def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
-        """Low-pass filtered columns of a joint's friction, shape (k, kinds); see ``sudden``.
-
-        Columns that do not depend on the load are computed once.
-        """
-        if not fit.kinds:
-            return np.zeros((len(load), 0))
+        """Low-pass filtered columns of a joint's friction, shape (k, kinds); see ``sliding``."""
         if fit.shape.load is not None:
-            return self.sudden(fit.columns, joint, load)
-        found = []
-        for kind in fit.kinds:
-            key = (joint, kind, fit.shape.stribeck_velocity if kind == EXCESS else None)
-            if key not in self._made:
-                alone = JointFit((kind,), fit.shape)
-                self._made[key] = self.sudden(alone.columns, joint, load)
-            found.append(self._made[key])
-        return np.hstack(found)
+            return self.filtered(self.sliding(fit, joint, load))
+        found = np.empty((len(load), len(fit.kinds)))
+        for i, kind in enumerate(fit.kinds):
+            found[:, i] = self._unloaded(joint, kind, fit.shape.stribeck_velocity)[1]
+        return found
 
-    def sudden(self, of: Callable[[Array, Array], Array], joint: int, load: Array) -> Array:
-        """Low-pass filtered columns that jump, computed at all measured times before filtering.
+    def sliding(self, fit: JointFit, joint: int, load: Array) -> Array:
+        """Columns of a joint's friction, decimated but not yet filtered, shape (k, kinds).
+
+        Friction jumps with the velocity: what depends on it is computed at all measured times,
+        and once. The growth with the load, which depends on the fit, is computed at the rows.
 
         Args:
-            of: Columns by the joint's velocity and its drive's torque, shape (rows, m).
+            fit: Kinds and shape.
+            joint: Index of the joint.
+            load: Torque of its drive in each row, shape (k,).
+        """
+        found, growth = np.empty((len(load), len(fit.kinds))), fit.shape.growth(load)[self._near]
+        for i, kind in enumerate(fit.kinds):
+            weights, _ = self._unloaded(joint, kind, fit.shape.stribeck_velocity)
+            grows = kind in DRY
+            found[:, i] = np.einsum("kd,kd->k", weights, growth) if grows else weights.sum(axis=1)
+        return found
+
+    def _unloaded(self, joint: int, kind: str, fall: float | None) -> tuple[Array, Array]:
+        """Weights of a column for factors in the rows nearby, and the filtered column alone."""
+        fall = fall if kind == EXCESS else None
+        made = self._made.get((joint, kind))
+        if made is None or made[0] != fall:
+            weights = np.concatenate([
+                spread(Shape(fall).unloaded(kind, motion.v[stretch, joint]), stride)
+                for motion, stride in zip(self.whole, self._strides, strict=True)
+                for stretch in motion.stretches
+            ])  # fmt: skip
+            made = fall, weights, self.filtered(weights.sum(axis=1))
+            self._made[joint, kind] = made
+        return made[1:]
+
+    def sudden(self, of: Callable[[Array, Array], Array], joint: int, load: Array) -> Array:
+        """Low-pass filtered torques that jump, computed at all measured times, shape (k,).
+
+        Args:
+            of: Torques by the joint's velocity and its drive's torque.
             joint: Index of the joint.
             load: Torque of its drive in each row, shape (k,).
         """
@@ -164,13 +188,9 @@ class Rows:
         for motion, thin, stride in zip(self.whole, self.motions, self._strides, strict=True):
             own = load[start : start + len(thin.time)]
             start += len(thin.time)
-            if stride == 1:
-                found.append(self._low(of(thin.v[:, joint], own), thin))
-                continue
-            dense = np.interp(motion.time, thin.time, own)
-            low = self._low(of(motion.v[:, joint], dense), motion)
-            found += [low[stretch][::stride] for stretch in motion.stretches]
-        return np.concatenate(found)
+            dense = of(motion.v[:, joint], np.interp(motion.time, thin.time, own))
+            found += [decimated(dense[stretch], stride) for stretch in motion.stretches]
+        return self.filtered(np.concatenate(found))
 
     def _low(self, columns: Array, motion: MeasuredMotion) -> Array:
         """Low-pass filter columns with one row for each time of a motion."""
@@ -180,6 +200,17 @@ class Rows:
             for stretch in motion.stretches:
                 part[stretch] = again(part[stretch])
         return part
+
+
+def _neighbours(motions: Sequence[MeasuredMotion]) -> list[NDArray[np.int_]]:
+    """Indices of the rows within ``REACH`` of each, in its stretch."""
+    found, start, near = [], 0, np.arange(-REACH, REACH + 1)
+    for motion in motions:
+        for s in motion.stretches:
+            rows = np.arange(s.start, s.stop)[:, None] + near
+            found.append(start + np.clip(rows, s.start, s.stop - 1))
+        start += len(motion.time)
+    return found
 
 
 def _folds(count: int, held_out: float) -> NDArray[np.int_]:
@@ -204,13 +235,13 @@ def steady_friction(rows: Rows, load: Array) -> Array:
     """The scene's friction under torques of the drives, low-pass filtered; shapes (k, n)."""
     model = rows.regressor.model
     own = [rows.sudden(partial(_steady, model, j), j, load[:, j]) for j in range(rows.n)]
-    return np.hstack(own)
+    return np.column_stack(own)
 
 
 def _steady(model: ArmModel, j: int, v: Array, load: Array) -> Array:
-    """The friction of one joint, not filtered, shape (k, 1)."""
+    """The friction of one joint, not filtered, shape (k,)."""
     wide_v, wide_load = np.zeros((2, len(v), model.n))
     wide_v[:, j], wide_load[:, j] = v, load
     friction = SteadyFriction.of(model)
     torque = friction(wide_v, np.sign(wide_v), np.zeros_like(wide_v), wide_load)
-    return np.asarray(torque[:, j : j + 1])
+    return np.asarray(torque[:, j])

@@ -64,11 +64,12 @@ def candidates(speed: float, load: Array) -> list[Candidate]:
 LOADED = "load"
 
 
-def column(candidate: Candidate, v: Array, load: Array) -> Array:
-    """Friction of a candidate with a unit coefficient, shape (k,)."""
-    if candidate.kind != LOADED:
-        return candidate.shape.column(candidate.kind, v, load)
-    return replace(candidate.shape, load=1.0).column(COULOMB, v, load)
+def column(rows: Rows, candidate: Candidate, j: int, load: Array) -> Array:
+    """Low-pass filtered friction of a candidate for joint j with a unit coefficient, (k, 1)."""
+    law = JointFit((candidate.kind,), candidate.shape)
+    if candidate.kind == LOADED:
+        law = JointFit((COULOMB,), replace(candidate.shape, load=1.0))
+    return rows.friction(law, j, load)
 
 
 def fit_of(chosen: Sequence[Candidate], coefficients: Sequence[float]) -> JointFit:
@@ -117,12 +118,9 @@ class Choice:
             for j in range(rows.n)
         ]
         own = [
-            rows.sudden(
-                lambda v, x, j=j: np.column_stack([column(c, v, x) for c in self.offered[j]]),  # type: ignore[misc]
-                j, load[:, j],
-            )
-            for j in range(rows.n)
-        ]  # fmt: skip
+            np.hstack([column(rows, c, j, load[:, j]) for c in offer])
+            for j, offer in enumerate(self.offered)
+        ]
         self._columns = columns_of(common, own)
         self._first = len(belief.x0)
         starts = np.cumsum([self._first, *(len(offer) for offer in self.offered)])

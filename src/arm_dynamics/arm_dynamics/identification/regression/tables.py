@@ -86,14 +86,8 @@ def _begun(rows: Rows, use: Mask, load: Array, fit: Fit, j: int, count: int) -> 
     largest = float(abs(load[mine, j]).max())
     tables = [tuple(zip((e * largest * part).tolist(), part.tolist(), strict=True)) for e in ENDS]
     shapes = [replace(own.shape, load=1.0, points=points) for points in tables]
-    plain = replace(own.shape, load=None)
-
-    def columns(v: Array, x: Array) -> Array:
-        growing = [shape.column(COULOMB, v, x) for shape in shapes]
-        always = [plain.column(VISCOUS, v, x), plain.column(COULOMB, v, x)]
-        return np.column_stack([*always, *growing])
-
-    table = rows.sudden(columns, j, load[:, j])[mine]
+    laws = [JointFit((VISCOUS, COULOMB)), *(JointFit((COULOMB,), shape) for shape in shapes)]
+    table = np.hstack([rows.friction(law, j, load[:, j]) for law in laws])[mine]
     y = (fit.residual[:, j] + fit.columns.own_predicted(fit.x)[:, j])[mine]
     found: tuple[float, JointFit] = np.inf, own
     for k, shape in enumerate(shapes):
