@@ -51,12 +51,6 @@ static inline real sqrt(real x) {
   return x;
 }
 
-/* The library's, so that one arm and many give the same bits. */
-static inline real exp(real x) {
-  for (int i = 0; i < LANES; ++i) x.v[i] = __builtin_exp(x.v[i]);
-  return x;
-}
-
 static inline real floor(real x) {
   for (int i = 0; i < LANES; ++i) x.v[i] = __builtin_floor(x.v[i]);
   return x;
@@ -73,6 +67,7 @@ static inline bool BEYOND(real x, double limit) {
 }
 
 #include "sincos.h"
+#include "exp.h"
 
 /* With some lanes out of range, which is rare, the library's functions replace those alone. */
 static inline real far_sin(real x) {
@@ -94,5 +89,6 @@ static inline real arm_cos(real x) { return BEYOND(x, REDUCIBLE) ? far_cos(x) : 
 
 #define sin arm_sin
 #define cos arm_cos
+#define exp arm_exp
 #define casadi_real real
 #define LANE(x, i) ((x).v[i])

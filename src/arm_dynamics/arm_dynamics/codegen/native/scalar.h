@@ -26,10 +26,13 @@ static inline real arm_fmin(real x, real y) { return y < x ? y : x; }
 static inline real arm_fmax(real x, real y) { return y > x ? y : x; }
 static inline real arm_hypot(real x, real y) { return sqrt(x * x + y * y); }
 
-#define sin arm_sin
-#define cos arm_cos
 #define fmin arm_fmin
 #define fmax arm_fmax
+#include "exp.h"
+
+#define sin arm_sin
+#define cos arm_cos
+#define exp arm_exp
 #define hypot arm_hypot
 #define LANES 1
 #define LANE(x, i) (x)
