@@ -57,8 +57,9 @@ def column_function(function: ca.Function) -> str:
         declared.add(f"{'real n' if plain else 'column a'}{into[0]};")
         lines.append(f"{name(into[0])} = {value};")
     body = "\n  ".join([*sorted(declared), *lines])
-    head = f"static void {function.name()}(const real* c, const column* const* arg, column* res)"
-    return f"{head} {{\n  {body}\n}}\n"
+    # Inlined into a loop, it would share the vector registers with what surrounds it.
+    head = f"static __attribute__((noinline)) void {function.name()}"
+    return f"{head}(const real* c, const column* const* arg, column* res) {{\n  {body}\n}}\n"
 
 
 def _value(kind: int, operands: list[str]) -> str:

@@ -165,6 +165,7 @@ class Linearizer:
             repeated(p[None], (arms, len(p))),
             repeated(of_x[None], (arms, *of_x.shape)),
             repeated(of_w[None, None], (arms, ticks, *of_w.shape)),
+            unit=True,
         )
 
     def carried(

@@ -2,8 +2,9 @@
 """Derivatives of smooth motion in compiled code.
 
 The coefficients of a derivative are computed once for a step; columns are then propagated through
-it, side by side in vector registers. Code is compiled at the first use; without a compiler the
-same functions run on CasADi's virtual machine.
+it, side by side in vector registers. The whole derivative of a tick is computed by rows, with the
+transposed function: there are nx of them, and nx + n columns. Code is compiled at the first use;
+without a compiler the same functions run on CasADi's virtual machine.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ class Arms:
         given: Columns of x at the beginning, shape (b, nx, k).
         pushed: Columns of the commands and, below them, of the quantities to differentiate by,
             shape (b, ticks, n + nt, k).
+        unit: Whether ``given`` above ``pushed`` is a unit matrix in the first tick.
     """
 
     x: Array
@@ -59,6 +61,7 @@ class Arms:
     p: Array
     given: Array
     pushed: Array
+    unit: bool = False
 
     @property
     def count(self) -> int:
@@ -179,7 +182,8 @@ class Tangents:
                 *map(ctypes.c_longlong, (arms.ticks, first, last)),
                 pointer(arms.given), *_strides(arms.given, 1),
                 pointer(arms.pushed), *_strides(arms.pushed, 2),
-                ctypes.c_longlong(arms.given.shape[-1]), pointer(found.after),
+                ctypes.c_int(arms.unit), ctypes.c_longlong(arms.given.shape[-1]),
+                pointer(found.after),
                 pointer(columns), *_strides(columns, 2), ctypes.byref(met),
             )  # fmt: skip
 
@@ -215,6 +219,25 @@ class Tangents:
         moved = self._stretch(c, dx, dw, 0)
         return ca.Function("carry", [c, dx, dw], [moved], {"cse": True})
 
+    @cached_property
+    def _back(self) -> tuple[ca.Function, ca.Function]:
+        """Transpose of ``_limit`` and ``_carry``: (all coefficients, λ) -> λ times both.
+
+        For rows of positions and for the others: in an explicit method, the last stage does not
+        change positions.
+        """
+        n, c = self.plant.model.n, self._carry.sx_in(0)
+        limits, dx, dr = self._limit.sx_in()
+        row, dp = ca.SX.sym("row", dx.shape[0]), ca.SX.sym("dp", self._held - n)
+        moved = self._carry(c, dx, ca.vertcat(self._limit(limits, dx, dr), dp))
+        coefficients = ca.vertcat(limits, c)
+
+        def of(name: str, part: ca.SX, row: ca.SX) -> ca.Function:
+            product = ca.densify(ca.jtimes(part, ca.vertcat(dx, dr, dp), row, True))
+            return ca.Function(name, [coefficients, row], [product], {"cse": True})
+
+        return of("back_q", moved[:n], row[:n]), of("back_rest", moved[n:], row[n:])
+
     def _source(self, lanes: int) -> str:
         functions = [self._advance, self._acting]
         defines = sizes(self.plant, functions) | {
@@ -223,7 +246,7 @@ class Tangents:
             "NT": str(self._held - self.plant.model.n),
         }
         stops, parts = stop_defines(self.plant)
-        columns = [self._carry, self._limit]
+        columns = [self._carry, self._limit, *self._back]
         if lanes == 1:
             defines["STRETCH"] = "1"
             columns.append(self._stretch)

@@ -7,7 +7,9 @@
  * SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated functions), ND and NA (numbers of coefficients of the derivatives
  * of a step and of the limits), and the generated `acting` (x, r) -> u and those NA, `limit` (columns dx, dr -> du),
  * `advance` (x, u, p, h) -> x and those ND, `carry` (columns dx, dw -> dx, where dw is du and below it the change of
- * parameters); with STRETCH also `stretch` (columns dx, dw, dh -> dx); arms.c; where joints have stops stops.c, and STOPS.
+ * parameters), `back_q` and `back_rest` (of the coefficients of the limits, then those of the step: columns λ -> the
+ * derivatives of λ · q, or of λ · the other states, after the tick by x, command and parameters, one below the other); with
+ * STRETCH also `stretch` (columns dx, dw, dh -> dx); arms.c; where joints have stops stops.c, and STOPS.
  */
 
 #include <string.h>
@@ -37,25 +39,32 @@ static inline void put(const column* from, double* matrix, const long long* of_l
   }
 }
 #else
-/* Spare columns of the last pass repeat its first. */
 static inline void take(column* to, const double* matrix, const long long* of_lane, long long size, int rows, long long count,
                         long long first) {
-  for (int i = 0; i < rows; ++i)
-    for (int c = 0; c < WIDTH; ++c) {
-      const double* row = matrix + i * count + first + (first + c < count ? c : 0);
-      if (!size) to[i].each[c] = row[0]; /* the same for all arms */
-      else for (int j = 0; j < LANES; ++j) LANE(to[i].each[c], j) = row[of_lane[j] * size];
-    }
+  for (int i = 0; i < rows; ++i) {
+    const double* row = matrix + i * count + first;
+    if (!size) to[i] = row[0]; /* the same for all arms */
+    else for (int j = 0; j < LANES; ++j) LANE(to[i], j) = row[of_lane[j] * size];
+  }
 }
 
 static inline void put(const column* from, double* matrix, const long long* of_lane, long long size, int rows, long long count,
                        long long first) {
   for (int i = 0; i < rows; ++i)
-    for (int j = 0; j < LANES; ++j)
-      for (int c = 0; c < WIDTH && first + c < count; ++c)
-        matrix[of_lane[j] * size + i * count + first + c] = LANE(from[i].each[c], j);
+    for (int j = 0; j < LANES; ++j) matrix[of_lane[j] * size + i * count + first] = LANE(from[i], j);
 }
 #endif
+
+/* WIDTH rows of a matrix of `rows` rows, from entries that lie side by side. */
+static inline void put_rows(const column* from, double* matrix, const long long* of_lane, long long size, int rows, int count,
+                            int first) {
+  for (int j = 0; j < LANES; ++j)
+    for (int k = 0; k < WIDTH && first + k < rows; ++k) {
+      double* row = matrix + of_lane[j] * size + (first + k) * count;
+#pragma GCC unroll 8
+      for (int i = 0; i < count; ++i) row[i] = LANE(PLACE(from[i], k), j);
+    }
+}
 
 /* Propagate tangents of the arms first … last-1 over `ticks` ticks.
  *
@@ -64,18 +73,21 @@ static inline void put(const column* from, double* matrix, const long long* of_l
  * p:       parameters; arm i at p + i * p_arm.
  * given:   columns of x at the beginning, NX rows; arm i at given + i * given_arm.
  * pushed:  columns of commands and parameters, NU + NT rows; tick k of arm i at pushed + i * pushed_arm + k * pushed_tick.
+ * unit:    whether those at the beginning, above those of the first tick, are a unit matrix. The first tick is then
+ *          differentiated row by row, of which there are fewer.
  * columns: receives columns of x, NX rows; those after tick k of arm i at columns + i * columns_arm + k * columns_tick.
  * met:     set to 1 for an arm that comes near a stop; its results are invalid.
  */
 EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
                           long long p_arm, const double* h, long long ticks, long long first, long long last,
                           const double* given, long long given_arm, const double* pushed, long long pushed_arm,
-                          long long pushed_tick, long long count, double* after, double* columns, long long columns_arm,
-                          long long columns_tick, signed char* met) {
+                          long long pushed_tick, int unit, long long count, double* after, double* columns,
+                          long long columns_arm, long long columns_tick, signed char* met) {
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
-    real x[NX], next[NX], r[NU], u[NU], par[NP + 1], w[SZ_W], limits[NA + 1], derivatives[ND];
-    column dx[NX], dr[NU + NT], dw[NU + NT], moved[NX];
+    real x[NX], next[NX], r[NU], u[NU], par[NP + 1], w[SZ_W], limits[NA + ND];
+    real* const derivatives = limits + NA;
+    column dx[NX], dr[NU + NT], dw[NU + NT], moved[NX + NU + NT];
     casadi_int iw[SZ_IW];
     const real* arg[SZ_ARG];
     real* res[SZ_RES];
@@ -92,7 +104,17 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
       arg[0] = x; arg[1] = u; arg[2] = par; arg[3] = &length;
       res[0] = next; res[1] = derivatives;
       advance(arg, res, iw, w, 0);
-      for (long long c = 0; c < count; c += WIDTH) {
+      const int by_rows = unit && !k;
+      for (int part = 0; by_rows && part < 2; ++part) {
+        const int start = part ? NU : 0, end = part ? NX : NU;
+        const column* weights[1] = {dx};
+        for (int row = start; row < end; row += WIDTH) {
+          take(dx, given + start * count, of_lane, given_arm, end - start, count, row);
+          (part ? back_rest : back_q)(limits, weights, moved);
+          put_rows(moved, reached, of_lane, columns_arm, end, NX + NU + NT, row);
+        }
+      }
+      for (long long c = 0; !by_rows && c < count; c += WIDTH) {
         const column* given_columns[2] = {dx, dr};
         const column* acting_columns[2] = {dx, dw};
         if (k) take(dx, reached - columns_tick, of_lane, columns_arm, NX, count, c);
