@@ -12,6 +12,7 @@ import click
 import numpy as np
 
 from arm_dynamics import load_scene
+from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.stepping.rollout import natural_width
 from benchmarks.measurement.intervals import of_median
@@ -34,8 +35,11 @@ FEATURES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
         {"friction": DRY | {"lugre": BRISTLES}, "actuator": MOTOR}, {},
     ),
     "dry friction": ({"friction": DRY}, {}),
+    "Coulomb friction": ({"friction": {"coulomb": 1.0}}, {}),
+    "pressed onto a table": ({"friction": {"viscous": 2.0}}, {"scene": "panda_table"}),
 }  # fmt: skip
-"""Of every joint of a Panda, and options of its simulator."""
+"""Of every joint of a Panda, and options of its simulator; ``scene``: another scene of it."""
+FORCE = 30.0  # of a hand that is pressed onto a table [N]
 
 
 @click.command()
@@ -72,12 +76,16 @@ def main(repeats: int, out: Path) -> None:
 
 def _rollout(joint: dict[str, Any], options: dict[str, Any], lanes: int) -> Any:
     """A rollout of arms with various starts; commands change four times."""
-    scene = load_scene("panda").model_dump(exclude_unset=True)
+    own, options = options.get("scene"), {k: v for k, v in options.items() if k != "scene"}
+    scene = load_scene(own or "panda").model_dump(exclude_unset=True)
     scene["joints"] = {"*": joint | {"limits": {"stop": False}}}
     sim, rng = Simulator(scene, **options), np.random.default_rng(0)
-    q0 = sim.model.q0 + 0.1 * rng.normal(size=(ARMS, sim.n))
-    v0 = 0.3 * rng.normal(size=(ARMS, sim.n))
-    held = sim.dynamics.gravity(sim.model.q0) + 5.0 * rng.normal(size=(ARMS, 4, sim.n))
+    wide = 0.2 if own else 1.0  # a hand above a table starts close to it
+    q0 = sim.model.q0 + 0.1 * wide * rng.normal(size=(ARMS, sim.n))
+    v0 = 0.3 * wide * rng.normal(size=(ARMS, sim.n))
+    held = sim.dynamics.gravity(sim.model.q0) + 5.0 * wide * rng.normal(size=(ARMS, 4, sim.n))
+    if own:
+        held -= FORCE * TaskSpace(sim.dynamics, "panda_hand").jacobian(sim.model.q0)[2]
     tau = np.repeat(held, TICKS // 4, axis=1)
     return lambda: sim.rollout(q0, v0, tau, TICKS, threads=1, lanes=lanes)
 

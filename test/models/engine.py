@@ -102,7 +102,7 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
   segment_t segment = {.u = still, .work = &work};
   for (int k = 0; k < NC; ++k) segment.contact[k].touching = 1;
   for (int i = 0; i < ND; ++i) segment.p.direction[i] = 1.0;
-  find_geometry(x, &geometry);
+  find_geometry(x, &segment, &geometry);
   find_inertia(x, &segment, &inertia);
   for (int i = 0; i < MC; ++i) before[i] = geometry.speed[i];
   for (int i = 0; i < MC * MC; ++i) W[i] = inertia.W[i];
@@ -132,7 +132,7 @@ EXPORTED int held_at(const real* x, const real* u) {
   segment_t segment = {.u = u, .work = &work};
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
   geometry_t geometry;
-  find_geometry(x, &geometry);
+  find_geometry(x, &segment, &geometry);
   return settle(x, &segment, &geometry) && is_held(x, &segment);
 }
 """

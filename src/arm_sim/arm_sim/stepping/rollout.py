@@ -40,6 +40,8 @@ WIDTHS = (8, 4, 2, 1)
 # Ticks of all arms from which code for error control or events side by side saves more time than
 # its compilation takes: up to ten seconds for implicit methods.
 MANY_TICKS = 100_000
+# Functions of events that ticks without events ask for, see native/foresight.c.
+FORESEEN = ("loads", "contact_geometry", "contact_inertia", "contact_close")
 # How CasADi writes choices; C++ has no such operator for many arms at a time.
 _SIGN = "x<0 ? -1 : x>0 ? 1 : x"
 _CHOICE = re.compile(r"\((\w+)\?(\w+):0\)")
@@ -242,9 +244,9 @@ class Rollouts:
 
     def _of_events(self, width: int) -> str:
         plant, choice = self._plant, self._choice
-        loads = next(function for function in plant.events if function.name() == "loads")
         step, actuate = smooth_motion(plant, choice), actuation(plant, self._control)
-        functions = [plant.rhs, step, actuate, loads]
+        asked = [function for function in plant.events if function.name() in FORESEEN]
+        functions = [plant.rhs, step, actuate, *asked]
         more = {"EVENTS": "1"} | mode_sizes(plant)
         return self._source(width, functions, more, "foreseen.c", "foresight.c", "rollout.c")
 

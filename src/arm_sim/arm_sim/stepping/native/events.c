@@ -22,10 +22,10 @@
 #define TIME_STEPS 4 /* steps into which the rest of a time-stepped tick is divided */
 #define MOST_REBOUNDS 500 /* impacts with loss in one tick after which contacts no longer rebound */
 
-static int is_inside(const real* x) {
+static int is_inside(const real* x, const segment_t* segment) {
   geometry_t geometry;
   int inside = 0;
-  find_geometry(x, &geometry);
+  find_geometry(x, segment, &geometry);
   for (int k = 0; k < NC; ++k) inside |= geometry.place[3 * k] < -DEEP;
   return inside;
 }
@@ -49,13 +49,13 @@ static enum trouble begin_segment(real* x, segment_t* segment, double tick, long
   for (int i = 0; i < NU; ++i) before[i] = x[NU + i];
   const double lost = impact(x, segment, *losses < MOST_REBOUNDS, &geometry);
   for (int i = 0; i < NU; ++i) hit |= x[NU + i] != before[i]; /* an elastic impact loses no energy */
-  if (stop_rounding(x)) find_geometry(x, &geometry);
+  if (stop_rounding(x)) find_geometry(x, segment, &geometry);
   for (int k = 0; k < NC; ++k) segment->contact[k].slow = 0;
   if (lost < 0.0 || !settle(x, segment, &geometry)) return UNDETERMINED;
   if (find_slow(x, segment, tick)) {
     if (!settle(x, segment, &geometry)) return UNDETERMINED;
     align(x, segment);
-    find_geometry(x, &geometry);
+    find_geometry(x, segment, &geometry);
   }
   report->impact_loss += lost;
   report->impacts += hit;
@@ -67,7 +67,7 @@ static enum trouble begin_segment(real* x, segment_t* segment, double tick, long
       rest_touching(x, segment, anchor);
     }
     if (!turns_back(x, segment)) break;
-    find_geometry(x, &geometry);
+    find_geometry(x, segment, &geometry);
     if (!settle(x, segment, &geometry)) return UNDETERMINED;
   }
   return NONE;
@@ -83,7 +83,7 @@ static void catch_up(real* x, const segment_t* segment) {
   for (int i = 0; i < ND; ++i)
     if (may_stick(i) && x[NU + i] * segment->p.direction[i] <= 0.0) x[NU + i] = 0.0;
   for (int i = 0; i < NU; ++i) v[i] = x[NU + i];
-  find_geometry(x, &geometry);
+  find_geometry(x, segment, &geometry);
   find_anchors(&geometry, anchor);
   for (int k = 0; k < NC; ++k)
     if (geometry.place[3 * k] < 0.0) caught.p.contact[k].closed = 1.0;
@@ -92,17 +92,17 @@ static void catch_up(real* x, const segment_t* segment) {
     for (int i = 0; i < ND; ++i)
       if (at_stop(x, i)) caught.p.direction[i] = 0.0; /* a correction must not pass a stop */
     close_contacts(x, &caught, anchor);
-    if (turn > 0 && !is_inside(x)) break;
+    if (turn > 0 && !is_inside(x, segment)) break;
   }
   for (int i = 0; i < NU; ++i) x[NU + i] = v[i];
 }
 
 /* Limit the motion from x such that no point is inside a plane, where penetrations cannot be corrected. */
-static void stop_short(const real* x, real* after) {
+static void stop_short(const real* x, const segment_t* segment, real* after) {
   real end[NU];
   double part = 1.0;
   for (int i = 0; i < NU; ++i) end[i] = after[i];
-  while (is_inside(after)) {
+  while (is_inside(after, segment)) {
     part = part > LEAST_PART ? 0.5 * part : 0.0;
     for (int i = 0; i < NU; ++i) after[i] = x[i] + part * (end[i] - x[i]);
     if (part == 0.0) break;
@@ -120,7 +120,7 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
     if (!flow_once(x, segment->u, (const real*)&segment->p, segment->step, after)) return NUMBERS;
     close_contacts(after, segment, anchor);
     catch_up(after, segment);
-    stop_short(x, after);
+    stop_short(x, segment, after);
     for (int i = 0; i < NX; ++i) x[i] = after[i];
   }
   return NONE;
@@ -158,7 +158,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
   long long losses = 0;
   double left = h;
   for (int i = 0; i < NX; ++i) now[i] = x[i];
-  if (is_inside(now)) return INSIDE;
+  if (is_inside(now, segment)) return INSIDE;
   for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
   while (*segment->work < MOST_WORK) {
     real after[NX], anchor[2 * NC];
@@ -223,10 +223,17 @@ EXPORTED void foresee(foreseen_t* tick) {
   segment_t segment = {.u = tick->u, .work = &work};
   geometry_t geometry;
   memcpy(&segment.p, tick->p, sizeof segment.p);
-  find_geometry(tick->x, &geometry);
+  memcpy(&geometry, tick->geometry, sizeof geometry);
+  for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
   guess_modes(tick->x, &segment, &geometry);
+  find_anchors(&geometry, tick->anchor);
   memcpy(tick->p, &segment.p, sizeof segment.p);
   tick->rests = anything_rests(tick->x, &segment);
+  tick->closes = tick->slides = 0;
+  for (int k = 0; k < NC; ++k) {
+    tick->closes |= segment.p.contact[k].closed != 0.0;
+    tick->slides |= friction[k] > 0.0 && is_sliding(segment.p.contact + k);
+  }
 }
 
 /* The foreseen tick, whatever happens in it: 0 if it cannot be computed. */

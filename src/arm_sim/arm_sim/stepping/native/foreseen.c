@@ -8,18 +8,24 @@
  * Required definitions: NX, NU, NP, ND, NQ, NC (as for modes.c).
  */
 
-#define MODES (ND + NQ + 5 * NC) /* numbers in modes_t after the tunable ones, and in loads_t */
+/* Numbers in modes_t after the tunable ones, loads_t, geometry_t and inertia_t. */
+#define MODES (ND + NQ + 5 * NC)
 #define LOADS (NU + 7 * NC)
+#define PLACES (7 * NC)
+#define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
 
 typedef struct {
   double x[NX], u[NU], p[NP + MODES]; /* beginning of a tick, its command, and its probable modes */
   double length;                      /* of the tick */
-  long long rests;                    /* whether loads and slopes will be asked for */
-  double slope[NX], loads[LOADS];     /* at the beginning ... */
-  double after[NX], loads_after[LOADS]; /* ... and at the end */
+  double geometry[PLACES], anchor[2 * NC]; /* at its beginning */
+  long long rests, slides, closes; /* whether slopes and loads, the inertia, and closed contacts will be asked for */
+  double slope[NX], loads[LOADS], inertia[INERTIA];             /* at the beginning ... */
+  double after[NX], loads_after[LOADS], geometry_after[PLACES]; /* ... and at the end, ... */
+  double closed[2 * NU];                                        /* ... which is this with closed contacts */
 } foreseen_t;
 
-/* Functions of the engine of one arm: find p and `rests` of a tick; make it, return 0 if it cannot be computed. */
+/* Functions of the engine of one arm: find the modes and the anchors of a tick from its beginning, and what will be asked
+ * for; make the tick, return 0 if it cannot be computed. */
 typedef struct {
   void (*foresee)(foreseen_t* tick);
   int (*tick_as_foreseen)(const foreseen_t* tick, double* after);

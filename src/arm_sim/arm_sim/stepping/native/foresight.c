@@ -4,8 +4,15 @@
  * runs arm by arm.
  *
  * Before this file: arms.c, foreseen.c; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.c), the generated `actuate`, `step`, `rhs`
- * and `loads`.
+ * and `loads`, and with contacts `contact_geometry`, `contact_inertia` and `contact_close`.
  */
+
+#define MC (3 * NC)
+#if NC == 0
+#define contact_geometry(arg, res, iw, w, mem)
+#define contact_inertia(arg, res, iw, w, mem)
+#define contact_close(arg, res, iw, w, mem)
+#endif
 
 /* Store some numbers of each arm; those of lane j go to to + j * stride. */
 static void write_arms(double* to, long long stride, const real* from, int count) {
@@ -13,12 +20,19 @@ static void write_arms(double* to, long long stride, const real* from, int count
     for (int i = 0; i < count; ++i) to[j * stride + i] = LANE(from[i], j);
 }
 
-/* The loads at x, see loads_t. */
+static void find_geometry(const real* x, real* found) {
+  real w[SZ_W];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG] = {x};
+  real* res[SZ_RES] = {found, found + MC, found + 2 * MC};
+  contact_geometry(arg, res, iw, w, 0);
+}
+
 static void find_loads(const real* x, const real* u, const real* p, real* found) {
   real w[SZ_W];
   casadi_int iw[SZ_IW];
   const real* arg[SZ_ARG] = {x, u, p};
-  real* res[SZ_RES] = {found, found + NU, found + NU + 3 * NC, found + NU + 6 * NC};
+  real* res[SZ_RES] = {found, found + NU, found + NU + MC, found + NU + 2 * MC};
   loads(arg, res, iw, w, 0);
 }
 
@@ -28,8 +42,8 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
                           const engine_t* engine, real* next, real* acted) {
   const long long stride = sizeof(foreseen_t) / sizeof(double);
   foreseen_t tick[LANES];
-  long long of_lane[LANES], rests = 0;
-  real p[NP + MODES], slope[NX], found[LOADS], w[SZ_W];
+  long long of_lane[LANES], rests = 0, slides = 0, closes = 0;
+  real p[NP + MODES], slope[NX], load[LOADS], place[PLACES], inertia[INERTIA], anchor[2 * NC], closed[2 * NU], w[SZ_W];
   casadi_int iw[SZ_IW];
   const real* arg[SZ_ARG] = {x, r};
   real* res[SZ_RES] = {acted};
@@ -37,25 +51,43 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
   write_arms(tick->x, stride, x, NX);
   write_arms(tick->u, stride, acted, NU);
   write_arms(tick->p, stride, tunable, NP);
+  find_geometry(x, place);
+  write_arms(tick->geometry, stride, place, PLACES);
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
     tick[j].length = LANE(*h, j);
     engine->foresee(tick + j);
     rests |= tick[j].rests;
+    slides |= tick[j].slides;
+    closes |= tick[j].closes;
   }
   read_arms(p, NP + MODES, tick->p, stride, of_lane);
   arg[1] = acted; arg[2] = p; arg[3] = h;
   res[0] = next;
   step(arg, res, iw, w, 0);
   write_arms(tick->after, stride, next, NX);
+  find_geometry(next, place);
+  write_arms(tick->geometry_after, stride, place, PLACES);
   if (rests) {
     res[0] = slope;
     rhs(arg, res, iw, w, 0);
     write_arms(tick->slope, stride, slope, NX);
-    find_loads(x, acted, p, found);
-    write_arms(tick->loads, stride, found, LOADS);
-    find_loads(next, acted, p, found);
-    write_arms(tick->loads_after, stride, found, LOADS);
+    find_loads(x, acted, p, load);
+    write_arms(tick->loads, stride, load, LOADS);
+    find_loads(next, acted, p, load);
+    write_arms(tick->loads_after, stride, load, LOADS);
+  }
+  if (slides) {
+    res[0] = inertia; res[1] = inertia + MC * MC; res[2] = inertia + MC * MC + MC * NU;
+    contact_inertia(arg, res, iw, w, 0);
+    write_arms(tick->inertia, stride, inertia, INERTIA);
+  }
+  if (closes) {
+    read_arms(anchor, 2 * NC, tick->anchor, stride, of_lane);
+    arg[0] = next; arg[1] = p; arg[2] = anchor;
+    res[0] = closed;
+    contact_close(arg, res, iw, w, 0);
+    write_arms(tick->closed, stride, closed, 2 * NU);
   }
   for (int j = 0; j < used; ++j) {
     double after[NX];

@@ -102,7 +102,7 @@ static void find_blow(const real* x, segment_t* segment, double part, blow_t* bl
         met[NU + i] = blow->after[i];
       }
       find_inertia(x, segment, &inertia);
-      find_geometry(met, &geometry);
+      find_geometry(met, segment, &geometry);
       if (find_impulse(&inertia, geometry.speed, part, segment->contact, blow) == INFINITY) return;
       find_strike(x, segment, change, blow->impulse, blow->after, held);
     }
@@ -111,7 +111,7 @@ static void find_blow(const real* x, segment_t* segment, double part, blow_t* bl
       segment->p.direction[wrong] = 1.0 - segment->p.direction[wrong];
       continue;
     }
-    find_geometry(x, &geometry);
+    find_geometry(x, segment, &geometry);
     blow->gain = 0.0;
     for (int i = 0; i < NU; ++i) {
       if (segment->p.direction[i] == 0.0) blow->after[i] = part * blow->leaves[i];
@@ -120,7 +120,7 @@ static void find_blow(const real* x, segment_t* segment, double part, blow_t* bl
       met[NU + i] = blow->after[i];
     }
     for (int i = 0; i < MC; ++i) blow->gain += 0.5 * blow->impulse[i] * geometry.speed[i];
-    find_geometry(met, &geometry);
+    find_geometry(met, segment, &geometry);
     for (int i = 0; i < MC; ++i) blow->gain += 0.5 * blow->impulse[i] * geometry.speed[i];
     return;
   }
@@ -153,7 +153,7 @@ static void find_blow(const real* x, segment_t* segment, double part, blow_t* bl
   inertia_t inertia;
   geometry_t geometry;
   find_inertia(x, segment, &inertia);
-  find_geometry(x, &geometry);
+  find_geometry(x, segment, &geometry);
   blow->gain = find_impulse(&inertia, geometry.speed, part, segment->contact, blow);
   if (blow->gain == INFINITY) return;
   for (int i = 0; i < NU; ++i) {
@@ -194,7 +194,7 @@ static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geom
   double part = 1.0;
   for (int k = 0; k < NC; ++k) segment->p.contact[k].closed = segment->p.contact[k].sticks = 0.0;
   for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
-  find_geometry(x, geometry);
+  find_geometry(x, segment, geometry);
   find_closed_gaps(segment, geometry);
   const double calm = speed_rounding(x);
   const int stops = find_leaving(x, segment, rebounds, calm, blow.leaves);
@@ -227,6 +227,6 @@ static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geom
   note_blow(segment->record, segment, &blow, part);
   for (int i = 0; i < NU; ++i) x[NU + i] = blow.after[i];
   rest_on_stops(x, segment);
-  find_geometry(x, geometry);
+  find_geometry(x, segment, geometry);
   return blow.gain < 0.0 ? -blow.gain : 0.0;
 }

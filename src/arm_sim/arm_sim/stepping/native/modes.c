@@ -129,8 +129,13 @@ static int is_foreseen(const segment_t* segment) {
   return segment->foreseen && same((const real*)&segment->p, segment->foreseen->p, NP + MODES);
 }
 
-static void find_geometry(const real* x, geometry_t* geometry) {
+static void find_geometry(const real* x, const segment_t* segment, geometry_t* geometry) {
+  const foreseen_t* known = segment->foreseen;
   WORKSPACE;
+  if (NC && known && (same(x, known->x, 2 * NU) || same(x, known->after, 2 * NU))) {
+    memcpy(geometry, same(x, known->x, 2 * NU) ? known->geometry : known->geometry_after, sizeof *geometry);
+    return;
+  }
   arg[0] = x;
   res[0] = geometry->place; res[1] = geometry->speed; res[2] = geometry->size;
   contact_geometry(arg, res, iw, w, 0);
@@ -151,11 +156,16 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
 }
 
 static void find_inertia(const real* x, const segment_t* segment, inertia_t* inertia) {
+  const foreseen_t* known = segment->foreseen;
   WORKSPACE;
+  *segment->work += COST_INERTIA;
+  if (NC && is_foreseen(segment) && known->slides && same(x, known->x, NX)) {
+    memcpy(inertia, known->inertia, sizeof *inertia);
+    return;
+  }
   arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
   res[0] = inertia->W; res[1] = inertia->B; res[2] = inertia->free;
   contact_inertia(arg, res, iw, w, 0);
-  *segment->work += COST_INERTIA;
 }
 
 static void find_slope(const real* x, const segment_t* segment, real* slope) {
@@ -481,7 +491,7 @@ EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
   segment_t segment = {.u = u, .p = *p, .work = &work};
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
   geometry_t geometry;
-  find_geometry(x, &geometry);
+  find_geometry(x, &segment, &geometry);
   const int settled = settle(x, &segment, &geometry);
   *p = segment.p;
   return settled ? NONE : UNDETERMINED;

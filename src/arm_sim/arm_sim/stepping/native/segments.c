@@ -83,7 +83,7 @@ static double disobedience(const real* x, const segment_t* segment, const double
   geometry_t geometry;
   loads_t found;
   fill(limits, -INFINITY);
-  find_geometry(x, &geometry);
+  find_geometry(x, segment, &geometry);
   if (anything_held(segment)) find_loads(x, segment, &found);
   for (int k = 0; k < NC; ++k) {
     const real *r = found.force + 3 * k, *s = geometry.speed + 3 * k;
@@ -139,7 +139,7 @@ static void return_at(const void* asked, double t, double* speed) {
   if (!state_at(search, t, after)) return;
   if (search->joint >= 0) *speed = -search->side * after[NU + search->joint];
   else {
-    find_geometry(after, &geometry);
+    find_geometry(after, search->segment, &geometry);
     *speed = geometry.speed[3 * search->contact];
   }
 }
@@ -150,8 +150,8 @@ static double dip_before(search_t* search, double length, const real* end, limit
   int any = 0;
   for (int k = 0; k < NC; ++k) any |= search->segment->p.contact[k].closed == 0.0;
   if (!any) return 0.0;
-  find_geometry(search->x, &before);
-  find_geometry(end, &back);
+  find_geometry(search->x, search->segment, &before);
+  find_geometry(end, search->segment, &back);
   for (int k = 0; k < NC; ++k) {
     const int apart = search->segment->p.contact[k].closed == 0.0;
     if (!apart || !(before.speed[3 * k] < 0.0 && back.speed[3 * k] > 0.0)) continue;
@@ -220,7 +220,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
   const control_t kept = segment->control ? *segment->control : (control_t){0};
   geometry_t geometry;
   limits_t limits, early;
-  find_geometry(x, &geometry);
+  find_geometry(x, segment, &geometry);
   for (int k = 0; k < NC; ++k) search.ground[k] = fmin(geometry.place[3 * k], 0.0);
   const int reached = flow_on(x, segment, reach, after);
   *segment->work += COST_STEP * (1 + (segment->control ? segment->control->attempts - kept.attempts : 0));
@@ -270,16 +270,26 @@ static int is_off(const real* x, const segment_t* segment, const geometry_t* geo
   return 0;
 }
 
+/* Positions and velocities with closed contacts: one step of the projection. */
+static void find_closed(const real* x, const segment_t* segment, const real* anchor, real* after) {
+  const foreseen_t* known = segment->foreseen;
+  WORKSPACE;
+  if (NC && is_foreseen(segment) && known->closes && same(x, known->after, 2 * NU) && same(anchor, known->anchor, 2 * NC)) {
+    memcpy(after, known->closed, sizeof known->closed);
+    return;
+  }
+  arg[0] = x; arg[1] = (const real*)&segment->p; arg[2] = anchor;
+  res[0] = after;
+  contact_close(arg, res, iw, w, 0);
+}
+
 /* Project positions and velocities onto the closed contacts, and onto the anchors of sticking ones. */
 static void close_contacts(real* x, const segment_t* segment, const real* anchor) {
   int any = 0;
   real after[2 * NU];
-  WORKSPACE;
   for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed != 0.0;
   for (int turn = 0; any && turn < 2; ++turn) {
-    arg[0] = x; arg[1] = (const real*)&segment->p; arg[2] = anchor;
-    res[0] = after;
-    contact_close(arg, res, iw, w, 0);
+    find_closed(x, segment, anchor, after);
     double way = 0.0;
     for (int i = 0; i < NU; ++i) way = fmax(way, fabs(after[i] - x[i]));
     for (int i = 0; i < 2 * NU; ++i) x[i] = after[i];
@@ -297,7 +307,7 @@ static void rest_touching(real* x, const segment_t* segment, const real* anchor)
   segment_t resting = *segment;
   int any = 0;
   if (NC < 2) return;
-  find_geometry(x, &geometry);
+  find_geometry(x, segment, &geometry);
   for (int k = 0; k < NC; ++k) {
     if (!segment->contact[k].touching) continue;
     any |= segment->p.contact[k].closed == 0.0 && geometry.speed[3 * k] < -calm;
@@ -408,7 +418,7 @@ static int find_rates(const real* x, const segment_t* segment, loads_t* found, g
   }
   if (!any) return 0;
   find_loads(x, segment, found);
-  find_geometry(x, geometry);
+  find_geometry(x, segment, geometry);
   find_inertia(x, segment, &inertia);
   for (int k = 0; k < NC; ++k) {
     const int n = 3 * k;
@@ -460,7 +470,7 @@ static void align(real* x, const segment_t* segment) {
   real anchor[2 * NC];
   segment_t stopped = *segment;
   int any = 0;
-  find_geometry(x, &geometry);
+  find_geometry(x, segment, &geometry);
   find_anchors(&geometry, anchor);
   for (int k = 0; k < NC; ++k) {
     const real* s = geometry.speed + 3 * k + 1;
