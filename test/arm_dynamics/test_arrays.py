@@ -25,7 +25,7 @@ from arm_dynamics.arrays import (
 BAD = (np.nan, np.inf, -np.inf)
 
 
-def test_read_only_arrays_are_copies_of_float_that_nobody_can_change() -> None:
+def test_read_only_arrays_are_immutable_copies_of_float() -> None:
     given = np.array([1, 2, 3])
     kept = read_only(given)
     given[0] = 7
@@ -199,12 +199,12 @@ def test_batches_of_different_length_are_refused_with_their_lengths() -> None:
 
 
 @pytest.mark.parametrize("value", [True, np.True_, 0.0, np.nan])
-def test_a_positive_number_is_no_truth_value(value: float) -> None:
+def test_a_positive_number_is_not_a_boolean(value: float) -> None:
     with pytest.raises(InvalidInput, match=r"^dt is .*; a positive number is expected"):
         positive("dt", value)
 
 
-def test_a_number_that_is_not_finite_is_told_with_its_joint() -> None:
+def test_a_number_that_is_not_finite_is_reported_with_its_joint() -> None:
     with pytest.raises(InvalidInput, match=r"q\[1\] = nan of joint 'elbow'; allowed: finite"):
         vector("q", [0.0, np.nan], ("shoulder", "elbow"))
     with pytest.raises(

@@ -82,7 +82,7 @@ def test_what_cannot_be_a_controller_is_refused() -> None:
         ClosedLoop("two_link", "own_controllers:None_")
 
 
-def test_one_that_fails_says_so_in_a_closed_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_one_reports_it_in_a_closed_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = ClosedLoop("two_link", own_controllers.Fails, dt=1e-3)
     pair.run(0.01)
     monkeypatch.setattr(own_controllers.Fails, "how", "nan")

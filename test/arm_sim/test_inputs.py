@@ -182,6 +182,6 @@ def test_where_nothing_was_cut_nothing_is_said_and_the_first_cut_still_is(
     assert len(said(caplog)) == 1
 
 
-def test_an_arm_without_limits_never_tells_of_a_cut(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_arm_without_limits_never_reports_clipping(caplog: pytest.LogCaptureFixture) -> None:
     SaturationNotice(limited(INF, INF, INF)).look(np.ones(3), np.zeros(3))
     assert not said(caplog)

@@ -49,7 +49,7 @@ def test_time_is_counted_and_never_added_up(sim: Simulator) -> None:
     assert sim.state.time == 1000 * 1e-3 != added
 
 
-def test_dt_of_the_scene_gives_way_to_the_callers() -> None:
+def test_the_callers_dt_overrides_that_of_the_scene() -> None:
     scene = {
         "robot": {"urdf": str(models.FOLDER / "gantry.urdf")},
         "sim": {"dt": 4e-3, "integrator": "euler"},

@@ -120,7 +120,7 @@ def test_controllers_own_error_passes_through(sim: Simulator) -> None:
     assert sim.step_count == 0
 
 
-def test_shape_error_says_what_came_and_what_is_wanted(sim: Simulator) -> None:
+def test_shape_error_states_given_and_expected_shapes(sim: Simulator) -> None:
     said = keeps_state(sim, lambda: sim.step(np.zeros(5)))
     assert "(5,)" in said and "(3,)" in said
 

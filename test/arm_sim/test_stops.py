@@ -86,7 +86,7 @@ def test_what_holds_a_joint_at_its_stop_is_reported() -> None:
     assert not run.stop_torque[0].any()
 
 
-def test_a_stop_lets_go_at_the_torque_that_lifts_and_not_before() -> None:
+def test_a_stop_releases_at_the_lifting_torque_and_not_before() -> None:
     sim = Simulator(rail())
     sim.reset(q=[0.0])
     assert sim.run(0.1, [MASS * G * (1 - 1e-12)]).q[-1, 0] == 0.0
@@ -253,7 +253,7 @@ def test_without_a_compiler_a_scene_runs_until_a_stop_is_met() -> None:
     assert 0.0 < sim.state.q[0] < 0.02
 
 
-def test_blows_that_pile_up_are_stepped_through_and_told() -> None:
+def test_accumulating_impacts_are_time_stepped_and_reported() -> None:
     """A million blows a tick, between stops a millimetre apart."""
     scene = rail({"restitution": 1.0}, lower=0.4995)
     scene["joints"]["rail"]["limits"]["upper"] = 0.5005

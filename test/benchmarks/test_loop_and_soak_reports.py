@@ -135,7 +135,7 @@ def test_memory_that_grows_is_complained_of() -> None:
     assert complaints(result) == []  # what it takes while warming up
 
 
-def test_a_fault_that_is_not_told_is_complained_of() -> None:
+def test_an_unreported_fault_fails_the_check() -> None:
     result = soaked()
     result.outcomes[FAULTS[0].name].trouble.append("not told")
     assert complaints(result) == [f"{FAULTS[0].name}: not told"]

@@ -70,7 +70,7 @@ def test_two_processes_measure_by_turns(tmp_path: Path) -> None:
     assert str(found["wrong"]).startswith("this tree: ")
 
 
-def test_only_what_is_slower_by_more_than_allowed_is_told() -> None:
+def test_only_what_is_slower_by_more_than_allowed_is_reported() -> None:
     ratios = {
         "slow": (1.06, 1.07, 1.08, 1.06, 1.09, 1.06),
         "noisy": (2.0, 1.0, 1.0, 1.0, 1.0, 1.0),

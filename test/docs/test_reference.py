@@ -102,7 +102,7 @@ def test_every_parameter_is_described(node: str) -> None:
         assert f"| `{name}` |" in text and about["description"] in text.replace("\\", "")
 
 
-def test_every_field_of_an_interface_has_words() -> None:
+def test_every_field_of_an_interface_is_described() -> None:
     for name in interfaces.names():
         text = (interfaces.FOLDER / f"{name}.{name[:3]}").read_text()
         fields = [line for line in text.splitlines() if re.match(r"[\w/]+(\[\])? \w", line)]
@@ -110,7 +110,7 @@ def test_every_field_of_an_interface_has_words() -> None:
         assert plain == [], name
 
 
-def test_every_command_and_option_has_words() -> None:
+def test_every_command_and_option_is_described() -> None:
     for words, command in commands.commands().items():
         assert command.help, words
         for parameter in command.params:

@@ -129,7 +129,7 @@ def test_a_stop_throws_back_and_then_holds() -> None:
     assert run.q.max() < 0.1 + 1e-12
 
 
-def test_the_range_of_the_urdf_stops_unless_told_otherwise() -> None:
+def test_the_range_of_the_urdf_has_stops_by_default() -> None:
     run = moved("x", {"x": 4.0}, joints={"*": {}}, initial={"position": {"x": 8.9}})
     close(run.q[np.sqrt(0.1) < TIMES, 0], 9.0)
     assert [kind for _, kind, _ in run.log] == ["leaves", "leaves", "hit", "holds"]

@@ -116,7 +116,7 @@ def test_computed_torque_through_motors(drive: dict[str, Any], error: float) -> 
     assert follow(sim, Dynamics(rigid_twin(sim.model.scene)), 1.0) < error
 
 
-def test_compiled_computed_torque_speaks_in_volts() -> None:
+def test_compiled_computed_torque_commands_volts() -> None:
     """The same motion as the controller in Python, to rounding."""
     sim = Simulator(arm(actuator=MOTOR | POLES | {"command": "voltage"}))
     interpreted, path = ComputedTorque(sim.dynamics, bandwidth=15.0), sine

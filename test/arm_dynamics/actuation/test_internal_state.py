@@ -182,7 +182,7 @@ def test_auto_sees_how_fast_a_coil_is(build: Build) -> None:
     assert plan.integrator == "implicit" and "drive answers" in plan.reason
 
 
-def test_plan_tells_what_a_law_costs(build: Build) -> None:
+def test_plan_reports_the_cost_of_a_law(build: Build) -> None:
     plan = build(Motor((True, False))).plan
     (law,) = plan.laws
     assert law.states == ("joint0 current [A]",) and law.operations > 0 and law.nanoseconds > 0.0

@@ -195,7 +195,7 @@ def test_an_answer_to_a_question_that_was_interrupted_is_passed_over(
         assert arm.model_info().total_mass == before + 2.0
 
 
-def test_a_node_that_was_started_anew_is_asked_again(ros: Ros) -> None:
+def test_a_request_is_repeated_when_the_node_restarts(ros: Ros) -> None:
     """The reply to the first request to a node may be lost, also after another node's replies."""
     silent: list[int] = []
 
@@ -250,7 +250,7 @@ def test_nobody_answers(ros: Ros) -> None:
             arm.model_info()
 
 
-def test_a_lost_reply_is_asked_for_again(ros: Ros) -> None:
+def test_a_request_is_repeated_when_its_reply_is_lost(ros: Ros) -> None:
     asked: list[bool] = []
 
     def answer(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
@@ -324,7 +324,7 @@ def test_orders_that_do_no_harm_twice_are_repeated(
     assert len(service.asked) == 2
 
 
-def test_what_is_asked_once_waits_until_the_node_can_see_who_asks(ros: Ros) -> None:
+def test_a_single_request_waits_until_the_node_has_discovered_the_client(ros: Ros) -> None:
     service = Lossy(ros, Step, "sim/step", lost=0)
     with served(ros), ArmClient(timeout=10.0, domain=ros.domain) as arm:
         began = time.monotonic()

@@ -183,7 +183,7 @@ def test_regrouping_saves_work_and_changes_nothing(rng: np.random.Generator) -> 
     assert operations(short) < operations(whole)
 
 
-def test_dynamics_is_the_judge() -> None:
+def test_kernels_are_compared_with_dynamics() -> None:
     """A kernel is compared with Dynamics, which calls Pinocchio: both must use the same scene."""
     plant = models.simulator("puma560").plant
     assert isinstance(models.simulator("puma560").dynamics, Dynamics)

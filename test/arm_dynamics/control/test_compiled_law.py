@@ -107,7 +107,7 @@ def test_it_is_built_once_for_all_gains(monkeypatch: pytest.MonkeyPatch) -> None
         assert_close(fast.torque(state, still), control.torque(state, still), ALGEBRA)
 
 
-def test_nothing_is_built_unless_it_is_asked_for() -> None:
+def test_nothing_is_built_unless_it_is_requested() -> None:
     dynamics = new("two_link")
     control = make_controller("computed_torque", dynamics)
     assert preparation(control) is not None
@@ -269,7 +269,7 @@ def test_for_other_compiled_code_it_is_the_same_to_the_bit(rng: np.random.Genera
         assert law.call.outputs[0].tobytes() == control.torque(state, reference).tobytes()
 
 
-def test_limits_around_it_are_told() -> None:
+def test_limits_around_it_are_reported() -> None:
     dynamics = models.dynamics("two_link")
     control = make_controller("computed_torque", dynamics, Settings(saturate=True, limit=7.0))
     law = compiled_law.compiled_law(control)

@@ -222,6 +222,6 @@ def test_a_gain_is_one_number_or_one_for_each_joint(value: object) -> None:
         (np.inf, "is inf; allowed: finite numbers"),
     ],
 )
-def test_what_is_no_gain_is_refused(value: object, said: str) -> None:
+def test_invalid_gains_are_refused(value: object, said: str) -> None:
     with pytest.raises(InvalidInput, match=f"^stiffness.* {said}|^stiffness {said}"):
         gain("stiffness", value, 2)

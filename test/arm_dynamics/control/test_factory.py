@@ -57,7 +57,7 @@ def test_all_hand_over_to_all_without_a_jump() -> None:
         np.testing.assert_array_equal(torques[k], torques[k - 1])
 
 
-def test_torques_are_cut_at_the_limits_when_asked() -> None:
+def test_torques_are_clipped_at_the_limits_on_request() -> None:
     dyn = models.dynamics("two_link")
     state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
     limit = np.array([3.0, 0.5])

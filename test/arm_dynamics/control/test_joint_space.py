@@ -148,7 +148,7 @@ def test_float_keeps_still_and_yields(rng: np.random.Generator) -> None:
     assert_close(damped.torque(state), sim.dynamics.gravity(sim.state.q) - 2 * v, ALGEBRA)
 
 
-def test_joint_impedance_is_a_spring_to_who_pushes() -> None:
+def test_joint_impedance_acts_as_a_spring_under_external_torque() -> None:
     """A constant external torque displaces it by torque over stiffness."""
     sim = models.simulator("two_link", dt=1e-3)
     goal, push = sim.state.q.copy(), np.array([3.0, -1.0])
@@ -368,7 +368,7 @@ def test_bad_settings_are_refused() -> None:
         (None, "the reference is of type NoneType"),
     ],
 )
-def test_a_wrong_reference_is_told(reference: object, said: str) -> None:
+def test_a_wrong_reference_is_reported(reference: object, said: str) -> None:
     dyn, state = models.dynamics("two_link"), Measured(np.zeros(2), np.zeros(2))
     for control in (PD(2, 1.0, 1.0), FeedForwardPD(dyn, 1.0, 1.0), ComputedTorque(dyn)):
         with pytest.raises(InvalidInput, match=said):

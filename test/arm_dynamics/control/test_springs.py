@@ -90,7 +90,7 @@ def test_impedance_leaves_the_error_its_own_damping(rng: np.random.Generator) ->
     assert_close(more - less, arm().spring(q, v_d), PINOCCHIO)
 
 
-def test_frame_stays_where_it_is_told() -> None:
+def test_frame_stays_at_its_target() -> None:
     task = TaskSpace(arm(), "tip", selection=("x", "z"))
     q, still = np.array([0.3, -0.9]), np.zeros(2)
     tau = OperationalSpace(task).torque(Measured(q, still), at_rest(task, q))

@@ -66,7 +66,7 @@ def test_batches_of_different_length() -> None:
         models.dynamics("planar_3r").forward(np.zeros((2, 3)), np.zeros((3, 3)), GOOD)
 
 
-def test_shape_error_says_what_came_and_what_is_wanted() -> None:
+def test_shape_error_states_given_and_expected_shapes() -> None:
     with pytest.raises(InvalidInput) as caught:
         models.dynamics("planar_3r").gravity(np.zeros(5))
     assert "(5,)" in str(caught.value) and "(3,)" in str(caught.value)

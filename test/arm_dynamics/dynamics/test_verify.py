@@ -111,7 +111,7 @@ def test_accelerations_of_another_state_do_not_pass(
         check_forward(dynamics, forward)
 
 
-def test_accelerations_that_are_no_numbers_do_not_pass(dynamics: Dynamics) -> None:
+def test_nan_accelerations_are_refused(dynamics: Dynamics) -> None:
     def forward(q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
         return np.full(dynamics.n, np.nan)
 

@@ -237,7 +237,7 @@ def test_behind_a_spring_it_holds() -> None:
     assert abs(sim.state.z[0] - np.pi / 2 - 9.81 * 1.2 / 2e3) < 1e-4
 
 
-def test_an_ideal_gear_is_no_dry_friction() -> None:
+def test_an_ideal_gear_has_no_dry_friction() -> None:
     sim = Simulator(wheel(LINK, gear_ratio=50.0, efficiency=1.0), backend="vm")
     assert not sim.model.has_dry_friction and not sim.plant.events
 

@@ -82,7 +82,7 @@ def test_holes_and_saturation_of_the_effort_are_masked():
     assert any("'b': effort saturated" in note for note in made.notes)
 
 
-def test_told_accelerations_are_taken_as_they_are():
+def test_given_accelerations_are_used_unchanged():
     q, v, a = motion()
     made = prepare(record(q=q, v=v, a=a))
     assert np.isinf(made.band)

@@ -162,7 +162,7 @@ def test_friction_by_direction_and_by_load():
     np.testing.assert_allclose(level, [0.8, 1.04, 1.28], rtol=1e-4)
 
 
-def test_a_joint_that_rests_keeps_what_the_scene_says_of_it():
+def test_a_joint_at_rest_keeps_the_values_of_the_scene():
     model, regressor, theta, numbers = truth("two_link")
     t, q, v, a = motion(2, duration=20.0)
     q[:, 1], v[:, 1], a[:, 1] = 0.3, 0.0, 0.0
@@ -181,7 +181,7 @@ def spoilt(**changes):
     return wide(model), JointRecord.of(parts["names"], parts["t"], parts["q"], parts["tau"])
 
 
-def test_useless_recordings_are_told_in_a_word():
+def test_useless_recordings_are_reported_briefly():
     model, t, q, _, _, tau = two_link()
     rng = np.random.default_rng(2)
     clipped = np.clip(tau, *np.quantile(tau, [0.45, 0.55]))

@@ -46,7 +46,7 @@ def model() -> ArmModel:
     return ArmModel(load_scene({"robot": given, "initial": {"position": {"hinge": 0.5}}}))
 
 
-def test_followers_and_locked_joints_are_told(model: ArmModel) -> None:
+def test_followers_and_locked_joints_are_reported(model: ArmModel) -> None:
     joints = AllJoints(model)
     assert joints.names[: model.n] == model.joint_names == ("turn", "open")
     position = dict(zip(joints.names, joints.positions(np.array([4.0, 0.3])), strict=True))

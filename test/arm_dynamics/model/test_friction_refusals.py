@@ -185,7 +185,7 @@ def test_friction_by_load_grows_by_less_than_half_of_the_load(
     )
 
 
-def test_friction_that_falls_with_the_load_is_no_trouble() -> None:
+def test_friction_may_fall_with_load() -> None:
     assert build({"coulomb": 2.0, "load": {"at": [2, 5], "factor": [9, 1]}}).friction.by_load
 
 

@@ -117,7 +117,7 @@ def test_springs_of_followers_act_through_their_leader(rng: np.random.Generator)
     assert_close(dyn.spring(q, v), wanted, CLOSED_FORM)
 
 
-def test_a_spring_for_all_gives_way_to_a_joints_own() -> None:
+def test_a_joints_own_spring_overrides_the_one_for_all() -> None:
     dyn = Dynamics(
         {
             "robot": {"urdf": models.scene("planar_3r").robot.urdf},

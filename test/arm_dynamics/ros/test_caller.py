@@ -193,7 +193,7 @@ def test_where_no_server_comes_nothing_is_asked_and_it_is_said(
 
 
 @pytest.mark.parametrize("repeatable", [True, False])
-def test_silence_is_told_with_the_time_and_whether_it_may_have_been_done(
+def test_a_timeout_states_the_time_and_whether_the_request_may_have_been_executed(
     caller: Caller, world: World, repeatable: bool
 ) -> None:
     with pytest.raises(NoAnswer, match="did not answer within 12 s") as caught:

@@ -275,7 +275,7 @@ def test_the_newest_choice_counts_whatever_was_being_prepared(ros: Ros) -> None:
     assert_close(effort(node, 2 * MS, HOME + 0.1), exact, ALGEBRA)
 
 
-def test_torques_are_cut_only_when_asked(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
+def test_torques_are_clipped_only_on_request(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
     node = controller_node(ros, bandwidth=[100.0], switch_time=0.0)
     limit = models.dynamics("panda").model.effort_limit
     effort(node, 0)

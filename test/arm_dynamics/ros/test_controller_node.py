@@ -112,7 +112,7 @@ def test_gains_may_change_while_it_runs(node: ControllerNode) -> None:
     assert_close(effort(node, 2 * MS, off), exact, ALGEBRA)
 
 
-def test_reports_to_whoever_listens(ros: Ros) -> None:
+def test_publishes_its_state(ros: Ros) -> None:
     node = ros.add(ControllerNode, models.scene("two_link"), state_period=0.01)
     heard = ros.listen(TrackingState, "/controller/state", 50)
     q, v = np.array([0.3, -0.1]), np.array([0.5, 0.4])

@@ -19,7 +19,7 @@ INFO, WARN = 20, 30  # of rcl_interfaces/Log, whose constants are bytes in some 
 
 
 @pytest.mark.parametrize("core", CORES)
-def test_a_node_says_what_the_core_logs(ros: Ros, core: str) -> None:
+def test_a_node_publishes_log_messages_of_the_core(ros: Ros, core: str) -> None:
     node = ros.add(Node, "speaker")
     heard = ros.listen(Log, "/rosout")
     log, level = logging.getLogger(f"{core}.part"), logging.getLogger(core).level

@@ -42,7 +42,7 @@ def test_findings_are_published_while_there_are_subscribers(ros: Ros) -> None:
     assert values(status)["executor"] == type(node.executor).__name__
 
 
-def test_requests_are_counted_and_refusals_told_once(ros: Ros) -> None:
+def test_requests_are_counted_and_refusals_reported_once(ros: Ros) -> None:
     node = ros.add(DynamicsNode, models.scene("two_link"))
     for position in ([0.0, 0.0], [0.0], [0.1, 0.2], []):
         request = InverseDynamics.Request(position=position)
@@ -65,7 +65,7 @@ def test_a_description_that_cannot_be_used_is_told(ros: Ros) -> None:
     assert found(node).level == OK
 
 
-def test_a_controller_says_what_went_wrong_since_it_was_last_asked(ros: Ros) -> None:
+def test_a_controller_reports_errors_since_the_last_report(ros: Ros) -> None:
     node = ros.add(ControllerNode, models.scene("two_link"), saturate=True)
     effort(node, 10 * MS, (0.0, 0.0))
     effort(node, 11 * MS, (0.0, 0.0))

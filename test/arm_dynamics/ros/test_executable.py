@@ -29,7 +29,7 @@ def called(node: str, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("node", MODULES)
-def test_help_tells_the_scene_and_every_parameter(node: str) -> None:
+def test_help_lists_the_scene_and_every_parameter(node: str) -> None:
     told = called(node, "--help")
     assert told.returncode == 0
     assert told.stdout.startswith(f"usage: {node} [SCENE] [--ros-args -p NAME:=VALUE")

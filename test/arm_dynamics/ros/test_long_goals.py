@@ -81,7 +81,7 @@ def test_a_plan_that_comes_too_late_is_made_again(node: ControllerNode) -> None:
     assert_close(node.follower.reference(stamp + 10_000 * MS).q, HOME + 0.2, 1e-12)
 
 
-def test_another_frame_is_built_aside_and_taken_when_it_is_ready(ros: Ros) -> None:
+def test_another_frame_is_built_in_the_background_and_used_when_ready(ros: Ros) -> None:
     node = ros.add(
         ControllerNode, models.scene("panda"), controller="operational_space", task_frame=FRAME,
         switch_time=0.0,

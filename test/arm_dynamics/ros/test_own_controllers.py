@@ -104,7 +104,7 @@ def test_torques_are_clipped_and_gains_handed_on_as_ours(ros: Ros) -> None:
 
 
 @pytest.mark.parametrize("how", ["raise", "nan", "shape", "none"])
-def test_one_that_fails_commands_nothing_more_and_says_so(
+def test_a_failed_one_stops_commanding_and_reports_it(
     ros: Ros, how: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node = node_of(ros, controller=FAILS, controllers=[SPRINGS])

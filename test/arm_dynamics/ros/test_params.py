@@ -51,7 +51,7 @@ class Holder(Node):
         )
 
 
-def test_values_come_from_whoever_starts_the_node(ros: Ros) -> None:
+def test_values_are_taken_from_the_constructor(ros: Ros) -> None:
     holder = ros.add(Holder, number=0.5, gains=[1.0, 2.0], fixed=False)
     assert holder.params == Some(number=0.5, gains=[1.0, 2.0], fixed=False)
 

@@ -56,7 +56,7 @@ def test_frozen_garbage() -> None:
     gc.unfreeze()
 
 
-def test_timers_of_dds_interrupt_nobody(ros: Ros) -> None:
+def test_timers_of_dds_do_not_interrupt_the_loop(ros: Ros) -> None:
     """``ros`` has joined the graph, so that Fast DDS has a thread for timers."""
 
     def policies() -> set[int]:

@@ -115,7 +115,7 @@ def test_what_is_wrong_in_a_description_names_both_files(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("content", ["robot: [", "- a\n- b\n", "robot"])
-def test_a_file_that_is_no_scene_is_named(tmp_path: Path, content: str) -> None:
+def test_a_file_that_is_not_a_scene_is_named(tmp_path: Path, content: str) -> None:
     path = tmp_path / "arm.yaml"
     path.write_text(content)
     with pytest.raises(SceneError, match=rf"^{path}: scene: th.*\Z"):
@@ -128,7 +128,7 @@ def test_names_that_differ_in_numbers_only_are_not_meant() -> None:
     assert did_you_mean("something", ["joint1"]) == ""
 
 
-def test_a_payload_in_millimetres_is_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_payload_in_millimetres_is_reported(caplog: pytest.LogCaptureFixture) -> None:
     def load(com: list[Any]) -> None:
         load_scene({**PLAIN, "payloads": [{"frame": "forearm", "mass": 1, "com": com}]})
 
@@ -139,7 +139,7 @@ def test_a_payload_in_millimetres_is_told(caplog: pytest.LogCaptureFixture) -> N
     assert "is 50 m from 'forearm'; lengths are in m" in caplog.text
 
 
-def test_an_angle_in_degrees_is_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_angle_in_degrees_is_reported(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
         load_scene({**PLAIN, "initial": {"position": {"elbow": 6.0}}})
         assert not caplog.records

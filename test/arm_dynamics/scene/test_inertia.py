@@ -67,7 +67,7 @@ def test_masses_and_tensors_in_rows() -> None:
     assert [bool(text) for text in said] == [bool(word) for word in words]
 
 
-def test_a_link_with_an_inertia_of_no_body_is_told_and_computed_with(
+def test_a_link_with_an_impossible_inertia_is_reported_and_used(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     text = (models.FOLDER / "planar_3r.urdf").read_text()

@@ -40,7 +40,7 @@ def coupling(first: str, second: str) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("name", "trouble"), [("joint3", "is fixed"), ("joint9", "does not exist")]
 )
-def test_a_joint_that_does_not_move_is_told_from_one_that_is_unknown(
+def test_fixed_joints_are_distinguished_from_unknown_ones(
     key: str, name: str, trouble: str
 ) -> None:
     given: dict[str, Any] = {
@@ -126,7 +126,7 @@ def test_a_name_may_not_be_the_one_that_another_gets_by_its_place() -> None:
     assert load_scene(scene(plain, named)).constraints[1].name == "point_1"
 
 
-def test_contacts_are_told_from_what_ties_both_ways() -> None:
+def test_contacts_are_distinguished_from_bilateral_constraints() -> None:
     tie, touch = {"type": "point", "frames": ["d", "world"]}, {"type": "contact", "frame": "d"}
     loaded = load_scene(scene(touch, tie, {**touch, "name": "toe"}))
     assert [(i, tied.type) for i, tied in loaded.bilateral.items()] == [(1, "point")]

@@ -85,7 +85,7 @@ def test_package_uri_by_ament_prefix_path(tmp_path: Path, monkeypatch: pytest.Mo
     assert load_scene("package://my_arm/urdf/arm.urdf") == load_scene(URDF)
 
 
-def test_missing_mesh_is_no_error() -> None:
+def test_missing_mesh_is_not_an_error() -> None:
     """Dynamics reads no mesh, so a description without its meshes is complete."""
     seen = (
         '<link name="link3"><visual><geometry><mesh filename="package://gone/hand.dae"/></geometry></visual>'
@@ -98,7 +98,7 @@ def test_missing_mesh_is_no_error() -> None:
     )
 
 
-def test_star_speaks_for_all_joints_and_gives_way_to_a_name() -> None:
+def test_star_applies_to_all_joints_and_names_override_it() -> None:
     scene = load_scene({
         "robot": {"urdf": str(URDF)},
         "joints": {
@@ -136,7 +136,7 @@ def test_a_number_and_a_pair_of_numbers_take_each_others_place() -> None:
         assert kept == own
 
 
-def test_a_joint_that_nobody_speaks_of_is_as_the_urdf_has_it() -> None:
+def test_joints_without_an_entry_are_as_in_the_urdf() -> None:
     assert load_scene(URDF).joint("joint1") == Joint()
     scene = load_scene({"robot": {"urdf": str(URDF)}, "joints": {"joint1": {"armature": 1.0}}})
     assert scene.joint("joint2") == Joint()

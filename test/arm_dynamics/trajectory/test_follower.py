@@ -23,12 +23,12 @@ def follower() -> Follower:
     return Follower([0.0, 0.0])
 
 
-def test_stands_still_until_told(follower: Follower) -> None:
+def test_stands_still_until_commanded(follower: Follower) -> None:
     assert not triple(follower.reference(5 * SECOND)).any()
     assert follower.remaining(5 * SECOND) == 0.0
 
 
-def test_goes_where_it_is_told_and_stays(follower: Follower) -> None:
+def test_goes_to_its_target_and_stays(follower: Follower) -> None:
     now = 7 * SECOND
     follower.follow([Waypoint(2.0, [1.0, -1.0])], now)
     assert follower.remaining(now) == 2.0

@@ -51,7 +51,7 @@ def test_every_command_has_help_with_an_example(words: tuple[str, ...]) -> None:
     assert re.search(rf"Examples?:\n +\./arm {words[0]}", said.output)
 
 
-def test_help_says_what_a_demo_does_unless_told_otherwise() -> None:
+def test_help_states_what_a_demo_does_by_default() -> None:
     said = " ".join(run("demo", "--help").output.split())
     assert "Duration of the motion in s. [default: 10.0;" in said
 
@@ -182,7 +182,7 @@ def test_unknown_joint_is_named() -> None:
         ("--ros-args", ("-r", "a:=b"), (None, ("--ros-args", "-r", "a:=b"))),
     ],
 )
-def test_scene_is_told_from_ros_arguments(
+def test_scene_is_distinguished_from_ros_arguments(
     scene: str | None, rest: tuple[str, ...], expected: tuple[str | None, tuple[str, ...]]
 ) -> None:
     assert split_words(scene, rest) == expected
@@ -231,7 +231,7 @@ def test_describe_takes_urdf_paths_and_packages() -> None:
     assert "6 joints" in run("describe", f"{robots}/ur_description/urdf/ur10_robot.urdf").output
 
 
-def test_describe_tells_of_a_start_at_a_stop() -> None:
+def test_describe_reports_a_start_at_a_stop() -> None:
     robots = "package://example-robot-data/robots"
     said = run("describe", f"{robots}/panda_description/urdf/panda.urdf").output
     assert re.search("starts at its stop: panda_joint4, panda_finger_joint1;", said)

@@ -78,7 +78,7 @@ def ended(children: Processes, name: str) -> subprocess.Popen[bytes]:
     return process
 
 
-def test_children_are_asked_to_end_and_may_do_so_in_order(
+def test_child_processes_can_end_in_an_orderly_way(
     children: Processes, cleared: list[bool]
 ) -> None:
     with children:
@@ -103,7 +103,7 @@ def test_one_that_does_not_end_is_killed_and_what_it_left_is_cleared(
         assert cleared == [True]
 
 
-def test_one_that_was_asked_is_given_five_seconds_before_it_is_killed(
+def test_one_has_five_seconds_to_end_before_it_is_killed(
     children: Processes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     waits, wait = list[float | None](), subprocess.Popen.wait
@@ -135,7 +135,7 @@ def test_stopping_one_that_has_ended_or_never_was_does_no_harm(
     assert not cleared
 
 
-def test_one_that_has_ended_by_itself_is_told_of_until_it_is_stopped(children: Processes) -> None:
+def test_one_that_has_ended_by_itself_is_reported_until_it_is_stopped(children: Processes) -> None:
     with children:
         start(children, "polite")
         children.check()
@@ -151,7 +151,7 @@ def test_one_that_has_ended_by_itself_is_told_of_until_it_is_stopped(children: P
         children.check()
 
 
-def test_one_that_was_killed_is_told_of_by_the_name_of_the_signal(children: Processes) -> None:
+def test_one_that_was_killed_is_reported_by_the_name_of_the_signal(children: Processes) -> None:
     with children:
         (process,) = start(children, "deaf")
         process.send_signal(signal.SIGKILL)

@@ -44,7 +44,7 @@ def test_goals_are_positions_or_distances() -> None:
 
 
 @pytest.mark.parametrize("word", ["elbow", "elbow=", "=1", "elbow=nan", "elbow=inf", "elbow=1,2"])
-def test_what_is_no_goal_is_refused(word: str) -> None:
+def test_invalid_goals_are_refused(word: str) -> None:
     with pytest.raises(click.UsageError, match=re.escape(f"'{word}' is not a joint goal")):
         goal.parse([word])
 
@@ -252,7 +252,7 @@ def test_who_is_not_there_is_named(
 
 
 @ros
-def test_a_controller_without_a_robot_is_told_apart(
+def test_a_controller_without_a_robot_is_distinguished(
     tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with running(tmp_path, ("controller", SCENE)) as alone:

@@ -81,7 +81,7 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
         (["robot.csv", "--scene", "panda"], 1, "another robot than the scene"),
     ],
 )
-def test_what_cannot_be_shown_is_told(
+def test_what_cannot_be_shown_is_reported(
     words: list[str], status: int, said: str, capfd: pytest.CaptureFixture[str],
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
@@ -126,7 +126,7 @@ def test_a_running_arm_is_followed_whatever_its_description_locks(
 
 
 @ros
-def test_nobody_to_follow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_node_to_follow_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live, "_WAIT", 0.2)
     with live.Hearing(["left"]) as hearing:
         with pytest.raises(ViewError, match=r"no joint states on /left/joint_states \(waited"):

@@ -50,7 +50,7 @@ def test_without_keys_the_motion_itself_is_told_to_the_bit() -> None:
         ({"resolution": {"one": 1e-3}, "counts": 100}, (1e-3, 2 * np.pi / 100)),
     ],
 )
-def test_encoders_tell_the_nearest_step(position: dict[str, Any], steps: list[float]) -> None:
+def test_encoders_give_the_nearest_step(position: dict[str, Any], steps: list[float]) -> None:
     q, _ = swing()
     found = told(q, position=position)[0]
     for joint, step in enumerate(steps):

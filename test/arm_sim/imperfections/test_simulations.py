@@ -50,7 +50,7 @@ def test_the_code_that_is_generated_does_not_change() -> None:
     assert simulator().sensors is None
 
 
-def test_the_control_sees_what_sensors_tell_and_the_recording_keeps_both() -> None:
+def test_control_receives_sensor_readings_and_the_recording_keeps_both() -> None:
     sim, seen = simulator(sensors=SENSORS), []
     motion = sim.run(0.1, lambda state: seen.append(state) or damped(state))
     assert motion.measured is not None
@@ -147,7 +147,7 @@ def test_the_plan_says_what_is_on() -> None:
     assert "skipped     delay and loss of commands: commands act immediately" in plan
 
 
-def test_a_compiled_controller_cannot_be_told_what_sensors_tell() -> None:
+def test_a_compiled_controller_cannot_take_sensor_readings() -> None:
     sim = imperfect()
     with pytest.raises(InvalidInput, match="'sensors' or 'commands'"):
         sim.run(0.1, computed_torque(sim.model, sim.state.q))

@@ -63,7 +63,7 @@ def test_the_estimate_shrinks_with_its_order() -> None:
         assert abs(np.log2(errors[0] / errors[1]) - order) < 0.5
 
 
-def test_a_step_that_is_no_number_is_no_good_step() -> None:
+def test_a_step_of_nan_is_not_accepted() -> None:
     """NaN anywhere must show, or a diverged step would look perfect."""
     attempt = build_attempt(METHODS["dopri5"], rhs(), 1, SCALE)
     for i in range(3):

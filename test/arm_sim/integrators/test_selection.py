@@ -135,7 +135,7 @@ def test_what_is_said_when_a_tick_cannot_be_computed() -> None:
     assert "1e-05 (a larger one" in chosen(scene, tolerance=1e-5).remark
 
 
-def test_a_tick_that_is_long_for_an_arm_is_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_tick_that_is_long_for_an_arm_is_reported(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
         chosen(rotor(0.1), dt=0.05)
         assert not caplog.records

@@ -45,7 +45,7 @@ def test_a_point_deeper_inside_is_refused_with_its_depth(z: float) -> None:
     ("heights", "deepest"),
     [((-1.0, 0.5, 0.2), 1), ((0.5, 0.2, -1.0), 0), ((-1.0, 0.2, 0.5), 2), ((0.2, 0.4, 0.5), 2)],
 )
-def test_of_several_points_the_deepest_is_named_and_all_gaps_are_told(
+def test_of_several_points_the_deepest_is_named_and_all_gaps_are_reported(
     heights: tuple[float, ...], deepest: int, x: float
 ) -> None:
     made = plant("xz", *(above(height, f"foot{k}") for k, height in enumerate(heights)))

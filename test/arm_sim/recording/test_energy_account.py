@@ -72,7 +72,7 @@ def test_the_balance_closes(sim: Simulator) -> None:
     assert run.supplied[0] == run.lost[0] == run.balance[0] == 0.0
 
 
-def test_nothing_is_built_before_it_is_asked_for(
+def test_nothing_is_built_before_it_is_requested(
     sim: Simulator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
@@ -307,7 +307,7 @@ def test_multipliers_bear_pushes_from_outside() -> None:
 # --- whether it is to be trusted -----------------------------------------------------------------
 
 
-def test_a_step_that_is_too_coarse_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_step_that_is_too_coarse_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
     run = Simulator(models.scene("two_link"), integrator="euler", dt=0.02).run(1.0)
     moved = sum(np.ptp(part) for part in (run.kinetic, run.potential, run.supplied, run.lost))
     share = abs(run.balance).max() / moved
@@ -341,7 +341,7 @@ def test_a_look_does_not_make_ticks_again(sim: Simulator) -> None:
     assert "closed to" in repr(run)
 
 
-def test_energies_that_are_no_numbers_are_not_to_be_trusted() -> None:
+def test_nan_energies_are_not_trusted() -> None:
     assert relative_error(np.nan, 1.0, 1.0) == relative_error(np.inf, np.inf, 1.0) == np.inf
     assert relative_error(0.0, 0.0, 0.0) == 0.0
     assert relative_error(-2.0, 4.0, 0.0) == 0.5

@@ -17,7 +17,7 @@ def run():
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".mcap"])
-def test_a_simulation_tells_the_torque_about_each_time(run, tmp_path, suffix):
+def test_a_simulation_gives_the_torque_around_each_time(run, tmp_path, suffix):
     made = read_joint_record(run.save(tmp_path / f"run{suffix}"))
     assert made.joint_names == ("shoulder", "elbow")
     np.testing.assert_allclose(made.q, run.q)

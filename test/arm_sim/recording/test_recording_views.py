@@ -51,7 +51,7 @@ def test_states_and_commands_of_drives_have_columns() -> None:
     assert any(name.startswith("command.") for name in columns)
 
 
-def test_pandas_and_xarray_are_asked_for_by_name(
+def test_missing_pandas_and_xarray_are_named(
     run: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name, convert in (("pandas", run.to_pandas), ("xarray", run.to_xarray)):

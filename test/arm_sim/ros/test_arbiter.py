@@ -63,7 +63,7 @@ def test_streams_of_different_joints_go_together() -> None:
     assert arbiter.refused == 0
 
 
-def test_a_refusal_is_told_for_as_long_as_a_source_is_remembered() -> None:
+def test_a_refusal_is_reported_as_long_as_its_source_is_remembered() -> None:
     arbiter = Arbiter(5)
     assert not arbiter.conflict
     streaming("left", BOTH, arbiter)
@@ -117,7 +117,7 @@ def test_a_stream_owns_the_joints_of_its_newest_command() -> None:
         arbiter.admit("right", BOTH)
 
 
-def test_each_refusal_is_counted_and_the_newest_one_told() -> None:
+def test_each_refusal_is_counted_and_the_newest_one_reported() -> None:
     arbiter = Arbiter(5)
     assert (arbiter.refused, arbiter.last_refusal) == (0, "")
     streaming("left", BOTH, arbiter)

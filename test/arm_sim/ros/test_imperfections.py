@@ -28,7 +28,7 @@ def node_with(ros: Ros, sensors: Any = None, commands: Any = None, **parameters:
     return by_hand(ros, scene, stale_policy="zero", **parameters)
 
 
-def test_joint_states_say_what_sensors_tell_and_another_topic_the_truth(ros: Ros) -> None:
+def test_joint_states_carry_sensor_readings_and_ground_truth_is_a_separate_topic(ros: Ros) -> None:
     node = node_with(ros, SENSORS)
     told = ros.listen(JointState, "/joint_states", 50)
     true = ros.listen(JointState, "/sim/ground_truth", 50)
@@ -81,7 +81,7 @@ def test_commands_act_when_they_arrive_and_no_sooner(ros: Ros) -> None:
     assert first + acting(node, 5) == [0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0]
 
 
-def test_a_command_is_lost_once_and_not_anew_in_each_tick_that_it_is_held() -> None:
+def test_a_held_command_is_lost_once_and_not_again_in_each_tick() -> None:
     """Whether the one command arrives is up to one draw: for some seeds it never does."""
     outcomes = set()
     for seed in range(12):

@@ -301,7 +301,7 @@ def test_close_ends_the_subscription_once(inputs: Inputs, engine: TickEngine) ->
     assert acting(engine) == ZERO
 
 
-def test_counters_begin_anew(inputs: Inputs) -> None:
+def test_counters_are_reset(inputs: Inputs) -> None:
     inputs.round_trip.sent(5)
     inputs.on_joint_commands(command(5, joint1=1.0), 10**18)
     inputs.on_joint_commands(command(joint1=NAN))

@@ -87,7 +87,7 @@ def test_after_a_reset_nothing_of_before_is_left(node: SimNode) -> None:
     np.testing.assert_array_equal(node.simulator.effort[1:], 0.0)
 
 
-def test_a_place_beyond_a_stop_is_cut_to_it_and_told(
+def test_a_position_beyond_a_stop_is_clipped_and_reported(
     node: SimNode, capfd: pytest.CaptureFixture[str]
 ) -> None:
     goal = node.simulator.state.q.copy()

@@ -136,7 +136,7 @@ def test_each_time_that_commands_stop_is_counted_once(commands: LatestCommand) -
     assert counts == [1, 2, 3]
 
 
-def test_unless_told_otherwise_a_command_acts_for_ever_and_nothing_before_it() -> None:
+def test_by_default_a_command_acts_for_ever_and_nothing_before_it() -> None:
     slot = LatestCommand(models.dynamics("two_link"))
     np.testing.assert_array_equal(slot.take(Q), [0.0, 0.0])
     np.testing.assert_array_equal(slot.held(Q), [0.0, 0.0])

@@ -120,7 +120,7 @@ def test_a_display_shows_the_description_of_the_scene() -> None:
     assert arm["Description Topic"]["Durability Policy"] == "Transient Local"
 
 
-def test_hardware_of_ros2_control_speaks_with_the_sim() -> None:
+def test_hardware_of_ros2_control_works_with_the_sim() -> None:
     found = {start.executable: start for start in started("ros2_control", command="effort")}
     text = str(found["robot_state_publisher"].parameters["robot_description"])
     tag = ElementTree.fromstring(text).find("ros2_control")

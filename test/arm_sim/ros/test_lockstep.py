@@ -101,7 +101,7 @@ def test_sensors_and_lines_of_the_scene_do_the_same_over_topics_to_the_bit(ros: 
     assert abs(over_topics - expected()).max() > 1e-4
 
 
-def test_lost_messages_are_asked_for_again_and_change_nothing(
+def test_lost_messages_are_requested_again_and_change_nothing(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sim, controller = pair(ros, lockstep_retry=0.005)
@@ -129,7 +129,7 @@ def test_only_the_answer_to_the_present_state_makes_a_tick(ros: Ros) -> None:
     assert sim.lockstep.ignored == 4
 
 
-def test_counters_begin_anew(ros: Ros) -> None:
+def test_counters_are_reset(ros: Ros) -> None:
     sim = lockstep(ros, lockstep_retry=0.005)
     answer(sim, 5_000_000)
     ros.spin_until(lambda: sim.lockstep.asked_again)
@@ -166,7 +166,7 @@ def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
     assert sim.simulator.step_count == 2
 
 
-def test_paused_it_waits_for_nobody(ros: Ros) -> None:
+def test_paused_it_does_not_wait_for_commands(ros: Ros) -> None:
     sim = lockstep(ros, lockstep_timeout=0.05, lockstep_retry=0.01)
     assert sim.requests.answer(PAUSE, SetBool.Request(data=True)).success
     answer(sim, 0)
@@ -179,7 +179,7 @@ def test_paused_it_waits_for_nobody(ros: Ros) -> None:
     assert sim.simulator.step_count == 1
 
 
-def test_after_a_reset_the_first_state_is_answered_anew(ros: Ros) -> None:
+def test_after_a_reset_the_first_state_is_answered_again(ros: Ros) -> None:
     sim = lockstep(ros)
     for stamp in range(0, 5_000_000, 1_000_000):
         answer(sim, stamp)
@@ -190,7 +190,7 @@ def test_after_a_reset_the_first_state_is_answered_anew(ros: Ros) -> None:
     assert sim.simulator.step_count == 1
 
 
-def test_privileges_that_are_not_granted_are_told(
+def test_privileges_that_are_not_granted_are_reported(
     ros: Ros, capfd: pytest.CaptureFixture[str]
 ) -> None:
     sim = lockstep(ros, cpus="9999")

@@ -48,7 +48,7 @@ def test_our_definitions_are_those_that_are_installed(kind: str) -> None:
     assert bare(ours) == bare(theirs)
 
 
-def test_a_node_records_what_it_says_hears_and_does(ros: Ros, tmp_path: Path) -> None:
+def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     node = by_hand(ros, record=str(path), stale_policy="zero")
     waiting = Waiting(node)
@@ -97,7 +97,7 @@ def test_without_the_parameter_nothing_is_recorded(ros: Ros) -> None:
     assert "recording" not in [finding.part for finding in node.diagnostics()]
 
 
-def test_diagnostics_tell_of_the_recording(ros: Ros, tmp_path: Path) -> None:
+def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     node = by_hand(ros, record=str(tmp_path / "run.mcap"))
     ticks(node, 10)
     (finding,) = [found for found in node.diagnostics() if found.part == "recording"]

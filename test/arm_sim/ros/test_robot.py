@@ -70,7 +70,7 @@ def test_a_bad_description_on_the_topic_is_an_error(ros: Ros) -> None:
         ros.add(SimNode)
 
 
-def test_the_description_is_published_for_who_comes_later(ros: Ros) -> None:
+def test_the_description_is_published_for_late_subscribers(ros: Ros) -> None:
     by_hand(ros)
     heard = ros.listen(String, "/robot_description", LATCHED)
     ros.spin_until(lambda: heard)
@@ -166,7 +166,7 @@ def test_frames_are_left_to_a_robot_state_publisher(ros: Ros) -> None:
     assert not heard
 
 
-def test_a_silent_tf_says_why(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_tf_messages_are_reported(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "tf2_msgs.msg", None)
     node = by_hand(ros)
     found = next(f for f in node.diagnostics() if f.part == "simulation")

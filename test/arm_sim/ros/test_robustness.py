@@ -354,6 +354,6 @@ def test_when_time_jumps_the_arm_is_held(nodes: Nodes, jump: int) -> None:
     np.testing.assert_allclose(held, loaded, atol=1e-9)
 
 
-def test_a_small_gap_is_no_jump(nodes: Nodes) -> None:
+def test_a_small_gap_is_not_a_jump(nodes: Nodes) -> None:
     held = nodes.controller.dynamics.gravity([0.1, 0.2])
     assert np.abs(effort_after(nodes.controller, 500_000_000) - held).max() > 1e-3

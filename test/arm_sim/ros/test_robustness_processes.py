@@ -148,7 +148,7 @@ def test_a_flood_of_commands_from_another_source_moves_nothing(loop: Loop) -> No
     assert loop.time() > began
 
 
-def test_a_full_disk_stops_nobody(loop: Loop) -> None:
+def test_a_full_disk_does_not_stop_the_node(loop: Loop) -> None:
     """What the nodes say goes to a device that has no space left."""
     with Path("/dev/full").open("wb") as full:
         loop.start("sim", "controller", "dynamics", stdout=full, stderr=full)
@@ -165,7 +165,7 @@ def test_a_full_disk_stops_nobody(loop: Loop) -> None:
     assert all(process.poll() is None for process in loop.running.values())
 
 
-def test_a_publisher_that_vanishes_is_told_from_one_that_goes_on(ros: Ros) -> None:
+def test_a_publisher_that_vanishes_is_distinguished_from_one_that_continues(ros: Ros) -> None:
     ways = {"command_timeout": 0.01, "stale_policy": "zero"}
     node = ros.add(SimNode, models.scene("two_link"), realtime=False, **ways)
     publisher = ros.publisher(JointState, "/joint_commands")

@@ -206,7 +206,7 @@ def test_bad_arrays_are_passed_over(
 
 @pytest.mark.parametrize("topic", ["joint_commands", "~/commands"])
 @pytest.mark.parametrize("effort", [1000.0, -1000.0])
-def test_effort_beyond_its_limit_is_cut_and_told_once(
+def test_effort_beyond_its_limit_is_clipped_and_reported_once(
     ros: Ros, topic: str, effort: float,
     capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip

@@ -298,7 +298,9 @@ def test_two_controllers_show_and_the_first_one_stays(
     assert finding(node, "commands").level != DiagnosticStatus.ERROR
 
 
-def test_a_flood_within_a_tick_does_not_displace_the_one_who_leads(ros: Ros) -> None:
+def test_a_flood_of_commands_within_a_tick_does_not_displace_the_source_in_control(
+    ros: Ros,
+) -> None:
     node = by_hand(ros)
     for _ in range(STREAM):
         node.inputs.on_joint_commands(command("/controller:1"))
@@ -323,7 +325,7 @@ def test_divergence_shows(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     assert finding(node, "simulation").level == DiagnosticStatus.OK
 
 
-def test_counters_begin_anew(ros: Ros) -> None:
+def test_counters_are_reset(ros: Ros) -> None:
     node = by_hand(ros, command_timeout=0.002)
     for _ in range(STREAM):
         node.inputs.on_joint_commands(command("one"))

@@ -85,7 +85,7 @@ def test_energy_account_balances(ros: Ros) -> None:
     assert abs(last.balance) < 1e-6 * last.input
 
 
-def test_energy_is_not_counted_when_nobody_listens(node: SimNode) -> None:
+def test_energy_is_not_computed_without_subscribers(node: SimNode) -> None:
     ticks(node, 50)
     assert node.engine.account() is None
 
@@ -100,7 +100,7 @@ def test_stamps_are_rounded_to_the_nanosecond(ros: Ros) -> None:
     assert (stamp.sec, stamp.nanosec) == (1, 25_000_000)
 
 
-def test_clock_only_when_asked(ros: Ros) -> None:
+def test_clock_is_published_only_on_request(ros: Ros) -> None:
     by_hand(ros)
     assert not ros.peer.count_publishers("/clock")
     other = Ros()
@@ -165,7 +165,7 @@ def test_what_cannot_be_simulated_is_refused_at_start(
         ros.add(SimNode, **parameters)
 
 
-def test_it_says_what_it_simulates_and_from_where(
+def test_it_states_what_it_simulates_and_its_source(
     ros: Ros, capfd: pytest.CaptureFixture[str]
 ) -> None:
     by_hand(ros)

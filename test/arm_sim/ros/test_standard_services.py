@@ -242,7 +242,7 @@ def test_other_bad_filters_are_refused(client: Client, node: SimNode) -> None:
     assert "filter_mode is 2" in modes.result.error_message
 
 
-def test_entities_tell_what_they_are(client: Client, node: SimNode) -> None:
+def test_entities_state_their_kind(client: Client, node: SimNode) -> None:
     robot = client("get_entity_info", entity="panda")
     assert robot.result.result == OK
     assert (robot.info.category.category, list(robot.info.tags)) == (1, ["arm"])
@@ -347,7 +347,7 @@ def stepper(ros: Ros) -> Any:
 
 
 @pytest.mark.parametrize("steps", [7, 1234])
-def test_the_action_makes_steps_and_tells_how_many(
+def test_the_action_makes_steps_and_reports_how_many(
     ros: Ros, stepper: Any, node: SimNode, steps: int
 ) -> None:
     mine = stepper()

@@ -113,7 +113,7 @@ def test_a_push_moves_what_servos_hold_and_not_what_brakes_hold(ros: Ros) -> Non
         assert (place(node) != start).any() == moves
 
 
-def test_what_brakes_take_is_told_as_a_change(ros: Ros) -> None:
+def test_energy_taken_by_brakes_is_reported_as_a_change(ros: Ros) -> None:
     node = braked(ros, command_timeout=0.0)
     ticks(node, 5)
     node.engine.keep_account(True)

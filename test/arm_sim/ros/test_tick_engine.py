@@ -101,7 +101,7 @@ def test_reset_goes_back_and_forgets_commands_sources_and_wrenches() -> None:
     np.testing.assert_array_equal(made.simulator.state.q, free.state.q)
 
 
-def test_time_waits_for_the_first_command_where_told_to() -> None:
+def test_time_waits_for_the_first_command_if_configured() -> None:
     made = engine(wait_for_command=True)
     idle: list[int] = []
     made.on_idle.append(lambda: idle.append(1))
@@ -292,7 +292,7 @@ def test_the_energy_account_knows_of_changes() -> None:
     assert made.energy_error < 1e-7
 
 
-def test_ticks_that_are_too_coarse_are_told() -> None:
+def test_ticks_that_are_too_coarse_are_reported() -> None:
     made = engine(method="euler")
     assert made.energy_error == 0.0
     made.keep_account(True)
@@ -310,7 +310,7 @@ def moved(made: TickEngine) -> float:
     return float(kinetic + abs(potential - start[1]))
 
 
-def test_the_energy_account_is_open_while_it_is_wanted_and_opens_anew_by_a_reset() -> None:
+def test_the_energy_account_is_open_while_needed_and_is_reopened_by_a_reset() -> None:
     made = engine()
     assert made.account() is None
     made.keep_account(True)

@@ -195,7 +195,7 @@ def test_repeats_to_the_bit_after_a_reset(rng: np.random.Generator) -> None:
         ({"position": ["a", "b"]}, "position"),
     ],
 )
-def test_what_is_no_command_is_refused(command: dict[str, Any], complaint: str) -> None:
+def test_invalid_commands_are_refused(command: dict[str, Any], complaint: str) -> None:
     with pytest.raises(InvalidInput, match=complaint):
         JointCommand(**command)
 

@@ -44,7 +44,7 @@ def test_a_stream_moves_between_its_commands(every: int) -> None:
     np.testing.assert_allclose(found[later, 1], speed, rtol=1e-9)
 
 
-def test_stamps_tell_the_time_between_commands() -> None:
+def test_stamps_give_the_time_between_commands() -> None:
     """One that comes a tick late was sent in time."""
     sent = [JointCommand(position=[0.001 * k], stamp=(k + 1) * 1_000_000) for k in range(3)]
     found = lead({0: sent[0], 1: sent[1], 3: sent[2]}, 4)

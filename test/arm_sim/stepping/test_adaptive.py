@@ -88,7 +88,7 @@ def test_torque_changes_between_ticks_are_met_exactly(rng: np.random.Generator) 
     np.testing.assert_allclose(controlled.q[-1], fine.q[-1], rtol=0, atol=1e-8)
 
 
-def test_auto_chooses_by_what_is_asked() -> None:
+def test_auto_chooses_by_what_is_requested() -> None:
     scene = models.scene("double_pendulum")
     assert Simulator(scene).plan.integrator == "rk4"
     assert Simulator(scene, tolerance=1e-8).plan.integrator != "rk4"

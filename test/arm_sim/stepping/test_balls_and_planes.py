@@ -173,7 +173,7 @@ def of_joints(sim: Simulator, **values: float) -> np.ndarray:
 
 
 @ALL
-def test_a_block_slides_down_a_wedge_that_gives_way(options: dict[str, Any]) -> None:
+def test_a_block_slides_down_a_wedge_that_moves(options: dict[str, Any]) -> None:
     """Newton for both bodies, with the same force N n - µ N d, once on each."""
     angle, base, mass = 0.5, 3.0, 2.0
     n, d = np.array([np.sin(angle), np.cos(angle)]), np.array([np.cos(angle), -np.sin(angle)])

@@ -143,7 +143,7 @@ def test_a_bob_that_dips_within_a_tick_bounces_where_it_touches(options: dict[st
         assert_close([state.q[0], -state.v[0]], wanted, 1e-6)
 
 
-def test_a_gap_that_only_nearly_closes_is_no_contact() -> None:
+def test_a_gap_that_almost_closes_is_not_a_contact() -> None:
     """The lowest point of the swing is above the floor by less than a tick's step would miss."""
     free = Simulator(PENDULUM, integrator="rk4", dt=0.02)
     floor = contact("bob", point=[0, 0, -1], plane={"point": [0, 0, -1 - 1e-9]})

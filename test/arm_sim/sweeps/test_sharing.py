@@ -64,7 +64,7 @@ def test_a_cluster_makes_the_same_table(alone: dict[str, bytes], tmp_path: Path)
         assert bits(sweep(STUDY, cluster=cluster.scheduler_address).table) == alone
 
 
-def test_an_address_where_nobody_answers_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_address_without_an_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason=NEEDED)
     monkeypatch.setattr("arm_sim.sweeps.sharing._PATIENCE", 0.2)
     with pytest.raises(InvalidInput, match="'tcp://127.0.0.1:1': no Dask scheduler answers"):

@@ -224,7 +224,7 @@ def test_a_damaged_last_line_is_dropped(cut: int, tmp_path: Path) -> None:
     assert bits(again.table) == bits(whole)
 
 
-def test_a_journal_that_ends_in_its_first_line_begins_anew(tmp_path: Path) -> None:
+def test_a_journal_that_ends_in_its_first_line_is_started_again(tmp_path: Path) -> None:
     sweep(VARIED, tmp_path, workers=1)
     journal = tmp_path / "runs.jsonl"
     journal.write_bytes(journal.read_bytes()[:20])
@@ -261,7 +261,7 @@ def test_a_scene_file_that_changed_is_noticed(tmp_path: Path) -> None:
         sweep(study, tmp_path / "out", workers=1)
 
 
-def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_journal_is_refused(tmp_path: Path) -> None:
     (tmp_path / "runs.jsonl").write_text("something else\n")
     with pytest.raises(InvalidInput, match="is not the journal of a sweep"):
         sweep(VARIED, tmp_path, workers=1)

@@ -49,7 +49,7 @@ def test_without_pyarrow_it_is_csv(
     assert [row["gravity"] for row in rows] == ["[0, 0, -9.81]", "[0, 0, 0]"] * 2
 
 
-def test_columns_are_asked_for_by_name(done: Sweep) -> None:
+def test_columns_are_selected_by_name(done: Sweep) -> None:
     assert len(done.table) == 4 and done.table.done.all()
     allowed = "unknown column 'enrgy'; allowed: .*did you mean 'energy'"
     with pytest.raises(InvalidInput, match=allowed):

@@ -120,7 +120,7 @@ def until_built(account: LiveAccount) -> None:
         time.sleep(0.01)
 
 
-def test_orders_are_served_in_turn_by_one_thread_and_refusals_are_told() -> None:
+def test_requests_are_served_in_turn_by_one_thread_and_refusals_are_reported() -> None:
     told, served, done = list[str](), list[object](), threading.Event()
     pulse = Pulse(lambda passed: None, told.append)
 

@@ -92,7 +92,7 @@ def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
     np.testing.assert_allclose(panda.state.v / panda.dt, pushed, rtol=5e-2, atol=0.5)
 
 
-def test_the_mouse_pulls_a_link_until_it_lets_go(panda: Simulator) -> None:
+def test_the_mouse_pulls_a_link_until_released(panda: Simulator) -> None:
     panda.reset()
     with (
         panda.view(port=0) as view,

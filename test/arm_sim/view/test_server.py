@@ -88,7 +88,7 @@ class TestListening:
             with pytest.raises(ViewError, match=f"port {port} of 127.0.0.1 cannot be used"):
                 open_server("arm", port=port)
 
-    def test_the_next_port_is_taken_where_none_was_asked_for(
+    def test_the_next_free_port_is_used_by_default(
         self, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         with socket.create_server(("127.0.0.1", 0)) as taken:

@@ -72,7 +72,7 @@ def test_visuals_of_the_description_are_drawn(geometry: str, shape: object) -> N
         ("", "its <geometry> is empty"),
     ],
 )
-def test_a_visual_that_cannot_be_drawn_is_told_and_replaced(
+def test_a_visual_that_cannot_be_drawn_is_reported_and_replaced(
     geometry: str, told: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):

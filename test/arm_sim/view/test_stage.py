@@ -32,7 +32,7 @@ def server() -> Iterator[Any]:
 
 
 @pytest.mark.parametrize("name", ["arm.stl", "arm.dae", "arm.obj"])
-def test_a_broken_mesh_is_told_and_its_link_drawn_otherwise(
+def test_a_broken_mesh_is_reported_and_replaced(
     name: str, server: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     mesh = tmp_path / name

@@ -110,7 +110,7 @@ def test_a_motor_is_found_from_its_tests(kinds: Sequence[str], names: Sequence[s
     assert found.follows and set(found.estimates) == set(names)
 
 
-def test_what_a_test_does_not_tell_is_named() -> None:
+def test_parameters_that_a_test_does_not_determine_are_named() -> None:
     """Blocked and coasting rotors determine friction over inertia only, and not K_t."""
     found = identify_motor([motor_record("blocked"), motor_record("coast")])
     close(found, MOTOR, ("resistance", "inductance"), 1e-5)
@@ -118,7 +118,7 @@ def test_what_a_test_does_not_tell_is_named() -> None:
     assert set(found.missing) == told
 
 
-def test_a_measured_torque_tells_the_constants_of_torque_and_voltage_apart() -> None:
+def test_a_measured_torque_separates_torque_and_voltage_constants() -> None:
     """With K_t 5 % below K_e: the measured torque is smaller by that."""
     i = motor_runs()["blocked"][1][:, 0]
     blocked = motor_record("blocked", torque=0.95 * MOTOR["torque_constant"] * i)
@@ -128,7 +128,7 @@ def test_a_measured_torque_tells_the_constants_of_torque_and_voltage_apart() -> 
     assert found.values["rotor_inertia"] == pytest.approx(0.95 * 6.2e-5, rel=1e-5)
 
 
-def test_voltage_at_the_open_winding_tells_the_back_emf() -> None:
+def test_voltage_at_the_open_winding_determines_the_back_emf() -> None:
     coasting = motor_record(
         "coast", voltage=MOTOR["torque_constant"] * motor_runs()["coast"][1][:, 1]
     )
@@ -244,7 +244,7 @@ def test_bristles_are_found_from_small_and_wide_motions() -> None:
     assert found.follows
 
 
-def test_motions_below_breakaway_tell_stiffness_and_not_what_slides() -> None:
+def test_motions_below_breakaway_determine_stiffness_and_not_sliding_friction() -> None:
     """A third of the breakaway force contains no information on how friction falls with speed."""
     found = identify_bristles([lugre_record(4, 0.3, 13, 16)])
     close(found, LUGRE, ("inertia", "sigma0"), 1e-3)

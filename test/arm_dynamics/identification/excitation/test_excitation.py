@@ -97,7 +97,7 @@ def test_limits_hold_at_every_instant_and_one_of_them_is_used() -> None:
         np.testing.assert_allclose(rest, 0.0, atol=1e-12)
 
 
-def test_it_tells_more_than_random_motions_and_says_how_much() -> None:
+def test_it_is_more_informative_than_random_motions_and_reports_how_much() -> None:
     """Largest of 20 random motions as large as limits allow, by the same measure."""
     from arm_dynamics.identification.excitation.search import _Search
 

@@ -18,7 +18,7 @@ def test_numbers_and_pseudo_inertia_are_each_others_inverse():
     np.testing.assert_allclose(bodies.numbers_of(bodies.pseudo_inertia(numbers)), numbers)
 
 
-def test_bodies_are_told_from_what_is_none():
+def test_bodies_are_distinguished_from_impossible_ones():
     assert bodies.possible(BALL)
     rod_too_fat = BALL.copy()
     rod_too_fat[9] = 0.1  # more about one axis than about the other two together

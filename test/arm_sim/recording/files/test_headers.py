@@ -44,6 +44,6 @@ def test_names_that_hold_such_words_are_left_whole():
     assert header.joints == ("left/q_elbow_pos",)
 
 
-def test_what_is_no_joint_or_of_an_unknown_unit_is_passed_over():
+def test_columns_without_a_joint_or_of_an_unknown_unit_are_ignored():
     header = read_header(["wall", "temperature_hip", "position.hip [turns]"])
     assert header.clock is None and not header.joints
