@@ -86,8 +86,8 @@ class RealtimeLoop:
         closest: Shortest time between ticks while catching up, as a fraction of the period.
         give_up: Lag in [s] beyond which deadlines are dropped while catching up.
         prepare: Called once by the thread, before its first tick.
-        ahead: Executes due ticks until one is left to ``tick`` or ``Due.ended``; returns whether none
-            is left yet.
+        ahead: Executes due ticks until one is left to ``tick`` or ``Due.ended``; returns whether
+            none is left yet.
         clock: Clock with sleep; the module ``time`` or an equivalent.
 
     Attributes:
