@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays that cannot be changed, and checks of what a caller hands over."""
+"""Read-only arrays, and checks of arguments."""
 
 from __future__ import annotations
 

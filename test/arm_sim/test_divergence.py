@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When numbers stop being finite, the simulation says so and keeps the last good state."""
+"""When numbers are no longer finite, an error is raised and the last good state is kept."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Animations show what a motion says, and refuse what does not match it."""
+"""Animations show the given motion, and refuse data that do not match it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands on top of what carries the arm's own weight, as Franka and UR take them."""
+"""Commands in addition to gravity compensation, as Franka and UR accept them."""
 
 from __future__ import annotations
 

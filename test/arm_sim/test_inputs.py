@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a caller hands over is taken at its limits, refused beyond them, and said what is wrong."""
+"""Arguments are accepted up to their limits and refused beyond them, with the reason."""
 
 from __future__ import annotations
 

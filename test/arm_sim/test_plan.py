@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene does not use is not computed, and the plan says so."""
+"""What a scene does not use is not computed, and the plan states it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ready scenes of industrial arms: their figures are the published ones, and they stand."""
+"""Ready scenes of industrial arms: their data are the published ones, and they stand still."""
 
 from __future__ import annotations
 

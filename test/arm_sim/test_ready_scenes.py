@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ready scenes that put features together do what mechanics says: each against a closed form."""
+"""Ready scenes that combine features, each against a closed form."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Payload, friction and pushes change while the simulation runs, and mean what they say."""
+"""Payload, friction and forces that change while the simulation runs."""
 
 from __future__ import annotations
 

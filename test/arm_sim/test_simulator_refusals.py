@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bad arguments are refused at once and nothing is lost."""
+"""Bad arguments are refused at once, and the simulator stays usable."""
 
 from __future__ import annotations
 

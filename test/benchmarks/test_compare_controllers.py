@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The comparison of controllers: what is measured is what happened, and what everybody knows."""
+"""The comparison of controllers: its measurements, and well-known results."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark measures what it says: its truth, its clocks and its report on a tiny problem."""
+"""The benchmark: its reference, its clocks and its report on a tiny problem."""
 
 from __future__ import annotations
 

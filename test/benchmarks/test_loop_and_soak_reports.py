@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the reports of loop and soak say of given figures."""
+"""Reports of loop and soak for given figures."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No change makes a scene's equations longer unnoticed."""
+"""Changes that make a scene's equations longer are noticed."""
 
 from __future__ import annotations
 

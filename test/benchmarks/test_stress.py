@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nothing fails without saying so, on a few random arms; and the stress would notice if it did."""
+"""On a few random arms nothing fails silently; and the stress test would notice it."""
 
 from __future__ import annotations
 

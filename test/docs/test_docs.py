@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the documentation shows can be run, and what it points to exists."""
+"""Examples of the documentation can be run, and its links exist."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference that is made from the code leaves nothing out."""
+"""The reference generated from the code is complete."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The walks of CONTRIBUTING.md lead where they say: their code is applied to a copy of src."""
+"""The walks of CONTRIBUTING.md work: their code is applied to a copy of src."""
 
 from __future__ import annotations
 

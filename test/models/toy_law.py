@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws with states, as simple as they can be, to test what the simulator does with any of them."""
+"""The simplest laws with states, to test how the simulator treats any of them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction never gives energy, a joint that holds does not creep, and nothing chatters."""
+"""Friction never generates energy, a sticking joint does not creep, and nothing chatters."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inverse and forward dynamics undo each other, at a thousand random states of each robot."""
+"""Inverse and forward dynamics are inverses, at a thousand random states of each robot."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction that cannot be gives one clear error: the key, the value and what is wanted."""
+"""Impossible friction gives one clear error: the key, the value and what is allowed."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A locked joint does not move: the others behave as if it were welded where it stands."""
+"""A locked joint does not move: the others behave as if it were welded."""
 
 from __future__ import annotations
 

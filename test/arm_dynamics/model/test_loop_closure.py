@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States that obey the constraints, and clear errors where there are none."""
+"""States that satisfy the constraints, and clear errors if there are none."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mass matrices that cannot be solved with are refused by the joints that move nothing."""
+"""Singular mass matrices are refused, naming the joints that move no mass."""
 
 from __future__ import annotations
 

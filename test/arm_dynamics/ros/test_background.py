@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work in the background: delivered on the caller's thread, the newest job only."""
+"""Work in the background: results are delivered on the caller's thread, of the newest job only."""
 
 from __future__ import annotations
 

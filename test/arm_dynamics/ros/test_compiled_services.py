@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services answered by C: what they say, what they leave to Python, and how they end."""
+"""Services answered by C: their responses, what they leave to Python, and how they end."""
 
 from __future__ import annotations
 

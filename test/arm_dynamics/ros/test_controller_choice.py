@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The law of the controller node: chosen at start, changed in motion, and refused as a whole."""
+"""The control law of the controller node: chosen at start, changed in motion, or refused."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controller node: what it answers to states."""
+"""The controller node: its commands for given states."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the dynamics and the controller node say about themselves on ``/diagnostics``."""
+"""Diagnostics of the dynamics node and the controller node."""
 
 from __future__ import annotations
 

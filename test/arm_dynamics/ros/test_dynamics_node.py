@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dynamics node's answers against the core, and what it says to bad requests."""
+"""The dynamics node's responses against the core, and its errors for bad requests."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the executables take on their command line, each in a process of its own."""
+"""Command lines of the executables, each in a separate process."""
 
 from __future__ import annotations
 

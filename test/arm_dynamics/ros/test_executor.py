@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whichever executor is chosen, it dispatches."""
+"""Every executor that can be chosen dispatches callbacks."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages that are bent at random: C reads and answers as Python does, or leaves it to Python.
+"""Messages corrupted at random: C reads and answers as Python does, or leaves it to Python.
 
 ``--fuzz N`` makes the tests N times as long; ``tools/sanitize.py`` runs them under sanitizers.
 """

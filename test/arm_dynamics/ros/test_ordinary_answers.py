@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Answers that C gives are those of Python, to the bit; Python gives those to all other states."""
+"""Answers of C equal those of Python to the bit; Python answers all other states."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controller node runs a controller of somebody's own, and brakes the arm when that fails."""
+"""The controller node runs user-defined controllers, and brakes the arm when one fails."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is granted is there, and what is not is said."""
+"""Privileges that are granted take effect, and others are reported."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a killed node leaves in shared memory is given back, and nothing else."""
+"""Shared memory left by killed nodes is released, and nothing else."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes talk the way their environment says; Fast DDS passes over a profile it cannot read."""
+"""Processes use the transport of their environment; Fast DDS ignores profiles it cannot read."""
 
 import os
 import subprocess

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inertias that rigid bodies can have, and those that none has."""
+"""Inertias that are possible for rigid bodies, and impossible ones."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene may look like, and what it means."""
+"""Forms of a scene, and their meaning."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bad robot description is refused by the name of the element that is wrong."""
+"""A bad robot description is refused, naming the wrong element."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ways of a frame through space: how it turns on lines and circles."""
+"""Paths of a frame through space: its orientation on lines and circles."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much slower a motion must be for its torques: found at once, friction of every kind."""
+"""How much slower a motion must be for its torques, with friction of every kind."""
 
 from __future__ import annotations
 

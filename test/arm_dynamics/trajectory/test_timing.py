@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Timing laws: as quick as a speed and an acceleration allow, short ways and long ones."""
+"""Timing laws: as fast as speed and acceleration limits allow, over short and long distances."""
 
 from __future__ import annotations
 

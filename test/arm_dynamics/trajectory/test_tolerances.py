@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which errors are allowed on the way and at the goal, and for how long."""
+"""Tolerances on the way and at the goal, and their time."""
 
 from __future__ import annotations
 

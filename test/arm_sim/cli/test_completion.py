@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a shell offers for half-typed lines, and how soon."""
+"""Completion of command lines in a shell, and its speed."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demo as a user starts it: it closes the loop, says how well, and leaves nothing behind."""
+"""The demo as a user starts it: it closes the loop, reports on it, and leaves nothing behind."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""For how long the demo waits, and what it says of those who do not come."""
+"""How long the demo waits, and its messages about nodes that do not start."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mistakes that people make, each with what they are told; none is passed over in silence.
+"""Mistakes of users, each with its error message; none is ignored silently.
 
 The table is ``mistakes.yaml``: scenes, robot descriptions, commands and calls from Python.
 """

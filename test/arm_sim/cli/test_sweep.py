@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm sweep`` as a user types it."""
+"""The command ``./arm sweep``."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm view``: what it shows, what it refuses, and arms that run elsewhere."""
+"""``./arm view``: what it shows, what it refuses, and arms of running nodes."""
 
 from __future__ import annotations
 

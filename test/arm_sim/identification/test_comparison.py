@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes beside recordings of simulations whose truth is known."""
+"""Scenes compared with recordings of simulations of known parameters."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a tick draws depends on seed, channel, arm and tick alone."""
+"""Random numbers of a tick depend on seed, channel, arm and tick only."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which method a scene gets: how fast it answers, in closed form, and on which side of a limit."""
+"""The method chosen for a scene: its fastest rate, in closed form, relative to the limits."""
 
 from __future__ import annotations
 

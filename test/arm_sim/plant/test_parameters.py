@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tunable quantities: what no arm can have is refused by name, one by one and for many arms."""
+"""Tunable quantities: impossible values are refused by name, for one arm and for many."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States that a scene with contacts allows, to the nanometre, and what is said of the others."""
+"""States that a scene with contacts allows, to the nanometre, and the errors for others."""
 
 from __future__ import annotations
 

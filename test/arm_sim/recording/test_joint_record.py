@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of every kind as identification takes them."""
+"""Recordings of every kind as input of identification."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our recordings as others read them: ``rosbags``, and the decoder of ``mcap`` for ROS 2."""
+"""Our recordings read by other software: ``rosbags``, and the decoder of ``mcap`` for ROS 2."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording in a file answers as the original, wherever it is opened; others are refused."""
+"""A recording loaded from a file equals the original, on any machine; others are refused."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one reads off a recording: its lines of text, tables, figures."""
+"""Views of a recording: text, tables, figures."""
 
 from __future__ import annotations
 

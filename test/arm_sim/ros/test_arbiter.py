@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two controllers at once: the first one stays, the other one is refused, and it is said."""
+"""Two controllers at once: the first one stays in control, the other is refused and reported."""
 
 from __future__ import annotations
 

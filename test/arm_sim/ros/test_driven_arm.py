@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motors over topics: currents and voltages by name, torques as what acted."""
+"""Motors over topics: currents and voltages by name, and the torques that acted."""
 
 from __future__ import annotations
 

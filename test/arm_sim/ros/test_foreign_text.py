@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a caller wrote comes back clipped and on one line, wherever it comes back."""
+"""Text of a caller is repeated clipped and on one line, in every message."""
 
 from __future__ import annotations
 

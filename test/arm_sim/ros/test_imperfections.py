@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sim node with sensors and lines: what it publishes, and when commands act."""
+"""The sim node with sensors and delays: what it publishes, and when commands act."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands and wrenches from topics, without a graph: taken, cut, refused, counted, and said."""
+"""Commands and wrenches from topics, without a graph: accepted, clipped, refused, counted."""
 
 from __future__ import annotations
 

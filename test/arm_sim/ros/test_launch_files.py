@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Launch files start what is there, with parameters that are there; all of it is installed."""
+"""Launch files use existing executables and parameters; all of them are installed."""
 
 from __future__ import annotations
 

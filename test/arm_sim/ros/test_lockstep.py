@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sim and controller in lockstep: the same bits, whatever is lost on the way."""
+"""Sim and controller in lockstep: the same bits, whatever messages are lost."""
 
 from __future__ import annotations
 

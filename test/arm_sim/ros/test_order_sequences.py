@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Orders and commands in any sequence: a sim whose ticks C makes does what Python alone does.
+"""Requests and commands in any sequence: a sim with ticks in C equals one in Python.
 
 ``--fuzz N`` makes the test N times as long; ``tools/sanitize.py`` runs it under sanitizers.
 """

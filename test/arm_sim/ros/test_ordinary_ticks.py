@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ticks that C makes are those of Python, and what is out of the ordinary is left to it."""
+"""Ticks in C equal those in Python, and all that is not ordinary is left to Python."""
 
 from __future__ import annotations
 

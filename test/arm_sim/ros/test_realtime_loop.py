@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The loop by the clock, most of it by a clock of its own; durations and round trips."""
+"""The real-time loop, mostly with a simulated clock; durations and round trips."""
 
 from __future__ import annotations
 

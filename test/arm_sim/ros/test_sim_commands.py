@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What commands do to the sim node, ticked by hand."""
+"""Commands to the sim node, ticked by hand."""
 
 from __future__ import annotations
 

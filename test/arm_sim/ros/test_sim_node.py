@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sim node, ticked by hand: what moves it, what it says, what it refuses."""
+"""The sim node, ticked by hand: what moves it, what it publishes, what it refuses."""
 
 from __future__ import annotations
 

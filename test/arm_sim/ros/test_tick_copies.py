@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""C copies ticks into the room for messages as Python does."""
+"""C copies ticks into the buffer for messages as Python does."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tick engine by itself, without ROS: commands, orders, wrenches, energy, and its queue."""
+"""The tick engine without ROS: commands, requests, wrenches, energy, and its queue."""
 
 from __future__ import annotations
 

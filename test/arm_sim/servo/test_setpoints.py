@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference that commands one after another mean."""
+"""The reference that results from successive commands."""
 
 from __future__ import annotations
 

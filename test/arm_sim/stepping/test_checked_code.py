@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Code of a scene is held against Pinocchio before anyone uses it, whatever acts on the joints."""
+"""Code of a scene is compared with Pinocchio before it is used, whatever acts on the joints."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What joints with dry friction and contacts do at a state: whatever is found obeys all laws."""
+"""Modes of joints with dry friction and contacts at a state: the solution satisfies all laws."""
 
 from __future__ import annotations
 

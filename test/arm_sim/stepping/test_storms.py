@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Panda that is thrown about: many events, and none that is lost in rounding."""
+"""A Panda in violent motion: many events, none of which is lost in rounding."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs shared out to other processes, of this machine and of a cluster: the same table."""
+"""Runs distributed to other processes, of this machine and of a cluster: the same table."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Study files: what is read, and what is said of mistakes."""
+"""Study files: how they are read, and errors for mistakes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation as a page moves it, without the page."""
+"""A simulation controlled as by a page, without the page."""
 
 from __future__ import annotations
 

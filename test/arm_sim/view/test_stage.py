@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is put into the scene of a page, seen from the server's side."""
+"""The contents of a page's scene, on the server's side."""
 
 from __future__ import annotations
 

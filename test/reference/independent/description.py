@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene says, read as plain data."""
+"""A scene, read as plain data."""
 
 from __future__ import annotations
 

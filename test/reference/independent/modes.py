@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which mode comes next, and what an impact leaves: by trying all that could be."""
+"""The next mode, and velocities after an impact: by trying all possibilities."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm excite`` as it is typed."""
+"""The command ``./arm excite``."""
 
 from __future__ import annotations
 

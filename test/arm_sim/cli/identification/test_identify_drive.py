@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm identify-drive`` as it is typed."""
+"""The command ``./arm identify-drive``."""
 
 from __future__ import annotations
 

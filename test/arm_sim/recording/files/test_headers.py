@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of tables as loggers name them."""
+"""Names of columns in tables of common loggers."""
 
 import numpy as np
 import pytest
