@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import gc
 import threading
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -372,3 +374,23 @@ def test_what_was_not_run_in_time_is_never_run() -> None:
     assert "did not respond in 0.05 s" in str(got[0])
     queue.serve()
     assert done == []
+
+
+def test_a_refused_order_leaves_no_memory_to_the_garbage_collector() -> None:
+    queue, held = TickQueue(), list[weakref.ref[Any]]()
+    queue.served = True
+
+    def refused() -> None:
+        large = np.zeros(10)
+        held.append(weakref.ref(large))
+        raise InvalidInput(f"{large} is refused")
+
+    gc.disable()
+    try:
+        thread, got = asked(queue, refused)
+        while thread.is_alive():
+            queue.serve()
+        assert isinstance(got.pop(), InvalidInput)
+        assert held[0]() is None
+    finally:
+        gc.enable()

@@ -44,6 +44,8 @@ class TickQueue:
         except TimeoutError:
             future.cancel()
             raise InvalidInput(f"the simulation did not respond in {self._timeout:g} s") from None
+        finally:
+            del future  # its exception refers to this frame: a cycle, freed only much later
 
     def ring(self) -> None:
         """Interrupt ticks in C, so that the ticking thread notices a change."""
@@ -60,3 +62,4 @@ class TickQueue:
                 future.set_result(action())
             except Exception as error:
                 future.set_exception(error)
+                del action, future  # likewise
