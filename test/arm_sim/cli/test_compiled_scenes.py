@@ -12,14 +12,18 @@ import os
 import shutil
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from arm_dynamics import InvalidInput, KernelError
+import models
+from arm_dynamics import Dynamics, InvalidInput, KernelError
 from arm_dynamics.codegen import compiler, processor
+from arm_dynamics.control import NAMES, Settings, make_controller
+from arm_dynamics.control.compiled_law import compiled_law
 from arm_sim import Simulator
 from arm_sim.cli.main import main
 from arm_sim.optimization import ILQR, Phase, QuadraticCost, RecedingHorizon
@@ -139,6 +143,26 @@ def test_derivatives_are_compiled_on_request(
     rollouts = sim.compiled.rollouts
     batch = rollouts.batch(np.zeros((3, 1)), np.ones((3, 1)), [0.0], 5, sim.parameters, False)
     assert rollouts.side_by_side(batch) == []
+    assert not list((tmp_path / "cache").rglob("*.so"))
+
+
+def test_controllers_are_compiled_on_request(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A machine without a compiler then switches to each of them."""
+    scene, out = models.SCENES / "two_link.urdf", tmp_path / "compiled"
+    options = "--controllers", "--task-frame", "tip", "--task-axes", "x z"
+    build(scene, out, *options)
+    for variable in ("CC", "CXX"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("ARM_CACHE", str(out))
+    dynamics, chosen = Dynamics(scene), {"frame": "tip", "axes": "x z", "damping": 2.0}
+    for name, friction, observer in product(NAMES, (False, True), (0.0, 9.0)):
+        settings = Settings(friction=friction, observer=observer, bandwidth=7.0, **chosen)
+        control = make_controller(name, dynamics, settings)
+        assert compiled_law(control) is not None, (name, settings)
     assert not list((tmp_path / "cache").rglob("*.so"))
 
 

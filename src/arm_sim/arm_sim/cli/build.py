@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         "./arm build my_scene.yaml --out compiled",
         "./arm build my_scene.yaml --out compiled --processor x86-64-v3",
         "./arm build one.yaml other.yaml --out compiled --dt 0.0005 --batches",
+        "./arm build panda --out compiled --controllers --task-frame panda_hand",
         "ARM_CACHE=compiled ./arm sim my_scene.yaml",
     )
 )
@@ -37,6 +38,11 @@ if TYPE_CHECKING:
 @click.option("--tolerance", type=float, help="Control the error inside each tick, e.g. 1e-8.")
 @click.option("--processor", type=click.Choice(TARGETS), default=NATIVE, show_default=True,
               help="Processors to compile for: like this one, or all of a level.")  # fmt: skip
+@click.option("--controllers", is_flag=True, help="Also compile every controller in joint space.")
+@click.option("--task-frame", metavar="FRAME",
+              help="Also compile every controller in task space, for this frame.")  # fmt: skip
+@click.option("--task-axes", default="pose", show_default=True, metavar="AXES",
+              help='Axes that these control, e.g. position, "x z".')  # fmt: skip
 @click.option("--batches", is_flag=True, help="Also compile batches and rollouts of many arms.")
 @click.option("--derivatives", is_flag=True, help="Also compile derivatives and optimization.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON at the end.")
@@ -47,6 +53,9 @@ def build(
     dt: float | None,
     tolerance: float | None,
     processor: str,
+    controllers: bool,
+    task_frame: str | None,
+    task_axes: str,
     batches: bool,
     derivatives: bool,
     as_json: bool,
@@ -65,7 +74,11 @@ def build(
         name = Path(scene).name
         with _into(out, name, "simulator step", processor):
             simulator = Simulator(scene, integrator, dt, tolerance, "native")
-        parts = _other_parts(simulator, batches), _of_derivatives(simulator, derivatives)
+        parts = (
+            _other_parts(simulator, batches),
+            _of_controllers(simulator, controllers, task_frame, task_axes),
+            _of_derivatives(simulator, derivatives),
+        )
         for part, work in chain(*parts):
             with _into(out, name, part, processor):
                 work()
@@ -115,6 +128,22 @@ def _other_parts(
     yield "batches of G", lambda: dynamics.gravity(q)
     yield "batches of energies", lambda: dynamics.energy(q, still)
     yield "rollouts", lambda: simulator.rollout(q[:1], still[:1], still[:1], 1)
+
+
+def _of_controllers(
+    simulator: Simulator, wanted: bool, task_frame: str | None, task_axes: str
+) -> Iterator[tuple[str, Callable[[], object]]]:
+    """Controllers by name, with each combination of settings that changes their code."""
+    from arm_dynamics.control import NAMES, Settings, make_controller, preparation
+    from arm_dynamics.control.factory import IN_TASK_SPACE
+
+    task = {"frame": task_frame or "", "axes": task_axes}
+    names = [name for name in NAMES if (task_frame if name in IN_TASK_SPACE else wanted)]
+    for name, *used in product(names, (False, True), (0.0, 1.0), (0.0, 1.0)):
+        more = dict(zip(("friction", "observer", "damping"), used, strict=True))
+        control = make_controller(name, simulator.dynamics, Settings(**task, **more))
+        if job := preparation(control):
+            yield ", ".join([name, *(key for key, value in more.items() if value)]), job
 
 
 def _of_derivatives(
