@@ -216,7 +216,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
       .bell = &bell, .source = &from, .reader = &reader, .at_once = 2, .leads = {1}, .patience = 1000, .timeout = NEWS,
       .newest = newest, .step = &step, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100, .state = &state,
       .trip = &trip, .chunk = chunks, .copy = &copy, .size = CHUNK, .oldest = GIGA, .commands = 3};
-  due_t due = {time_of(CLOCK_MONOTONIC), 0, period, 0, 1000 * GIGA, 0, 0, 0, &lateness};
+  due_t due = {.deadline = time_of(CLOCK_MONOTONIC), .period = period, .give_up = 1000 * GIGA, .lateness = &lateness};
   loop_t loop = {&ticks, &due};
   pthread_t threads[4];
   pthread_create(threads, NULL, leading, NULL);
