@@ -290,6 +290,17 @@ def test_chosen_durations_use_limits_up(rng: np.random.Generator) -> None:
     assert_close([trajectory.sample(t).q for t in trajectory.times], positions, 1e-9)
 
 
+def test_chosen_durations_are_no_longer_than_those_of_single_segments_stretched() -> None:
+    """Balancing alone makes this motion twice as long: to and fro, ever wider in between."""
+    positions = [[-0.5, 0.8, 0.0], [0.9, -1.1, 0.0], [-1.3, 1.5, 0.0], [-0.5, 0.8, 0.0]]
+    step = abs(np.diff(positions, axis=0)).max(axis=1)
+    alone = np.maximum(15 / 8 * step / 2.0, np.sqrt(10 / np.sqrt(3) * step / 5.0))
+    times = [0.0, *np.cumsum(alone).tolist()]
+    points = [Waypoint(t, q) for t, q in zip(times, positions, strict=True)]
+    stretched = quintic(points, limits(2.0, 5.0)).duration
+    assert quintic_through(positions, limits(2.0, 5.0)).duration < stretched + 1e-9
+
+
 @pytest.mark.parametrize(("speed", "time"), [(0.0, 0.2), (0.3, 0.2), (4.0, 1.5 * 4.0 / 8.0)])
 def test_a_stop_takes_a_fifth_of_a_second_or_what_the_limit_asks_for(
     speed: float, time: float

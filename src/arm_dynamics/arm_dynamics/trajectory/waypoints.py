@@ -66,8 +66,8 @@ def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
     """Pass through positions as fast as limits allow, from rest to rest.
 
     Durations start from the rest-to-rest quintic (peak speed 15/8 Δq/h, peak acceleration
-    10/√3 Δq/h²; Craig, section 7.3), are balanced between segments and then scaled as a whole, so
-    that one limit is reached and none is exceeded.
+    10/√3 Δq/h²; Craig, section 7.3), are balanced between segments in a few rounds, of which the
+    shortest counts, and then scaled as a whole, so that one limit is reached and none is exceeded.
 
     Args:
         positions: Points to pass, shape (w, n), w >= 2, neighbours different.
@@ -92,10 +92,13 @@ def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
             f"positions {i} and {i + 1} coincide or nothing limits the motion between them; "
             "allowed: different positions and finite velocity or acceleration limits"
         )
+    tried = []
     for _ in range(_BALANCE_ROUNDS):
-        h = h * np.sqrt(_excess_of(h, q, limits))
-    h = h * _excess_of(h, q, limits).max()
-    return quintic(_through(h, q), limits)
+        excess = _excess_of(h, q, limits)
+        tried.append(h * excess.max())
+        h = h * np.sqrt(excess)
+    # Balancing need not converge: a longer segment may make the motion in the next one wider.
+    return quintic(_through(min(tried, key=np.sum), q), limits)
 
 
 def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
