@@ -55,3 +55,19 @@ def test_friction_under_load_is_that_of_all_measured_times():
     inside = rows.valid.all(axis=1)
     found = rows.friction(law, 0, load[::stride])
     np.testing.assert_allclose(found[inside], expected[inside], atol=1e-3)
+
+
+def test_a_joint_that_sticks_at_a_reversal_is_left_out():
+    """The filtered velocity is not zero then: the filter rings."""
+    t = np.arange(0.0, 8.25, 1e-3)
+    way = np.where(t < 4.0, t, np.maximum(t - 0.25, 4.0))  # rests for a quarter of a second
+    q = np.column_stack([1.0 - np.cos(0.5 * np.pi * way), np.sin(t)])
+    model = ArmModel(load_scene("two_link"))
+    motion = prepare(JointRecord.of(model.joint_names, t, q, np.ones_like(q)), 8.0)
+    rows = Rows(RigidRegressor(model), [motion])
+    at = rows.motions[0].time
+    resting, moving = (at > 4.03) & (at < 4.22), (at > 1.0) & (at < 3.9)
+    assert abs(rows.v[resting, 0]).max() > 1e-3
+    assert not rows.use[resting, 0].any()
+    assert rows.use[resting, 1].all()
+    assert rows.use[moving].all()

@@ -31,8 +31,9 @@ FOLDS = 5
 STILL = 0.1
 """Time in [s] for which a joint may be at rest: after it, its friction may have any value up to
 static friction, so its rows are not used."""
-SLOW = 1e-3
-"""Velocity relative to a joint's root mean square velocity below which it is at rest."""
+SLOW = 1e-2
+"""Velocity relative to a joint's root mean square velocity below which it is at rest; the
+low-pass filter rings by up to 5e-3 of it when a joint sticks."""
 
 
 class Rows:
