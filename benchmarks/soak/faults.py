@@ -141,11 +141,14 @@ def _hog(system: System) -> None:
     system.watcher.until(lambda: all(hog.poll() is not None for hog in hogs), 20.0)
 
 
-def _freeze(system: System) -> None:
-    pid = system.processes.ids["controller"]
-    os.kill(pid, signal.SIGSTOP)
-    system.watcher.listen(1.5)
-    os.kill(pid, signal.SIGCONT)
+def _freeze(name: str) -> Callable[[System], None]:
+    def freeze(system: System) -> None:
+        pid = system.processes.ids[name]
+        os.kill(pid, signal.SIGSTOP)
+        system.watcher.listen(1.5)
+        os.kill(pid, signal.SIGCONT)
+
+    return freeze
 
 
 def _kill(name: str) -> Callable[[System], None]:
@@ -182,8 +185,11 @@ FAULTS = (
     Fault("processors taken away for two seconds", _hog, "sim: loop", "after the next one was due",
           gentle=False),
     # Stopped while it writes, or reads, it holds up the sim's publishing: time stands still.
-    Fault("controller stopped for 1.5 s", _freeze, "sim: commands", "commands stopped",
-          gentle=False, or_else=("sim: loop", "began after the next one was due")),
+    Fault("controller stopped for 1.5 s", _freeze("controller"), "sim: commands",
+          "commands stopped", gentle=False,
+          or_else=("sim: loop", "began after the next one was due")),
+    Fault("simulation stopped for 1.5 s", _freeze("sim"), "sim: loop",
+          "began after the next one was due", gentle=False),
     Fault("controller killed", _kill("controller"), "sim: commands", "commands stopped",
           gentle=False, last=True),
     Fault("simulation killed", _kill("sim"), "controller: controller", "no joint state",
