@@ -3,49 +3,12 @@
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable
-
 import mpmath
 import numpy as np
 import pytest
+from elementwise import LANGUAGES, elementwise
 
-from arm_dynamics.codegen import compiler
-
-LANES = 4
-LOOP = """
-void many(long long n, const double* x, double* y) {
-  for (long long i = 0; i < n; i += LANES) {
-    real a = 0.0;
-    for (int k = 0; k < LANES; ++k) LANE(a, k) = x[i + k];
-    const real found = exp(a);
-    for (int k = 0; k < LANES; ++k) y[i + k] = LANE(found, k);
-  }
-}
-"""
-EXPORTED = '__attribute__((visibility("default")))'
-SOURCES = {
-    "c": f'#include "scalar.h"\n{EXPORTED}{LOOP}',
-    "c++": f'#define LANES {LANES}\n#include "lanes.hpp"\nextern "C" {EXPORTED}{LOOP}',
-}
 LEAST, MOST = -707.0, 709.78  # exponents whose powers are computed, not set to zero or infinity
-Many = Callable[[np.ndarray], np.ndarray]
-
-
-def built(language: str) -> Many:
-    """The function of k numbers, by the code in that language."""
-    if compiler.find_compiler(language) is None:
-        pytest.skip(f"no compiler of {language}")
-    run = compiler.build(SOURCES[language], language).library.many
-    run.argtypes = [ctypes.c_longlong] + [ctypes.c_void_p] * 2
-
-    def many(x: np.ndarray) -> np.ndarray:
-        whole = np.resize(np.asarray(x, float), len(x) + -len(x) % LANES)
-        found = np.empty(len(whole))
-        run(len(whole), whole.ctypes.data, found.ctypes.data)
-        return found[: len(x)]
-
-    return many
 
 
 def numbers(rng: np.random.Generator) -> np.ndarray:
@@ -58,24 +21,24 @@ def numbers(rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([halves[halves < MOST], sizes, -sizes, *spread, everywhere, edges])
 
 
-@pytest.mark.parametrize("language", SOURCES)
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_within_one_unit_of_the_last_place(language: str, rng: np.random.Generator) -> None:
     x = numbers(rng)
     with mpmath.workdps(60):
-        pairs = zip(built(language)(x).tolist(), x.tolist(), strict=True)
+        pairs = zip(elementwise(language, "exp")(x).tolist(), x.tolist(), strict=True)
         errors = [float(abs(y - mpmath.exp(exponent))) / np.spacing(y) for y, exponent in pairs]
     assert max(errors) < 1.0
 
 
-@pytest.mark.parametrize("language", SOURCES)
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_beyond_the_range_of_numbers(language: str) -> None:
     x = np.array([-707.1, -708.0, -745.0, -1e300, -np.inf, 709.79, 711.0, 1e300, np.inf, np.nan])
     expected = [0.0] * 5 + [np.inf] * 4 + [np.nan]
-    np.testing.assert_array_equal(built(language)(x), expected)
+    np.testing.assert_array_equal(elementwise(language, "exp")(x), expected)
 
 
 def test_lanes_give_the_same_bits(rng: np.random.Generator) -> None:
     """Also next to lanes that overflow, or hold no number."""
     x = rng.permutation(np.concatenate([numbers(rng), [np.nan, np.inf, -np.inf, 1e4, -1e4]]))
-    alone, lanes = built("c")(x), built("c++")(x)
+    alone, lanes = (elementwise(language, "exp")(x) for language in LANGUAGES)
     np.testing.assert_array_equal(alone.view(np.int64), lanes.view(np.int64))

@@ -3,50 +3,20 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 
 import mpmath
 import numpy as np
 import pytest
+from elementwise import LANGUAGES, elementwise
 
-from arm_dynamics.codegen import compiler
-
-LANES = 4
-LOOP = """
-void both(long long n, const double* x, double* s, double* c) {
-  for (long long i = 0; i < n; i += LANES) {
-    real a = 0.0;
-    for (int k = 0; k < LANES; ++k) LANE(a, k) = x[i + k];
-    const real sine = sin(a), cosine = cos(a);
-    for (int k = 0; k < LANES; ++k) { s[i + k] = LANE(sine, k); c[i + k] = LANE(cosine, k); }
-  }
-}
-"""
-EXPORTED = '__attribute__((visibility("default")))'
-SOURCES = {
-    "c": f'#include "scalar.h"\n{EXPORTED}{LOOP}',
-    "c++": f'#define LANES {LANES}\n#include "lanes.hpp"\nextern "C" {EXPORTED}{LOOP}',
-}
 REDUCTION = 1e-20  # error of what is left of an argument when quarter turns are taken off
-Both = Callable[[np.ndarray], np.ndarray]
 
 
-def built(language: str) -> Both:
+def both(language: str) -> Callable[[np.ndarray], np.ndarray]:
     """What gives sine and cosine, shape (2, k), of k numbers, by the code in that language."""
-    if compiler.find_compiler(language) is None:
-        pytest.skip(f"no compiler of {language}")
-    run = compiler.build(SOURCES[language], language).library.both
-    run.argtypes = [ctypes.c_longlong] + [ctypes.c_void_p] * 3
-
-    def both(x: np.ndarray) -> np.ndarray:
-        x = np.ascontiguousarray(x, float)
-        assert len(x) % LANES == 0
-        found = np.empty((2, len(x)))
-        run(len(x), x.ctypes.data, found[0].ctypes.data, found[1].ctypes.data)
-        return found
-
-    return both
+    sine, cosine = (elementwise(language, name) for name in ("sin", "cos"))
+    return lambda x: np.array([sine(x), cosine(x)])
 
 
 def near_quarter_turns() -> np.ndarray:
@@ -76,12 +46,11 @@ def share(found: np.ndarray, wanted: list[mpmath.mpf]) -> float:
     )
 
 
-@pytest.mark.parametrize("language", SOURCES)
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_within_one_unit_of_the_last_place(language: str, rng: np.random.Generator) -> None:
-    both = built(language)
+    values = both(language)
     for name, x in numbers(rng).items():
-        x = np.resize(x, len(x) + -len(x) % LANES)
-        sine, cosine = both(x)
+        sine, cosine = values(x)
         with mpmath.workdps(60):
             exact = [mpmath.mpf(value) for value in x.tolist()]
             assert share(sine, [mpmath.sin(value) for value in exact]) < 1.0, name
@@ -90,12 +59,11 @@ def test_within_one_unit_of_the_last_place(language: str, rng: np.random.Generat
 
 def test_lanes_give_the_same_bits(rng: np.random.Generator) -> None:
     """Also where some lanes of a vector are out of range or NaN."""
-    alone, lanes = built("c"), built("c++")
+    alone, lanes = map(both, LANGUAGES)
     x = rng.permutation(np.concatenate([*numbers(rng).values(), [np.nan, np.inf, -np.inf, -0.0]]))
-    x = np.resize(x, len(x) + -len(x) % LANES)
     np.testing.assert_array_equal(alone(x).view(np.int64), lanes(x).view(np.int64))
 
 
 def test_what_is_no_number_stays_none() -> None:
-    for language in SOURCES:
-        assert np.isnan(built(language)(np.array([np.nan, np.inf, -np.inf, np.nan]))).all()
+    for language in LANGUAGES:
+        assert np.isnan(both(language)(np.array([np.nan, np.inf, -np.inf, np.nan]))).all()
