@@ -70,6 +70,16 @@ def test_shapes_of_torque(rng: np.random.Generator) -> None:
     np.testing.assert_array_equal(sim.rollout(q, v, held, STEPS, last_only=True), whole[:, -1])
 
 
+@pytest.mark.parametrize("lanes", [1, 4])
+def test_order_of_numbers_in_memory(lanes: int, rng: np.random.Generator) -> None:
+    """Arrays whose columns, not rows, lie in one piece, such as transposed ones."""
+    sim = models.simulator("planar_3r", stops=False, integrator="rk4")
+    arms = batch(sim, rng, 5)
+    want = sim.rollout(*arms, STEPS, lanes=lanes)
+    found = sim.rollout(*map(np.asfortranarray, arms), STEPS, lanes=lanes)
+    np.testing.assert_array_equal(found, want)
+
+
 def test_own_state_is_not_touched(rng: np.random.Generator) -> None:
     sim = models.simulator("two_link", integrator="rk4")
     before = sim.step([1.0, 0.0])

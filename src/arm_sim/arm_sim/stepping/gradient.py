@@ -132,10 +132,8 @@ def rollout_change(
     if plant.nz:
         of_start = zip(batch.x0, dx0, strict=True)
         dz0 = [_initial_slope(plant, x[: dx0.shape[1]]) @ dx for x, dx in of_start]
-        given = np.hstack([dx0, np.array(dz0)])[:, :, None]
-    else:
-        given = np.ascontiguousarray(dx0)[:, :, None]
-    ticks = batch.steps
+        dx0 = np.hstack([dx0, np.array(dz0)])
+    given, ticks = np.ascontiguousarray(dx0)[:, :, None], batch.steps
     arms = Arms(batch.x0, batch.tau[:, :ticks], batch.p, given, dtau[:, :ticks, :, None])
     moved = linearizer.carried(arms, threads, lanes, every=True)
     changes = np.concatenate([given[:, None], moved], axis=1)[..., 0]

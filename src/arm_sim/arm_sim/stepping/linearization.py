@@ -149,6 +149,7 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
+        dx, dr = np.ascontiguousarray(dx), np.ascontiguousarray(dr)
         held = repeated(dr[None, None, :, None], (1, ticks, len(dr), 1))
         tau = repeated(r[None, None], (1, ticks, len(r)))
         arm = Arms(x[None], tau, self._stepper.p[None], dx[None, :, None], held)

@@ -160,6 +160,7 @@ class Rollouts:
             z0 = [self._plant.initial(*np.split(x, 2)) for x in x0]
             x0 = np.hstack([x0, np.reshape(z0, (arms, -1))])
         out = np.empty((arms, nx) if last_only else (arms, steps + 1, nx))
+        x0 = np.ascontiguousarray(x0)  # columns of q0 and v0 may lie side by side
         return Batch(x0, self.by_tick("tau", tau, arms, steps), rows, int(steps), out)
 
     def by_tick(self, name: str, values: Any, arms: int, steps: int) -> Array:
