@@ -1,13 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Rollouts of one policy with several step sizes, LANES at a time. C where `real` is a double, C++ where it is a
- * vector of them.
+ * Rollouts of one policy with several step sizes, LANES at a time.
  *
  * Required definitions: as for rollout.c, of which this is the variant with feedback.
  */
-#ifdef __cplusplus
-extern "C"
-#endif
+
 /* Simulate arms over `nodes` ticks under u + size k + K (x' - x), within limits.
  *
  * x, u, k, K: the trajectory to be improved and its policy, rows of NX, NU, NU and NU * NX numbers per node.
@@ -18,10 +15,9 @@ extern "C"
  * used:       receives commands, likewise, of NU numbers.
  * met:        set to 1 for an arm that meets a stop; its states are invalid from there on.
  */
-__attribute__((visibility("default")))
-void follow(const double* x, const double* u, const double* k, const double* K, const double* low, const double* high,
-            const double* sizes, const double* p, const double* h, long long nodes, long long arms, double* out,
-            long long out_arm, double* used, long long used_arm, signed char* met) {
+EXPORTED void follow(const double* x, const double* u, const double* k, const double* K, const double* low,
+                     const double* high, const double* sizes, const double* p, const double* h, long long nodes,
+                     long long arms, double* out, long long out_arm, double* used, long long used_arm, signed char* met) {
   const real length = h[0];
   for (long long arm = 0; arm < arms; arm += LANES) {
     real now[NX], next[NX], off[NX], r[NU], acted[NU], par[NP + 1], size[1], w[SZ_W];
@@ -49,13 +45,7 @@ void follow(const double* x, const double* u, const double* k, const double* K, 
         for (int i = 0; i < NX; ++i) out[(arm + j) * out_arm + (node + 1) * NX + i] = LANE(next[i], j);
         for (int i = 0; i < NU; ++i) used[(arm + j) * used_arm + node * NU + i] = LANE(r[i], j);
       }
-#ifdef STOPS
-      for (int j = 0; j < LANES; ++j)
-        for (int i = 0; i < NU; ++i)
-          met[of_lane[j]] |= meets_stop(LANE(now[i], j), LANE(now[NU + i], j), LANE(next[i], j), LANE(next[NU + i], j), h[0], i);
-#else
-      (void)met;
-#endif
+      for (int j = 0; j < LANES; ++j) met[of_lane[j]] |= meets_any_stop(now, next, h[0], j);
       for (int i = 0; i < NX; ++i) now[i] = next[i];
     }
   }

@@ -1,9 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Arms in SIMD lanes: assignment of arms to lanes, and loading of their data.
+ * Arms in SIMD lanes: assignment of arms to lanes, loading of their data, and what is asked of each. C where `real` is a
+ * double, C++ where it is a vector of them.
  *
- * Required definitions: NU. With a controller in the tick also NR, the length of its references, which then replace torques.
+ * Required definitions: NX, NU, LARGEST (as for flow.c); where joints have stops also stops.c, and STOPS. With a controller
+ * in the tick also NR, the length of its references, which then replace torques.
  */
+
+#ifdef __cplusplus
+#define EXPORTED extern "C" __attribute__((visibility("default")))
+#else
+#define EXPORTED __attribute__((visibility("default")))
+#endif
 
 #ifdef NR
 #define WITH_CONTROLLER
@@ -29,4 +37,21 @@ static void choose_arms(long long arm, long long last, long long* of_lane) {
 static void read_arms(real* to, int count, const double* from, long long stride, const long long* of_lane) {
   for (int j = 0; j < LANES; ++j)
     for (int i = 0; i < count; ++i) LANE(to[i], j) = from[of_lane[j] * stride + i];
+}
+
+/* Whether every number of a lane's state is finite and not too large. */
+static inline int within_reach(const real* x, int lane) {
+  int reached = 1;
+  for (int i = 0; i < NX; ++i) reached &= __builtin_fabs(LANE(x[i], lane)) <= LARGEST;
+  return reached;
+}
+
+/* Whether the arm in a lane may meet a stop in a motion of that length from x to `next`. */
+static inline int meets_any_stop(const real* x, const real* next, double length, int lane) {
+  int met = 0;
+#ifdef STOPS
+  for (int i = 0; i < NU; ++i)
+    met |= meets_stop(LANE(x[i], lane), LANE(x[NU + i], lane), LANE(next[i], lane), LANE(next[NU + i], lane), length, i);
+#endif
+  return met;
 }

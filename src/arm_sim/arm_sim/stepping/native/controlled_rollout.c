@@ -3,8 +3,8 @@
  * Many arms under error control, LANES at a time. Only attempts are made side by side: every lane has ticks and sub-steps
  * of its own, and takes the next arm when it is done with one.
  *
- * Before this file: arms.c, substeps.c, NX, NU, NP, LARGEST, SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.c), the generated `attempt`
- * and `actuate`, MOST_SUBSTEPS, TOLERANCE; where joints have stops also stops.c, and STOPS.
+ * Before this file: arms.c, substeps.c, NP, SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.c), the generated `attempt` and
+ * `actuate`, MOST_SUBSTEPS, TOLERANCE.
  */
 
 /* The arguments of `rollout`. */
@@ -87,26 +87,14 @@ static void begin_ticks(const batch_t* batch, group_t* group) {
     if (group->lane[j].arm < batch->last && group->lane[j].begins) begin_tick(batch, group, j, acted);
 }
 
-static int meets_any_stop(const batch_t* batch, const group_t* group, int j) {
-  int met = 0;
-#ifdef STOPS
-  for (int i = 0; i < NU; ++i)
-    met |= meets_stop(LANE(group->begin[i], j), LANE(group->begin[NU + i], j), LANE(group->x[i], j),
-                      LANE(group->x[NU + i], j), batch->h, i);
-#endif
-  return met;
-}
-
 /* Accept an attempt of a lane, or not. */
 static void end_attempt(const batch_t* batch, group_t* group, int j, const real* next, double error) {
   lane_t* own = group->lane + j;
-  int reached = 1;
-  for (int i = 0; i < NX; ++i) reached &= __builtin_fabs(LANE(next[i], j)) <= LARGEST;
-  const enum verdict verdict = judge(&own->at, batch->h, error / TOLERANCE, reached);
+  const enum verdict verdict = judge(&own->at, batch->h, error / TOLERANCE, within_reach(next, j));
   if (verdict == ACCEPTED || verdict == ENDED)
     for (int i = 0; i < NX; ++i) LANE(group->x[i], j) = LANE(next[i], j);
   if (verdict == HOPELESS || (++own->tried == MOST_SUBSTEPS && verdict != ENDED) ||
-      (verdict == ENDED && meets_any_stop(batch, group, j))) {
+      (verdict == ENDED && meets_any_stop(group->begin, group->x, batch->h, j))) {
     batch->met[own->arm] = 1;
     take_arm(batch, group, j);
   } else if (verdict == ENDED) {
@@ -124,14 +112,10 @@ static int busy(const batch_t* batch, const group_t* group) {
   return any;
 }
 
-#ifdef __cplusplus
-extern "C"
-#endif
 /* As `rollout` of rollout.c. met: set to 1 also for an arm that cannot be advanced. */
-__attribute__((visibility("default")))
-void rollout(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
-             long long p_arm, const double* h, long long ticks, long long first, long long last, double* out,
-             int last_only, signed char* met CONTROLLED) {
+EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
+                      long long p_arm, const double* h, long long ticks, long long first, long long last, double* out,
+                      int last_only, signed char* met CONTROLLED) {
 #ifndef WITH_CONTROLLER
   double* effort = 0;
 #endif

@@ -15,13 +15,10 @@
  * by_x, by_tau, by_p: receive gradients, NX, ticks * NU and NP per arm.
  * met:        set to 1 for an arm that meets a stop or diverges; its gradients are invalid.
  */
-#ifdef __cplusplus
-extern "C"
-#endif
-__attribute__((visibility("default")))
-void rollout_gradient(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
-                      long long p_arm, const double* h, long long ticks, long long first, long long last, const double* g,
-                      double* motion, double* by_x, double* by_tau, double* by_p, signed char* met) {
+EXPORTED void rollout_gradient(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
+                               long long p_arm, const double* h, long long ticks, long long first, long long last,
+                               const double* g, double* motion, double* by_x, double* by_tau, double* by_p,
+                               signed char* met) {
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
     real x[NX], next[NX], r[NU], u[NU], par[NP + 1], sum[NP + 1], weight[NX], back[NX], more[NX], of_u[NU], of_r[NU],
@@ -39,16 +36,11 @@ void rollout_gradient(const double* x0, const double* tau, long long tau_arm, lo
       arg[0] = x; arg[1] = r; arg[2] = par; arg[3] = &length;
       res[0] = next; res[1] = u;
       TICK(arg, res, iw, w, 0);
-#ifdef STOPS
-      for (int j = 0; j < LANES; ++j)
-        for (int i = 0; i < NU; ++i)
-          met[of_lane[j]] |= meets_stop(LANE(x[i], j), LANE(x[NU + i], j), LANE(next[i], j), LANE(next[NU + i], j), h[0], i);
-#endif
+      for (int j = 0; j < LANES; ++j) met[of_lane[j]] |= meets_any_stop(x, next, h[0], j);
       memcpy(x, next, sizeof x);
       memcpy(motion + (k + 1) * NX * LANES, x, sizeof x);
     }
-    for (int j = 0; j < LANES; ++j)
-      for (int i = 0; i < NX; ++i) met[of_lane[j]] |= !(__builtin_fabs(LANE(x[i], j)) <= LARGEST);
+    for (int j = 0; j < LANES; ++j) met[of_lane[j]] |= !within_reach(x, j);
     for (int i = 0; i < NP; ++i) sum[i] = 0.0;
     for (int i = 0; i < NX; ++i) weight[i] = 0.0;
     for (long long k = ticks; k >= 0; --k) {
@@ -76,5 +68,4 @@ void rollout_gradient(const double* x0, const double* tau, long long tau_arm, lo
       for (int i = 0; i < NP; ++i) by_p[(arm + j) * NP + i] = LANE(sum[i], j);
     }
   }
-  (void)met;
 }

@@ -1,14 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Many arms, LANES at a time. C where `real` is a double, C++ where it is a vector of them.
+ * Many arms, LANES at a time.
  *
- * Required definitions: arms.c, and as for roll.c; NP (length of the parameters); where joints have stops also stops.c, and
- * STOPS; in a scene with events instead foresight.c, and EVENTS.
+ * Required definitions: arms.c, and as for roll.c; NP (length of the parameters); in a scene with events also foresight.c,
+ * and EVENTS.
  */
 
-#ifdef __cplusplus
-extern "C"
-#endif
 /* Advance the arms first … last-1.
  *
  * x0:   initial states, NX per arm.
@@ -20,10 +17,9 @@ extern "C"
  * engine: in a scene with events, that of one arm.
  * An arm that diverges is NaN from there on; other lanes are not affected.
  */
-__attribute__((visibility("default")))
-void rollout(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
-             long long p_arm, const double* h, long long ticks, long long first, long long last, double* out,
-             int last_only, signed char* met CONTROLLED WITH_ENGINE) {
+EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
+                      long long p_arm, const double* h, long long ticks, long long first, long long last, double* out,
+                      int last_only, signed char* met CONTROLLED WITH_ENGINE) {
   const long long row = last_only ? NX : (ticks + 1) * NX;
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
@@ -53,19 +49,15 @@ void rollout(const double* x0, const double* tau, long long tau_arm, long long t
       for (int j = 0; j < LANES && arm + j < last; ++j)
         for (int i = 0; i < NU; ++i) effort[((arm + j) * ticks + k) * NU + i] = LANE(acted[i], j);
 #endif
-#ifdef STOPS
-      for (int j = 0; j < LANES; ++j)
-        for (int i = 0; i < NU; ++i)
-          met[of_lane[j]] |= meets_stop(LANE(x[i], j), LANE(x[NU + i], j), LANE(next[i], j), LANE(next[NU + i], j), h[0], i);
-#else
-      (void)met;
-#endif
-      for (int i = 0; i < NX; ++i) x[i] = next[i];
-      for (int i = 0; i < NX; ++i)
-        if (BEYOND(x[i], LARGEST))
-          for (int j = 0; j < LANES; ++j)
-            if (!(__builtin_fabs(LANE(x[i], j)) <= LARGEST))
-              for (int m = 0; m < NX; ++m) LANE(x[m], j) = __builtin_nan("");
+      int lost = 0;
+      for (int j = 0; j < LANES; ++j) met[of_lane[j]] |= meets_any_stop(x, next, h[0], j);
+      for (int i = 0; i < NX; ++i) {
+        x[i] = next[i];
+        lost |= BEYOND(x[i], LARGEST);
+      }
+      for (int j = 0; lost && j < LANES; ++j)
+        if (!within_reach(x, j))
+          for (int i = 0; i < NX; ++i) LANE(x[i], j) = __builtin_nan("");
     }
   }
 }

@@ -13,11 +13,6 @@
  */
 
 #include <string.h>
-#ifdef __cplusplus
-#define EXPORTED extern "C" __attribute__((visibility("default")))
-#else
-#define EXPORTED __attribute__((visibility("default")))
-#endif
 
 /* The matrix of arm j (of_lane[j]) begins at matrix + of_lane[j] * size. */
 #if LANES == 1
