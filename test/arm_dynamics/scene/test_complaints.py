@@ -37,6 +37,14 @@ SAID = {
         "'joints.elbow.limits.stop' = 'yes': true or false is expected\n"
         "scene: 'joints.elbow.limits.stop' = 'yes': a mapping with some of restitution, .*",
     ),
+    "number of one of two kinds": (
+        {"joints": {"elbow": {"limits": {"stop": {"restitution": 2}}}}},
+        "^scene: 'joints.elbow.limits.stop.restitution' = 2: at most 1 is expected$",
+    ),
+    "keys of one of two kinds": (
+        {"joints": {"elbow": {"limits": {"stop": {"damping": 2}}}}},
+        "^scene: 'joints.elbow.limits.stop' = {'damping': 2}: damping belongs to a compliant .*$",
+    ),
     "nothing": ({"robot": {}}, "'robot.urdf' is missing; it is required"),
     "key": (
         {"gravty": 1},
@@ -52,6 +60,10 @@ SAID = {
         r"'forarm' does not exist; allowed: .*; did you mean 'forearm'\?",
     ),
     "word": ({"tunable": ["gravty"]}, r"'tunable.0' = 'gravty': .*; did you mean 'gravity'\?"),
+    "word twice": (
+        {"tunable": ["gravity", "external", "gravity"]},
+        r"'tunable' = \['gravity', .*\]: 'gravity' is given twice; once is expected",
+    ),
     "type": (
         {"constraints": [{"type": "contct"}]},
         r"unknown type 'contct'; allowed: point, .*; did you mean 'contact'\?",

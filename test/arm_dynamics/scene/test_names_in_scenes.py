@@ -54,6 +54,16 @@ def test_fixed_joints_are_distinguished_from_unknown_ones(
     )
 
 
+@pytest.mark.parametrize("key", ["robot.lock", "initial.hold"])
+def test_a_list_of_joints_names_each_once(key: str) -> None:
+    names = ("joint1", "joint4", "joint1")
+    given = {
+        "robot.lock": scene(lock=names),
+        "initial.hold": scene(initial={"hold": list(names)}),
+    }
+    assert refusal(given[key]) == f"scene: '{key}' names joint 'joint1' twice; once is expected"
+
+
 @pytest.mark.parametrize("frame", ["base", "d", "joint3", "joint4"])
 def test_a_payload_and_a_contact_may_be_on_every_link_and_joint(frame: str) -> None:
     contact = {"type": "contact", "frame": frame}

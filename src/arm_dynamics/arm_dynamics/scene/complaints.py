@@ -40,6 +40,8 @@ def complaints(
     """One line for each error; see ``complaint``."""
     told: dict[str, None] = {}
     for error in errors:
+        if _of_another_kind(error, errors):
+            continue
         if error["type"] == "missing" and isinstance(error["loc"][-1], int):
             place = error["loc"][:-1]  # a list that is too short: each missing entry is an error
             ends = [e["loc"][-1] for e in errors if e["loc"][:-1] == place]
@@ -80,6 +82,15 @@ def complaint(
     if error["type"] == "missing":
         return f"{file}: '{where}' is missing; it is required"
     return f"{file}: '{where}' = {error['input']!r}: {_reason(error, whole, tagged)}"
+
+
+def _of_another_kind(error: ErrorDetails, errors: Sequence[ErrorDetails]) -> bool:
+    """Whether an error is of an alternative of another kind than the value, which fits one."""
+    kinds, (*place, own) = (*_KINDS, *_MAPPINGS), error["loc"]
+    if error["type"] not in kinds or not _internal(own):
+        return False
+    beside = [e for e in errors if [*e["loc"][: len(place)]] == place]
+    return any(len(e["loc"]) > len(error["loc"]) or e["type"] not in kinds for e in beside)
 
 
 def _internal(key: int | str) -> bool:

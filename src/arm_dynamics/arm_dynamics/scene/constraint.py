@@ -340,10 +340,12 @@ def check_frames(key: str, frames: Iterable[str], urdf: Urdf) -> None:
 
 
 def check_joints(
-    key: str, joints: Iterable[str], allowed: list[str], urdf: Urdf, locked: Collection[str] = ()
+    key: str, joints: Sequence[str], allowed: list[str], urdf: Urdf, locked: Collection[str] = ()
 ) -> None:
-    """Refuse joints that are not allowed; ``key`` names them."""
-    for name in joints:
+    """Refuse joints that are not allowed, or named twice; ``key`` names them."""
+    for i, name in enumerate(joints):
+        if name in joints[:i]:
+            raise SceneError(f"scene: '{key}' names joint '{name}' twice; once is expected")
         if name in allowed:
             continue
         trouble = (

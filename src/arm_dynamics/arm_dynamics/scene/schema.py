@@ -237,6 +237,8 @@ class Scene(Part):
     def _there_to_be_tuned(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
         if "payload" in value and not info.data.get("payloads", True):
             raise ValueError("'payload' is tunable, but there are no 'payloads'; one is expected")
+        if twins := [name for i, name in enumerate(value) if name in value[:i]]:
+            raise ValueError(f"'{twins[0]}' is given twice; once is expected")
         return value
 
     @property
