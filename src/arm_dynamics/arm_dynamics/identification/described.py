@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.identification.regression.friction_columns import (
     COULOMB,
     COULOMB_SKEW,
@@ -18,14 +19,17 @@ from arm_dynamics.identification.regression.friction_columns import (
     VISCOUS,
     VISCOUS_SKEW,
     JointFit,
+    Shape,
 )
 from arm_dynamics.identification.regression.regressor import EACH, TINY
-from arm_dynamics.identification.regression.selection import STEEPEST
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.friction import STEEPEST, largest_slope
 from arm_dynamics.scene.schema import Scene, validated
 
 HELD = 1e-3
 """Smallest static friction relative to Coulomb friction: a joint has to be able to rest."""
+LESS = 0.999
+"""Growth of friction with load over the allowed one where it is limited, for rounding."""
 
 
 def urdf_with(model: ArmModel, theta: Array) -> str:
@@ -154,6 +158,7 @@ def _friction(
             f"{coulomb:.3g} (an offset of the sensor, or gravity?); the scene limits it to that"
         )
         offset = float(np.clip(offset, -coulomb, coulomb))
+    highest = coulomb + abs(offset)
     found: dict[str, Any] = {
         "viscous": _sides(viscous, float(np.clip(c.get(VISCOUS_SKEW, 0.0), -viscous, viscous))),
         "coulomb": _sides(coulomb, offset),
@@ -166,15 +171,28 @@ def _friction(
     elif EXCESS in c and fit.shape.stribeck_velocity is not None:
         level = max(coulomb + c[EXCESS], HELD * coulomb)
         most = level if c[EXCESS] > 0.0 else (1.0 - HELD) * level
-        found["static"] = _sides(level, float(np.clip(offset, -most, most)))
+        skew = float(np.clip(offset, -most, most))
+        highest = max(highest, level + abs(skew))
+        found["static"] = _sides(level, skew)
         found["stribeck_velocity"] = fit.shape.stribeck_velocity
     if fit.shape.load is not None and coulomb > 0.0:
-        most = STEEPEST / (coulomb * max(fit.shape.steepness, 1e-300))
-        at, factor = replace(fit.shape, load=fit.shape.load * min(1.0, most)).table
-        found["load"] = {"at": at.tolist(), "factor": factor.tolist()}
+        found["load"] = _growth(name, fit.shape, highest, notes)
     if "lugre" in said:
         found["lugre"] = said["lugre"]
     return found
+
+
+def _growth(name: str, shape: Shape, highest: float, notes: list[str]) -> dict[str, list[float]]:
+    """The table of friction over load, where the highest friction grows no faster than allowed."""
+    steepest = highest * largest_slope(Curve.through(*shape.table))
+    if steepest > STEEPEST:
+        notes.append(
+            f"'{name}': friction grows by up to {steepest:.3g} of the load that causes it; the "
+            f"scene limits that to {STEEPEST}"
+        )
+        shape = replace(shape, load=(shape.load or 0.0) * LESS * STEEPEST / steepest)
+    at, factor = shape.table
+    return {"at": at.tolist(), "factor": factor.tolist()}
 
 
 def _sides(mean: float, skew: float) -> float | dict[str, float]:

@@ -360,13 +360,18 @@ def _check_follower(joint: Given) -> None:
             raise refusal(joint.name, f"{key}': a mimic joint has one number for both directions")
 
 
+def largest_slope(curve: Curve) -> float:
+    """The largest slope of a curve, between a thousand points."""
+    grid = np.linspace(curve.at[0], curve.at[-1], 1000)
+    return float(np.max(np.diff(curve(grid)) / np.diff(grid)))
+
+
 def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
     for i, (joint, curve) in enumerate(zip(joints, dry.load, strict=True)):
         if curve is None:
             continue
         level = float(dry.extremes(i)[1].max()) / float(curve.values.max())
-        grid = np.linspace(curve.at[0], curve.at[-1], 1000)
-        steepest = level * float(np.max(np.diff(curve(grid)) / np.diff(grid)))
+        steepest = level * largest_slope(curve)
         allowed = STEEPEST * joint.efficiency  # the motor supplies 1/η of the friction torque
         if steepest > allowed:
             gear = f", half of the gear's efficiency {joint.efficiency}" if allowed < 0.5 else ""

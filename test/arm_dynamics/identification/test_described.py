@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What was identified, as a scene that can be loaded."""
+
+import numpy as np
+import pytest
+
+from arm_dynamics import ArmModel, load_scene
+from arm_dynamics.identification.described import scene_with
+from arm_dynamics.identification.regression.friction_columns import (
+    COULOMB,
+    COULOMB_SKEW,
+    EXCESS,
+    VISCOUS,
+    JointFit,
+    Shape,
+)
+from arm_dynamics.identification.regression.regressor import RigidRegressor
+
+LIMITED = {
+    "of all": ({}, Shape(None, 0.98, 1.0)),
+    "in one direction": ({COULOMB_SKEW: 0.9}, Shape(None, 0.9, 2.0)),
+    "at rest": ({EXCESS: 1.5}, Shape(0.1, 0.8, 5.0)),
+    "of a table": ({}, Shape(None, 0.98, 1.0, ((0.0, 0.0), (0.3, 0.9), (1.0, 1.0)))),
+}
+
+
+def told(coefficients, shape):
+    """The notes, and the friction of the shoulder in a scene that can be simulated."""
+    model = ArmModel(load_scene("two_link"))
+    values, notes = {VISCOUS: 0.1, COULOMB: 1.0, **coefficients}, []
+    laws = [JointFit(tuple(values), shape, values), None]
+    nominal = RigidRegressor(model).nominal
+    found = scene_with(model, nominal, np.full(model.n, np.nan), laws, notes)
+    return notes, ArmModel(found).scene.joints["shoulder"].friction
+
+
+@pytest.mark.parametrize("case", LIMITED)
+def test_growth_with_load_is_limited_to_what_a_scene_allows(case):
+    notes, friction = told(*LIMITED[case])
+    assert [note for note in notes if note.endswith("the scene limits that to 0.5")]
+    assert friction.load.factor[-1] == 1.0
+    assert 0.0 < friction.load.factor[0] < 1.0
+
+
+def test_growth_that_a_scene_allows_stays_as_it_is():
+    notes, friction = told({COULOMB_SKEW: 0.2}, Shape(None, 0.9, 4.0))
+    assert not notes
+    assert friction.load.factor[0] == pytest.approx(0.1, rel=1e-12)
