@@ -108,4 +108,4 @@ class CompiledScene:
     @cached_property
     def rollouts(self) -> Rollouts:
         """Many arms at once."""
-        return Rollouts(self.plant, self.choice, self.backend)
+        return Rollouts(self.plant, self.choice, self.stepper, self.backend)

@@ -10,15 +10,13 @@ from functools import cached_property
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import generate
-from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.integrators import build_step, build_tick
 from arm_sim.optimization.backward import NATIVE, Policy
 from arm_sim.plant.actuation import actuation
 from arm_sim.simulator import Simulator
 from arm_sim.stepping import Stepper
-from arm_sim.stepping.rollout import alike, of_lanes, stop_defines, widths
+from arm_sim.stepping.rollout import alike, built_of_lanes, of_lanes, stop_defines, widths
 from arm_sim.stepping.stepper import pointer, sizes, source
 
 
@@ -105,19 +103,15 @@ class Forward:
 
     @cached_property
     def _stepper(self) -> Stepper:
-        return Stepper(self._plant, self._choice, self._simulator.backend)
+        return self._simulator.compiled.stepper.twin()
 
     @cached_property
     def _library(self) -> ctypes.CDLL | None:
         """Compiled code for the widest registers; None where arms are simulated alone."""
         if self._simulator.backend == "vm" or not alike(self._plant, self._choice):
             return None
-        for width in widths(None):
-            try:
-                return compiler.build(self._source(width), "c++" if width > 1 else "c").library
-            except CompilerMissing:
-                continue
-        return None
+        built = (built_of_lanes(self._source, width) for width in widths(None))
+        return next((library for library in built if library is not None), None)
 
     def _source(self, width: int) -> str:
         plant = self._plant.free or self._plant

@@ -17,9 +17,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import generate, operations
-from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.adjoints import build_adjoint
 from arm_sim.integrators.methods import build_step, build_tick
@@ -29,7 +27,15 @@ from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback
 from arm_sim.stepping.linearization import Linearizer
-from arm_sim.stepping.rollout import Batch, alike, of_lanes, share, stop_defines, widths
+from arm_sim.stepping.rollout import (
+    Batch,
+    alike,
+    built_of_lanes,
+    of_lanes,
+    share,
+    stop_defines,
+    widths,
+)
 from arm_sim.stepping.stepper import pointer, sizes, source
 from arm_sim.stepping.tangents import LONGEST, Arms, repeated
 
@@ -257,15 +263,9 @@ class Gradients:
         return 1, None
 
     def _built(self, width: int) -> ctypes.CDLL | None:
-        language = "c++" if width > 1 else "c"
-        if self._backend == "vm" or not compiler.may_build(language):
+        if self._backend == "vm" or operations(self._functions[1]) > LONGEST:
             return None
-        if operations(self._functions[1]) > LONGEST:
-            return None
-        try:
-            return compiler.build(self._source(width), language).library
-        except CompilerMissing:
-            return None
+        return built_of_lanes(self._source, width)
 
     @cached_property
     def _functions(self) -> tuple[ca.Function, ...]:

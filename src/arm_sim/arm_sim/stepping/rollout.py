@@ -87,22 +87,27 @@ class Rollouts:
     Args:
         plant: The equation of motion.
         choice: Method, tick and tolerance.
+        stepper: For arms that are advanced alone, without controller; its state does not change.
         backend: As for ``Kernel``.
         control: Controller to compile in, if any: for ``side_by_side``.
     """
 
     def __init__(
-        self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
+        self,
+        plant: Plant,
+        choice: Choice,
+        stepper: Stepper,
+        backend: str,
+        control: CompiledControl | None = None,
     ) -> None:
-        self._plant, self._choice, self._backend = plant, choice, backend
-        self._control = control
+        self._plant, self._choice, self._stepper, self._control = plant, choice, stepper, control
         # Arms that meet a stop are advanced once more, alone. With dry friction or contacts, lanes
         # compute the motions without events, and the engine of one arm does the rest.
         self._smooth = plant.free or plant
         together = not self._smooth.eventful or choice.tolerance is None
         self._in_registers = together and backend != "vm"
         self._libraries: dict[int, ctypes.CDLL | None] = {}
-        self._engine: Engine | None = None
+        self._engine = Engine.of(stepper) if self._smooth.eventful else None
         self._resting: list[Stepper] = []
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
@@ -207,14 +212,11 @@ class Rollouts:
         self._resting.append(stepper)
 
     def _at_rest(self) -> Stepper:
-        """A stepper that no thread uses: building one takes longer than thousands of ticks."""
+        """A stepper that no thread uses."""
         try:
             return self._resting.pop()
         except IndexError:
-            return self._stepper()
-
-    def _stepper(self) -> Stepper:
-        return Stepper(self._plant, self._choice, self._backend)
+            return self._stepper.twin()
 
     def _library(self, wide: tuple[int, ...]) -> tuple[ctypes.CDLL | None, int]:
         """Compiled code and the number of arms that it advances side by side."""
@@ -226,17 +228,11 @@ class Rollouts:
         return None, 1
 
     def _built(self, width: int) -> ctypes.CDLL | None:
-        language = "c++" if width > 1 else "c"
         controlled, eventful = self._choice.tolerance is not None, self._smooth.eventful
-        if not compiler.may_build(language) or (width == 1 and (controlled or eventful)):
+        if width == 1 and (controlled or eventful):
             return None
-        write = self._of_attempts if controlled else self._of_ticks
-        if eventful:
-            write, self._engine = self._of_events, self._engine or Engine.of(self._stepper())
-        try:
-            return compiler.build(write(width), language).library
-        except CompilerMissing:
-            return None
+        smooth = self._of_attempts if controlled else self._of_ticks
+        return built_of_lanes(self._of_events if eventful else smooth, width)
 
     def _of_ticks(self, width: int) -> str:
         plant = self._smooth
@@ -285,6 +281,17 @@ def of_lanes(code: str, width: int) -> str:
         return '#include "scalar.h"\n' + code
     code = _CHOICE.sub(r"if_else_zero(\1,\2)", code).replace(_SIGN, "sign(x)")
     return f'#define LANES {width}\n#include "lanes.hpp"\n' + code
+
+
+def built_of_lanes(write: Callable[[int], str], width: int) -> ctypes.CDLL | None:
+    """Compiled code that ``write`` gives for ``width`` arms side by side; None if it cannot be."""
+    language = "c++" if width > 1 else "c"
+    if not compiler.may_build(language):  # writing it takes long
+        return None
+    try:
+        return compiler.build(write(width), language).library
+    except CompilerMissing:
+        return None
 
 
 def widths(lanes: int | None) -> tuple[int, ...]:

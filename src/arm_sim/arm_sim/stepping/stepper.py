@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -98,7 +99,11 @@ class Stepper:
         _check(plant, self.kernel, "rhs")
         if plant.free:
             _check(plant.free, self.kernel, f"{FREE}rhs")
-        self._plant, self._dt = plant, choice.dt
+        self._plant, self._choice = plant, choice
+        self._begin()
+
+    def _begin(self) -> None:
+        choice, plant = self._choice, self._plant
         self.p = plant.parameters.nominal
         self.report = EventReport()
         self._control: SubstepControl | None = None
@@ -108,6 +113,12 @@ class Stepper:
         limits = 0 if self._control else self.kernel.operations("actuate")
         self.tick_operations = self.kernel.operations(smooth) + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
+
+    def twin(self) -> Stepper:
+        """Another stepper with the same code, which need not be generated and checked again."""
+        twin = copy(self)
+        twin._begin()
+        return twin
 
     def bound(
         self, x: Array, command: Array, trace: Array, effort: Array, notes: Array
@@ -136,7 +147,7 @@ class Stepper:
         control = None if self._control is None else ctypes.byref(self._control)
         return _library_function(
             self.kernel, "roll", pointer(x), pointer(command), stride, pointer(self.p),
-            ctypes.c_double(self._dt), ctypes.c_longlong(len(trace)), pointer(trace),
+            ctypes.c_double(self._choice.dt), ctypes.c_longlong(len(trace)), pointer(trace),
             pointer(effort), pointer(notes), control, ctypes.byref(self.report),
         )  # fmt: skip
 
@@ -207,8 +218,8 @@ class Stepper:
     def _flow(self, x: Array, u: Array) -> bool:
         """One smooth tick in place on the virtual machine; returns whether it stayed finite."""
         if self._control is not None:
-            return controlled_tick(self._smooth, x, u, self.p, self._dt, self._control)
-        after = self._smooth(x, u, self.p, self._dt)[0]
+            return controlled_tick(self._smooth, x, u, self.p, self._choice.dt, self._control)
+        after = self._smooth(x, u, self.p, self._choice.dt)[0]
         if not within_reach(after):
             return False
         x[:] = after

@@ -18,16 +18,15 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.columns import column_function
 from arm_dynamics.codegen.kernel import generate, operations
-from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.tangents import build_tangent
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import Kept, Slopes
 from arm_sim.stepping.rollout import (
+    built_of_lanes,
     of_lanes,
     share,
     stop_defines,
@@ -202,15 +201,9 @@ class Tangents:
         return self._libraries[lanes]
 
     def _built(self, lanes: int) -> ctypes.CDLL | None:
-        language = "c++" if lanes > 1 else "c"
-        if self._backend == "vm" or not compiler.may_build(language):
+        if self._backend == "vm" or operations(self._advance) > LONGEST:
             return None
-        if operations(self._advance) > LONGEST:
-            return None
-        try:
-            return compiler.build(self._source(lanes), language).library
-        except CompilerMissing:
-            return None
+        return built_of_lanes(self._source, lanes)
 
     @cached_property
     def _carry(self) -> ca.Function:

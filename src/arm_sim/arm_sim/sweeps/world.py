@@ -333,7 +333,7 @@ class World:
     @cached_property
     def _rollouts(self) -> Rollouts:
         scene = self._simulator.compiled
-        return Rollouts(scene.plant, scene.choice, scene.backend, self._control_law)
+        return Rollouts(scene.plant, scene.choice, scene.stepper, scene.backend, self._control_law)
 
     @cached_property
     def _room(self) -> tuple[Array, Array, Array]:
