@@ -8,6 +8,12 @@
  * Required definitions: NX, NU, NP, ND, NQ, NC (as for modes.c).
  */
 
+#if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
+#define contact_geometry(arg, res, iw, w, mem)
+#define contact_inertia(arg, res, iw, w, mem)
+#define contact_close(arg, res, iw, w, mem)
+#endif
+
 /* Numbers in modes_t after the tunable ones, loads_t, geometry_t and inertia_t. */
 #define MODES (ND + NQ + 5 * NC)
 #define LOADS (NU + 7 * NC)

@@ -8,11 +8,6 @@
  */
 
 #define MC (3 * NC)
-#if NC == 0
-#define contact_geometry(arg, res, iw, w, mem)
-#define contact_inertia(arg, res, iw, w, mem)
-#define contact_close(arg, res, iw, w, mem)
-#endif
 
 /* Store some numbers of each arm; those of lane j go to to + j * stride. */
 static void write_arms(double* to, long long stride, const real* from, int count) {

@@ -27,11 +27,6 @@
 #define PIVOTS (NC ? 40 * (NC + NU) : 3 * NU + (1 << (NU < 12 ? NU : 12)))
 #define WORST_FIRST (NC ? PIVOTS : 3 * NU) /* pivots before the first violation is chosen */
 
-#if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
-#define contact_geometry(arg, res, iw, w, mem)
-#define contact_inertia(arg, res, iw, w, mem)
-#define contact_close(arg, res, iw, w, mem)
-#endif
 #if NB == 0
 #define bilateral(arg, res, iw, w, mem)
 #endif
@@ -129,11 +124,17 @@ static int is_foreseen(const segment_t* segment) {
   return segment->foreseen && same((const real*)&segment->p, segment->foreseen->p, NP + MODES);
 }
 
+/* Of the answers at the beginning and at the end of a tick, that for x, compared by its first `count` numbers; or null. */
+static const double* answer_at(const real* x, const foreseen_t* known, int count, const double* begin, const double* end) {
+  return same(x, known->x, count) ? begin : same(x, known->after, count) ? end : 0;
+}
+
 static void find_geometry(const real* x, const segment_t* segment, geometry_t* geometry) {
   const foreseen_t* known = segment->foreseen;
+  const double* answer = NC && known ? answer_at(x, known, 2 * NU, known->geometry, known->geometry_after) : 0;
   WORKSPACE;
-  if (NC && known && (same(x, known->x, 2 * NU) || same(x, known->after, 2 * NU))) {
-    memcpy(geometry, same(x, known->x, 2 * NU) ? known->geometry : known->geometry_after, sizeof *geometry);
+  if (answer) {
+    memcpy(geometry, answer, sizeof *geometry);
     return;
   }
   arg[0] = x;
@@ -144,10 +145,12 @@ static void find_geometry(const real* x, const segment_t* segment, geometry_t* g
 /* Holding torques of sticking joints, relative to their level; forces, accelerations and grips of contacts. */
 static void find_loads(const real* x, const segment_t* segment, loads_t* found) {
   const foreseen_t* known = segment->foreseen;
+  const double* answer =
+    is_foreseen(segment) && known->rests ? answer_at(x, known, NX, known->loads, known->loads_after) : 0;
   WORKSPACE;
   *segment->work += COST_LOADS;
-  if (is_foreseen(segment) && known->rests && (same(x, known->x, NX) || same(x, known->after, NX))) {
-    memcpy(found, same(x, known->x, NX) ? known->loads : known->loads_after, sizeof *found);
+  if (answer) {
+    memcpy(found, answer, sizeof *found);
     return;
   }
   arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
