@@ -5,7 +5,7 @@
  * joint_state.c, record.c and ticks.c, which are those of the node.
  *
  *   ticking   RealtimeLoop with OrdinaryTicks and TickEngine.tick    ordering   a service: TickQueue.run
- *   leading   a controller that answers states                       looking    SimDiagnostics
+ *   leading   a controller that answers states                       looking    SimDiagnostics, EnergyTopic
  *   writing   ChunkThread
  */
 #include <pthread.h>
@@ -16,11 +16,12 @@
 #define WIRE 64
 #define CHUNK 65536
 #define NEWS 8 /* [ticks] after which a command is too old */
+#define ROWS 16 /* ticks kept for the energy account */
 
 typedef pthread_mutex_t lock_t;
 
 typedef struct {
-  int64_t orders, ticks, in_c, recorded, written, counted, looks; /* what was done; found by the test */
+  int64_t orders, ticks, in_c, recorded, written, counted, looks, noted; /* what was done; found by the test */
 } done_t;
 
 /* The wire: bytes of commands on their way to the sim, and the newest stamp on its way to the controller. */
@@ -31,12 +32,14 @@ static int64_t sent_commands, taken_commands, state_stamp;
 
 /* The queue of orders, and the lock of the recording. */
 static lock_t queue = PTHREAD_MUTEX_INITIALIZER, recording = PTHREAD_MUTEX_INITIALIZER;
+static lock_t noting = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t served = PTHREAD_COND_INITIALIZER, filled = PTHREAD_COND_INITIALIZER;
 static int64_t ordered, fulfilled, full;
 
 static int64_t bell, ended, lateness_bins[FINE + COARSE], trip_bins[FINE + COARSE];
 static int64_t stamps[SENT], times[SENT];
 static double x[JOINTS], acted[JOINTS], newest[JOINTS], next_command[JOINTS];
+static double kept_states[ROWS * JOINTS], kept_efforts[ROWS * JOINTS];
 static uint8_t state_raw[MESSAGE], tick_raw[MESSAGE], chunk_raw[2][CHUNK], found[24 + 8 * JOINTS];
 static int64_t places[2][CHUNK / 31];
 static chunk_t chunks[2];
@@ -126,6 +129,18 @@ static int64_t count_of(const histogram_t* h) {
   return sum + 0 * __atomic_load_n(&h->longest, __ATOMIC_RELAXED);
 }
 
+/* OrdinaryTicks._note; counts ticks whose efforts belong together. */
+static void note(ticks_t* t) {
+  pthread_mutex_lock(&noting);
+  const int64_t kept = __atomic_load_n(&t->kept, __ATOMIC_ACQUIRE);
+  for (int64_t k = t->noted; k < kept; ++k) {
+    const double* effort = kept_efforts + k % ROWS * JOINTS;
+    done.noted += effort[1] == 2.0 * effort[0];
+  }
+  __atomic_store_n(&t->noted, kept, __ATOMIC_RELEASE);
+  pthread_mutex_unlock(&noting);
+}
+
 typedef struct {
   ticks_t* ticks;
   due_t* due;
@@ -139,6 +154,7 @@ static void* looking(void* of) {
     const int64_t late = __atomic_load_n(&loop->due->missed, __ATOMIC_RELAXED);
     const int64_t gone = __atomic_load_n(&loop->due->dropped, __ATOMIC_RELAXED);
     done.looks += before >= 0 && late >= 0 && gone >= 0 && count_of(loop->ticks->trip->trips) >= 0;
+    note(loop->ticks);
     nanosleep(&moment, NULL);
   }
   return NULL;
@@ -170,6 +186,7 @@ static int64_t ordinary(ticks_t* t, due_t* due) {
   }
   t->fresh = t->pending = t->recorded = 0;
   const int64_t why = by_the_clock(t, due);
+  note(t);
   if (why == MADE) tell(t); /* which Python does as well */
   done.recorded += t->recorded;
   pthread_mutex_unlock(&recording);
@@ -215,6 +232,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   ticks_t ticks = {
       .bell = &bell, .source = &from, .reader = &reader, .at_once = 2, .leads = {1}, .patience = 1000, .timeout = NEWS,
       .newest = newest, .step = &step, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100, .state = &state,
+      .trail = kept_states, .acted = kept_efforts, .room = ROWS,
       .trip = &trip, .chunk = chunks, .copy = &copy, .size = CHUNK, .oldest = GIGA, .commands = 3};
   due_t due = {.deadline = time_of(CLOCK_MONOTONIC), .period = period, .give_up = 1000 * GIGA, .lateness = &lateness};
   loop_t loop = {&ticks, &due};

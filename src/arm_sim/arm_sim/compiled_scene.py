@@ -79,8 +79,9 @@ class CompiledScene:
 
     @cached_property
     def energy_account(self) -> EnergyAccount:
-        """Computes the energy account of motions."""
-        return EnergyAccount(self.plant, self.present, self.choice, self.backend)
+        """Computes the energy account of motions, with dynamics of its own, in any thread."""
+        own = PresentDynamics(self.plant)
+        return EnergyAccount(self.plant, own, self.choice, self.backend)
 
     @cached_property
     def plan(self) -> Plan:

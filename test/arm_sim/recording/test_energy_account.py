@@ -127,7 +127,6 @@ def test_the_meter_of_a_running_simulation_says_the_same(sim: Simulator) -> None
     for _ in range(20):
         sim.step(U)
         meter.note()
-        meter.keep_up()
     account = meter.account()
     assert_close(account.total, recorded.energy[-1], 1e-12)
     assert_close(account.input, recorded.supplied[-1], 1e-7)

@@ -18,7 +18,7 @@ from bent_messages import bent
 from harness import Ros
 from pushes import pushed
 from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from recorded_engine import contents
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, by_hand
@@ -206,7 +206,7 @@ def test_orders_and_commands_in_any_sequence(
     if heard:
         ros.listen(Energy, "sim/energy")
         outputs = [sim.node._outputs for sim in (fast, slow)]
-        ros.spin_until(lambda: all(each.seldom == outputs[0]._energy_every for each in outputs))
+        ros.spin_until(lambda: all(each.seldom == outputs[0]._energy.every for each in outputs))
     for _ in range(200 * fuzz):
         stamp = fast.node.engine.stamp
         messages = [command(rng, stamp) for _ in range(rng.integers(1, PATIENCE))]
@@ -225,6 +225,12 @@ def test_orders_and_commands_in_any_sequence(
     told, expected = contents(fast.path), contents(slow.path)
     assert told.keys() == expected.keys()
     name, other = fast.path.name.encode(), slow.path.name.encode()
-    for topic in told.keys() - {"/sim/commands"}:  # whose padding may hold anything
+    padded = {"/sim/commands", "/sim/energy"}  # padding may hold anything
+    for topic in told.keys() - padded:
         assert [raw.replace(name, other) for raw in told[topic]] == expected[topic]
+    energies, wanted_energies = (
+        [deserialize_message(raw, Energy) for raw in found.get("/sim/energy", [])]
+        for found in (told, expected)
+    )
+    assert energies == wanted_energies and bool(energies) == heard
     assert replay(Recording.load(fast.path)).equal

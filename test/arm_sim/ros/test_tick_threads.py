@@ -23,7 +23,8 @@ class Done(Structure):
     """``done_t`` of tick_threads.c."""
 
     _fields_ = tuple(
-        (name, c_int64) for name in "orders ticks in_c recorded written counted looks".split()
+        (name, c_int64)
+        for name in "orders ticks in_c recorded written counted looks noted".split()
     )
 
 
@@ -36,5 +37,5 @@ def test_orders_diagnostics_and_the_recording_go_on_beside_ticks(period: int) ->
     library.run_threads(c_int64(ORDERS), c_int64(period), byref(done))
     assert done.orders == ORDERS
     assert 0 < done.in_c < done.ticks == done.counted
-    assert done.recorded == done.written == done.in_c
+    assert done.recorded == done.written == done.noted == done.in_c
     assert done.looks > 0

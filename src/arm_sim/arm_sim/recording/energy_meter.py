@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
+from threading import Lock
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -13,7 +15,7 @@ from arm_sim.recording.energy_account import EnergyAccount, relative_error
 
 
 class Account(NamedTuple):
-    """Energies in [J]; see ``arm_msgs/Energy``."""
+    """Energies in [J], see ``arm_msgs/Energy``, and the number of ticks after which they hold."""
 
     kinetic: float
     potential: float
@@ -22,6 +24,7 @@ class Account(NamedTuple):
     dissipated: float
     changed: float
     balance: float
+    step: int
 
 
 class Metered(Protocol):
@@ -40,12 +43,55 @@ class Metered(Protocol):
         """Current tunable quantities, shape (np,)."""
 
     @property
+    def step_count(self) -> int:
+        """Ticks since the last reset."""
+
+    @property
     def energy_account(self) -> EnergyAccount:
         """Computes the account."""
 
 
+class _Moment(NamedTuple):
+    """A state between two ticks."""
+
+    account: EnergyAccount
+    x: Array
+    p: Array
+    step: int
+
+    @classmethod
+    def of(cls, simulator: Metered) -> _Moment:
+        """The current one of a simulation."""
+        x, p = simulator.x.copy(), simulator.parameters.copy()
+        return cls(simulator.energy_account, x, p, simulator.step_count)
+
+    def energies(self) -> Array:
+        """Kinetic, potential and stored energy in [J], shape (3,)."""
+        return np.asarray(self.account.energies(self.x[None], self.p[None])[0])
+
+
+class _Ticks(NamedTuple):
+    """Ticks: states after them, effective commands, and tunable quantities."""
+
+    account: EnergyAccount
+    x: Array
+    u: Array
+    p: Array
+    step: int
+
+
+class _Jump(NamedTuple):
+    """A change of payload, friction, gravity or state."""
+
+    before: _Moment
+    after: _Moment
+
+
 class EnergyMeter:
-    """Records every tick cheaply and evaluates the account on request.
+    """Notes every tick and change, and evaluates the account on request.
+
+    Ticks and changes are noted by the ticking thread, which computes nothing for it. Other threads
+    may evaluate the account at any time.
 
     Attributes:
         error: Largest unexplained energy so far, relative to the energy that moved.
@@ -54,55 +100,71 @@ class EnergyMeter:
     def __init__(self, simulator: Metered) -> None:
         """Open the account at the simulator's current state."""
         self._simulator, self.error = simulator, 0.0
-        self._last, self._ticks = simulator.x.copy(), list[tuple[Array, Array, Array]]()
-        self._flows, self._changed = np.zeros(2), 0.0
-        self._start = self._energies()
-        self._most = np.zeros(3)
+        self._noted, self._evaluating = deque[_Ticks | _Jump](), Lock()
+        self._start: Array | None = None
+        self._here = _Moment.of(simulator)  # up to which the account is evaluated
+        self._flows, self._changed, self._most = np.zeros(2), 0.0, np.zeros(3)
 
-    def note(self) -> None:
-        """Record the last tick."""
-        self.note_all(self._simulator.x[None], self._simulator.command[None])
+    def note(self, moved: bool = True) -> None:
+        """Record the last tick; if the arm did not move, only that it is over."""
+        simulator, ticks = self._simulator, slice(int(moved))
+        x, u = simulator.x[None][ticks], simulator.command[None][ticks]
+        self.note_all(x, u, simulator.step_count)
 
-    def note_all(self, x: Array, u: Array) -> None:
-        """Record ticks: states after them, shape (k, nx), and effective commands, shape (k, n)."""
-        p = np.broadcast_to(self._simulator.parameters, (len(x), len(self._simulator.parameters)))
-        self._ticks.append((x.copy(), u.copy(), p))
+    def note_all(self, x: Array, u: Array, step: int) -> None:
+        """Record ticks.
 
-    def keep_up(self) -> None:
-        """Repeat ticks now where the account requires it, so that no later tick waits for many."""
-        after = self._ticks[-1][0]
-        if self._simulator.energy_account.makes_ticks_again(np.vstack([self._last, after])):
-            self._add_up()
+        Args:
+            x: States after them, shape (k, nx).
+            u: Effective commands, shape (k, n).
+            step: Number of ticks since the last reset, these included.
+        """
+        simulator = self._simulator
+        p = simulator.parameters.copy()
+        self._noted.append(_Ticks(simulator.energy_account, x.copy(), u.copy(), p, step))
 
     def change(self, action: Callable[[], Any]) -> None:
         """Run an action that changes payload, friction, gravity or state; record its energy."""
-        self._add_up()
-        before = sum(self._energies())
+        before = _Moment.of(self._simulator)
         action()
-        self._last = self._simulator.x.copy()
-        self._changed += sum(self._energies()) - before
+        self._noted.append(_Jump(before, _Moment.of(self._simulator)))
 
     def account(self) -> Account:
         """The energies since the account was opened."""
-        self._add_up()
-        energies = self._energies()
-        total, (supplied, lost) = float(sum(energies)), self._flows.tolist()
-        balance = total - float(sum(self._start)) - supplied - self._changed + lost
-        self._most = np.maximum(self._most, abs(energies - self._start))
-        moved = self._most.sum() + abs(supplied) + lost + abs(self._changed)
-        self.error = relative_error(balance, moved, max(abs(total), abs(energies[1])))
-        kinetic, potential, _ = energies.tolist()
-        return Account(kinetic, potential, total, supplied, lost, self._changed, balance)
+        with self._evaluating:
+            if self._start is None:
+                self._start = self._here.energies()
+            self._add_up()
+            energies, (supplied, lost) = self._here.energies(), self._flows.tolist()
+            total = float(sum(energies))
+            balance = total - float(sum(self._start)) - supplied - self._changed + lost
+            self._most = np.maximum(self._most, abs(energies - self._start))
+            moved = self._most.sum() + abs(supplied) + lost + abs(self._changed)
+            self.error = relative_error(balance, moved, max(abs(total), abs(energies[1])))
+            kinetic, potential, _ = energies.tolist()
+            step = self._here.step
+            return Account(kinetic, potential, total, supplied, lost, self._changed, balance, step)
 
     def _add_up(self) -> None:
-        if self._ticks:
-            after, u, p = (np.concatenate(part) for part in zip(*self._ticks, strict=True))
-            before = np.vstack([self._last, after[:-1]])
-            self._flows += self._simulator.energy_account.flows(before, after, u, p).sum(axis=0)
-            self._last, self._ticks = after[-1], []
+        """Evaluate what was noted; ticks between two changes at once."""
+        ticks = list[_Ticks]()
+        for _ in range(len(self._noted)):
+            noted = self._noted.popleft()
+            if isinstance(noted, _Ticks):
+                ticks.append(noted)
+                continue
+            self._add_ticks(ticks)
+            ticks, self._here = [], noted.after
+            self._changed += float(sum(noted.after.energies()) - sum(noted.before.energies()))
+        self._add_ticks(ticks)
 
-    def _energies(self) -> Array:
-        """Kinetic, potential and stored energy, shape (3,)."""
-        simulator = self._simulator
-        energies = simulator.energy_account.energies(simulator.x[None], simulator.parameters[None])
-        return np.asarray(energies[0])
+    def _add_ticks(self, ticks: Sequence[_Ticks]) -> None:
+        """Add work and heat of ticks of the same scene."""
+        if not ticks:
+            return
+        last = ticks[-1]
+        x = np.concatenate([self._here.x[None], *(part.x for part in ticks)])
+        u = np.concatenate([part.u for part in ticks])
+        p = np.repeat([part.p for part in ticks], [len(part.x) for part in ticks], axis=0)
+        self._flows += last.account.flows(x[:-1], x[1:], u, p).sum(axis=0)
+        self._here = _Moment(last.account, x[-1], last.p, last.step)

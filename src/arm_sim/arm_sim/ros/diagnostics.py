@@ -44,7 +44,8 @@ class SimDiagnostics:
 
     def __call__(self) -> list[Finding]:
         """Inspect every part."""
-        found = [self._check_loop(), self._check_commands(), self._check_simulation()]
+        simulation = self._check_simulation()  # first: it brings counts of ticks in C up to date
+        found = [self._check_loop(), self._check_commands(), simulation]
         if self.recorder is not None:
             found.append(self._check_recorder(self.recorder))
         return found if self.lockstep is None else [*found, self._check_lockstep(self.lockstep)]
@@ -102,9 +103,10 @@ class SimDiagnostics:
 
     def _check_simulation(self) -> Finding:
         engine, found = self.engine, Finding("simulation")
-        state, stops, account = engine.queue.run(
-            lambda: (engine.simulator.state, engine.simulator.stop_torque, engine.account())
+        state, stops = engine.queue.run(
+            lambda: (engine.simulator.state, engine.simulator.stop_torque)
         )
+        account = engine.account()
         found.values = {
             "time [s]": state.time, "stamps": self.outputs.stamps.name, "tf": self.display.frames,
             "paused": engine.paused, "diverged": bool(engine.failure),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from arm_msgs.msg import Energy, Multipliers
+from arm_msgs.msg import Multipliers
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
@@ -15,10 +15,12 @@ from arm_dynamics.model.description import AllJoints
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import advertise
+from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.clock import SimClock
-from arm_sim.ros.interfaces import ENERGY, GROUND_TRUTH, MULTIPLIERS
+from arm_sim.ros.energy import EnergyTopic
+from arm_sim.ros.interfaces import GROUND_TRUTH, MULTIPLIERS
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.params import CLOCK, SimParams
 from arm_sim.ros.robot.all_joints import AllJointStates
@@ -27,12 +29,13 @@ from arm_sim.ros.tick_engine import TickEngine
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
 _GLANCE = 0.5  # [s] between checks for subscribers of infrequent topics
+_NEVER = 1 << 62
 
 
 class Outputs:
     """Joint states, the exact ones as well if the scene has sensors, and other requested topics.
 
-    Used by the ticking thread only.
+    Used by the ticking thread only, except for the timers of ticks by the clock.
 
     Attributes:
         said: Positions, velocities and efforts of joint states, each shape (n,).
@@ -56,11 +59,9 @@ class Outputs:
 
         ``account_wanted`` returns whether anything besides ``~/energy`` needs the energy account.
         """
-        self._engine, self._round_trip, self._account_wanted = engine, round_trip, account_wanted
+        self._engine, self._round_trip = engine, round_trip
         self._simulator = simulator = engine.simulator
         self.every = params.publish_every
-        self._energy_every = max(1, round(params.energy_period / simulator.dt))
-        self._glance = _GLANCE / simulator.dt
         n, x = simulator.n, simulator.x
         self._driven = np.zeros(n) if simulator.plant.torques is not None else None
         effort = simulator.acted if self._driven is None else self._driven
@@ -83,14 +84,18 @@ class Outputs:
         else:
             self.states = sink(JOINT_STATES, names, self.said)
         self.plain = self._driven is self._all is self._truth is None
-        self._energy = advertise(node, ENERGY)
         self._multipliers = None
         if simulator.model.scene.bilateral:
             self._multipliers = advertise(node, MULTIPLIERS)
             simulator.multipliers()  # builds in advance what would delay the loop
-        self.stamps = _stamps(node, params, simulator.dt)
+        self.stamps = stamps = _stamps(node, params, simulator.dt)
         self.clock = SimClock(node) if params.publish_clock else None
-        simulator.energy_account.prepare()
+        self._by_the_clock, self._seldom = params.tick_source == CLOCK, 0
+        period, stamp = params.energy_period, stamps.near if self._by_the_clock else stamps.at
+        self._energy = EnergyTopic(node, engine, period, account_wanted, stamp, self._publish)
+        if self._by_the_clock:
+            self._energy.watch(node, period / (params.realtime_factor or 1.0))
+            steady_timer(node, _GLANCE, self._look)
         self.tap: Callable[[Topic, int, bytes], None] | None = None
         self._idle = 0.0
         engine.on_tick.append(self._after_tick)
@@ -100,11 +105,26 @@ class Outputs:
 
     @property
     def seldom(self) -> int:
-        """Number of ticks between checks for other topics than joint states."""
-        others = [self._energy] if self._multipliers is None else [self._energy, self._multipliers]
-        if any(topic.get_subscription_count() for topic in others):
-            return self._energy_every
-        return self._energy_every * max(1, round(self._glance / self._energy_every))
+        """Number of ticks between those after which other topics than joint states are due."""
+        every = self._energy.every
+        if self._heeds_multipliers or (self._energy.heard and not self._by_the_clock):
+            return every
+        if self._by_the_clock:
+            return _NEVER
+        return every * max(1, round(_GLANCE / self._simulator.dt / every))
+
+    @property
+    def _heeds_multipliers(self) -> bool:
+        topic = self._multipliers
+        return topic is not None and topic.get_subscription_count() > 0
+
+    def _look(self) -> None:
+        """Prepare for readers and clocks that came or went; not in the ticking thread."""
+        self.stamps.see()
+        self._energy.look()
+        if self.seldom != self._seldom:
+            self._seldom = self.seldom
+            self._engine.queue.ring()
 
     def publish(self) -> None:
         """Publish the current state, and the clock."""
@@ -143,30 +163,20 @@ class Outputs:
         step = self._simulator.step_count
         if step % self.every == 0:
             self.publish()
-        if step % self._energy_every == 0:
-            self._publish_energy()
-            self._publish_multipliers()
-
-    def _publish_energy(self) -> None:
-        """Keep the energy account while it has subscribers."""
-        heard = self._energy.get_subscription_count() > 0
-        self._engine.keep_account(heard or self._account_wanted())
-        if not heard:
-            return
-        message = Energy(**self._engine.account()._asdict())
-        self._publish(ENERGY, self._energy, message)
+        if step % self._energy.every == 0:
+            if not self._by_the_clock:
+                self._energy.after_tick()
+            if self._heeds_multipliers:
+                self._publish_multipliers()
 
     def _publish_multipliers(self) -> None:
-        if self._multipliers is None or self._multipliers.get_subscription_count() == 0:
-            return
         simulator = self._simulator
         message = Multipliers(names=list(simulator.dynamics.constrained.names))
         message.values = simulator.multipliers().tolist()
-        self._publish(MULTIPLIERS, self._multipliers, message)
+        self._publish(MULTIPLIERS, self._multipliers, message, self.stamp())
 
-    def _publish(self, topic: Topic, publisher: Any, message: Any) -> None:
+    def _publish(self, topic: Topic, publisher: Any, message: Any, stamp: int) -> None:
         """Publish topics that are not published in every tick."""
-        stamp = self.stamp()
         message.header.stamp = to_time(stamp)
         raw = as_bytes(message)
         publisher.publish(raw)

@@ -23,6 +23,11 @@ class SimulatedTime:
         """The stamp of a state, in [ns], from its simulated time."""
         return simulated
 
+    near = at
+
+    def see(self) -> None:
+        """Nothing to do: there is no clock."""
+
     def release(self) -> None:
         """Nothing to do: simulated time never lags."""
 
@@ -71,7 +76,7 @@ class NodeTime(Structure):
     def __init__(self, clock: Any, tick: int, system: Callable[[], int] = time.time_ns) -> None:
         super().__init__(tick=tick, simulated=-1, least=_NEVER, free=True)
         self._clock, self._system = clock, system
-        self._see()
+        self.see()
 
     def release(self) -> None:
         """After time stood still, the next stamp is the time of the clock."""
@@ -94,6 +99,10 @@ class NodeTime(Structure):
         self._watch(now, now - stamp)
         return stamp
 
+    def near(self, simulated: int) -> int:
+        """As ``at``, for a time close to that of the last stamp, in any thread."""
+        return int(simulated + self.offset)
+
     def _now(self) -> int:
         # The node's clock is the system's unless use_sim_time is set; asking rclpy takes 6 µs.
         return int(self._clock.now().nanoseconds) if self._foreign else self._system()
@@ -106,9 +115,9 @@ class NodeTime(Structure):
             jumps = behind > _WINDOW
             self.offset, self.owed = self.offset + behind * jumps, behind * (not jumps)
             self.least, self.look = _NEVER, now + _WINDOW
-            self._see()
+            self.see()
 
-    def _see(self) -> None:
+    def see(self) -> None:
         """Determine the source of the node's clock."""
         self._foreign = bool(self._clock.ros_time_is_active)
         self.even = bool(self.tick) and not self._foreign

@@ -33,8 +33,8 @@ Listeners = list[Callable[[], None]]
 class TickEngine:
     """A simulation that accepts commands, wrenches and requests, and advances tick by tick.
 
-    All methods are for the ticking thread; other threads use ``queue``. Only ``push`` is for any
-    thread.
+    All methods are for the ticking thread; other threads use ``queue``. Only ``push`` and
+    ``account`` are for any thread.
 
     Attributes:
         simulator: The simulation.
@@ -46,6 +46,7 @@ class TickEngine:
         stale_policy: What acts without a command or with a stale one.
         stopping: Stops and holds the arm if the policy requires it.
         read_commands: Called before a tick, to fill the slot.
+        note_ticks: Called before the account is evaluated, to note ticks executed elsewhere.
         on_tick: Called after each tick.
         on_idle: Called instead of a tick while time stands still.
         on_jump: Called when state or model changed other than by a tick.
@@ -90,6 +91,7 @@ class TickEngine:
         self._in_background = background is not None
         self._meter: EnergyMeter | None = None
         self.read_commands: Callable[[], None] = lambda: None
+        self.note_ticks: Callable[[], None] = lambda: None
         self.on_tick, self.on_idle, self.on_jump = Listeners(), Listeners(), Listeners()
         self.on_pause, self.on_failure, self.on_staleness = Listeners(), Listeners(), Listeners()
         self.configure(0.0, ZERO)
@@ -112,7 +114,11 @@ class TickEngine:
     @property
     def stamp(self) -> int:
         """Simulated time in [ns]."""
-        return round(1e9 * (self.simulator.step_count * self.simulator.dt))
+        return self.time_of(self.simulator.step_count)
+
+    def time_of(self, step: int) -> int:
+        """Simulated time after so many ticks in [ns]."""
+        return round(1e9 * (step * self.simulator.dt))
 
     @property
     def held(self) -> str:
@@ -149,32 +155,17 @@ class TickEngine:
         """Whether efforts act in the next tick and nothing else is due, also in ``commands``."""
         pushed = self._pushing or bool(self._wrenches.active)
         still = self.paused or self.stopping.acts or self._was_stale
-        return not (still or pushed or self._remade)
-
-    @property
-    def _remade(self) -> bool:
-        """Whether the energy account is kept, and takes as long as the ticks."""
-        simulator = self.simulator
-        return self._meter is not None and simulator.energy_account.makes_ticks_again(
-            simulator.x[None]
-        )
+        return not (still or pushed)
 
     @property
     def accounted(self) -> bool:
         """Whether the energy account is kept."""
         return self._meter is not None
 
-    def made(self, ticks: int, states: Array, acted: Array) -> None:
-        """Register ticks that were executed and published elsewhere, except for the account.
-
-        Args:
-            ticks: Number of ticks.
-            states: With an account, the states after them, shape (ticks, nx).
-            acted: Likewise, the efforts that acted, shape (ticks, n).
-        """
-        self.simulator.passed(ticks)
-        if self._meter is not None:
-            self._meter.note_all(states, acted)
+    def note(self, x: Array, u: Array, step: int) -> None:
+        """Note ticks executed elsewhere in the account, see ``EnergyMeter.note_all``."""
+        if (meter := self._meter) is not None:
+            meter.note_all(x, u, step)
 
     def tell_unattended(self) -> None:
         """Notify listeners of a tick that was executed elsewhere, as ``tick_unattended``."""
@@ -219,9 +210,8 @@ class TickEngine:
                 f"paused, the last good state is kept; reset or set the joint state: {error}"
             )
             return False
-        if moved and self._meter is not None:
-            self._meter.note()
-            self._meter.keep_up()
+        if self._meter is not None:
+            self._meter.note(moved)
         _call(self.on_tick)
         return True
 
@@ -348,7 +338,9 @@ class TickEngine:
 
     def account(self) -> Account | None:
         """Energies since the account was opened; None while it is closed."""
-        return None if self._meter is None else self._meter.account()
+        self.note_ticks()
+        meter = self._meter
+        return None if meter is None else meter.account()
 
     @property
     def energy_error(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from ctypes import Structure, addressof, byref, c_int64, c_void_p
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
@@ -23,7 +24,7 @@ SOURCE = Path(__file__).with_name("native") / "ticks.c"
 _KINDS = 4  # as in joint_state.c
 _FUNCTIONS = ("by_the_clock", "in_lockstep")
 _LEFT, _MADE = range(2)  # as in ticks.c
-_ROWS = 1024  # ticks stored for the energy account
+_ROWS = 8192  # ticks stored for the energy account, which is evaluated every second
 
 
 class Ticks(Structure):
@@ -38,7 +39,8 @@ class Ticks(Structure):
         ("pending", c_int64),
         ("step", c_void_p), ("joints", c_int64), ("states", c_int64), ("ticks", c_int64),
         ("notice", c_int64),
-        ("trail", c_void_p), ("acted", c_void_p), ("rows", c_int64), ("room", c_int64),
+        ("trail", c_void_p), ("acted", c_void_p), ("room", c_int64), ("kept", c_int64),
+        ("noted", c_int64),
         ("every", c_int64), ("seldom", c_int64), ("state", c_void_p), ("clock", c_void_p),
         ("times", c_void_p), ("trip", c_void_p),
         ("chunk", c_void_p), ("copy", c_void_p), ("size", c_int64), ("oldest", c_int64),
@@ -77,6 +79,7 @@ class OrdinaryTicks:
         n, nx = simulator.n, simulator.plant.nx
         self._newest = np.zeros(n)
         self._trail, self._acted = np.zeros((_ROWS, nx)), np.zeros((_ROWS, n))
+        self._noting, engine.note_ticks = Lock(), self._note
         self._ticks = Ticks(
             bell=addressof(engine.queue.bell), at_once=AT_ONCE,
             newest=self._newest.ctypes.data, joints=n, states=nx,
@@ -144,6 +147,7 @@ class OrdinaryTicks:
         if len(heard.joints) < simulator.n or len(engine.on_tick) != self._listeners:
             return False
         self._before, self._heard = efforts, heard
+        self._ahead = simulator.step_count - ticks.kept
         self._newest[:] = efforts
         ticks.source, ticks.reader = reader.places
         leads = reader.whole_from(name)
@@ -154,13 +158,13 @@ class OrdinaryTicks:
         ticks.step, ticks.ticks = addressof(simulator.pointers), simulator.step_count
         ticks.notice, ticks.room = simulator.notices_cuts, _ROWS if engine.accounted else 0
         ticks.seldom = self._outputs.seldom
-        ticks.fresh = ticks.pending = ticks.rows = ticks.recorded = 0
+        ticks.fresh = ticks.pending = ticks.recorded = 0
         return True
 
     def _end(self) -> None:
         """Update the parts of the node with the executed ticks."""
         engine, ticks = self._engine, self._ticks
-        arbiter, rows = engine.arbiter, ticks.rows
+        arbiter = engine.arbiter
         arbiter.now, self._heard.at, self._heard.count = ticks.now, ticks.heard, ticks.count
         efforts = self._before
         if ticks.fresh:
@@ -168,7 +172,17 @@ class OrdinaryTicks:
             self._inputs.follow(efforts)
         engine.commands.acted(self._before, efforts, ticks.age)
         self._reader.left = ticks.pending
-        made = ticks.ticks - engine.simulator.step_count
-        if made:
+        self._note()
+        if made := ticks.ticks - engine.simulator.step_count:
             self.count += made
-            engine.made(made, self._trail[:rows], self._acted[:rows])
+            engine.simulator.passed(made)
+
+    def _note(self) -> None:
+        """Note the ticks executed so far in the energy account; for any thread."""
+        ticks = self._ticks
+        with self._noting:
+            noted, kept = ticks.noted, ticks.kept
+            if kept > noted:
+                rows = np.arange(noted, kept) % _ROWS
+                self._engine.note(self._trail[rows], self._acted[rows], self._ahead + kept)
+                ticks.noted = kept

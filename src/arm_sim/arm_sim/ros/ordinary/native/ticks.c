@@ -13,12 +13,12 @@
 #define COARSE 512    /* bins beyond, of increasing width */
 #define STEPS 32      /* of them per factor of two */
 #define SENT 256      /* number of states whose answers are awaited */
+#define NEVER (1LL << 62) /* as in stamps.py */
 #define ROOMY 4096    /* largest command in bytes that is recorded without a check of the space */
-#define TURN 500000000 /* [ns] after which Python decides whether to continue */
 
-/* Reason for returning: Python must execute the next tick; a tick was executed and Python must publish it; Python must
- * decide whether to continue; an answer has arrived, and Python must execute its tick. */
-enum { LEFT, MADE, TURN_OVER, ANSWERED };
+/* Reason for returning: Python must execute the next tick; a tick was executed and Python must publish it; no tick is
+ * left to Python, which must decide whether to continue; an answer has arrived, and Python must execute its tick. */
+enum { LEFT, MADE, DONE, ANSWERED };
 
 typedef long long (*roll_t)(double*, const double*, long long, const double*, double, long long, double*, double*,
                             double*, void*, void*);
@@ -78,11 +78,12 @@ typedef struct {
   int64_t joints, states;
   int64_t ticks; /* since the last reset */
   int64_t notice; /* whether clipped commands must be reported */
-  /* States not yet processed by Python, for the energy account; without room they are not kept. */
+  /* States for the energy account, which other threads read: the last ones, the number of ticks kept so far, and of
+   * those already noted by Python. Without room they are not kept. */
   double *trail, *acted;
-  int64_t rows, room;
+  int64_t room, kept, noted;
   /* Outputs. */
-  int64_t every, seldom; /* ticks between joint states, and between checks of topics that Python publishes */
+  int64_t every, seldom; /* ticks between joint states, and between those after which Python publishes */
   sink_t *state, *clock; /* NULL: no clock */
   times_t* times;        /* NULL: stamps are simulated time */
   trip_t* trip;
@@ -134,11 +135,22 @@ static void answered(trip_t* t, int64_t stamp, int64_t arrival) {
   }
 }
 
-/* NodeTime.at of an even clock, between two checks of the lag; negative: Python must determine it. */
+/* NodeTime._watch */
+static void watch(times_t* t, int64_t now, int64_t lag) {
+  if (lag < t->least) t->least = lag;
+  if (now < t->look) return;
+  const int64_t behind = t->tick < t->least && t->least < NEVER ? t->least : 0, jumps = behind > GIGA;
+  if (jumps) t->offset += behind;
+  t->owed = jumps ? 0 : behind;
+  t->least = NEVER;
+  t->look = now + GIGA;
+}
+
+/* NodeTime.at of an even clock; negative: Python must determine it. */
 EXPORT int64_t stamp_at(times_t* t, int64_t simulated, int64_t now) {
   if (!t) return simulated;
   const int64_t passed = simulated - t->simulated;
-  if (!t->even || t->free || passed <= 0 || now >= t->look) return -1;
+  if (!t->even || t->free || passed <= 0) return -1;
   const int64_t more = t->owed < passed / 2 ? t->owed : passed / 2;
   int64_t stamp = simulated + t->offset + more;
   if (stamp > now) stamp = now;
@@ -150,7 +162,7 @@ EXPORT int64_t stamp_at(times_t* t, int64_t simulated, int64_t now) {
   t->last = stamp;
   t->simulated = simulated;
   t->offset = stamp - simulated;
-  if (now - stamp < t->least) t->least = now - stamp;
+  watch(t, now, now - stamp);
   return stamp;
 }
 
@@ -195,9 +207,10 @@ static int read_waiting(ticks_t* t) {
 
 static void keep(ticks_t* t) {
   if (!t->room) return;
-  memcpy(t->trail + t->rows * t->states, t->step->x, 8 * t->states);
-  memcpy(t->acted + t->rows * t->joints, t->step->effort, 8 * t->joints);
-  ++t->rows;
+  const int64_t row = t->kept % t->room;
+  memcpy(t->trail + row * t->states, t->step->x, 8 * t->states);
+  memcpy(t->acted + row * t->joints, t->step->effort, 8 * t->joints);
+  __atomic_store_n(&t->kept, t->kept + 1, __ATOMIC_RELEASE);
 }
 
 /* Publish and record the state; 0: Python must. */
@@ -220,7 +233,8 @@ static int tell(ticks_t* t) {
 /* Whether Python has no work, and there is room for all messages of a tick. */
 static int ready(const ticks_t* t) {
   const chunk_t* c = t->chunk;
-  if (__atomic_load_n(t->bell, __ATOMIC_ACQUIRE) || (t->room && t->rows == t->room)) return 0;
+  if (__atomic_load_n(t->bell, __ATOMIC_ACQUIRE)) return 0;
+  if (t->room && t->kept - __atomic_load_n(&t->noted, __ATOMIC_ACQUIRE) >= t->room) return 0;
   if (!c) return 1;
   const int64_t most = (t->at_once + 1) * (ROOMY + 31) + t->state->size + t->copy->size + 62;
   return c->at + most <= t->size && !(c->at && time_of(CLOCK_REALTIME) - c->since > t->oldest);
@@ -238,7 +252,7 @@ static int tick(ticks_t* t) {
   ++t->ticks;
   keep(t);
   const int cut = t->notice && memcmp(s->command, s->effort, 8 * t->joints);
-  return cut || t->ticks % t->seldom == 0 || !tell(t) ? MADE : TURN_OVER;
+  return cut || t->ticks % t->seldom == 0 || !tell(t) ? MADE : DONE;
 }
 
 static int64_t wait_until(int64_t wake) {
@@ -257,7 +271,6 @@ static int64_t shift(due_t* d, int64_t late) {
 
 /* Execute ticks by the clock, see RealtimeLoop; with a period of 0 one after another. */
 EXPORT int64_t by_the_clock(ticks_t* t, due_t* due) {
-  const int64_t end = time_of(CLOCK_MONOTONIC) + TURN;
   for (;;) {
     const int64_t wake = due->deadline > due->earliest ? due->deadline : due->earliest;
     const int64_t now = due->period ? wait_until(wake) : time_of(CLOCK_MONOTONIC);
@@ -270,7 +283,7 @@ EXPORT int64_t by_the_clock(ticks_t* t, due_t* due) {
     due->deadline += due->period;
     if (late > due->give_up) due->deadline += shift(due, late);
     if (made == MADE) return MADE;
-    if (now > end || __atomic_load_n(&due->ended, __ATOMIC_ACQUIRE)) return TURN_OVER;
+    if (__atomic_load_n(&due->ended, __ATOMIC_ACQUIRE)) return DONE;
   }
 }
 
@@ -290,7 +303,7 @@ EXPORT int64_t in_lockstep(ticks_t* t, waiting_t* w) {
   for (;;) {
     const int64_t now = time_of(CLOCK_MONOTONIC);
     if (!ready(t)) return LEFT;
-    if (now >= w->end || now - w->asked >= w->soon) return TURN_OVER;
+    if (now >= w->end || now - w->asked >= w->soon) return DONE;
     const int64_t outcome = take(t->source, t->reader);
     if (outcome == FAILED) return LEFT;
     if (outcome == NONE) {
@@ -307,8 +320,8 @@ EXPORT int64_t in_lockstep(ticks_t* t, waiting_t* w) {
     }
     int made;
     do made = ready(t) ? tick(t) : LEFT;
-    while (made == TURN_OVER && t->ticks % t->every);
-    if (made != TURN_OVER) return made == LEFT ? ANSWERED : made;
+    while (made == DONE && t->ticks % t->every);
+    if (made != DONE) return made == LEFT ? ANSWERED : made;
     wait_for(w, llrint(1e9 * (t->ticks * t->step->dt)));
   }
 }
