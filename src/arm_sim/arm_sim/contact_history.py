@@ -54,7 +54,7 @@ def contact_history(sim: _Simulated, recording: Recording) -> ContactHistory:
     Raises:
         InvalidInput: If the scene has no contact.
     """
-    compiled, x = sim.compiled, np.hstack([recording.q, recording.v, recording.z])
+    compiled, x = sim.compiled, recording.x
     forces = [
         contact_forces(compiled.plant, compiled.stepper, *pair)
         for pair in zip(x, recording.command, strict=True)

@@ -130,10 +130,7 @@ class _Run:
                 f"the scene has joints {', '.join(sim.joint_names)}; the recording has "
                 f"{', '.join(recording.joint_names)}"
             )
-        self._x = np.hstack([recording.q, recording.v, recording.z])
-        self._ended = self._x.copy()  # at the end of each tick, before changes
-        for jump in reversed(recording.jumps):  # the first of several at one time is kept
-            self._ended[jump.row] = jump.x
+        self._x, self._ended = recording.x, recording.ended
         self._jumps = {jump.row: i for i, jump in enumerate(recording.jumps)}
         self._there = Parameters(recording.plant.model)
         self._told = self._quantities()
@@ -223,7 +220,7 @@ class _Run:
         self._keep(row, made)
 
     def _keep(self, row: int, made: Recording) -> None:
-        x = np.hstack([made.q, made.v, made.z])[1:]
+        x = made.x[1:]
         self._out[row + 1 : row + 1 + len(x)] = self._out_ended[row + 1 : row + 1 + len(x)] = x
 
     def _hold(self, row: int, how: int) -> None:

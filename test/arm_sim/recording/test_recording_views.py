@@ -14,7 +14,7 @@ from matplotlib import pyplot
 
 import models
 from arm_dynamics import InvalidInput
-from arm_sim import Recording, Simulator
+from arm_sim import Recording, Simulator, State
 from arm_sim.cli.main import main
 
 
@@ -104,3 +104,24 @@ def test_the_command_says_where_the_figure_is(run: Recording, tmp_path: Path) ->
     assert told.exit_code == 0 and str(out) in told.output and out.stat().st_size > 10_000
     told = CliRunner().invoke(main, ["plot", str(tmp_path / "none.npz")])
     assert told.exit_code == 1 and "no recording" in told.output
+
+
+def test_a_change_between_ticks_does_not_affect_the_torque_before_it() -> None:
+    sim = Simulator("motor_pendulum")
+
+    def run(change: int) -> Recording:
+        sim.reset()
+
+        def control(state: State) -> list[float]:
+            if state.step == change:
+                sim.set_state([0.1], [0.0])
+            return [3.0]
+
+        return sim.run(0.05, control)
+
+    once, never = run(20), run(-1)
+    assert [jump.row for jump in once.jumps] == [20]
+    np.testing.assert_array_equal(once.x[20, :2], [0.1, 0.0])
+    np.testing.assert_array_equal(once.ended[:21], never.x[:21])
+    np.testing.assert_array_equal(once.tau[:20], never.tau[:20])
+    assert (once.tau[20:] != never.tau[20:]).all()

@@ -78,6 +78,27 @@ class Contents:
     measured: Measured | None = None
     of_robot: bool = False
 
+    @property
+    def x(self) -> Array:
+        """States at each time, shape (k+1, nx): positions, velocities and internal states."""
+        x = np.hstack([self.q, self.v, self.z])
+        x.setflags(write=False)
+        return x
+
+    @property
+    def ended(self) -> Array:
+        """States at the end of each tick, before changes between ticks, shape (k+1, nx)."""
+        x = np.hstack([self.q, self.v, self.z])
+        for jump in self.first_jumps:
+            x[jump.row] = jump.x
+        x.setflags(write=False)
+        return x
+
+    @property
+    def first_jumps(self) -> tuple[Jump, ...]:
+        """The first change at each time, which knows what was there before all of them."""
+        return tuple({jump.row: jump for jump in reversed(self.jumps)}.values())
+
     def fields(self) -> dict[str, Any]:
         """Every attribute by its name."""
         return {item.name: getattr(self, item.name) for item in fields(Contents)}

@@ -130,8 +130,7 @@ def _account(recording: Motion) -> list[tuple[str, Array]]:
     """Work and heat, if they are cheap to compute; else the stored energies."""
     start = recording.energy[0]
     found = [("kinetic", recording.kinetic), ("total, less the initial", recording.energy - start)]
-    state = np.hstack([recording.q, recording.v, recording.z])
-    if recording.account.makes_ticks_again(state) and len(recording.time) > _AGAIN:
+    if recording.account.makes_ticks_again(recording.x) and len(recording.time) > _AGAIN:
         return found
     return [*found, ("supplied", recording.supplied), ("lost", recording.lost),
             ("unaccounted for", recording.balance)]  # fmt: skip

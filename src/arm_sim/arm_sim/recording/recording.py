@@ -183,12 +183,12 @@ class Recording(Contents):
         """
         if self.of_robot:
             return self.command
-        after = np.vstack([self._x[1:], self._x[-1:]])
+        after = np.vstack([self.ended[1:], self.x[-1:]])
         return read_only(self.plant.joint_torque(after, self.command))
 
     @cached_property
     def _energies(self) -> Array:
-        return self.account.energies(self._x, self.p)
+        return self.account.energies(self.x, self.p)
 
     @property
     def kinetic(self) -> Array:
@@ -226,10 +226,10 @@ class Recording(Contents):
 
         See ``Simulator.stop_torque``.
         """
-        stepper, torque = self.account.stepper, np.zeros_like(self.q)
+        stepper, x, torque = self.account.stepper, self.x, np.zeros_like(self.q)
         for k in self._at_stops:
             stepper.p[:] = self.p[k]
-            torque[k] = stepper.stop_torque(self._x[k], self.command[k])
+            torque[k] = stepper.stop_torque(x[k], self.command[k])
         return read_only(torque)
 
     @cached_property
@@ -240,15 +240,15 @@ class Recording(Contents):
     @cached_property
     def multipliers(self) -> Array:
         """λ of the constraints in [N] and [N m], shape (k+1, m): see ``constrained_forward``."""
-        outside = self.plant.parameters.place("external")
-        tau = np.array(self.plant.joint_torque(self._x, self.command))
+        outside, x = self.plant.parameters.place("external"), self.x
+        tau = np.array(self.plant.joint_torque(x, self.command))
         tau += 0.0 if outside is None else self.p[:, outside]
         if self.plant.eventful and self.plant.constrained:
             stepper = self.account.stepper
             for k in self._at_stops if self.plant.free else range(len(self)):
                 stepper.p[:] = self.p[k]
-                tau[k] += stepper.push(self._x[k], self.command[k])
-        return self.account.multipliers(self._x, tau, self.p, self.held)
+                tau[k] += stepper.push(x[k], self.command[k])
+        return self.account.multipliers(x, tau, self.p, self.held)
 
     @cached_property
     def balance(self) -> Array:
@@ -265,7 +265,7 @@ class Recording(Contents):
         the state, by ``set_state`` and ``set_constraint``, during the run.
         """
         changed = np.zeros(len(self))
-        for jump in reversed(self.jumps):  # the first of several at one time is kept
+        for jump in self.first_jumps:
             before = self.account.energies(jump.x[None], jump.p[None]).sum()
             changed[jump.row] = self.energy[jump.row] - before
         for row in self.gaps:
@@ -322,7 +322,7 @@ class Recording(Contents):
         source = f" of {origin.source}" if origin.source else ""
         method = f"{origin.integrator}, dt {origin.dt:g} s{control}{source}"
         fresh = "account" in vars(self.physics)
-        cheap = fresh and not self.account.makes_ticks_again(self._x)
+        cheap = fresh and not self.account.makes_ticks_again(self.x)
         known = "energy_error" in vars(self) or cheap
         told = self._verdict(self.energy_error) if known else "energy account not evaluated yet"
         return [method, told]
@@ -374,10 +374,6 @@ class Recording(Contents):
         films = [film_of(recording, name) for recording in (self, *others)]
         return show_films(films, host, port, together=True)
 
-    @property
-    def _x(self) -> Array:
-        return np.hstack([self.q, self.v, self.z])
-
     @cached_property
     def _flows(self) -> Array:
         if self.of_robot:
@@ -385,11 +381,7 @@ class Recording(Contents):
                 "supplied work and lost heat between measured states are unknown; a recording "
                 "of a robot there are kinetic, potential and stored energy only"
             )
-        x, after = self._x, self._x[1:].copy()
-        for jump in reversed(self.jumps):  # likewise
-            if jump.row > 0:
-                after[jump.row - 1] = jump.x
-        flows = self.account.flows(x[:-1], after, self.command[:-1], self.p[:-1])
+        flows = self.account.flows(self.x[:-1], self.ended[1:], self.command[:-1], self.p[:-1])
         flows[[row - 1 for row in self.gaps]] = 0.0  # the motion there is unknown
         if self.hold is not None:
             flows[self.hold[:-1] == BRAKES] = 0.0

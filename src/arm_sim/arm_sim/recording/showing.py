@@ -34,8 +34,8 @@ class Recorded(Protocol):
         """Velocities, shape (k, n)."""
 
     @property
-    def z(self) -> Array:
-        """Internal states, shape (k, nz)."""
+    def x(self) -> Array:
+        """States, shape (k, nx)."""
 
     @property
     def command(self) -> Array:
@@ -124,7 +124,7 @@ def film_of(recording: Recorded, name: str) -> Film:
 
 def _stills(part: Recorded) -> Iterator[Instant]:
     """Pictures with forces of contacts, constraints and stops, if the scene has any."""
-    plant, x = part.plant, np.hstack([part.q, part.v, part.z])
+    plant, x = part.plant, part.x
     tied, touching = bool(plant.model.scene.bilateral), plant.contact is not None
     stopped = bool(plant.model.stops.touched(part.q).any())
     if part.of_robot or not (tied or touching or stopped):
@@ -159,8 +159,7 @@ def _charts(recording: Recorded, part: Recorded, rows: Array) -> Iterator[Chart]
     curves = {"kinetic": part.kinetic, "potential": part.potential}
     if part.stored.any():
         curves["stored"] = part.stored
-    states = np.hstack([recording.q, recording.v, recording.z])
-    if len(recording) <= LONG or not recording.account.makes_ticks_again(states):
+    if len(recording) <= LONG or not recording.account.makes_ticks_again(recording.x):
         supplied, lost = recording.supplied[rows], recording.lost[rows]
         curves |= {"supplied": supplied, "lost": lost, "balance": recording.balance[rows]}
     yield Chart("energy [J]", tuple(curves), part.time, np.column_stack(list(curves.values())))

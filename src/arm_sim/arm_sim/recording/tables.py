@@ -26,6 +26,8 @@ class Motion(Protocol):
     @property
     def z(self) -> Array: ...  # noqa: D102
     @property
+    def x(self) -> Array: ...  # noqa: D102
+    @property
     def tau(self) -> Array: ...  # noqa: D102
     @property
     def command(self) -> Array: ...  # noqa: D102

@@ -175,7 +175,7 @@ class _Rows:
 def _rows(contents: Contents, efforts: Array, file: TickFile) -> _Rows:
     """Records of the states after each tick; the first state has no preceding tick."""
     k, n = contents.q.shape
-    x, stamps = _before_jumps(contents), np.round(1e9 * contents.time).astype(np.int64)
+    x, stamps = contents.ended, np.round(1e9 * contents.time).astype(np.int64)
     state, tick = JointStateWriter(contents.joint_names), TickWriter(x.shape[1], n)
     template, starts = bytearray(), list[int]()
     for channel, message in ((file.states, state.raw), (file.ticks, tick.raw)):
@@ -227,17 +227,9 @@ def _put(rows: NDArray[np.uint8], place: int, values: NDArray[Any]) -> None:
     rows[:, place : place + raw.shape[1]] = raw
 
 
-def _before_jumps(contents: Contents) -> Array:
-    """States at the end of each tick, before changes."""
-    x = np.hstack([contents.q, contents.v, contents.z])
-    for jump in reversed(contents.jumps):  # the first of several at one time is kept
-        x[jump.row] = jump.x
-    return x
-
-
 def _changes(contents: Contents) -> Iterator[tuple[int, Change]]:
     """The start, and every change other than by a tick; the last of several at one time."""
-    x = np.hstack([contents.q, contents.v, contents.z])
+    x = contents.x
     scene, jumps = _scene(contents), {jump.row: i for i, jump in enumerate(contents.jumps)}
     later = [*(jump.tunable for jump in contents.jumps[1:]), tunable_names(scene)]
     tunable = contents.jumps[0].tunable if contents.jumps else tunable_names(scene)
