@@ -41,6 +41,13 @@ from arm_sim.ros.stamps import NodeTime
 
 pytestmark = pytest.mark.ros
 
+DRIVE = {
+    "actuator": {
+        "command": "voltage", "resistance": 0.8, "inductance": 8e-4, "torque_constant": 0.06,
+        "rotor_inertia": 3e-5, "gear_ratio": 60.0, "voltage_limit": 24.0,
+    },
+    "transmission": {"stiffness": 300.0, "damping": 1.0, "backlash": 1e-2},
+}  # fmt: skip
 EACH = 5  # ticks that a command acts
 MILLISECOND, SECOND = 10**6, 10**9
 
@@ -52,9 +59,9 @@ def message(*tau: float, source: str = "leader", stamp: int = 0) -> bytes:
     return serialize_message(told)
 
 
-def node_of(ros: Ros, **parameters: Any) -> SimNode:
+def node_of(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
     """A node that ticks by hand, and whose commands grow old after a few ticks."""
-    return by_hand(ros, command_timeout=EACH * 1e-3, **parameters)
+    return by_hand(ros, scene, command_timeout=EACH * 1e-3, **parameters)
 
 
 REST = message(0.0, 0.0)  # once: padding may hold anything
@@ -69,8 +76,8 @@ def led_in_python(node: SimNode, raw: bytes = REST) -> None:
 class Fast:
     """A node whose commands come over the topic, and whose ticks C makes where it can."""
 
-    def __init__(self, ros: Ros, **parameters: Any) -> None:
-        self.node = node_of(ros, **parameters)
+    def __init__(self, ros: Ros, scene: Any = "two_link", **parameters: Any) -> None:
+        self.node = node_of(ros, scene, **parameters)
         self.publisher = ros.publisher(JointState, JOINT_COMMANDS.name)
         self.lateness = Histogram()
         self.due = Due(give_up=10 * SECOND, lateness=addressof(self.lateness))
@@ -107,13 +114,26 @@ class Fast:
         assert self.made == before
 
 
-@pytest.mark.parametrize("every", [1, 2])
+def driven() -> dict[str, Any]:
+    """Two links with bristles, one with a motor and a gear with play."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    bristles = {"viscous": 0.1, "coulomb": 0.3, "lugre": {"sigma0": 1e3, "sigma1": 5.0}}
+    scene["joints"] = {
+        "shoulder": {"friction": bristles, **DRIVE}, "elbow": {"friction": bristles}
+    }  # fmt: skip
+    return scene
+
+
+@pytest.mark.parametrize(
+    "scene, every", [("two_link", 1), ("two_link", 2), (driven(), 1), (driven(), 3)],
+    ids=["every state", "every second one", "with a drive", "with a drive, every third one"],
+)  # fmt: skip
 def test_states_and_files_are_those_of_python(
-    ros: Ros, tmp_path: Path, rng: np.random.Generator, every: int
+    ros: Ros, tmp_path: Path, rng: np.random.Generator, scene: Any, every: int
 ) -> None:
     files = [tmp_path / "fast.mcap", tmp_path / "slow.mcap"]
-    fast = Fast(ros, record=str(files[0]), publish_every=every)
-    slow = node_of(ros, record=str(files[1]), publish_every=every)
+    fast = Fast(ros, scene, record=str(files[0]), publish_every=every)
+    slow = node_of(ros, scene, record=str(files[1]), publish_every=every)
     slow.inputs.close()
     led_in_python(slow)
     ros.listen(Energy, "sim/energy")

@@ -19,6 +19,7 @@ from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.clock import SimClock
+from arm_sim.ros.drive_torques import DriveTorques
 from arm_sim.ros.energy import EnergyTopic
 from arm_sim.ros.interfaces import GROUND_TRUTH, MULTIPLIERS
 from arm_sim.ros.latency import RoundTrip
@@ -41,7 +42,8 @@ class Outputs:
         said: Positions, velocities and efforts of joint states, each shape (n,).
         states: Publishes joint states.
         every: Ticks between joint states.
-        plain: Whether a tick publishes only joint states, which are ready after it.
+        drives: Computes the efforts of joint states, or None where they are the commands.
+        plain: Whether a tick publishes only joint states.
         stamps: Source of stamps.
         clock: Publishes simulated time, or None.
         tap: Called with topic, stamp in [ns] and bytes of every output, if set.
@@ -63,8 +65,8 @@ class Outputs:
         self._simulator = simulator = engine.simulator
         self.every = params.publish_every
         n, x = simulator.n, simulator.x
-        self._driven = np.zeros(n) if simulator.plant.torques is not None else None
-        effort = simulator.acted if self._driven is None else self._driven
+        self.drives = None if simulator.plant.torques is None else DriveTorques(simulator)
+        effort = simulator.acted if self.drives is None else self.drives.values
         truth = x[:n], x[n : 2 * n], effort
 
         names = simulator.joint_names
@@ -83,7 +85,7 @@ class Outputs:
             self.states = sink(JOINT_STATES, joints.names, self._all.arrays)
         else:
             self.states = sink(JOINT_STATES, names, self.said)
-        self.plain = self._driven is self._all is self._truth is None
+        self.plain = self._all is self._truth is None
         self._multipliers = None
         if simulator.model.scene.bilateral:
             self._multipliers = advertise(node, MULTIPLIERS)
@@ -131,8 +133,8 @@ class Outputs:
         self._idle = 0.0
         stamp = self.stamp()
         self._round_trip.sent(stamp)
-        if self._driven is not None:
-            self._driven[:] = self._simulator.effort
+        if self.drives is not None:
+            self.drives.update()
         if self._all is not None:
             self._all.fill()
         self.states.send(stamp)

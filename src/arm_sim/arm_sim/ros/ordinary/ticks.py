@@ -38,7 +38,7 @@ class Ticks(Structure):
         ("age", c_int64), ("timeout", c_int64), ("newest", c_void_p), ("fresh", c_int64),
         ("pending", c_int64),
         ("step", c_void_p), ("joints", c_int64), ("states", c_int64), ("ticks", c_int64),
-        ("notice", c_int64),
+        ("notice", c_int64), ("drives", c_void_p),
         ("trail", c_void_p), ("acted", c_void_p), ("room", c_int64), ("kept", c_int64),
         ("noted", c_int64),
         ("every", c_int64), ("seldom", c_int64), ("state", c_void_p), ("clock", c_void_p),
@@ -84,6 +84,7 @@ class OrdinaryTicks:
             bell=addressof(engine.queue.bell), at_once=AT_ONCE,
             newest=self._newest.ctypes.data, joints=n, states=nx,
             trail=self._trail.ctypes.data, acted=self._acted.ctypes.data,
+            drives=None if outputs.drives is None else outputs.drives.place,
             every=outputs.every, state=outputs.states.place,
             clock=None if outputs.clock is None else addressof(outputs.clock.sink),
             times=addressof(stamps) if isinstance(stamps, NodeTime) else None,
@@ -102,7 +103,7 @@ class OrdinaryTicks:
         if simulator.sensors is not None or command_line(simulator.model.scene, simulator.dt):
             return "the scene has sensors or delayed commands"
         if not self._outputs.plain:
-            return "joint states are computed after the tick"
+            return "joint states of all joints are computed in Python"
         return ""
 
     def by_the_clock(self, due: Due) -> bool:

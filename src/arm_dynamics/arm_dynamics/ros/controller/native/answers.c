@@ -14,15 +14,6 @@
 
 enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state that Python must answer */
 
-/* kernel.Entry: a generated function and the memory it is bound to. */
-typedef struct {
-  int (*function)(const double**, double**, long long*, double*, int);
-  const double** arguments;
-  double** results;
-  long long* integers;
-  double* reals;
-} entry_t;
-
 /* ordinary_answers.Answers */
 typedef struct {
   int64_t active;    /* whether C may answer; false after every change in Python */

@@ -20,6 +20,15 @@
 
 enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
 
+/* kernel.Entry: a generated function and the memory it is bound to. */
+typedef struct {
+  int (*function)(const double**, double**, long long*, double*, int);
+  const double** arguments;
+  double** results;
+  long long* integers;
+  double* reals;
+} entry_t;
+
 /* A kind of message: those of one sender that name the same joints. */
 typedef struct {
   const uint8_t *fixed, *expected; /* mask of the bits that are constant in this kind, and their values */

@@ -78,6 +78,7 @@ typedef struct {
   int64_t joints, states;
   int64_t ticks; /* since the last reset */
   int64_t notice; /* whether clipped commands must be reported */
+  entry_t* drives; /* (state, command) -> efforts of joint states; NULL: these are the commands */
   /* States for the energy account, which other threads read: the last ones, the number of ticks kept so far, and of
    * those already noted by Python. Without room they are not kept. */
   double *trail, *acted;
@@ -213,6 +214,14 @@ static void keep(ticks_t* t) {
   __atomic_store_n(&t->kept, t->kept + 1, __ATOMIC_RELEASE);
 }
 
+/* DriveTorques.update */
+static void update(ticks_t* t) {
+  entry_t* f = t->drives;
+  memcpy((double*)f->arguments[0], t->step->x, 8 * t->states);
+  memcpy((double*)f->arguments[1], t->step->effort, 8 * t->joints);
+  f->function(f->arguments, f->results, f->integers, f->reals, 0);
+}
+
 /* Publish and record the state; 0: Python must. */
 static int tell(ticks_t* t) {
   const int64_t simulated = llrint(1e9 * (t->ticks * t->step->dt));
@@ -220,6 +229,7 @@ static int tell(ticks_t* t) {
   if (t->ticks % t->every == 0) {
     if ((stamp = stamp_at(t->times, simulated, time_of(CLOCK_REALTIME))) < 0) return 0;
     sent(t->trip, stamp);
+    if (t->drives) update(t);
     if (send(t->state, stamp) || (t->clock && send(t->clock, stamp))) return 0;
   }
   if (t->chunk) {
