@@ -63,7 +63,10 @@ def vector(name: str, value: ArrayLike, joints: Joints) -> Array:
     array = real_array(name, value)
     n = count(joints)
     if array.ndim not in (1, 2) or array.shape[-1] != n or array.size == 0:
-        raise InvalidInput(f"{name} has shape {array.shape}; ({n},) or (k, {n}) is expected")
+        least = " with k ≥ 1" if array.size == 0 else ""
+        raise InvalidInput(
+            f"{name} has shape {array.shape}; ({n},) or (k, {n}){least} is expected"
+        )
     if not all_finite(array):
         bad = np.argwhere(~np.isfinite(array))[0]
         whose = "" if isinstance(joints, int) else f" of joint '{joints[bad[-1]]}'"
@@ -96,6 +99,8 @@ def real_array(name: str, value: ArrayLike) -> Array:
     Raises:
         InvalidInput: If it does not consist of real numbers.
     """
+    if type(value) is np.ndarray and value.dtype == float:
+        return value
     try:
         array = np.asarray(value)
     except ValueError:

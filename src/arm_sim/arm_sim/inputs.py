@@ -74,7 +74,7 @@ def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
 
 def row(name: str, value: Any, joints: Joints) -> Array:
     """Check one row of finite numbers, by joint or count; it may be empty."""
-    if joints == np.size(value) == 0:
+    if joints == 0 and np.size(value) == 0:
         return np.zeros(0)
     given = vector(name, value, joints)
     if given.ndim != 1:

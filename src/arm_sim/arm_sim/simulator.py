@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import accumulate, chain
+from itertools import chain
 from struct import Struct
 from typing import Any, overload
 
@@ -663,11 +663,12 @@ class Simulator:
             SimulationDiverged: If a tick of an arm cannot be computed; likewise.
         """
         whole("ticks", ticks, 1)
-        rollouts, p = self._compiled.rollouts, self._stepper.p
-        batch = rollouts.batch(q, v, tau, 1, p, last_only=True)
+        rollouts = self._compiled.rollouts
+        x = rollouts.states(self._stepper.p, q=q, v=v)
+        commands = rollouts.by_tick("tau", tau, len(x), 1)[:, 0]
         places = self._places(by)
         linearizer = self._compiled.linearizer(tuple(chain(*places.values())))
-        slopes = linearizer.many(batch.x0, batch.tau[:, 0], ticks, threads, lanes)
+        slopes = linearizer.many(x, commands, ticks, threads, lanes)
         A, B, P = self._parted(slopes, places)
         return (A, B) if by is None else (A, B, P)
 
@@ -852,17 +853,20 @@ class Simulator:
 
     def _places(self, by: Sequence[str] | None) -> dict[str, tuple[int, ...]]:
         """Indices in p of quantities to differentiate by; ``by`` may be a single name."""
-        names = () if by is None else (by,) if isinstance(by, str) else tuple(by)
-        return self.plant.parameters.places(names)
+        if by is None:
+            return {}
+        return self.plant.parameters.places((by,) if isinstance(by, str) else tuple(by))
 
     def _parted(
         self, slope: Array, places: dict[str, tuple[int, ...]]
     ) -> tuple[Array, Array, dict[str, Array]]:
         """Derivatives by state, torque and quantities, from all of them side by side."""
-        sizes = [self.plant.nx, self.n, *map(len, places.values())]
-        ends = accumulate(sizes)
-        A, B, *parts = (slope[..., end - k : end] for end, k in zip(ends, sizes, strict=True))
-        return A, B, dict(zip(places, parts, strict=True))
+        nx, end = self.plant.nx, self.plant.nx + self.n
+        P = dict[str, Array]()
+        for name, place in places.items():
+            P[name] = slope[..., end : end + len(place)]
+            end += len(place)
+        return slope[..., :nx], slope[..., nx : nx + self.n], P
 
     def _seen(self) -> Instant:
         """The picture of the current state, under the torque of the last tick."""

@@ -151,8 +151,9 @@ def test_many_name_the_arm_without_a_derivative() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"q": np.zeros((2, 3))}, "q0"),
-        ({"v": np.zeros((3, 2))}, "v0"),
+        ({"q": np.zeros((2, 3))}, r"^q has shape \(2, 3\); \(2,\) or \(k, 2\) is expected"),
+        ({"q": np.zeros((0, 2))}, r"^q has shape \(0, 2\); .* with k ≥ 1 is expected"),
+        ({"v": np.zeros((3, 2))}, "^v: 3 arms, but q has 2"),
         ({"tau": np.zeros((3, 2))}, "tau"),
         ({"tau": [np.nan, 0.0]}, "finite"),
         ({"ticks": 0}, "ticks"),

@@ -16,8 +16,19 @@ from arm_sim.optimization.backward import NATIVE, Policy
 from arm_sim.plant.actuation import actuation
 from arm_sim.simulator import Simulator
 from arm_sim.stepping import Stepper
-from arm_sim.stepping.rollout import alike, built_of_lanes, of_lanes, stop_defines, widths
-from arm_sim.stepping.stepper import pointer, sizes, source
+from arm_sim.stepping.rollout import (
+    ADDRESS,
+    NUMBER,
+    alike,
+    built_of_lanes,
+    marked,
+    marks,
+    of_lanes,
+    stop_defines,
+    strides,
+    widths,
+)
+from arm_sim.stepping.stepper import address, sizes, source
 
 
 @dataclass(frozen=True)
@@ -70,7 +81,7 @@ class Forward:
         self, library: ctypes.CDLL, course: Course, size: Array, x: Array, u: Array
     ) -> list[int]:
         """Simulate all arms; those that are returned meet stops and must be simulated alone."""
-        policy, met = course.policy, (ctypes.c_byte * len(size))()
+        policy, met = course.policy, marks(len(size))
         given = [
             np.ascontiguousarray(array)
             for array in (
@@ -79,11 +90,10 @@ class Forward:
             )
         ]  # fmt: skip
         library.follow(
-            *map(pointer, given), *map(ctypes.c_longlong, (len(course.u), len(size))),
-            pointer(x), ctypes.c_longlong(x.strides[0] // 8),
-            pointer(u), ctypes.c_longlong(u.strides[0] // 8), ctypes.byref(met),
+            *map(address, given), len(course.u), len(size),
+            address(x), *strides(x, 1), address(u), *strides(u, 1), met,
         )  # fmt: skip
-        return [arm for arm in range(len(size)) if met[arm]]
+        return marked(met)
 
     def _one(self, course: Course, size: float, x: Array, u: Array) -> None:
         """Simulate an arm tick by tick through its events, x of shape (nodes + 1, nx)."""
@@ -110,7 +120,8 @@ class Forward:
         """Compiled code for the widest registers; None where arms are simulated alone."""
         if self._simulator.backend == "vm" or not alike(self._plant, self._choice):
             return None
-        built = (built_of_lanes(self._source, width) for width in widths(None))
+        types = [*[ADDRESS] * 9, NUMBER, NUMBER, ADDRESS, NUMBER, ADDRESS, NUMBER, ADDRESS]
+        built = (built_of_lanes(self._source, width, "follow", types) for width in widths(None))
         return next((library for library in built if library is not None), None)
 
     def _source(self, width: int) -> str:

@@ -119,6 +119,8 @@ class Parameters:
             InvalidInput: If a name is not tunable, a size or number is not allowed, a payload is
                 not physically consistent, or viscous friction is negative.
         """
+        if not values:
+            return p.copy()
         for name in values:
             if name not in self.names:
                 raise InvalidInput(

@@ -79,10 +79,10 @@ def closed(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] =
 
 
 def closed_rows(plant: Plant, x: Array, p: Array) -> Array:
-    """The same for b arms, shapes (b, nx) and (b, np); states that satisfy them are kept."""
+    """The same for b arms, p of shape (np,) or (b, np); states that satisfy them are kept."""
     if plant.project is None:
         return x
-    n = plant.model.n
+    n, p = plant.model.n, np.broadcast_to(p, (len(x), p.shape[-1]))
     modes = np.zeros((len(p), plant.project.size1_in(2) - p.shape[1]))  # gaps have no names
     _, gap, gap_v = plant.project(x[:, : 2 * n].T, x[:, : 2 * n].T, np.hstack([p, modes]).T)
     off = np.maximum(np.array(gap), np.array(gap_v)).ravel() > OPEN

@@ -28,16 +28,22 @@ from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback
 from arm_sim.stepping.linearization import Linearizer
 from arm_sim.stepping.rollout import (
+    ADDRESS,
+    BEGINNING,
     Batch,
     alike,
     built_of_lanes,
+    marked,
+    marks,
     of_lanes,
+    repeated,
     share,
     stop_defines,
+    strides,
     widths,
 )
-from arm_sim.stepping.stepper import pointer, sizes, source
-from arm_sim.stepping.tangents import LONGEST, Arms, repeated
+from arm_sim.stepping.stepper import address, sizes, source
+from arm_sim.stepping.tangents import LONGEST, Arms
 
 
 @dataclass(frozen=True)
@@ -218,22 +224,19 @@ class Gradients:
         threads: int | None,
     ) -> list[int]:  # fmt: skip
         """Gradients of all arms; returns the arms that meet stops or diverge."""
-        met = (ctypes.c_byte * len(batch.x0))()
-        length = np.array([self._choice.dt])
-        arm, tick = (ctypes.c_longlong(stride // 8) for stride in batch.tau.strides[:2])
-        row = ctypes.c_longlong(batch.p.strides[0] // 8)
+        met, length = marks(len(batch.x0)), np.array([self._choice.dt])
 
         def work(first: int, last: int) -> None:
             motion = np.empty((batch.steps + 1, batch.x0.shape[1], width))
             library.rollout_gradient(
-                pointer(batch.x0), pointer(batch.tau), arm, tick, pointer(batch.p), row,
-                pointer(length), *map(ctypes.c_longlong, (batch.steps, first, last)), pointer(g),
-                pointer(motion), pointer(found.by_x), pointer(found.by_tau), pointer(found.by_p),
-                ctypes.byref(met),
+                address(batch.x0), address(batch.tau), *strides(batch.tau, 2),
+                address(batch.p), *strides(batch.p, 1), address(length), batch.steps, first, last,
+                address(g), address(motion), address(found.by_x), address(found.by_tau),
+                address(found.by_p), met,
             )  # fmt: skip
 
         share(len(batch.x0), width, threads, work)
-        return [arm for arm in range(len(batch.x0)) if met[arm]]
+        return marked(met)
 
     def _tick_by_tick(self, batch: Batch, g: Array, found: Found, arm: int) -> None:
         """The gradient of one arm by the derivatives of each of its ticks."""
@@ -265,7 +268,8 @@ class Gradients:
     def _built(self, width: int) -> ctypes.CDLL | None:
         if self._backend == "vm" or operations(self._functions[1]) > LONGEST:
             return None
-        return built_of_lanes(self._source, width)
+        types = [*BEGINNING, *[ADDRESS] * 6]
+        return built_of_lanes(self._source, width, "rollout_gradient", types)
 
     @cached_property
     def _functions(self) -> tuple[ca.Function, ...]:

@@ -13,7 +13,8 @@ Proc. IEEE 112, 2024), of the method's step instead of the exact motion.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -33,10 +34,10 @@ from arm_sim.stepping.adaptive import SubstepControl, controlled_tick
 from arm_sim.stepping.blow import Blow
 from arm_sim.stepping.events import Modes
 from arm_sim.stepping.guards import INSTANT, Guards
-from arm_sim.stepping.rollout import alike, natural_width, widths
+from arm_sim.stepping.rollout import alike, natural_width, repeated, widths
 from arm_sim.stepping.settling import Settling
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.stepping.tangents import Arms, Carried, Tangents, repeated
+from arm_sim.stepping.tangents import Arms, Tangents
 from arm_sim.stepping.trace import segment_type, trace_tick
 from arm_sim.stepping.turning import Turning
 
@@ -128,7 +129,18 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        return self.carried(self._seeded(x, r, ticks, self._stepper.p), threads, lanes)[:, 0]
+        nx, p = self._plant.nx, self._stepper.p
+        if self._alike:
+            _, slopes, alone = self._smooth.slopes(x, r, p, ticks, threads, lanes)
+        else:
+            widths(lanes)  # which checks them
+            slopes, alone = np.empty((len(x), nx, nx + self._held)), list(range(len(x)))
+        for arm in alone:
+            unit = np.eye(nx + self._held)
+            with _naming(arm, len(x)):
+                by_tick = self.along(x[arm], [r[arm]] * ticks, p)
+                *_, slopes[arm] = self._moved(by_tick, unit[:nx], [unit[nx:]] * ticks)
+        return slopes
 
     def prepare(self) -> None:
         """Compile what smooth ticks need, unless that is done."""
@@ -156,19 +168,6 @@ class Linearizer:
         product: Array = self.carried(arm, threads=1, lanes=1)[0, 0, :, 0]
         return product
 
-    def _seeded(self, x: Array, r: Array, ticks: int, p: Array) -> Arms:
-        """Arms under held commands, with a column for each number to differentiate by."""
-        arms, nx, n = len(x), self._plant.nx, r.shape[1]
-        of_x, of_w = self._seeds[:nx], self._seeds[nx:]
-        return Arms(
-            np.ascontiguousarray(x),
-            repeated(np.ascontiguousarray(r)[:, None], (arms, ticks, n)),
-            repeated(p[None], (arms, len(p))),
-            repeated(of_x[None], (arms, *of_x.shape)),
-            repeated(of_w[None, None], (arms, ticks, *of_w.shape)),
-            unit=True,
-        )
-
     def carried(
         self, arms: Arms, threads: int | None, lanes: int | None, every: bool = False
     ) -> Array:
@@ -187,24 +186,18 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        widths(lanes)  # which checks them
-        found, eventful = Carried.room(arms, every), list(range(arms.count))
         if self._alike:
-            eventful = self._smooth.ticks(arms, found, threads, lanes)
-            lost = ~np.isfinite(found.after).all(axis=1)
-            eventful = sorted({*eventful, *np.flatnonzero(lost).tolist()})
-        for arm in eventful:
-            try:
-                self._one(arms, arm, found.columns[arm])
-            except (SimulationDiverged, NotDifferentiable) as error:
-                if arms.count > 1:
-                    raise type(error)(f"arm {arm}: {error}") from None
-                raise
-        return found.columns
-
-    @cached_property
-    def _seeds(self) -> Array:
-        return np.eye(self._plant.nx + self._held)
+            columns, alone = self._smooth.columns(arms, every, threads, lanes)
+        else:
+            widths(lanes)  # which checks them
+            columns, alone = arms.room(every), list(range(arms.count))
+        for arm in alone:
+            with _naming(arm, arms.count):
+                by_tick = self.along(arms.x[arm], arms.tau[arm], arms.p[arm])
+                moved = self._moved(by_tick, arms.given[arm], arms.pushed[arm])
+                for k, each in enumerate(moved):
+                    columns[arm, k if every else 0] = each
+        return columns
 
     @cached_property
     def _alike(self) -> bool:
@@ -222,20 +215,21 @@ class Linearizer:
     def _tangents(self) -> Tangents:
         return Tangents(self._plant, self._choice, self._backend, self._tuned)
 
-    def _one(self, arms: Arms, arm: int, columns: Array) -> None:
-        """Carry the columns of one arm through its events; ``columns`` receives them."""
-        nx, moved = self._plant.nx, arms.given[arm]
-        slopes = self.along(arms.x[arm], arms.tau[arm], arms.p[arm])
-        for k, slope in enumerate(slopes):
-            moved = slope[:, :nx] @ moved + slope[:, nx:] @ arms.pushed[arm, k]
-            columns[min(k, len(columns) - 1)] = moved
+    def _moved(
+        self, slopes: Iterable[Array], given: Array, pushed: Iterable[Array]
+    ) -> Iterator[Array]:
+        """Columns after each tick of one arm, by the derivatives of its ticks."""
+        nx, moved = self._plant.nx, given
+        for slope, push in zip(slopes, pushed, strict=True):
+            moved = slope[:, :nx] @ moved + slope[:, nx:] @ push
+            yield moved
 
-    def along(self, x: Array, commands: Array, p: Array) -> Iterator[Array]:
+    def along(self, x: Array, commands: Iterable[Array], p: Array) -> Iterator[Array]:
         """Derivatives of each tick of a motion, through its events, as of ``__call__``.
 
         Args:
             x: State at the beginning, shape (nx,).
-            commands: One for each tick, shape (ticks, n).
+            commands: One for each tick, of shape (n,).
             p: Tunable numbers.
 
         Raises:
@@ -247,11 +241,10 @@ class Linearizer:
             control = SubstepControl(choice.tolerance, choice.method.order)
         for r in commands:
             if self._alike:
-                arms = self._seeded(x[None], r[None], 1, p)
-                found = Carried.room(arms, every=False)
-                if not self._smooth.ticks(arms, found, 1, 1) and np.isfinite(found.after).all():
-                    x = found.after[0]
-                    yield found.columns[0, 0]
+                after, slopes, lost = self._smooth.slopes(x[None], r[None], p, 1, 1, 1)
+                if not lost:
+                    x = after[0]
+                    yield slopes[0]
                     continue
             u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
             x, by = self._tick(x, u.ravel(), p, control)
@@ -340,6 +333,17 @@ class Linearizer:
         scaled = plant.scaled_jacobian
         function = build_attempt(method, plant.rhs, n, plant.scale, plant.project, scaled)
         return Kernel([function], "vm")
+
+
+@contextmanager
+def _naming(arm: int, arms: int) -> Iterator[None]:
+    """Name the arm in errors, if there are several."""
+    try:
+        yield
+    except (SimulationDiverged, NotDifferentiable) as error:
+        if arms > 1:
+            raise type(error)(f"arm {arm}: {error}") from None
+        raise
 
 
 class Events:

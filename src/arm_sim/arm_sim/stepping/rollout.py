@@ -9,13 +9,14 @@ import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.arrays import Array, real_array, vector
+from arm_dynamics.arrays import Array, all_finite, real_array, vector
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.exceptions import CompilerMissing
@@ -27,15 +28,21 @@ from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import (
     Stepper,
+    address,
     error_control,
     mode_sizes,
-    pointer,
     sizes,
     smooth_motion,
     source,
     stop_places,
 )
 
+ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_longlong
+BEGINNING = (
+    ADDRESS, ADDRESS, NUMBER, NUMBER, ADDRESS, NUMBER, ADDRESS, NUMBER, NUMBER, NUMBER
+)  # fmt: skip
+"""C types of the first arguments of functions of many arms: x0, tau with its strides by arm and
+tick, p with its stride by arm, length of a tick, ticks, first arm and the one after the last."""
 WIDTHS = (8, 4, 2, 1)
 # Ticks of all arms from which code for error control or events side by side saves more time than
 # its compilation takes: up to ten seconds for implicit methods.
@@ -149,24 +156,36 @@ class Rollouts:
 
     def batch(self, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool) -> Batch:
         """Check arguments; ``p`` is of shape (np,) or (b, np)."""
-        n = self._plant.model.n
         whole("steps", steps, 0)
-        q0, v0 = (np.atleast_2d(vector(name, x, n)) for name, x in (("q0", q0), ("v0", v0)))
-        arms = len(q0)
-        for name, count in (("v0", len(v0)), ("parameters", len(p) if p.ndim == 2 else arms)):
-            if count != arms:
-                raise InvalidInput(f"{name}: {count} arms, but q0 has {arms}")
+        x0 = self.states(p, q0=q0, v0=v0)
+        arms, nx = x0.shape
         rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
-        nx, x0 = self._plant.nx, closed_rows(self._plant, np.hstack([q0, v0]), rows)
-        if self._plant.model.stops:
-            q0 = [inside_stops(self._plant, x[:n], f"arm {i}: ") for i, x in enumerate(x0)]
-            x0 = np.hstack([np.reshape(q0, (arms, n)), x0[:, n:]])
-        if self._plant.nz:
-            z0 = [self._plant.initial(*np.split(x, 2)) for x in x0]
-            x0 = np.hstack([x0, np.reshape(z0, (arms, -1))])
         out = np.empty((arms, nx) if last_only else (arms, steps + 1, nx))
-        x0 = np.ascontiguousarray(x0)  # columns of q0 and v0 may lie side by side
         return Batch(x0, self.by_tick("tau", tau, arms, steps), rows, int(steps), out)
+
+    def states(self, p: Array, **given: Any) -> Array:
+        """Check positions and velocities, and complete them to states, shape (b, nx).
+
+        Args:
+            p: Parameters, shape (np,) or (b, np).
+            given: Positions and velocities, each of shape (b, n), by the names of the arguments.
+        """
+        plant, n = self._plant, self._plant.model.n
+        q, v = (np.atleast_2d(vector(name, x, n)) for name, x in given.items())
+        of_q, of_v = given
+        for name, count in ((of_v, len(v)), ("parameters", len(p) if p.ndim == 2 else len(q))):
+            if count != len(q):
+                raise InvalidInput(f"{name}: {count} arms, but {of_q} has {len(q)}")
+        x = closed_rows(plant, np.concatenate([q, v], axis=1), p)
+        if stops := plant.model.stops:
+            inside = stops.within(x[:, :n])
+            for arm in np.flatnonzero((inside != x[:, :n]).any(axis=1)):
+                inside_stops(plant, x[arm, :n], f"arm {arm}: ")  # which refuses all but rounding
+            x[:, :n] = inside
+        if plant.nz:
+            z = [plant.initial(*np.split(row, 2)) for row in x]
+            x = np.concatenate([x, np.reshape(z, (len(x), -1))], axis=1)
+        return np.ascontiguousarray(x)  # columns of q and v may lie side by side
 
     def by_tick(self, name: str, values: Any, arms: int, steps: int) -> Array:
         """Check numbers for the joints, of every arm and tick or shared; shape (b, ticks, n)."""
@@ -175,25 +194,22 @@ class Rollouts:
         if array.shape not in ((n,), (arms, n), (arms, steps, n)):
             allowed = f"({n},), ({arms}, {n}) or ({arms}, {steps}, {n})"
             raise InvalidInput(f"{name} has shape {array.shape}; expected {allowed}")
-        if not np.isfinite(array).all():
+        if not all_finite(array):
             raise InvalidInput(f"{name} has values that are not finite; finite ones are expected")
         by_tick = array if array.ndim == 3 else np.atleast_2d(array)[:, None]
-        return np.broadcast_to(by_tick, (arms, max(1, steps), n))
+        return repeated(by_tick, (arms, max(1, steps), n))
 
     def _in_lanes(self, library: ctypes.CDLL, batch: Batch, first: int, last: int) -> list[int]:
         """Advance arms side by side; return those that would have met a stop."""
-        met = (ctypes.c_byte * len(batch.x0))()
-        length = np.array([self._choice.dt])
-        arm, tick = (ctypes.c_longlong(stride // 8) for stride in batch.tau.strides[:2])
-        row = ctypes.c_longlong(batch.p.strides[0] // 8)
+        met, length = marks(len(batch.x0)), np.array([self._choice.dt])
         library.rollout(
-            pointer(batch.x0), pointer(batch.tau), arm, tick, pointer(batch.p), row,
-            pointer(length), ctypes.c_longlong(batch.steps), ctypes.c_longlong(first),
-            ctypes.c_longlong(last), pointer(batch.out), ctypes.c_int(batch.out.ndim == 2),
-            ctypes.byref(met), *([] if batch.effort is None else [pointer(batch.effort)]),
+            address(batch.x0), address(batch.tau), *strides(batch.tau, 2),
+            address(batch.p), *strides(batch.p, 1), address(length), batch.steps, first, last,
+            address(batch.out), batch.out.ndim == 2, met,
+            *([] if batch.effort is None else [address(batch.effort)]),
             *([] if self._engine is None else [ctypes.byref(self._engine)]),
         )  # fmt: skip
-        return [arm for arm in range(first, last) if met[arm]]
+        return marked(met)
 
     def _one_by_one(self, batch: Batch, arms: Sequence[int]) -> None:
         if not arms:
@@ -232,7 +248,9 @@ class Rollouts:
         if width == 1 and (controlled or eventful):
             return None
         smooth = self._of_attempts if controlled else self._of_ticks
-        return built_of_lanes(self._of_events if eventful else smooth, width)
+        more = (self._control is not None) + eventful
+        types = [*BEGINNING, ADDRESS, ctypes.c_int, *[ADDRESS] * (1 + more)]
+        return built_of_lanes(self._of_events if eventful else smooth, width, "rollout", types)
 
     def _of_ticks(self, width: int) -> str:
         plant = self._smooth
@@ -283,15 +301,22 @@ def of_lanes(code: str, width: int) -> str:
     return f'#define LANES {width}\n#include "lanes.hpp"\n' + code
 
 
-def built_of_lanes(write: Callable[[int], str], width: int) -> ctypes.CDLL | None:
-    """Compiled code that ``write`` gives for ``width`` arms side by side; None if it cannot be."""
+def built_of_lanes(
+    write: Callable[[int], str], width: int, name: str, types: Sequence[type]
+) -> ctypes.CDLL | None:
+    """Compiled code that ``write`` gives for ``width`` arms side by side; None if it cannot be.
+
+    Its function ``name`` then takes arguments of those C types, plain integers among them.
+    """
     language = "c++" if width > 1 else "c"
     if not compiler.may_build(language):  # writing it takes long
         return None
     try:
-        return compiler.build(write(width), language).library
+        library = compiler.build(write(width), language).library
     except CompilerMissing:
         return None
+    getattr(library, name).argtypes = types  # library[name] is another object each time
+    return library
 
 
 def widths(lanes: int | None) -> tuple[int, ...]:
@@ -306,14 +331,34 @@ def widths(lanes: int | None) -> tuple[int, ...]:
         allowed = ", ".join(map(str, WIDTHS))
         raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
     if lanes is not None:
-        return tuple(dict.fromkeys((lanes, 1)))
-    return tuple(width for width in WIDTHS if width <= natural_width())
+        return (lanes, 1) if lanes > 1 else (1,)
+    return WIDTHS[WIDTHS.index(natural_width()) :]
 
 
 def natural_width() -> int:
     """Doubles in a vector register of the processor that code is compiled for."""
     present = compiler.instructions()
     return 8 if "avx512f" in present else 4 if "avx2" in present else 2
+
+
+def repeated(array: Array, shape: tuple[int, ...]) -> Array:
+    """The array in another shape, repeated by strides of zero."""
+    return array if array.shape == shape else np.broadcast_to(array, shape)
+
+
+def strides(array: Array, axes: int) -> list[int]:
+    """Numbers from one entry to the next along the first axes."""
+    return [stride // 8 for stride in array.strides[:axes]]
+
+
+def marks(arms: int) -> ctypes.Array[ctypes.c_char]:
+    """A mark for each arm, not set, to be set by compiled code."""
+    return (ctypes.c_char * arms)()
+
+
+def marked(met: ctypes.Array[ctypes.c_char]) -> list[int]:
+    """Arms whose marks are set."""
+    return list(compress(range(len(met)), met.raw))
 
 
 def share(arms: int, width: int, threads: int | None, work: Callable[[int, int], None]) -> None:
@@ -332,12 +377,11 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
         whole("threads", threads, 1)
     count = threads or len(os.sched_getaffinity(0))
     groups = -(-arms // width)
+    if count == 1 or groups <= 1:  # starting a thread takes longer than a short rollout
+        work(0, arms)
+        return
     edges = [min(arms, groups * i // count * width) for i in range(count + 1)]
     parts = [(a, b) for a, b in zip(edges, edges[1:], strict=False) if b > a]
-    if len(parts) <= 1:  # starting a thread takes longer than a short rollout
-        for part in parts:
-            work(*part)
-        return
     with ThreadPoolExecutor(len(parts)) as pool:
         for done in [pool.submit(work, *part) for part in parts]:
             done.result()

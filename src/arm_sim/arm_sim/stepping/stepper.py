@@ -318,9 +318,15 @@ def source(defines: dict[str, str], *files: str) -> str:
 
 def pointer(array: Array) -> ctypes.c_void_p:
     """Address of an array for a C function; it keeps the array alive."""
-    address = ctypes.c_void_p(array.__array_interface__["data"][0])
-    vars(address)["array"] = array
-    return address
+    found = ctypes.c_void_p(address(array))
+    vars(found)["array"] = array
+    return found
+
+
+def address(array: Array) -> int:
+    """Address of an array for a C function with ``argtypes``; the caller keeps the array."""
+    place: int = array.__array_interface__["data"][0]
+    return place
 
 
 def _eventful(plant: Plant) -> str:

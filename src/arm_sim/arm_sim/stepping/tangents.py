@@ -17,7 +17,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, all_finite
 from arm_dynamics.codegen.columns import column_function
 from arm_dynamics.codegen.kernel import generate, operations
 from arm_sim.integrators.selection import Choice
@@ -26,13 +26,19 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import Kept, Slopes
 from arm_sim.stepping.rollout import (
+    ADDRESS,
+    BEGINNING,
+    NUMBER,
     built_of_lanes,
+    marked,
+    marks,
     of_lanes,
     share,
     stop_defines,
+    strides,
     widths,
 )
-from arm_sim.stepping.stepper import pointer, sizes, source
+from arm_sim.stepping.stepper import address, pointer, sizes, source
 
 # Largest number of operations of a step with its derivative that is compiled, in some ten seconds:
 # an implicit method needs 520 000 for seven joints.
@@ -41,7 +47,7 @@ LONGEST = 600_000
 
 @dataclass(frozen=True)
 class Arms:
-    """Arms and columns to propagate, and the arrays that receive the results.
+    """Arms and columns to propagate.
 
     Data shared by arms or ticks are repeated by strides of zero.
 
@@ -52,7 +58,6 @@ class Arms:
         given: Columns of x at the beginning, shape (b, nx, k).
         pushed: Columns of the commands and, below them, of the quantities to differentiate by,
             shape (b, ticks, n + nt, k).
-        unit: Whether ``given`` above ``pushed`` is a unit matrix in the first tick.
     """
 
     x: Array
@@ -60,7 +65,6 @@ class Arms:
     p: Array
     given: Array
     pushed: Array
-    unit: bool = False
 
     @property
     def count(self) -> int:
@@ -72,35 +76,9 @@ class Arms:
         """Number of ticks."""
         return int(self.tau.shape[1])
 
-
-@dataclass(frozen=True)
-class Carried:
-    """Where arms and their columns are after ticks.
-
-    Attributes:
-        after: States at the end, shape (b, nx).
-        columns: Columns of the states, shape (b, ticks, nx, k), or (b, 1, nx, k) for the last
-            tick alone.
-    """
-
-    after: Array
-    columns: Array
-
-    @classmethod
-    def room(cls, arms: Arms, every: bool) -> Carried:
-        """Memory for all ticks of arms, or for the last ones."""
-        kept = (arms.ticks if every else 1, *arms.given.shape[1:])
-        return cls(np.empty(arms.x.shape), np.empty((arms.count, *kept)))
-
-    def by_tick(self, ticks: int) -> Array:
-        """The columns by tick; where only the last are kept, each tick overwrites those before."""
-        columns = self.columns
-        return repeated(columns, (len(columns), ticks, *columns.shape[2:]))
-
-
-def repeated(array: Array, shape: tuple[int, ...]) -> Array:
-    """The array in another shape, repeated by strides of zero."""
-    return array if array.shape == shape else np.broadcast_to(array, shape)
+    def room(self, every: bool) -> Array:
+        """Memory for the columns after every tick, shape (b, ticks, nx, k), or after the last."""
+        return np.empty((self.count, self.ticks if every else 1, *self.given.shape[1:]))
 
 
 class Tangents:
@@ -119,14 +97,18 @@ class Tangents:
     def __init__(
         self, plant: Plant, choice: Choice, backend: str, tuned: Sequence[int] = ()
     ) -> None:
-        self.plant, self._choice, self._backend = plant, choice, backend
+        self.plant, self._backend = plant, backend
         self._libraries: dict[int, ctypes.CDLL | None] = {}
         method, scaled, n = choice.method, plant.scaled_jacobian, plant.model.n
         self._advance, self._stretch = build_tangent(
             method, plant.rhs, Slopes(plant, tuned), n, plant.project, scaled, tuned
         )
         self._acting, self._limit = _limits(plant)
-        self._held = n + len(tuned)
+        self._held, self._length = n + len(tuned), np.array([choice.dt])
+        self._unit = np.eye(plant.nx + self._held)
+        # Columns of the state at the beginning, the same for all arms, and those of what is held
+        # below them, the same for all ticks too.
+        self._unit_places = address(self._unit), 0, address(self._unit[plant.nx :]), 0, 0
 
     def step(self, x: Array, u: Array, p: Array, h: float, columns: Array) -> tuple[Array, Array]:
         """Propagate columns through one step.
@@ -155,43 +137,79 @@ class Tangents:
         )  # fmt: skip
         return after, moved
 
-    def ticks(
-        self, arms: Arms, found: Carried, threads: int | None, lanes: int | None
-    ) -> list[int]:
-        """Propagate columns through ticks of many arms, on all cores.
+    def slopes(
+        self, x: Array, r: Array, p: Array, ticks: int, threads: int | None, lanes: int | None
+    ) -> tuple[Array, Array, list[int]]:
+        """Differentiate ticks of many arms under held commands, on all cores.
 
         Args:
-            arms: Where they begin.
-            found: Where results go.
+            x: Initial states, shape (b, nx).
+            r: Commands, shape (b, n).
+            p: Parameters of all arms, shape (np,).
+            ticks: Number of ticks.
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
 
         Returns:
-            Arms that may meet a stop; their results are invalid.
+            States at the end, shape (b, nx), their derivatives by the initial state, the command
+            and the quantities side by side, shape (b, nx, nx + n + nt), and the arms whose
+            results are invalid: those that may meet a stop or diverge.
         """
+        x, r = np.ascontiguousarray(x), np.ascontiguousarray(r)
+        (arms, nx), n, k = x.shape, r.shape[1], len(self._unit)
+        after, slopes = np.empty((arms, nx)), np.empty((arms, nx, k))
+        of_arms = address(x), address(r), n, 0, address(p), 0
+        of_columns = *self._unit_places, 1, k, address(after), address(slopes), nx * k, 0
+        return after, slopes, self._side_by_side(of_arms, of_columns, after, ticks, threads, lanes)
+
+    def columns(
+        self, arms: Arms, every: bool, threads: int | None, lanes: int | None
+    ) -> tuple[Array, list[int]]:
+        """Propagate columns through ticks of many arms, on all cores.
+
+        Args:
+            arms: Where they begin, and the columns.
+            every: Whether to return the columns after every tick, not only after the last.
+            threads: Cores to use; None for all.
+            lanes: Arms in a vector register; None for the widest there is.
+
+        Returns:
+            Columns of the states, shape (b, ticks, nx, k) or (b, 1, nx, k), and the arms whose
+            results are invalid, as of ``slopes``.
+        """
+        x, tau, p, given, pushed = arms.x, arms.tau, arms.p, arms.given, arms.pushed
+        after, columns = np.empty(x.shape), arms.room(every)
+        by_arm, by_tick = strides(columns, 2)
+        of_arms = address(x), address(tau), *strides(tau, 2), address(p), *strides(p, 1)
+        of_columns = (
+            address(given), *strides(given, 1), address(pushed), *strides(pushed, 2), 0,
+            given.shape[-1], address(after), address(columns), by_arm, by_tick if every else 0,
+        )  # fmt: skip
+        return columns, self._side_by_side(of_arms, of_columns, after, arms.ticks, threads, lanes)
+
+    def _side_by_side(
+        self, of_arms: tuple[int, ...], of_columns: tuple[int, ...], after: Array, ticks: int,
+        threads: int | None, lanes: int | None,
+    ) -> list[int]:  # fmt: skip
+        """Call ``carry_ticks`` of native/tangents.c; return the arms whose results are invalid."""
         built = ((self.library(width), width) for width in widths(lanes))
         library, width = next(pair for pair in built if pair[0] is not None)
-        met, length = (ctypes.c_byte * arms.count)(), np.array([self._choice.dt])
-        columns = found.by_tick(arms.ticks)
+        met, length = marks(len(after)), address(self._length)
 
         def work(first: int, last: int) -> None:
             library.carry_ticks(  # type: ignore[union-attr]
-                pointer(arms.x), pointer(arms.tau), *_strides(arms.tau, 2),
-                pointer(arms.p), *_strides(arms.p, 1), pointer(length),
-                *map(ctypes.c_longlong, (arms.ticks, first, last)),
-                pointer(arms.given), *_strides(arms.given, 1),
-                pointer(arms.pushed), *_strides(arms.pushed, 2),
-                ctypes.c_int(arms.unit), ctypes.c_longlong(arms.given.shape[-1]),
-                pointer(found.after),
-                pointer(columns), *_strides(columns, 2), ctypes.byref(met),
-            )  # fmt: skip
+                *of_arms, length, ticks, first, last, *of_columns, met
+            )
 
-        share(arms.count, width, threads, work)
-        return [arm for arm in range(arms.count) if met[arm]]
+        share(len(after), width, threads, work)
+        if all_finite(after):
+            return marked(met)
+        lost = np.flatnonzero(~np.isfinite(after).all(axis=1))
+        return sorted({*marked(met), *lost.tolist()})
 
     @cached_property
     def native(self) -> bool:
-        """Whether there is compiled code, which ``ticks`` needs."""
+        """Whether there is compiled code, which ``slopes`` and ``columns`` need."""
         return self.library(1) is not None
 
     def library(self, lanes: int) -> ctypes.CDLL | None:
@@ -203,7 +221,11 @@ class Tangents:
     def _built(self, lanes: int) -> ctypes.CDLL | None:
         if self._backend == "vm" or operations(self._advance) > LONGEST:
             return None
-        return built_of_lanes(self._source, lanes)
+        types = [
+            *BEGINNING, ADDRESS, NUMBER, ADDRESS, NUMBER, NUMBER, ctypes.c_int, NUMBER, ADDRESS,
+            ADDRESS, NUMBER, NUMBER, ADDRESS,
+        ]  # fmt: skip
+        return built_of_lanes(self._source, lanes, "carry_ticks", types)
 
     @cached_property
     def _carry(self) -> ca.Function:
@@ -251,11 +273,6 @@ class Tangents:
             + text
             + source({}, *parts, "arms.c", "tangents.c")
         )
-
-
-def _strides(array: Array, axes: int) -> list[ctypes.c_longlong]:
-    """Numbers from one entry to the next along the first axes."""
-    return [ctypes.c_longlong(stride // 8) for stride in array.strides[:axes]]
 
 
 def _limits(plant: Plant) -> tuple[ca.Function, ca.Function]:
