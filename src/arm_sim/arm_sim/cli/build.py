@@ -12,6 +12,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from arm_dynamics.codegen.processor import NATIVE, TARGETS
 from arm_sim.cli.completion import SCENE
@@ -66,6 +67,9 @@ def build(
     compiled code; ARM_CACHE may list several folders, separated by colons. Each SCENE is
     the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
     """
+    of_axes = click.get_current_context().get_parameter_source("task_axes")
+    if not task_frame and of_axes is not ParameterSource.DEFAULT:
+        raise click.UsageError("--task-axes is allowed with --task-frame only")
     from arm_dynamics.codegen.compiled_scenes import make_folder
     from arm_sim import Simulator
 
