@@ -24,11 +24,11 @@ LIMITED = {
 }
 
 
-def told(coefficients, shape):
+def told(coefficients, shape, refused=0.0):
     """The notes, and the friction of the shoulder in a scene that can be simulated."""
     model = ArmModel(load_scene("two_link"))
     values, notes = {VISCOUS: 0.1, COULOMB: 1.0, **coefficients}, []
-    laws = [JointFit(tuple(values), shape, values), None]
+    laws = [JointFit(tuple(values), shape, values, refused), None]
     nominal = RigidRegressor(model).nominal
     found = scene_with(model, nominal, np.full(model.n, np.nan), laws, notes)
     return notes, ArmModel(found).scene.joints["shoulder"].friction
@@ -46,3 +46,14 @@ def test_growth_that_a_scene_allows_stays_as_it_is():
     notes, friction = told({COULOMB_SKEW: 0.2}, Shape(None, 0.9, 4.0))
     assert not notes
     assert friction.load.factor[0] == pytest.approx(0.1, rel=1e-12)
+
+
+def test_growth_that_was_left_out_is_told():
+    notes, friction = told({}, Shape(), refused=0.45)
+    assert notes == [
+        "'shoulder': friction seems to grow by up to 0.45 of the load that causes it; at most 0.3 "
+        "is identified, so its growth is left out"
+    ]
+    assert friction.load is None
+    notes, friction = told({}, Shape(None, 0.5, 4.0), refused=0.45)
+    assert not notes and friction.load is not None

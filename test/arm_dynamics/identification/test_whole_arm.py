@@ -176,6 +176,21 @@ def test_growth_of_friction_that_no_scene_allows_is_limited_and_told():
     assert ArmModel(result.scene).scene.joints["shoulder"].friction.load is not None
 
 
+@pytest.mark.parametrize("growth", [0.32, 0.6])
+def test_growth_of_friction_that_is_not_identified_is_told(growth):
+    model, regressor, theta, numbers = truth("two_link")
+    t, q, v, a = motion(2)
+    numbers["shoulder"]["coulomb"] = 0.0
+    tau = without = torque(regressor, theta, numbers, q, v, a)
+    for _ in range(100):  # the friction is part of the load
+        tau = without + (0.3 + growth * abs(tau)) * np.sign(v) * [1.0, 0.0]
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau, v, a))
+    told = [note for note in result.notes if "grow" in note]
+    assert len(told) == 1 and told[0].startswith("'shoulder': friction seems to grow by up to 0.")
+    friction = ArmModel(result.scene).scene.joints
+    assert friction["shoulder"].friction.load is None
+
+
 def test_a_joint_at_rest_keeps_the_values_of_the_scene():
     model, regressor, theta, numbers = truth("two_link")
     t, q, v, a = motion(2, duration=20.0)

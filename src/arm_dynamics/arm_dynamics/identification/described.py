@@ -22,6 +22,7 @@ from arm_dynamics.identification.regression.friction_columns import (
     Shape,
 )
 from arm_dynamics.identification.regression.regressor import EACH, TINY
+from arm_dynamics.identification.regression.selection import STEEPEST as IDENTIFIED
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.friction import STEEPEST, largest_slope
 from arm_dynamics.scene.schema import Scene, validated
@@ -177,6 +178,11 @@ def _friction(
         found["stribeck_velocity"] = fit.shape.stribeck_velocity
     if fit.shape.load is not None and coulomb > 0.0:
         found["load"] = _growth(name, fit.shape, highest, notes)
+    elif fit.refused and fit.shape.load is None:
+        notes.append(
+            f"'{name}': friction seems to grow by up to {fit.refused:.3g} of the load that causes "
+            f"it; at most {IDENTIFIED} is identified, so its growth is left out"
+        )
     if "lugre" in said:
         found["lugre"] = said["lugre"]
     return found

@@ -272,14 +272,16 @@ def _without_impossible(fit: JointFit, fastest: float) -> JointFit:
             kinds.remove(skew)
     if COULOMB not in kinds and EXCESS in kinds:
         kinds.remove(EXCESS)
-    shape = fit.shape
+    shape, refused = fit.shape, fit.refused
     if EXCESS not in kinds:
         shape = replace(shape, stribeck_velocity=None)
     if shape.load is not None:
         growth = c.get(COULOMB, 0.0) * shape.steepness
         if COULOMB not in kinds or shape.load <= 0.01 or growth > STEEPEST:
             shape = replace(shape, load=None)
-    return replace(fit, kinds=tuple(kinds), shape=shape)
+        if growth > STEEPEST:
+            refused = growth
+    return replace(fit, kinds=tuple(kinds), shape=shape, refused=refused)
 
 
 def _possible(

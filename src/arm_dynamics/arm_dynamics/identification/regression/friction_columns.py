@@ -85,11 +85,14 @@ class JointFit:
         kinds: Coefficients of ``LINEAR`` that are estimated.
         shape: Its nonlinear parameters.
         coefficients: Values by kind.
+        refused: Growth with the load that was left out because it is too steep, relative to the
+            load; 0 if none was.
     """
 
     kinds: tuple[str, ...]
     shape: Shape = Shape()
     coefficients: dict[str, float] = field(default_factory=dict)
+    refused: float = 0.0
 
     def torque(self, v: Array, load: Array) -> Array:
         """The friction, shape (k,)."""

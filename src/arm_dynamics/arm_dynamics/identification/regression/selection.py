@@ -131,6 +131,7 @@ class Choice:
             {self._starts[j] + i for i, c in enumerate(offer) if c.kind in (VISCOUS, COULOMB)}
             for j, offer in enumerate(self.offered)
         ]
+        self._refused = [0.0] * rows.n  # growth that would predict better, but is too steep
 
     def _products(self, fold: int) -> Array:
         """Products of columns and effort of each joint over one fold, (n, size + 1, size + 1)."""
@@ -160,7 +161,8 @@ class Choice:
         for j, chosen in enumerate(self.chosen):
             places = sorted(chosen)
             own = [self.offered[j][place - self._starts[j]] for place in places]
-            found.append(fit_of(own, x[places].tolist()))
+            fit = fit_of(own, x[places].tolist())
+            found.append(replace(fit, refused=self._refused[j]))
         return found
 
     def _precision(self) -> Array:
@@ -197,43 +199,51 @@ class Choice:
         x[places] = scale * np.linalg.solve(small, scale * g)
         return x
 
-    def _scores(self, j: int, weights: Array, precision: Array) -> tuple[Array, bool]:
+    def _scores(self, j: int, weights: Array, precision: Array) -> tuple[Array, bool, float]:
         """Weighted errors of each fold predicted from the others, and whether laws are possible.
 
-        Friction must not fall under load, nor below zero towards rest.
+        Friction must not fall under load, nor below zero towards rest, nor grow too steeply; also
+        its steepest growth is returned.
         """
-        places, found, possible = self._all(), [], True
+        places, found, possible, growth = self._all(), [], True, 0.0
         for sums in self._sums:
             x = self._solve(self._total - sums, weights, precision, places)
             errors = [w * _error(s, x) for w, s in zip(weights, sums, strict=True)]
             found.append(sum(errors))
-            possible &= self._possible(j, x)
-        return np.array(found), possible
+            allowed, grows = self._possible(j, x)
+            possible, growth = possible and allowed, max(growth, grows)
+        return np.array(found), possible and growth <= STEEPEST, growth
 
-    def _possible(self, j: int, x: Array) -> bool:
+    def _possible(self, j: int, x: Array) -> tuple[bool, float]:
+        """Whether friction is nowhere negative, and its growth with the load."""
         own = {(c := self.offered[j][p - self._starts[j]]).kind: (x[p], c) for p in self.chosen[j]}
         grows, heaviest = 0.0, 1.0
         if LOADED in own:
             grows, heaviest = own[LOADED][0], own[LOADED][1].shape.heaviest
         level = own[COULOMB][0] + grows
         excess = own[EXCESS][0] if EXCESS in own else 0.0
-        return bool(0.0 <= grows <= STEEPEST * heaviest and excess >= -STEEP * max(level, 0.0))
+        return bool(grows >= 0.0 and excess >= -STEEP * max(level, 0.0)), float(grows / heaviest)
 
     def _extend(self, j: int, weights: Array, precision: Array) -> None:
         """Add laws to a joint one by one as long as they reduce the prediction error."""
-        best, _ = self._scores(j, weights, precision)
+        best, *_ = self._scores(j, weights, precision)
         # The other joints add the same errors, so the gain is measured against this joint's.
         counts = self._use[:, j].sum() * self._rows.independent
         while True:
             taken = {self.offered[j][p - self._starts[j]].kind for p in self.chosen[j]}
             found: tuple[float, int, Array] | None = None
+            self._refused[j] = 0.0
             for place in range(self._starts[j], self._starts[j + 1]):
-                if self.offered[j][place - self._starts[j]].kind in taken:
+                kind = self.offered[j][place - self._starts[j]].kind
+                if kind in taken:
                     continue
                 self.chosen[j].add(place)
-                scores, possible = self._scores(j, weights, precision)
+                scores, possible, growth = self._scores(j, weights, precision)
                 self.chosen[j].remove(place)
+                worth = best.sum() - scores.sum() > WORTH * counts
                 better = np.count_nonzero(scores < best) >= FOLDS - 1
+                if kind == LOADED and growth > STEEPEST and better and worth:
+                    self._refused[j] = growth
                 if possible and better and (found is None or scores.sum() < found[0]):
                     found = float(scores.sum()), place, scores
             if found is None or not best.sum() - found[0] > WORTH * counts:
