@@ -85,6 +85,16 @@ def test_energy_account_balances(ros: Ros) -> None:
     assert abs(last.balance) < 1e-6 * last.input
 
 
+def test_energies_begin_again_after_a_reset(ros: Ros) -> None:
+    node = by_hand(ros, energy_period=0.01)
+    heard = ros.listen(Energy, "/sim/energy")
+    for count in 1, 2:
+        ticks(node, 10)
+        ros.spin_until(lambda count=count: len(heard) == count)
+        node.engine.reset()
+    assert heard[0].total == heard[1].total
+
+
 def test_energy_is_not_computed_without_subscribers(node: SimNode) -> None:
     ticks(node, 50)
     assert node.engine.account() is None

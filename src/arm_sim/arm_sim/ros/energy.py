@@ -14,6 +14,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import Topic
+from arm_sim.recording.energy_meter import Account
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -61,14 +62,14 @@ class EnergyTopic:
 
     def after_tick(self) -> None:
         """Open or close the account as required, and publish it; in the ticking thread."""
-        heard = self.heard
-        self._engine.keep_account(heard or self._wanted())
-        if heard:
-            self._publish()
+        heard, engine = self.heard, self._engine
+        engine.keep_account(heard or self._wanted())
+        if heard and (account := engine.account()) is not None:
+            self._publish(account)
 
     def watch(self, node: Node, period: float) -> None:
         """Publish every ``period`` in [s], in another thread than the ticking one."""
-        self._timer = steady_timer(node, period, self._publish)
+        self._timer = steady_timer(node, period, self._publish_new)
         self._timer.cancel()
 
     def look(self) -> None:
@@ -83,12 +84,14 @@ class EnergyTopic:
         elif self._timer.is_canceled():
             self._timer.reset()
 
-    def _publish(self) -> None:
-        """Publish the account of the ticks so far, unless that has been done."""
+    def _publish_new(self) -> None:
+        """Publish the account unless time stands still."""
         account = self._engine.account()
-        if account is None or account.step == self._told:
-            return
+        if account is not None and account.step != self._told:
+            self._told = account.step
+            self._publish(account)
+
+    def _publish(self, account: Account) -> None:
         energies = account._asdict()
-        self._told = energies.pop("step")
-        stamp = self._stamp(self._engine.time_of(self._told))
+        stamp = self._stamp(self._engine.time_of(energies.pop("step")))
         self._send(ENERGY, self._publisher, Energy(**energies), stamp)
