@@ -204,16 +204,17 @@ class EnergyAccount:
 
     def _made_again(self, x: Array, u: Array, p: Array) -> Array:
         """The energies of ``FLOWS``, and losses in impacts, of each tick, shape (k, 6)."""
-        stepper, many = self._ledger, len(FLOWS)
+        stepper, many, nx = self._ledger, len(FLOWS), x.shape[1]
         flows = np.full((len(u), many + 1), np.nan)
-        trace, effort = np.empty((1, x.shape[1] + many)), np.empty((1, u.shape[1]))
+        state, command = np.empty(nx + many), np.empty(u.shape[1])
+        trace, effort = np.empty((1, nx + many)), np.empty((1, u.shape[1]))
+        tick = stepper.bound(state, command, trace, effort, np.empty((1, 2)))
         stepper.restart()
         for k in range(len(u)):
-            stepper.p[:] = p[k]
+            state[:nx], state[nx:], command[:], stepper.p[:] = x[k], 0.0, u[k], p[k]
             before = stepper.report.impact_loss
-            start = np.concatenate([x[k], np.zeros(many)])
-            if stepper.roll(start, u[k].copy(), trace, effort, np.empty((1, 2))) == 1:
-                flows[k] = [*trace[0, -many:], stepper.report.impact_loss - before]
+            if tick() == 1:
+                flows[k] = [*trace[0, nx:], stepper.report.impact_loss - before]
         return flows
 
     @cached_property
