@@ -206,7 +206,7 @@ def test_orders_and_commands_in_any_sequence(
     if heard:
         ros.listen(Energy, "sim/energy")
         outputs = [sim.node._outputs for sim in (fast, slow)]
-        ros.spin_until(lambda: all(each.seldom == outputs[0]._energy.every for each in outputs))
+        ros.spin_until(lambda: all(each.seldom == outputs[0].energy.every for each in outputs))
     for _ in range(200 * fuzz):
         stamp = fast.node.engine.stamp
         messages = [command(rng, stamp) for _ in range(rng.integers(1, PATIENCE))]

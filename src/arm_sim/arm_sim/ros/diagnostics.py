@@ -106,7 +106,7 @@ class SimDiagnostics:
         state, stops = engine.queue.run(
             lambda: (engine.simulator.state, engine.simulator.stop_torque)
         )
-        account = engine.account()
+        account = self.outputs.energy.account()
         found.values = {
             "time [s]": state.time, "stamps": self.outputs.stamps.name, "tf": self.display.frames,
             "paused": engine.paused, "diverged": bool(engine.failure),

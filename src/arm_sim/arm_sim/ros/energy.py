@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
+from threading import Event, Thread
 from typing import Any
 
 from arm_msgs.msg import Energy
@@ -12,18 +12,19 @@ from rclpy.node import Node
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.direct import advertise
-from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import Topic
 from arm_sim.recording.energy_meter import Account
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.ros.tick_engine import TickEngine
+
+_UNHEARD = 1.0  # [s] between evaluations that only diagnostics read
 
 
 class EnergyTopic:
     """Keeps the energy account of an engine while it has readers, and publishes it.
 
     Ticks triggered by a caller or a partner publish it themselves, so that each message belongs to
-    a tick known in advance. Ticks by the clock do not wait for it: a timer of the node evaluates
+    a tick known in advance. Ticks by the clock do not wait for it: a thread of its own evaluates
     and publishes it, see ``watch``.
 
     Attributes:
@@ -49,8 +50,11 @@ class EnergyTopic:
             stamp: Returns the stamp for a simulated time, both in [ns].
             send: Called with the topic, its publisher, a message, and its stamp in [ns].
         """
-        self._engine, self._wanted = engine, wanted
-        self._stamp, self._send, self._told = stamp, send, -1
+        self._engine, self._wanted, self._context = engine, wanted, node.context
+        self._stamp, self._send = stamp, send
+        self._thread: Thread | None = None
+        self._opened, self._ended = Event(), Event()
+        self._latest: Account | None = None
         self.every = max(1, round(period / engine.simulator.dt))
         self._publisher = advertise(node, ENERGY)
         engine.simulator.energy_account.prepare()
@@ -67,29 +71,51 @@ class EnergyTopic:
         if heard and (account := engine.account()) is not None:
             self._publish(account)
 
-    def watch(self, node: Node, period: float) -> None:
-        """Publish every ``period`` in [s], in another thread than the ticking one."""
-        self._timer = steady_timer(node, period, self._publish_new)
-        self._timer.cancel()
+    def account(self) -> Account | None:
+        """The account, by the clock as evaluated last; None while it is closed."""
+        if self._thread is None:
+            return self._engine.account()
+        return self._latest if self._engine.accounted else None
+
+    def watch(self, period: float) -> None:
+        """Evaluate and publish every ``period`` in [s] in a thread of its own, see ``look``."""
+        self._thread = Thread(target=self._run, args=(period,), name="energy", daemon=True)
+        self._thread.start()
 
     def look(self) -> None:
-        """Open or close the account as required; in the thread that publishes it."""
-        heard, engine = self.heard, self._engine
-        wanted = heard or self._wanted()
-        if wanted != engine.accounted:
-            with suppress(InvalidInput):  # no tick has ended for long; it will look again
-                engine.queue.run(lambda: engine.keep_account(wanted))
-        if not heard:
-            self._timer.cancel()
-        elif self._timer.is_canceled():
-            self._timer.reset()
+        """Open or close the account as required; not for the ticking thread."""
+        wanted, engine = self.heard or self._wanted(), self._engine
+        if wanted == engine.accounted:
+            return
+        try:
+            engine.queue.run(lambda: engine.keep_account(wanted))
+        except InvalidInput:  # no tick has ended for long; it will look again
+            return
+        if wanted:
+            self._opened.set()
+        else:
+            self._opened.clear()
 
-    def _publish_new(self) -> None:
-        """Publish the account unless time stands still."""
-        account = self._engine.account()
-        if account is not None and account.step != self._told:
-            self._told = account.step
-            self._publish(account)
+    def close(self) -> None:
+        """End the thread."""
+        if self._thread is not None:
+            self._ended.set()
+            self._opened.set()
+            self._thread.join()
+
+    def _run(self, period: float) -> None:
+        told = -1
+        while self._opened.wait() and not self._ended.is_set():
+            heard, account = self.heard, self._engine.account()
+            self._latest = account
+            if heard and account is not None and account.step != told:
+                told = account.step
+                try:
+                    self._publish(account)
+                except Exception:
+                    if self._context.ok():  # otherwise ROS has been shut down meanwhile
+                        raise
+            self._ended.wait(period if heard else _UNHEARD)
 
     def _publish(self, account: Account) -> None:
         energies = account._asdict()

@@ -36,12 +36,13 @@ _NEVER = 1 << 62
 class Outputs:
     """Joint states, the exact ones as well if the scene has sensors, and other requested topics.
 
-    Used by the ticking thread only, except for the timers of ticks by the clock.
+    Used by the ticking thread only; with ticks by the clock, a timer looks for readers.
 
     Attributes:
         said: Positions, velocities and efforts of joint states, each shape (n,).
         states: Publishes joint states.
         every: Ticks between joint states.
+        energy: Keeps and publishes the energy account.
         drives: Computes the efforts of joint states, or None where they are the commands.
         plain: Whether a tick publishes only joint states.
         stamps: Source of stamps.
@@ -94,9 +95,9 @@ class Outputs:
         self.clock = SimClock(node) if params.publish_clock else None
         self._by_the_clock, self._seldom = params.tick_source == CLOCK, 0
         period, stamp = params.energy_period, stamps.near if self._by_the_clock else stamps.at
-        self._energy = EnergyTopic(node, engine, period, account_wanted, stamp, self._publish)
+        self.energy = EnergyTopic(node, engine, period, account_wanted, stamp, self._publish)
         if self._by_the_clock:
-            self._energy.watch(node, period / (params.realtime_factor or 1.0))
+            self.energy.watch(period / (params.realtime_factor or 1.0))
             steady_timer(node, _GLANCE, self._look)
         self.tap: Callable[[Topic, int, bytes], None] | None = None
         self._idle = 0.0
@@ -108,8 +109,8 @@ class Outputs:
     @property
     def seldom(self) -> int:
         """Number of ticks between those after which other topics than joint states are due."""
-        every = self._energy.every
-        if self._heeds_multipliers or (self._energy.heard and not self._by_the_clock):
+        every = self.energy.every
+        if self._heeds_multipliers or (self.energy.heard and not self._by_the_clock):
             return every
         if self._by_the_clock:
             return _NEVER
@@ -123,7 +124,7 @@ class Outputs:
     def _look(self) -> None:
         """Prepare for readers and clocks that came or went; not in the ticking thread."""
         self.stamps.see()
-        self._energy.look()
+        self.energy.look()
         if self.seldom != self._seldom:
             self._seldom = self.seldom
             self._engine.queue.ring()
@@ -165,9 +166,9 @@ class Outputs:
         step = self._simulator.step_count
         if step % self.every == 0:
             self.publish()
-        if step % self._energy.every == 0:
+        if step % self.energy.every == 0:
             if not self._by_the_clock:
-                self._energy.after_tick()
+                self.energy.after_tick()
             if self._heeds_multipliers:
                 self._publish_multipliers()
 

@@ -170,6 +170,7 @@ class SimNode(Node):
         """Stop ticking, log the timing, and destroy the node."""
         self.loop.stop()
         self.engine.queue.served = False
+        self._outputs.energy.close()
         self.inputs.close()
         self.standard.close()
         if self._background is not None:
