@@ -60,7 +60,9 @@ def test_vectors_and_batches_become_float(value: object) -> None:
     "value", [[1.0], [1.0, 2.0, 3.0], 1.0, [[[1.0, 2.0]]], np.zeros((0, 2)), np.zeros((2, 3))]
 )
 def test_other_shapes_are_refused(value: object) -> None:
-    with pytest.raises(InvalidInput, match=r"^q has shape .*; \(2,\) or \(k, 2\) with k ≥ 1 is expected$"):
+    with pytest.raises(
+        InvalidInput, match=r"^q has shape .*; \(2,\) or \(k, 2\)( with k .* 1)? is expected$"
+    ):
         vector("q", value, 2)
 
 
