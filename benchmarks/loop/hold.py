@@ -35,6 +35,7 @@ from benchmarks.loop.trees import RECORDED, ROOT, measure, shown, surroundings
 from benchmarks.record.overhead import SCENE
 from benchmarks.reporting.markdown import table
 
+BUSY = str(Path(__file__).with_name("busy.py"))
 FAST = 250_000  # [ns], the period at 4 kHz
 CALLS = 200.0  # a second
 WORSE = 1.1  # times what holds without work beside it
@@ -70,7 +71,7 @@ def main(
         folder = Path(name)
         stage = {
             "ordinary": lambda: ordinary(seconds, older, folder, records),
-            "busy": lambda: busy(seconds, folder, records),
+            "busy": lambda: busy(seconds, older, folder, records),
             "fast": lambda: fast(seconds, folder, records),
             "services": lambda: services(folder, records),
             "lockstep": lambda: lockstep(ticks, older, folder, records),
@@ -93,25 +94,26 @@ def ordinary(seconds: float, older: str, folder: Path, records: dict[str, Any]) 
         seconds, [str(ROOT), older], folder / "ordinary"
     )
     click.echo(shown([new, old, bare]) + "\n")
-    return [
-        ("1 kHz: share of the sim, of the older one's", 0.55, new["share"] / old["share"]),
-        ("1 kHz: share of the controller, of the older one's", 0.4,
-         new["controller"] / old["controller"]),
-        *kept("1 kHz", new, bare, 1.3, 1.5),
-        ("1 kHz: round trip p50, of the older one's", 0.85, new["trip"] / old["trip"]),
-    ]  # fmt: skip
+    return [*shares("1 kHz", new, old, 1.0), *kept("1 kHz", new, bare, 1.3, 1.5)]
 
 
-def busy(seconds: float, folder: Path, records: dict[str, Any]) -> list[Line]:
-    """A loop whose sim answers calls, builds kernels, records, and is watched."""
-    answered: list[float] = []
-    new, bare = records["busy"] = measure(
-        seconds, [str(ROOT) + RECORDED], folder / "busy", module="benchmarks.loop.busy",
-        beside=lambda leader: _bothered(leader.context.get_domain_id(), answered),
-    )  # fmt: skip
-    click.echo(shown([new, bare]))
-    click.echo(f"\n{len(answered) / (answered[-1] - answered[0]):.0f} calls per second\n")
-    lines = kept("1 kHz, busy", new, bare, 1.3 * WORSE, 1.5 * WORSE)
+def busy(seconds: float, older: str, folder: Path, records: dict[str, Any]) -> list[Line]:
+    """Loops whose sims answer calls, build kernels, record, and are watched, one after another.
+
+    Two of them at once would keep both processors busy. The older tree does not record.
+    """
+    records["busy"] = measured = []
+    for place, tree in (("busy", f"{ROOT}{RECORDED}"), ("busy-older", older)):
+        answered: list[float] = []
+        measured += measure(
+            seconds, [tree], folder / place, program=(BUSY,),
+            beside=lambda leader, to=answered: _bothered(leader.context.get_domain_id(), to),
+        )  # fmt: skip
+        click.echo(f"{tree}: {len(answered) / (answered[-1] - answered[0]):.0f} calls a second")
+    click.echo("\n" + shown(measured) + "\n")
+    new, bare, old, _ = measured
+    lines = shares("1 kHz, busy", new, old, WORSE)
+    lines += kept("1 kHz, busy", new, bare, 1.3 * WORSE, 1.5 * WORSE)
     if "ordinary" in records:
         calm = records["ordinary"][0]
         for key, text in (("thread", "the sim's loop thread"), ("controller", "the controller"),
@@ -168,6 +170,17 @@ def fast(seconds: float, folder: Path, records: dict[str, Any]) -> list[Line]:
         kept("4 kHz", new, bare, 2.0, np.inf)[0],
         ("4 kHz: whether misses went untold", 0.0, untold),
     ]
+
+
+def shares(name: str, new: Any, old: Any, worse: float) -> list[Line]:
+    """Processor time and round trips, of those of an older tree."""
+    return [
+        (f"{name}: share of the sim, of the older one's", 0.55 * worse,
+         new["share"] / old["share"]),
+        (f"{name}: share of the controller, of the older one's", 0.4 * worse,
+         new["controller"] / old["controller"]),
+        (f"{name}: round trip p50, of the older one's", 0.85 * worse, new["trip"] / old["trip"]),
+    ]  # fmt: skip
 
 
 def kept(name: str, new: Any, bare: Any, misses: float, late: float) -> list[Line]:

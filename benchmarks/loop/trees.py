@@ -33,6 +33,7 @@ from benchmarks.record.overhead import WARM, lead, leader_node
 from benchmarks.reporting.markdown import table
 
 ROOT = Path(__file__).parents[2]
+SUITE = ("-m", "arm_sim.cli")
 RECORDED = ":record"  # at the end of a tree's name
 PATIENCE = 20.0  # [s] for a process to end
 HEARD = 2.0  # [s] between looks at what diagnostics came
@@ -56,7 +57,7 @@ def measure(
     trees: Sequence[str],
     folder: Path,
     *more: str,
-    module: str = "arm_sim.cli",
+    program: Sequence[str] = SUITE,
     period: int = PERIOD,
     beside: Callable[[Node], AbstractContextManager[None]] = lambda leader: nullcontext(),
 ) -> list[Record]:
@@ -67,7 +68,7 @@ def measure(
         trees: Folders.
         folder: For logs.
         more: Arguments of the sims.
-        module: Python module that runs the sims.
+        program: What runs the sims: arguments of Python.
         period: Time between deadlines in [ns].
         beside: What else goes on in a loop's domain, which is that of a node.
 
@@ -79,7 +80,7 @@ def measure(
         for number, tree in enumerate(trees):
             leader = stack.enter_context(leader_node())
             domain, place = leader.context.get_domain_id(), folder / str(number)
-            running = closed_loop(tree, domain, place, *more, module=module)
+            running = closed_loop(tree, domain, place, *more, program=program)
             loops.append((leader, stack.enter_context(running)))
             watchers.append(stack.enter_context(closing(Watcher(domain, tracking=False))))
             stack.enter_context(beside(leader))
@@ -160,12 +161,12 @@ def surroundings(tree: str, domain: int) -> dict[str, str]:
         first += map(str, built.glob("lib/python*/site-packages"))
         made["LD_LIBRARY_PATH"] = f"{built}/lib:{made.get('LD_LIBRARY_PATH', '')}"
         made["AMENT_PREFIX_PATH"] = f"{built}:{made.get('AMENT_PREFIX_PATH', '')}"
-    return made | {"PYTHONPATH": ":".join([*first, *others, path])}
+    return made | {"PYTHONPATH": ":".join([*first, path, *others])}
 
 
 @contextmanager
 def closed_loop(
-    tree: str, domain: int, folder: Path, *more: str, module: str = "arm_sim.cli"
+    tree: str, domain: int, folder: Path, *more: str, program: Sequence[str] = SUITE
 ) -> Iterator[list[int]]:
     """Sim and controller of a tree in a domain; their process ids."""
     folder.mkdir(parents=True)
@@ -176,11 +177,11 @@ def closed_loop(
     scene = f"{tree.removesuffix(RECORDED)}/src/arm_sim/arm_sim/scenes/panda.yaml"
     started = []
     try:
-        for place, command in (
-            (module, ["sim", scene, *wanted]),
-            ("arm_sim.cli", ["controller", scene]),
+        for runs, command in (
+            (program, ["sim", scene, *wanted]),
+            (SUITE, ["controller", scene]),
         ):
-            words = [sys.executable, "-P", "-m", place, *command[:2], "--with-parent"]
+            words = [sys.executable, "-P", *runs, *command[:2], "--with-parent"]
             with (folder / f"{command[0]}.log").open("w") as log:
                 started.append(
                     subprocess.Popen(

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import os
+import time
 from typing import Any
 
 import numpy as np
 import pytest
+from arm_msgs.msg import TrackingState
 from controller_pair import MS, side_by_side
 from goal_client import SUCCEEDED, Client, Result, goal, tolerance
 from harness import Ros
@@ -83,10 +85,36 @@ def test_every_controller_is_answered_in_c(
         pair.led(40, rng)
         while pair.slow.busy or pair.fast.busy:  # another controller is built ahead
             pair.led(1, rng)
+            time.sleep(0.02)  # leaves the interpreter to the builders
         pair.change(bandwidth=[12.0])  # controllers with memory fade in
         pair.led(240, rng)
         assert pair.in_c > 80
         assert not pair.fast.answers.obstacle
+
+
+@pytest.mark.parametrize("period", [0.0, 0.005])
+def test_the_tracking_state_is_that_of_python(
+    ros: Ros, rng: np.random.Generator, period: float
+) -> None:
+    every = max(MS, round(1e9 * period))
+    with side_by_side(ros, BENT, state_period=period) as pair:
+        heard = ros.listen(TrackingState, "/controller/state", 1000)
+        ros.spin_until(lambda: ros.peer.count_publishers("/controller/state") == 2)
+        pair.led(20, rng)
+        pair.go((0.05, 0.02), (0.09, -0.01))
+        pair.led(100, rng)
+        ros.spin_until(lambda: len(heard) >= 2 * (119 * MS // every))
+        assert pair.in_c > 110
+    told: dict[int, list[TrackingState]] = {}
+    for message in heard:
+        told.setdefault(message.header.stamp.nanosec, []).append(message)
+    assert np.all(np.diff(list(told)) == every)
+    assert [len(messages) for messages in told.values()] == [2] * len(told)
+    assert all(one == other for one, other in told.values())
+    last, moving = told[max(told)][0], told[30 * MS + MS][0]
+    assert moving.goal.startswith("following") and 0.07 < moving.remaining < 0.09
+    assert last.joint_names == pair.names and last.remaining == 0.0
+    assert np.any(last.position_error) and np.any(last.effort)
 
 
 def test_near_a_singularity_python_answers(ros: Ros, rng: np.random.Generator) -> None:

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.actuation.command_map import rigid_twin
-from arm_dynamics.arrays import Array, finite_numbers
+from arm_dynamics.arrays import finite_numbers
 from arm_dynamics.control.compiled_law import Job, preparation
 from arm_dynamics.control.computed_torque import Checked, Measured
 from arm_dynamics.control.factory import IN_TASK_SPACE, Settings, make_controller
@@ -27,7 +27,6 @@ from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput, pl
 from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
-from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
@@ -40,13 +39,12 @@ from arm_dynamics.ros.controller import (
     Loaded,
     OrdinaryAnswers,
     Parts,
+    TrackingTopic,
     TrajectoryAction,
-    tracking_state,
 )
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,
-    CONTROLLER_STATE,
     JOINT_COMMANDS,
     JOINT_STATES,
     JOINT_TRAJECTORY,
@@ -122,7 +120,6 @@ class ControllerNode(Node):
         self.action = TrajectoryAction(
             self, self.goals, model, limits, self._obstacle, self.answers
         )
-        self._next_report = 0
         self._reader = make_reader(names, ("position", "velocity"), partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
@@ -136,7 +133,7 @@ class ControllerNode(Node):
         self._command = np.zeros(self.dynamics.n)
         self._sink = JointStateSink(self, JOINT_COMMANDS, self._writer, [self._command])
         self.send = self._sink.publish
-        self._report = advertise(self, CONTROLLER_STATE)
+        self._report = TrackingTopic(self, self.dynamics.joint_names)
         for topic, callback, raw in (
             (JOINT_TRAJECTORY, self.on_joint_trajectory, True),
             (CARTESIAN_GOAL, self.on_cartesian_goal, False),
@@ -166,7 +163,7 @@ class ControllerNode(Node):
         if self.on_joint_states(raw) is None or self._cut():
             return
         params = self.params
-        self.answers.resume(raw, self._next_report, params.gap_limit, params.jump_limit)
+        self.answers.resume(raw, params.state_period, params.gap_limit, params.jump_limit)
         if self._builder.ready or self.goals.planner.ready:
             self.answers.interrupt()
 
@@ -292,8 +289,7 @@ class ControllerNode(Node):
         self.send(command)
         self._log.note(raw, command)
         self.action.watch(stamp, reference, state)
-        if stamp >= self._next_report:
-            self._publish_report(stamp, reference, state, tau)
+        self._report.publish(stamp, self.params.state_period, self.goals, reference, state, tau)
         return command
 
     def _brake(self, error: ControllerFailed) -> None:
@@ -317,7 +313,7 @@ class ControllerNode(Node):
                 f"{why}holding the arm at its position", throttle_duration_sec=_THROTTLE
             )
             goals.hold(state.q)
-            self._next_report = 0
+            self._report.restart()
         return goals.reference(stamp)
 
     def _cut(self) -> list[str]:
@@ -351,18 +347,6 @@ class ControllerNode(Node):
     def on_cartesian_path(self, message: bytes | Path) -> None:
         """Move the task frame through poses, or report why not."""
         self.goals.path(as_bytes(message), self.params)
-
-    def _publish_report(
-        self, stamp: int, reference: Reference, state: Measured, tau: Array
-    ) -> None:
-        """Publish ``~/state`` if it has subscribers, at most once in ``state_period``."""
-        self._next_report = stamp + round(1e9 * self.params.state_period)
-        if self._report.get_subscription_count():
-            names = self.dynamics.joint_names
-            message = tracking_state(stamp, names, reference, state, tau)
-            message.goal = self.goals.outcome
-            message.remaining = self.goals.follower.remaining(stamp)
-            self._report.publish(message)
 
 
 def main(args: list[str] | None = None) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of the controller node: incoming goals and outgoing reports.
+"""Goals that the controller node receives.
 
 Long goals stay serialized: their headers are read at once, their points in the background.
 """
@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from arm_msgs.msg import TrackingState
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.control.computed_torque import Moving
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import CdrReader
-from arm_dynamics.ros.common.convert import in_world, joint_indices, spread, to_array, to_time
+from arm_dynamics.ros.common.convert import in_world, joint_indices, spread
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.task_space.task_space import Pose
 from arm_dynamics.trajectory.reference import Reference, Waypoint
@@ -148,20 +146,3 @@ def path_of(message: PathBytes, model: ArmModel) -> list[Pose]:
         except InvalidInput as error:
             raise InvalidInput(f"pose {i}: {error}") from None
     return poses
-
-
-def tracking_state(
-    stamp: int, names: Sequence[str], reference: Reference, state: Moving, tau: Array
-) -> TrackingState:
-    """Serialize reference, feedback, error and command of a controller at ``stamp`` in [ns]."""
-    message = TrackingState(joint_names=list(names))
-    message.header.stamp = to_time(stamp)
-    message.reference_position = to_array(reference.q)
-    message.reference_velocity = to_array(reference.v)
-    message.reference_acceleration = to_array(reference.a)
-    message.feedback_position = to_array(state.q)
-    message.feedback_velocity = to_array(state.v)
-    message.position_error = to_array(reference.q - state.q)
-    message.velocity_error = to_array(reference.v - state.v)
-    message.effort = to_array(tau)
-    return message

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from threading import Thread
-from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -33,6 +32,7 @@ from arm_dynamics.ros.common.executor import guarded
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
+from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import JOINT_STATES
 from arm_dynamics.ros.joint_state import (
@@ -60,7 +60,7 @@ class Answers(Structure):
         ("active", c_int64), ("interrupt", c_int64),
         ("source", c_void_p), ("reader", c_void_p), ("sink", c_void_p),
         ("joints", c_int64), ("until", c_int64),
-        ("report", c_void_p), ("next_report", c_int64),
+        ("report", c_void_p),
         ("law", c_void_p), ("input", c_void_p), ("torque", c_void_p), ("limit", c_void_p),
         ("memory", c_void_p), ("next_memory", c_void_p), ("remembered", c_int64),
         ("gain", c_void_p), ("back_emf", c_void_p), ("command", c_void_p),
@@ -83,7 +83,7 @@ class Parts:
         reader: Reads states.
         sink: Publishes commands from the array ``command``.
         command: Commands, shape (n,).
-        report: Publisher of the tracking state.
+        report: Publishes the tracking state.
         control: The active controller.
         command_map: Converts torques to commands.
         goals: Gives the reference.
@@ -95,7 +95,7 @@ class Parts:
     reader: JointStateReader
     sink: JointStateSink
     command: Array
-    report: Any
+    report: TrackingTopic
     control: Switch
     command_map: CommandMap
     goals: Goals
@@ -221,12 +221,12 @@ class OrdinaryAnswers:
         answers.busy = answers.longest = 0
         return values
 
-    def resume(self, raw: bytes, next_report: int, gap: float, jump: float) -> None:
+    def resume(self, raw: bytes, period: float, gap: float, jump: float) -> None:
         """Let C answer the next states, if possible. Call it locked, after an answer by Python.
 
         Args:
             raw: The state that was answered.
-            next_report: Stamp in [ns] from which the tracking state is to be published.
+            period: Parameter ``state_period``.
             gap: Parameter ``gap_limit``.
             jump: Parameter ``jump_limit``.
         """
@@ -236,7 +236,8 @@ class OrdinaryAnswers:
         self.obstacle = self._find_obstacle(raw, motion, factors)
         if self.obstacle or self._law is None or not isinstance(motion, Trajectory):
             return
-        answers.interrupt, answers.next_report = 0, next_report
+        answers.interrupt = 0
+        parts.report.prepare(period, parts.goals)
         answers.gap, answers.jump = gap, jump
         next_begin = follower.next_begin
         answers.start, answers.until = start, _NEVER if next_begin is None else next_begin
@@ -255,7 +256,7 @@ class OrdinaryAnswers:
         source, reader = self._reader.places
         self._answers = Answers(
             source=source, reader=reader, sink=parts.sink.place, joints=n,
-            report=parts.report.handle.pointer, command=parts.command.ctypes.data,
+            report=parts.report.place, command=parts.command.ctypes.data,
             q=self._last[0].ctypes.data, v=self._last[1].ctypes.data,
             tau=self._last[2].ctypes.data, raw=address(raw), room=_ROOM,
         )  # fmt: skip

@@ -14,6 +14,18 @@
 
 enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state that Python must answer */
 
+/* tracking._Report: the tracking state, a message in which only the stamp and the numbers change. */
+enum { ARRAYS = 8 };
+typedef struct {
+  const rcl_publisher_t* publisher;
+  int64_t due, period; /* stamp from which the next one is due, and time between two in [ns] */
+  uint8_t* raw;
+  int64_t size, at[ARRAYS + 1]; /* offsets of the arrays and of the remaining time */
+  /* The motion that was accepted last: stamp at which it begins, and duration in [s]. */
+  int64_t start;
+  double duration;
+} report_t;
+
 /* ordinary_answers.Answers */
 typedef struct {
   int64_t active;    /* whether C may answer; false after every change in Python */
@@ -23,9 +35,7 @@ typedef struct {
   sink_t* sink;
   int64_t joints;
   int64_t until; /* stamp from which Python answers states */
-  /* Publisher of the tracking state, and the stamp from which a message is due if there are subscribers. */
-  const rcl_publisher_t* report;
-  int64_t next_report;
+  report_t* report;
   /* The controller: its input (q, v and the reference's q, v, a), output and limit (NULL: none). */
   const entry_t* law;
   double* input;
@@ -74,14 +84,6 @@ static int64_t now(void) {
 /* AnswerLog.again */
 static int is_repeated(const answers_t* a, const joint_state_t* s) {
   return s->length == a->length && !memcmp(s->raw, a->raw, s->length);
-}
-
-/* Whether the tracking state must be published. */
-static int report_is_due(const answers_t* a, int64_t stamp) {
-  size_t subscribers = 0;
-  if (stamp < a->next_report) return 0;
-  if (rcl_publisher_get_subscription_count(a->report, &subscribers) != RCL_RET_OK) rcutils_reset_error();
-  return subscribers > 0;
 }
 
 /* Whether time or the arm may have jumped; Jumps.look decides, which also considers the speeds. */
@@ -146,6 +148,30 @@ static int compute(answers_t* a) {
   return 1;
 }
 
+/* TrackingTopic.publish; Python tries again, and says why, if it fails. */
+static void report(answers_t* a, int64_t stamp) {
+  report_t* r = a->report;
+  const int64_t n = a->joints;
+  const double *q = a->input, *v = q + n, *reference = v + n;
+  const double* parts[ARRAYS] = {reference, reference + n, reference + 2 * n, q, v, NULL, NULL, a->torque};
+  size_t subscribers = 0;
+  rcl_ret_t done = rcl_publisher_get_subscription_count(r->publisher, &subscribers);
+  r->due = stamp + r->period;
+  if (done == RCL_RET_OK && !subscribers) return;
+  for (int k = 0; k < ARRAYS; ++k)
+    if (parts[k]) memcpy(r->raw + r->at[k], parts[k], 8 * n);
+  for (int64_t i = 0; i < 2 * n; ++i) {
+    const double error = reference[i] - q[i];
+    memcpy(r->raw + r->at[5 + i / n] + 8 * (i % n), &error, 8);
+  }
+  const double left = r->duration - 1e-9 * (double)(stamp - r->start), remaining = left > 0.0 ? left : 0.0;
+  memcpy(r->raw + r->at[ARRAYS], &remaining, 8);
+  if (publish(r->publisher, r->raw, r->size, stamp)) {
+    r->due = stamp;
+    __atomic_store_n(&a->interrupt, 1, __ATOMIC_RELEASE);
+  }
+}
+
 static void remember(answers_t* a, const joint_state_t* s, int64_t stamp, int64_t began) {
   const int64_t n = a->joints;
   a->stamp = stamp;
@@ -171,13 +197,14 @@ static int answer(answers_t* a, int64_t began) {
   memcpy(&stamp, s->found, 8);
   memcpy(a->input, s->found + 24, 16 * n);
   if (stamp >= a->until || s->length > a->room || is_repeated(a, s)) return 0;
-  if (may_have_jumped(a, stamp, a->input) || report_is_due(a, stamp)) return 0;
+  if (may_have_jumped(a, stamp, a->input)) return 0;
   sample(a, 1e-9 * (double)(stamp - a->start), a->input + 2 * n);
   if (!within_path_tolerances(a, stamp) || !compute(a)) return 0;
   if (send(a->sink, stamp)) {
     a->length = 0;
     return 0;
   }
+  if (a->report->due <= stamp) report(a, stamp);
   remember(a, s, stamp, began);
   return 1;
 }

@@ -130,16 +130,21 @@ typedef struct {
   const rcl_publisher_t* publisher;
 } sink_t;
 
-/* Publish the message with this stamp in [ns] and the current numbers; returns 0 or an error code. */
-EXPORT int64_t send(sink_t* s, int64_t stamp) {
+/* Publish a serialized message, whose header gets this stamp in [ns]; returns 0 or an error code. */
+static rcl_ret_t publish(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, int64_t stamp) {
   int64_t rest = (stamp % GIGA + GIGA) % GIGA;
   int32_t seconds = (int32_t)((stamp - rest) / GIGA);
   uint32_t nanoseconds = (uint32_t)rest;
-  memcpy(s->raw + STAMP, &seconds, 4);
-  memcpy(s->raw + STAMP + 4, &nanoseconds, 4);
-  for (int64_t f = 0; f < s->fields; ++f) memcpy(s->raw + s->at[f], s->numbers[f], 8 * s->joints);
-  rcl_serialized_message_t message = {.buffer = s->raw, .buffer_length = s->size, .buffer_capacity = s->size};
-  rcl_ret_t done = rcl_publish_serialized_message(s->publisher, &message, NULL);
+  memcpy(raw + STAMP, &seconds, 4);
+  memcpy(raw + STAMP + 4, &nanoseconds, 4);
+  rcl_serialized_message_t message = {.buffer = raw, .buffer_length = size, .buffer_capacity = size};
+  rcl_ret_t done = rcl_publish_serialized_message(publisher, &message, NULL);
   if (done != RCL_RET_OK) rcutils_reset_error();
   return done;
+}
+
+/* Publish the message with this stamp in [ns] and the current numbers; returns 0 or an error code. */
+EXPORT int64_t send(sink_t* s, int64_t stamp) {
+  for (int64_t f = 0; f < s->fields; ++f) memcpy(s->raw + s->at[f], s->numbers[f], 8 * s->joints);
+  return publish(s->publisher, s->raw, s->size, stamp);
 }
