@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from harness import reserve_domain, surroundings
 
 import models
 from arm_dynamics import Dynamics, InvalidInput, KernelError
@@ -47,6 +48,28 @@ RUN = (
     "s = Simulator(sys.argv[1], backend='native'); s.run(0.3)\n"
     "print(s.state.q[0].hex(), s.plan.backend)"
 )
+
+
+NODES = """
+import sys, time
+import rclpy
+from rclpy.context import Context
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_sim.ros.sim_node import SimNode
+
+options = {"context": Context()}
+rclpy.init(args=[], context=options["context"], domain_id=int(sys.argv[2]))
+sim = SimNode(sys.argv[1], **options)
+controller = ControllerNode(sys.argv[1], own_thread=True, **options)
+dynamics = DynamicsNode(sys.argv[1], **options)
+end = time.monotonic() + 30.0
+while controller.answers.obstacle and time.monotonic() < end:
+    time.sleep(0.05)
+print([sim.ordinary.refusal, controller.answers.obstacle, dynamics._compiled is not None])
+for node in dynamics, controller, sim:
+    node.destroy_node()
+"""
 
 
 @pytest.fixture(scope="module")
@@ -164,6 +187,26 @@ def test_controllers_are_compiled_on_request(
         control = make_controller(name, dynamics, settings)
         assert compiled_law(control) is not None, (name, settings)
     assert not list((tmp_path / "cache").rglob("*.so"))
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("name", ["two_link", "flexible_arm"])
+def test_loops_of_the_nodes_are_compiled_on_request(name: str, tmp_path: Path) -> None:
+    """Without a compiler they then run in C."""
+    out, nothing = tmp_path / "compiled", tmp_path / "nothing"
+    nothing.mkdir()
+    build(Path(name), out, "--nodes")
+    domain, reservation = reserve_domain()
+    environment = surroundings(PATH=str(nothing), XDG_CACHE_HOME=str(nothing), ARM_CACHE=str(out),
+                               ROS_LOG_DIR=str(tmp_path))  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", NODES, name, str(domain)], capture_output=True, text=True,
+        timeout=120, env=environment, check=False,
+    )  # fmt: skip
+    reservation.close()
+    assert done.stdout.splitlines() == ["['', '', True]"], done.stderr
+    assert "no C compiler" not in done.stderr
+    assert not list(nothing.rglob("*.so"))
 
 
 def test_other_folders_of_the_list_are_searched(

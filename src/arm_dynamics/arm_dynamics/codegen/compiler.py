@@ -129,13 +129,20 @@ def instructions() -> frozenset[str]:
     return processor.needed(destination.target if destination else processor.NATIVE)
 
 
-def build(source: str, language: str = "c", flags: tuple[str, ...] = FLAGS) -> Code:
+def build(
+    source: str,
+    language: str = "c",
+    flags: tuple[str, ...] = FLAGS,
+    local: tuple[str, ...] = (),
+) -> Code:
     """Compile source into a library, or take it from a folder of ARM_CACHE or the user's cache.
 
     Args:
         source: The code.
         language: ``c`` or ``c++``.
         flags: Flags of the compiler, without the processor and what the language adds.
+        local: Further flags, which name folders and libraries of this machine. Headers in the
+            folders are part of the code, where they are is not.
 
     Returns:
         The loaded library.
@@ -145,7 +152,9 @@ def build(source: str, language: str = "c", flags: tuple[str, ...] = FLAGS) -> C
         KernelError: If the compiler refuses the code.
     """
     flags += _FLAGS_OF_LANGUAGE[language]
-    key = digest(source, *_headers(source, flags), language, *flags)
+    names = (Path(flag).name for flag in local)
+    key = digest(source, *_headers(source, flags + local), language, *flags, *names)
+    flags += local
     destination = _destination.get()
     if destination is not None:
         return _build_into(destination, key, source, language, flags)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from itertools import chain, product
 from pathlib import Path
 from time import perf_counter
@@ -19,6 +20,7 @@ from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import examples
 
 if TYPE_CHECKING:
+    from arm_dynamics import Dynamics
     from arm_sim import Simulator
 
 
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
         "./arm build my_scene.yaml --out compiled --processor x86-64-v3",
         "./arm build one.yaml other.yaml --out compiled --dt 0.0005 --batches",
         "./arm build panda --out compiled --controllers --task-frame panda_hand",
+        "./arm build panda --out compiled --nodes",
         "ARM_CACHE=compiled ./arm sim my_scene.yaml",
     )
 )
@@ -46,6 +49,8 @@ if TYPE_CHECKING:
               help='Axes that these control, e.g. position, "x z".')  # fmt: skip
 @click.option("--batches", is_flag=True, help="Also compile batches and rollouts of many arms.")
 @click.option("--derivatives", is_flag=True, help="Also compile derivatives and optimization.")
+@click.option("--nodes", is_flag=True,
+              help="Also compile the loops of the nodes, which else run in Python.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON at the end.")
 def build(
     scenes: tuple[str, ...],
@@ -59,6 +64,7 @@ def build(
     task_axes: str,
     batches: bool,
     derivatives: bool,
+    nodes: bool,
     as_json: bool,
 ) -> None:
     """Compile what SCENEs need into DIR, for machines without a compiler.
@@ -82,10 +88,14 @@ def build(
             _other_parts(simulator, batches),
             _of_controllers(simulator, controllers, task_frame, task_axes),
             _of_derivatives(simulator, derivatives),
+            _of_nodes(simulator, nodes),
         )
         for part, work in chain(*parts):
             with _into(out, name, part, processor):
                 work()
+    for part, work in _of_all_nodes() if nodes else ():
+        with _into(out, "nodes", part, processor):
+            work()
     entries = list(out.glob("*.so"))
     size = sum(entry.stat().st_size for entry in entries)
     if as_json:
@@ -119,7 +129,7 @@ def _other_parts(
 
     if simulator.energy_account.may_make_ticks_again:
         yield "energy account", simulator.energy_account.prepare
-    if job := preparation(make_controller("computed_torque", simulator.dynamics)):
+    if job := preparation(make_controller("computed_torque", _controlled(simulator))):
         yield "computed torque", job
     if not batches:
         return
@@ -134,6 +144,14 @@ def _other_parts(
     yield "rollouts", lambda: simulator.rollout(q[:1], still[:1], still[:1], 1)
 
 
+def _controlled(simulator: Simulator) -> Dynamics:
+    """The model that controllers of a simulated arm use."""
+    from arm_dynamics import Dynamics
+    from arm_dynamics.actuation.command_map import rigid_twin
+
+    return Dynamics(rigid_twin(simulator.model.scene))
+
+
 def _of_controllers(
     simulator: Simulator, wanted: bool, task_frame: str | None, task_axes: str
 ) -> Iterator[tuple[str, Callable[[], object]]]:
@@ -145,7 +163,7 @@ def _of_controllers(
     names = [name for name in NAMES if (task_frame if name in IN_TASK_SPACE else wanted)]
     for name, *used in product(names, (False, True), (0.0, 1.0), (0.0, 1.0)):
         more = dict(zip(("friction", "observer", "damping"), used, strict=True))
-        control = make_controller(name, simulator.dynamics, Settings(**task, **more))
+        control = make_controller(name, _controlled(simulator), Settings(**task, **more))
         if job := preparation(control):
             yield ", ".join([name, *(key for key, value in more.items() if value)]), job
 
@@ -167,3 +185,37 @@ def _of_derivatives(
     yield "gradients of rollouts", compiled.gradients.prepare
     yield "trajectory optimization", lambda: prepare(simulator)
     yield "receding horizon", horizon
+
+
+def _of_nodes(simulator: Simulator, wanted: bool) -> Iterator[tuple[str, Callable[[], object]]]:
+    """What the loops of the nodes compute of a scene."""
+    if not wanted:
+        return
+    from arm_dynamics.dynamics.point_answers import compiled_answer
+    from arm_dynamics.ros.dynamics import COMPILED
+    from arm_sim.ros.drive_torques import DriveTorques
+
+    yield "servo", lambda: simulator.compiled.servo  # for position commands and stops
+    if simulator.plant.torques is not None:
+        yield "torques of drives", lambda: DriveTorques(simulator)
+    for service, question, _ in COMPILED:
+        if question.known(simulator.dynamics):
+            work = partial(compiled_answer, question, simulator.dynamics)
+            yield f"service {service.name.rpartition('/')[2]}", work
+
+
+def _of_all_nodes() -> Iterator[tuple[str, Callable[[], object]]]:
+    """Loops and messages of the nodes, which are the same for all scenes."""
+    from arm_dynamics.codegen.compiler import build
+    from arm_dynamics.ros.common.rcl_code import build_with_rcl
+    from arm_dynamics.ros.controller import ordinary_answers
+    from arm_dynamics.ros.dynamics import compiled_services
+    from arm_dynamics.ros.joint_state import SOURCE
+    from arm_sim.ros.ordinary import ticks
+    from arm_sim.ros.record import RECORD
+
+    yield "messages", lambda: build_with_rcl(SOURCE)
+    yield "controller", lambda: build_with_rcl(SOURCE, after=[ordinary_answers.SOURCE])
+    yield "sim", lambda: build_with_rcl(SOURCE, after=[RECORD, ticks.SOURCE])
+    yield "recorder", lambda: build(RECORD.read_text())
+    yield "services", lambda: build_with_rcl(compiled_services.SOURCE, "arm_msgs")

@@ -23,24 +23,35 @@ _CALLED = ("rcl", "rcutils", "rosidl_runtime_c")
 _log = logging.getLogger(__name__)
 
 
-def build_with_rcl(source: Path, *packages: str, after: Sequence[Path] = ()) -> ctypes.CDLL | None:
-    """Compile a file that calls rcl; None if there is no compiler or a header is missing.
+def build_with_rcl(source: Path, *packages: str, after: Sequence[Path] = ()) -> ctypes.CDLL:
+    """Compile a file that calls rcl.
 
     Args:
         source: The file.
         packages: Further packages whose headers it includes.
         after: Files that are appended to it.
+
+    Returns:
+        The loaded library.
+
+    Raises:
+        KernelError: If there is no compiler, or it refuses the code.
+        PackageNotFoundError: If a package is not installed.
     """
+    names = (*_HEADERS, *packages)
+    prefixes = {name: Path(get_package_prefix(name)) for name in names}
+    folders = (f"-I{prefix / 'include' / name}" for name, prefix in prefixes.items())
+    called = (str(prefixes[name] / f"lib/lib{name}.so") for name in _CALLED)
+    text = "\n".join(path.read_text() for path in (source, *after))
+    return build(text, flags=(*FLAGS, "-Wl,--no-as-needed"), local=(*folders, *called)).library
+
+
+def find_with_rcl(source: Path, *packages: str, after: Sequence[Path] = ()) -> ctypes.CDLL | None:
+    """As ``build_with_rcl``; None if the code cannot be compiled."""
     if not may_build():
         return None
     try:
-        names = (*_HEADERS, *packages)
-        prefixes = {name: Path(get_package_prefix(name)) for name in names}
-        folders = [f"-I{prefix / 'include' / name}" for name, prefix in prefixes.items()]
-        called = [str(prefixes[name] / f"lib/lib{name}.so") for name in _CALLED]
-        flags = (*FLAGS, *folders, "-Wl,--no-as-needed", *called)
-        text = "\n".join(path.read_text() for path in (source, *after))
-        return build(text, flags=flags).library
+        return build_with_rcl(source, *packages, after=after)
     except (KernelError, PackageNotFoundError, OSError) as error:
         _log.debug("%s cannot be compiled, Python is used instead: %s", source.name, error)
         return None

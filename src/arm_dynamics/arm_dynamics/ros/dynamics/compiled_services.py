@@ -29,7 +29,7 @@ from arm_dynamics.dynamics.point_answers import PointAnswer, compiled_answer
 from arm_dynamics.exceptions import KernelError, plain
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.c_message import CMessage
-from arm_dynamics.ros.common.rcl_code import build_with_rcl
+from arm_dynamics.ros.common.rcl_code import find_with_rcl
 from arm_dynamics.ros.dynamics.request_counts import InC
 from arm_dynamics.ros.interfaces import (
     DYNAMICS_TERMS,
@@ -48,7 +48,7 @@ COMPILED: tuple[tuple[Service, PointAnswer, int], ...] = (
 """Services in the order of services.c, their functions, and their largest numbers of points."""
 WORTH = 20  # number of requests after which compiling a service is worth the time
 _ENDED = -1  # as in services.c
-_SOURCE = Path(__file__).with_name("native") / "services.c"
+SOURCE = Path(__file__).with_name("native") / "services.c"
 
 
 class _Answer(ctypes.Structure):
@@ -80,7 +80,7 @@ class _Service(ctypes.Structure):
 @cache
 def native() -> ctypes.CDLL | None:
     """The compiled functions; None if they are not available."""
-    if (library := build_with_rcl(_SOURCE, "arm_msgs")) is None:
+    if (library := find_with_rcl(SOURCE, "arm_msgs")) is None:
         return None
     library.server.argtypes, library.server.restype = [c_void_p] * 2, c_void_p
     library.serve.argtypes, library.serve.restype = [c_void_p], c_int64

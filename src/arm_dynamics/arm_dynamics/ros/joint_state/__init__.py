@@ -8,6 +8,7 @@ compiler, ROS's own deserializer reads them.
 from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter, Numbers
 from arm_dynamics.ros.joint_state.topics import (
     FAILED,
+    SOURCE,
     CompiledReader,
     JointStateSink,
     JointStateSource,
@@ -19,6 +20,7 @@ from arm_dynamics.ros.joint_state.topics import (
 
 __all__ = [
     "FAILED",
+    "SOURCE",
     "CompiledReader",
     "JointStateReader",
     "JointStateSink",

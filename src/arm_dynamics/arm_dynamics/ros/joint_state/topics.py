@@ -23,7 +23,7 @@ from sensor_msgs.msg import JointState
 from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.cdr import NATIVE
 from arm_dynamics.ros.common.direct import Newest, advertise
-from arm_dynamics.ros.common.rcl_code import build_with_rcl
+from arm_dynamics.ros.common.rcl_code import find_with_rcl
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
@@ -37,7 +37,7 @@ from arm_dynamics.ros.joint_state.serialization import (
 
 NONE, KNOWN, BEYOND, OTHER, FAILED = range(5)  # as in joint_state.c
 _KINDS = 4  # likewise
-_SOURCE = Path(__file__).with_name("native") / "joint_state.c"
+SOURCE = Path(__file__).with_name("native") / "joint_state.c"
 
 
 class _Kind(ctypes.Structure):
@@ -71,7 +71,7 @@ class Sink(ctypes.Structure):
 @cache
 def native(*others: Path) -> ctypes.CDLL | None:
     """The compiled functions, with those of other files; None if they are not available."""
-    if (library := build_with_rcl(_SOURCE, after=others)) is None:
+    if (library := find_with_rcl(SOURCE, after=others)) is None:
         return None
     library.look.argtypes = [c_void_p, ctypes.c_char_p, c_int64]
     library.take.argtypes = [c_void_p, c_void_p]
