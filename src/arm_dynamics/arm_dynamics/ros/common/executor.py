@@ -25,7 +25,7 @@ from arm_dynamics.ros.interfaces import Topic
 
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 _PROBE_TIMEOUT = 0.5  # [s]
-_SPIN_TIMEOUT = 0.1  # [s] between checks whether to end, without events
+_SPIN_TIMEOUT = 0.25  # [s] between checks whether to end, without events
 _THROTTLE = 2.0  # [s] between log messages of one kind
 
 
