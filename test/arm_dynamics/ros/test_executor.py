@@ -78,13 +78,13 @@ def test_falls_back_when_the_events_executor_dispatches_nothing(
     assert ticks_of(node) >= 3
 
 
-def test_an_idle_node_looks_ten_times_a_second_whether_to_end(
+def test_an_idle_node_looks_four_times_a_second_whether_to_end(
     node: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     deaf = Deaf(None)
     monkeypatch.setattr(module, "make_executor", lambda node: deaf)
     spin(node, lambda: len(deaf.waits) == 3)
-    assert deaf.waits == [0.1] * 3
+    assert deaf.waits == [0.25] * 3
     assert deaf.closed
 
 
