@@ -22,7 +22,8 @@ from rich.console import Console
 from arm_dynamics import load_scene
 from arm_dynamics.model import ArmModel
 from arm_dynamics.ros.common.transport import as_usual
-from arm_sim.cli.demo.processes import Processes, free_domain, interruptible
+from arm_sim.cli.demo.processes import Processes, free_domain
+from arm_sim.cli.interrupts import interruptible
 from benchmarks.following.client import MARGIN, SCALING, START_TOLERANCE, MoveItClient
 from benchmarks.following.course import Course
 from benchmarks.following.rig import Rig

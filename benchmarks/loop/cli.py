@@ -13,7 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from arm_dynamics.ros.common.transport import as_usual
-from arm_sim.cli.demo.processes import DemoFailed, free_domain, interruptible
+from arm_sim.cli.demo.processes import DemoFailed, free_domain
+from arm_sim.cli.interrupts import interruptible
 
 ROOT = Path(__file__).parents[2]
 SCENE = str(ROOT / "src/arm_sim/arm_sim/scenes/panda.yaml")

@@ -29,7 +29,8 @@ from arm_dynamics import Dynamics
 from arm_dynamics.client import ArmClient
 from arm_dynamics.ros.common.executor import make_executor
 from arm_dynamics.ros.common.transport import as_usual
-from arm_sim.cli.demo.processes import Processes, free_domain, interruptible
+from arm_sim.cli.demo.processes import Processes, free_domain
+from arm_sim.cli.interrupts import interruptible
 from benchmarks.loop import stages
 from benchmarks.loop.trees import RECORDED, ROOT, measure, shown, surroundings
 from benchmarks.record.overhead import SCENE

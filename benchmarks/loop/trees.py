@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger
 
 from arm_dynamics.ros.common.executor import make_executor
 from arm_dynamics.ros.common.transport import as_usual
-from arm_sim.cli.demo.processes import interruptible
+from arm_sim.cli.interrupts import interruptible
 from benchmarks.loop.baseline import PERIOD
 from benchmarks.loop.stages import Baseline
 from benchmarks.measurement.watcher import Watcher

@@ -19,7 +19,7 @@ from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.ros.common.executor import make_executor
-from arm_sim.cli.demo.processes import postponed
+from arm_sim.cli.interrupts import postponed
 
 _GLANCE = 0.02  # [s]
 _SILENCE = 2.5  # [s], five messages of diagnostics

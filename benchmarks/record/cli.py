@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from arm_sim.cli.demo.processes import interruptible
+from arm_sim.cli.interrupts import interruptible
 from benchmarks.record import again, overhead
 from benchmarks.reporting.markdown import table
 

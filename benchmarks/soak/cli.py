@@ -11,7 +11,8 @@ import click
 
 from arm_dynamics import ArmError
 from arm_dynamics.ros.common.transport import as_usual, by_udp
-from arm_sim.cli.demo.processes import DemoFailed, free_domain, interruptible
+from arm_sim.cli.demo.processes import DemoFailed, free_domain
+from arm_sim.cli.interrupts import interruptible
 
 ROOT = Path(__file__).parents[2]
 SCENE = ROOT / "src/arm_sim/arm_sim/scenes/panda.yaml"

@@ -18,7 +18,7 @@ from harness import surroundings
 
 import models
 from arm_sim.cli.demo import processes
-from arm_sim.cli.demo.processes import Processes, interruptible, postponed
+from arm_sim.cli.demo.processes import Processes
 from arm_sim.cli.demo.report import Numbers, complaints, remarks
 
 pytestmark = pytest.mark.ros
@@ -175,17 +175,6 @@ def test_a_motion_that_does_not_come_is_waited_for_in_vain(start: Start) -> None
     assert demo.end() == 1, demo.said
     assert "s of the motion of 4 s were seen within 16 s" in demo.said
     assert gone(ids, timeout=0.0)
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_that_comes_while_ros_is_at_work_waits_until_it_is_done(number: int) -> None:
-    done = []
-    with interruptible(), pytest.raises(KeyboardInterrupt, match=signal.Signals(number).name):
-        with postponed():
-            signal.raise_signal(number)
-            done.append("ROS")
-        done.append("more")
-    assert done == ["ROS"]
 
 
 def test_its_processes_end_even_if_it_is_killed(start: Start) -> None:

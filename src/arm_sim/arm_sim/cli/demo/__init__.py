@@ -43,7 +43,7 @@ def demo(robot: str | None, duration: float, output: Path, view: bool) -> None:
     status is 1, with the reason, if the loop was not closed.
     """
     from arm_sim.cli.demo.course import run
-    from arm_sim.cli.demo.processes import interruptible
+    from arm_sim.cli.interrupts import interruptible
 
     with interruptible():
         try:

@@ -29,7 +29,8 @@ from arm_dynamics.ros.interfaces import (
     RESET_COUNTERS,
 )
 from arm_dynamics.trajectory.reference import Waypoint
-from arm_sim.cli.demo.processes import DemoFailed, postponed
+from arm_sim.cli.demo.processes import DemoFailed
+from arm_sim.cli.interrupts import postponed
 from arm_sim.ros.interfaces import ENERGY
 
 _START_TIMEOUT, _MOTION_TIMEOUT = 60.0, 10.0  # [s]

@@ -8,19 +8,16 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import click
 
 from arm_dynamics.ros.common.transport import clear_dead
+from arm_sim.cli.interrupts import handled_by
 
 _PATIENCE = 5.0  # [s] for a clean exit
 _TAIL = 12  # lines of a log in a message
 _DOMAINS = range(1, 100)
-_INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class DemoFailed(click.ClickException):
@@ -41,7 +38,7 @@ class Processes:
 
     def __exit__(self, *_: object) -> None:
         """End all child processes, the newest first, ignoring interrupts."""
-        with _handled_by(signal.SIG_IGN):
+        with handled_by(signal.SIG_IGN):
             self.stop(*reversed(self._running))
 
     def start(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
@@ -126,40 +123,3 @@ def free_domain() -> int:
                 continue
             return domain
     raise DemoFailed("every ROS domain from 1 to 99 is in use on this machine")
-
-
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end the program as Ctrl-C does, so that it cleans up.
-
-    SIGINT too, since shells ignore it for background processes.
-    """
-
-    def interrupt(number: int, _: Any) -> None:
-        raise KeyboardInterrupt(signal.Signals(number).name)
-
-    with _handled_by(interrupt):
-        yield
-
-
-@contextmanager
-def postponed() -> Iterator[None]:
-    """Defer signals to the end of the block.
-
-    While rclpy creates a message, an interruption would raise a RuntimeError instead.
-    """
-    received: list[int] = []
-    with _handled_by(lambda number, _: received.append(number)):
-        yield
-    for number in received:
-        signal.raise_signal(number)
-
-
-@contextmanager
-def _handled_by(handler: Callable[[int, Any], object] | signal.Handlers) -> Iterator[None]:
-    before = {number: signal.signal(number, handler) for number in _INTERRUPTIONS}
-    try:
-        yield
-    finally:
-        for number, previous in before.items():
-            signal.signal(number, previous)

@@ -17,6 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.ros.common.privileges import arrange_middleware_threads
 from arm_dynamics.ros.interfaces import Topic
+from arm_sim.cli.interrupts import postponed
 
 _GLANCE = 0.02  # [s] between checks of a condition
 
@@ -59,7 +60,8 @@ class Listener:
         """Process messages until a condition holds, for ``timeout`` in [s]; whether it does."""
         end = time.monotonic() + timeout
         while not (met := condition()) and (left := end - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=min(_GLANCE, left))
+            with postponed():
+                self._executor.spin_once(timeout_sec=min(_GLANCE, left))
         return met
 
     def hearers(self, name: str) -> int:

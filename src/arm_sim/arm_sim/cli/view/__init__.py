@@ -106,7 +106,7 @@ def view(
     node's parameter record or by Recording.save, a bag of a robot, or a .csv table. Several are
     shown side by side.
     """
-    from arm_sim.cli.demo.processes import interruptible
+    from arm_sim.cli.interrupts import interruptible
 
     written = {"png": png, "gif": gif, "mp4": mp4, "html": html}
     pictures = {kind: path for kind, path in written.items() if path is not None}
