@@ -78,7 +78,7 @@ def slice_of(thread: int) -> int:
 
 
 @pytest.mark.skipif(MACHINE not in privileges._SCHED_SETATTR, reason="another processor")
-def test_receivers_of_dds_run_as_soon_as_messages_arrive(ros: Ros) -> None:
+def test_receivers_of_dds_are_the_next_to_run_when_messages_arrive(ros: Ros) -> None:
     if not (ordinary := slice_of(0)):
         pytest.skip("Linux before 6.12 has no time slices of threads")
     arrange_middleware_threads()
@@ -86,6 +86,9 @@ def test_receivers_of_dds_run_as_soon_as_messages_arrive(ros: Ros) -> None:
     receivers = [task for task, name in tasks.items() if name.startswith(("dds.shm", "dds.udp"))]
     assert receivers
     assert {slice_of(int(task.name)) for task in receivers} == {100_000}
+    for task in receivers:  # only those that the sender itself does not wake interrupt others
+        interrupts = os.sched_getscheduler(int(task.name)) == os.SCHED_OTHER
+        assert interrupts == tasks[task].startswith("dds.udp"), tasks[task]
     assert slice_of(0) == ordinary > 100_000
     found = list[int]()
     thread = threading.Thread(target=lambda: (shorten_slice(), found.append(slice_of(0))))

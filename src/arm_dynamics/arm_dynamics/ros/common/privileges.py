@@ -16,7 +16,8 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.ros.common.params import parameter
 
 _MCL_CURRENT_AND_FUTURE = 3
-_TIMERS, _RECEIVERS = "dds.ev", ("dds.shm", "dds.udp")  # names of these threads in Fast DDS
+# Names of threads in Fast DDS.
+_TIMERS, _BY_SHARED_MEMORY, _BY_NETWORK = "dds.ev", "dds.shm", "dds.udp"
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # Linux's numbers of the system call
 # Size, policy, flags, nice, priority, slice, two deadlines.
 _SCHED_ATTR = struct.Struct("IIQiIQQQ")
@@ -95,23 +96,27 @@ def _lock_memory() -> None:
 
 
 def arrange_middleware_threads() -> None:
-    """Let Fast DDS's receivers run as soon as messages arrive, and its timers when others wait.
+    """Let Fast DDS's receivers run soon after messages arrive, without interrupting the sender.
 
-    A reliable message wakes the timer thread four times, each time on the sender's processor, and
-    the sender waits: 7 % of a service call. Threads of real-time priority keep it.
+    Who sends by shared memory wakes the receiver while it holds a lock that the receiver needs: if
+    the receiver ran at once on the sender's processor, both would be switched twice more, for a
+    quarter of the processor time of a loop at 1 kHz. A reliable message also wakes the timer thread
+    four times, and the sender waits: 7 % of a service call. Threads of real-time priority keep it.
     """
     for task in Path("/proc/self/task").glob("*"):
         with suppress(OSError):  # the thread has ended
-            if os.sched_getscheduler(int(task.name)) != os.SCHED_OTHER:
+            thread, name = int(task.name), (task / "comm").read_text()
+            if os.sched_getscheduler(thread) != os.SCHED_OTHER:
                 continue
-            name = (task / "comm").read_text()
             if name.startswith(_TIMERS):
-                os.sched_setscheduler(int(task.name), os.SCHED_BATCH, os.sched_param(0))
-            elif name.startswith(_RECEIVERS):
-                shorten_slice(int(task.name))
+                os.sched_setscheduler(thread, os.SCHED_BATCH, os.sched_param(0))
+            elif name.startswith(_BY_SHARED_MEMORY):
+                shorten_slice(thread, interrupts=False)
+            elif name.startswith(_BY_NETWORK):
+                shorten_slice(thread)
 
 
-def shorten_slice(thread: int = 0) -> None:
+def shorten_slice(thread: int = 0, *, interrupts: bool = True) -> None:
     """Let a thread run as soon as it wakes although others are running, as far as that is fair.
 
     Linux, from version 6.12, interrupts a thread for one with a shorter time slice if both have
@@ -120,13 +125,15 @@ def shorten_slice(thread: int = 0) -> None:
 
     Args:
         thread: Number that the system gave to the thread; 0: the calling thread.
+        interrupts: Whether it interrupts others when it wakes; else it is only the next.
     """
     number = _SCHED_SETATTR.get(platform.machine())
     with suppress(OSError, AttributeError):  # not Linux, or the thread has ended
         if number is None or os.sched_getscheduler(thread) != os.SCHED_OTHER:
             return
+        policy = os.SCHED_OTHER if interrupts else os.SCHED_BATCH
         nice = os.getpriority(os.PRIO_PROCESS, thread)
-        wanted = _SCHED_ATTR.pack(_SCHED_ATTR.size, os.SCHED_OTHER, 0, nice, 0, _SHORT, 0, 0)
+        wanted = _SCHED_ATTR.pack(_SCHED_ATTR.size, policy, 0, nice, 0, _SHORT, 0, 0)
         ctypes.CDLL(None).syscall(number, thread, wanted, 0)
 
 
