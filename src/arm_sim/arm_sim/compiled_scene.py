@@ -6,6 +6,7 @@ from __future__ import annotations
 from functools import cached_property
 
 from arm_dynamics import ArmModel
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators.selection import Choice
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
@@ -30,6 +31,7 @@ class CompiledScene:
         backend: As for ``Kernel``.
     """
 
+    @one_at_a_time
     def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
         self.plant, self.choice, self.backend = plant, choice, backend
         self.stepper = Stepper(plant, choice, backend)
@@ -68,6 +70,7 @@ class CompiledScene:
         return "servo" in vars(self)
 
     @cached_property
+    @one_at_a_time
     def servo(self) -> Servo:
         """The servos, for position and velocity commands; built on first use."""
         return Servo(self.plant, self.choice.dt, self.backend)
@@ -84,10 +87,12 @@ class CompiledScene:
         return EnergyAccount(self.plant, own, self.choice, self.backend)
 
     @cached_property
+    @one_at_a_time
     def plan(self) -> Plan:
         """The parts that a tick computes and skips, with reasons."""
         return Plan(self.plant, self.choice, self.stepper)
 
+    @one_at_a_time
     def linearizer(self, tuned: tuple[int, ...] = ()) -> Linearizer:
         """Exact derivatives of ticks, those by some entries of p included; kept for the next time.
 
@@ -101,12 +106,14 @@ class CompiledScene:
         return self._linearizers[tuned]
 
     @cached_property
+    @one_at_a_time
     def gradients(self) -> Gradients:
         """Gradients of functions of many arms' states."""
         every = tuple(range(len(self.plant.parameters.nominal)))
         return Gradients(self.plant, self.choice, self.linearizer(every), self.backend)
 
     @cached_property
+    @one_at_a_time
     def rollouts(self) -> Rollouts:
         """Many arms at once."""
         return Rollouts(self.plant, self.choice, self.stepper, self.backend)

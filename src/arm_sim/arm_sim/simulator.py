@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.arrays import Array, real_array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.wrappers import AnyController
 from arm_dynamics.exceptions import choices
 from arm_dynamics.model.arm import arm_model
@@ -94,6 +95,7 @@ class Simulator:
         KernelError: If the generated equations disagree with Pinocchio.
     """
 
+    @one_at_a_time
     def __init__(
         self,
         scene: SceneSource | ArmModel,

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import motor, spring
 from arm_dynamics.equations.elementary import Quantity
 from arm_dynamics.model.arm import ArmModel
@@ -100,6 +101,7 @@ def compensating(scene: Scene) -> Scene:
     return scene.model_copy(update={"commands": commands})
 
 
+@one_at_a_time
 def _weight(model: ArmModel) -> ca.Function:
     """Torques that balance gravity and springs, (q) -> shape (n,)."""
     q, still = ca.SX.sym("q", model.n), ca.SX(model.n, 1)

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, all_finite
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.computed_torque import (
     ComputedTorque,
     Measured,
@@ -220,6 +221,7 @@ def is_built(law: Law, model: ArmModel) -> bool:
     return law.key in _built.get(model, {})
 
 
+@one_at_a_time
 def build(law: Law, model: ArmModel) -> Kernel | None:
     """The kernel, built once for a model; None if it cannot be built, or is wrong."""
     known, key = _built.setdefault(model, {}), law.key

@@ -16,6 +16,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Kernel, pointers
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.dynamics.compiled_terms import Answer, BatchTerm
 from arm_dynamics.dynamics.verify import compare, random_states
 from arm_dynamics.exceptions import KernelError
@@ -25,6 +26,7 @@ _DRIVER = compiler.NATIVE / "rows.c"
 _log = logging.getLogger(__name__)
 
 
+@one_at_a_time
 def compiled(term: BatchTerm, points: RigidTerms) -> Answer | None:
     """Compile a term of an arm for batches.
 

@@ -20,6 +20,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import pointers
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.dynamics import compiled_terms as terms
 from arm_dynamics.dynamics.compiled_backend import compiled_rows
 from arm_dynamics.dynamics.dynamics import Dynamics, Term
@@ -48,6 +49,7 @@ class PointAnswer:
     known: Callable[[Dynamics], bool]
 
 
+@one_at_a_time
 def compiled_answer(question: PointAnswer, dynamics: Dynamics) -> Any | None:
     """Compile the response to one type of request for an arm.
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.dynamics.verify import compare, random_states
 from arm_dynamics.equations import rigid_body, spring
 from arm_dynamics.equations.frame import drift, jacobian, placement
@@ -102,6 +103,7 @@ def is_built(model: ArmModel, frame: str, axes: tuple[str, ...]) -> bool:
     return (frame, axes) in _built.get(model, {})
 
 
+@one_at_a_time
 def build(model: ArmModel, frame: str, axes: tuple[str, ...]) -> Kernel:
     """The functions of a frame, built once for a model; see ``TaskKernel``, errors included."""
     known = _built.setdefault(model, {})

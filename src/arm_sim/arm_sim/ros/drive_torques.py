@@ -6,6 +6,7 @@ from __future__ import annotations
 from ctypes import addressof
 
 from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.simulator import Simulator
 
 
@@ -17,6 +18,7 @@ class DriveTorques:
         place: Address of the compiled function as a ``kernel.Entry``; None without one.
     """
 
+    @one_at_a_time
     def __init__(self, simulator: Simulator) -> None:
         """Compile them; for a scene with models with internal states."""
         torques = simulator.plant.torques

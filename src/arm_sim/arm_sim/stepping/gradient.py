@@ -18,6 +18,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import generate, operations
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.adjoints import build_adjoint
 from arm_sim.integrators.methods import build_step, build_tick
@@ -272,6 +273,7 @@ class Gradients:
         return built_of_lanes(self._source, width, "rollout_gradient", types)
 
     @cached_property
+    @one_at_a_time
     def _functions(self) -> tuple[ca.Function, ...]:
         plant, method, n = self._smooth, self._choice.method, self._plant.model.n
         scaled, act = plant.scaled_jacobian, actuation(plant)

@@ -24,6 +24,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations.contact import AT_REST
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.methods import build_attempt
@@ -212,6 +213,7 @@ class Linearizer:
         return Tangents(self._plant.free, self._choice, self._backend, self._tuned)
 
     @cached_property
+    @one_at_a_time
     def _tangents(self) -> Tangents:
         return Tangents(self._plant, self._choice, self._backend, self._tuned)
 
@@ -269,6 +271,7 @@ class Linearizer:
         return self._plant.eventful and self._stepper.kernel.native
 
     @cached_property
+    @one_at_a_time
     def _events(self) -> Events:
         return Events(self._plant, self._choice, self._tuned)
 
@@ -328,6 +331,7 @@ class Linearizer:
         return taken
 
     @cached_property
+    @one_at_a_time
     def _attempt(self) -> Kernel:
         plant, method, n = self._plant, self._choice.method, self._plant.model.n
         scaled = plant.scaled_jacobian
@@ -360,10 +364,12 @@ class Events:
         self._guards, self._settling = Guards(plant, tuned), Settling(plant, tuned)
 
     @cached_property
+    @one_at_a_time
     def _blow(self) -> Blow:
         return Blow(self._plant, self._tuned)
 
     @cached_property
+    @one_at_a_time
     def _turning(self) -> Turning:
         return Turning(self._plant, self._tuned)
 

@@ -100,8 +100,9 @@ def arrange_middleware_threads() -> None:
 
     Who sends by shared memory wakes the receiver while it holds a lock that the receiver needs: if
     the receiver ran at once on the sender's processor, both would be switched twice more, for a
-    quarter of the processor time of a loop at 1 kHz. A reliable message also wakes the timer thread
-    four times, and the sender waits: 7 % of a service call. Threads of real-time priority keep it.
+    quarter of the processor time of a loop at 1 kHz. A reliable message also wakes the timer
+    thread four times, and the sender waits: 7 % of a service call. Threads of real-time priority
+    keep it.
     """
     for task in Path("/proc/self/task").glob("*"):
         with suppress(OSError):  # the thread has ended
