@@ -92,7 +92,6 @@ class CompiledScene:
         """The parts that a tick computes and skips, with reasons."""
         return Plan(self.plant, self.choice, self.stepper)
 
-    @one_at_a_time
     def linearizer(self, tuned: tuple[int, ...] = ()) -> Linearizer:
         """Exact derivatives of ticks, those by some entries of p included; kept for the next time.
 

@@ -12,7 +12,7 @@ import pytest
 from arm_dynamics import Dynamics
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.control import make_controller, preparation
+from arm_dynamics.control import compiled_law, make_controller, preparation
 from arm_dynamics.dynamics.point_answers import INVERSE, compiled_answer
 from arm_dynamics.dynamics.rigid import MANY
 from arm_dynamics.task_space import compiled as task_space
@@ -65,3 +65,23 @@ def test_a_thread_waits_for_another_that_builds(name: str) -> None:
 
 def test_a_thread_may_build_within_a_build() -> None:
     assert one_at_a_time(one_at_a_time(lambda: 1))() == 1
+
+
+def test_what_is_built_is_found_while_another_thread_builds() -> None:
+    begun, end = Event(), Event()
+    thread = Thread(target=one_at_a_time(lambda: (begun.set(), end.wait(30.0))))
+    control = make_controller("computed_torque", ARM)
+    lookups = [
+        lambda: compiled_law.build(control.law, ARM.model),
+        lambda: task_space.build(ARM.model, "lower", ("x",)),
+        lambda: SIM.compiled.linearizer(),
+    ]
+    built = [lookup() for lookup in lookups]
+    thread.start()
+    assert begun.wait(10.0)
+    found = [lookup() for lookup in lookups]  # would wait for half a minute
+    still_building = not end.is_set() and thread.is_alive()
+    end.set()
+    thread.join(10.0)
+    assert still_building
+    assert [id(each) for each in found] == [id(each) for each in built]

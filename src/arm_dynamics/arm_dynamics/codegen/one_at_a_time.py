@@ -12,19 +12,19 @@ from collections.abc import Callable
 from functools import wraps
 from threading import RLock
 
-EXPRESSIONS = RLock()
+_TURN = RLock()
 
 
 def one_at_a_time[**P, T](build: Callable[P, T]) -> Callable[P, T]:
     """Let a function that builds expressions, and code from them, wait for other threads that do.
 
     A thread may call such functions within each other. They must not wait for other threads that
-    build expressions.
+    build expressions, and looking up what is built already is outside them: a tick may do it.
     """
 
     @wraps(build)
     def waiting(*args: P.args, **kwargs: P.kwargs) -> T:
-        with EXPRESSIONS:
+        with _TURN:
             return build(*args, **kwargs)
 
     return waiting

@@ -221,7 +221,6 @@ def is_built(law: Law, model: ArmModel) -> bool:
     return law.key in _built.get(model, {})
 
 
-@one_at_a_time
 def build(law: Law, model: ArmModel) -> Kernel | None:
     """The kernel, built once for a model; None if it cannot be built, or is wrong."""
     known, key = _built.setdefault(model, {}), law.key
@@ -232,6 +231,7 @@ def build(law: Law, model: ArmModel) -> Kernel | None:
     return known[key]
 
 
+@one_at_a_time
 def _compiled(law: Law, model: ArmModel) -> Kernel | None:
     _log.info("building %s of %d joints", type(law).__name__, model.n)
     try:

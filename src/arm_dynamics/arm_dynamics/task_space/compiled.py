@@ -103,15 +103,19 @@ def is_built(model: ArmModel, frame: str, axes: tuple[str, ...]) -> bool:
     return (frame, axes) in _built.get(model, {})
 
 
-@one_at_a_time
 def build(model: ArmModel, frame: str, axes: tuple[str, ...]) -> Kernel:
     """The functions of a frame, built once for a model; see ``TaskKernel``, errors included."""
     known = _built.setdefault(model, {})
     if (frame, axes) not in known:
-        kernel = Kernel(expressions(model, frame, axes))
-        _check(kernel, model, frame, axes)
-        known[frame, axes] = kernel
+        known[frame, axes] = _compiled(model, frame, axes)
     return known[frame, axes]
+
+
+@one_at_a_time
+def _compiled(model: ArmModel, frame: str, axes: tuple[str, ...]) -> Kernel:
+    kernel = Kernel(expressions(model, frame, axes))
+    _check(kernel, model, frame, axes)
+    return kernel
 
 
 def expressions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Function]:

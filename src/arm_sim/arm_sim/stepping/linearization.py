@@ -77,6 +77,7 @@ class Linearizer:
         tuned: Places in p of the quantities to differentiate by.
     """
 
+    @one_at_a_time
     def __init__(
         self,
         plant: Plant,
