@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
+from arm_dynamics.actuation import StateKind
 from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.wrappers import AnyController
@@ -282,8 +283,9 @@ class Simulator:
     def lock(self) -> None:
         """Close the brakes: joints and motors stop at once, and drives are switched off."""
         self._x[self.n : 2 * self.n] = 0.0
-        for k, name in enumerate(self.z_names, 2 * self.n):
-            if "velocity" in name or "current" in name:
+        states = self.plant.laws.states if self.plant.laws else ()
+        for k, state in enumerate(states, 2 * self.n):
+            if state.kind in (StateKind.MOTOR_VELOCITY, StateKind.CURRENT):
                 self._x[k] = 0.0
         self._effort[:], self._state = 0.0, None
 

@@ -185,6 +185,43 @@ def test_repeats_to_the_bit_after_a_reset(rng: np.random.Generator) -> None:
     np.testing.assert_array_equal(led(sim, 0.3, position=wanted), first)
 
 
+def soft_pair(first: str, second: str) -> dict[str, Any]:
+    """Two wheels, each on a soft shaft behind a motor with inductance and friction of bristles."""
+    body = """<link name="{name}_link"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0"
+      iyy="1" iyz="0" izz="1"/></inertial></link><joint name="{name}" type="continuous">
+      <parent link="{parent}"/><child link="{name}_link"/><axis xyz="0 0 1"/></joint>"""
+    chain = ((first, "base"), (second, f"{first}_link"))
+    parts = [body.format(name=name, parent=parent) for name, parent in chain]
+    motor = {"resistance": 1.0, "inductance": 0.01, "torque_constant": 1.0, "rotor_inertia": 0.1}
+    every = {
+        "actuator": {**motor, "command": "voltage"},
+        "transmission": {"stiffness": 100.0, "damping": 1.0},
+        "friction": {"coulomb": 0.1, "lugre": {"sigma0": 100.0, "sigma1": 1.0}},
+    }
+    urdf = f'<robot name="pair"><link name="base"/>{"".join(parts)}</robot>'
+    return {"robot": {"urdf": urdf}, "joints": {"*": every}}
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("current_elbow", "elbow_velocity"), ("elbow motor position", "elbow")],
+)
+def test_names_of_joints_mean_nothing(names: tuple[str, str]) -> None:
+    """Servos and brakes know the states of drives by their kinds."""
+    wanted = None
+    for pair in (("one", "two"), names):
+        sim = Simulator(soft_pair(*pair))
+        led(sim, 0.05, position=np.array([0.1, -0.2]))
+        moving = sim.state.z.copy()
+        assert moving.all()
+        sim.lock()
+        current, position, velocity, bristle = 0.0, 1.0, 0.0, 1.0  # what brakes leave of each
+        left = np.array([current, position, velocity] * 2 + [bristle] * 2)
+        np.testing.assert_array_equal(sim.state.z, left * moving)
+        wanted = moving if wanted is None else wanted
+        np.testing.assert_array_equal(moving, wanted)
+
+
 @pytest.mark.parametrize(
     ("command", "complaint"),
     [
