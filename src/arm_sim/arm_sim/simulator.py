@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -49,6 +50,7 @@ from arm_sim.recording.energy_meter import EnergyMeter
 from arm_sim.recording.origin import Origin, Physics
 from arm_sim.recording.recording import Recording
 from arm_sim.servo import JointCommand
+from arm_sim.servo.stability import danger
 from arm_sim.state import State, read_only
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces, trouble
 from arm_sim.stepping.gradient import RolloutGradient, gradient_of, rollout_change
@@ -58,6 +60,8 @@ from arm_sim.view import Instant, LiveAccount, Rig, View, show_rigs
 from arm_sim.view.server import HERE
 
 Control = Callable[[State], Any]
+
+_log = logging.getLogger(__name__)
 
 # Joints slower than this, in [rad/s] or [m/s], that a servo holds at a position are at rest: the
 # remainder is rounding, or acceleration below 1e-7 rad/s² at ticks of 1 ms.
@@ -111,6 +115,8 @@ class Simulator:
             plant = Plant(model)
             self.choice: Choice = choose(plant, integrator, dt, tolerance)
             compiled = CompiledScene(plant, self.choice, backend)
+        if unstable := danger(model, self.choice.dt):
+            _log.warning("%s", unstable)
         self.n, self.joint_names, self.dt = model.n, model.joint_names, self.choice.dt
         self.z_names = plant.laws.names if plant.laws else ()
         self.backend = backend

@@ -11,6 +11,7 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, SceneError, load_scene
 from arm_sim import JointCommand, Simulator
+from models.rotor import rotor
 
 QUICK = 100.0
 """Default bandwidth in [rad/s]."""
@@ -110,6 +111,23 @@ def test_stiffness_in_newton_metres() -> None:
     sim.set_parameter("external", push)
     given = led(sim, 3.0, position=place)[-1] - place
     np.testing.assert_allclose(given, push / 400.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("damping", "stable"), [(1.5, True), (2.1, False)])
+def test_a_stiff_servo_that_grows_from_tick_to_tick_is_told(
+    damping: float, stable: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A wheel of 1e-3 kg m² under a torque that is held for 1 ms bears 2 N m s/rad at most."""
+    scene = rotor(1e-3)
+    scene["joints"]["axle"]["servo"] = {"stiffness": 100.0, "damping": damping}
+    sim = Simulator(scene, dt=1e-3)
+    told = "the servo of joint 'axle' (stiffness 100.0, damping 2.1) is unstable at dt = 0.001 s"
+    assert (told not in caplog.text) == stable
+    place = led(sim, 0.5, position=np.array([0.01]))[-1]
+    assert (abs(place - 0.01) < 1e-3) == stable
+    caplog.clear()
+    Simulator(scene, dt=1e-4)
+    assert not caplog.records
 
 
 def test_a_velocity_is_reached_and_kept() -> None:
