@@ -339,12 +339,15 @@ def _eventful(plant: Plant) -> str:
 
 
 def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function:
-    """A step of fixed length or, with error control, an attempt; ``prefix`` begins its name."""
-    n, scaled, method = plant.model.n, plant.scaled_jacobian, choice.method
+    """A step of fixed length or, with error control, an attempt; ``prefix`` begins its name.
+
+    In a scene with events it returns its continuous output, too.
+    """
+    n, scaled, method, dense = plant.model.n, plant.scaled_jacobian, choice.method, plant.eventful
     if choice.tolerance is None:
-        return build_step(method, plant.rhs, n, plant.project, scaled, f"{prefix}step")
+        return build_step(method, plant.rhs, n, plant.project, scaled, f"{prefix}step", dense)
     name = f"{prefix}attempt"
-    return build_attempt(method, plant.rhs, n, plant.scale, plant.project, scaled, name)
+    return build_attempt(method, plant.rhs, n, plant.scale, plant.project, scaled, name, dense)
 
 
 def _renamed(function: ca.Function) -> ca.Function:

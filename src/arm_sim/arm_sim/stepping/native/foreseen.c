@@ -20,6 +20,9 @@
 #define PLACES (7 * NC)
 #define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
 
+/* Continuous output of a step: derivatives at its ends, and the state in its middle. */
+typedef struct { double slope[2][NX], middle[NX]; } inside_t;
+
 typedef struct {
   double x[NX], u[NU], p[NP + MODES]; /* beginning of a tick, its command, and its probable modes */
   double length;                      /* of the tick */
@@ -28,6 +31,7 @@ typedef struct {
   double slope[NX], loads[LOADS], inertia[INERTIA];             /* at the beginning ... */
   double after[NX], loads_after[LOADS], geometry_after[PLACES]; /* ... and at the end, ... */
   double closed[2 * NU];                                        /* ... which is this with closed contacts */
+  inside_t inside;                                              /* of the step from the beginning to the end */
 } foreseen_t;
 
 /* Functions of the engine of one arm: find the modes and the anchors of a tick from its beginning, and what will be asked
