@@ -144,6 +144,7 @@ def fastest_rate(plant: Plant) -> float:
 
 def _response_rate(plant: Plant) -> float:
     """Largest absolute eigenvalue of ∂x'/∂x at the initial state in [1/s]."""
+    plant = plant.free or plant
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     J = ca.Function("J", [x, u, p], [ca.jacobian(plant.rhs(x, u, p), x)])
     model = plant.model

@@ -181,6 +181,7 @@ class Stepper:
         """
         modes = Modes(self._plant, self.p)
         modes.direction[:] = 1.0
+        _set_switches(modes, self.kernel, x, u)
         if self._plant.eventful and self.kernel.native:
             state, torque = np.ascontiguousarray(x), np.ascontiguousarray(u)
             find = getattr(self.kernel.library, "find_modes")  # noqa: B009 - the library's
@@ -299,8 +300,11 @@ def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function)
 
 
 def mode_sizes(plant: Plant) -> dict[str, str]:
-    """Numbers of contacts, and of joints with directions and with compliant stops."""
-    counts = {"NC": len(plant.points), "ND": plant.directions, "NQ": plant.pressed}
+    """Numbers of contacts, of joints with directions and compliant stops, and of switches."""
+    counts = {
+        "NC": len(plant.points), "ND": plant.directions, "NQ": plant.pressed,
+        "NK": plant.switches,
+    }  # fmt: skip
     return {name: str(count) for name, count in counts.items()}
 
 
@@ -395,6 +399,12 @@ def _library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[]
     return call
 
 
+def _set_switches(modes: Modes, kernel: Kernel, x: Array, u: Array) -> None:
+    """The modes of cords and drives at a state under a command."""
+    if modes.switches.size:
+        modes.switches[:] = kernel.call("switches")(x, u, modes.p)[0] >= 0.0
+
+
 def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
     """Check the kernel's accelerations against Pinocchio before they are used."""
     call, dynamics, n = kernel.call(rhs), Dynamics(plant.model), plant.model.n
@@ -404,6 +414,7 @@ def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
         slides = sliding(v)
         modes.direction[:] = slides[: len(modes.direction)]  # none is at a stop
         x = np.concatenate([q, v, plant.initial(q, v)])
+        _set_switches(modes, kernel, x, tau)
         a = call(x, tau, modes.p)[0][n : 2 * n]
         if plant.torques is None:
             return a

@@ -201,8 +201,17 @@ static int free_once(const real* x, const real* u, const real* p, double h, real
   return within_reach(after);
 }
 
-static int meets_any(const real* x, const real* after, double h) {
+/* Whether a joint may meet a stop in a motion, or a drive or cord switch: whether it moves by half of its distance. */
+static int meets_any(const real* x, const real* u, const real* after, double h) {
+  const segment_t segment = {.u = u};
+  real value[2][NK], size[NK];
   int meets = 0;
+  find_switches(x, &segment, value[0], size);
+  find_switches(after, &segment, value[1], size);
+  for (int k = 0; k < NK; ++k) {
+    const double a = value[0][k], b = value[1][k];
+    meets |= !(fabs(b - a) < 0.5 * fmin(fabs(a), fabs(b)) || (a == b && fabs(a) > SWITCH_ROUNDING * size[k]));
+  }
   for (int i = 0; i < NU; ++i) meets |= meets_stop(x[i], x[NU + i], after[i], after[NU + i], h, 0.0, i);
   return meets;
 }
@@ -221,7 +230,7 @@ static int free_tick(const real* x, const real* u, const real* p, double h, cont
     ++found.attempts;
     if (verdict == HOPELESS) return 0;
     if (verdict == REJECTED) continue;
-    if (meets_any(after, next, trial)) return 0;
+    if (meets_any(after, u, next, trial)) return 0;
     memcpy(after, next, sizeof next);
     found.error += error[1];
     if (verdict != ENDED) continue;
@@ -235,7 +244,7 @@ static int free_tick(const real* x, const real* u, const real* p, double h, cont
 static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
   real error[2];
   (void)control;
-  return free_once(x, u, p, h, after, error) && !meets_any(x, after, h);
+  return free_once(x, u, p, h, after, error) && !meets_any(x, u, after, h);
 }
 #endif
 #endif

@@ -5,7 +5,7 @@
  * The engine of one arm looks its questions up here and computes those that are not answered, such as all that follow from
  * an event. Answers are those of the same functions for the same bits: the motion does not depend on what is foreseen.
  *
- * Required definitions: NX, NU, NP, ND, NQ, NC (as for modes.c).
+ * Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.c).
  */
 
 #if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
@@ -15,7 +15,7 @@
 #endif
 
 /* Numbers in modes_t after the tunable ones, loads_t, geometry_t and inertia_t. */
-#define MODES (ND + NQ + 5 * NC)
+#define MODES (ND + NQ + NK + 5 * NC)
 #define LOADS (NU + 7 * NC)
 #define PLACES (7 * NC)
 #define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)

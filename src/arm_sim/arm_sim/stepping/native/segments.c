@@ -13,6 +13,7 @@
 #define MOST_PARTS 32      /* segments into which slow sliding may divide a tick ... */
 #define MUCH_TURN 0.05     /* ... and rotation of its direction in a tick that is large [rad] */
 #define SHORT_WAY 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
+#define SWITCH_ROUNDING 1e-13 /* of a comparison, relative to what is compared */
 #define NOTHING 1e-15       /* violation treated as rounding */
 #define SURELY 1.2          /* time at which a mode has certainly ended, as a multiple of the predicted one ... */
 #define FARTHER 4.0         /* ... and the next trial if no mode has ended by then */
@@ -87,7 +88,7 @@ static int anything_held(const segment_t* segment) {
 /* Event functions, which must not be positive: of contacts gaps, or normal and tangential forces; of joints friction, and
  * both stops. Each is smooth in time while the modes last.
  */
-typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ]; } limits_t;
+typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ], switched[NK]; } limits_t;
 #define LIMITS ((int)(sizeof(limits_t) / sizeof(double)))
 static void fill(limits_t* limits, double value) {
   for (int i = 0; i < LIMITS; ++i) ((double*)limits)[i] = value;
@@ -122,6 +123,7 @@ static double disobedience(const real* x, const segment_t* segment, const double
   const double rounding = turning_rounding(x);
   geometry_t geometry;
   loads_t found;
+  real value[NK], size[NK];
   fill(limits, -INFINITY);
   find_geometry(x, segment, &geometry);
   if (anything_held(segment)) find_loads(x, segment, &found);
@@ -141,6 +143,9 @@ static double disobedience(const real* x, const segment_t* segment, const double
     else if (may_stick(i)) limits->joint[i] = -v[i] * d[i] - rounding;
   }
   stop_disobedience(x, segment, t, limits);
+  find_switches(x, segment, value, size);
+  for (int k = 0; k < NK; ++k)
+    limits->switched[k] = (segment->p.switches[k] != 0.0 ? -value[k] : value[k]) - SWITCH_ROUNDING * size[k];
   return worst_of(limits);
 }
 
@@ -212,6 +217,20 @@ static int load_may_stray(const segment_t* segment, const limits_t* end) {
 #endif
 }
 
+/* Whether a drive or cord may switch inside a piece and back: whether it comes close, as the middle shows. */
+static int switch_may_stray(const piece_t* piece, const segment_t* segment, const limits_t* end) {
+  real x[NX], value[NK], size[NK], middle[NK];
+  if (!NK) return 0;
+  state_inside(piece, 0.5, x);
+  find_switches(x, segment, middle, size);
+  find_switches(piece->begin, segment, value, size);
+  for (int k = 0; k < NK; ++k) {
+    const double far = segment->p.switches[k] != 0.0 ? 1.0 : -1.0, a = far * value[k], b = far * middle[k], c = -end->switched[k];
+    if (fmin(fmin(a, b), c) <= 0.5 * (fmax(fmax(a, b), c) - fmin(fmin(a, b), c))) return 1;
+  }
+  return 0;
+}
+
 /* Whether a mode may end inside a piece that satisfies all of them at both ends. */
 static int may_stray(const search_t* search, const limits_t* end) {
   const piece_t* piece = &search->piece;
@@ -224,7 +243,7 @@ static int may_stray(const search_t* search, const limits_t* end) {
                           0.0, i))
       return 1;
   }
-  if (load_may_stray(segment, end)) return 1;
+  if (load_may_stray(segment, end) || switch_may_stray(piece, segment, end)) return 1;
   if (NC) {
     geometry_t first, last;
     find_geometry(piece->begin, segment, &first);
