@@ -114,9 +114,14 @@ class Stepper:
         self.tick_operations = self.kernel.operations(smooth) + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
 
-    def twin(self) -> Stepper:
-        """Another stepper with the same code, which need not be generated and checked again."""
+    def twin(self, choice: Choice | None = None) -> Stepper:
+        """Another stepper with the same code, which need not be generated and checked again.
+
+        Args:
+            choice: Another length of ticks, or another tolerance where there was one.
+        """
         twin = copy(self)
+        twin._choice = choice or self._choice
         twin._begin()
         return twin
 
