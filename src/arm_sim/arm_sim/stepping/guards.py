@@ -31,7 +31,7 @@ NONE = (ca.MX(1), ca.MX(0))
 
 
 class Guards:
-    """Guards of a scene with events, in the order contacts (normal, tangential), joints, stops.
+    """Guards of a scene with events: contacts (normal, tangential), joints, stops, switches.
 
     Args:
         plant: The scene's equations.
@@ -46,7 +46,8 @@ class Guards:
         points = [f"contact '{point.name}'" for point in plant.points]
         joints = [f"joint '{name}'" for name in plant.model.joint_names]
         stops = [f"{joint} at its {side} stop" for side in ("lower", "upper") for joint in joints]
-        self.names = [*points, *(f"sliding of {p}" for p in points), *joints, *stops]
+        cases = ["a limit, backlash or cord"] * plant.switches
+        self.names = [*points, *(f"sliding of {p}" for p in points), *joints, *stops, *cases]
         x, u, p, limit = (
             ca.MX.sym("x", plant.nx), ca.MX.sym("u", plant.model.n),
             ca.MX.sym("p", plant.rhs.numel_in(2)), ca.MX.sym("limit", len(points)),
@@ -73,6 +74,8 @@ class Guards:
         value, size, rate = self._at(x, u, modes, limit)
         near = abs(value) <= INSTANT * h * abs(rate) + ROUNDING * size
         near[self._joints] &= ~self._carried(x, u, modes)
+        if switches := self._plant.switches:  # one that stays where it switches does not switch
+            near[-switches:] &= abs(rate[-switches:]) * h > ROUNDING * size[-switches:]
         found: list[int] = np.flatnonzero(near & self._watched(modes)).tolist()
         return found
 
@@ -112,8 +115,9 @@ class Guards:
         rigid = stops.rigid & ~held
         yields = stops.compliant
         normal = np.ones(len(holds), dtype=bool)
+        switches = np.ones(plant.switches, dtype=bool)
         watched: NDArray[np.bool_] = np.concatenate(
-            [normal, tangential, held | dry, *(rigid | yields)]
+            [normal, tangential, held | dry, *(rigid | yields), switches]
         )
         return watched
 
@@ -125,8 +129,9 @@ Guard = tuple[ca.MX, ca.MX]
 def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX) -> Guard:
     """All guards; values of those that are not active in the modes are meaningless."""
     n, function = plant.model.n, {event.name(): event for event in plant.events}
-    ends = np.cumsum([0, len(plant.parameters.nominal), plant.directions, plant.pressed])
-    _, direction, pressed, contacts = ca.vertsplit(p, [*ends.tolist(), p.shape[0]])
+    numbers = plant.directions, plant.pressed, plant.switches
+    ends = np.cumsum([0, len(plant.parameters.nominal), *numbers])
+    _, direction, pressed, _, contacts = ca.vertsplit(p, [*ends.tolist(), p.shape[0]])
     load, force, *_ = function["loads"](x, u, p)
     whole = x[: 2 * n]
     geometry = plant.contact.geometry(whole) if plant.contact else ()
@@ -136,6 +141,8 @@ def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX) -> Guard:
         *_joint_guards(plant, x, load, direction),
         *_stop_guards(plant, x, push, pressed),
     ]
+    if plant.switches:
+        guards += zip(*(ca.vertsplit(part) for part in function["switches"](x, u, p)), strict=True)
     values, sizes = zip(*guards, strict=True)
     return ca.vertcat(*values), ca.vertcat(*sizes)
 

@@ -8,18 +8,13 @@
 
 static const double stop_place[2][NU] = {LOWEST, HIGHEST};
 
-/* Whether a joint is at or beyond a stop. */
-static inline int reaches_stop(double q, int joint) { return (q <= stop_place[0][joint]) | (q >= stop_place[1][joint]); }
-
-/* Whether a joint that reverses in a motion with known ends may have been beyond a stop: 1 for the upper one, -1 for the
- * lower one, else 0. */
-static inline int may_dip(double q, double v, double v_end, double length, int joint) {
-  const double far = q + v * length;
-  return (v * v_end < 0.0) * ((v > 0.0) & (far > stop_place[1][joint])) -
-         (v * v_end < 0.0) * ((v < 0.0) & (far < stop_place[0][joint]));
-}
-
-/* Whether a joint may meet a stop in a motion from q, v to q_end, v_end. */
-static inline int meets_stop(double q, double v, double q_end, double v_end, double length, int joint) {
-  return reaches_stop(q, joint) | reaches_stop(q_end, joint) | (may_dip(q, v, v_end, length, joint) != 0);
+/* Whether a joint may meet a stop in a motion from q, v to q_end, v_end: whether the cubic with these ends leaves the room
+ * between the stops. Its Bernstein coefficients bound it, and its error is smaller than its distance from a motion at
+ * constant acceleration; `margin` is added to that.
+ */
+static inline int meets_stop(double q, double v, double q_end, double v_end, double length, double margin, int joint) {
+  const double third = length / 3.0, a = q + third * v, b = q_end - third * v_end;
+  const double bend = margin + __builtin_fabs(q_end - q - 0.5 * length * (v + v_end));
+  const double low = stop_place[0][joint] + bend, high = stop_place[1][joint] - bend;
+  return (q <= low) | (q >= high) | (q_end <= low) | (q_end >= high) | (a <= low) | (a >= high) | (b <= low) | (b >= high);
 }
