@@ -112,27 +112,21 @@ def choose(
 
 def _automatic(plant: Plant, dt: float, tolerance: float | None) -> Choice:
     found = responses(plant)
-    rate, why = 0.0, ""
-    if found:
-        fastest = max(found, key=lambda response: response.fastest)
-        rate, why = fastest.fastest, _said(plant, fastest, fastest.quickest)
     if plant.nz or any(_swings(response, dt) for response in found):
-        return _controlled(plant, dt, tolerance, rate, why)
+        return _controlled(plant, dt, tolerance, found)
     if any(response.fastest * dt > _most(response) for response in found):
-        return Choice(METHODS["implicit"], dt, tolerance, f"stiff: {why}")
-    if tolerance is not None:
-        return Choice(
-            METHODS["dop853"], dt, tolerance, "not stiff, error control: the highest order"
-        )
-    return Choice(METHODS["rk4"], dt, None, "the scene is not stiff")
+        return Choice(METHODS["implicit"], dt, tolerance, f"stiff: {_fastest(plant, found)}")
+    if tolerance is None:
+        return Choice(METHODS["rk4"], dt, None, "the scene is not stiff")
+    return Choice(METHODS["dop853"], dt, tolerance, "not stiff, error control: the highest order")
 
 
-def _controlled(plant: Plant, dt: float, tolerance: float | None, rate: float, why: str) -> Choice:
-    """A method with error control for a scene whose fastest rate is ``rate`` in [1/s]."""
-    if rate * dt > QUICK_STIFF:
-        reason = f"stiff, error control: {why}"
+def _controlled(plant: Plant, dt: float, tolerance: float | None, found: list[Response]) -> Choice:
+    """A method with error control."""
+    if any(response.fastest * dt > QUICK_STIFF for response in found):
+        reason = f"stiff, error control: {_fastest(plant, found)}"
         return Choice(METHODS["implicit"], dt, tolerance or QUICK_STIFF_TOLERANCE, reason)
-    what = "drives with states" if plant.nz else why
+    what = "drives with states" if plant.nz else _fastest(plant, found)
     reason = f"{what}: error control, the highest order"
     return Choice(METHODS["dop853"], dt, tolerance or QUICK_TOLERANCE, reason)
 
@@ -161,6 +155,12 @@ def _danger(plant: Plant, method: Method, dt: float) -> str:
         f"unstable at dt = {dt:g} s: {why}; dt up to {longest:.2g} s, 'implicit', or 'dop853' "
         "with a tolerance would do"
     )
+
+
+def _fastest(plant: Plant, found: list[Response]) -> str:
+    """What moves which joint in the fastest mode, and how fast."""
+    fastest = max(found, key=lambda response: response.fastest)
+    return _said(plant, fastest, fastest.quickest)
 
 
 def _said(plant: Plant, response: Response, mode: int) -> str:
