@@ -78,7 +78,8 @@ def _told(run: Recording, error: float, controlled: bool) -> Iterator[str]:
         yield "second look"
     if run.time_stepped[-1]:
         yield "time-stepped"
-    if controlled and FACTOR * run.error[-1] >= error:
+    stated = run.error[-1] if controlled else 0.0
+    if FACTOR * max(stated, run.second_look.error) >= error:
         yield "stated error"
 
 

@@ -43,13 +43,26 @@ def test_a_tick_that_ends_elsewhere_is_named(
     assert wrong.trust(second_look=False) == (wrong.energy_error <= 1e-3)
 
 
+def test_the_error_of_fixed_steps_is_estimated() -> None:
+    """Of a wheel that friction stops, by Heun; against error control."""
+    scene = rotor(0.1, viscous=2.0, coulomb=0.5)
+    sim = Simulator(scene, integrator="heun", dt=2e-3)
+    sim.reset(v=[3.0])
+    run = sim.run(0.2, [0.0])
+    sim = Simulator(scene, dt=2e-3, tolerance=1e-12)
+    sim.reset(v=[3.0])
+    error = abs(run.q - sim.run(0.2, [0.0]).q).max()
+    assert error < run.second_look.error < 100.0 * error
+
+
 def test_what_is_drawn() -> None:
     """Half are the most abrupt ticks, none twice, and the same for the same motion."""
     change = np.zeros((5000, 2))
     change[[70, 4000], [0, 1]] = 1.0, -3.0
     usable = np.delete(np.arange(5000), 71)
-    rows = drawn(usable, change)
+    abrupt, random = drawn(usable, change)
+    rows = np.concatenate([abrupt, random])
     assert len(rows) == len(set(rows)) == round(SHARE * len(usable))
-    assert {70, 4000, 4001} <= set(rows.tolist()) and 71 not in rows
-    np.testing.assert_array_equal(rows, drawn(usable, change))
-    assert drawn(np.arange(3), change[:3]).tolist() == [0, 1, 2]
+    assert {70, 4000, 4001} <= set(abrupt.tolist()) and 71 not in rows
+    np.testing.assert_array_equal(random, drawn(usable, change)[1])
+    assert sorted(np.concatenate(drawn(np.arange(3), change[:3])).tolist()) == [0, 1, 2]

@@ -26,6 +26,8 @@ FINER = 1e-2
 """Tolerance of the second look, relative to that of the motion."""
 ALLOWED, ALLOWED_FIXED = 10.0, 1e-6
 """Trusted differences: in tolerances or stated errors, and with steps of fixed length."""
+CARRIED = 100
+"""Ticks for which an error of a velocity is taken to last."""
 
 
 @dataclass(frozen=True)
@@ -61,12 +63,15 @@ class SecondLook:
             over a tick, relative to 1 + |q|; NaN where the second tick cannot be computed.
         joint: Index of the joint with that difference, shape (m,).
         allowed: Largest difference that is trusted, shape (m,).
+        error: Estimated error of q over the whole motion, relative to 1 + |q|: the differences of
+            all ticks, with those of the velocities for as long as they last.
     """
 
     ticks: Array
     difference: Array
     joint: Array
     allowed: Array
+    error: float
 
     @property
     def agrees(self) -> bool:
@@ -92,20 +97,27 @@ def second_look(
         made_finer: Ends of ticks that are made again, of shape (m, nx).
     """
     n = motion.u.shape[1]
-    rows = drawn(np.flatnonzero(usable), (motion.after - motion.x)[:, n : 2 * n])
+    able = np.flatnonzero(usable)
+    abrupt, random = drawn(able, (motion.after - motion.x)[:, n : 2 * n])
+    rows = np.concatenate([abrupt, random])
     if not len(rows):
-        return SecondLook(rows, np.zeros(0), rows, np.zeros(0))
+        return SecondLook(rows, np.zeros(0), rows, np.zeros(0), 0.0)
     some = motion.some(rows)
+    size = 1.0 + abs(some.after[:, :n])
     change = abs(made_finer(some) - some.after)
-    ways = np.maximum(change[:, :n], choice.dt * change[:, n : 2 * n])
-    ways /= 1.0 + abs(some.after[:, :n])
+    of_q, of_v = change[:, :n] / size, choice.dt * change[:, n : 2 * n] / size
+    ways = np.maximum(of_q, of_v)
     least = ALLOWED_FIXED if choice.tolerance is None else ALLOWED * choice.tolerance
     allowed = np.maximum(least, ALLOWED * some.error)
-    return SecondLook(rows, ways.max(axis=1), ways.argmax(axis=1), allowed)
+    lasts = np.minimum(len(motion.u) - rows, CARRIED)
+    each = (of_q + lasts[:, None] * of_v).max(axis=1)
+    rest = len(able) - len(abrupt)
+    error = each[: len(abrupt)].sum() + rest * (each[len(abrupt) :].mean() if len(random) else 0.0)
+    return SecondLook(rows, ways.max(axis=1), ways.argmax(axis=1), allowed, float(error))
 
 
-def drawn(usable: Array, change: Array) -> Array:
-    """The ticks to be made again, of those that can be, sorted.
+def drawn(usable: Array, change: Array) -> tuple[Array, Array]:
+    """The ticks to be made again, of those that can be: the most abrupt ones, and random ones.
 
     Args:
         usable: Indices of those that can be.
@@ -118,4 +130,4 @@ def drawn(usable: Array, change: Array) -> Array:
     others = np.setdiff1d(np.arange(len(usable)), abrupt)
     chance = np.random.default_rng(len(usable))
     random = chance.choice(others, size=min(len(others), count - len(abrupt)), replace=False)
-    return np.asarray(usable[np.sort(np.concatenate([abrupt, random]))])
+    return usable[np.sort(abrupt)], usable[np.sort(random)]
