@@ -13,7 +13,7 @@ from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
-from arm_sim.servo import Servo
+from arm_sim.servo import Rest, Servo
 from arm_sim.stepping.gradient import Gradients
 from arm_sim.stepping.linearization import Linearizer
 from arm_sim.stepping.rollout import Rollouts
@@ -74,6 +74,11 @@ class CompiledScene:
     def servo(self) -> Servo:
         """The servos, for position and velocity commands; built on first use."""
         return Servo(self.plant, self.choice.dt, self.backend)
+
+    @cached_property
+    def rest(self) -> Rest:
+        """Whether the servos hold the arm at rest."""
+        return Rest(self.plant, self.choice.dt)
 
     @cached_property
     def present(self) -> PresentDynamics:

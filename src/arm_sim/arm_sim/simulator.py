@@ -64,10 +64,6 @@ Control = Callable[[State], Any]
 
 _log = logging.getLogger(__name__)
 
-# Joints slower than this, in [rad/s] or [m/s], that a servo holds at a position are at rest: the
-# remainder is rounding, or acceleration below 1e-7 rad/s² at ticks of 1 ms.
-AT_REST = 1e-10
-
 
 class Simulator:
     """Simulated arm; keep one instance per thread.
@@ -281,11 +277,22 @@ class Simulator:
         """
         servo, x, n = self._compiled.servo, self._x, self.n
         self._command[:] = servo.command(command, x, self._stepper.p, self._step)
-        still = servo.at_rest and abs(x[n : 2 * n]).max() < AT_REST
-        place = x[:n].copy() if still else None
+        rest = self._compiled.rest
+        held = self.hold == SERVOS and rest.knows(x, self._stepper.p)
+        before = x.copy() if servo.at_rest and rest.slow(x) else None
+        if before is None or not (held or self._balances(command)):
+            self._advance()
+            return
         self._advance()
-        if place is not None and abs(x[n : 2 * n]).max() < AT_REST:
-            x[:n], x[n : 2 * n], self.hold = place, 0.0, SERVOS
+        if rest.stays(before, x) if held else rest.slow(x):
+            x[:n], x[n : 2 * n], self.hold = before[:n], 0.0, SERVOS
+
+    def _balances(self, command: JointCommand) -> bool:
+        """Whether the servos would hold the arm at rest where it is."""
+        servo, rest, stepper = self._compiled.servo, self._compiled.rest, self._stepper
+        still = rest.stopped(self._x)
+        asked = servo.command(command, still, stepper.p, self._step)
+        return rest.balanced(still, asked, stepper.p, stepper.slope)
 
     def lock(self) -> None:
         """Close the brakes: joints and motors stop at once, and drives are switched off."""

@@ -7,6 +7,7 @@ quantities; not on integration.
 """
 
 from arm_sim.servo.command import JointCommand
+from arm_sim.servo.rest import Rest
 from arm_sim.servo.servo import Servo
 
-__all__ = ["JointCommand", "Servo"]
+__all__ = ["JointCommand", "Rest", "Servo"]

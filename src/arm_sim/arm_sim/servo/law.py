@@ -122,8 +122,7 @@ def servo_law(plant: Plant, dt: float) -> ca.Function:
         added effort, which is applied alone where neither is tracked.
     """
     model, n = plant.model, plant.model.n
-    twin = rigid_twin(model.scene)
-    rigid = model if twin is model.scene else ArmModel(twin)
+    rigid = rigid_model(model)
     gains, s = Gains.of(rigid, flexibility(model), dt), Symbols(rigid, plant.parameters)
     x, r = ca.SX.sym("x", plant.nx), ca.SX.sym("r", 5 * n)
     q, v = _encoders(plant, x)
@@ -162,6 +161,12 @@ def _possible(acting: ca.SX, quickening: ca.SX, model: ArmModel) -> ca.SX:
         left = ca.sign(quickening[i]) * (1.0 - ROUNDING) * model.command_limit[i] - acting[i]
         part = ca.fmin(part, ca.if_else(quickening[i] == 0, 1, left / quickening[i]))
     return ca.fmax(LEAST, part)
+
+
+def rigid_model(model: ArmModel) -> ArmModel:
+    """The arm with rigid transmissions, by which the servos compute their torques."""
+    twin = rigid_twin(model.scene)
+    return model if twin is model.scene else ArmModel(twin)
 
 
 def flexibility(model: ArmModel) -> Array:

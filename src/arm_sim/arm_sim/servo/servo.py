@@ -31,8 +31,8 @@ class Servo:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the reference is at rest."""
-        return self._setpoints.at_rest
+        """Whether the reference is at rest, and every joint follows it."""
+        return self._setpoints.at_rest and self._setpoints.all_follow
 
     def restart(self) -> None:
         """Discard earlier commands."""

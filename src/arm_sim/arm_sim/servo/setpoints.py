@@ -38,6 +38,11 @@ class Setpoints:
         self._moving = np.zeros(n)
         self.restart()
 
+    @property
+    def all_follow(self) -> bool:
+        """Whether every joint tracks a position or a velocity."""
+        return bool((self._moves > 0.0).all())
+
     def restart(self) -> None:
         """Discard earlier commands."""
         self._last: JointCommand | None = None

@@ -11,10 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics
-from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.sampling import postures
-from arm_sim.servo.law import Gains, flexibility
+from arm_sim.servo.law import Gains, flexibility, rigid_model
 
 # Postures besides the initial one, and growth of the errors in a tick that is rounding.
 POSTURES, ROUNDING = 16, 1e-6
@@ -24,8 +23,7 @@ def danger(model: ArmModel, dt: float) -> str:
     """Which servo is unstable in ticks of ``dt`` in [s], and what would do; empty if none is."""
     if not any(joint.servo.stiffness for joint in map(model.scene.joint, model.joint_names)):
         return ""
-    twin = rigid_twin(model.scene)
-    rigid = model if twin is model.scene else ArmModel(twin)
+    rigid = rigid_model(model)
     gains, dynamics = Gains.of(rigid, flexibility(model), dt), Dynamics(rigid)
     worst, joint = 1.0 + ROUNDING, -1
     for q in np.vstack([model.q0, postures(model, POSTURES)]):

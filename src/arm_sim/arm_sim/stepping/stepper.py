@@ -203,6 +203,12 @@ class Stepper:
         pushes = np.where(q <= lower, torque > 0.0, (q >= upper) & (torque < 0.0))
         return np.where(pushes, torque, 0.0)
 
+    def slope(self, x: Array, command: Array) -> tuple[Array, Array]:
+        """Slope x' under a command, limits applied, and torques of the drives on the joints."""
+        u = self._actuate(x, command)[0].copy()
+        rates: Array = self.kernel.call("rhs")(x, u, self.modes_at(x, u).p)[0]
+        return rates.copy(), self._plant.joint_torque(x, u)
+
     def push(self, x: Array, u: Array) -> Array:
         """Torques of contacts and friction at rest, beside bilateral constraints, shape (n,)."""
         torque: Array = self.kernel.call("bilateral")(x, u, self.modes_at(x, u).p)[1]
