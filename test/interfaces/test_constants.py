@@ -109,7 +109,11 @@ PUBLISHED: dict[str, dict[str, dict[str, int]]] = {
     },
     "tf2_msgs": {},
 }
-PARTS = {"msg": ("",), "srv": (".Request", ".Response"), "action": (".Goal", ".Result", ".Feedback")}
+PARTS = {
+    "msg": ("",),
+    "srv": (".Request", ".Response"),
+    "action": (".Goal", ".Result", ".Feedback"),
+}
 DEFINED = [
     (package, f"{file.parent.name}.{file.stem}{part}")
     for package in PUBLISHED
@@ -119,7 +123,7 @@ DEFINED = [
 
 
 def constants(package: str, name: str) -> dict[str, int]:
-    """The constants and defaults of a generated class: rosidl makes them properties of its type."""
+    """Constants and defaults of a generated class, which are properties of its type."""
     folder, *path = name.split(".")
     found = import_module(f"{package}.{folder}")
     for part in path:

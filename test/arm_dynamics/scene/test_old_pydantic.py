@@ -11,13 +11,16 @@ from pathlib import Path
 import pytest
 
 
-@pytest.mark.parametrize("version", ["1.10.14", "2.5.3"])
+@pytest.mark.parametrize(
+    ("version", "line"),
+    [("1.10.14", "describe pendulum"), ("2.5.3", "describe pendulum"), ("1.10.14", "sweep x.yaml")],
+)
 def test_an_older_pydantic_is_named_with_its_place_and_the_remedy(
-    version: str, tmp_path: Path
+    version: str, line: str, tmp_path: Path
 ) -> None:
     (tmp_path / "pydantic.py").write_text(f"VERSION = {version!r}\n")
     done = subprocess.run(
-        [sys.executable, "-P", "-m", "arm_sim.cli", "describe", "pendulum"],
+        [sys.executable, "-P", "-m", "arm_sim.cli", *line.split()],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
         capture_output=True, text=True, timeout=60,
     )  # fmt: skip
