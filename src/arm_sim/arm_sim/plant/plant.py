@@ -85,6 +85,16 @@ class Plant:
         """Number of modes of cords and drives."""
         return int(self._mechanics().joints.switches.numel()) if self._switching else 0
 
+    @property
+    def switch_names(self) -> tuple[str, ...]:
+        """What switches, for messages, in the order of ``switches``."""
+        if not self._switching:
+            return ()
+        names, cords = self.model.joint_names, self._mechanics().symbols.cords
+        owners = [joint for drive in self._drives.values() for joint in drive.joints]
+        own = [f"a limit or backlash of the drive of joint '{names[i]}'" for i in owners]
+        return (*["a cord"] * (cords.modes.numel() if cords else 0), *own)
+
     def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
         """The same arm with additional states that integrate powers.
 
@@ -362,7 +372,7 @@ def _states(laws: Ensemble | None) -> int:
 
 def _parts(laws: Ensemble, z: ca.SX) -> list[tuple[StatefulLaw, ca.SX]]:
     """Each law with its states among z."""
-    ends = np.cumsum([0, *(len(law.names) for law in laws.laws)])
+    ends = np.cumsum([0, *(len(law.states) for law in laws.laws)])
     return [(law, z[a:b]) for law, a, b in zip(laws.laws, ends, ends[1:], strict=False)]
 
 

@@ -128,13 +128,14 @@ class SwitchedLaw:
 
     Attributes:
         modes: Symbols of the modes, in the expressions of ``equations``.
+        joints: Index of the joint of each.
     """
 
     def __init__(self, law: StatefulLaw, n: int) -> None:
-        self.title, self.names, self.scale = law.title, law.names, law.scale
+        self.title, self.states = law.title, law.states
         self.replaces_command: NDArray[np.bool_] = law.replaces_command
         self._law = law
-        sizes = {"q": n, "v": n, "z": len(law.names), "u": n}
+        sizes = {"q": n, "v": n, "z": len(law.states), "u": n}
         q, v, z, u = (ca.SX.sym(name, size) for name, size in sizes.items())
         flow = law.equations(q, v, z, u)
         parts = [
@@ -148,6 +149,10 @@ class SwitchedLaw:
         self.modes = found.modes
         self._flow = ca.Function("flow", [q, v, z, u, self.modes], found.results, {"cse": True})
         self._values = ca.Function("switches", [q, v, z, u], [found.values, found.sizes])
+        owners = [*range(n), *range(n), *(state.joint for state in law.states), *range(n)]
+        needs = ca.jacobian(found.values, ca.vertcat(q, v, z, u)).sparsity()
+        owner = {row: owners[column] for row, column in zip(*needs.get_triplet(), strict=True)}
+        self.joints = tuple(owner[k] for k in range(self.modes.numel()))
 
     def initial(self, q: Array, v: Array) -> Array:
         """See ``StatefulLaw``."""
