@@ -84,11 +84,11 @@ def refusing(host: str) -> Iterator[None]:
             check = _checked(process_request, host)
             return usual(handler, *where, process_request=check, **options)
 
-        library.serve = serve  # type: ignore[assignment, misc]
+        library.serve = serve
         try:
             yield
         finally:
-            library.serve = usual  # type: ignore[misc]
+            library.serve = usual
 
 
 def _checked(answer: Callable[[Any, Any], Any] | None, host: str) -> Callable[[Any, Any], Any]:

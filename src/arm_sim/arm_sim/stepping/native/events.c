@@ -216,6 +216,13 @@ static int meets_any(const real* x, const real* u, const real* after, double h) 
   return meets;
 }
 
+/* Whether a joint is so close to a stop that no step away from stops need be tried. */
+static int starts_near(const real* x, double h) {
+  int near = 0;
+  for (int i = 0; i < NU; ++i) near |= meets_stop(x[i], x[NU + i], x[i], 0.0, h, 0.0, i);
+  return near;
+}
+
 /* A tick in which no joint meets a stop, without modes: 0 if one may. */
 #ifdef ADAPTIVE
 static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
@@ -225,6 +232,7 @@ static int free_tick(const real* x, const real* u, const real* p, double h, cont
   memcpy(after, x, NX * sizeof *after);
   for (long long k = 0; k < MOST_SUBSTEPS; ++k) {
     const double trial = next_length(&at, h);
+    if (starts_near(after, trial)) return 0;
     const int reached = free_once(after, u, p, trial, next, error);
     const enum verdict verdict = judge(&at, h, error[0] / control->tolerance, reached);
     ++found.attempts;
@@ -244,7 +252,7 @@ static int free_tick(const real* x, const real* u, const real* p, double h, cont
 static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
   real error[2];
   (void)control;
-  return free_once(x, u, p, h, after, error) && !meets_any(x, u, after, h);
+  return !starts_near(x, h) && free_once(x, u, p, h, after, error) && !meets_any(x, u, after, h);
 }
 #endif
 #endif

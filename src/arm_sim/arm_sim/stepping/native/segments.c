@@ -170,13 +170,25 @@ static double excess_at(const search_t* search, double t, limits_t* limits) {
 
 static void limits_at(const void* asked, double t, double* limits) { excess_at(asked, t, (limits_t*)limits); }
 
-/* Whether the speed of a sliding joint may reach zero inside a piece. The Bernstein coefficients of a cubic bound it. */
-static int may_turn(const piece_t* piece, const segment_t* segment, int i) {
-  const double d = segment->p.direction[i], h = piece->length, *v0 = piece->begin + NU, *v1 = piece->end + NU;
-  const double *a0 = piece->inside.slope[0] + NU, *a1 = piece->inside.slope[1] + NU;
-  const double bend = piece->inside.middle[NU + i] - 0.5 * (v0[i] + v1[i]) - 0.125 * h * (a0[i] - a1[i]);
-  const double slowest = fmin(fmin(d * v0[i], d * v1[i]), fmin(d * (v0[i] + h / 3.0 * a0[i]), d * (v1[i] - h / 3.0 * a1[i])));
-  return slowest <= 2.0 * fabs(bend);
+/* Bounds of a number of the state inside a piece: the Bernstein coefficients of the cubic through its ends, widened by twice
+ * the distance of the cubic from the middle. */
+static void find_bounds(const piece_t* piece, int i, double* low, double* high) {
+  const double h = piece->length, x0 = piece->begin[i], x1 = piece->end[i];
+  const double a = h / 3.0 * piece->inside.slope[0][i], b = h / 3.0 * piece->inside.slope[1][i];
+  const double bend = 2.0 * fabs(piece->inside.middle[i] - 0.5 * (x0 + x1) - 0.375 * (a - b));
+  *low = fmin(fmin(x0, x1), fmin(x0 + a, x1 - b)) - bend;
+  *high = fmax(fmax(x0, x1), fmax(x0 + a, x1 - b)) + bend;
+}
+
+/* Whether the speed of a sliding joint may reach zero inside a piece, or a joint its stop. */
+static int joint_may_stray(const piece_t* piece, const segment_t* segment, int i) {
+  double low, high;
+  if (ND && may_stick(i)) { /* if it does not turn, it meets a stop at most once */
+    find_bounds(piece, NU + i, &low, &high);
+    return segment->p.direction[i] > 0.0 ? low <= 0.0 : high >= 0.0;
+  }
+  find_bounds(piece, i, &low, &high);
+  return low <= stop_place[0][i] || high >= stop_place[1][i];
 }
 
 /* Whether a contact may end or change its mode inside a piece that satisfies it at both ends. */
@@ -235,14 +247,8 @@ static int switch_may_stray(const piece_t* piece, const segment_t* segment, cons
 static int may_stray(const search_t* search, const limits_t* end) {
   const piece_t* piece = &search->piece;
   const segment_t* segment = search->segment;
-  for (int i = 0; i < NU; ++i) {
-    const int slides = ND && may_stick(i);
-    if (ND && segment->p.direction[i] == 0.0) continue;
-    if (slides ? may_turn(piece, segment, i) /* if it does not turn, it meets a stop at most once */
-               : meets_stop(piece->begin[i], piece->begin[NU + i], piece->end[i], piece->end[NU + i], piece->length,
-                          0.0, i))
-      return 1;
-  }
+  for (int i = 0; i < NU; ++i)
+    if (!(ND && segment->p.direction[i] == 0.0) && joint_may_stray(piece, segment, i)) return 1;
   if (load_may_stray(segment, end) || switch_may_stray(piece, segment, end)) return 1;
   if (NC) {
     geometry_t first, last;

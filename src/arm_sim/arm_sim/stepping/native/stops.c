@@ -8,13 +8,10 @@
 
 static const double stop_place[2][NU] = {LOWEST, HIGHEST};
 
-/* Whether a joint may meet a stop in a motion from q, v to q_end, v_end: whether the cubic with these ends leaves the room
- * between the stops. Its Bernstein coefficients bound it, and its error is smaller than its distance from a motion at
- * constant acceleration; `margin` is added to that.
+/* Whether a joint may meet a stop in a motion from q, v to q_end, v_end. The cubic with these ends goes no farther than half of
+ * `way`; the rest is for its error. `margin` is added.
  */
 static inline int meets_stop(double q, double v, double q_end, double v_end, double length, double margin, int joint) {
-  const double third = length / 3.0, a = q + third * v, b = q_end - third * v_end;
-  const double bend = margin + __builtin_fabs(q_end - q - 0.5 * length * (v + v_end));
-  const double low = stop_place[0][joint] + bend, high = stop_place[1][joint] - bend;
-  return (q <= low) | (q >= high) | (q_end <= low) | (q_end >= high) | (a <= low) | (a >= high) | (b <= low) | (b >= high);
+  const double way = 2.0 * __builtin_fabs(q_end - q) + length * (__builtin_fabs(v) + __builtin_fabs(v_end)) + margin;
+  return (q - way <= stop_place[0][joint]) | (q + way >= stop_place[1][joint]);
 }
