@@ -144,6 +144,12 @@ def test_stands_still_beyond_the_ends(rng: np.random.Generator) -> None:
         assert not reference.a.any()
 
 
+def test_many_times_at_once_are_the_same_bits(rng: np.random.Generator) -> None:
+    trajectory = quintic(random_waypoints(rng))
+    times = np.concatenate([[-1.0, 0.0], trajectory.times, rng.uniform(0.0, 9.0, 20), [99.0]])
+    np.testing.assert_array_equal(trajectory.at(times), motion(trajectory, times).swapaxes(0, 1))
+
+
 def test_hold_stands_still() -> None:
     for t in (-1.0, 0.0, 1e9):
         reference = hold([1.0, 2.0]).sample(t)
