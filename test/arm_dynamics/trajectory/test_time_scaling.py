@@ -160,6 +160,16 @@ def test_motions_that_bend_everywhere_are_refused(monkeypatch: pytest.MonkeyPatc
         closely(shares_of(lambda t: noise.uniform(0.0, 2.0, t.shape)), np.linspace(0.0, 1.0, 101))
 
 
+def test_a_limit_of_zero_leaves_only_joints_that_rest() -> None:
+    capacity = Capacity(
+        models.dynamics("planar_3r"), np.full(3, np.inf), np.array([0.0, 1.0, 1.0])
+    )
+    resting, moving = (np.array([[v, 2.0, 0.0]]) for v in (0.0, 1e-3))
+    assert Strain(capacity, 0.0 * resting, resting, 0.0 * resting).pace() == pytest.approx(0.5)
+    with pytest.raises(Unreachable, match="limit of zero"):
+        Strain(capacity, 0.0 * moving, moving, 0.0 * moving).pace()
+
+
 @pytest.mark.parametrize("ratio", [30.0, -30.0])
 def test_a_motor_at_its_voltage_limit_sets_the_pace(ratio: float) -> None:
     """R i + K ω = V, with i = J a / (N K) and ω = N v of the motor."""

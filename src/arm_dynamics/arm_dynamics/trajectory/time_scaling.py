@@ -30,6 +30,7 @@ _MOST = 100_000  # intervals at a time
 _ROUNDS = 20
 _STILL = 1e-9  # fraction of the fastest joint's speed below which a velocity is rounding
 _EXACT = 1e-13
+_NONE = 1e-50  # squares of speeds, and square roots of limits, that are zero
 
 
 class Capacity:
@@ -84,7 +85,7 @@ class Capacity:
         """Signed shares of the limits that a motion with joint torques tau uses, shape (k, m)."""
         motors = self.dynamics.command_map.of_motors(q, v, a, tau)
         values = (v, a, motors, self._resistance * motors + self._emf * v)
-        used: Array = np.concatenate(values, axis=1)[:, self._given] / self.limits
+        used: Array = np.concatenate(values, axis=1)[:, self._given] / np.fmax(self.limits, _NONE**2)
         return used
 
 
@@ -153,7 +154,8 @@ class Strain:
             y: Likewise.
 
         Raises:
-            Unreachable: If gravity, springs and dry friction alone exceed it at any speed.
+            Unreachable: If gravity, springs and dry friction alone exceed it at any speed, or a
+                limit is zero.
         """
 
         def excess(scale: float) -> float:
@@ -164,7 +166,9 @@ class Strain:
             return most
         if (low := excess(0.0)) >= 0.0:
             raise self._unbearable(allowed)
-        return float(np.sqrt(_root(excess, (0.0, low), (most**2, high))))
+        if (scale := _root(excess, (0.0, low), (most**2, high))) < _NONE:
+            raise Unreachable("a joint that moves has a limit of zero, so it may not move at all")
+        return float(np.sqrt(scale))
 
     def _unbearable(self, allowed: float) -> Unreachable:
         shares = abs(self.shares(0.0))
