@@ -275,7 +275,7 @@ class Simulator:
         self._command[:] = servo.command(command, x, self._stepper.p, self._step)
         still = servo.at_rest and abs(x[n : 2 * n]).max() < AT_REST
         place = x[:n].copy() if still else None
-        self._advance()
+        self._advance(servo=True)
         if place is not None and abs(x[n : 2 * n]).max() < AT_REST:
             x[:n], x[n : 2 * n], self.hold = place, 0.0, SERVOS
 
@@ -303,11 +303,11 @@ class Simulator:
         self._step, self._state, self.hold = self._step + ticks, None, FREE
         self._saturation.look(self._command, self._effort)
 
-    def _advance(self) -> None:
+    def _advance(self, servo: bool = False) -> None:
         if self._tick() != 1:
             raise self._diverged()
         self._step, self._state, self.hold = self._step + 1, None, FREE
-        self._saturation.look(self._command, self._effort)
+        self._saturation.look(self._command, self._effort, servo)
         if self.sensors is not None:
             self.sensors.look(self._step, self._q, self._v, self._driving)
 

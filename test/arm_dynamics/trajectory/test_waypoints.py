@@ -335,6 +335,10 @@ def test_a_stop_takes_a_fifth_of_a_second_or_what_the_limit_asks_for(
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], [1.0])], "last waypoint"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], None, [1.0])], "last waypoint"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, ["fast"])], "numbers are expected"),
+        ([[0.0], [1.0]], r"waypoint 0 is \[0.0\]; allowed: a list of waypoints, such as"),
+        ([Waypoint(0.0, [0.0]), {"time": 1.0}], "waypoint 1 is {'time': 1.0}; allowed"),
+        (Waypoint(0.0, [0.0]), "waypoints = Waypoint.time=0.0"),
+        ("here", "waypoints = here; allowed"),
     ],
 )
 def test_malformed_waypoints_are_refused(waypoints: list[Waypoint], complaint: str) -> None:

@@ -85,7 +85,8 @@ class Capacity:
         """Signed shares of the limits that a motion with joint torques tau uses, shape (k, m)."""
         motors = self.dynamics.command_map.of_motors(q, v, a, tau)
         values = (v, a, motors, self._resistance * motors + self._emf * v)
-        used: Array = np.concatenate(values, axis=1)[:, self._given] / np.fmax(self.limits, _NONE**2)
+        limits = np.fmax(self.limits, _NONE**2)
+        used: Array = np.concatenate(values, axis=1)[:, self._given] / limits
         return used
 
 
