@@ -83,7 +83,8 @@ with figure("transmission", columns=3, size=(15, 4)) as axes:
     axes[1].set(
         xlabel="twist [mrad]", ylabel="torque [N m]", title="Harmonic drive, output blocked"
     )
-    area = np.trapezoid(loop.tau[4000:6001, 0], twist[4000:6001])
+    torque, cycle = loop.tau[4000:6001, 0], twist[4000:6001]
+    area = 0.5 * (torque[1:] + torque[:-1]) @ np.diff(cycle)
     print(f"harmonic drive: {area * 1e3:.3g} mJ lost in a cycle of 30 N m")
 
     # --- harmonic drive: its kinematic error excites the arm -------------------------------------

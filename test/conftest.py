@@ -6,12 +6,21 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Iterator
+from importlib.util import find_spec
 from zlib import crc32
 
 import numpy as np
 import pytest
 
 import models
+
+# Modules of the packages that ./arm installs only when asked for, by group.
+GROUPS = {
+    "bench": ("mujoco",),
+    "jax": ("jax",),
+    "sweep": ("distributed", "joblib", "pyarrow"),
+    "view": ("collada", "playwright", "viser"),
+}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -24,6 +33,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """A process for each core to run folders of tests; a few files are quicker in this one."""
     return len(os.sched_getaffinity(0)) if any(map(os.path.isdir, config.args)) else 0
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip tests of a group of packages that is not installed; CI installs it and runs them."""
+    for marker in item.iter_markers("group"):
+        (group,) = marker.args
+        if missing := [name for name in GROUPS[group] if find_spec(name) is None]:
+            pytest.skip(f"without {', '.join(missing)}, which './arm setup {group}' installs")
 
 
 @pytest.fixture(autouse=True)

@@ -8,7 +8,6 @@ import webbrowser
 from pathlib import Path
 
 import click
-from sphinx.cmd.build import main as sphinx
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -28,6 +27,8 @@ def build(out: Path, gallery: bool, show: bool) -> None:
     Pages that have not changed are kept from the last time. A warning, for example a link that
     leads nowhere or a script of the gallery that fails, makes the build fail.
     """
+    from sphinx.cmd.build import main as sphinx  # here: --help needs no Sphinx
+
     options = [
         "-W",
         "--keep-going",

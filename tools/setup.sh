@@ -248,6 +248,7 @@ if '$kind' == 'jazzy' and numpy.__file__.startswith(sys.prefix):
 
 # One at a time; the lock goes when this process does, whatever ends it.
 lock_set_up() {
+    [[ -w $root ]] || die "cannot write to $root, where set-up puts everything; make it writable, or use a copy of it"
     type -p flock >/dev/null || return 0
     exec {lock_fd}>"$root/.arm.lock"
     if ! flock -n "$lock_fd"; then

@@ -12,7 +12,7 @@ from pictures import unseen
 
 import models
 from arm_dynamics import InvalidInput
-from arm_sim.figures import MOST_FRAMES, animation, frame_points, use_style
+from arm_sim.figures import MOST_FRAMES, animation, frame_points, legend_at_right, use_style
 
 TIME = np.linspace(0.0, 2.0, 401)  # [s]
 TIP = np.stack([np.cos(TIME), np.sin(TIME)], axis=1)
@@ -79,3 +79,14 @@ def test_frames_of_an_arm_are_where_its_angles_put_them() -> None:
     tip = elbow + 0.4 * np.stack([np.cos(q.sum(1)), np.sin(q.sum(1))], axis=1)
     expected = np.stack([0.0 * elbow, elbow, tip], axis=1)
     np.testing.assert_allclose(points, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("loc", ["upper right", "center right"])
+def test_a_legend_at_the_right_covers_no_axes(loc: str) -> None:
+    figure, axes = plt.subplots(2, layout="constrained")
+    lines = [line for axis in axes for line in axis.plot([0.0, 1.0])]
+    legend_at_right(figure, lines, ["shoulder", "the elbow, which has a long name"], loc)
+    figure.canvas.draw()
+    legend = figure.legends[0].get_window_extent()
+    assert max(axis.get_tightbbox().x1 for axis in axes) <= legend.x0
+    assert legend.x1 <= figure.bbox.x1

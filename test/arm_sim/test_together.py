@@ -14,6 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import models
+from arm_dynamics.actuation import StateKind
 from arm_sim import Simulator
 from models.touching import contact
 from tolerances import CLOSED_FORM, assert_close
@@ -155,8 +156,8 @@ def _first_states(sim: Simulator, z: np.ndarray) -> tuple[float, float]:
     """Current, and bristle if there is one, at the start."""
     laws = sim.plant.laws
     assert laws is not None
-    states = dict(zip(("current" if "current" in n else "z" for n in laws.names), z, strict=True))
-    return states["current"], states.get("z", 0.0)
+    states = dict(zip((state.kind for state in laws.states), z, strict=True))
+    return states[StateKind.CURRENT], states.get(StateKind.DEFLECTION, 0.0)
 
 
 def test_many_sledges_with_loads_of_their_own_move_as_one_does() -> None:

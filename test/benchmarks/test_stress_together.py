@@ -143,9 +143,9 @@ def test_a_process_that_dies_is_a_result() -> None:
     assert result.outcome == CRASHED
 
 
+@pytest.mark.group("bench")
 @pytest.mark.parametrize("chosen", [SMOOTH, ROD], ids=["smooth", "rod"])
 def test_mujoco_gets_the_same_arm(chosen: tuple[str, ...]) -> None:
-    pytest.importorskip("mujoco")
     assert {*chosen} <= {*FAMILIAR}
     scene = features.scene("planar", chosen)
     sim, dt = Simulator(scene, "dop853", 1e-3, 1e-10), 1e-4

@@ -14,10 +14,9 @@ from benchmarks.sweeps import cli
 RUNS = 48
 
 
+@pytest.mark.group("sweep")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")  # the cluster's own sockets
 def test_killed_and_resumed_and_on_a_cluster_the_table_is_the_same(tmp_path: Path) -> None:
-    for library in ("joblib", "distributed"):
-        pytest.importorskip(library, reason="what shares runs out is missing: ./arm setup sweep")
     out = tmp_path / "sweeps.json"
     options = ["--runs", str(RUNS), "--cluster-workers", "2", "--out", str(out)]
     done = CliRunner().invoke(cli.main, options)

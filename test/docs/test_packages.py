@@ -101,6 +101,24 @@ def test_extras_admit_what_their_groups_pin(extra: str) -> None:
     assert [n for n, allowed in wanted.items() if tested.get(n, "none") not in allowed] == []
 
 
+# Names that NumPy has got since 1.26, the oldest that is allowed.
+NEWER = re.compile(
+    r"\bnp\.(acosh?|asinh?|astype|atan[2h]?|bitwise_(count|invert|left_shift|right_shift)|bool|concat|"
+    r"cumulative_(prod|sum)|isdtype|long|matrix_transpose|matvec|permute_dims|pow|strings|trapezoid|"
+    r"ulong|unique_\w+|unstack|vecdot|vecmat|"
+    r"linalg\.(cross|diagonal|matmul|matrix_norm|matrix_transpose|outer|svdvals|tensordot|trace|"
+    r"vecdot|vector_norm))\b"
+)
+
+
+@pytest.mark.parametrize("folder", ["src", "examples", "docs", "benchmarks", "test"])
+def test_code_uses_nothing_that_the_oldest_numpy_lacks(folder: str) -> None:
+    assert "1.26" in of_packages()["numpy"] and "1.25" not in of_packages()["numpy"]
+    files = [file for kind in ("py", "md") for file in (ROOT / folder).rglob(f"*.{kind}")]
+    found = {f"{file}: {use[0]}" for file in files for use in NEWER.finditer(file.read_text())}
+    assert files and sorted(found) == []
+
+
 def test_all_name_one_version() -> None:
     said = {package: manifest(package).findtext("version") for package in PACKAGES}
     for package in PYTHON:

@@ -18,6 +18,7 @@ import page_files
 import pages
 import pytest
 import yaml
+from browser import needed
 from terminal import Terminal, forging
 
 pytestmark = pytest.mark.ros
@@ -60,6 +61,8 @@ STATUS = {r"arm replay .*--integrator\b": 1}
 ELSEWHERE = yaml.safe_load((Path(__file__).parent / "lines_elsewhere.yaml").read_text())
 HELP: dict[str, str] = {}  # what programs print about themselves
 DRAWN = re.compile(r"arm view .*--(?:png|gif|mp4)\b")
+# What needs a group of packages that ./arm installs only when asked for.
+GROUPS = {"view": r"arm view\b|\.show\(\)", "sweep": r"arm sweep\b", "jax": r"^import jax$"}
 # Numbers that differ from run to run: times, sizes, errors of a motion.
 MEASURED = re.compile(r"\([\d.]+ m?s\)|[\d.]+ MB|(?<=error )\S+ at \w+|(?<=in )[\d.]+(?= s)")
 
@@ -94,15 +97,25 @@ def terminal(tmp_path: Path, forge: Path) -> Iterator[Terminal]:
 
 MOVES = re.compile(r"arm go\b|send_goal")  # an arm, by the clock
 RUN = [page for page in pages.PAGES if any(pages.steps(page))]
-ALONE = {True: (pytest.mark.alone,), False: ()}
-RUNS = [
-    pytest.param(page, id=pages.label(page), marks=ALONE[any(map(MOVES.search, lines(page)))])
-    for page in RUN
-]
+
+
+def marks(page: Path) -> Iterator[pytest.MarkDecorator]:
+    """Whether a page needs the machine for itself, and the groups of packages that it needs."""
+    if any(map(MOVES.search, lines(page))):
+        yield pytest.mark.alone
+    done = [step.text for step in pages.steps(page) if not elsewhere(step.text)]
+    for group, needs in GROUPS.items():
+        if any(re.search(needs, text, re.M) for text in done):
+            yield pytest.mark.group(group)
+
+
+RUNS = [pytest.param(page, id=pages.label(page), marks=list(marks(page))) for page in RUN]
 
 
 @pytest.mark.parametrize("page", RUNS)
 def test_a_page_does_what_it_shows(page: Path, terminal: Terminal, shelf: Path) -> None:
+    if any(map(DRAWN.search, lines(page))):
+        needed()
     for given in GIVEN.get(pages.label(page), ()):
         if given.startswith("arm "):
             terminal.type(f"./{given}")
@@ -113,8 +126,6 @@ def test_a_page_does_what_it_shows(page: Path, terminal: Terminal, shelf: Path) 
             text = re.sub(*SMALLER.get(pages.label(page), ("", "")), step.text)
             (terminal.folder / step.name).write_text(text)
         elif step.kind == "python":
-            if re.search(r"^import jax$", step.text, re.M):
-                pytest.importorskip("jax", reason="JAX is missing: ./arm setup jax")
             terminal.python(step.text)
         else:
             typed(step, terminal)
@@ -130,8 +141,6 @@ def typed(step: pages.Step, terminal: Terminal) -> None:
             place = pages.ROOT / module[1].replace(".", "/")
             assert place.is_dir() or place.with_suffix(".py").is_file()
         return
-    if DRAWN.search(line):
-        pytest.importorskip("viser", reason="the view's packages are missing: ./arm setup view")
     for found, more in SHORTER.items():
         if re.search(found, line):
             line += f" {more}"
@@ -161,6 +170,21 @@ def test_the_list_holds_nothing_else(entry: dict[str, str]) -> None:
     """Every entry is of a line that a page has, has a reason, and something that is there."""
     assert any(elsewhere(line) is entry for page in pages.PAGES for line in lines(page))
     assert entry["why"] and (pages.ROOT / entry["elsewhere"]).exists()
+
+
+@pytest.mark.parametrize(
+    ("label", "groups"),
+    [
+        ("README", {"view"}),
+        ("how-to/autodiff", {"jax"}),
+        ("how-to/install", {"view"}),  # by a recording's show()
+        ("how-to/shell", set()),
+        ("tutorials/sweep", {"sweep"}),
+    ],
+)
+def test_pages_name_the_groups_of_packages_that_they_need(label: str, groups: set[str]) -> None:
+    (page,) = (page for page in RUN if pages.label(page) == label)
+    assert {mark.args[0] for mark in marks(page) if mark.name == "group"} == groups
 
 
 def test_what_pages_are_given_is_of_pages() -> None:

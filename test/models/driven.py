@@ -37,7 +37,7 @@ def of_states(drives: Drives, n: int) -> dict[str, ca.Function]:
     ``stored``.
     """
     q, v, a, u = (ca.SX.sym(name, n) for name in "qvau")
-    z = ca.SX.sym("z", len(drives.names))
+    z = ca.SX.sym("z", len(drives.states))
     flow = drives.equations(q, v, z, u)
     along = [ca.jtimes(flow.stored, x, y) for x, y in ((q, v), (v, a), (z, flow.slope))]
     wanted = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.actuation import Flow
+from arm_dynamics.actuation import Flow, InternalState, StateKind
 from arm_dynamics.arrays import Array
 
 
@@ -30,14 +30,10 @@ class Motor:
     title: str = "toy motor"
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """A current for each motor, if it has inductance."""
-        return tuple(f"joint{i} current [A]" for i in self._which) if self.L else ()
-
-    @property
-    def scale(self) -> Array:
-        """One ampere."""
-        return np.ones(len(self.names))
+    def states(self) -> tuple[InternalState, ...]:
+        """A current for each motor, if it has inductance; errors in amperes."""
+        names = {i: f"joint{i} current [A]" for i in self._which if self.L}
+        return tuple(InternalState(i, StateKind.CURRENT, name, 1.0) for i, name in names.items())
 
     @property
     def replaces_command(self) -> np.ndarray:
@@ -50,7 +46,7 @@ class Motor:
 
     def initial(self, q: Array, v: Array) -> Array:
         """No current."""
-        return np.zeros(len(self.names))
+        return np.zeros(len(self.states))
 
     def _current(self, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
         if self.L:

@@ -79,9 +79,31 @@ print(arm_sim.__version__, abs(weight[0]) > 0.1, abs(motion.q[-1, 0] - 0.5) > 1e
 
 def test_command_line_works_without_ros(user: Run) -> None:
     assert "continuous" in user("arm", "describe", "pendulum")
-    said = user("arm", "dynamics", "pendulum", code=1)
-    assert said.startswith("Error: Python cannot find the module") and "rclpy" in said
-    assert "needs ROS 2 Jazzy" in said
+    said = user("arm", "controller", "pendulum", code=1)
+    assert said.startswith("Error: Python cannot find the module '")
+    assert "needs ROS 2 Jazzy" in said and said.count("\n") == 1
+
+
+NEED_ROS = (
+    "sim pendulum", "dynamics pendulum", "controller pendulum", "demo", "go swing=1", "get",
+    "set sim dt 0.001", "watch", "call model-info", "call pause", "record", "view --live",
+    "replay . --topics", "build pendulum --out compiled --nodes",
+)  # fmt: skip
+
+
+def test_every_command_that_needs_ros_says_so(user: Run) -> None:
+    said = user("python", "-c", f"""
+from click.testing import CliRunner
+from arm_sim.cli.main import main
+
+for line in {NEED_ROS}:
+    result = CliRunner().invoke(main, line.split())
+    last = result.output.splitlines()[-1]
+    if not last.startswith("Error: Python cannot find") or "needs ROS 2 Jazzy" not in last:
+        print(line, repr(result.exception), result.output)
+    assert result.exit_code == 1
+""")  # fmt: skip
+    assert said == ""
 
 
 USER_FILE = """\

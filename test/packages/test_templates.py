@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import yaml
 from installed import ROOT, bare_environment, copied, runner
+from packaging.requirements import Requirement
 
 DOCKERFILE = (ROOT / "Dockerfile").read_text()
 WORKFLOW: dict[Any, Any] = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())
@@ -72,6 +73,14 @@ def test_every_command_is_run_or_said_not_to_be(command: str) -> None:
     run = command in [c for commands in IN_A_BARE_ENVIRONMENT.values() for c in commands]
     assert run or command.startswith(tuple(ELSEWHERE))
     subprocess.run(["bash", "-n"], input=command, text=True, check=True)
+
+
+def test_the_workspace_is_made_as_its_page_says() -> None:
+    """What needs root and network is the same in the workflow and in the document."""
+    (line,) = (step for step in steps("workspace") if step.startswith("pip install"))
+    assert f"\n{line}\ncolcon build\n" in (ROOT / "docs/how-to/install.md").read_text()
+    wanted = {Requirement(word.strip('"')).name for word in line.split()[3:]}
+    assert wanted == {"casadi", "example-robot-data", "mcap", "pydantic", "numpy"}
 
 
 def test_stages_are_complete() -> None:

@@ -13,7 +13,11 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PARTS = ("src", "examples", "pyproject.toml", "MANIFEST.in", "README.md", "LICENSE")
 MADE = shutil.ignore_patterns("__pycache__", "*.egg-info", "build")
-OF_ROS = ("rclpy", "arm_msgs", "sensor_msgs", "std_msgs")
+OF_ROS = (
+    "rclpy", "ament_index_python", "arm_msgs", "builtin_interfaces", "control_msgs",
+    "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rcl_interfaces", "rosgraph_msgs",
+    "sensor_msgs", "simulation_interfaces", "std_msgs", "std_srvs", "tf2_msgs", "trajectory_msgs",
+)  # fmt: skip
 # pip as in a fresh environment, but with what is installed here instead of the network.
 OFFLINE = {
     "PIP_NO_INDEX": "1",

@@ -19,10 +19,11 @@ class SimulationDiverged(ArmError):
 
 
 class NotDifferentiable(InvalidInput):
-    """A tick has no derivative at a state, because any small change of it changes the events.
+    """A tick has no derivative at a state, because small changes of it act differently.
 
     Examples are a state on the boundary between two modes, events at the same instant or exactly
-    at the beginning or end of the tick, and a contact that is grazed.
+    at the beginning or end of the tick, a contact that is grazed, a joint held between its sliding
+    and its static level, and a command exactly at its limit.
     """
 
 

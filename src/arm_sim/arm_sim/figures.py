@@ -71,6 +71,22 @@ def use_style() -> None:
     mpl.rcParams.update(STYLE | {"figure.constrained_layout.use": True})
 
 
+def legend_at_right(
+    figure: Any,
+    lines: Sequence[Any],
+    labels: Sequence[str],
+    loc: str = "upper right",
+    **style: Any,
+) -> None:
+    """A legend of a whole figure, with constrained layout, to the right of its axes.
+
+    Matplotlib itself makes room for it (``loc="outside …"``) from 3.7 on; Ubuntu 24.04 has 3.6.
+    """
+    legend = figure.legend(lines, labels, loc=loc, **style)
+    left = legend.get_window_extent().x0 / figure.bbox.width
+    figure.set_layout_engine("constrained", rect=(0.0, 0.0, left, 1.0))
+
+
 def animation(
     time: Array,
     chains: Sequence[Chain],

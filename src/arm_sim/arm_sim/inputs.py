@@ -96,6 +96,13 @@ def whole(name: str, value: Any, least: int) -> None:
         raise InvalidInput(f"{name} = {value!r}; expected a whole number of at least {least}")
 
 
+def one_side(side: Any) -> int | None:
+    """Check the side of a derivative: 1, -1, or None for one that both sides agree on."""
+    if side is not None and (isinstance(side, bool) or side not in (1, -1)):
+        raise InvalidInput(f"side = {side!r}; allowed: 1, -1 or None")
+    return None if side is None else int(side)
+
+
 def named(scene: Any) -> str:
     """Path or name of a scene that was given as one; else empty."""
     text = os.fspath(scene) if isinstance(scene, str | os.PathLike) else ""

@@ -20,6 +20,7 @@ from arm_dynamics.scene import Line, Scene
 from arm_dynamics.scene.constraint import WORLD
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
+from arm_sim.recording.second_look import SHARE
 from arm_sim.stepping.stepper import Stepper
 
 TIMED_TICKS, REPEATS = 200, 5
@@ -143,7 +144,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     followers = model.pin.nv - model.n
     rows = sum(len(kept) for kept in model.constraint_rows.values())
     laws = plant.laws.laws if plant.laws else ()
-    states = sum(len(law.names) for law in laws if law.replaces_command.any())
+    states = sum(len(law.states) for law in laws if law.replaces_command.any())
     driven = f"{sum(map(bool, model.drives))} joints, {states or 'no'} states"
     gears = f"{len(model.friction.gears)} joints, load-dependent friction, solved by events"
     tables = sum(
@@ -174,6 +175,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("mimic joints", followers, f"{followers} joints follow", "none"),
         _part("locked joints", False, "", f"{locked} eliminated" if locked else "none"),
         _part("energies", False, "", "computed on demand"),
+        _part("second look", False, "", f"{SHARE:.0%} of the ticks, made again on demand"),
     )
 
 
@@ -241,7 +243,7 @@ def _at(values: Array) -> str:
 
 def _cost_of(law: StatefulLaw, n: int, backend: str) -> LawCost:
     """Measure a law, many evaluations in one call."""
-    sizes = {"q": n, "v": n, "z": len(law.names), "u": n}
+    sizes = {"q": n, "v": n, "z": len(law.states), "u": n}
     symbols = [ca.SX.sym(name, size) for name, size in sizes.items()]
     flow = law.equations(*symbols)
     results = [ca.densify(flow.torque), ca.densify(flow.slope)]
@@ -254,4 +256,4 @@ def _cost_of(law: StatefulLaw, n: int, backend: str) -> LawCost:
         start = time.perf_counter_ns()
         call.run()
         best = min(best, (time.perf_counter_ns() - start) / LAW_EVALUATIONS)
-    return LawCost(law.title, law.names, operations(once), best)
+    return LawCost(law.title, tuple(state.name for state in law.states), operations(once), best)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
+from arm_dynamics.actuation import StateKind
 from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.wrappers import AnyController
@@ -29,6 +31,7 @@ from arm_sim.inputs import (
     SaturationNotice,
     answers,
     named,
+    one_side,
     row,
     rows,
     tick_count,
@@ -48,6 +51,7 @@ from arm_sim.recording.energy_meter import EnergyMeter
 from arm_sim.recording.origin import Origin, Physics
 from arm_sim.recording.recording import Recording
 from arm_sim.servo import JointCommand
+from arm_sim.servo.stability import danger
 from arm_sim.state import State, read_only
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces, trouble
 from arm_sim.stepping.gradient import RolloutGradient, gradient_of, rollout_change
@@ -57,6 +61,8 @@ from arm_sim.view import Instant, LiveAccount, Rig, View, show_rigs
 from arm_sim.view.server import HERE
 
 Control = Callable[[State], Any]
+
+_log = logging.getLogger(__name__)
 
 # Joints slower than this, in [rad/s] or [m/s], that a servo holds at a position are at rest: the
 # remainder is rounding, or acceleration below 1e-7 rad/s² at ticks of 1 ms.
@@ -110,6 +116,8 @@ class Simulator:
             plant = Plant(model)
             self.choice: Choice = choose(plant, integrator, dt, tolerance)
             compiled = CompiledScene(plant, self.choice, backend)
+        if unstable := danger(model, self.choice.dt):
+            _log.warning("%s", unstable)
         self.n, self.joint_names, self.dt = model.n, model.joint_names, self.choice.dt
         self.z_names = plant.laws.names if plant.laws else ()
         self.backend = backend
@@ -282,8 +290,9 @@ class Simulator:
     def lock(self) -> None:
         """Close the brakes: joints and motors stop at once, and drives are switched off."""
         self._x[self.n : 2 * self.n] = 0.0
-        for k, name in enumerate(self.z_names, 2 * self.n):
-            if "velocity" in name or "current" in name:
+        states = self.plant.laws.states if self.plant.laws else ()
+        for k, state in enumerate(states, 2 * self.n):
+            if state.kind in (StateKind.MOTOR_VELOCITY, StateKind.CURRENT):
                 self._x[k] = 0.0
         self._effort[:], self._state = 0.0, None
 
@@ -515,15 +524,29 @@ class Simulator:
         return rollouts.run(batch, threads, lanes)
 
     @overload
-    def linearize(self, state: State, tau: ArrayLike, ticks: int = 1) -> tuple[Array, Array]: ...
+    def linearize(
+        self, state: State, tau: ArrayLike, ticks: int = 1, *, side: int | None = None
+    ) -> tuple[Array, Array]: ...
 
     @overload
     def linearize(
-        self, state: State, tau: ArrayLike, ticks: int = 1, *, by: Sequence[str]
+        self,
+        state: State,
+        tau: ArrayLike,
+        ticks: int = 1,
+        *,
+        by: Sequence[str],
+        side: int | None = None,
     ) -> tuple[Array, Array, dict[str, Array]]: ...
 
     def linearize(
-        self, state: State, tau: ArrayLike, ticks: int = 1, *, by: Sequence[str] | None = None
+        self,
+        state: State,
+        tau: ArrayLike,
+        ticks: int = 1,
+        *,
+        by: Sequence[str] | None = None,
+        side: int | None = None,
     ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
         """Exact derivatives of the state after a tick (or several, torque held).
 
@@ -536,6 +559,8 @@ class Simulator:
             tau: Torque in [N m] or [N], or commands of the drives, shape (n,).
             ticks: Number of ticks.
             by: Names of tunable quantities to differentiate by as well, see ``set_parameter``.
+            side: For ticks without a derivative, 1 or -1: derivatives on the side where the entry
+                that they are taken by is larger or smaller; None: such ticks are refused.
 
         Returns:
             A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z); if
@@ -543,19 +568,28 @@ class Simulator:
 
         Raises:
             InvalidInput: If an argument is not allowed.
-            NotDifferentiable: If a tick has no derivative: a state on the boundary of a mode,
-                events at the same instant, a contact that is grazed.
+            NotDifferentiable: If a tick has no derivative, on that side if one is chosen: a state
+                on the boundary of a mode, a joint held between its sliding and its static level,
+                a command at its limit, events at the same instant, a contact that is grazed.
             SimulationDiverged: If a tick cannot be computed.
         """
         whole("ticks", ticks, 1)
         x, command = self._point(state, tau)
         places = self._places(by)
-        slope = self._compiled.linearizer(tuple(chain(*places.values())))(x, command, ticks)
+        linearizer = self._compiled.linearizer(tuple(chain(*places.values())))
+        slope = linearizer(x, command, ticks, one_side(side))
         A, B, P = self._parted(slope, places)
         return (A, B) if by is None else (A, B, P)
 
     def jvp(
-        self, state: State, tau: ArrayLike, dx: ArrayLike, dtau: ArrayLike, ticks: int = 1
+        self,
+        state: State,
+        tau: ArrayLike,
+        dx: ArrayLike,
+        dtau: ArrayLike,
+        ticks: int = 1,
+        *,
+        side: int | None = None,
     ) -> Array:
         """A dx + B dτ of ``linearize``: first-order change of the state after a tick.
 
@@ -567,6 +601,7 @@ class Simulator:
             dx: Change of x = (q, v, z), shape (nx,).
             dtau: Change of the torque, shape (n,).
             ticks: Number of ticks.
+            side: As for ``linearize``.
 
         Returns:
             Change of the state after the ticks, shape (nx,).
@@ -579,10 +614,16 @@ class Simulator:
         whole("ticks", ticks, 1)
         x, command = self._point(state, tau)
         dx, dtau = row("dx", dx, self.plant.nx), row("dtau", dtau, self.n)
-        return self._compiled.linearizer().product(x, command, ticks, dx, dtau)
+        return self._compiled.linearizer().product(x, command, ticks, dx, dtau, one_side(side))
 
     def vjp(
-        self, state: State, tau: ArrayLike, weights: ArrayLike, ticks: int = 1
+        self,
+        state: State,
+        tau: ArrayLike,
+        weights: ArrayLike,
+        ticks: int = 1,
+        *,
+        side: int | None = None,
     ) -> tuple[Array, Array]:
         """Aᵀ w and Bᵀ w of ``linearize``: the gradient of w · x⁺ by the state and the torque.
 
@@ -593,6 +634,7 @@ class Simulator:
             tau: Torque, as for ``linearize``.
             weights: w, shape (nx,).
             ticks: Number of ticks.
+            side: As for ``linearize``.
 
         Returns:
             Gradients by x = (q, v, z), shape (nx,), and by the torque, shape (n,).
@@ -605,7 +647,8 @@ class Simulator:
         whole("ticks", ticks, 1)
         x, command = self._point(state, tau)
         weights = row("weights", weights, self.plant.nx)
-        return self._compiled.gradients.product(x, command, self._stepper.p, ticks, weights)
+        gradients, p = self._compiled.gradients, self._stepper.p
+        return gradients.product(x, command, p, ticks, weights, one_side(side))
 
     @overload
     def linearize_many(
@@ -615,6 +658,7 @@ class Simulator:
         tau: ArrayLike,
         ticks: int = 1,
         *,
+        side: int | None = None,
         threads: int | None = None,
         lanes: int | None = None,
     ) -> tuple[Array, Array]: ...
@@ -628,6 +672,7 @@ class Simulator:
         ticks: int = 1,
         *,
         by: Sequence[str],
+        side: int | None = None,
         threads: int | None = None,
         lanes: int | None = None,
     ) -> tuple[Array, Array, dict[str, Array]]: ...
@@ -640,6 +685,7 @@ class Simulator:
         ticks: int = 1,
         *,
         by: Sequence[str] | None = None,
+        side: int | None = None,
         threads: int | None = None,
         lanes: int | None = None,
     ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
@@ -651,6 +697,7 @@ class Simulator:
             tau: Torques in [N m] or [N], held, shape (n,) or (b, n).
             ticks: Number of ticks.
             by: As for ``linearize``.
+            side: Likewise.
             threads: Number of threads; None for all cores.
             lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available.
 
@@ -670,7 +717,7 @@ class Simulator:
         commands = rollouts.by_tick("tau", tau, len(x), 1)[:, 0]
         places = self._places(by)
         linearizer = self._compiled.linearizer(tuple(chain(*places.values())))
-        slopes = linearizer.many(x, commands, ticks, threads, lanes)
+        slopes = linearizer.many(x, commands, ticks, threads, lanes, one_side(side))
         A, B, P = self._parted(slopes, places)
         return (A, B) if by is None else (A, B, P)
 
@@ -685,6 +732,7 @@ class Simulator:
         dtau: ArrayLike,
         *,
         parameters: dict[str, Any] | None = None,
+        side: int | None = None,
         threads: int | None = None,
         lanes: int | None = None,
     ) -> Array:
@@ -702,6 +750,7 @@ class Simulator:
             dv0: Change of the initial velocities, shape (b, n).
             dtau: Change of the torques, shape (n,), (b, n) or (b, steps, n).
             parameters: As for ``rollout``.
+            side: As for ``linearize``, of each tick.
             threads: Number of threads; None for all cores.
             lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available.
 
@@ -720,8 +769,8 @@ class Simulator:
         dx0 = np.hstack([
             rows(name, change, arms, self.n) for name, change in (("dq0", dq0), ("dv0", dv0))
         ])  # fmt: skip
-        changes = rollouts.by_tick("dtau", dtau, arms, batch.steps)
-        return rollout_change(self.plant, linearizer, batch, dx0, changes, threads, lanes)
+        changes, sided = rollouts.by_tick("dtau", dtau, arms, batch.steps), one_side(side)
+        return rollout_change(self.plant, linearizer, batch, dx0, changes, threads, lanes, sided)
 
     def rollout_gradient(
         self,
@@ -732,6 +781,7 @@ class Simulator:
         g: ArrayLike,
         *,
         parameters: dict[str, Any] | None = None,
+        side: int | None = None,
         threads: int | None = None,
         lanes: int | None = None,
     ) -> RolloutGradient:
@@ -748,6 +798,7 @@ class Simulator:
             steps: Ticks to advance.
             g: ∂L/∂states at the states that ``rollout`` returns, shape (b, steps + 1, 2n).
             parameters: As for ``rollout``.
+            side: As for ``linearize``, of each tick.
             threads: Number of threads; None for all cores.
             lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available.
 
@@ -766,7 +817,7 @@ class Simulator:
             )
         if self.plant.nz:
             weights = np.pad(weights, ((0, 0), (0, 0), (0, self.plant.nz)))
-        found = self._compiled.gradients.run(batch, weights, threads, lanes)
+        found = self._compiled.gradients.run(batch, weights, threads, lanes, one_side(side))
         return gradient_of(self.plant, batch, found, np.shape(tau))
 
     def multipliers(self) -> Array:

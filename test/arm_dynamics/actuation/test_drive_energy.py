@@ -57,7 +57,7 @@ def states(rng: np.random.Generator, nz: int, number: int = 200) -> Any:
 def test_energy_is_accounted_for(scene: Any, rng: np.random.Generator) -> None:
     drives = law(scene)
     of = of_states(drives, 1)
-    for x in states(rng, len(drives.names)):
+    for x in states(rng, len(drives.states)):
         now = {name: float(of[name](*x)) for name in of if name != "slope"}
         out = now["supplied"] - now["lost"] - now["torque"] * x[1][0]
         scale = abs(now["supplied"]) + abs(now["lost"]) + 1.0
@@ -68,7 +68,7 @@ def test_energy_is_accounted_for(scene: Any, rng: np.random.Generator) -> None:
 def test_nothing_but_the_supply_gives_energy(name: str, rng: np.random.Generator) -> None:
     drives = law(DRIVES[name])
     of = of_states(drives, 1)
-    for x in states(rng, len(drives.names)):
+    for x in states(rng, len(drives.states)):
         assert float(of["lost"](*x)) >= -1e-12
         assert float(of["stored"](*x)) >= 0.0
 

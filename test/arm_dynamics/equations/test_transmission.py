@@ -200,7 +200,7 @@ def test_kinematic_error_reacts_on_the_motor() -> None:
 
 
 def test_state_names_say_joint_and_unit() -> None:
-    names = law(
+    states = law(
         drive(
             {"stiffness": 1e3, "hysteresis": {"torque": 1.0, "deflection": 0.01}},
             command="voltage",
@@ -208,8 +208,8 @@ def test_state_names_say_joint_and_unit() -> None:
             inductance=1e-3,
             torque_constant=0.1,
         )  # fmt: skip
-    ).names
-    assert names == (
+    ).states
+    assert tuple(state.name for state in states) == (
         "axle motor current [A]",
         "axle motor position at the joint [rad]",
         "axle motor velocity at the joint [rad/s]",

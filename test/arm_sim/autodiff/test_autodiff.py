@@ -25,7 +25,9 @@ class Jax:
     """States, and gradients of Σ g · states, by JAX in double precision."""
 
     def __init__(self) -> None:
-        self.jax = pytest.importorskip("jax", reason="JAX is missing: ./arm setup jax")
+        import jax
+
+        self.jax = jax
 
     def simulator(self, sim: Simulator) -> Any:
         return JaxSimulator(sim)
@@ -74,7 +76,10 @@ class Torch:
         return states.detach().numpy(), parts
 
 
-@pytest.fixture(params=[Jax, Torch], ids=["jax", "torch"])
+with_jax = pytest.mark.group("jax")
+
+
+@pytest.fixture(params=[pytest.param(Jax, marks=with_jax), Torch], ids=["jax", "torch"])
 def library(request: pytest.FixtureRequest) -> Iterator[Any]:
     made = request.param()
     if isinstance(made, Torch):
@@ -164,8 +169,10 @@ def test_an_arm_is_simulated_alike_alone_and_among_others(library: Any) -> None:
     np.testing.assert_array_equal(by["tau"], found["tau"][1])
 
 
+@with_jax
 def test_jax_compiles_and_maps() -> None:
-    jax = pytest.importorskip("jax", reason="JAX is missing: ./arm setup jax")
+    import jax
+
     sim = arm("payload")
     given, _ = motion(sim)
     run = Jax().simulator(sim).rollout

@@ -65,6 +65,7 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
     np.testing.assert_array_equal(shown["films"][0].q, [[0.2, 0.1], [0.4, 0.3]])
 
 
+@pytest.mark.group("view")
 @pytest.mark.parametrize(
     ("words", "status", "said"),
     [
@@ -85,7 +86,6 @@ def test_what_cannot_be_shown_is_reported(
     words: list[str], status: int, said: str, capfd: pytest.CaptureFixture[str],
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    pytest.importorskip("viser", reason="the view's packages are missing: ./arm setup view")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "robot.csv").write_text("time,position.elbow\n0,0.1\n0.5,0.3\n")
     with pytest.raises(SystemExit) as end:

@@ -11,14 +11,14 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
+from arm_sim import Simulator
 from arm_sim.integrators.selection import (
-    DRIVEN_STIFF,
-    DRIVEN_STIFF_TOLERANCE,
-    DRIVEN_TOLERANCE,
+    QUICK_STIFF,
+    QUICK_STIFF_TOLERANCE,
+    QUICK_TOLERANCE,
     STIFF,
     Choice,
     choose,
-    damping_rate,
     fastest_rate,
     law_rate,
 )
@@ -30,6 +30,10 @@ from tolerances import assert_close
 
 def model(scene: Any) -> ArmModel:
     return ArmModel(load_scene(scene))
+
+
+def rate_of(scene: Any) -> float:
+    return fastest_rate(Plant(model(scene)))
 
 
 def chosen(
@@ -59,8 +63,8 @@ def test_the_stronger_direction_of_friction_decides() -> None:
     """b = 0.4 forwards and 0.1 backwards: the rate is 0.4/J."""
     for law in ({"positive": 0.4, "negative": 0.1}, {"positive": 0.1, "negative": 0.4}):
         scene = rotor(0.1, viscous=law)  # type: ignore[arg-type]
-        assert_close(damping_rate(model(scene)), 4.0, 1e-9)
-    assert damping_rate(model(rotor(0.1))) == 0.0
+        assert_close(rate_of(scene), 4.0, 1e-9)
+    assert rate_of(rotor(0.1)) == 0.0
 
 
 def test_dry_friction_that_rises_decides() -> None:
@@ -69,7 +73,7 @@ def test_dry_friction_that_rises_decides() -> None:
     scene = rotor(0.1, viscous=b, coulomb=fc, static=fs, stribeck_velocity=vs)
     v = np.linspace(0.0, 3.0 * vs, 100_001)
     slope = np.diff((fc - fs) * (1.0 - np.exp(-((v / vs) ** 2)))).max() / v[1]
-    assert_close(damping_rate(model(scene)), (b + slope) / 0.1, 1e-6 * slope)
+    assert_close(rate_of(scene), (b + slope) / 0.1, 1e-6 * slope)
 
 
 @pytest.mark.parametrize("dt", [1e-3, 1e-2])
@@ -97,18 +101,98 @@ def test_bristles_are_not_left_to_a_fixed_step() -> None:
 
 
 @pytest.mark.parametrize(("L", "name", "tolerance"), [
-    (1e-4, "implicit", DRIVEN_STIFF_TOLERANCE), (1e-1, "dop853", DRIVEN_TOLERANCE),
+    (1e-4, "implicit", QUICK_STIFF_TOLERANCE), (1e-1, "dop853", QUICK_TOLERANCE),
 ])  # fmt: skip
 def test_drives_get_error_control(L: float, name: str, tolerance: float) -> None:
     """The current of a winding decays at R/L; from 50 a tick on the implicit method pays."""
     scene = wheel(command="voltage", resistance=20.0, inductance=L, torque_constant=0.05)
-    rate = fastest_rate(Plant(model(scene)))
+    rate = rate_of(scene)
     b, J = 0.05**2 / (L * 0.1), 20.0 / L
     assert_close(rate / (J / 2 + np.sqrt(J * J / 4 - b)), 1.0, 1e-9)
-    assert (rate * 1e-3 > DRIVEN_STIFF) == (name == "implicit")
+    assert (rate * 1e-3 > QUICK_STIFF) == (name == "implicit")
     choice = chosen(scene)
     assert (choice.method.name, choice.tolerance) == (name, tolerance)
     assert chosen(scene, tolerance=1e-5).tolerance == 1e-5
+
+
+def against(stop: dict[str, float], mass: float = 1.0) -> dict[str, Any]:
+    """A mass on a rail, with compliant stops at -1 and 0.1 m."""
+    joint = {"limits": {"lower": -1.0, "upper": 0.1, "stop": stop}}
+    return {"robot": {"urdf": rails(mass)}, "gravity": [0, 0, 0], "joints": {"rail0": joint}}
+
+
+def rails(*masses: float) -> str:
+    """Masses beside each other on rails ``rail0``, ``rail1``, …"""
+    rail = """<link name="m{0}"><inertial><mass value="{1}"/><inertia ixx="1" iyy="1" izz="1"
+      ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="rail{0}" type="prismatic">
+      <parent link="base"/><child link="m{0}"/><limit effort="0" velocity="0"/></joint>"""
+    all_ = "".join(rail.format(i, mass) for i, mass in enumerate(masses))
+    return f'<robot name="rails"><link name="base"/>{all_}</robot>'
+
+
+@pytest.mark.parametrize(("stiffness", "name", "tolerance"), [
+    (2.4e3, "rk4", None), (2.6e3, "dop853", QUICK_TOLERANCE), (2.4e9, "dop853", QUICK_TOLERANCE),
+    (2.6e9, "implicit", QUICK_STIFF_TOLERANCE),
+])  # fmt: skip
+def test_compliant_stops_get_error_control(
+    stiffness: float, name: str, tolerance: float | None
+) -> None:
+    """From a contact of π/0.05 ticks on; with dampers likewise, and where a mass is light."""
+    for scene in (
+        against({"stiffness": stiffness}), against({"stiffness": 1e-3 * stiffness}, mass=1e-3)
+    ):  # fmt: skip
+        choice = chosen(scene)
+        assert (choice.method.name, choice.tolerance) == (name, tolerance)
+        assert ("a stop throws back a joint" in choice.reason) == (tolerance is not None)
+    assert chosen(against({"stiffness": 1.0, "damping": 100.0})).tolerance == QUICK_TOLERANCE
+
+
+def test_an_elastic_stop_returns_a_mass_in_time() -> None:
+    """At 1 m/s, half a period of √(k/m) in contact, by default settings."""
+    for stiffness in (2e3, 1e5, 3e6):
+        sim = Simulator(against({"stiffness": stiffness}))
+        sim.reset([0.00033], [1.0])
+        sim.run(0.3)
+        back = 0.1 - 0.00033 + np.pi / np.sqrt(stiffness)
+        assert_close(sim.state.q, [0.1 - (0.3 - back)], 1e-8)
+
+
+def folding(viscous: float) -> dict[str, Any]:
+    """Two light rods with a weight at the tip, which begin stretched: 400 times more inertia."""
+    rod = """<link name="{0}"/><joint name="{0}" type="continuous"><origin xyz="{2} 0 0"/>
+      <parent link="{1}"/><child link="{0}"/><axis xyz="0 0 1"/></joint>"""
+    tip = """<inertial><origin xyz="0.9 0 0"/><mass value="1"/><inertia ixx="1e-4" ixy="0"
+      ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial>"""
+    upper = rod.format("shoulder", "base", 0.0)
+    fore = rod.format("elbow", "shoulder", 1.0).replace('"elbow"/>', f'"elbow">{tip}</link>', 1)
+    urdf = f'<robot name="folds"><link name="base"/>{upper}{fore}</robot>'
+    return {"robot": {"urdf": urdf}, "joints": {"shoulder": {"friction": {"viscous": viscous}},
+            "elbow": {"actuator": {"rotor_inertia": 1e3}}}}  # fmt: skip
+
+
+def test_postures_in_which_a_joint_is_light_are_looked_at() -> None:
+    """Stretched, the shoulder moves 3.6 kg m²; folded, a hundredth of that."""
+    for viscous, name in ((20.0, "rk4"), (3000.0, "implicit")):
+        assert viscous / 1.9**2 * 1e-3 < STIFF
+        assert chosen(folding(viscous)).method.name == name
+
+
+def test_backlash_does_not_hide_the_stiffness_behind_it() -> None:
+    """At rest between the teeth nothing pushes; in contact the shaft swings at √(k/J + k/Jm)."""
+    soft = {"stiffness": 1e9, "backlash": 0.1}
+    rate = rate_of(wheel(0.1, soft, command="torque", rotor_inertia=0.1))
+    assert_close(rate / np.sqrt(1e9 / 0.1 + 1e9 / 0.1), 1.0, 1e-6)
+
+
+def test_a_light_joint_of_a_loop_moves_with_the_others() -> None:
+    """A millionth of a kilogram that a cord ties to one kilogram, with friction: b/(m₀ + m₁)."""
+    cord = {"type": "coupling", "joints": ["rail0", "rail1"], "ratio": 1.0}
+    joints = {"rail0": {"friction": {"viscous": 10.0}}}
+    alone = {"robot": {"urdf": rails(1e-6, 1.0)}, "joints": joints}
+    assert_close(rate_of(alone), 1e7, 1.0)
+    assert_close(rate_of({**alone, "constraints": [cord]}), 10.0, 1e-4)
+    loose = {**cord, "switchable": True}
+    assert_close(rate_of({**alone, "constraints": [loose]}), 1e7, 1.0)
 
 
 def test_the_callers_word_comes_before_the_scenes() -> None:

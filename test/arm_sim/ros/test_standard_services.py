@@ -237,6 +237,9 @@ def test_other_bad_filters_are_refused(client: Client, node: SimNode) -> None:
 
     sphere = Bounds(type=Bounds.TYPE_SPHERE, points=[Vector3(), Vector3(x=1.0)])
     assert client.entities(bounds=sphere).result.result == UNSUPPORTED
+    box = client.entities(bounds=Bounds(type=Bounds.TYPE_BOX)).result
+    assert box.result == UNSUPPORTED
+    assert "bounds of type 1 with 0 points" in box.error_message
     modes = client.entities(tags=TagsFilter(tags=["arm"], filter_mode=2))
     assert modes.result.result == FAILED
     assert "filter_mode is 2" in modes.result.error_message

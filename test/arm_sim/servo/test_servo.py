@@ -11,6 +11,7 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, SceneError, load_scene
 from arm_sim import JointCommand, Simulator
+from models.rotor import rotor
 
 QUICK = 100.0
 """Default bandwidth in [rad/s]."""
@@ -112,6 +113,23 @@ def test_stiffness_in_newton_metres() -> None:
     np.testing.assert_allclose(given, push / 400.0, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("damping", "stable"), [(1.5, True), (2.1, False)])
+def test_a_stiff_servo_that_grows_from_tick_to_tick_is_told(
+    damping: float, stable: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A wheel of 1e-3 kg m² under a torque that is held for 1 ms bears 2 N m s/rad at most."""
+    scene = rotor(1e-3)
+    scene["joints"]["axle"]["servo"] = {"stiffness": 100.0, "damping": damping}
+    sim = Simulator(scene, dt=1e-3)
+    told = "the servo of joint 'axle' (stiffness 100.0, damping 2.1) is unstable at dt = 0.001 s"
+    assert (told not in caplog.text) == stable
+    place = led(sim, 0.5, position=np.array([0.01]))[-1]
+    assert (abs(place - 0.01) < 1e-3) == stable
+    caplog.clear()
+    Simulator(scene, dt=1e-4)
+    assert not caplog.records
+
+
 def test_a_velocity_is_reached_and_kept() -> None:
     sim = models.simulator("panda")
     wanted = np.array([0.3, -0.1, 0.2, 0.1, -0.3, 0.1, 0.4])
@@ -183,6 +201,43 @@ def test_repeats_to_the_bit_after_a_reset(rng: np.random.Generator) -> None:
     first = led(sim, 0.3, position=wanted)
     sim.reset()
     np.testing.assert_array_equal(led(sim, 0.3, position=wanted), first)
+
+
+def soft_pair(first: str, second: str) -> dict[str, Any]:
+    """Two wheels, each on a soft shaft behind a motor with inductance and friction of bristles."""
+    body = """<link name="{name}_link"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0"
+      iyy="1" iyz="0" izz="1"/></inertial></link><joint name="{name}" type="continuous">
+      <parent link="{parent}"/><child link="{name}_link"/><axis xyz="0 0 1"/></joint>"""
+    chain = ((first, "base"), (second, f"{first}_link"))
+    parts = [body.format(name=name, parent=parent) for name, parent in chain]
+    motor = {"resistance": 1.0, "inductance": 0.01, "torque_constant": 1.0, "rotor_inertia": 0.1}
+    every = {
+        "actuator": {**motor, "command": "voltage"},
+        "transmission": {"stiffness": 100.0, "damping": 1.0},
+        "friction": {"coulomb": 0.1, "lugre": {"sigma0": 100.0, "sigma1": 1.0}},
+    }
+    urdf = f'<robot name="pair"><link name="base"/>{"".join(parts)}</robot>'
+    return {"robot": {"urdf": urdf}, "joints": {"*": every}}
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("current_elbow", "elbow_velocity"), ("elbow motor position", "elbow")],
+)
+def test_names_of_joints_mean_nothing(names: tuple[str, str]) -> None:
+    """Servos and brakes know the states of drives by their kinds."""
+    wanted = None
+    for pair in (("one", "two"), names):
+        sim = Simulator(soft_pair(*pair))
+        led(sim, 0.05, position=np.array([0.1, -0.2]))
+        moving = sim.state.z.copy()
+        assert moving.all()
+        sim.lock()
+        current, position, velocity, bristle = 0.0, 1.0, 0.0, 1.0  # what brakes leave of each
+        left = np.array([current, position, velocity] * 2 + [bristle] * 2)
+        np.testing.assert_array_equal(sim.state.z, left * moving)
+        wanted = moving if wanted is None else wanted
+        np.testing.assert_array_equal(moving, wanted)
 
 
 @pytest.mark.parametrize(

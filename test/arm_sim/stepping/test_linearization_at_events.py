@@ -196,7 +196,7 @@ KEPT: dict[str, tuple[Callable[[], dict[str, Any]], float, Any, Any]] = {
         spinning, 0.02, ([0, 0, 0.6], [0, 0, 10], [0, -6, 0]), np.eye(6)[[0, 2, 3, 5]],
     ),
     "slips": (
-        lambda: spinning(friction=0.4, static_friction=0.45), 0.02,
+        lambda: spinning(friction=0.45), 0.02,
         ([0, 0, 2.1], [0, 0, 10], [0, -20, 0]), np.eye(6)[[0, 2, 5]],
     ),
     "loop slides to rest": (

@@ -19,7 +19,7 @@ from arm_dynamics.scene import load_scene
 from arm_sim.sweeps import sweep
 from arm_sim.sweeps.table import Table
 
-NEEDED = "what shares runs out is missing: ./arm setup sweep"
+with_group = pytest.mark.group("sweep")
 STUDY: dict[str, Any] = {
     "scene": {
         "robot": {"urdf": load_scene("two_link").robot.urdf},
@@ -47,15 +47,16 @@ def alone() -> dict[str, bytes]:
     return bits(sweep(STUDY, workers=1).table)
 
 
+@with_group
 def test_processes_make_the_same_table(alone: dict[str, bytes]) -> None:
-    pytest.importorskip("joblib", reason=NEEDED)
     assert bits(sweep(STUDY, workers=2).table) == alone
 
 
+@with_group
 @pytest.mark.filterwarnings("ignore::ResourceWarning")  # the cluster's own sockets
 def test_a_cluster_makes_the_same_table(alone: dict[str, bytes], tmp_path: Path) -> None:
-    pytest.importorskip("joblib", reason=NEEDED)
-    distributed = pytest.importorskip("distributed", reason=NEEDED)
+    import distributed
+
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path)
     ) as cluster:
@@ -64,8 +65,8 @@ def test_a_cluster_makes_the_same_table(alone: dict[str, bytes], tmp_path: Path)
         assert bits(sweep(STUDY, cluster=cluster.scheduler_address).table) == alone
 
 
+@with_group
 def test_an_address_without_an_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("distributed", reason=NEEDED)
     monkeypatch.setattr("arm_sim.sweeps.sharing._PATIENCE", 0.2)
     with pytest.raises(InvalidInput, match="'tcp://127.0.0.1:1': no Dask scheduler answers"):
         sweep(STUDY, cluster="tcp://127.0.0.1:1")
@@ -111,8 +112,8 @@ def test_killed_in_the_middle_and_called_again(alone: dict[str, bytes], tmp_path
     assert bits(sweep(file, out, workers=1).table) == alone
 
 
+@with_group
 def test_workers_end_when_their_parent_was_killed(tmp_path: Path) -> None:
-    pytest.importorskip("joblib", reason=NEEDED)
     file = tmp_path / "study.yaml"
     file.write_text(yaml.safe_dump(STUDY, sort_keys=False))
     killer = (

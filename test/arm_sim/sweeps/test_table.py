@@ -28,8 +28,10 @@ def done() -> Sweep:
     return sweep(STUDY, workers=1)
 
 
+@pytest.mark.group("sweep")
 def test_parquet_has_the_same_bits(done: Sweep, tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet", reason="./arm setup sweep")
+    from pyarrow import parquet
+
     path = done.table.save(tmp_path)
     assert path == tmp_path / "table.parquet"
     read = parquet.read_table(path).to_pydict()

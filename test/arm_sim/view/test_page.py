@@ -17,6 +17,9 @@ from arm_sim.view import Chart, Film, View, show_films, show_rigs
 SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave
 
 
+pytestmark = pytest.mark.group("view")
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _browser() -> None:
     needed()

@@ -77,11 +77,8 @@ def test_without_a_browser_one_line_says_what_to_install(monkeypatch: pytest.Mon
         pictures.browser()
 
 
+@pytest.mark.group("view")
 class TestListening:
-    @pytest.fixture(autouse=True)
-    def _library(self) -> None:
-        pytest.importorskip("viser", reason="the view's packages are missing: ./arm setup view")
-
     def test_a_port_that_is_taken_is_refused(self) -> None:
         with socket.create_server(("127.0.0.1", 0)) as taken:
             port = taken.getsockname()[1]

@@ -21,7 +21,7 @@ from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.server import close_server, open_server
 from arm_sim.view.stage import Actor, lay_ground
 
-pytest.importorskip("viser", reason="the view's packages are missing: ./arm setup view")
+pytestmark = pytest.mark.group("view")
 
 
 @pytest.fixture

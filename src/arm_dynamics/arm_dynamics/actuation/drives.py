@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.actuation.internal_state import Flow, total
+from arm_dynamics.actuation.internal_state import Flow, InternalState, StateKind, total
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations import motor, transmission
 from arm_dynamics.equations.elementary import Quantity, within
@@ -20,23 +21,27 @@ from arm_dynamics.scene.drive import Transmission, Wave
 _NO_STATE = ca.SX(0, 1)
 
 
-def state_names(drive: JointDrive, turning: bool) -> dict[str, float]:
-    """States of a drive with their units, and the scale of each for error control.
+def states_of(drive: JointDrive, joint: int, name: str, turning: bool) -> list[InternalState]:
+    """States of a drive.
 
     Args:
         drive: The drive.
+        joint: Index of its joint.
+        name: Name of its joint.
         turning: Whether its joint is revolute.
     """
     unit = "rad" if turning else "m"
-    named: dict[str, float] = {}
+    found: list[tuple[StateKind, str, float]] = []
     if drive.has_current:
-        named["motor current [A]"] = min(1.0, 1.0 / abs(drive.torque_constant))
+        scale = min(1.0, 1.0 / abs(drive.torque_constant))
+        found.append((StateKind.CURRENT, "motor current [A]", scale))
     if drive.coupling:
-        named[f"motor position at the joint [{unit}]"] = 1.0
-        named[f"motor velocity at the joint [{unit}/s]"] = 1.0
+        position, velocity = StateKind.MOTOR_POSITION, StateKind.MOTOR_VELOCITY
+        found.append((position, f"motor position at the joint [{unit}]", 1.0))
+        found.append((velocity, f"motor velocity at the joint [{unit}/s]", 1.0))
         if drive.coupling.hysteresis:
-            named["transmission hysteresis [1]"] = 1.0
-    return named
+            found.append((StateKind.DEFLECTION, "transmission hysteresis [1]", 1.0))
+    return [InternalState(joint, kind, f"{name} {what}", scale) for kind, what, scale in found]
 
 
 def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:
@@ -57,7 +62,7 @@ def instant(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
         drive: The drive.
         q: Position of its joint in [rad] or [m].
         v: Velocity of its joint in [rad/s] or [m/s].
-        z: Its states, in the order of ``state_names``.
+        z: Its states, in the order of ``states_of``.
         u: Its command in the command's unit.
     """
     if drive.coupling is None:
@@ -186,8 +191,7 @@ class Drives:
 
     Attributes:
         title: Its name, for display.
-        names: Names of its states, for display.
-        scale: Scale of each state for error control.
+        states: Its states.
         replaces_command: Joints that have a drive, shape (n,).
     """
 
@@ -196,13 +200,9 @@ class Drives:
     def __init__(self, model: ArmModel) -> None:
         self._n = model.n
         self._joints = [(i, drive) for i, drive in enumerate(model.drives) if drive is not None]
-        states = [state_names(d, model.joint_types[i] != "prismatic") for i, d in self._joints]
-        self.names = tuple(
-            f"{model.joint_names[i]} {name}"
-            for (i, _), named in zip(self._joints, states, strict=True)
-            for name in named
-        )
-        self.scale: Array = np.array([size for named in states for size in named.values()])
+        turning = [kind != "prismatic" for kind in model.joint_types]
+        states = [states_of(d, i, model.joint_names[i], turning[i]) for i, d in self._joints]
+        self.states: tuple[InternalState, ...] = tuple(chain(*states))
         self.replaces_command: NDArray[np.bool_] = np.array([bool(d) for d in model.drives])
         self._ends = np.cumsum([0, *map(len, states)]).tolist()
 

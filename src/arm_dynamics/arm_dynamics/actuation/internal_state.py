@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import Enum, auto
 from typing import Protocol, Self
 
 import casadi as ca
@@ -41,21 +42,46 @@ class Flow:
     lost: ca.SX | float = 0.0
 
 
+class StateKind(Enum):
+    """What an internal state is; names are for display only."""
+
+    CURRENT = auto()
+    MOTOR_POSITION = auto()
+    MOTOR_VELOCITY = auto()
+    DEFLECTION = auto()
+    """Of a bristle or the like, which keeps its value at rest."""
+
+
+@dataclass(frozen=True)
+class InternalState:
+    """One internal state of a model.
+
+    Attributes:
+        joint: Index of its joint.
+        kind: What it is.
+        name: For display, with joint and unit: "joint1 motor current [A]".
+        scale: For error control: the tolerance times this scale is the admissible error, as for a
+            radian.
+    """
+
+    joint: int
+    kind: StateKind
+    name: str
+    scale: float
+
+
 class StatefulLaw(Protocol):
     """A model with internal states (possibly none), or one that replaces the command.
 
     Attributes:
         title: Its name, for display: "LuGre friction".
-        names: Names of its states, for display, with joint and unit: "joint1 motor current [A]".
-        scale: Scale of each state for error control, shape (nz,): the tolerance times this scale
-            is the admissible error, as for a radian.
+        states: Its states, nz of them.
         replaces_command: Joints for which its torque replaces u, shape (n,); for the others u acts
             directly.
     """
 
     title: str
-    names: tuple[str, ...]
-    scale: Array
+    states: tuple[InternalState, ...]
     replaces_command: NDArray[np.bool_]
 
     def initial(self, q: Array, v: Array) -> Array:
@@ -119,14 +145,19 @@ class Ensemble:
     n: int
 
     @property
+    def states(self) -> tuple[InternalState, ...]:
+        """All states of the models."""
+        return tuple(state for law in self.laws for state in law.states)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """All states, for display."""
-        return tuple(name for law in self.laws for name in law.names)
+        return tuple(state.name for state in self.states)
 
     @property
     def scale(self) -> Array:
         """Scale of each state for error control, shape (nz,)."""
-        return np.concatenate([np.zeros(0), *(law.scale for law in self.laws)])
+        return np.array([state.scale for state in self.states])
 
     def initial(self, q: Array, v: Array) -> Array:
         """Initial states at q, v, shape (nz,)."""
@@ -165,7 +196,7 @@ class Ensemble:
         return ca.SX(ca.DM(np.logical_not(replaced).astype(float)))
 
     def _parts(self, z: ca.SX) -> list[tuple[StatefulLaw, ca.SX]]:
-        ends = np.cumsum([0, *(len(law.names) for law in self.laws)])
+        ends = np.cumsum([0, *(len(law.states) for law in self.laws)])
         return [(law, z[a:b]) for law, a, b in zip(self.laws, ends, ends[1:], strict=False)]
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.actuation.internal_state import Flow
+from arm_dynamics.actuation.internal_state import Flow, InternalState, StateKind
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations import lugre
 from arm_dynamics.equations.elementary import Quantity
@@ -41,25 +41,24 @@ class LugreFriction:
         """
         self._n, self._joints = model.n, list(asked)
         self._dry = model.friction.by_law.of(self._joints)
-        self.names = tuple(
-            f"{model.joint_names[i]} bristle deflection "
-            f"[{'m' if model.joint_types[i] == 'prismatic' else 'rad'}]"
-            for i in asked
-        )
         self._laws = tuple(asked.values())
         self._sigma0 = np.array([law.sigma0 for law in self._laws])
         lowest = [[level.min() for level in self._dry.extremes(i)] for i in asked]
         self._coulomb, static = np.array(lowest).T
-        self.scale: Array = static / self._sigma0  # scale of the bristles' deflection
+        scales = (static / self._sigma0).tolist()
+        self.states = tuple(
+            InternalState(i, StateKind.DEFLECTION, _state_name(model, i), scale)
+            for i, scale in zip(asked, scales, strict=True)
+        )
         self.replaces_command = np.zeros(model.n, dtype=bool)
-        self.summary = f"{len(self.names)} joints, as many states"
+        self.summary = f"{len(self.states)} joints, as many states"
         for i, law in asked.items():
             _check(model, i)
             _check_passive(model, i, law)
 
     def initial(self, q: Array, v: Array) -> Array:
         """Bristles without deflection."""
-        return np.zeros(len(self.names))
+        return np.zeros(len(self.states))
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
         """See ``equations.lugre``; u are the torques of the drives."""
@@ -94,6 +93,11 @@ class LugreFriction:
         bending = float(np.max(self._sigma0 * speed / self._coulomb))
         swinging = np.linalg.eigvals(np.linalg.solve(M, np.diag(stiffness))).real.max()
         return max(math.sqrt(max(0.0, float(swinging))), bending)
+
+
+def _state_name(model: ArmModel, i: int) -> str:
+    unit = "m" if model.joint_types[i] == "prismatic" else "rad"
+    return f"{model.joint_names[i]} bristle deflection [{unit}]"
 
 
 def _check(model: ArmModel, i: int) -> None:

@@ -4,6 +4,16 @@
 Depends on neither Pinocchio nor CasADi, so commands that only read a scene start at once.
 """
 
+import pydantic
+
+from arm_dynamics.exceptions import ArmError
+
+if tuple(map(int, pydantic.VERSION.split(".")[:2])) < (2, 6):  # before anything needs it
+    raise ArmError(
+        f"pydantic {pydantic.VERSION} of '{pydantic.__file__}' is too old; 2.6 or newer is "
+        "expected: pip install 'pydantic>=2.6' (on Ubuntu 24.04 with --break-system-packages)"
+    )
+
 from arm_dynamics.scene.constraint import (
     Bilateral,
     Constraint,

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import click
@@ -65,8 +66,11 @@ def _of_system(error: OSError) -> str:
     return f"'{error.filename}': {error.strerror}" if error.filename else str(error)
 
 
+_OF_ROS = re.compile(r"rclpy|ament_\w+|rosidl_\w+|rpyutils|\w+_(msgs|srvs|interfaces)")
+
+
 def _explained(error: ModuleNotFoundError) -> Exception:
-    if (error.name or "").split(".")[0] not in ("rclpy", "arm_msgs"):
+    if not _OF_ROS.fullmatch((error.name or "").split(".")[0]):
         return error
     return click.ClickException(
         f"Python cannot find the module '{error.name}': this command needs ROS 2 Jazzy and the "

@@ -10,6 +10,7 @@ import casadi as ca
 
 from arm_dynamics.arrays import Array
 from arm_sim.integrators import extrapolation as implicit
+from arm_sim.integrators.continuous import middle_weights, needs_slope_at_end, stage_at_end
 from arm_sim.integrators.tableaux import (
     DOP853,
     DORMAND_PRINCE,
@@ -76,6 +77,7 @@ def build_step(
     project: ca.Function | None = None,
     scaled: Scaled | None = None,
     name: str = "step",
+    dense: bool = False,
 ) -> ca.Function:
     """Build one step of fixed length.
 
@@ -86,15 +88,19 @@ def build_step(
         project: Projection of (q, v) onto the constraints, see ``Plant.project``.
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
         name: Name of the function, if the default is taken in the same kernel.
+        dense: Whether to return the continuous output as well, see ``Step.inside``.
 
     Returns:
-        Function (x, u, p, h) -> x at the end of the step.
+        Function (x, u, p, h) -> x at the end of the step, and with ``dense`` x' at its beginning
+        and at its end, and x in its middle.
     """
     x, u, p, h = _symbols(rhs)
-    after, _ = _advance(method, rhs, n, x, u, p, h, scaled)
+    step = _advance(method, rhs, n, x, u, p, h, scaled)
+    after = step.after
     if project is not None:
         after, *_ = _projected(project, n, x, after, p)
-    return ca.Function(name, [x, u, p, h], [after], {"cse": True})
+    inside = step.inside(lambda y: rhs(y, u, p)) if dense else []
+    return ca.Function(name, [x, u, p, h], [after, *inside], {"cse": True})
 
 
 def build_attempt(
@@ -105,6 +111,7 @@ def build_attempt(
     project: ca.Function | None = None,
     scaled: Scaled | None = None,
     name: str = "attempt",
+    dense: bool = False,
 ) -> ca.Function:
     """Build one step of a method that estimates its error.
 
@@ -121,20 +128,24 @@ def build_attempt(
             the error.
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
         name: Name of the function, if the default is taken in the same kernel.
+        dense: As of ``build_step``.
 
     Returns:
-        Function (x, u, p, h) -> (x at the end, scaled error, largest error of q).
+        Function (x, u, p, h) -> (x at the end, scaled error, largest error of q), and with
+        ``dense`` what ``build_step`` returns then.
     """
     if not method.adaptive:
         raise ValueError(f"{method.name} has no error estimate")
     x, u, p, h = _symbols(rhs)
-    after, estimates = _advance(method, rhs, n, x, u, p, h, scaled)
-    measure = _norms(scale, len(estimates), n)
-    error, error_q = measure(x, after, *estimates)
+    step = _advance(method, rhs, n, x, u, p, h, scaled)
+    after = step.after
+    measure = _norms(scale, len(step.estimates), n)
+    error, error_q = measure(x, after, *step.estimates)
     if project is not None:
         after, gap, gap_v = _projected(project, n, x, after, p)
         error, error_q = ca.fmax(error, ca.fmax(gap, gap_v)), ca.fmax(error_q, gap)
-    return ca.Function(name, [x, u, p, h], [after, error, error_q], {"cse": True})
+    inside = step.inside(lambda y: rhs(y, u, p)) if dense else []
+    return ca.Function(name, [x, u, p, h], [after, error, error_q, *inside], {"cse": True})
 
 
 def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
@@ -154,18 +165,62 @@ def _advance(
     p: ca.MX,
     h: ca.MX,
     scaled: Scaled | None,
-) -> tuple[ca.MX, list[ca.MX]]:
-    """State at the end of a step, and its error estimates, if the method has any."""
+) -> Step:
+    """One step of the method, before its projection onto constraints."""
     if method.name == "implicit":
-        after, estimate = implicit.extrapolated_step(
-            rhs, n, x, u, p, h, scaled() if scaled else None
-        )
-        return after, [estimate]
-    if method.tableau is None:
-        return _semi_implicit(lambda y: rhs(y, u, p), x, h, n), []
-    slopes = _slopes(method.tableau, lambda y: rhs(y, u, p), x, h)
-    after = x + h * weighed_sum(method.tableau.b, slopes, x)
-    return after, [h * weighed_sum(weights, slopes, x) for weights in method.tableau.errors]
+        jacobian = scaled() if scaled else None
+        after, estimate, middle = implicit.extrapolated_step(rhs, n, x, u, p, h, jacobian)
+        return Step(x, h, after, [estimate], middle=middle)
+    if (tableau := method.tableau) is None:
+        return Step(x, h, _semi_implicit(lambda y: rhs(y, u, p), x, h, n), [])
+    slopes = _slopes(tableau, lambda y: rhs(y, u, p), x, h)
+    after = x + h * weighed_sum(tableau.b, slopes, x)
+    estimates = [h * weighed_sum(weights, slopes, x) for weights in tableau.errors]
+    return Step(x, h, after, estimates, tableau, slopes)
+
+
+@dataclass(frozen=True)
+class Step:
+    """Expressions of one step.
+
+    Attributes:
+        x: State at its beginning.
+        h: Its length.
+        after: State at its end.
+        estimates: Estimates of its error.
+        tableau: Coefficients of the method; None if it has none.
+        slopes: Derivatives of the stages.
+        middle: State in the middle; None if it follows from the slopes.
+    """
+
+    x: ca.MX
+    h: ca.MX
+    after: ca.MX
+    estimates: list[ca.MX]
+    tableau: Tableau | None = None
+    slopes: Sequence[ca.MX] = ()
+    middle: ca.MX | None = None
+
+    def inside(self, f: Rhs) -> list[ca.MX]:
+        """Continuous output: x' at the beginning and at the end, and x in the middle.
+
+        An explicit method takes what its stages give (``continuous.middle_weights``): x' at the
+        end from a stage there, without one from the parabola that passes through the step. A
+        method under error control, whose steps are long, evaluates f at the end.
+        """
+        if self.tableau is None:
+            first, last = f(self.x), f(self.after)
+            middle = 0.5 * (self.x + self.after) + 0.125 * self.h * (first - last)
+            return [first, last, middle if self.middle is None else self.middle]
+        first, stages = self.slopes[0], list(self.slopes)
+        if needs_slope_at_end(self.tableau):
+            stages.append(last := f(self.after))
+        elif (stage := stage_at_end(self.tableau)) is not None:
+            last = stages[stage]
+        else:
+            last = 2.0 * (self.after - self.x) / self.h - first
+        weights = middle_weights(self.tableau)
+        return [first, last, self.x + self.h * weighed_sum(weights, stages, self.x)]
 
 
 def _projected(

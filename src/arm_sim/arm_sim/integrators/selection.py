@@ -4,33 +4,35 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation.joint_laws import friction_laws
-from arm_dynamics.equations import spring
 from arm_dynamics.exceptions import choices
-from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.integrators.methods import METHODS, Method
+from arm_sim.integrators.response import SPRINGS, STOPS, Response, responses
+from arm_sim.integrators.stability import grows, longest_step, worst
 from arm_sim.plant.plant import Plant
 
 DT_RANGE = (1e-9, 10.0)
 LONG = 0.1  # [s]
 TOLERANCE_RANGE = (1e-14, 1e-1)
 # Explicit methods of order 4 are stable up to h λ = 2.8 (Hairer, Wanner, Solving Ordinary
-# Differential Equations II, figure IV.2.1); the rate grows as the arm folds, hence the margin.
-STIFF = 1.4
+# Differential Equations II, figure IV.2.1). Half of that is allowed where the arm begins; it is
+# faster in other postures, of which only some are looked at.
+STIFF, STIFF_ELSEWHERE = 1.4, 2.5
 # Default error per sub-step with stiff bristles: a tick takes 1.1 to 2.7 sub-steps on average, 150
 # where a joint reverses, and half a second of motion is accurate to 1e-7 rad.
 STIFF_LAW = 1e-6
-# Drives respond within a tick, so a step of fixed length cannot be trusted: see
-# docs/concepts/drives.md for the cost of these tolerances. From about this rate, the extrapolated
-# implicit method is faster than DOP853.
-DRIVEN_TOLERANCE = 1e-10
-DRIVEN_STIFF, DRIVEN_STIFF_TOLERANCE = 50.0, 1e-8
+# Drives, springs and compliant stops respond within a tick, so a step of fixed length cannot be
+# trusted: see docs/concepts/drives.md for the cost of these tolerances. From about this rate, the
+# extrapolated implicit method is faster than DOP853.
+QUICK_TOLERANCE = 1e-10
+QUICK_STIFF, QUICK_STIFF_TOLERANCE = 50.0, 1e-8
+# A swing of h ω in a step is computed by RK4 with an error of (h ω)⁴/120 radians per radian.
+SWING = 0.05
 _log = logging.getLogger(__name__)
 
 
@@ -91,68 +93,86 @@ def choose(
     rate, law = law_rate(plant.model)
     if rate * dt > STIFF and (name == "auto" or tolerance is None):
         reason = f"{law} answers in {1 / rate:.2g} s: implicit, with error control"
+        if name not in ("auto", "implicit"):
+            _log.warning("integrator = %r is replaced at dt = %g s: %s", name, dt, reason)
         return Choice(METHODS["implicit"], dt, tolerance or STIFF_LAW, reason)
     if name == "auto":
-        if plant.nz:
-            return _driven(plant, dt, tolerance)
-        method, reason = _automatic(plant, dt, tolerance is not None)
-        return Choice(method, dt, tolerance, reason)
+        return _automatic(plant, dt, tolerance)
     method = METHODS[name]
     if tolerance is not None and not method.adaptive:
         able = ", ".join(m.name for m in METHODS.values() if m.adaptive)
         raise InvalidInput(
             f"integrator = {name!r} has no error estimate; with a tolerance: auto, {able}"
         )
-    return Choice(method, dt, tolerance, "asked for")
+    danger = "" if tolerance is not None else _danger(plant, method, dt)
+    if danger:
+        _log.warning("integrator = %r is %s", name, danger)
+    return Choice(method, dt, tolerance, f"asked for, but {danger}" if danger else "asked for")
 
 
-def _automatic(plant: Plant, dt: float, error_control: bool) -> tuple[Method, str]:
-    rate = fastest_rate(plant)
-    if rate * dt > STIFF:
-        alone = plant.laws is None and not plant.model.springs
-        what = "friction stops a joint" if alone else "a joint, its drive or a spring responds"
-        return METHODS["implicit"], f"stiff: {what} in {1 / rate:.2g} s"
-    if error_control:
-        return METHODS["dop853"], "not stiff, error control: the highest order"
-    return METHODS["rk4"], "the scene is not stiff"
+def _automatic(plant: Plant, dt: float, tolerance: float | None) -> Choice:
+    found = responses(plant)
+    if plant.nz or any(_swings(response, dt) for response in found):
+        return _controlled(plant, dt, tolerance, found)
+    if any(response.fastest * dt > _most(response) for response in found):
+        return Choice(METHODS["implicit"], dt, tolerance, f"stiff: {_fastest(plant, found)}")
+    if tolerance is None:
+        return Choice(METHODS["rk4"], dt, None, "the scene is not stiff")
+    return Choice(METHODS["dop853"], dt, tolerance, "not stiff, error control: the highest order")
 
 
-def _driven(plant: Plant, dt: float, tolerance: float | None) -> Choice:
-    rate = fastest_rate(plant)
-    if rate * dt > DRIVEN_STIFF:
-        reason = f"stiff, error control: a drive answers in {1 / rate:.2g} s"
-        return Choice(METHODS["implicit"], dt, tolerance or DRIVEN_STIFF_TOLERANCE, reason)
-    reason = "drives with states: error control, the highest order"
-    return Choice(METHODS["dop853"], dt, tolerance or DRIVEN_TOLERANCE, reason)
+def _controlled(plant: Plant, dt: float, tolerance: float | None, found: list[Response]) -> Choice:
+    """A method with error control."""
+    if any(response.fastest * dt > QUICK_STIFF for response in found):
+        reason = f"stiff, error control: {_fastest(plant, found)}"
+        return Choice(METHODS["implicit"], dt, tolerance or QUICK_STIFF_TOLERANCE, reason)
+    what = "drives with states" if plant.nz else _fastest(plant, found)
+    reason = f"{what}: error control, the highest order"
+    return Choice(METHODS["dop853"], dt, tolerance or QUICK_TOLERANCE, reason)
+
+
+def _most(response: Response) -> float:
+    return STIFF if response.begins else STIFF_ELSEWHERE
+
+
+def _swings(response: Response, dt: float) -> bool:
+    """Whether a spring or stop moves a joint faster than steps of fixed length resolve."""
+    rates = response.modes[0]
+    quick = np.flatnonzero(abs(rates) * dt > SWING)
+    return any(response.cause(mode)[0] in (SPRINGS, STOPS) for mode in quick.tolist())
+
+
+def _danger(plant: Plant, method: Method, dt: float) -> str:
+    """Why a method is unstable in steps of ``dt``, and what would do; empty if it is stable."""
+    shaky = [response for response in responses(plant) if grows(method, response, dt)]
+    if not shaky:
+        return ""
+    longest, first = min(
+        ((longest_step(method, response, dt), k) for k, response in enumerate(shaky))
+    )
+    why = _said(plant, shaky[first], worst(method, shaky[first], dt))
+    return (
+        f"unstable at dt = {dt:g} s: {why}; dt up to {longest:.2g} s, 'implicit', or 'dop853' "
+        "with a tolerance would do"
+    )
+
+
+def _fastest(plant: Plant, found: list[Response]) -> str:
+    """What moves which joint in the fastest mode, and how fast."""
+    fastest = max(found, key=lambda response: response.fastest)
+    return _said(plant, fastest, fastest.quickest)
+
+
+def _said(plant: Plant, response: Response, mode: int) -> str:
+    """What moves which joint in a mode, and how fast."""
+    part, joint = response.cause(mode)
+    time = 1.0 / abs(response.modes[0][mode])
+    return f"{part} a joint in {time:.2g} s ('{plant.model.joint_names[joint]}')"
 
 
 def fastest_rate(plant: Plant) -> float:
-    """Fastest rate of the scene at its initial state, in [1/s].
-
-    Args:
-        plant: The scene's equation of motion.
-
-    Returns:
-        Largest absolute eigenvalue of the exact Jacobian ∂x'/∂x: decay of currents, springs and
-        friction, and the frequency of springs; without internal states, the larger of the rates of
-        friction alone and of springs alone.
-    """
-    if plant.laws is None:
-        return max(damping_rate(plant.model), spring_rate(plant.model))
-    return max(_response_rate(plant), spring_rate(plant.model))
-
-
-def _response_rate(plant: Plant) -> float:
-    """Largest absolute eigenvalue of ∂x'/∂x at the initial state in [1/s]."""
-    x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
-    J = ca.Function("J", [x, u, p], [ca.jacobian(plant.rhs(x, u, p), x)])
-    model = plant.model
-    state = np.concatenate([model.q0, model.v0, plant.initial(model.q0, model.v0)])
-    sliding = np.ones(p.shape[0] - len(plant.parameters.nominal))
-    values = np.array(J(state, 0.0, np.concatenate([plant.parameters.nominal, sliding])))
-    if not np.isfinite(values).all():
-        return 0.0  # a joint without mass is reported by name when the kernel is verified
-    return float(np.abs(np.linalg.eigvals(values)).max())
+    """Fastest rate of the scene in [1/s], see ``response``; 0 if nothing acts fast."""
+    return max((response.fastest for response in responses(plant)), default=0.0)
 
 
 def law_rate(model: ArmModel) -> tuple[float, str]:
@@ -164,55 +184,6 @@ def law_rate(model: ArmModel) -> tuple[float, str]:
         return max((law.fastest_rate(M, model.v0), law.title) for law in laws)
     except np.linalg.LinAlgError:
         return 0.0, ""  # a joint without mass is reported by name when the plant is built
-
-
-def damping_rate(model: ArmModel) -> float:
-    """Fastest decay that friction rising with speed causes at the initial position, in [1/s].
-
-    Args:
-        model: The robot.
-
-    Returns:
-        Largest eigenvalue of M⁻¹ diag(b), b the largest slope of each joint's friction over its
-        speed; 0 if none rises.
-    """
-    friction = model.friction
-    slope = model.viscous + abs(friction.viscous.skew) + friction.steepest_rise
-    if not slope.any():
-        return 0.0
-    M = Dynamics(model).mass_matrix(model.q0)
-    try:
-        return float(np.max(np.linalg.eigvals(np.linalg.solve(M, np.diag(slope))).real))
-    except np.linalg.LinAlgError:
-        return 0.0  # as in ``law_rate``
-
-
-def spring_rate(model: ArmModel) -> float:
-    """Fastest rate of the arm on its springs at the initial position, in [1/s].
-
-    A cord is taken as taut: it may be slack now and pull later.
-
-    Args:
-        model: The robot.
-
-    Returns:
-        Largest absolute eigenvalue λ of M λ² + D λ + K = 0 with the springs' D and K; 0 without
-        springs.
-    """
-    if not model.springs:
-        return 0.0
-    points = tuple(s.model_copy(update={"tension_only": False}) for s in model.springs.points)
-    q, v = ca.SX.sym("q", model.n), ca.SX.sym("v", model.n)
-    S = spring.torque(replace(model.springs, points=points), tree_of(model), q, v)
-    both = ca.Function("KD", [q, v], [ca.jacobian(S, q), ca.jacobian(S, v)])
-    K, D = (np.array(matrix) for matrix in both(model.q0, 0.0))
-    M = Dynamics(model).mass_matrix(model.q0)
-    try:
-        lower = np.linalg.solve(M, -np.hstack([K, D]))
-    except np.linalg.LinAlgError:
-        return 0.0  # as in ``law_rate``
-    upper = np.eye(model.n, 2 * model.n, model.n)
-    return float(abs(np.linalg.eigvals(np.vstack([upper, lower]))).max())
 
 
 def _within(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:

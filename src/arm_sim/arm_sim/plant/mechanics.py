@@ -30,7 +30,8 @@ class Mechanics:
     Args:
         model: The robot.
         parameters: Tunable quantities.
-        stops: Whether joints may be at their stops.
+        stops: Whether joints may be at their stops, and comparisons are modes.
+        drives: Symbols of the drives' modes.
 
     Attributes:
         symbols: Symbols of the expressions.
@@ -47,11 +48,14 @@ class Mechanics:
         method: Name of the selected algorithm, for display.
     """
 
-    def __init__(self, model: ArmModel, parameters: Parameters, stops: bool) -> None:
+    def __init__(
+        self, model: ArmModel, parameters: Parameters, stops: bool, drives: ca.SX
+    ) -> None:
         if model.n > DENSE_AT_MOST and stops:
             _log.info("generating the equations of %d joints", model.n)
-        self.symbols = s = Symbols(model, parameters)
-        self.joints = joints = Joints(model, s, stops)
+        self.symbols = s = Symbols(model, parameters, stops)
+        cords = s.cords.modes if s.cords else ca.SX(0, 1)
+        self.joints = joints = Joints(model, s, stops, ca.vertcat(cords, drives))
         self.contact: ContactFunctions | None = None
         self.loads: tuple[ca.Function, ...] = ()
         self.of_joints: tuple[ca.Function, ...] = ()
@@ -67,7 +71,7 @@ class Mechanics:
             self.acceleration, push = self.contact.acceleration, self.contact.push
             reaction = self.contact.reaction
             self.loads = self.contact.loads, self.contact.inertia
-        elif directed or pressed:
+        elif directed or pressed or joints.switches.numel():
             response = held or response_of(model, s, joints)
             self.method = _method(response.algorithm, model)
             self.acceleration, loads, reaction = _stick_slip(model, s, joints, response)

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cache, cached_property, partial
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel
-from arm_dynamics.actuation.internal_state import Ensemble
+from arm_dynamics.actuation.internal_state import Ensemble, StatefulLaw
 from arm_dynamics.actuation.joint_laws import laws_of
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations.contact import ContactPoint
@@ -26,7 +27,8 @@ from arm_dynamics.model.tree_builder import contact_points
 from arm_sim.plant.contact import ContactFunctions
 from arm_sim.plant.mechanics import Mechanics
 from arm_sim.plant.parameters import Parameters
-from arm_sim.plant.symbols import Joints, Symbols, dense_function, mode_counts
+from arm_sim.plant.switches import SwitchedLaw
+from arm_sim.plant.symbols import Joints, Symbols, dense_function, has_cords, mode_counts
 
 Power = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 """Function (q, v, tau, p) -> power in [W]."""
@@ -35,40 +37,63 @@ Power = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 class Plant:
     """Equation of motion of one scene.
 
-    With dry friction or stops, the equation depends on modes, which follow the tunable quantities
-    in p: first a direction for each joint, -1 or 1 for sliding, 0 for sticking or being held by a
-    rigid stop; then the joints in contact with compliant stops; last the modes of the contacts.
+    With dry friction, stops, cords, or drives with limits or backlash, the equation depends on
+    modes, which follow the tunable quantities in p: first a direction for each joint, -1 or 1 for
+    sliding, 0 for sticking or being held by a rigid stop; then the joints in contact with
+    compliant stops; then the case distinctions of cords and drives (``switches``); last the modes
+    of the contacts.
 
     Equations are built on first use: if their compiled code is cached, they are not needed.
 
     Attributes:
         model: The robot.
-        free: The same arm away from its stops, if nothing else causes events: simpler equations,
-            with the tunable quantities alone in p. None without stops, or if there are always
-            modes.
+        free: The same arm away from its stops and with comparisons for ``switches``, if nothing
+            else causes events: simpler equations, with the tunable quantities alone in p. None
+            without either, or if there are always modes.
         parameters: Tunable quantities.
         laws: Drives and friction with internal states z; None if the scene has none.
         directions: Number of joint directions that follow in p.
         pressed: Number of joints with compliant stops, likewise.
-        eventful: Whether joints may stick or meet stops, or points touch.
+        eventful: Whether joints may stick or meet stops, points touch, or drives and cords switch.
         constrained: Whether there are bilateral constraints.
         torques: CasADi function (x, u) -> torques of the drives, and of all models together, on
             the links; None where the command acts directly.
     """
 
     def __init__(self, model: ArmModel, stops: bool = True) -> None:
-        """Build the equations; without ``stops``, those of an arm that is never at a stop."""
+        """Build the equations; without ``stops``, those of ``free``."""
         self.model = model
         self.parameters = Parameters(model)
         self.stops = stops and bool(model.stops)
         self.directions, self.pressed = mode_counts(model, stops)
-        self.eventful = bool(self.directions or self.pressed or model.scene.contacts)
-        self.constrained = bool(model.scene.bilateral)
-        always = model.has_dry_friction or bool(model.scene.contacts)
-        self.free = Plant(model, stops=False) if self.stops and not always else None
-        self._mechanics = cache(partial(Mechanics, model, self.parameters, stops))
         laws = laws_of(model)
+        drives = (law for law in laws if stops and law.replaces_command.any())
+        self._drives = {law: SwitchedLaw(law, model.n) for law in drives}
+        modes = ca.vertcat(ca.SX(0, 1), *(drive.modes for drive in self._drives.values()))
+        switches = modes.numel() > 0 or (stops and has_cords(model))
+        touches = bool(model.scene.contacts)
+        self.eventful = bool(self.directions or self.pressed or touches or switches)
+        self.constrained = bool(model.scene.bilateral)
+        leaves = not (model.has_dry_friction or touches)
+        self.free = Plant(model, stops=False) if (self.stops or switches) and leaves else None
+        self._mechanics = cache(partial(Mechanics, model, self.parameters, stops, modes))
+        self._switching = switches
         self._compose(Ensemble(laws, model.n) if laws else None)
+
+    @property
+    def switches(self) -> int:
+        """Number of modes of cords and drives."""
+        return int(self._mechanics().joints.switches.numel()) if self._switching else 0
+
+    @property
+    def switch_names(self) -> tuple[str, ...]:
+        """What switches, for messages, in the order of ``switches``."""
+        if not self._switching:
+            return ()
+        names, cords = self.model.joint_names, self._mechanics().symbols.cords
+        owners = [joint for drive in self._drives.values() for joint in drive.joints]
+        own = [f"a limit or backlash of the drive of joint '{names[i]}'" for i in owners]
+        return (*["a cord"] * (cords.modes.numel() if cords else 0), *own)
 
     def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
         """The same arm with additional states that integrate powers.
@@ -84,7 +109,12 @@ class Plant:
         """Add models with states, and powers as additional states, to the arm."""
         self.laws = laws
         self.torques = _torques(laws) if laws else None
-        self._equations = cache(partial(_composed, self._mechanics, laws, powers))
+        if laws:
+            moded = tuple(self._drives.get(law, law) for law in laws.laws)
+            laws = replace(laws, laws=moded)
+        self._moded = laws
+        drives = tuple(self._drives.values())
+        self._equations = cache(partial(_composed, self._mechanics, laws, drives, powers))
 
     @property
     def acceleration(self) -> ca.Function:
@@ -120,7 +150,8 @@ class Plant:
         """CasADi functions evaluated at events; empty where nothing sticks or touches.
 
         ``loads`` (x, u, p), with bilateral constraints ``bilateral`` (x, u, p), with stops
-        ``stop_torques`` (x, u, p), ``strike`` and ``pressures``, and with contacts
+        ``stop_torques`` (x, u, p), ``strike`` and ``pressures``, with ``switches`` (x, u, p) their
+        switching functions and the magnitude of the terms of each, and with contacts
         ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``.
         """
         return self._equations()[1] if self.eventful else ()
@@ -196,7 +227,7 @@ class Plant:
         """Diagonal with ones for free joints, and the load on them besides inertia."""
         n, (s, joints) = self.model.n, self._symbols
         q, v, z = split(x, n)
-        tau = self.laws.equations(q, v, z, u).torque if self.laws else u
+        tau = _with_modes(self._moded, joints, p, q, v, z, u)[0] if self._moded else u
         load = s.tau - s.passive - joints.friction + joints.stop
         left = ca.Function("load", [s.q, s.v, s.tau, joints.p], [load])(q, v, tau, p)
         free = ca.Function("free", [joints.p], [ca.diag(joints.sliding)])(p)
@@ -258,15 +289,49 @@ class Plant:
 
 
 def _composed(
-    mechanics: Callable[[], Mechanics], laws: Ensemble | None, powers: Sequence[Power]
+    mechanics: Callable[[], Mechanics],
+    laws: Ensemble | None,
+    drives: Sequence[SwitchedLaw],
+    powers: Sequence[Power],
 ) -> tuple[ca.Function, tuple[ca.Function, ...]]:
     """``rhs`` and ``events`` of an arm with internal states, and powers as additional states."""
     arm = mechanics()
     a, n = arm.acceleration, arm.symbols.q.shape[0]
-    rhs = _driven(a, laws, powers) if laws else _state_space(a, n)
-    of_state = (_of_state(function, laws, n) for function in arm.loads)
+    rhs = _driven(a, arm.joints, laws, powers) if laws else _state_space(a, n)
+    of_state = (_of_state(function, arm.joints, laws, n) for function in arm.loads)
     geometry = (arm.contact.geometry, arm.contact.close) if arm.contact else ()
-    return rhs, (*of_state, *arm.of_joints, *geometry)
+    switches = (_switches(arm, laws, drives),) if arm.joints.switches.numel() else ()
+    return rhs, (*of_state, *arm.of_joints, *switches, *geometry)
+
+
+def _with_modes(
+    laws: Ensemble, joints: Joints, p: ca.SX, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX
+) -> list[ca.SX]:
+    """The parts of ``Flow`` under the modes in p."""
+    flow = laws.equations(q, v, z, u)
+    parts = [flow.torque, flow.slope, *(ca.SX(x) for x in (flow.stored, flow.supplied, flow.lost))]
+    if not joints.switches.numel():
+        return parts
+    modes = ca.Function("modes", [joints.p], [joints.switches])(p)
+    found: list[ca.SX] = ca.substitute(parts, [joints.switches], [modes])
+    return found
+
+
+def _switches(arm: Mechanics, laws: Ensemble | None, drives: Sequence[SwitchedLaw]) -> ca.Function:
+    """Switching functions of cords and drives, in the order of their modes in p."""
+    s = arm.symbols
+    x, u, p = _symbols(arm.acceleration, 2 * arm.symbols.q.shape[0] + _states(laws), s.q.shape[0])
+    q, v, z = split(x, s.q.shape[0])
+    values, sizes = [ca.SX(0, 1)], [ca.SX(0, 1)]
+    if s.cords:
+        found = ca.Function("cords", [s.q, s.v, s.p], [s.cords.values, s.cords.sizes])
+        for column, part in zip((values, sizes), found(q, v, p[: s.p.numel()]), strict=True):
+            column.append(part)
+    for drive, own in _parts(laws, z) if laws else ():
+        if drive in drives:
+            for column, part in zip((values, sizes), drive.switches(q, v, own, u), strict=True):
+                column.append(part)
+    return dense_function("switches", [x, u, p], ca.vertcat(*values), ca.vertcat(*sizes))
 
 
 def split(x: ca.SX, n: int) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -281,22 +346,34 @@ def _state_space(acceleration: ca.Function, n: int) -> ca.Function:
     return ca.Function("rhs", [x, u, p], [ca.vertcat(v, acceleration(q, v, u, p))], {"cse": True})
 
 
-def _driven(acceleration: ca.Function, laws: Ensemble, powers: Sequence[Power]) -> ca.Function:
+def _driven(
+    acceleration: ca.Function, joints: Joints, laws: Ensemble, powers: Sequence[Power]
+) -> ca.Function:
     """The same with models between command and joints: x = (q, v, z), powers as states."""
     x, u, p = _symbols(acceleration, 2 * laws.n + len(laws.names), laws.n)
     q, v, z = split(x, laws.n)
-    flow = laws.equations(q, v, z, u)
-    more = [power(q, v, flow.torque, p) for power in powers]
-    slopes = ca.vertcat(v, acceleration(q, v, flow.torque, p), flow.slope, *more)
+    torque, slope, *_ = _with_modes(laws, joints, p, q, v, z, u)
+    more = [power(q, v, torque, p) for power in powers]
+    slopes = ca.vertcat(v, acceleration(q, v, torque, p), slope, *more)
     return dense_function("rhs", [x, u, p], slopes)
 
 
-def _of_state(function: ca.Function, laws: Ensemble | None, n: int) -> ca.Function:
+def _of_state(function: ca.Function, joints: Joints, laws: Ensemble | None, n: int) -> ca.Function:
     """A function of (x, u, p) from one of (q, v, tau, p)."""
-    x, u, p = _symbols(function, 2 * n + (len(laws.names) if laws else 0), n)
+    x, u, p = _symbols(function, 2 * n + _states(laws), n)
     q, v, z = split(x, n)
-    tau = laws.equations(q, v, z, u).torque if laws else u
+    tau = _with_modes(laws, joints, p, q, v, z, u)[0] if laws else u
     return dense_function(function.name(), [x, u, p], *function.call([q, v, tau, p]))
+
+
+def _states(laws: Ensemble | None) -> int:
+    return len(laws.names) if laws else 0
+
+
+def _parts(laws: Ensemble, z: ca.SX) -> list[tuple[StatefulLaw, ca.SX]]:
+    """Each law with its states among z."""
+    ends = np.cumsum([0, *(len(law.states) for law in laws.laws)])
+    return [(law, z[a:b]) for law, a, b in zip(laws.laws, ends, ends[1:], strict=False)]
 
 
 def _torques(laws: Ensemble) -> ca.Function:

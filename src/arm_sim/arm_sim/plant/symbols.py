@@ -11,6 +11,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.scene.constraint import switchable
 from arm_sim.plant.parameters import Parameters
+from arm_sim.plant.switches import Switches, case_modes
 
 
 class Symbols:
@@ -24,9 +25,11 @@ class Symbols:
         tree: The links, with possibly tunable payloads.
         gravity: Gravity in the world frame in [m/s²], shape (3,).
         passive: Viscous friction and springs less external torques, shape (n,).
+        cords: Case distinctions of cords; None without any, or with comparisons instead.
     """
 
-    def __init__(self, model: ArmModel, parameters: Parameters) -> None:
+    def __init__(self, model: ArmModel, parameters: Parameters, switched: bool = False) -> None:
+        """Take the symbols; ``switched``: whether cords have modes, instead of comparisons."""
         p = parameters.symbols()
         self.q, self.v, self.tau = (ca.SX.sym(name, model.n) for name in ("q", "v", "tau"))
         self.p = ca.vertcat(ca.SX(0, 1), *p.values())
@@ -35,8 +38,13 @@ class Symbols:
         self._switches = ca.vertsplit(p["constraints"]) if "constraints" in p else []
         self._switchable = switchable(model.scene.constraints)
         self.passive = model.friction.smooth(self.v, p.get("friction"))
+        self.cords: Switches | None = None
         if model.springs:
-            self.passive += spring.torque(model.springs, self.tree, self.q, self.v)
+            torque = spring.torque(model.springs, self.tree, self.q, self.v)
+            if switched and has_cords(model):
+                self.cords = case_modes([torque], ca.vertcat(self.q, self.v))
+                (torque,) = self.cords.results
+            self.passive += torque
         if "external" in p:  # acts where friction does: on the link, behind limits and drives
             self.passive -= p["external"]
 
@@ -53,6 +61,7 @@ class Joints:
         model: The robot.
         s: Its symbols.
         stops: Whether joints may be at their stops.
+        switches: Symbols of the modes of drives and cords.
 
     Attributes:
         direction: Symbols: -1 or 1 for sliding, 0 for sticking or being held by a rigid stop;
@@ -63,18 +72,22 @@ class Joints:
         friction: Dry friction of sliding joints in [N m] or [N], shape (n,).
         stop: Torque of compliant stops on the joints in [N m] or [N], shape (n,).
         pressures: Torques of compliant stops if touched, see ``equations.spring``, shape (2 n,).
+        switches: Symbols: 1 where a comparison in a drive or cord holds, else 0.
         contacts: Symbols: the modes of the contacts, see ``equations.contact.Mode``.
         p: The complete vector of tunable quantities and modes.
     """
 
-    def __init__(self, model: ArmModel, s: Symbols, stops: bool = True) -> None:
+    def __init__(
+        self, model: ArmModel, s: Symbols, stops: bool = True, switches: ca.SX | None = None
+    ) -> None:
         n, contacts = model.n, len(model.scene.contacts)
         rigid = model.stops.rigid.any(axis=0) & stops
         directions, pressed = mode_counts(model, stops)
         self.direction = ca.SX.sym("direction", directions)
         self.pressed = ca.SX.sym("pressed", pressed)
         self.contacts = ca.SX.sym("mode", MODE * contacts)
-        self.p = ca.vertcat(s.p, self.direction, self.pressed, self.contacts)
+        self.switches = ca.SX(0, 1) if switches is None else switches
+        self.p = ca.vertcat(s.p, self.direction, self.pressed, self.switches, self.contacts)
         self.sliding, self.friction, self.stop = ca.SX.ones(n), ca.SX(n, 1), ca.SX(n, 1)
         if directions:
             may = (model.friction.level > 0.0) | rigid
@@ -87,6 +100,11 @@ class Joints:
             lower, upper = ca.vertsplit(self.pressures, n)
             leans = (self.pressed < 0, self.pressed > 0)
             self.stop = ca.sparsify(leans[0] * lower - leans[1] * upper)
+
+
+def has_cords(model: ArmModel) -> bool:
+    """Whether a spring only pulls."""
+    return any(point.tension_only for point in model.springs.points)
 
 
 def mode_counts(model: ArmModel, stops: bool = True) -> tuple[int, int]:

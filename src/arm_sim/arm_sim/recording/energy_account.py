@@ -12,7 +12,7 @@ accurately as the motion itself. All of this is computed on demand.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -27,6 +27,7 @@ from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant, Power, split
 from arm_sim.plant.present import PresentDynamics
+from arm_sim.recording.second_look import FINER
 from arm_sim.stepping.stepper import Stepper
 
 # Distance to a stop, in ticks at the joint's velocity, within which it may have hit the stop.
@@ -80,13 +81,16 @@ class EnergyAccount:
         present: Its dynamics under tunable quantities.
         choice: How it is integrated.
         backend: As for ``Kernel``.
+
+    Attributes:
+        choice: How the scene is integrated.
     """
 
     def __init__(
         self, plant: Plant, present: PresentDynamics, choice: Choice, backend: str
     ) -> None:
         self._plant, self._present = plant, present
-        self._choice, self._backend = choice, backend
+        self.choice, self._backend = choice, backend
         self._laws = plant.laws or Ensemble((), plant.model.n)
 
     @property
@@ -96,7 +100,7 @@ class EnergyAccount:
 
     @property
     def _always(self) -> bool:
-        return self._plant.laws is not None or self._choice.tolerance is not None
+        return self._plant.laws is not None or self.choice.tolerance is not None
 
     def prepare(self) -> None:
         """Build in advance what the first ``flows`` needs."""
@@ -114,7 +118,7 @@ class EnergyAccount:
         q, v = x[:, : model.n], x[:, model.n : 2 * model.n]
         # A rebound is visible in the velocity after it, even if no recorded position is at the
         # stop.
-        near = [q, *(q + way * self._choice.dt * v for way in (-MARGIN, MARGIN))]
+        near = [q, *(q + way * self.choice.dt * v for way in (-MARGIN, MARGIN))]
         return any(model.stops.touched(place).any() for place in near)
 
     def stored(self, x: Array) -> Array:
@@ -184,7 +188,7 @@ class EnergyAccount:
         work = np.sum(acting * way, axis=1)  # exact: the command is constant over its tick
         heat = [
             dissipated_work(
-                self._present.at(p[run.start]), self._choice.dt,
+                self._present.at(p[run.start]), self.choice.dt,
                 (x[run], after[run]), u[run],
             )
             for run in self._present.runs(p)
@@ -197,6 +201,47 @@ class EnergyAccount:
         In [J], shape (k, 2); arguments as those of ``flows``.
         """
         return self._made_again(x, u, p)[:, [5, 4]]
+
+    def turnover(self, x: Array, after: Array, p: Array) -> float:
+        """Largest kinetic energy that a change of the velocities in one tick moves, in [J].
+
+        An elastic impact within a tick leaves all energies as they were, though it moved them.
+        """
+        (q, v, _), (_, v_end, _) = self._parts(x), self._parts(after)
+        parts = [
+            self._present.at(p[run.start]).energy(q[run], v_end[run] - v[run])[0]
+            for run in self._present.runs(p)
+        ]
+        return float(np.max(np.concatenate(parts), initial=0.0)) if parts else 0.0
+
+    def made_finer(self, x: Array, u: Array, p: Array) -> Array:
+        """Ends of ticks that are made again in two halves, see ``second_look``.
+
+        Args:
+            x: States at the beginning of each tick, shape (k, nx).
+            u: Effective command in each tick, shape (k, n).
+            p: Tunable quantities in each tick, shape (k, np).
+
+        Returns:
+            States, shape (k, nx); NaN for a tick that cannot be computed.
+        """
+        stepper, (nx, many) = self._finer, (x.shape[1], len(FLOWS))
+        ends = np.full(x.shape, np.nan)
+        state, command = np.zeros(nx + many), np.empty(u.shape[1])
+        trace, effort = np.empty((2, nx + many)), np.empty((2, u.shape[1]))
+        halves = stepper.bound(state, command, trace, effort, np.empty((2, 2)))
+        for k in range(len(u)):
+            stepper.restart()
+            state[:nx], state[nx:], command[:], stepper.p[:] = x[k], 0.0, u[k], p[k]
+            if halves() == 2:
+                ends[k] = trace[1, :nx]
+        return ends
+
+    @cached_property
+    def _finer(self) -> Stepper:
+        tolerance = self.choice.tolerance
+        finer = None if tolerance is None else FINER * tolerance
+        return self._ledger.twin(replace(self.choice, dt=0.5 * self.choice.dt, tolerance=finer))
 
     def _parts(self, x: Array) -> list[Array]:
         """q, v and z of states."""
@@ -229,7 +274,7 @@ class EnergyAccount:
     @one_at_a_time
     def stepper(self) -> Stepper:
         """A stepper of the scene, to evaluate recorded states."""
-        return Stepper(self._plant, self._choice, self._backend, acted=True)
+        return Stepper(self._plant, self.choice, self._backend, acted=True)
 
     @cached_property
     @one_at_a_time
@@ -237,7 +282,7 @@ class EnergyAccount:
         ledger = Ledger(self._laws.laws, self._plant.model.n)
         powers = friction_heat(self._plant), outside_work(self._plant)
         plant = self._plant.accounted(ledger, powers)
-        return Stepper(plant, self._choice, self._backend, acted=True)
+        return Stepper(plant, self.choice, self._backend, acted=True)
 
 
 def relative_error(balance: float, moved: float, size: float) -> float:

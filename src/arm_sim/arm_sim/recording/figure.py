@@ -10,6 +10,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
+from arm_sim.figures import legend_at_right
 from arm_sim.recording.tables import UNITS, Motion, parts
 
 _STYLE = {
@@ -45,9 +46,7 @@ def draw(recordings: Sequence[Motion], joints: Sequence[str]) -> Any:
             _marks(axis, first)
         axes[-1, 0].set_xlabel("time [s]")
         columns = 1 if len(names) <= 10 else 2
-        figure.legend(
-            *axes[0, 0].get_legend_handles_labels(), loc="outside right upper", ncols=columns
-        )
+        legend_at_right(figure, *axes[0, 0].get_legend_handles_labels(), ncols=columns)
     return figure
 
 

@@ -18,11 +18,12 @@ from arm_dynamics import Dynamics, InvalidInput, Scene
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import known_names
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.contents import BRAKES, Contents
+from arm_sim.recording.contents import BRAKES, FREE, Contents
 from arm_sim.recording.energy_account import TRUSTED, EnergyAccount, relative_error
 from arm_sim.recording.figure import draw
 from arm_sim.recording.measured import with_scene
 from arm_sim.recording.origin import Physics
+from arm_sim.recording.second_look import SecondLook, Ticks, second_look
 from arm_sim.recording.showing import film_of
 from arm_sim.recording.tables import columns, to_pandas, to_xarray
 from arm_sim.view import View, show_films
@@ -283,17 +284,73 @@ class Recording(Contents):
         Above 1e-3 the motion cannot be trusted: a warning is logged once for each recording.
         """
         parts = np.column_stack([self._energies, self.supplied, self.lost, self.changed])
-        moved = float(np.ptp(parts, axis=0).sum())
+        moved = float(np.ptp(parts, axis=0).sum()) + self._turnover
         balance = float(np.max(abs(self.balance)))
         error = relative_error(balance, moved, float(abs(self._energies).max()))
         if error > TRUSTED:
             _log.warning("%s; a smaller dt or a tolerance is expected", self._verdict(error))
         return error
 
+    @cached_property
+    def _turnover(self) -> float:
+        if not self._made_again:
+            return 0.0
+        return self.account.turnover(self.x[:-1], self.ended[1:], self.p[:-1])
+
+    @property
+    def _made_again(self) -> bool:
+        return len(self) > 1 and self.account.makes_ticks_again(self.x)
+
     @property
     def trusted(self) -> bool:
-        """Whether the error of the energy account is at most 1e-3 of the energy that moved."""
-        return self.energy_error <= TRUSTED
+        """Whether the energy account is closed, and a second look agrees; see ``trust``."""
+        return self.trust()
+
+    def trust(self, *, second_look: bool = True) -> bool:
+        """Whether the motion can be trusted.
+
+        Args:
+            second_look: Whether some of its ticks are made again, see ``second_look``.
+
+        Returns:
+            Whether the error of the energy account is at most 1e-3 of the energy that moved, and
+            the ticks that were made again agree.
+        """
+        return self.energy_error <= TRUSTED and not (second_look and self.doubt)
+
+    @cached_property
+    def second_look(self) -> SecondLook:
+        """Some ticks of a motion with events or error control, made again with half the step."""
+        usable = np.full(max(len(self) - 1, 0), self._made_again)
+        usable &= np.diff(self.time_stepped) == 0
+        usable[[row - 1 for row in self.gaps]] = False
+        if self.hold is not None:
+            usable &= self.hold[:-1] == FREE
+        motion = Ticks(
+            self.x[:-1], self.ended[1:], self.command[:-1], self.p[:-1], np.diff(self.error)
+        )
+        account = self.account
+        return second_look(
+            motion,
+            usable,
+            account.choice,
+            lambda ticks: account.made_finer(ticks.x, ticks.u, ticks.p),
+        )
+
+    @cached_property
+    def doubt(self) -> str:
+        """What the second look found, as text; empty if it agrees. A warning is logged once."""
+        look = self.second_look
+        if look.agrees:
+            return ""
+        worst = look.worst
+        text = (
+            f"not trustworthy: the tick at {self.time[look.ticks[worst]]:.9g} s, made again with "
+            f"half the step, ends elsewhere: joint '{self.joint_names[look.joint[worst]]}' by "
+            f"{look.difference[worst]:.2g} of 1 + |q|, allowed {look.allowed[worst]:.2g}"
+        )
+        _log.warning("%s; a smaller dt or a tolerance is expected", text)
+        return text
 
     def __repr__(self) -> str:
         """A summary: duration, origin, events, and the error of the energy account.

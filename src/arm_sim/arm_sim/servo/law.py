@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel
+from arm_dynamics.actuation import StateKind
 from arm_dynamics.actuation.command_map import CommandMap, rigid_twin
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
@@ -171,12 +172,13 @@ def flexibility(model: ArmModel) -> Array:
 
 def _encoders(plant: Plant, x: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Positions and velocities measured by the servos, reflected to the joints."""
-    n, names = plant.model.n, plant.laws.names if plant.laws else ()
+    n, states = plant.model.n, plant.laws.states if plant.laws else ()
     q, v = ca.SX(x[:n]), ca.SX(x[n : 2 * n])
-    for i, joint in enumerate(plant.model.joint_names):
-        for k, name in enumerate(names, 2 * n):
-            if name.startswith(f"{joint} motor position"):
-                q[i], v[i] = x[k], x[k + 1]
+    for k, state in enumerate(states, 2 * n):
+        if state.kind is StateKind.MOTOR_POSITION:
+            q[state.joint] = x[k]
+        if state.kind is StateKind.MOTOR_VELOCITY:
+            v[state.joint] = x[k]
     return q, v
 
 

@@ -45,6 +45,13 @@ class SubstepControl(ctypes.Structure):
         super().__init__(tolerance, 0.0, 0.0, 0, 0.0)
         self.order = order
 
+    def copy(self) -> SubstepControl:
+        """Another one in the same state."""
+        other = SubstepControl(self.tolerance, self.order)
+        other.step, other.error, other.attempts = self.step, self.error, self.attempts
+        other.reached = self.reached
+        return other
+
     def restart(self) -> None:
         """Start afresh, as after a reset."""
         self.step, self.error, self.attempts = 0.0, 0.0, 0

@@ -63,6 +63,7 @@ class Modes:
             without dry friction and rigid stops.
         pressed: Of joints, -1 and 1 lean on the lower or upper compliant stop, else 0; a view,
             empty without compliant stops.
+        switches: Of drives and cords, 1 where a comparison holds, else 0; a view.
         contact: Of contacts, a view of fields ``closed``, ``sticks``, ``along`` and ``fixed``.
     """
 
@@ -73,6 +74,7 @@ class Modes:
                 ("tunable", float, (len(tunable),)),
                 ("direction", float, (plant.directions,)),
                 ("pressed", float, (plant.pressed,)),
+                ("switches", float, (plant.switches,)),
                 ("contact", CONTACT_MODE, (len(plant.points),)),
             ]
         )
@@ -81,5 +83,6 @@ class Modes:
         self.tunable: Array = record["tunable"][0]
         self.direction: Array = record["direction"][0]
         self.pressed: Array = record["pressed"][0]
+        self.switches: Array = record["switches"][0]
         self.contact = record["contact"][0]
         self.tunable[:] = tunable

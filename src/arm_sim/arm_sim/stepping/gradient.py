@@ -126,7 +126,7 @@ def _initial_slope(plant: Plant, x: Array) -> Array:
 
 def rollout_change(
     plant: Plant, linearizer: Linearizer, batch: Batch, dx0: Array, dtau: Array,
-    threads: int | None, lanes: int | None,
+    threads: int | None, lanes: int | None, side: int | None,
 ) -> Array:  # fmt: skip
     """How the states of a rollout change, to first order, with its initial states and torques.
 
@@ -138,6 +138,7 @@ def rollout_change(
         dtau: Changes of the torques, shape (b, ticks, n).
         threads: Cores to use; None for all.
         lanes: Arms in a vector register; None for the widest there is.
+        side: See ``Linearizer.along``.
 
     Returns:
         Changes of (q, v), shape (b, ticks + 1, 2n).
@@ -148,7 +149,7 @@ def rollout_change(
         dx0 = np.hstack([dx0, np.array(dz0)])
     given, ticks = np.ascontiguousarray(dx0)[:, :, None], batch.steps
     arms = Arms(batch.x0, batch.tau[:, :ticks], batch.p, given, dtau[:, :ticks, :, None])
-    moved = linearizer.carried(arms, threads, lanes, every=True)
+    moved = linearizer.carried(arms, threads, lanes, every=True, side=side)
     changes = np.concatenate([given[:, None], moved], axis=1)[..., 0]
     return changes[..., : 2 * plant.model.n]
 
@@ -168,7 +169,14 @@ class Gradients:
         self._smooth, self._backend = plant.free or plant, backend
         self._libraries: dict[int, ctypes.CDLL | None] = {}
 
-    def run(self, batch: Batch, g: Array, threads: int | None, lanes: int | None) -> Found:
+    def run(
+        self,
+        batch: Batch,
+        g: Array,
+        threads: int | None,
+        lanes: int | None,
+        side: int | None = None,
+    ) -> Found:
         """Gradients of Σ g · states for a batch, see ``Simulator.rollout_gradient``.
 
         Args:
@@ -176,6 +184,7 @@ class Gradients:
             g: By the states, shape (b, steps + 1, nx).
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
+            side: See ``Linearizer.along``.
 
         Raises:
             NotDifferentiable: If a tick has no derivative; it names arm and tick.
@@ -189,8 +198,10 @@ class Gradients:
         eventful = list(range(arms))
         if library is not None:
             eventful = self._side_by_side(library, width, batch, g, found, threads)
+            kinks = self._linearizer.kinks.arms(batch.x0, batch.tau[:, : batch.steps])
+            eventful = sorted({*eventful, *kinks})
         for arm in eventful:
-            self._tick_by_tick(batch, g, found, arm)
+            self._tick_by_tick(batch, g, found, arm, side)
         return found
 
     def prepare(self) -> None:
@@ -198,7 +209,7 @@ class Gradients:
         self._library(lanes=None)
 
     def product(
-        self, x: Array, r: Array, p: Array, ticks: int, weights: Array
+        self, x: Array, r: Array, p: Array, ticks: int, weights: Array, side: int | None = None
     ) -> tuple[Array, Array]:
         """Gradients of weights · state after ticks of one arm, by state and held command.
 
@@ -208,6 +219,7 @@ class Gradients:
             p: Tunable numbers, shape (np,).
             ticks: Number of ticks.
             weights: Shape (nx,).
+            side: See ``Linearizer.along``.
 
         Raises:
             NotDifferentiable: If a tick has no derivative.
@@ -217,7 +229,7 @@ class Gradients:
         batch = Batch(x[None], commands, p[None], ticks, np.empty((1, len(x))))
         g = np.zeros((1, ticks + 1, len(x)))
         g[0, -1] = weights
-        found = self.run(batch, g, threads=1, lanes=1)
+        found = self.run(batch, g, threads=1, lanes=1, side=side)
         return found.by_x[0], found.by_tau[0].sum(axis=0)
 
     def _side_by_side(
@@ -239,13 +251,15 @@ class Gradients:
         share(len(batch.x0), width, threads, work)
         return marked(met)
 
-    def _tick_by_tick(self, batch: Batch, g: Array, found: Found, arm: int) -> None:
+    def _tick_by_tick(
+        self, batch: Batch, g: Array, found: Found, arm: int, side: int | None
+    ) -> None:
         """The gradient of one arm by the derivatives of each of its ticks."""
         n, nx = self._plant.model.n, self._plant.nx
         p, tau = batch.p[arm], batch.tau[arm]
         slopes = list[Array]()
         try:
-            for slope in self._linearizer.along(batch.x0[arm], tau[: batch.steps], p):
+            for slope in self._linearizer.along(batch.x0[arm], tau[: batch.steps], p, side):
                 slopes.append(slope)
         except (SimulationDiverged, NotDifferentiable) as error:
             raise type(error)(f"arm {arm}, tick {len(slopes)}: {error}") from None

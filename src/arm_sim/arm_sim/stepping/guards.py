@@ -8,6 +8,7 @@ for derivatives. Each belongs to a mode of a joint or contact.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -22,6 +23,8 @@ from arm_sim.stepping.events import Modes
 # A guard that reaches zero within this fraction of a tick is treated as zero; likewise one that is
 # smaller than this fraction of its terms.
 INSTANT, ROUNDING = 1e-9, 1e-12
+# Relative difference of slopes that is none.
+DIFFERENT = 1e-9
 # A guard that approaches zero this much more slowly than it did at the beginning grazes it.
 GRAZING = 1e-4
 
@@ -31,7 +34,7 @@ NONE = (ca.MX(1), ca.MX(0))
 
 
 class Guards:
-    """Guards of a scene with events, in the order contacts (normal, tangential), joints, stops.
+    """Guards of a scene with events: contacts (normal, tangential), joints, stops, switches.
 
     Args:
         plant: The scene's equations.
@@ -46,7 +49,8 @@ class Guards:
         points = [f"contact '{point.name}'" for point in plant.points]
         joints = [f"joint '{name}'" for name in plant.model.joint_names]
         stops = [f"{joint} at its {side} stop" for side in ("lower", "upper") for joint in joints]
-        self.names = [*points, *(f"sliding of {p}" for p in points), *joints, *stops]
+        sliding = [f"sliding of {p}" for p in points]
+        self.names = [*points, *sliding, *joints, *stops, *plant.switch_names]
         x, u, p, limit = (
             ca.MX.sym("x", plant.nx), ca.MX.sym("u", plant.model.n),
             ca.MX.sym("p", plant.rhs.numel_in(2)), ca.MX.sym("limit", len(points)),
@@ -73,8 +77,48 @@ class Guards:
         value, size, rate = self._at(x, u, modes, limit)
         near = abs(value) <= INSTANT * h * abs(rate) + ROUNDING * size
         near[self._joints] &= ~self._carried(x, u, modes)
+        if switches := self._plant.switches:  # one that stays where it switches does not switch
+            near[-switches:] &= abs(rate[-switches:]) * h > ROUNDING * size[-switches:]
         found: list[int] = np.flatnonzero(near & self._watched(modes)).tolist()
         return found
+
+    def boundaries(self, x: Array, u: Array, modes: Modes, limit: Array, h: float) -> list[int]:
+        """Guards that are zero as of ``zero``, and on whose sides motions change differently.
+
+        A switch that does not change the slopes is none of them, and neither is one at which both
+        sides lead back, such as that of a current at its limit. One that stays at zero is.
+        """
+        value, size, rate = self._at(x, u, modes, limit)
+        first = len(value) - self._plant.switches
+        found = [guard for guard in self.zero(x, u, modes, limit, h) if guard < first]
+        near = abs(value) <= INSTANT * h * abs(rate) + ROUNDING * size
+        for guard in np.flatnonzero(near[first:]).tolist():
+            stays = abs(rate[first + guard]) * h <= ROUNDING * size[first + guard]
+            jumps, bends = self._differ(guard, x, u, modes)
+            if (bends and not jumps) or (jumps and not stays):
+                found.append(first + guard)
+        return found
+
+    def _differ(self, switch: int, x: Array, u: Array, modes: Modes) -> tuple[bool, bool]:
+        """Whether x' and its derivatives differ between the sides of a switch."""
+        sides, place = [], len(modes.tunable) + len(modes.direction) + len(modes.pressed) + switch
+        for holds in (0.0, 1.0):
+            p = modes.p.copy()
+            p[place] = holds
+            sides.append([np.array(part) for part in self._motion(x, u, p)])
+        jumps, bends = (
+            abs(a - b).max() > DIFFERENT * (abs(a) + abs(b)).max()
+            for a, b in zip(*sides, strict=True)
+        )
+        return bool(jumps), bool(bends)
+
+    @cached_property
+    def _motion(self) -> ca.Function:
+        """(x, u, p) -> x' and its derivatives by x and u side by side."""
+        rhs = self._plant.rhs
+        x, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
+        slope = rhs(x, u, p)
+        return ca.Function("motion", [x, u, p], [slope, ca.jacobian(slope, ca.vertcat(x, u))])
 
     def _carried(self, x: Array, u: Array, modes: Modes) -> NDArray[np.bool_]:
         """Joints in a sliding mode that a loop holds at rest because other joints stick."""
@@ -112,8 +156,9 @@ class Guards:
         rigid = stops.rigid & ~held
         yields = stops.compliant
         normal = np.ones(len(holds), dtype=bool)
+        switches = np.ones(plant.switches, dtype=bool)
         watched: NDArray[np.bool_] = np.concatenate(
-            [normal, tangential, held | dry, *(rigid | yields)]
+            [normal, tangential, held | dry, *(rigid | yields), switches]
         )
         return watched
 
@@ -125,8 +170,9 @@ Guard = tuple[ca.MX, ca.MX]
 def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX) -> Guard:
     """All guards; values of those that are not active in the modes are meaningless."""
     n, function = plant.model.n, {event.name(): event for event in plant.events}
-    ends = np.cumsum([0, len(plant.parameters.nominal), plant.directions, plant.pressed])
-    _, direction, pressed, contacts = ca.vertsplit(p, [*ends.tolist(), p.shape[0]])
+    numbers = plant.directions, plant.pressed, plant.switches
+    ends = np.cumsum([0, len(plant.parameters.nominal), *numbers])
+    _, direction, pressed, _, contacts = ca.vertsplit(p, [*ends.tolist(), p.shape[0]])
     load, force, *_ = function["loads"](x, u, p)
     whole = x[: 2 * n]
     geometry = plant.contact.geometry(whole) if plant.contact else ()
@@ -136,6 +182,8 @@ def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX) -> Guard:
         *_joint_guards(plant, x, load, direction),
         *_stop_guards(plant, x, push, pressed),
     ]
+    if plant.switches:
+        guards += zip(*(ca.vertsplit(part) for part in function["switches"](x, u, p)), strict=True)
     values, sizes = zip(*guards, strict=True)
     return ca.vertcat(*values), ca.vertcat(*sizes)
 

@@ -35,6 +35,9 @@ from arm_sim.stepping.adaptive import SubstepControl, controlled_tick
 from arm_sim.stepping.blow import Blow
 from arm_sim.stepping.events import Modes
 from arm_sim.stepping.guards import INSTANT, Guards
+from arm_sim.stepping.kinks import Kinks
+from arm_sim.stepping.one_sided import Place, one_sided
+from arm_sim.stepping.resting import Resting
 from arm_sim.stepping.rollout import alike, natural_width, repeated, widths
 from arm_sim.stepping.settling import Settling
 from arm_sim.stepping.stepper import Stepper
@@ -93,14 +96,16 @@ class Linearizer:
         u = act(x, r)
         results = [u, ca.jacobian(u, x), ca.jacobian(u, r)]
         self._actuation = ca.Function("actuation", [x, r], results)
+        self.kinks = Kinks(plant)
 
-    def __call__(self, x: Array, r: Array, ticks: int) -> Array:
+    def __call__(self, x: Array, r: Array, ticks: int, side: int | None = None) -> Array:
         """Differentiate ``ticks`` ticks from ``x`` under the held command ``r``.
 
         Args:
             x: State, shape (nx,).
             r: Command, shape (n,).
             ticks: Number of ticks.
+            side: See ``along``.
 
         Returns:
             Derivatives by state, command and quantities side by side, shape (nx, nx + n + nt).
@@ -109,11 +114,17 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        slope: Array = self.many(x[None], r[None], ticks, threads=1, lanes=1)[0]
+        slope: Array = self.many(x[None], r[None], ticks, threads=1, lanes=1, side=side)[0]
         return slope
 
     def many(
-        self, x: Array, r: Array, ticks: int, threads: int | None, lanes: int | None
+        self,
+        x: Array,
+        r: Array,
+        ticks: int,
+        threads: int | None,
+        lanes: int | None,
+        side: int | None = None,
     ) -> Array:
         """Differentiate ticks of many arms.
 
@@ -123,6 +134,7 @@ class Linearizer:
             ticks: Number of ticks.
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
+            side: See ``along``.
 
         Returns:
             As of one, for each arm, shape (b, nx, nx + n + nt).
@@ -134,13 +146,14 @@ class Linearizer:
         nx, p = self._plant.nx, self._stepper.p
         if self._alike:
             _, slopes, alone = self._smooth.slopes(x, r, p, ticks, threads, lanes)
+            alone = sorted({*alone, *self.kinks.arms(x, r[:, None])})
         else:
             widths(lanes)  # which checks them
             slopes, alone = np.empty((len(x), nx, nx + self._held)), list(range(len(x)))
         for arm in alone:
             unit = np.eye(nx + self._held)
             with _naming(arm, len(x)):
-                by_tick = self.along(x[arm], [r[arm]] * ticks, p)
+                by_tick = self.along(x[arm], [r[arm]] * ticks, p, side)
                 *_, slopes[arm] = self._moved(by_tick, unit[:nx], [unit[nx:]] * ticks)
         return slopes
 
@@ -149,7 +162,9 @@ class Linearizer:
         for width in (natural_width(), 1):
             self._smooth.library(width)
 
-    def product(self, x: Array, r: Array, ticks: int, dx: Array, dr: Array) -> Array:
+    def product(
+        self, x: Array, r: Array, ticks: int, dx: Array, dr: Array, side: int | None = None
+    ) -> Array:
         """Derivatives by state and command of ticks of one arm, times a column, shape (nx,).
 
         Args:
@@ -158,6 +173,7 @@ class Linearizer:
             ticks: Number of ticks.
             dx: Change of the state, shape (nx,).
             dr: Change of the command, shape (n,).
+            side: See ``along``.
 
         Raises:
             SimulationDiverged: If a tick cannot be computed.
@@ -167,11 +183,16 @@ class Linearizer:
         held = repeated(dr[None, None, :, None], (1, ticks, len(dr), 1))
         tau = repeated(r[None, None], (1, ticks, len(r)))
         arm = Arms(x[None], tau, self._stepper.p[None], dx[None, :, None], held)
-        product: Array = self.carried(arm, threads=1, lanes=1)[0, 0, :, 0]
+        product: Array = self.carried(arm, threads=1, lanes=1, side=side)[0, 0, :, 0]
         return product
 
     def carried(
-        self, arms: Arms, threads: int | None, lanes: int | None, every: bool = False
+        self,
+        arms: Arms,
+        threads: int | None,
+        lanes: int | None,
+        every: bool = False,
+        side: int | None = None,
     ) -> Array:
         """Products of derivatives of ticks with columns, for many arms.
 
@@ -180,6 +201,7 @@ class Linearizer:
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
             every: Whether to return the columns after every tick, not only after the last.
+            side: See ``along``.
 
         Returns:
             Columns of the states, shape (b, ticks, nx, k), or (b, 1, nx, k).
@@ -190,12 +212,13 @@ class Linearizer:
         """
         if self._alike:
             columns, alone = self._smooth.columns(arms, every, threads, lanes)
+            alone = sorted({*alone, *self.kinks.arms(arms.x, arms.tau)})
         else:
             widths(lanes)  # which checks them
             columns, alone = arms.room(every), list(range(arms.count))
         for arm in alone:
             with _naming(arm, arms.count):
-                by_tick = self.along(arms.x[arm], arms.tau[arm], arms.p[arm])
+                by_tick = self.along(arms.x[arm], arms.tau[arm], arms.p[arm], side)
                 moved = self._moved(by_tick, arms.given[arm], arms.pushed[arm])
                 for k, each in enumerate(moved):
                     columns[arm, k if every else 0] = each
@@ -227,42 +250,96 @@ class Linearizer:
             moved = slope[:, :nx] @ moved + slope[:, nx:] @ push
             yield moved
 
-    def along(self, x: Array, commands: Iterable[Array], p: Array) -> Iterator[Array]:
+    def along(
+        self, x: Array, commands: Iterable[Array], p: Array, side: int | None = None
+    ) -> Iterator[Array]:
         """Derivatives of each tick of a motion, through its events, as of ``__call__``.
 
         Args:
             x: State at the beginning, shape (nx,).
             commands: One for each tick, of shape (n,).
             p: Tunable numbers.
+            side: 1 or -1: ticks without a derivative are given their one-sided derivatives, see
+                ``one_sided``; None: they are refused.
 
         Raises:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        nx, choice, control = len(x), self._choice, None
+        choice, control = self._choice, None
         if choice.tolerance is not None:
             control = SubstepControl(choice.tolerance, choice.method.order)
-        for r in commands:
-            if self._alike:
-                after, slopes, lost = self._smooth.slopes(x[None], r[None], p, 1, 1, 1)
-                if not lost:
-                    x = after[0]
-                    yield slopes[0]
-                    continue
-            u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
-            x, by = self._tick(x, u.ravel(), p, control)
-            by_x, by_u, by_p = np.split(by, (nx, nx + len(r)), axis=1)
-            yield np.hstack([by_x + by_u @ u_x, by_u @ u_r, by_p])
+        for k, r in enumerate(commands):
+            tick, place = _Tick(self, control, begins=k == 0), Place(x, r, p)
+            try:
+                slope = tick.slope(place, strict=True)
+            except NotDifferentiable:
+                if side is None:
+                    raise
+                slope = one_sided(tick, place, side, self._tuned, self._entries)
+            x, control = tick.ended(place)
+            yield slope
+
+    def differentiated(
+        self, place: Place, control: SubstepControl | None, strict: bool, begins: bool
+    ) -> tuple[Array, Array]:
+        """State after one tick, and its derivatives by state, command and quantities.
+
+        Args:
+            place: State, command and parameters.
+            control: State of the error control, which the tick changes.
+            strict: Whether to refuse a tick that begins or ends on the boundary of a mode.
+            begins: Whether the state is varied, see ``Resting``.
+
+        Raises:
+            SimulationDiverged: If the tick cannot be computed.
+            NotDifferentiable: If it has no derivative.
+        """
+        x, r, p = place.x, place.r, place.p
+        if strict and (why := self.kinks.reason(x, r)):
+            raise NotDifferentiable(f"linearize: {why}")
+        if self._alike:
+            after, slopes, lost = self._smooth.slopes(x[None], r[None], p, 1, 1, 1)
+            if not lost:
+                return after[0], slopes[0]
+        u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
+        after_, by = self._tick(x, u.ravel(), p, control, strict, begins)
+        by_x, by_u, by_p = np.split(by, (len(x), len(x) + len(r)), axis=1)
+        return after_, np.hstack([by_x + by_u @ u_x, by_u @ u_r, by_p])
+
+    def after(self, place: Place, control: SubstepControl | None) -> Array:
+        """State after a tick, shape (nx,); the tick changes ``control``."""
+        if not self._eventful:
+            return self.differentiated(place, control, strict=False, begins=False)[0]
+        u = np.array(self._actuation(place.x, place.r)[0]).ravel()
+        plant, kernel = self._plant, self._stepper.kernel
+        return trace_tick(kernel, plant, self._choice, place.x, u, place.p, control)[1]
+
+    @cached_property
+    def _entries(self) -> list[str]:
+        """What a tick is differentiated by, for messages."""
+        model, laws = self._plant.model, self._plant.laws
+        names = [f"the {what} of joint '{name}'" for what in ("position", "velocity")
+                 for name in model.joint_names]  # fmt: skip
+        names += [f"the {name}" for name in (laws.names if laws else ())]
+        names += [f"the command of joint '{name}'" for name in model.joint_names]
+        return names + [f"parameter {k}" for k in self._tuned]
 
     def _tick(
-        self, x: Array, u: Array, p: Array, control: SubstepControl | None
+        self,
+        x: Array,
+        u: Array,
+        p: Array,
+        control: SubstepControl | None,
+        strict: bool,
+        begins: bool,
     ) -> tuple[Array, Array]:
         """State after a tick, and its derivative by (x, w)."""
         segments, after = self._segments(x, u, p, control)
         whole = len(x) + self._held
         motion = Motion(x, np.eye(len(x), whole), np.zeros(whole))
-        if self._eventful:
-            self._events.check_ends(segments, u)
+        if self._eventful and strict:
+            self._events.check_ends(segments, u, begins)
         for k, segment in enumerate(segments):
             self._advance(motion, segment, u, last=k == len(segments) - 1)
         return (motion.x if after is None else after), motion.slope
@@ -340,6 +417,29 @@ class Linearizer:
         return Kernel([function], "vm")
 
 
+class _Tick:
+    """One tick of a motion under error control, see ``one_sided.Tick``."""
+
+    def __init__(
+        self, linearizer: Linearizer, control: SubstepControl | None, begins: bool
+    ) -> None:
+        self._linearizer, self._control, self._begins = linearizer, control, begins
+
+    def slope(self, place: Place, strict: bool) -> Array:
+        """See ``Linearizer.differentiated``."""
+        control = self._control and self._control.copy()
+        return self._linearizer.differentiated(place, control, strict, self._begins)[1]
+
+    def after(self, place: Place) -> Array:
+        """State at the end."""
+        return self.ended(place)[0]
+
+    def ended(self, place: Place) -> tuple[Array, SubstepControl | None]:
+        """The same, and the error control."""
+        control = self._control and self._control.copy()
+        return self._linearizer.after(place, control), control
+
+
 @contextmanager
 def _naming(arm: int, arms: int) -> Iterator[None]:
     """Name the arm in errors, if there are several."""
@@ -363,6 +463,7 @@ class Events:
     def __init__(self, plant: Plant, choice: Choice, tuned: Sequence[int]) -> None:
         self._plant, self._h, self._tuned = plant, choice.dt, tuned
         self._guards, self._settling = Guards(plant, tuned), Settling(plant, tuned)
+        self._resting = Resting(plant)
 
     @cached_property
     @one_at_a_time
@@ -374,17 +475,22 @@ class Events:
     def _turning(self) -> Turning:
         return Turning(self._plant, self._tuned)
 
-    def check_ends(self, segments: np.ndarray, u: Array) -> None:
-        """Refuse a tick that begins or ends with an event, or on the boundary of a mode."""
+    def check_ends(self, segments: np.ndarray, u: Array, begins: bool) -> None:
+        """Refuse a tick that begins or ends with an event, or on the boundary of a mode.
+
+        ``begins``: whether the state at its beginning is varied, see ``Resting``.
+        """
         first, last = segments[0], segments[-1]
         if first["hit"]:
             raise NotDifferentiable("linearize: the tick begins with an impact")
         for segment, state, where in ((first, "begin", "beginning"), (last, "end", "end")):
-            if zero := self._zero(segment, segment[state], u):
+            if zero := self._boundaries(segment, segment[state], u):
                 raise NotDifferentiable(
                     f"linearize: {self._names(zero)} is on the boundary between two modes at the "
                     f"{where} of the tick"
                 )
+        if why := self._resting.reason(first["begin"], u, self._modes(first), begins):
+            raise NotDifferentiable(f"linearize: {why}")
         if self._plant.points:
             for segment, following in zip(segments, [*segments[1:], None], strict=True):
                 self._check_sliding(segment, following, u)
@@ -448,6 +554,10 @@ class Events:
 
     def _zero(self, segment: np.void, x: Array, u: Array) -> list[int]:
         return self._guards.zero(x, u, self._modes(segment), segment["limit"], self._h)
+
+    def _boundaries(self, segment: np.void, x: Array, u: Array) -> list[int]:
+        modes, limit = self._modes(segment), segment["limit"]
+        return self._guards.boundaries(x, u, modes, limit, self._h)
 
     def _modes(self, segment: np.void) -> Modes:
         modes = Modes(self._plant, self._plant.parameters.nominal)

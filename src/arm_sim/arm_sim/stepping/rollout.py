@@ -112,6 +112,7 @@ class Rollouts:
         # compute the motions without events, and the engine of one arm does the rest.
         self._smooth = plant.free or plant
         together = not self._smooth.eventful or choice.tolerance is None
+        together &= not (plant.free and plant.switches)  # lanes do not look at switches
         self._in_registers = together and backend != "vm"
         self._libraries: dict[int, ctypes.CDLL | None] = {}
         self._engine = Engine.of(stepper) if self._smooth.eventful else None
@@ -283,6 +284,8 @@ class Rollouts:
 
 def alike(plant: Plant, choice: Choice) -> bool:
     """Whether all arms take the same steps away from stops: smooth, without error control."""
+    if plant.free and plant.switches:
+        return False
     return choice.tolerance is None and not (plant.free or plant).eventful
 
 

@@ -114,9 +114,14 @@ class Stepper:
         self.tick_operations = self.kernel.operations(smooth) + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
 
-    def twin(self) -> Stepper:
-        """Another stepper with the same code, which need not be generated and checked again."""
+    def twin(self, choice: Choice | None = None) -> Stepper:
+        """Another stepper with the same code, which need not be generated and checked again.
+
+        Args:
+            choice: Another length of ticks, or another tolerance where there was one.
+        """
         twin = copy(self)
+        twin._choice = choice or self._choice
         twin._begin()
         return twin
 
@@ -181,6 +186,7 @@ class Stepper:
         """
         modes = Modes(self._plant, self.p)
         modes.direction[:] = 1.0
+        _set_switches(modes, self.kernel, x, u)
         if self._plant.eventful and self.kernel.native:
             state, torque = np.ascontiguousarray(x), np.ascontiguousarray(u)
             find = getattr(self.kernel.library, "find_modes")  # noqa: B009 - the library's
@@ -299,8 +305,11 @@ def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function)
 
 
 def mode_sizes(plant: Plant) -> dict[str, str]:
-    """Numbers of contacts, and of joints with directions and with compliant stops."""
-    counts = {"NC": len(plant.points), "ND": plant.directions, "NQ": plant.pressed}
+    """Numbers of contacts, of joints with directions and compliant stops, and of switches."""
+    counts = {
+        "NC": len(plant.points), "ND": plant.directions, "NQ": plant.pressed,
+        "NK": plant.switches,
+    }  # fmt: skip
     return {name: str(count) for name, count in counts.items()}
 
 
@@ -339,12 +348,15 @@ def _eventful(plant: Plant) -> str:
 
 
 def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function:
-    """A step of fixed length or, with error control, an attempt; ``prefix`` begins its name."""
-    n, scaled, method = plant.model.n, plant.scaled_jacobian, choice.method
+    """A step of fixed length or, with error control, an attempt; ``prefix`` begins its name.
+
+    In a scene with events it returns its continuous output, too.
+    """
+    n, scaled, method, dense = plant.model.n, plant.scaled_jacobian, choice.method, plant.eventful
     if choice.tolerance is None:
-        return build_step(method, plant.rhs, n, plant.project, scaled, f"{prefix}step")
+        return build_step(method, plant.rhs, n, plant.project, scaled, f"{prefix}step", dense)
     name = f"{prefix}attempt"
-    return build_attempt(method, plant.rhs, n, plant.scale, plant.project, scaled, name)
+    return build_attempt(method, plant.rhs, n, plant.scale, plant.project, scaled, name, dense)
 
 
 def _renamed(function: ca.Function) -> ca.Function:
@@ -392,6 +404,12 @@ def _library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[]
     return call
 
 
+def _set_switches(modes: Modes, kernel: Kernel, x: Array, u: Array) -> None:
+    """The modes of cords and drives at a state under a command."""
+    if modes.switches.size:
+        modes.switches[:] = kernel.call("switches")(x, u, modes.p)[0] >= 0.0
+
+
 def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
     """Check the kernel's accelerations against Pinocchio before they are used."""
     call, dynamics, n = kernel.call(rhs), Dynamics(plant.model), plant.model.n
@@ -401,6 +419,7 @@ def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
         slides = sliding(v)
         modes.direction[:] = slides[: len(modes.direction)]  # none is at a stop
         x = np.concatenate([q, v, plant.initial(q, v)])
+        _set_switches(modes, kernel, x, tau)
         a = call(x, tau, modes.p)[0][n : 2 * n]
         if plant.torques is None:
             return a

@@ -5,6 +5,7 @@ Depends on simulators and controllers, not on ROS; joblib, Dask and pyarrow are 
 required. Public are ``sweep``, its arguments and its results.
 """
 
+import arm_dynamics.scene  # noqa: F401 - refuses an old pydantic before it is used
 from arm_sim.sweeps.metrics import METRICS
 from arm_sim.sweeps.study import ControllerChoice, MotionChoice, Study, Varied, load_study
 from arm_sim.sweeps.sweep import Plan, Progress, Sweep, sweep

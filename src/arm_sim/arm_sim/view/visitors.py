@@ -88,11 +88,11 @@ def refusing(host: str) -> Iterator[None]:
             check = _checked(process_request, host)
             return usual(handler, *where, process_request=check, logger=_log, **options)
 
-        library.serve = serve  # type: ignore[assignment, misc]
+        library.serve = serve
         try:
             yield
         finally:
-            library.serve = usual  # type: ignore[misc]
+            library.serve = usual
 
 
 def _brief(record: logging.LogRecord) -> bool:

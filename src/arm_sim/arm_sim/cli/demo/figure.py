@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from arm_sim.cli.demo.observer import Seen
 from arm_sim.cli.output import units
+from arm_sim.figures import legend_at_right
 
 _STYLE = {
     "font.size": 9.5, "axes.titlesize": 10, "axes.titlelocation": "left",
@@ -43,8 +44,8 @@ def draw(
         axes[2].set_xlabel("time [s]")
         axes[2].set_xlim(0.0, max(duration, float(seen.time[-1])))
         lines = axes[0].lines[: len(names)]
-        figure.legend(lines, [_short(n, names) for n in names], loc="outside right center",
-                      handlelength=1.2)  # fmt: skip
+        short = [_short(name, names) for name in names]
+        legend_at_right(figure, lines, short, loc="center right", handlelength=1.2)
         figure.align_ylabels(axes)
         figure.suptitle(title, x=0.01, ha="left", fontsize=12, fontweight="bold")
         figure.savefig(file, dpi=130)

@@ -20,6 +20,8 @@ def draw(motion: Trajectory, room: Room, path: Path) -> None:
     """Draw positions within their range, and speeds and torques over their limits."""
     from matplotlib.figure import Figure
 
+    from arm_sim.figures import legend_at_right
+
     times, q, v, a = motion.table(_POINTS)
     tau = room.torques(q, v, a)
     lower, upper = room.limits.lower, room.limits.upper
@@ -41,7 +43,7 @@ def draw(motion: Trajectory, room: Room, path: Path) -> None:
         axis.set(ylabel=name, ylim=(-1.1, 1.1))
         axis.spines[["top", "right"]].set_visible(False)
     axes[-1].set(xlabel="time [s]", xlim=(0.0, motion.duration))
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper")
+    legend_at_right(figure, *axes[0].get_legend_handles_labels())
     try:
         figure.savefig(path, dpi=130)
     except ValueError as error:

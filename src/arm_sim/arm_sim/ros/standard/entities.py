@@ -16,6 +16,7 @@ from arm_sim.simulator import Simulator
 
 OBJECT, ROBOT = 0, 1  # EntityCategory.msg
 _ANY, _ALL = 0, 1  # TagsFilter.msg
+_EMPTY = 0  # Bounds.msg
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,12 @@ class Entities:
             Unmet: If bounds are requested.
             InvalidInput: If a filter is invalid.
         """
-        if filters.bounds.points:
+        bounds = filters.bounds
+        if bounds.type != _EMPTY or bounds.points:
             raise Unmet(
                 UNSUPPORTED,
-                "bounds are not supported; allowed: empty bounds",
+                f"bounds of type {bounds.type} with {len(bounds.points)} points: bounds are not "
+                f"supported; allowed: empty bounds (type {_EMPTY}, without points)",
             )
         mode, tags = filters.tags.filter_mode, set(filters.tags.tags)
         if mode not in (_ANY, _ALL):

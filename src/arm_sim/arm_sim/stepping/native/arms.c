@@ -51,7 +51,7 @@ static inline int meets_any_stop(const real* x, const real* next, double length,
   int met = 0;
 #ifdef STOPS
   for (int i = 0; i < NU; ++i)
-    met |= meets_stop(LANE(x[i], lane), LANE(x[NU + i], lane), LANE(next[i], lane), LANE(next[NU + i], lane), length, i);
+    met |= meets_stop(LANE(x[i], lane), LANE(x[NU + i], lane), LANE(next[i], lane), LANE(next[NU + i], lane), length, 0.0, i);
 #endif
   return met;
 }

@@ -28,7 +28,7 @@ typedef struct {
 typedef struct {
   lane_t lane[LANES];
   long long waiting; /* the next arm */
-  real begin[NX], x[NX]; /* states at the beginning of the tick and of the sub-step */
+  real x[NX]; /* states at the beginning of the sub-step */
   real r[NR], u[NU], p[NP + 1], length;
 } group_t;
 
@@ -60,7 +60,6 @@ static void begin_tick(const batch_t* batch, group_t* group, int j, const real* 
   own->begins = 0;
   own->tried = 0;
   own->at = first_substep(batch->h, own->at.step);
-  for (int i = 0; i < NX; ++i) LANE(group->begin[i], j) = LANE(group->x[i], j);
   for (int i = 0; i < NU; ++i) LANE(group->u[i], j) = LANE(acted[i], j);
 #ifdef WITH_CONTROLLER
   for (int i = 0; i < NU; ++i) batch->effort[(own->arm * batch->ticks + own->tick) * NU + i] = LANE(acted[i], j);
@@ -91,10 +90,11 @@ static void begin_ticks(const batch_t* batch, group_t* group) {
 static void end_attempt(const batch_t* batch, group_t* group, int j, const real* next, double error) {
   lane_t* own = group->lane + j;
   const enum verdict verdict = judge(&own->at, batch->h, error / TOLERANCE, within_reach(next, j));
-  if (verdict == ACCEPTED || verdict == ENDED)
+  const int accepted = verdict == ACCEPTED || verdict == ENDED;
+  const int meets = accepted && meets_any_stop(group->x, next, own->at.trial, j);
+  if (accepted)
     for (int i = 0; i < NX; ++i) LANE(group->x[i], j) = LANE(next[i], j);
-  if (verdict == HOPELESS || (++own->tried == MOST_SUBSTEPS && verdict != ENDED) ||
-      (verdict == ENDED && meets_any_stop(group->begin, group->x, batch->h, j))) {
+  if (verdict == HOPELESS || (++own->tried == MOST_SUBSTEPS && verdict != ENDED) || meets) {
     batch->met[own->arm] = 1;
     take_arm(batch, group, j);
   } else if (verdict == ENDED) {

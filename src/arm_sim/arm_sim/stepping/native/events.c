@@ -114,10 +114,13 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
   long long losses = MOST_REBOUNDS;
   segment->step = left / TIME_STEPS;
   for (int k = 0; k < TIME_STEPS; ++k) {
-    real after[NX], anchor[2 * NC];
+    real after[NX], anchor[2 * NC], error[2];
+    piece_t piece;
     const enum trouble trouble = begin_segment(x, segment, left, &losses, report, anchor);
     if (trouble != NONE) return trouble;
-    if (!flow_once(x, segment->u, (const real*)&segment->p, segment->step, after)) return NUMBERS;
+    memcpy(piece.begin, x, sizeof piece.begin);
+    if (!make_step(segment, segment->step, &piece, error)) return NUMBERS;
+    memcpy(after, piece.end, sizeof piece.end);
     close_contacts(after, segment, anchor);
     catch_up(after, segment);
     stop_short(x, segment, after);
@@ -188,19 +191,70 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
 }
 
 #ifdef FREE
-/* A tick in which no joint meets a stop, without modes: 0 if one does. */
-static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
-  const control_t kept = control ? *control : (control_t){0};
+/* A step of an arm away from its stops: 1 if it can be computed. */
+static int free_once(const real* x, const real* u, const real* p, double h, real* after, real* error) {
+  const real length = h;
+  WORKSPACE;
+  arg[0] = x; arg[1] = u; arg[2] = p; arg[3] = &length;
+  res[0] = after; res[1] = error; res[2] = error + 1;
+  FREE_SMOOTH(arg, res, iw, w, 0);
+  return within_reach(after);
+}
+
+/* Whether a joint may meet a stop in a motion, or a drive or cord switch: whether it moves by half of its distance. */
+static int meets_any(const real* x, const real* u, const real* after, double h) {
+  const segment_t segment = {.u = u};
+  real value[2][NK], size[NK];
   int meets = 0;
-  for (int i = 0; i < NU; ++i) meets |= reaches_stop(x[i], i);
-  if (!meets && flow_free(x, u, p, h, control, after)) {
-    for (int i = 0; i < NU; ++i)
-      meets |= reaches_stop(after[i], i) | (may_dip(x[i], x[NU + i], after[NU + i], h, i) != 0);
-    if (!meets) return 1;
+  find_switches(x, &segment, value[0], size);
+  find_switches(after, &segment, value[1], size);
+  for (int k = 0; k < NK; ++k) {
+    const double a = value[0][k], b = value[1][k];
+    meets |= !(fabs(b - a) < 0.5 * fmin(fabs(a), fabs(b)) || (a == b && fabs(a) > SWITCH_ROUNDING * size[k]));
   }
-  if (control) *control = kept;
+  for (int i = 0; i < NU; ++i) meets |= meets_stop(x[i], x[NU + i], after[i], after[NU + i], h, 0.0, i);
+  return meets;
+}
+
+/* Whether a joint is so close to a stop that no step away from stops need be tried. */
+static int starts_near(const real* x, double h) {
+  int near = 0;
+  for (int i = 0; i < NU; ++i) near |= meets_stop(x[i], x[NU + i], x[i], 0.0, h, 0.0, i);
+  return near;
+}
+
+/* A tick in which no joint meets a stop, without modes: 0 if one may. */
+#ifdef ADAPTIVE
+static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
+  control_t found = *control;
+  substeps_t at = first_substep(h, control->step);
+  real next[NX], error[2];
+  memcpy(after, x, NX * sizeof *after);
+  for (long long k = 0; k < MOST_SUBSTEPS; ++k) {
+    const double trial = next_length(&at, h);
+    if (starts_near(after, trial)) return 0;
+    const int reached = free_once(after, u, p, trial, next, error);
+    const enum verdict verdict = judge(&at, h, error[0] / control->tolerance, reached);
+    ++found.attempts;
+    if (verdict == HOPELESS) return 0;
+    if (verdict == REJECTED) continue;
+    if (meets_any(after, u, next, trial)) return 0;
+    memcpy(after, next, sizeof next);
+    found.error += error[1];
+    if (verdict != ENDED) continue;
+    found.step = at.step;
+    *control = found;
+    return 1;
+  }
   return 0;
 }
+#else
+static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
+  real error[2];
+  (void)control;
+  return !starts_near(x, h) && free_once(x, u, p, h, after, error) && !meets_any(x, u, after, h);
+}
+#endif
 #endif
 
 static int tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report, real* after) {

@@ -5,7 +5,7 @@
  * The engine of one arm looks its questions up here and computes those that are not answered, such as all that follow from
  * an event. Answers are those of the same functions for the same bits: the motion does not depend on what is foreseen.
  *
- * Required definitions: NX, NU, NP, ND, NQ, NC (as for modes.c).
+ * Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.c).
  */
 
 #if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
@@ -15,10 +15,13 @@
 #endif
 
 /* Numbers in modes_t after the tunable ones, loads_t, geometry_t and inertia_t. */
-#define MODES (ND + NQ + 5 * NC)
+#define MODES (ND + NQ + NK + 5 * NC)
 #define LOADS (NU + 7 * NC)
 #define PLACES (7 * NC)
 #define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
+
+/* Continuous output of a step: derivatives at its ends, and the state in its middle. */
+typedef struct { double slope[2][NX], middle[NX]; } inside_t;
 
 typedef struct {
   double x[NX], u[NU], p[NP + MODES]; /* beginning of a tick, its command, and its probable modes */
@@ -28,6 +31,7 @@ typedef struct {
   double slope[NX], loads[LOADS], inertia[INERTIA];             /* at the beginning ... */
   double after[NX], loads_after[LOADS], geometry_after[PLACES]; /* ... and at the end, ... */
   double closed[2 * NU];                                        /* ... which is this with closed contacts */
+  inside_t inside;                                              /* of the step from the beginning to the end */
 } foreseen_t;
 
 /* Functions of the engine of one arm: find the modes and the anchors of a tick from its beginning, and what will be asked

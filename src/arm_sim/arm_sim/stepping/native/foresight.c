@@ -39,6 +39,7 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
   foreseen_t tick[LANES];
   long long of_lane[LANES], rests = 0, slides = 0, closes = 0;
   real p[NP + MODES], slope[NX], load[LOADS], place[PLACES], inertia[INERTIA], anchor[2 * NC], closed[2 * NU], w[SZ_W];
+  real inside[3 * NX];
   casadi_int iw[SZ_IW];
   const real* arg[SZ_ARG] = {x, r};
   real* res[SZ_RES] = {acted};
@@ -58,9 +59,10 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
   }
   read_arms(p, NP + MODES, tick->p, stride, of_lane);
   arg[1] = acted; arg[2] = p; arg[3] = h;
-  res[0] = next;
+  res[0] = next; res[1] = inside; res[2] = inside + NX; res[3] = inside + 2 * NX;
   step(arg, res, iw, w, 0);
   write_arms(tick->after, stride, next, NX);
+  write_arms(tick->inside.slope[0], stride, inside, 3 * NX);
   find_geometry(next, place);
   write_arms(tick->geometry_after, stride, place, PLACES);
   if (rests) {

@@ -12,7 +12,7 @@
  * Required definitions: flow.c, cone.c, foreseen.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
  * HOLDING, RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`,
  * `contact_inertia`; RIGID where joints have rigid stops: at LOWER and UPPER, with LOWER_REBOUND and UPPER_REBOUND, and the
- * generated `strike`; NQ (joints with compliant stops: NU or 0), with SOFT_LOWER and SOFT_UPPER and the generated
+ * generated `strike`; NK (switches of drives and cords) and with them the generated `switches`; NQ (joints with compliant stops: NU or 0), with SOFT_LOWER and SOFT_UPPER and the generated
  * `pressures`; SLOWEST (tangential speed up to which a contact is at rest); NB (whether there are bilateral constraints) and
  * with them the generated `bilateral`.
  */
@@ -32,6 +32,9 @@
 #endif
 #if NQ == 0
 #define pressures(arg, res, iw, w, mem)
+#endif
+#if NK == 0
+#define switches(arg, res, iw, w, mem)
 #endif
 
 /* Why a tick could not be computed. Python: Trouble. */
@@ -58,6 +61,7 @@ typedef struct {
   real tunable[NP];
   real direction[ND]; /* of joints: -1 and 1 slide, 0 is held by friction or a stop; without friction sliding is 1 */
   real pressed[NQ];   /* of joints: -1 and 1 press against the lower and the upper compliant stop, else 0 */
+  real switches[NK];  /* of drives and cords: 1 where a comparison holds, else 0 */
   contact_mode_t contact[NC];
 } modes_t;
 
@@ -184,6 +188,15 @@ static void find_slope(const real* x, const segment_t* segment, real* slope) {
   rhs(arg, res, iw, w, 0);
 }
 
+/* Switching functions of drives and cords, positive where a comparison holds, and the magnitude of their terms. */
+static void find_switches(const real* x, const segment_t* segment, real* value, real* size) {
+  WORKSPACE;
+  if (!NK) return;
+  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
+  res[0] = value; res[1] = size;
+  switches(arg, res, iw, w, 0);
+}
+
 static double largest_of(const real* values, int count) {
   double largest = 0.0;
   for (int i = 0; i < count; ++i)
@@ -308,6 +321,9 @@ static void guess(const real* x, segment_t* segment, const geometry_t* geometry)
     segment->turned[i] = 0;
   }
   find_pressed(x, segment);
+  real value[NK], size[NK];
+  find_switches(x, segment, value, size);
+  for (int k = 0; k < NK; ++k) segment->p.switches[k] = value[k] >= 0.0;
   find_touching(x, segment, geometry);
   for (int k = 0; k < NC; ++k) {
     contact_t* contact = segment->contact + k;

@@ -13,27 +13,62 @@
 #define MOST_PARTS 32      /* segments into which slow sliding may divide a tick ... */
 #define MUCH_TURN 0.05     /* ... and rotation of its direction in a tick that is large [rad] */
 #define SHORT_WAY 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
-#define AT_ITS_END 1e-9     /* violation at which a mode has ended where error control is stuck */
+#define SWITCH_ROUNDING 1e-13 /* of a comparison, relative to what is compared */
 #define NOTHING 1e-15       /* violation treated as rounding */
 #define SURELY 1.2          /* time at which a mode has certainly ended, as a multiple of the predicted one ... */
 #define FARTHER 4.0         /* ... and the next trial if no mode has ended by then */
+#define SAMPLES 5           /* states of a step, both ends included, at which modes are looked at where one may end inside */
+#define NEAR 0.1            /* distance to a limit at which it may be reached within a step, relative to the limit ... */
+#define SLOWED 0.25         /* ... and ratio of the speeds of a sliding contact at its ends */
+#define PEAK_MARGIN 0.6     /* error of the largest sample of a guard, relative to the second difference of samples ... */
+#define PEAK_DOUBT 0.1      /* ... and of its value at a predicted maximum, relative to the differences ... */
+#define PEAK_GAIN 1e-2      /* ... which falls by this factor with every prediction ... */
+#define PEAK_TRIALS 8       /* ... of at most so many */
+#define EARLIER 4           /* earlier events that are looked for before one that was found */
 
-/* Motion over h that does not update the error control: 1 if it can be computed. */
-static int try_flow(const real* x, const segment_t* segment, double h, real* after) {
-  control_t kept = segment->control ? *segment->control : (control_t){0};
-  const long long before = kept.attempts;
-  const int good = flow(x, segment->u, (const real*)&segment->p, h, segment->control ? &kept : 0, after);
-  *segment->work += COST_STEP * (1 + kept.attempts - before);
-  return good;
+/* A step of the method in a segment, with its continuous output. */
+typedef struct {
+  real begin[NX], end[NX];
+  inside_t inside;
+  double from; /* its beginning since that of the segment */
+  double length;
+} piece_t;
+
+/* Make a step of length h from the beginning of a piece: 1 if every number stayed finite. `error` receives the scaled error
+ * and that of q, with an estimate. The step may be foreseen.
+ */
+static int make_step(const segment_t* segment, double h, piece_t* piece, real* error) {
+  const foreseen_t* known = segment->foreseen;
+  const real length = h;
+  WORKSPACE;
+  piece->length = h;
+  *segment->work += COST_STEP;
+  if (is_foreseen(segment) && h == known->length && same(piece->begin, known->x, NX)) {
+    memcpy(piece->end, known->after, sizeof known->after);
+    memcpy(&piece->inside, &known->inside, sizeof known->inside);
+    return within_reach(piece->end);
+  }
+  real** more = res;
+  arg[0] = piece->begin; arg[1] = segment->u; arg[2] = (const real*)&segment->p; arg[3] = &length;
+  *more++ = piece->end;
+#ifdef ADAPTIVE
+  *more++ = error; *more++ = error + 1;
+#else
+  (void)error;
+#endif
+  *more++ = piece->inside.slope[0]; *more++ = piece->inside.slope[1]; *more = piece->inside.middle;
+  SMOOTH(arg, res, iw, w, 0);
+  return within_reach(piece->end);
 }
 
-/* Motion over the whole of a segment, see `flow`; it may be foreseen. */
-static int flow_on(const real* x, const segment_t* segment, double h, real* after) {
-  const foreseen_t* known = segment->foreseen;
-  if (!is_foreseen(segment) || h != known->length || !same(x, known->x, NX))
-    return flow(x, segment->u, (const real*)&segment->p, h, segment->control, after);
-  memcpy(after, known->after, sizeof known->after);
-  return within_reach(after);
+/* The state at a fraction of a piece: the polynomial of degree 4 through its ends, their slopes and the middle. */
+static void state_inside(const piece_t* piece, double part, real* x) {
+  const double h = piece->length, rest = 1.0 - part, a = rest * rest * (1.0 + 2.0 * part), bump = part * part * rest * rest;
+  for (int i = 0; i < NX; ++i) {
+    const double x0 = piece->begin[i], x1 = piece->end[i], f0 = piece->inside.slope[0][i], f1 = piece->inside.slope[1][i];
+    const double bend = piece->inside.middle[i] - 0.5 * (x0 + x1) - 0.125 * h * (f0 - f1);
+    x[i] = a * x0 + (1.0 - a) * x1 + h * part * rest * (rest * f0 - part * f1) + 16.0 * bump * bend;
+  }
 }
 
 /* Whether a contact is closed or a joint sticks. */
@@ -44,10 +79,16 @@ static int anything_held(const segment_t* segment) {
   return any;
 }
 
+#ifdef ADAPTIVE
+#define MOST_STEPS MOST_SUBSTEPS
+#else
+#define MOST_STEPS 1
+#endif
+
 /* Event functions, which must not be positive: of contacts gaps, or normal and tangential forces; of joints friction, and
  * both stops. Each is smooth in time while the modes last.
  */
-typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ]; } limits_t;
+typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ], switched[NK]; } limits_t;
 #define LIMITS ((int)(sizeof(limits_t) / sizeof(double)))
 static void fill(limits_t* limits, double value) {
   for (int i = 0; i < LIMITS; ++i) ((double*)limits)[i] = value;
@@ -82,6 +123,7 @@ static double disobedience(const real* x, const segment_t* segment, const double
   const double rounding = turning_rounding(x);
   geometry_t geometry;
   loads_t found;
+  real value[NK], size[NK];
   fill(limits, -INFINITY);
   find_geometry(x, segment, &geometry);
   if (anything_held(segment)) find_loads(x, segment, &found);
@@ -101,80 +143,175 @@ static double disobedience(const real* x, const segment_t* segment, const double
     else if (may_stick(i)) limits->joint[i] = -v[i] * d[i] - rounding;
   }
   stop_disobedience(x, segment, t, limits);
+  find_switches(x, segment, value, size);
+  for (int k = 0; k < NK; ++k)
+    limits->switched[k] = (segment->p.switches[k] != 0.0 ? -value[k] : value[k]) - SWITCH_ROUNDING * size[k];
   return worst_of(limits);
 }
 
-/* A motion from x, and a further event that may be searched in it: where a contact begins to rise, or a joint (joint >= 0)
- * to return from its upper (side 1) or lower (side -1) stop. */
+/* A piece of a motion in which events are searched. */
 typedef struct {
-  const real* x;
+  piece_t piece;
   const segment_t* segment;
-  double ground[NC];
-  int contact, joint, side;
+  double ground[NC]; /* gaps at the beginning of the segment that are negative by rounding */
 } search_t;
 
-/* The state after a motion of length t: 0 if it cannot be computed. */
-static int state_at(const search_t* search, double t, real* after) {
-  if (t > 0.0) return try_flow(search->x, search->segment, t, after);
-  memcpy(after, search->x, NX * sizeof *after);
-  return 1;
-}
-
-/* Whether all modes are satisfied after a motion of length t. */
+/* Whether all modes are satisfied at a time in the piece, by a step of that length. */
 static double excess_at(const search_t* search, double t, limits_t* limits) {
-  real after[NX];
-  if (state_at(search, t, after)) return disobedience(after, search->segment, search->ground, t, limits);
+  piece_t part;
+  real error[2];
+  memcpy(part.begin, search->piece.begin, sizeof part.begin);
+  memcpy(part.end, part.begin, sizeof part.end);
+  if (t == 0.0 || make_step(search->segment, t, &part, error))
+    return disobedience(part.end, search->segment, search->ground, search->piece.from + t, limits);
   fill(limits, INFINITY);
   return INFINITY;
 }
 
 static void limits_at(const void* asked, double t, double* limits) { excess_at(asked, t, (limits_t*)limits); }
 
-/* The speed at which a contact rises, or a joint returns from a stop. */
-static void return_at(const void* asked, double t, double* speed) {
-  const search_t* search = asked;
-  real after[NX];
-  geometry_t geometry;
-  *speed = INFINITY;
-  if (!state_at(search, t, after)) return;
-  if (search->joint >= 0) *speed = -search->side * after[NU + search->joint];
-  else {
-    find_geometry(after, search->segment, &geometry);
-    *speed = geometry.speed[3 * search->contact];
-  }
+/* Bounds of a number of the state inside a piece: the Bernstein coefficients of the cubic through its ends, widened by twice
+ * the distance of the cubic from the middle. */
+static void find_bounds(const piece_t* piece, int i, double* low, double* high) {
+  const double h = piece->length, x0 = piece->begin[i], x1 = piece->end[i];
+  const double a = h / 3.0 * piece->inside.slope[0][i], b = h / 3.0 * piece->inside.slope[1][i];
+  const double bend = 2.0 * fabs(piece->inside.middle[i] - 0.5 * (x0 + x1) - 0.375 * (a - b));
+  *low = fmin(fmin(x0, x1), fmin(x0 + a, x1 - b)) - bend;
+  *high = fmax(fmax(x0, x1), fmax(x0 + a, x1 - b)) + bend;
 }
 
-/* A time before `length` at which a contact is below its plane and begins to rise; 0 if there is none. */
-static double dip_before(search_t* search, double length, const real* end, limits_t* depth) {
-  geometry_t before, back;
-  int any = 0;
-  for (int k = 0; k < NC; ++k) any |= search->segment->p.contact[k].closed == 0.0;
-  if (!any) return 0.0;
-  find_geometry(search->x, search->segment, &before);
-  find_geometry(end, search->segment, &back);
+/* Whether the speed of a sliding joint may reach zero inside a piece, or a joint its stop. */
+static int joint_may_stray(const piece_t* piece, const segment_t* segment, int i) {
+  double low, high;
+  if (ND && may_stick(i)) { /* if it does not turn, it meets a stop at most once */
+    find_bounds(piece, NU + i, &low, &high);
+    return segment->p.direction[i] > 0.0 ? low <= 0.0 : high >= 0.0;
+  }
+  find_bounds(piece, i, &low, &high);
+  return low <= stop_place[0][i] || high >= stop_place[1][i];
+}
+
+/* Whether a contact may end or change its mode inside a piece that satisfies it at both ends. */
+static int contact_may_stray(const segment_t* segment, const geometry_t* begin, const geometry_t* end, double h, int k) {
+  const contact_mode_t* mode = segment->p.contact + k;
+  const real *s0 = begin->speed + 3 * k, *s1 = end->speed + 3 * k;
+  if (mode->closed == 0.0) {
+    const double gap[4] = {begin->place[3 * k], begin->place[3 * k] + h / 3.0 * s0[0],
+                           end->place[3 * k] - h / 3.0 * s1[0], end->place[3 * k]};
+    const double low = fmin(fmin(gap[0], gap[3]), fmin(gap[1], gap[2]));
+    return low <= NEAR * (fmax(fmax(gap[0], gap[3]), fmax(gap[1], gap[2])) - low);
+  }
+  if (mode->sticks != 0.0 || !(holding[k] > 0.0)) return 0;
+  const double ahead0 = mode->along[0] * s0[1] + mode->along[1] * s0[2], ahead1 = mode->along[0] * s1[1] + mode->along[1] * s1[2];
+  return fmin(ahead0, ahead1) <= SLOWED * fmax(ahead0, ahead1);
+}
+
+/* Whether something that holds is close to its limit at the end of a piece; under error control and with internal states,
+ * where loads may swing within a piece, whether anything holds.
+ */
+static int load_may_stray(const segment_t* segment, const limits_t* end) {
+#ifdef ADAPTIVE
+  (void)end;
+  return anything_held(segment);
+#else
+  if (NX > 2 * NU) return anything_held(segment);
   for (int k = 0; k < NC; ++k) {
-    const int apart = search->segment->p.contact[k].closed == 0.0;
-    if (!apart || !(before.speed[3 * k] < 0.0 && back.speed[3 * k] > 0.0)) continue;
-    search->contact = k;
-    const double speed = back.speed[3 * k], turn = first_positive(return_at, search, 1, length, &speed, NOTHING);
-    const double excess = excess_at(search, turn, depth);
-    if (excess > 0.0 && excess < INFINITY) return turn;
+    const contact_mode_t* mode = segment->p.contact + k;
+    if (mode->closed == 0.0) continue;
+    const double push = -end->contact[2 * k];
+    for (int l = 0; l < NC; ++l)
+      if (segment->p.contact[l].closed != 0.0 && push < -NEAR * end->contact[2 * l]) return 1;
+    if (mode->sticks != 0.0 && holding[k] > 0.0 && end->contact[2 * k + 1] > -NEAR * stick_limit(segment, k) * push) return 1;
+  }
+  for (int i = 0; i < ND; ++i)
+    if (segment->p.direction[i] == 0.0 && end->joint[i] > -NEAR * static_level[i]) return 1;
+  return 0;
+#endif
+}
+
+/* Whether a drive or cord may switch inside a piece and back: whether it comes close, as the middle shows. */
+static int switch_may_stray(const piece_t* piece, const segment_t* segment, const limits_t* end) {
+  real x[NX], value[NK], size[NK], middle[NK];
+  if (!NK) return 0;
+  state_inside(piece, 0.5, x);
+  find_switches(x, segment, middle, size);
+  find_switches(piece->begin, segment, value, size);
+  for (int k = 0; k < NK; ++k) {
+    const double far = segment->p.switches[k] != 0.0 ? 1.0 : -1.0, a = far * value[k], b = far * middle[k], c = -end->switched[k];
+    if (fmin(fmin(a, b), c) <= 0.5 * (fmax(fmax(a, b), c) - fmin(fmin(a, b), c))) return 1;
+  }
+  return 0;
+}
+
+/* Whether a mode may end inside a piece that satisfies all of them at both ends. */
+static int may_stray(const search_t* search, const limits_t* end) {
+  const piece_t* piece = &search->piece;
+  const segment_t* segment = search->segment;
+  for (int i = 0; i < NU; ++i)
+    if (!(ND && segment->p.direction[i] == 0.0) && joint_may_stray(piece, segment, i)) return 1;
+  if (load_may_stray(segment, end) || switch_may_stray(piece, segment, end)) return 1;
+  if (NC) {
+    geometry_t first, last;
+    find_geometry(piece->begin, segment, &first);
+    find_geometry(piece->end, segment, &last);
+    for (int k = 0; k < NC; ++k)
+      if (contact_may_stray(segment, &first, &last, piece->length, k)) return 1;
+  }
+  return 0;
+}
+
+/* Vertex of the parabola through three points, relative to the middle one; NAN if it has no maximum between them. */
+static double vertex_of(const double* t, const double* f) {
+  const double left = (f[1] - f[0]) / (t[1] - t[0]), right = (f[2] - f[1]) / (t[2] - t[1]);
+  const double bend = (right - left) / (t[2] - t[0]), slope = left + bend * (t[1] - t[0]), way = -slope / (2.0 * bend);
+  return bend < 0.0 && way >= t[0] - t[1] && way <= t[2] - t[1] ? way : NAN;
+}
+
+/* Search the maximum of a guard, which was predicted between three times: a time at which the guard is positive, or 0. */
+static double peak_of(const search_t* search, int guard, double* t, double* f, limits_t* limits) {
+  double doubt = PEAK_DOUBT * (fabs(f[1] - f[0]) + fabs(f[1] - f[2]));
+  for (int k = 0; k < PEAK_TRIALS; ++k, doubt *= PEAK_GAIN) {
+    const double way = vertex_of(t, f), trial = t[1] + way;
+    if (!(trial > t[0] && trial < t[2])) return 0.0;
+    excess_at(search, trial, limits);
+    const double value = ((const double*)limits)[guard];
+    if (value > 0.0) return value < INFINITY ? trial : 0.0;
+    if (value < -doubt || trial == t[1]) return 0.0;
+    const int later = trial > t[1], better = value >= f[1];
+    const int moved = better ? (later ? 0 : 2) : (later ? 2 : 0); /* the end of the bracket that is replaced */
+    t[moved] = better ? t[1] : trial;
+    f[moved] = better ? f[1] : value;
+    if (better) { t[1] = trial; f[1] = value; }
   }
   return 0.0;
 }
 
-/* A time before `length` at which a joint is beyond a stop and begins to return; 0 if there is none. */
-static double bump_before(search_t* search, double length, const real* end, limits_t* depth) {
-  for (int i = 0; i < NU; ++i) {
-    const int side = may_dip(search->x[i], search->x[NU + i], end[NU + i], length, i);
-    if (!side) continue;
-    search->joint = i;
-    search->side = side;
-    const double speed = -side * end[NU + i], turn = first_positive(return_at, search, 1, length, &speed, NOTHING);
-    search->joint = -1;
-    const double excess = excess_at(search, turn, depth);
-    if (excess > 0.0 && excess < INFINITY) return turn;
+/* A time inside a piece at which a mode is violated though it is satisfied at both ends; 0 if the motion shows none.
+ *
+ * Guards are sampled on the method's continuous output; where their samples have a maximum that may be positive, the motion
+ * itself is evaluated there.
+ */
+static double find_excursion(const search_t* search, const limits_t* end, limits_t* limits) {
+  const piece_t* piece = &search->piece;
+  double samples[SAMPLES][LIMITS];
+  real x[NX];
+  if (!may_stray(search, end)) return 0.0;
+  for (int k = 0; k < SAMPLES - 1; ++k) {
+    const double part = (double)k / (SAMPLES - 1);
+    state_inside(piece, part, x);
+    disobedience(x, search->segment, search->ground, piece->from + part * piece->length, (limits_t*)samples[k]);
   }
+  memcpy(samples[SAMPLES - 1], end, sizeof *end);
+  for (int k = 1; k < SAMPLES - 1; ++k)
+    for (int guard = 0; guard < LIMITS; ++guard) {
+      const double step = piece->length / (SAMPLES - 1);
+      double t[3] = {(k - 1) * step, k * step, (k + 1) * step}, f[3];
+      for (int i = 0; i < 3; ++i) f[i] = samples[k - 1 + i][guard];
+      const double way = vertex_of(t, f), bend = 2.0 * f[1] - f[0] - f[2];
+      if (!(fmax(f[1], fmax(f[0], f[2])) + PEAK_MARGIN * bend > 0.0) || way != way) continue;
+      const double found = peak_of(search, guard, t, f, limits);
+      if (found > 0.0) return found;
+    }
   return 0.0;
 }
 
@@ -214,47 +351,87 @@ static double find_next(const real* x, const segment_t* segment, const geometry_
   return SURELY * soonest;
 }
 
-/* Motion to the end of the modes, at most over `reach`: its length, -1 if it cannot be computed. */
-static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
-  search_t search = {.x = x, .segment = segment, .joint = -1};
-  const control_t kept = segment->control ? *segment->control : (control_t){0};
+/* End a piece at the first violation of a mode in it, known at a time `known` with `limits`: its length, -1 if it cannot be
+ * computed. `error` is that of its last step.
+ */
+static double end_at_event(search_t* search, double known, limits_t* limits, real* error) {
+  piece_t* piece = &search->piece;
   geometry_t geometry;
-  limits_t limits, early;
+  limits_t early;
+  find_geometry(piece->begin, search->segment, &geometry);
+  for (double near = find_next(piece->begin, search->segment, &geometry); near < known; near *= FARTHER) {
+    if (!(excess_at(search, near, &early) > 0.0)) continue;
+    known = near;
+    *limits = early;
+  }
+  for (int turn = 0; turn < EARLIER; ++turn) {
+    const double length = first_positive(limits_at, search, LIMITS, known, (const double*)limits, NOTHING);
+    if (!make_step(search->segment, length, piece, error)) return -1.0;
+    disobedience(piece->end, search->segment, search->ground, piece->from + length, &early);
+    known = find_excursion(search, &early, limits);
+    if (known == 0.0) return length;
+  }
+  return piece->length;
+}
+
+/* Motion to the end of the modes, at most over `reach`: its length, -1 if it cannot be computed. Every step is watched: of
+ * fixed length the only one, under error control each that is accepted.
+ */
+static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
+  search_t search = {.segment = segment, .piece = {.from = 0.0}};
+  piece_t* piece = &search.piece;
+  control_t* control = segment->control;
+  geometry_t geometry;
   find_geometry(x, segment, &geometry);
   for (int k = 0; k < NC; ++k) search.ground[k] = fmin(geometry.place[3 * k], 0.0);
-  const int reached = flow_on(x, segment, reach, after);
-  *segment->work += COST_STEP * (1 + (segment->control ? segment->control->attempts - kept.attempts : 0));
-  double known = reach, wrong = INFINITY, length = reach;
-  if (reached) wrong = disobedience(after, segment, search.ground, reach, &limits);
-  else fill(&limits, INFINITY);
-  *calm = wrong <= 0.0;
-  if (!reached && segment->control) {
-    /* The direction of a contact is undefined as it comes to rest: error control follows it as far as possible. */
-    known = length = segment->control->reached;
-    if (known <= 0.0) return -1.0;
-    wrong = disobedience(after, segment, search.ground, known, &limits);
-    if (wrong <= AT_ITS_END) wrong = 0.0;
-  }
-  if (wrong > 0.0) {
-    if (segment->control) *segment->control = kept;
-    for (double near = find_next(x, segment, &geometry); near < known; near *= FARTHER) {
-      if (!(excess_at(&search, near, &early) > 0.0)) continue;
-      known = near;
-      limits = early;
-    }
-    length = first_positive(limits_at, &search, LIMITS, known, (const double*)&limits, NOTHING);
-    if (!flow(x, segment->u, (const real*)&segment->p, length, segment->control, after)) {
-      if (!segment->control || segment->control->reached <= 0.0) return -1.0;
-      length = segment->control->reached;
-    }
-  }
-  double dip = dip_before(&search, length, after, &limits);
-  if (dip == 0.0) dip = bump_before(&search, length, after, &limits);
-  if (dip == 0.0) return length;
-  if (segment->control) *segment->control = kept;
+  memcpy(piece->begin, x, sizeof piece->begin);
   *calm = 0;
-  length = first_positive(limits_at, &search, LIMITS, dip, (const double*)&limits, NOTHING);
-  return flow(x, segment->u, (const real*)&segment->p, length, segment->control, after) ? length : -1.0;
+#ifdef ADAPTIVE
+  substeps_t at = first_substep(reach, control->step);
+#else
+  (void)control;
+#endif
+  for (long long k = 0; k < MOST_STEPS; ++k) {
+    limits_t limits;
+    real error[2] = {0.0, 0.0};
+    int last = 1;
+#ifdef ADAPTIVE
+    const double h = next_length(&at, reach);
+    ++control->attempts;
+    const int reached = make_step(segment, h, piece, error);
+    const enum verdict verdict = judge(&at, reach, error[0] / control->tolerance, reached);
+    if (verdict == HOPELESS) break;
+    if (verdict == REJECTED) continue;
+    last = verdict == ENDED;
+#else
+    const double h = reach;
+    const int reached = make_step(segment, h, piece, error);
+#endif
+    double known = h;
+    if (!reached) fill(&limits, INFINITY);
+    else if (!(disobedience(piece->end, segment, search.ground, piece->from + h, &limits) > 0.0)) {
+      limits_t peak;
+      known = find_excursion(&search, &limits, &peak);
+      limits = peak;
+    }
+    *calm = known == 0.0;
+    const double length = *calm ? h : end_at_event(&search, known, &limits, error);
+    if (length < 0.0) return -1.0;
+#ifdef ADAPTIVE
+    control->error += error[1];
+    control->step = at.step;
+#endif
+    piece->from += length;
+    memcpy(piece->begin, piece->end, sizeof piece->begin);
+    if (last || !*calm) {
+      memcpy(after, piece->end, sizeof piece->end);
+      return last && *calm ? reach : piece->from;
+    }
+  }
+  /* The direction of a contact is undefined as it comes to rest: error control follows it as far as possible. */
+  *calm = 0;
+  memcpy(after, piece->begin, sizeof piece->begin);
+  return piece->from > 0.0 ? piece->from : -1.0;
 }
 
 /* Whether a closed contact has a gap or a velocity to be corrected. */

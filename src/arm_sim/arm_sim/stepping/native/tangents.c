@@ -125,8 +125,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
 #ifdef STOPS
           const double q = LANE(x[i], j), v = LANE(x[NU + i], j), end = LANE(next[i], j), v_end = LANE(next[NU + i], j);
           const double near_by = 1e-6 * h[0] * (__builtin_fabs(v) + __builtin_fabs(v_end)) + 1e-9 * (1.0 + __builtin_fabs(q));
-          met[of_lane[j]] |= reaches_stop(q - near_by, i) | reaches_stop(q + near_by, i) | reaches_stop(end - near_by, i) |
-                             reaches_stop(end + near_by, i) | (may_dip(q, v, v_end, h[0], i) != 0);
+          met[of_lane[j]] |= meets_stop(q, v, end, v_end, h[0], near_by, i);
 #endif
         }
       for (int i = 0; i < NX; ++i) x[i] = next[i];

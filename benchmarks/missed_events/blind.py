@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The engine with one of its guards switched off.
+
+Recordings are still judged by an intact engine: the account and the second look are built later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from arm_sim.stepping import stepper
+
+GUARDS = {
+    "sliding joint": (
+        "limits->joint[i] = -v[i] * d[i] - rounding;",
+        "limits->joint[i] = -INFINITY;",
+    ),
+    "held joint": (
+        "limits->joint[i] = joint_excess(x, &found, i);",
+        "limits->joint[i] = -INFINITY;",
+    ),
+    "lower stop": ("lower_stop[i] - x[i] - room;", "-INFINITY;"),
+    "upper stop": ("x[i] - upper_stop[i] - room;", "-INFINITY;"),
+    "compliant stop": ("? -push[side][i] : met[side][i];", "? -INFINITY : met[side][i];"),
+    "contact that closes": (
+        "ground[k] - geometry.place[3 * k] - SINKING * t - GAP_ROUNDING * geometry.size[k];",
+        "-INFINITY;",
+    ),
+    "contact that opens": (
+        "limits->contact[2 * k] = -r[0];",
+        "limits->contact[2 * k] = -INFINITY;",
+    ),
+    "drive or cord": (
+        "(segment->p.switches[k] != 0.0 ? -value[k] : value[k]) - SWITCH_ROUNDING * size[k];",
+        "-INFINITY;",
+    ),
+}
+"""Guards of ``native/segments.c``, and what replaces each."""
+
+
+@contextmanager
+def switched_off(seed: int) -> Iterator[str]:
+    """Simulators that are built within have no guard of a kind, drawn by a seed; its name."""
+    name = str(np.random.default_rng(seed).choice(list(GUARDS)))
+    whole, instead = GUARDS[name]
+    source = stepper.source
+
+    def blind(defines: dict[str, str], *files: str) -> str:
+        text = source(defines, *files)
+        if "segments.c" in files and text.count(whole) != 1:
+            raise ValueError(f"the guard of {name} stands {text.count(whole)} times in the engine")
+        return text.replace(whole, instead)
+
+    stepper.source = blind
+    try:
+        yield name
+    finally:
+        stepper.source = source

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stability of the methods: steps in which no mode grows that should decay or swing.
+
+In a step h, a Runge-Kutta method multiplies a mode exp(λ t) by R(h λ), with the polynomial
+R(z) = 1 + z bᵀ (1 - z A)⁻¹ 1 of its tableau (Hairer, Wanner, Solving Ordinary Differential
+Equations II, 1996, section IV.2).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_sim.integrators.methods import Method
+from arm_sim.integrators.response import Response
+from arm_sim.integrators.tableaux import Tableau
+
+# Growth per step that is an error of low order and no instability, such as that of Euler's method
+# in a slow swing.
+GROWTH = 1e-3
+# A mode with a growth below this part of its rate is a decay or swing, but for rounding.
+ROUNDING = 1e-6
+HALVINGS = 40
+
+
+def polynomial(tableau: Tableau) -> Array:
+    """Coefficients of R(z), from the constant on, shape (stages + 1,)."""
+    stages = len(tableau.b)
+    A = np.array([[*row, *[0.0] * (stages - len(row))] for row in tableau.a])
+    powers = [np.ones(stages)]
+    for _ in range(stages - 1):
+        powers.append(A @ powers[-1])
+    return np.array([1.0, *(np.dot(tableau.b, power) for power in powers)])
+
+
+def grows(method: Method, response: Response, h: float) -> bool:
+    """Whether a mode that decays or swings grows with every step of length ``h`` in [s]."""
+    return bool(_growth(method, response, h).max(initial=0.0) > GROWTH)
+
+
+def worst(method: Method, response: Response, h: float) -> int:
+    """The mode that grows fastest in steps of length ``h`` in [s]."""
+    if method.tableau is None:
+        return int(abs(response.modes[0]).argmax())
+    return int(_growth(method, response, h).argmax())
+
+
+def longest_step(method: Method, response: Response, h: float) -> float:
+    """Longest step in [s] in which no such mode grows, where one grows in steps of ``h``."""
+    low, high = 0.0, h
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if grows(method, response, middle) else (middle, high)
+    return low
+
+
+def _growth(method: Method, response: Response, h: float) -> Array:
+    """Growth of each mode in a step, 0 of those that grow by themselves; implicit ones: none."""
+    rates = response.modes[0]
+    if method.name == "implicit":
+        return np.zeros(len(rates))
+    if method.tableau is not None:
+        z = h * rates
+        factors = np.polynomial.polynomial.polyval(z, polynomial(method.tableau))
+        return np.where(z.real > ROUNDING * abs(z), 0.0, abs(factors) - 1.0)
+    n = next(iter(response.forces.values())).shape[0]
+    step = np.eye(len(rates)) + h * response.J
+    step[:n] = np.eye(n, len(rates)) + h * step[n : 2 * n]
+    own = np.exp(h * np.where(rates.real > ROUNDING * abs(rates), rates.real, 0.0))
+    return np.asarray(abs(np.linalg.eigvals(step)) - own.max(initial=1.0))

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Case distinctions of drives and cords as modes: an equation is smooth while they last.
+
+A drive at its current limit, a transmission in its backlash, a slack cord: the equations choose
+between cases by comparing two expressions. Here each comparison becomes a number in p, 1 where it
+holds and 0 where it does not, and its switching function, which the engine watches like any other
+guard. The equations themselves are written once, with their comparisons: these are found in the
+expression graph.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.actuation.internal_state import Flow, StatefulLaw
+from arm_dynamics.arrays import Array
+
+_COMPARED = {ca.OP_LT: -1.0, ca.OP_LE: -1.0, ca.OP_FMIN: -1.0, ca.OP_FMAX: 1.0}
+"""Operations that choose, with the sign of a - b where they choose ``a``, or hold."""
+
+
+@dataclass(frozen=True)
+class Switches:
+    """Case distinctions of some expressions.
+
+    Attributes:
+        results: The expressions, with modes in place of comparisons.
+        modes: Symbols of the modes, shape (k,): 1 where a comparison holds, else 0.
+        values: Switching functions, positive where it holds, shape (k,); not by modes.
+        sizes: Magnitude of the terms of each, whose rounding is no switch, shape (k,).
+    """
+
+    results: list[ca.SX]
+    modes: ca.SX
+    values: ca.SX
+    sizes: ca.SX
+
+
+def case_modes(results: Sequence[ca.SX], state: ca.SX) -> Switches:
+    """Replace the comparisons in expressions that depend on ``state`` by modes.
+
+    Args:
+        results: Expressions.
+        state: Symbols of the state that may change during a tick.
+    """
+    others = ca.symvar(ca.veccat(*results))
+    known = {symbol.element_hash() for symbol in ca.vertsplit(state)}
+    constant = ca.vertcat(*(s for s in others if s.element_hash() not in known))
+    function = ca.Function("f", [state, constant], list(results), {"cse": True})
+    plain, moded = _Graph(function, state, constant), _Graph(function, state, constant)
+    modes, values, sizes = list[ca.SX](), list[ca.SX](), list[ca.SX]()
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        plain.run(k)
+        moded.run(k)
+        if operation not in _COMPARED or not plain.varies(k):
+            continue
+        a, b = plain.operands(k)
+        chosen = ca.SX.sym(f"holds{len(modes)}")
+        modes.append(chosen)
+        values.append(_COMPARED[operation] * (a - b))
+        sizes.append(ca.fabs(a) + ca.fabs(b))
+        if operation in (ca.OP_FMIN, ca.OP_FMAX):
+            a, b = moded.operands(k)
+            moded.put(k, chosen * a + (1.0 - chosen) * b)
+        else:
+            moded.put(k, chosen)
+    columns = (ca.vertcat(ca.SX(0, 1), *parts) for parts in (modes, values, sizes))
+    return Switches(moded.outputs, *columns)
+
+
+class _Graph:
+    """Evaluation of a function's instructions, one after the other, as expressions."""
+
+    def __init__(self, function: ca.Function, *arguments: ca.SX) -> None:
+        self._function, self._arguments = function, arguments
+        self._work = [ca.SX(0.0)] * function.sz_w()
+        self._varies = np.zeros(function.sz_w(), dtype=bool)
+        self._operands: tuple[list[ca.SX], bool] = ([], False)
+        self.outputs = [ca.SX(*function.size_out(i)) for i in range(function.n_out())]
+
+    def run(self, k: int) -> None:
+        """Evaluate the next instruction, number k."""
+        f = self._function
+        operation, to = f.instruction_id(k), f.instruction_output(k)
+        given = f.instruction_input(k)
+        if operation == ca.OP_CONST:
+            self._set(to[0], ca.SX(f.instruction_constant(k)), varies=False)
+        elif operation == ca.OP_INPUT:
+            self._set(to[0], self._arguments[given[0]].nz[given[1]], varies=given[0] == 0)
+        elif operation == ca.OP_OUTPUT:
+            row, column = f.sparsity_out(to[0]).get_triplet()
+            self.outputs[to[0]][row[to[1]], column[to[1]]] = self._work[given[0]]
+        else:
+            operands = [self._work[i] for i in given]
+            varies = any(self._varies[i] for i in given)
+            self._operands = operands, varies
+            apply = ca.SX.binary if len(operands) == 2 else ca.SX.unary
+            self._set(to[0], apply(operation, *operands), varies)
+
+    def varies(self, k: int) -> bool:
+        """Whether the instruction that was evaluated last, k, depends on the state."""
+        return self._operands[1]
+
+    def operands(self, k: int) -> list[ca.SX]:
+        """Operands of the instruction that was evaluated last."""
+        return self._operands[0]
+
+    def put(self, k: int, value: ca.SX) -> None:
+        """Replace the result of an instruction."""
+        self._work[self._function.instruction_output(k)[0]] = value
+
+    def _set(self, place: int, value: ca.SX, varies: bool) -> None:
+        self._work[place], self._varies[place] = value, varies
+
+
+class SwitchedLaw:
+    """A law whose case distinctions are modes; see ``StatefulLaw``.
+
+    Args:
+        law: A law that replaces commands.
+        n: Degrees of freedom.
+
+    Attributes:
+        modes: Symbols of the modes, in the expressions of ``equations``.
+        joints: Index of the joint of each.
+    """
+
+    def __init__(self, law: StatefulLaw, n: int) -> None:
+        self.title, self.states = law.title, law.states
+        self.replaces_command: NDArray[np.bool_] = law.replaces_command
+        self._law = law
+        sizes = {"q": n, "v": n, "z": len(law.states), "u": n}
+        q, v, z, u = (ca.SX.sym(name, size) for name, size in sizes.items())
+        flow = law.equations(q, v, z, u)
+        parts = [
+            flow.torque,
+            flow.slope,
+            ca.SX(flow.stored),
+            ca.SX(flow.supplied),
+            ca.SX(flow.lost),
+        ]
+        found = case_modes([ca.densify(part) for part in parts], ca.vertcat(q, v, z))
+        self.modes = found.modes
+        self._flow = ca.Function("flow", [q, v, z, u, self.modes], found.results, {"cse": True})
+        self._values = ca.Function("switches", [q, v, z, u], [found.values, found.sizes])
+        owners = [*range(n), *range(n), *(state.joint for state in law.states), *range(n)]
+        needs = ca.jacobian(found.values, ca.vertcat(q, v, z, u)).sparsity()
+        owner = {row: owners[column] for row, column in zip(*needs.get_triplet(), strict=True)}
+        self.joints = tuple(owner[k] for k in range(self.modes.numel()))
+
+    def initial(self, q: Array, v: Array) -> Array:
+        """See ``StatefulLaw``."""
+        return self._law.initial(q, v)
+
+    def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
+        """See ``StatefulLaw``; in terms of ``modes``."""
+        return Flow(*(ca.sparsify(part) for part in self._flow(q, v, z, u, self.modes)))
+
+    def switches(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Switching functions and their magnitudes."""
+        values, sizes = self._values(q, v, z, u)
+        return values, sizes

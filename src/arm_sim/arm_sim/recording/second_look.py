@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A second look at a motion: some of its ticks, made again with half the step.
+
+A closed energy account does not show that every event was seen: a motion that passes one over may
+keep its energy. A tick that is made again from its recorded start, in two halves and under a
+tolerance a hundred times smaller, evaluates all guards at other instants; where the ends differ by
+more than the method allows, one of the two is wrong.
+
+Half of the ticks are those at which velocities change most abruptly, which is where events are;
+the others are drawn at random, by a seed of their own, so that the same motion gets the same look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_sim.integrators.selection import Choice
+
+SHARE, FEWEST = 0.01, 20
+"""Share of the ticks that are made again, and their least number."""
+FINER = 1e-2
+"""Tolerance of the second look, relative to that of the motion."""
+ALLOWED, ALLOWED_FIXED = 10.0, 1e-6
+"""Trusted differences: in tolerances or stated errors, and with steps of fixed length."""
+CARRIED = 100
+"""Ticks for which an error of a velocity is taken to last."""
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """Ticks of a motion.
+
+    Attributes:
+        x: States at the beginning of each, shape (k, nx), which start with q and v of n each.
+        after: States at its end, likewise.
+        u: Effective commands, shape (k, n).
+        p: Tunable quantities, shape (k, np).
+        error: Estimated errors of q in each, shape (k,), zero without estimate.
+    """
+
+    x: Array
+    after: Array
+    u: Array
+    p: Array
+    error: Array
+
+    def some(self, rows: Array) -> Ticks:
+        """Those with indices ``rows``."""
+        return Ticks(*(getattr(self, name)[rows] for name in ("x", "after", "u", "p", "error")))
+
+
+@dataclass(frozen=True)
+class SecondLook:
+    """Ticks that were made again.
+
+    Attributes:
+        ticks: Their indices, shape (m,).
+        difference: Difference of the two ends of each, shape (m,): the largest of |Δq| and of |Δv|
+            over a tick, relative to 1 + |q|; NaN where the second tick cannot be computed.
+        joint: Index of the joint with that difference, shape (m,).
+        allowed: Largest difference that is trusted, shape (m,).
+        error: Estimated error of q over the whole motion, relative to 1 + |q|: the differences of
+            all ticks, with those of the velocities for as long as they last.
+    """
+
+    ticks: Array
+    difference: Array
+    joint: Array
+    allowed: Array
+    error: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every difference is allowed."""
+        return bool((self.difference <= self.allowed).all())
+
+    @property
+    def worst(self) -> int:
+        """Index of the tick that exceeds most what is allowed, among ``ticks``."""
+        excess = self.difference / self.allowed
+        return int(np.argmax(np.where(np.isnan(excess), np.inf, excess)))
+
+
+def second_look(
+    motion: Ticks, usable: Array, choice: Choice, made_finer: Callable[[Ticks], Array]
+) -> SecondLook:
+    """Look at a motion a second time.
+
+    Args:
+        motion: Its ticks.
+        usable: Whether each can be made again, shape (k,).
+        choice: Method, tick and tolerance of the motion.
+        made_finer: Ends of ticks that are made again, of shape (m, nx).
+    """
+    n = motion.u.shape[1]
+    able = np.flatnonzero(usable)
+    abrupt, random = drawn(able, (motion.after - motion.x)[:, n : 2 * n])
+    rows = np.concatenate([abrupt, random])
+    if not len(rows):
+        return SecondLook(rows, np.zeros(0), rows, np.zeros(0), 0.0)
+    some = motion.some(rows)
+    size = 1.0 + abs(some.after[:, :n])
+    change = abs(made_finer(some) - some.after)
+    of_q, of_v = change[:, :n] / size, choice.dt * change[:, n : 2 * n] / size
+    ways = np.maximum(of_q, of_v)
+    least = ALLOWED_FIXED if choice.tolerance is None else ALLOWED * choice.tolerance
+    allowed = np.maximum(least, ALLOWED * some.error)
+    lasts = np.minimum(len(motion.u) - rows, CARRIED)
+    each = (of_q + lasts[:, None] * of_v).max(axis=1)
+    rest = len(able) - len(abrupt)
+    error = each[: len(abrupt)].sum() + rest * (each[len(abrupt) :].mean() if len(random) else 0.0)
+    return SecondLook(rows, ways.max(axis=1), ways.argmax(axis=1), allowed, float(error))
+
+
+def drawn(usable: Array, change: Array) -> tuple[Array, Array]:
+    """The ticks to be made again, of those that can be: the most abrupt ones, and random ones.
+
+    Args:
+        usable: Indices of those that can be.
+        change: Change of the velocities in every tick, shape (k, n).
+    """
+    count = min(len(usable), max(FEWEST, round(SHARE * len(usable))))
+    kept = change[usable]
+    jerk = np.abs(np.diff(kept, axis=0, prepend=kept[:1])).max(axis=1, initial=0.0)
+    abrupt = np.argsort(-jerk, kind="stable")[: (count + 1) // 2]
+    others = np.setdiff1d(np.arange(len(usable)), abrupt)
+    chance = np.random.default_rng(len(usable))
+    random = chance.choice(others, size=min(len(others), count - len(abrupt)), replace=False)
+    return usable[np.sort(abrupt)], usable[np.sort(random)]

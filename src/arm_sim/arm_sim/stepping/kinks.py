@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kinks that last for a whole tick, so that no event marks them: there is no derivative.
+
+A command exactly at its limit, friction that differs by direction of a joint exactly at rest, and
+bristles that are bent there. Kinks that a motion passes are guards, see ``guards``.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics import ArmModel
+from arm_dynamics.actuation import StateKind
+from arm_dynamics.actuation.command_map import CommandMap, gravity_compensated
+from arm_dynamics.arrays import Array
+from arm_sim.plant.plant import Plant
+
+# Relative distance to a limit that is none.
+ROUNDING = 1e-12
+
+type Flags = NDArray[np.bool_]
+
+
+class Kinks:
+    """Lasting kinks of a scene.
+
+    Args:
+        plant: The scene's equations.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self._model, self._n = plant.model, plant.model.n
+        self._limits = _limits(plant.model)
+        self._weight: ca.Function | None = None
+        if gravity_compensated(plant.model.scene):
+            q = ca.SX.sym("q", self._n)
+            self._weight = ca.Function("weight", [q], [CommandMap(plant.model).compensation(q)])
+        friction = plant.model.friction
+        self._sided = (friction.viscous.skew != 0.0) & (friction.level == 0.0)
+        self._bristles = _bristles(plant)
+
+    def of_commands(self, r: Array, x: Array | None = None) -> dict[str, Flags]:
+        """Commands of joints exactly at a limit, by what limits them.
+
+        Args:
+            r: Commands, shape (…, n).
+            x: States under which they act, shape (…, nx); without them, commands to which the arm
+                adds its gravity compensation are not looked at.
+
+        Returns:
+            Booleans of the shape of ``r``.
+        """
+        if self._weight is not None:
+            if x is None:
+                return {}
+            r = r + np.array(self._weight(np.atleast_2d(x)[:, : self._n].T)).T.reshape(r.shape)
+        return {
+            what: abs(abs(r) - limit) <= ROUNDING * limit for what, limit in self._limits.items()
+        }
+
+    def at_rest(self, x: Array) -> dict[str, Flags]:
+        """Joints exactly at rest whose friction has a kink there, by its kind, shape (…, n)."""
+        still = x[..., self._n : 2 * self._n] == 0.0
+        found = {}
+        if self._sided.any():
+            found["friction that differs by direction"] = still & self._sided
+        if len(self._bristles):
+            joints, places = self._bristles.T
+            bent = np.zeros_like(still)
+            bent[..., joints] = still[..., joints] & (x[..., places] != 0.0)
+            found["bent bristles"] = bent
+        return found
+
+    def reason(self, x: Array, r: Array) -> str:
+        """Why the tick from a state under a command has no derivative; empty if it may have one.
+
+        Args:
+            x: State, shape (nx,).
+            r: Command, shape (n,).
+        """
+        for what, tied in self.of_commands(r, x).items():
+            if tied.any():
+                joint = int(tied.argmax())
+                name, limit = self._model.joint_names[joint], self._limits[what][joint]
+                return f"the command of joint '{name}' is exactly at its {what}, {limit:g}"
+        for what, tied in self.at_rest(x).items():
+            if tied.any():
+                return (
+                    f"joint '{self._model.joint_names[int(tied.argmax())]}' is at rest in {what}"
+                )
+        return ""
+
+    def arms(self, x: Array, r: Array) -> list[int]:
+        """Arms with such a kink.
+
+        Args:
+            x: Initial states, shape (b, nx).
+            r: Commands of all ticks, shape (b, ticks, n).
+        """
+        tied = np.zeros(len(x), dtype=bool)
+        if not r.shape[1]:
+            return []
+        for found in (self.of_commands(r[:, 0], x), self.of_commands(r[:, 1:]), self.at_rest(x)):
+            for flags in found.values():
+                tied |= flags.any(axis=tuple(range(1, flags.ndim)))
+        return np.flatnonzero(tied).tolist()
+
+
+def _limits(model: ArmModel) -> dict[str, Array]:
+    """Sizes of commands from which on a limit acts, shape (n,), NaN for none."""
+    current = np.full(model.n, np.inf)
+    for i, drive in enumerate(model.drives):
+        if drive and drive.motor.command == "torque" and drive.motor.current_limit:
+            current[i] = drive.motor.current_limit * abs(drive.torque_constant)
+    current[current > model.command_limit] = np.inf
+    limits = {"limit": model.command_limit, "current limit": current}
+    known = {what: np.where(np.isfinite(limit), limit, np.nan) for what, limit in limits.items()}
+    return {what: limit for what, limit in known.items() if np.isfinite(limit).any()}
+
+
+def _bristles(plant: Plant) -> NDArray[np.intp]:
+    """Joints and places in x of the deflections of friction laws, shape (k, 2)."""
+    laws = plant.laws.laws if plant.laws else ()
+    pairs, place = list[tuple[int, int]](), 2 * plant.model.n
+    for law in laws:
+        for state in law.states:
+            if state.kind is StateKind.DEFLECTION and not law.replaces_command.any():
+                pairs.append((state.joint, place))
+            place += 1
+    return np.array(pairs, dtype=np.intp).reshape(-1, 2)

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One-sided derivatives of a tick at a place where it has no derivative.
+
+Column j is the limit of (F(x + s h e_j) - F(x)) / (s h) for h → 0+, s = ±1, of the tick F and one
+entry of what it is differentiated by. Beside the place, the tick has a derivative whose column j
+converges to that. Where a change of entry j alone stays on the boundary between two modes, the
+derivatives of both modes agree along it, since the tick is continuous there: either will do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_sim.exceptions import NotDifferentiable
+
+# Distance of the nearer of two places beside the given one, relative to the larger of a number
+# and 1; twice as far is the other, and the column is extrapolated from both.
+NEAR = 1e-6
+# Largest difference of the two columns, and of the tick itself from what they predict, relative.
+SAME, ROUNDING = 1e-3, 1e-11
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a tick is differentiated.
+
+    Attributes:
+        x: State at its beginning, shape (nx,).
+        r: Command, shape (n,).
+        p: Tunable quantities, shape (np,).
+    """
+
+    x: Array
+    r: Array
+    p: Array
+
+    def moved(self, entry: int, distance: float, tuned: Sequence[int]) -> Place:
+        """The place moved in one entry of (x, r, p[tuned])."""
+        parts = {"x": self.x, "r": self.r, "p": self.p}
+        for name, size in (("x", len(self.x)), ("r", len(self.r)), ("p", len(tuned))):
+            if entry < size:
+                part = parts[name].copy()
+                at = tuned[entry] if name == "p" else entry
+                part[at] += distance * max(1.0, abs(part[at]))
+                return replace(self, **{name: part})
+            entry -= size
+        raise IndexError(entry)
+
+
+class Tick(Protocol):
+    """A tick at a place and its derivatives."""
+
+    def after(self, place: Place) -> Array:
+        """State at its end, shape (nx,)."""
+
+    def slope(self, place: Place, strict: bool) -> Array:
+        """Derivatives by (x, r, p[tuned]), shape (nx, nx + n + nt).
+
+        Args:
+            place: Where.
+            strict: Whether to refuse a place on the boundary between two modes.
+
+        Raises:
+            NotDifferentiable: If there is none.
+        """
+
+
+def one_sided(
+    tick: Tick, place: Place, side: int, tuned: Sequence[int], names: Sequence[str]
+) -> Array:
+    """One-sided derivatives of a tick.
+
+    Args:
+        tick: The tick.
+        place: Where.
+        side: 1 or -1.
+        tuned: Entries of p to differentiate by.
+        names: Of the entries of (x, r, p[tuned]), for messages.
+
+    Returns:
+        Derivatives, shape (nx, nx + n + nt).
+
+    Raises:
+        NotDifferentiable: If a one-sided derivative does not exist.
+        SimulationDiverged: If the tick cannot be computed.
+    """
+    begin, columns = tick.after(place), list[Array]()
+    for entry, name in enumerate(names):
+        near, far = (place.moved(entry, side * k * NEAR, tuned) for k in (1, 2))
+        first, second = (_column(tick, each, entry) for each in (near, far))
+        column, scale = 2.0 * first - second, 1.0 + abs(first).max()
+        step = _step(place, near)
+        jump = abs(tick.after(near) - begin - 0.5 * step * (column + first)).max()
+        rounding = ROUNDING * (1.0 + abs(begin).max())
+        if abs(first - second).max() > SAME * scale or jump > SAME * abs(step) * scale + rounding:
+            raise NotDifferentiable(
+                f"linearize: no derivative by {name} on the side {side:+d}: the state after the "
+                "tick jumps, or changes ever faster"
+            )
+        columns.append(column)
+    return np.column_stack(columns)
+
+
+def _column(tick: Tick, place: Place, entry: int) -> Array:
+    try:
+        return tick.slope(place, strict=True)[:, entry]
+    except NotDifferentiable:
+        return tick.slope(place, strict=False)[:, entry]
+
+
+def _step(place: Place, near: Place) -> float:
+    """The distance between two places that differ in one entry."""
+    changes = near.x - place.x, near.r - place.r, near.p - place.p
+    return float(sum(change.sum() for change in changes))

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The state in the middle of a step, against SciPy's solution there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from arm_sim.integrators.continuous import middle_weights, needs_slope_at_end
+from arm_sim.integrators.tableaux import (
+    DOP853,
+    DORMAND_PRINCE,
+    EULER,
+    HEUN,
+    MIDPOINT,
+    RK4,
+    Tableau,
+)
+from tolerances import ORDER
+
+X = np.array([0.7, 0.5])
+
+
+def slope(x: np.ndarray) -> np.ndarray:
+    return np.array([x[1], -np.sin(x[0]) * x[1] - x[0]])
+
+
+def error_in_the_middle(tableau: Tableau, h: float) -> float:
+    stages: list[np.ndarray] = []
+    for row in tableau.a:
+        stages.append(
+            slope(X + h * sum((w * k for w, k in zip(row, stages, strict=True)), np.zeros(2)))
+        )
+    if needs_slope_at_end(tableau):
+        stages.append(slope(X + h * sum(w * k for w, k in zip(tableau.b, stages, strict=True))))
+    found = X + h * sum(w * k for w, k in zip(middle_weights(tableau), stages, strict=True))
+    solved = solve_ivp(lambda _, x: slope(x), (0, h / 2), X, "DOP853", rtol=1e-13, atol=1e-15)
+    return float(abs(found - solved.y[:, -1]).max())
+
+
+@pytest.mark.parametrize(
+    ("tableau", "order"),
+    [(EULER, 1), (MIDPOINT, 2), (HEUN, 2), (RK4, 3), (DORMAND_PRINCE, 4), (DOP853, 6)],
+    ids=["euler", "midpoint", "heun", "rk4", "dopri5", "dop853"],
+)
+def test_order_of_the_middle(tableau: Tableau, order: int) -> None:
+    """The state in the middle has the order that the stages allow."""
+    coarse, fine = (error_in_the_middle(tableau, h) for h in (0.2, 0.1))
+    assert np.log2(coarse / fine) == pytest.approx(order + 1, abs=ORDER)

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Methods that are unstable at their step: told when they are chosen, and where that begins."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_sim import Simulator
+from arm_sim.integrators import METHODS
+from arm_sim.integrators.response import Response
+from arm_sim.integrators.stability import GROWTH, longest_step, polynomial
+from arm_sim.integrators.tableaux import DOP853, DORMAND_PRINCE, RK4
+from models.rotor import rotor
+from tolerances import assert_close
+
+EXPLICIT = [name for name in METHODS if name != "implicit"]
+
+
+def decay(rate: float) -> dict[str, Any]:
+    """A wheel that its friction stops at a rate in [1/s]."""
+    return rotor(0.1, viscous=0.1 * rate)
+
+
+def swing(rate: float) -> dict[str, Any]:
+    """A wheel on a spring that swings at a rate in [rad/s]."""
+    scene = rotor(0.1)
+    scene["joints"]["axle"]["spring"] = {"stiffness": 0.1 * rate**2}
+    return scene
+
+
+def grows(scene: dict[str, Any], method: str) -> bool:
+    """Whether a step of 1 ms multiplies a mode by more than 1, by the derivative of that step."""
+    sim = Simulator(scene, integrator=method, dt=1e-3)
+    factors = np.linalg.eigvals(sim.linearize(sim.state, [0.0])[0])
+    return bool(abs(factors).max() > 1.0 + GROWTH)
+
+
+def interval(name: str, J: list[list[float]]) -> float:
+    """Largest stable step of x' = J x, for rates of 1/s."""
+    J_ = np.array(J)
+    return longest_step(METHODS[name], Response(J_, {"": J_[1:]}, begins=True), 100.0)
+
+
+@pytest.mark.parametrize("name", EXPLICIT)
+@pytest.mark.parametrize("scene", [decay, swing])
+def test_what_is_told_begins_where_steps_grow(
+    name: str, scene: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    rate = 1e3 * interval(name, [[0, 1], [0, -1]] if scene is decay else [[0, 1], [-1, 0]])
+    inside, outside = scene(0.99 * rate), scene(1.01 * rate)
+    assert not grows(inside, name)
+    assert not caplog.records
+    assert grows(outside, name)
+    text = f"integrator = '{name}' is unstable at dt = 0.001 s"
+    assert text in caplog.text and f"in {1 / (1.01 * rate):.2g} s ('axle')" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("name", "real", "imaginary"),
+    [("euler", 2.0, 0.0447), ("rk4", 2.7853, 2.8284), ("dopri5", 3.3066, None)],
+)  # fmt: skip
+def test_intervals_are_those_of_the_books(name: str, real: float, imaginary: float) -> None:
+    """Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2."""
+    assert_close(interval(name, [[0, 1], [0, -1]]), real, 1e-3)
+    if imaginary is not None:
+        assert_close(interval(name, [[0, 1], [-1, 0]]), imaginary, 1e-3)
+
+
+@pytest.mark.parametrize("tableau", [RK4, DORMAND_PRINCE, DOP853])
+def test_the_polynomial_is_the_exponential_up_to_the_order(tableau: Any) -> None:
+    wanted = 1.0 / np.cumprod([1, *range(1, tableau.order + 1)])
+    assert_close(polynomial(tableau)[: tableau.order + 1], wanted, 1e-12)
+
+
+def test_a_stiff_joint_is_named_with_its_time_and_what_would_do(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A wheel of 0.045 kg m² with 400 N m s/rad: 0.11 ms, and RK4 bears 2.79 of them."""
+    scene = rotor(0.045, viscous=400.0)
+    sim = Simulator(scene, integrator="rk4", dt=1e-3)
+    told = (
+        "unstable at dt = 0.001 s: friction stops a joint in 0.00011 s ('axle'); dt up to 0.00031 "
+        "s, 'implicit', or 'dop853' with a tolerance would do"
+    )
+    assert told in caplog.text and told in str(sim.plan)
+    assert sim.choice.method.name == "rk4"
+    caplog.clear()
+    for options in (
+        {"integrator": "rk4", "dt": 3.1e-4}, {"integrator": "implicit"}, {},
+        {"integrator": "dop853", "tolerance": 1e-8},
+    ):  # fmt: skip
+        assert "unstable" not in str(Simulator(scene, **options).plan)  # type: ignore[arg-type]
+    assert not caplog.records
+
+
+def test_what_falls_or_topples_by_itself_is_no_fault_of_the_method(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A spring that pushes over its dead centre: the arm is unstable, not the method."""
+    arm = {**rotor(0.1), "springs": [{"frames": ["wheel", "world"], "stiffness": 1e3,
+           "points": [[0.1, 0, 0], [0.2, 0, 0]], "rest_length": 0.5}]}  # fmt: skip
+    sim = Simulator(arm, integrator="rk4")
+    assert abs(np.linalg.eigvals(sim.linearize(sim.state, [0.0])[0])).max() > 1.02
+    assert not caplog.records
+
+
+def test_a_method_that_bristles_replace_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    law = {"viscous": 20.0, "coulomb": 0.5, "lugre": {"sigma0": 1e5, "sigma1": 1.0}}
+    with caplog.at_level(logging.WARNING):
+        Simulator(rotor(0.1, **law), integrator="rk4")  # type: ignore[arg-type]
+    assert "integrator = 'rk4' is replaced at dt = 0.001 s: LuGre friction answers" in caplog.text

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Some ticks of a motion are made again: a motion that lost its way within a tick is noticed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm_dynamics.arrays import read_only
+from arm_sim import Recording, Simulator
+from arm_sim.recording.second_look import FEWEST, SHARE, drawn
+from models.rotor import rotor
+
+SCENE = rotor(0.1, coulomb=1.0)
+
+
+@pytest.fixture(scope="module")
+def motion() -> Recording:
+    sim = Simulator(SCENE)
+    sim.reset(v=[2.0])
+    return sim.run(0.4, [0.3])
+
+
+def test_a_right_motion_is_trusted(motion: Recording) -> None:
+    look = motion.second_look
+    assert motion.trusted and look.agrees
+    assert len(look.ticks) == max(FEWEST, round(SHARE * 400))
+    stops = int(np.flatnonzero(motion.v[1:, 0] == 0.0)[0])
+    assert stops in look.ticks  # the tick with the event is among them
+
+
+def test_a_tick_that_ends_elsewhere_is_named(
+    motion: Recording, caplog: pytest.LogCaptureFixture
+) -> None:
+    stops = int(np.flatnonzero(motion.v[1:, 0] == 0.0)[0])
+    q = motion.q.copy()
+    q[stops + 1 :] += 1e-5
+    wrong = replace(motion, q=read_only(q))
+    assert not wrong.trusted
+    assert f"tick at {motion.time[stops]:.9g} s" in caplog.text and "'axle'" in caplog.text
+    assert wrong.trust(second_look=False) == (wrong.energy_error <= 1e-3)
+
+
+def test_the_error_of_fixed_steps_is_estimated() -> None:
+    """Of a wheel that friction stops, by Heun; against error control."""
+    scene = rotor(0.1, viscous=2.0, coulomb=0.5)
+    sim = Simulator(scene, integrator="heun", dt=2e-3)
+    sim.reset(v=[3.0])
+    run = sim.run(0.2, [0.0])
+    sim = Simulator(scene, dt=2e-3, tolerance=1e-12)
+    sim.reset(v=[3.0])
+    error = abs(run.q - sim.run(0.2, [0.0]).q).max()
+    assert error < run.second_look.error < 100.0 * error
+
+
+def test_what_is_drawn() -> None:
+    """Half are the most abrupt ticks, none twice, and the same for the same motion."""
+    change = np.zeros((5000, 2))
+    change[[70, 4000], [0, 1]] = 1.0, -3.0
+    usable = np.delete(np.arange(5000), 71)
+    abrupt, random = drawn(usable, change)
+    rows = np.concatenate([abrupt, random])
+    assert len(rows) == len(set(rows)) == round(SHARE * len(usable))
+    assert {70, 4000, 4001} <= set(abrupt.tolist()) and 71 not in rows
+    np.testing.assert_array_equal(random, drawn(usable, change)[1])
+    assert sorted(np.concatenate(drawn(np.arange(3), change[:3])).tolist()) == [0, 1, 2]

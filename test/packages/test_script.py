@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The script ./arm: what it installs, and what it does where nothing is installed."""
+
+from __future__ import annotations
+
+import os
+import pwd
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from installed import MADE, ROOT
+
+NOBODY = 65534
+SET_UP_FROM = ("arm", "tools/setup.sh", "requirements.txt", "src", "interfaces")
+WITHOUT_JAZZY = {"PATH": os.environ["PATH"], "HOME": "/nonexistent"}
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    """A clone in which nothing is set up."""
+    shutil.copy(ROOT / "arm", tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def older(clone: Path) -> Path:
+    """A clone with the environment of an older one; its Python prints HOME and its arguments."""
+    python = clone / ".venv/bin/python"
+    python.parent.mkdir(parents=True)
+    python.write_text('#!/bin/sh\necho "$HOME" "$@"\n')
+    python.chmod(0o755)
+    (clone / ".venv/stamp").write_text("another\n")
+    return clone
+
+
+def arm(clone: Path, line: str, **more: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [clone / "arm", *line.split()],
+        **{"env": WITHOUT_JAZZY, "cwd": clone, **more},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
+    )  # type: ignore[call-overload, no-any-return]  # fmt: skip
+
+
+def files(folder: Path) -> set[Path]:
+    return set(folder.rglob("*"))
+
+
+ASK = (
+    "view --help", "sweep -h", "demo --view --help", "sim panda --help", "docs --help",
+    "bench --help", "bench loop --help", "soak --help", "compare-controllers -h", "stress --help",
+    "python --help", "test -h", "completion bash",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("line", ASK)
+def test_who_only_asks_installs_nothing(clone: Path, line: str) -> None:
+    before = files(clone)
+    done = arm(clone, line)
+    assert done.returncode == 1 and done.stdout == ""
+    assert "nothing is set up yet" in done.stderr and "./arm setup" in done.stderr
+    assert files(clone) == before
+
+
+@pytest.mark.parametrize("line", ASK)
+def test_who_only_asks_is_answered_from_what_is_there(older: Path, line: str) -> None:
+    before = files(older)
+    done = arm(older, line)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.split()[-1] == line.split()[-1]
+    assert files(older) == before
+
+
+@pytest.mark.parametrize("line", ["setup --help", "lint -h", "--help", ""])
+def test_commands_without_options_show_all_commands(clone: Path, line: str) -> None:
+    done = arm(clone, line)
+    assert done.returncode == 0 and "./arm COMMAND" in done.stdout
+
+
+def test_an_unknown_group_is_refused(clone: Path) -> None:
+    done = arm(clone, "setup veiw")
+    assert done.returncode == 1
+    assert done.stderr == (
+        "arm: setup 'veiw': there is no such group; allowed: view, sweep, jax, pybullet\n"
+    )
+
+
+def test_without_home_it_is_the_users(older: Path) -> None:
+    done = arm(older, "view --help", env={"PATH": os.environ["PATH"]})
+    assert done.stdout.split()[0] == pwd.getpwuid(os.getuid()).pw_dir
+
+
+@pytest.fixture
+def closed() -> Iterator[Path]:
+    """A clone that its user may read, but not write."""
+    with tempfile.TemporaryDirectory() as made:  # other users cannot read pytest's folders
+        folder = Path(made)
+        for name in SET_UP_FROM:
+            (folder / name).parent.mkdir(exist_ok=True)
+            if (ROOT / name).is_dir():
+                shutil.copytree(ROOT / name, folder / name, ignore=MADE)
+            else:
+                shutil.copy(ROOT / name, folder / name)
+        folder.chmod(0o555)
+        yield folder
+        folder.chmod(0o755)
+
+
+# What follows a program of the user's, or pytest's options, does not ask ./arm.
+@pytest.mark.parametrize("line", ["setup", "python mine.py --help", "test -k help -h", "demo"])
+def test_a_folder_that_cannot_be_written_is_named(closed: Path, line: str) -> None:
+    as_another = {"user": NOBODY, "group": NOBODY, "extra_groups": []} if not os.getuid() else {}
+    done = arm(closed, line, **as_another)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"arm: cannot write to {closed}, where set-up puts everything;")
+    assert done.stderr.count("\n") == 1
