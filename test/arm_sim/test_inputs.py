@@ -144,18 +144,18 @@ def said(caplog: pytest.LogCaptureFixture) -> list[str]:
 @pytest.mark.parametrize(
     ("command", "effort", "words"),
     [
-        ([1.0, 5.5, 0.0], [1.0, 5.0, 0.0], "5.5 at joint 'joint2' exceeds its limit of 5 "),
-        ([1.0, -5.5, 0.0], [1.0, -5.0, 0.0], "-5.5 at joint 'joint2' exceeds its limit of 5 "),
-        ([3.0, 9.0, 0.0], [2.0, 5.0, 0.0], "3 at joint 'joint1' exceeds its limit of 2 "),
+        ([1.0, 5.5, 0.0], [1.0, 5.0, 0.0], "5.5 N m of joint 'joint2' exceeds its limit of 5 "),
+        ([1.0, -5.5, 0.0], [1.0, -5.0, 0.0], "-5.5 N m of joint 'joint2' exceeds its limit of 5 "),
+        ([3.0, 9.0, 0.0], [2.0, 5.0, 0.0], "3 N m of joint 'joint1' exceeds its limit of 2 "),
         (
             [[1, 1, 1], [1, 1, 8.5], [1, 1, 1]],
             [[1, 1, 1], [1, 1, 7], [1, 1, 1]],
-            "8.5 at joint 'joint3' exceeds its limit of 7 ",
+            "8.5 N m of joint 'joint3' exceeds its limit of 7 ",
         ),
         (
             [[0, 6, 0], [0, -9, 0], [0, 8, 0]],
             [[0, 5, 0], [0, -5, 0], [0, 5, 0]],
-            "-9 at joint 'joint2' exceeds its limit of 5 ",
+            "-9 N m of joint 'joint2' exceeds its limit of 5 ",
         ),
     ],
 )  # fmt: skip
@@ -168,6 +168,18 @@ def test_a_cut_is_told_once_with_the_joint_and_its_farthest_command(
     assert text.startswith(f"command {words}")
     notice.look(np.array(command, float), np.array(effort, float))
     assert len(said(caplog)) == 1
+
+
+def test_a_servo_at_its_limit_is_told_apart_from_commands(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    notice = SaturationNotice(limited(2.0, 5.0, 7.0))
+    for _ in range(2):
+        notice.look(np.array([3.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]), servo=True)
+    assert not notice.said
+    notice.look(np.array([4.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]))
+    words = "N m of joint 'joint1' exceeds its limit of 2 N m and is clipped to it; reported once"
+    assert said(caplog) == [f"servo's command 3 {words}", f"command 4 {words}"]
 
 
 def test_where_nothing_was_cut_nothing_is_said_and_the_first_cut_still_is(

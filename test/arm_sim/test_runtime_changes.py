@@ -133,6 +133,14 @@ def test_what_cannot_be_is_refused(make: Any, error: type[ArmError], said: str) 
         make(sim)
 
 
+def test_one_simulator_has_one_set_of_parameters() -> None:
+    sim = Simulator(tunable("friction"), integrator="rk4")
+    before = sim.parameters.copy()
+    with pytest.raises(InvalidInput, match=r"friction has shape \(3, 2\); expected one row"):
+        sim.set_parameter("friction", np.ones((3, 2)))
+    np.testing.assert_array_equal(sim.parameters, before)
+
+
 def test_what_is_not_tunable_is_refused() -> None:
     sim = models.simulator("two_link", integrator="rk4")
     with pytest.raises(InvalidInput, match="'payload' is not tunable"):

@@ -122,22 +122,38 @@ def tick_count(duration: Any, dt: float) -> int:
     return round(seconds / dt)
 
 
+def clipped(model: ArmModel, joint: int, asked: float, whose: str = "command") -> str:
+    """The warning that a command beyond its limit is clipped.
+
+    Args:
+        model: The arm.
+        joint: Index of the joint.
+        asked: The command.
+        whose: Who asks.
+    """
+    unit, limit = model.command_unit[joint], model.command_limit[joint]
+    return (
+        f"{whose} {asked:.6g} {unit} of joint '{model.joint_names[joint]}' exceeds its limit of "
+        f"{limit:.6g} {unit} and is clipped to it"
+    )
+
+
 class SaturationNotice:
-    """Warns once that a command was clipped at its limit.
+    """Warns once that a command was clipped at its limit, and once that a servo's was.
 
     Attributes:
-        said: Whether the warning was logged, or there are no limits.
+        said: Whether the warning for commands was logged, or there are no limits.
     """
 
     def __init__(self, model: ArmModel) -> None:
         self._model = model
-        self.said = not np.isfinite(model.command_limit).any()
+        self.said = self._said_of_servo = not np.isfinite(model.command_limit).any()
         self._compensated = gravity_compensated(model.scene)
 
-    def look(self, command: Array, effort: Array) -> None:
-        """Compare commands with the effective ones, both of shape (n,) or (k, n)."""
+    def look(self, command: Array, effort: Array, servo: bool = False) -> None:
+        """Compare commands, or a servo's, with the effective ones, of shape (n,) or (k, n)."""
         # Comparing the bytes of a single row takes a tenth of the time; -0.0 is compared again.
-        if self.said or command.tobytes() == effort.tobytes():
+        if (self._said_of_servo if servo else self.said) or command.tobytes() == effort.tobytes():
             return
         cut = np.atleast_2d(command) != effort
         if self._compensated:  # the arm's gravity compensation changes commands, too
@@ -146,9 +162,10 @@ class SaturationNotice:
             return
         joint = np.argmax(np.any(cut, axis=0))
         asked = np.atleast_2d(command)[:, joint]
-        name, limit = self._model.joint_names[joint], self._model.command_limit[joint]
-        text = (
-            "command %.6g at joint '%s' exceeds its limit of %.6g and was clipped; reported once"
-        )
-        _log.warning(text, asked[np.argmax(abs(asked))], name, limit)
-        self.said = True
+        farthest, whose = asked[np.argmax(abs(asked))], "servo's command" if servo else "command"
+        text = clipped(self._model, int(joint), float(farthest), whose)
+        _log.warning("%s; reported once", text)
+        if servo:
+            self._said_of_servo = True
+        else:
+            self.said = True

@@ -281,9 +281,9 @@ class Simulator:
         held = self.hold == SERVOS and rest.knows(x, self._stepper.p)
         before = x.copy() if servo.at_rest and rest.slow(x) else None
         if before is None or not (held or self._balances(command)):
-            self._advance()
+            self._advance(servo=True)
             return
-        self._advance()
+        self._advance(servo=True)
         if rest.stays(before, x) if held else rest.slow(x):
             x[:n], x[n : 2 * n], self.hold = before[:n], 0.0, SERVOS
 
@@ -319,11 +319,11 @@ class Simulator:
         self._step, self._state, self.hold = self._step + ticks, None, FREE
         self._saturation.look(self._command, self._effort)
 
-    def _advance(self) -> None:
+    def _advance(self, servo: bool = False) -> None:
         if self._tick() != 1:
             raise self._diverged()
         self._step, self._state, self.hold = self._step + 1, None, FREE
-        self._saturation.look(self._command, self._effort)
+        self._saturation.look(self._command, self._effort, servo)
         if self.sensors is not None:
             self.sensors.look(self._step, self._q, self._v, self._driving)
 

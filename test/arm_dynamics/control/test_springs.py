@@ -25,7 +25,7 @@ from arm_dynamics.control import (
 )
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference
-from arm_dynamics.trajectory.time_scaling import torque_stretch
+from arm_dynamics.trajectory.time_scaling import Capacity, Strain
 from arm_sim import Simulator
 from models.sprung import slope
 from tolerances import ALGEBRA, INVERSE_PAIR, PINOCCHIO, SPRING, assert_close
@@ -145,7 +145,7 @@ def test_motion_is_slowed_for_what_springs_take() -> None:
     a = np.column_stack([-7.2 * np.sin(3 * s), 3.6 * np.cos(2 * s)])
     resting = abs(arm().inverse(q, 0 * q, 0 * q)).max(axis=0)
     limit = 1.02 * resting
-    pace = torque_stretch(arm(), q, v, a, limit)
+    pace = 1.0 / Strain(Capacity(arm(), limit), q, v, a).pace()
     part = abs(arm().inverse(q, v / pace, a / pace**2)) / limit
     assert pace > 1.0
     assert part.max() == pytest.approx(1.0, abs=ALGEBRA)

@@ -51,6 +51,14 @@ def test_dry_friction_by_direction(options: dict[str, Any], sign: float) -> None
     assert run.v[-1, 0] == 0.0
 
 
+@pytest.mark.parametrize(("v", "level"), [(0.3, 0.9), (-0.3, 0.5)])
+def test_only_the_static_level_may_differ_by_direction(v: float, level: float) -> None:
+    """From its own level in each direction, friction falls to the same one in both."""
+    dyn = Dynamics(rotor(J, coulomb=0.2, static=HOLDS, stribeck_velocity=0.5))
+    fallen = 0.2 + (level - 0.2) * np.exp(-((v / 0.5) ** 2))
+    assert_close(dyn.friction([v]), [np.sign(v) * fallen], ALGEBRA)
+
+
 def test_dry_friction_by_position() -> None:
     """A joint under a constant torque stops where it has done its work against the table."""
     sim = wheel(coulomb=0.5, position=BY_PLACE)

@@ -62,6 +62,22 @@ def test_out_of_reach_says_by_how_much() -> None:
     assert isinstance(error.value, SceneError)
 
 
+def test_on_the_way_to_a_closed_position_no_joint_leaps() -> None:
+    """By more than 0.3 rad at a time, from wherever it has come to so far."""
+    closure = Dynamics(models.SCENES / "four_bar.yaml").constrained.closure
+    asked, seen = closure.rows.stacked, list[np.ndarray]()
+
+    def stacked(q: np.ndarray, *rest: Any) -> Any:
+        if seen:
+            assert min(abs(q - other).max() for other in seen) <= 0.3 * (1.0 + 1e-12)
+        seen.append(q.copy())
+        return asked(q, *rest)
+
+    closure.rows.stacked = stacked  # type: ignore[method-assign]
+    closure.closed(np.array([1.62, 0.87, 0.53]), np.zeros(3))
+    assert len(seen) > 4
+
+
 def test_constraints_that_contradict_each_other() -> None:
     heights = [{"type": "plane", "height": h, **TIP} for h in (0.1, 0.2)]
     with pytest.raises(ConstraintError, match=r"'plane_0' by 0\.05, 'plane_1' by 0\.05"):

@@ -109,9 +109,7 @@ def test_a_goal_in_motion_takes_over_without_a_jump(node: ControllerNode) -> Non
     assert_close(HAND.pose(q[-1]).position - HERE.position, [0.0, -0.1, 0.0], 1e-8)
 
 
-@pytest.mark.filterwarnings("ignore::SyntaxWarning")  # docstrings of toppra
 def test_goals_may_be_as_quick_as_the_joints_allow(ros: Ros) -> None:
-    pytest.importorskip("toppra")
     took = []
     for timing in ("smooth", "time_optimal"):
         node = ros.add(

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from harness import Ros
-from two_link_control import MS, effort, reference_of, still, wanted
+from two_link_control import MS, effort, point, reference_of, still, trajectory, wanted
 
 import models
 from arm_dynamics.control.computed_torque import Measured
@@ -50,6 +50,20 @@ def test_an_arm_that_was_put_elsewhere_is_held_there(ros: Ros) -> None:
     """As after a reset of a simulation whose stamps are those of a clock."""
     node = ros.add(ControllerNode, models.scene("two_link"), bandwidth=[10.0])
     effort(node, NOW, (0.1, -0.2))
+    node.on_joint_trajectory(trajectory(point(2.0, 1.0, -1.0)))
     torque = effort(node, NOW + MS, (1.3, 0.4))
     assert_close(reference_of(node, NOW + MS)[0], (1.3, 0.4), ALGEBRA)
     assert_close(torque, wanted((1.3, 0.4), (0.0, 0.0), still(1.3, 0.4)), ALGEBRA)
+    assert node.goals.outcome == (
+        "the motion ended, joint 'shoulder' moved by 1.2 in 0.001 s; the arm is held where it is"
+    )
+
+
+@pytest.mark.ros
+def test_a_jump_at_rest_says_nothing_of_the_last_goal(ros: Ros) -> None:
+    node = ros.add(ControllerNode, models.scene("two_link"))
+    effort(node, NOW, (0.1, -0.2))
+    node.on_joint_trajectory(trajectory(point(0.5, 0.1, -0.2)))
+    effort(node, NOW + 900 * MS, (0.1, -0.2))
+    effort(node, NOW, (0.1, -0.2))
+    assert node.goals.outcome.startswith("following 1 points")

@@ -116,6 +116,14 @@ def test_a_violated_path_tolerance_aborts_and_holds(
     assert np.abs(reference_of(node, 800 * MS)[0] - there[0]).max() < 0.11  # v T / 2
 
 
+@pytest.mark.parametrize("kind", ["trajectory", "goal"])
+def test_a_tolerance_is_not_negative(node: ControllerNode, kind: str) -> None:
+    name = f"constraints.{NAMES[1]}.{kind}"
+    (done,) = node.set_parameters([Parameter(name, value=-0.05)])
+    assert not done.successful and name in done.reason
+    set_to(node, **{name: 0.0})
+
+
 def test_an_erased_tolerance_allows_any_error(node: ControllerNode, client: Client) -> None:
     set_to(node, **{f"constraints.{NAMES[1]}.trajectory": 0.05})
     handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[1], -1.0)]))

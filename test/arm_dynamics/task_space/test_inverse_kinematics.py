@@ -12,7 +12,7 @@ from arm_dynamics import ArmError, InvalidInput, Unreachable
 from arm_dynamics.task_space import InverseKinematics, Pose, TaskSpace
 from arm_dynamics.task_space.inverse_kinematics import checked_pose
 from arm_dynamics.trajectory import circle, joint_path, line, paced, timed
-from arm_dynamics.trajectory.time_scaling import torque_stretch
+from arm_dynamics.trajectory.time_scaling import BETWEEN
 
 FRAMES = {"panda": "panda_hand_tcp", "ur10": "tool0", "puma560": None, "kinova": None}
 
@@ -201,7 +201,7 @@ def test_pacing_brings_torque_to_its_limit_and_no_further() -> None:
     _, q, v, a = slower.table(400)
     share = (abs(dyn.inverse(q, v, a)) / limit).max()
     speed = (abs(v) / dyn.model.velocity_limit).max()
-    np.testing.assert_allclose(max(share, speed), 1.0, atol=1e-9)
+    assert 1.0 - 4.0 * BETWEEN < max(share, speed) <= 1.0
 
 
 def test_a_slow_motion_is_left_alone() -> None:
@@ -213,9 +213,8 @@ def test_a_slow_motion_is_left_alone() -> None:
 def test_infeasible_requests_are_refused() -> None:
     dyn, task = models.dynamics("panda"), task_of("panda")
     path = joint_path(task, reference_line(task))
-    _, q, v, a = path.table(50)
     with pytest.raises(Unreachable, match=r"weight and dry friction of joint 'panda_joint\d'"):
-        torque_stretch(dyn, q, v, a, np.full(7, 1.0))
+        paced(path, dyn, 1.0)
     start = task.pose(dyn.model.q0)
     far = Pose(start.position + [1.5, 0.0, 0.0], start.rotation)
     with pytest.raises(Unreachable, match="of its length|of the path"):

@@ -7,8 +7,17 @@ import numpy as np
 import pytest
 
 import models
+from arm_dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.trajectory import Bounds, Limits, Trajectory, Waypoint, spline
+from arm_dynamics.trajectory import (
+    Bounds,
+    Limits,
+    Trajectory,
+    Waypoint,
+    spline,
+    stretched_spline,
+)
+from models.driven import wheel
 from tolerances import ALGEBRA
 
 ARM = models.dynamics("two_link")
@@ -119,3 +128,36 @@ def test_stretched_by_the_torque_factor_the_effort_limit_holds() -> None:
     assert factor > 1.0
     bounds.check(rest_to_rest(0.4, 0.4, time=0.12 * factor * (1 + ALGEBRA)))
     complaint(bounds, rest_to_rest(0.4, 0.4, time=0.12 * factor * 0.98))
+
+
+def test_an_excess_between_the_points_that_are_looked_at_is_seen() -> None:
+    """The limit lies 3e-5 below or above the largest torque, which none of 60 points reaches."""
+    quick = rest_to_rest(0.4, 0.4, time=0.2)
+    rows = [quick.sample(t) for t in np.linspace(0.0, 0.2 - 1e-9, 20001)]
+    torques = [abs(ARM.inverse(r.q, r.v, r.a)[0]) for r in rows]
+    assert max(torques[:: 20000 // 59]) < max(torques) * (1.0 - 1e-4)
+    for higher in (3e-5, -3e-5):
+        given = models.scene("two_link").model_dump(exclude_none=True)
+        given["joints"]["shoulder"]["limits"] = {"effort": max(torques) * (1.0 + higher)}
+        bounds = Bounds(FREE, Dynamics(given))
+        if higher > 0.0:
+            bounds.check(quick)
+            assert bounds.factor(quick) == 1.0
+        else:
+            assert "'shoulder' would leave its effort limit" in complaint(bounds, quick)
+            assert bounds.factor(quick) > 1.0
+
+
+def test_a_motor_beyond_its_torque_speed_curve_is_named() -> None:
+    """With R i + K ω on no more than 12 V the wheel cannot turn by 3 rad in half a second."""
+    motor = {"resistance": 0.5, "torque_constant": 0.05, "voltage_limit": 12.0, "gear_ratio": 30.0}
+    wheels, one = Dynamics(wheel(0.1, **motor)), np.full(1, np.inf)
+    bounds = Bounds(Limits(one, one, -one, one, ("axle",)), wheels)
+    still = [0.0]
+    start = Waypoint(0.0, still, still, still)
+    quick, slow = ([start, Waypoint(T, [3.0], still, still)] for T in (0.5, 1.0))
+    bounds.check(spline(slow))
+    said = complaint(bounds, spline(quick))
+    assert "'axle' would leave its voltage limit at " in said and "allowed: 12" in said
+    bounds.check(stretched_spline(quick, bounds.factor))
+    Bounds(bounds.limits, wheels, margin=0.5).check(spline(quick))

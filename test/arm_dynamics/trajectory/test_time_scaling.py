@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,15 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, InvalidInput, Unreachable
-from arm_dynamics.trajectory.time_scaling import torque_limits, torque_stretch
+from arm_dynamics.trajectory import time_scaling
+from arm_dynamics.trajectory.time_scaling import (
+    BETWEEN,
+    Capacity,
+    Strain,
+    closely,
+    torque_limits,
+)
+from models.driven import wheel
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
@@ -18,8 +27,17 @@ FRICTION: dict[str, dict[str, Any]] = {
     "none": {"viscous": 0.0, "coulomb": 0.0},
     "viscous": {"viscous": 2.0, "coulomb": 0.0},
     "dry": {"viscous": 0.5, "coulomb": 1.5},
+    "falling": {"coulomb": 0.5, "static": 1.5, "stribeck_velocity": 0.5},
+    "loaded": {"coulomb": 0.5, "load": {"at": [0.0, 50.0], "factor": [1.0, 3.0]}},
     "bristles": {"viscous": 0.5, "coulomb": 1.5, "lugre": {"sigma0": 1e5}},
 }
+
+
+def torque_stretch(
+    dyn: Dynamics, q: np.ndarray, v: np.ndarray, a: np.ndarray, limit: np.ndarray
+) -> float:
+    """How much slower the motion through these points must be for its torques."""
+    return 1.0 / Strain(Capacity(dyn, limit), q, v, a).pace()
 
 
 @pytest.mark.parametrize("speed", [2.0, -2.0])
@@ -40,9 +58,10 @@ def test_a_wheel_with_friction_of_every_kind(speed: float, rise: float) -> None:
 @pytest.mark.parametrize("kind", FRICTION)
 def test_at_that_pace_one_torque_is_at_its_limit(kind: str, rng: np.random.Generator) -> None:
     given = models.scene("two_link").model_dump(exclude_none=True)
-    dyn = Dynamics(given | {"joints": {"*": {"friction": FRICTION[kind]}}})
+    gear = {"efficiency": 1.0 if kind == "bristles" else 0.7}
+    dyn = Dynamics(given | {"joints": {"*": {"friction": FRICTION[kind], "actuator": gear}}})
     q, v, a = (rng.normal(0.0, s, (20, 2)) for s in (1.0, 3.0, 30.0))
-    limit = abs(dyn.gravity(q)).max(axis=0) + 3.0
+    limit = (abs(dyn.gravity(q)).max(axis=0) + 3.0) / 0.7
     stretch = torque_stretch(dyn, q, v, a, limit)
     assert stretch > 1.2
     share = abs(dyn.inverse(q, v / stretch, a / stretch**2)) / limit
@@ -91,3 +110,83 @@ def test_torque_limits_are_the_callers_or_the_models() -> None:
     for bad in (0.0, -1.0, [1.0, 2.0], np.nan):
         with pytest.raises(InvalidInput, match="^limit is"):
             torque_limits(dyn, bad)
+
+
+def test_a_gear_that_loses_much_at_speed_is_no_reason_to_refuse() -> None:
+    """At this pace the gear alone loses 30 N m of 1/3; slow enough, 1.5 N m are plenty."""
+    scene = rotor(1.0)
+    scene["joints"]["axle"]["actuator"] = {"efficiency": 0.25}
+    motion = np.zeros((1, 1)), np.ones((1, 1)), np.full((1, 1), 10.0)
+    slower = torque_stretch(Dynamics(scene), *motion, np.array([1.5]))
+    assert_close(10.0 / 0.25 / slower**2, 1.5, ALGEBRA)
+
+
+def shares_of(course: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda times: course(times)[:, None]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_rises_between_points_is_seen(sign: float) -> None:
+    """A bump that exceeds one by 2e-5 between two of the first points."""
+    top = 0.03125 * 1.1
+
+    def bump(t: np.ndarray) -> np.ndarray:
+        return sign * ((1.0 + 2.0 * BETWEEN) - 2.0 * (t - top) ** 2)
+
+    times, shares = closely(shares_of(bump), np.linspace(0.0, 1.0, 9))
+    assert 1.0 + BETWEEN < abs(shares).max() <= 1.0 + 2.0 * BETWEEN
+    assert np.all(np.diff(times) >= 0.0) and shares.shape == (*times.shape, 1)
+
+
+def test_both_sides_of_a_jump_are_seen() -> None:
+    when = 0.1234
+    times, shares = closely(
+        shares_of(lambda t: np.where(t < when, t / when, -2.0 * (1.0 - t))),
+        np.linspace(0.0, 1.0, 3),
+    )
+    assert_close([shares.max(), shares.min()], [1.0, -2.0 * (1.0 - when)], 1e-4)
+    assert len(times) < 1000
+
+
+def test_what_stays_far_from_its_limits_is_looked_at_once() -> None:
+    times, _ = closely(shares_of(lambda t: 0.5 * np.sin(40.0 * t)), np.linspace(0.0, 1.0, 21))
+    assert len(times) == 5 * 20
+
+
+def test_motions_that_bend_everywhere_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time_scaling, "_MOST", 50)
+    noise = np.random.default_rng(0)
+    with pytest.raises(InvalidInput, match="bends in more than 50 places"):
+        closely(shares_of(lambda t: noise.uniform(0.0, 2.0, t.shape)), np.linspace(0.0, 1.0, 101))
+
+
+def test_a_limit_of_zero_leaves_only_joints_that_rest() -> None:
+    capacity = Capacity(
+        models.dynamics("planar_3r"), np.full(3, np.inf), np.array([0.0, 1.0, 1.0])
+    )
+    resting, moving = (np.array([[v, 2.0, 0.0]]) for v in (0.0, 1e-3))
+    assert Strain(capacity, 0.0 * resting, resting, 0.0 * resting).pace() == pytest.approx(0.5)
+    with pytest.raises(Unreachable, match="limit of zero"):
+        Strain(capacity, 0.0 * moving, moving, 0.0 * moving).pace()
+
+
+@pytest.mark.parametrize("ratio", [30.0, -30.0])
+def test_a_motor_at_its_voltage_limit_sets_the_pace(ratio: float) -> None:
+    """R i + K ω = V, with i = J a / (N K) and ω = N v of the motor."""
+    J, R, K, V = 0.4, 0.5, 0.05, 12.0
+    motor = {"command": "torque", "resistance": R, "torque_constant": K, "voltage_limit": V,
+             "gear_ratio": ratio, "current_limit": 100.0}  # fmt: skip
+    capacity = Capacity(Dynamics(wheel(J, **motor)), np.array([np.inf]))
+    assert [quantity for quantity, _ in capacity.columns] == ["effort", "voltage"]
+    points = np.zeros((1, 1)), np.full((1, 1), 5.0), np.full((1, 1), 90.0)
+    x = Strain(capacity, *points).pace()
+    assert_close(R * J * 90.0 * x**2 / (K * 30.0) + K * 30.0 * 5.0 * x, V, ALGEBRA)
+
+
+def test_a_rotor_on_a_flexible_transmission_takes_torque_too() -> None:
+    J, Jm, N, b = 0.2, 1e-3, 10.0, 1e-3
+    drive = {"rotor_inertia": Jm, "rotor_damping": b, "gear_ratio": N}
+    dyn = Dynamics(wheel(J, {"stiffness": 100.0}, **drive))
+    points = np.zeros((1, 1)), np.full((1, 1), 2.0), np.full((1, 1), 50.0)
+    x = Strain(Capacity(dyn, np.array([3.0])), *points).pace()
+    assert_close((J + Jm * N**2) * 50.0 * x**2 + b * N**2 * 2.0 * x, 3.0, ALGEBRA)

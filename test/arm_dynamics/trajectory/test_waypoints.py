@@ -144,6 +144,12 @@ def test_stands_still_beyond_the_ends(rng: np.random.Generator) -> None:
         assert not reference.a.any()
 
 
+def test_many_times_at_once_are_the_same_bits(rng: np.random.Generator) -> None:
+    trajectory = quintic(random_waypoints(rng))
+    times = np.concatenate([[-1.0, 0.0], trajectory.times, rng.uniform(0.0, 9.0, 20), [99.0]])
+    np.testing.assert_array_equal(trajectory.at(times), motion(trajectory, times).swapaxes(0, 1))
+
+
 def test_hold_stands_still() -> None:
     for t in (-1.0, 0.0, 1e9):
         reference = hold([1.0, 2.0]).sample(t)
@@ -329,6 +335,10 @@ def test_a_stop_takes_a_fifth_of_a_second_or_what_the_limit_asks_for(
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], [1.0])], "last waypoint"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], None, [1.0])], "last waypoint"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, ["fast"])], "numbers are expected"),
+        ([[0.0], [1.0]], r"waypoint 0 is \[0.0\]; allowed: a list of waypoints, such as"),
+        ([Waypoint(0.0, [0.0]), {"time": 1.0}], "waypoint 1 is {'time': 1.0}; allowed"),
+        (Waypoint(0.0, [0.0]), "waypoints = Waypoint.time=0.0"),
+        ("here", "waypoints = here; allowed"),
     ],
 )
 def test_malformed_waypoints_are_refused(waypoints: list[Waypoint], complaint: str) -> None:

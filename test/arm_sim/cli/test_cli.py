@@ -51,6 +51,16 @@ def test_every_command_has_help_with_an_example(words: tuple[str, ...]) -> None:
     assert re.search(rf"Examples?:\n +\./arm {words[0]}", said.output)
 
 
+def test_help_lists_commands_by_subject_in_whole_sentences() -> None:
+    said = run("--help").output
+    listed = re.findall(r"^  (\w\S*)  +[A-Z]", said, re.M)
+    assert sorted(listed) == sorted(main.commands) and listed[0] == "demo"
+    assert "..." not in said.split("\n", 1)[1] and re.search(
+        r"\nA running arm:\n  go  +Move the arm", said
+    )
+    assert listed.index("describe") > listed.index("controller")
+
+
 def test_help_states_what_a_demo_does_by_default() -> None:
     said = " ".join(run("demo", "--help").output.split())
     assert "Duration of the motion in s. [default: 10.0;" in said

@@ -9,10 +9,11 @@ import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import click
 import pytest
+from click.testing import CliRunner
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from harness import running
 from sensor_msgs.msg import JointState
@@ -22,7 +23,8 @@ import models
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim.cli.main import main
-from arm_sim.cli.robot import goal
+from arm_sim.cli.robot import go, goal
+from arm_sim.cli.robot.controller import Outcome
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.robot.watch import Seen
 
@@ -233,6 +235,48 @@ def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPa
         "sim: x: oh",
         "sim: x: at stops: a",
     ]
+
+
+class Interrupted:
+    """A controller whose motion ends elsewhere, for ``go``."""
+
+    reference, remaining, replaced = {"elbow": 0.0}, 0.0, True
+
+    def __init__(self, node: str, timeout: float) -> None:
+        self.words = node  # which says here why
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def meet(self) -> None: ...
+
+    def begin(self, send: object) -> Outcome:
+        return Outcome(True, "following 1 points for 1.000 s")
+
+    def motion(self) -> Iterator[float]:
+        return iter(())
+
+    def settle(self, tolerance: float, patience: float) -> tuple[str, float]:
+        return "elbow", 0.0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("the motion ended, time went backwards; the arm is held where it is", "reached: the mot"),
+        ("following 2 points for 3.000 s", "reached: another goal has replaced it, following 2"),
+        ("planning Cartesian goal: a straight line", "another goal has replaced it, planning Car"),
+        ("", "not reached: the controller holds the arm"),
+    ],
+)
+def test_the_one_reason_why_a_motion_ended_elsewhere_is_given(
+    monkeypatch: pytest.MonkeyPatch, words: str, said: str
+) -> None:
+    monkeypatch.setattr("arm_sim.cli.robot.controller.Controller", Interrupted)
+    done = CliRunner().invoke(go, ["elbow=1", "--controller", words])
+    assert done.exit_code == 1 and said in done.output
 
 
 @ros

@@ -54,6 +54,21 @@ def test_relative_to_the_larger_end_and_what_matters(
         np.testing.assert_allclose(error_q[0], abs(estimates[0][0]), rtol=1e-6, atol=1e-16)
 
 
+@pytest.mark.parametrize(("gap", "gap_v"), [(0.5, 0.25), (0.25, 0.5), (0.0, 0.0)])
+def test_what_a_projection_removes_is_error(gap: float, gap_v: float) -> None:
+    """The gap of positions counts as error of the positions, too."""
+    x, after, p = (ca.SX.sym(name, size) for name, size in (("x", 2), ("after", 2), ("p", 0)))
+    project = ca.Function("project", [x, after, p], [0.5 * after, ca.SX(gap), ca.SX(gap_v)])
+    start, h = np.array([1.0, -0.5, 2.0]), 1e-3
+    plain, found = (
+        [np.array(value).ravel() for value in build_attempt(METHODS["dopri5"], rhs(), 1, SCALE,
+                                                            project=between)(start, 1.0, [], h)]
+        for between in (None, project)
+    )  # fmt: skip
+    assert_close(found[0], plain[0] * [0.5, 0.5, 1.0], 1e-12)
+    assert found[1] == max(plain[1], gap, gap_v) and found[2] == max(plain[2], gap)
+
+
 def test_the_estimate_shrinks_with_its_order() -> None:
     """Errors of order 5 for the pair of order 5; the mixed one of DOP853 of order 8."""
     x = np.array([1.0, -0.5, 2.0])

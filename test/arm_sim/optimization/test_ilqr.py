@@ -12,6 +12,8 @@ import pytest
 from arm_dynamics import InvalidInput, load_scene
 from arm_sim import NotDifferentiable, SimulationDiverged, Simulator
 from arm_sim.optimization import ILQR, Phase, QuadraticCost, Trajectory
+from arm_sim.optimization.backward import Policy
+from arm_sim.optimization.forward import Course, Forward
 from tolerances import assert_close
 
 NODES, DT = 40, 0.01
@@ -71,6 +73,20 @@ def test_at_limits_the_gradient_points_out_and_elsewhere_it_is_zero() -> None:
     assert best.cost > free.cost
     assert (slope[above] <= 0.0).all() and (slope[below] >= 0.0).all()
     assert abs(slope[~above & ~below]).max() < 1e-6 * scale
+
+
+def test_feedback_stays_within_the_limits_on_both_sides(rng: np.random.Generator) -> None:
+    sim, b = arm(), 5
+    low, high = np.full((NODES, sim.n), -3.0), np.full((NODES, sim.n), 2.0)
+    k, K = rng.normal(size=(NODES, sim.n)), rng.normal(size=(NODES, sim.n, 2 * sim.n))
+    still = np.tile(sim.x, (NODES, 1))
+    course = Course(still, np.zeros((NODES, sim.n)), Policy(k, K, 0.0), low, high)
+    x, u = np.tile(sim.x, (b, NODES + 1, 1)), np.empty((b, NODES, sim.n))
+    size = np.linspace(0.2, 4.0, b)
+    Forward(sim).follow(course, size, x, u)
+    wanted = size[:, None, None] * k + np.einsum("kij,bkj->bki", K, x[:, :-1] - still)
+    assert (wanted < low).any() and (wanted > high).any()
+    assert_close(u, np.clip(wanted, low, high), 1e-12)
 
 
 def test_a_quadratic_problem_takes_one_improvement() -> None:

@@ -170,7 +170,7 @@ def test_efforts_act_up_to_their_limit_and_are_cut_beyond_it(
     assert acting(engine) == expected
     assert inputs.refused == 0
     told = (
-        f"effort {effort[joint]:g} of joint '{NAMES[joint]}' is beyond its limit "
+        f"command {effort[joint]:g} N m of joint '{NAMES[joint]}' exceeds its limit of "
         f"{LIMIT[joint]:g} N m and is clipped to it"
     )
     assert log.warnings == ([told] if abs(factor) > 1.0 else [])

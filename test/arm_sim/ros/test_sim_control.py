@@ -246,11 +246,23 @@ def test_several_publishers_show_unless_each_leads_joints_of_its_own(ros: Ros) -
     found = finding(node, "commands")
     assert found.level == DiagnosticStatus.WARN
     assert found.message == "2 publishers on /joint_commands"
+    told = []
     for source, joint in (("left", 0), ("right", 1)):
         message = JointState(name=[NAMES[joint]], effort=[1.0])
         message.header.frame_id = source
         node.inputs.on_joint_commands(serialize_message(message))
-    assert finding(node, "commands").level == DiagnosticStatus.OK
+        told.append(finding(node, "commands").level)
+    assert told == [DiagnosticStatus.WARN, DiagnosticStatus.OK]
+
+
+@pytest.mark.parametrize(
+    ("dt", "period", "every"), [(1e-3, 0.1, 500), (1e-3, 2.0, 2000), (1.0, 0.1, 1)]
+)
+def test_readers_of_seldom_topics_are_looked_for(
+    ros: Ros, dt: float, period: float, every: int
+) -> None:
+    """Each half a second of simulated time, and at least when the energy is due."""
+    assert by_hand(ros, dt=dt, energy_period=period)._outputs.seldom == every
 
 
 def test_stale_commands_show(ros: Ros) -> None:

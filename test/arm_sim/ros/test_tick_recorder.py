@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -108,6 +109,12 @@ def test_a_replay_finds_the_first_difference(tmp_path: Path) -> None:
     assert found.first is not None and not found.equal
     assert (found.first.tick, found.first.what) == (120, "velocity of elbow")
     assert 0.0 < found.first.size < 1e-15
+
+
+def test_a_gap_before_the_last_state_comes_out_again() -> None:
+    made = Simulator(scene()).run(0.01)
+    cut = replace(made, gaps=(4, len(made) - 1))
+    assert replay(cut).recording.gaps == (4, 10)
 
 
 def test_another_method_is_measured_and_another_robot_refused(tmp_path: Path) -> None:

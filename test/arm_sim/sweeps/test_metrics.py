@@ -41,6 +41,16 @@ def test_metrics(name: str, value: float) -> None:
     assert measured(run(), [name], ("first", "second")) == [pytest.approx(value, rel=1e-14)]
 
 
+def test_a_joint_may_overshoot_downwards() -> None:
+    """From 1 to -1, over to -1.3: 0.15 of the way, more than the other joint's 0.1 of its own."""
+    q = np.array([[1.0, 0.0], [-1.3, 2.2], [-1.0, 2.0]])
+    reference = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 2.0]])
+    still, none = np.zeros((2, 2)), np.full(2, np.inf)
+    down = Run(DT, q, reference, still, still, none, np.array([-none, none]))
+    found = measured(down, ["overshoot", "overshoot.first"], ("first", "second"))
+    assert found == [pytest.approx(0.15, rel=1e-14)] * 2
+
+
 def test_each_metric_is_tested() -> None:
     tested = {mark.args[1][k][0].partition(".")[0] for mark in test_metrics.pytestmark  # type: ignore[attr-defined]
               for k in range(len(mark.args[1]))}  # fmt: skip

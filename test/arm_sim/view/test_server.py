@@ -118,6 +118,27 @@ class TestListening:
         finally:
             close_server(server)
 
+    @pytest.mark.parametrize(
+        "words", [b"", b"hello\n", bytes(range(256)), b"GET / HTTP/9\r\n\r\n"]
+    )
+    def test_of_a_visitor_without_http_one_line_is_logged(
+        self, words: bytes, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        server = open_server("arm", port=0)
+        try:
+            with caplog.at_level(logging.INFO):
+                with socket.create_connection(("127.0.0.1", server.get_port())) as wire:
+                    wire.sendall(words)
+                    wire.shutdown(socket.SHUT_WR)
+                    assert wire.recv(100) == b""
+                with urllib.request.urlopen(address(server), timeout=10) as page:
+                    assert page.status == 200  # later than the line
+        finally:
+            close_server(server)
+        (line,) = (x for x in caplog.records if "spoke no HTTP" in x.getMessage())
+        assert line.levelno == logging.INFO and line.exc_info is None
+        assert not [x for x in caplog.records if x.exc_info or x.levelno > logging.INFO]
+
     def test_only_its_own_page_and_programs_connect(self) -> None:
         import viser
         from websockets.exceptions import InvalidStatus

@@ -60,16 +60,37 @@ class CommandMap:
         if self._idle:
             return tau
         symbolic = isinstance(tau, ca.SX)
-        required = ca.SX(tau) if symbolic else np.array(tau, dtype=float)
+        required = self._uncogged(q, tau)
         if self._weight is not None:
             carried = self._weight(q if symbolic else np.asarray(q).T)
             required -= carried if symbolic else np.array(carried).T.reshape(required.shape)
+        like = ca.DM if symbolic else np.asarray
+        return like(self._gain) * required + like(self._back_emf) * v
+
+    def of_motors(self, q: Array, v: Array, a: Array, tau: Array) -> Array:
+        """Torques of the motors' currents, at the joints, in a motion, drives taken as rigid.
+
+        They also accelerate rotors on flexible transmissions, and overcome their damping and
+        cogging. Without motors, they are the joint torques.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            v: Joint velocities in [rad/s] or [m/s], likewise.
+            a: Joint accelerations in [rad/s²] or [m/s²], likewise.
+            tau: Joint torques in [N m] or [N], likewise.
+        """
+        torques: Array = self._uncogged(q, tau + self.rotor_inertia * a + self.rotor_damping * v)
+        return torques
+
+    def _uncogged(self, q: Quantity, tau: Quantity) -> Quantity:
+        """Torques less those of cogging; a copy."""
+        symbolic = isinstance(tau, ca.SX)
+        required = ca.SX(tau) if symbolic else np.array(tau, dtype=float)
         for joint, m in self._poles:
             assert m.cogging is not None
             i = joint if symbolic else (..., joint)
             required[i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[i], m.cogging)
-        like = ca.DM if symbolic else np.asarray
-        return like(self._gain) * required + like(self._back_emf) * v
+        return required
 
     @property
     def factors(self) -> tuple[Array, ...] | None:

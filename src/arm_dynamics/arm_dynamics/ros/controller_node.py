@@ -219,14 +219,14 @@ class ControllerNode(Node):
         def put() -> None:
             if self._log.failure:  # the arm has been braked: there is no torque to fade from
                 self.control.restart()
-                self.goals.follower = None
+                self.goals.drop("as the controller had failed")
             if retune:
                 self.control.retune(control)
                 return
             self.control.to(control)
             self.get_logger().info(f"controller {params.controller}")
             if before.controller == _FREE != params.controller:
-                self.goals.follower = None  # hold the arm where it was guided to
+                self.goals.drop("as the arm was led by hand")
 
         self.params = params
         self._log.forget()
@@ -312,7 +312,7 @@ class ControllerNode(Node):
             self.get_logger().info(
                 f"{why}holding the arm at its position", throttle_duration_sec=_THROTTLE
             )
-            goals.hold(state.q)
+            goals.hold(state.q, jump)
             self._report.restart()
         return goals.reference(stamp)
 

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Check of a trajectory against limits: which joint violates which limit first, and when.
 
-Positions, velocities and accelerations are polynomials, so their extremes are exact; torques are
-computed at some points of every segment.
+Positions, velocities and accelerations are polynomials, so their extremes are exact. Torques and
+motors' voltages are computed at points of every segment, and at more of them where they might
+exceed a limit in between by more than ``time_scaling.BETWEEN`` of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -17,11 +19,10 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.quintic import extremes
 from arm_dynamics.trajectory.reference import Limits, Trajectory
-from arm_dynamics.trajectory.time_scaling import torque_stretch
+from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, closely
 
 _ROUNDED = 1e-9
 _POINTS = 60  # smallest number of points at which torques are computed
-_BATCH = 255  # points per call: for more, Dynamics would compile code, which takes a second once
 _QUANTITIES = ("position", "velocity", "acceleration")
 
 
@@ -31,7 +32,7 @@ class Excess:
 
     Attributes:
         joint: Index of the joint.
-        quantity: ``position``, ``velocity``, ``acceleration`` or ``effort``.
+        quantity: ``position``, ``velocity``, ``acceleration``, ``effort`` or ``voltage``.
         time: Time in [s] from the trajectory's start.
         most: Extreme value that the joint reaches.
         limit: The limit, with its sign.
@@ -50,9 +51,10 @@ class Bounds:
 
     Attributes:
         limits: Of positions, velocities and accelerations.
-        dynamics: The model for its torques, or None to leave them unchecked; used from
-            one thread only.
-        margin: Fraction by which limits of velocity, acceleration and torque may be exceeded.
+        dynamics: The model for its torques and the voltages of its motors, or None to leave them
+            unchecked; used from one thread only.
+        margin: Fraction by which limits of velocity, acceleration, torque and voltage may be
+            exceeded.
     """
 
     limits: Limits
@@ -100,10 +102,7 @@ class Bounds:
         by_speed = float((speed / h / (limit.velocity * more)).max())
         by_rise = float(np.sqrt(rise / h**2 / (limit.acceleration * more)).max())
         slower = max(1.0, by_speed, by_rise)
-        if self.dynamics is not None:
-            _, q, v, a = _table(trajectory)
-            effort = self.dynamics.model.effort_limit * more
-            slower = max(slower, torque_stretch(self.dynamics, q, v, a, effort))
+        slower = max(slower, self._by_effort(trajectory))
         return slower if slower > 1.0 + _ROUNDED else 1.0
 
     def _beyond(self, trajectory: Trajectory) -> Iterator[Excess]:
@@ -144,24 +143,51 @@ class Bounds:
             when = float(trajectory.times[int(np.argmax(over[:, joint]))])
             yield Excess(int(joint), "acceleration", when, np.inf, float(bound[joint]))
 
+    def _by_effort(self, trajectory: Trajectory) -> float:
+        """Factor by which it must be slowed down for its torques and voltages, at least one."""
+        if (capacity := self._capacity) is None:
+            return 1.0
+        times, shares = self._strains(capacity, trajectory)
+        if abs(shares).max(initial=0.0) <= 1.0 + _ROUNDED:
+            return 1.0
+        strain = Strain(capacity, *trajectory.at(times))
+        return 1.0 / strain.pace((1.0 + self.margin) * (1.0 - 2.0 * BETWEEN))
+
     def _of_effort(self, trajectory: Trajectory) -> Iterator[Excess]:
-        """The first time at which a torque is too large."""
-        if self.dynamics is None:
+        """The first time at which a torque or a voltage is too large."""
+        if (capacity := self._capacity) is None:
             return
-        limit = self.dynamics.model.effort_limit * (1.0 + self.margin)
-        if not np.isfinite(limit).any():
-            return
-        times, *motion = _table(trajectory)
-        split = range(_BATCH, len(times), _BATCH)
-        parts = zip(*(np.split(x, split) for x in motion), strict=True)
-        tau = np.concatenate([self.dynamics.inverse(*part) for part in parts])
-        over = np.abs(tau) > limit + _ROUNDED
+        times, shares = self._strains(capacity, trajectory)
+        over = abs(shares) > 1.0 + _ROUNDED
         if over.any():
             i = int(np.argmax(over.any(axis=1)))
-            joint = int(np.argmax(over[i]))
-            far = float(tau[np.argmax(np.abs(tau[:, joint])), joint])
-            edge = float(np.copysign(limit[joint], far))
-            yield Excess(joint, "effort", float(times[i]), far, edge)
+            column = int(np.argmax(over[i]))
+            quantity, joint = capacity.columns[column]
+            limit = float(capacity.limits[column]) * (1.0 + self.margin)
+            far = float(shares[np.argmax(abs(shares[:, column])), column])
+            yield Excess(joint, quantity, float(times[i]), far * limit, np.copysign(limit, far))
+
+    @cached_property
+    def _capacity(self) -> Capacity | None:
+        """Limits of torques and voltages; None if there are none."""
+        if self.dynamics is None:
+            return None
+        capacity = Capacity(self.dynamics, self.dynamics.model.effort_limit)
+        return capacity if capacity.columns else None
+
+    def _strains(self, capacity: Capacity, trajectory: Trajectory) -> tuple[Array, Array]:
+        """Times, and shares of these limits, widened by the margin; see ``closely``."""
+        segments = len(trajectory.times) - 1
+        parts = segments * max(1, _POINTS // (4 * segments)) if segments else 0
+        edges = np.interp(
+            np.linspace(0.0, segments, parts + 1), np.arange(segments + 1), trajectory.times
+        )
+
+        def shares(times: Array) -> Array:
+            strain = Strain(capacity, *trajectory.at(times))
+            return strain.shares(1.0) / (1.0 + self.margin)
+
+        return closely(shares, edges)
 
 
 def _by_order(trajectory: Trajectory) -> Array:
@@ -185,10 +211,3 @@ def _crossing(
     roots = course.roots()
     real = roots.real[(np.abs(roots.imag) < 1e-7) & (roots.real >= 0.0) & (roots.real <= 1.0)]
     return float(start + (end - start) * real.min(initial=1.0))
-
-
-def _table(trajectory: Trajectory) -> tuple[Array, Array, Array, Array]:
-    """Times, positions, velocities and accelerations at some points of each segment."""
-    segments = len(trajectory.times) - 1
-    share = np.linspace(0.0, 1.0, max(3, _POINTS // segments))
-    return trajectory.table(share)

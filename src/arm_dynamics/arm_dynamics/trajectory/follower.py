@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory, Waypoint, hold
-from arm_dynamics.trajectory.waypoints import quintic
+from arm_dynamics.trajectory.waypoints import check_kind, quintic
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,9 @@ class Outset:
         """The start and the remaining waypoints, with times in [s] after the beginning.
 
         Raises:
-            InvalidInput: If all are in the past.
+            InvalidInput: If all are in the past, or these are no waypoints.
         """
+        check_kind(waypoints)
         late, here = self.late, self.here
         ahead = [replace(w, time=w.time - late) for w in waypoints if not w.time <= late]
         if not ahead:

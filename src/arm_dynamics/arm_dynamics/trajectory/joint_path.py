@@ -23,7 +23,7 @@ from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
 from arm_dynamics.trajectory.reference import Reference, Trajectory
-from arm_dynamics.trajectory.time_scaling import torque_limits, torque_stretch
+from arm_dynamics.trajectory.time_scaling import Capacity, slowdown, torque_limits
 from arm_dynamics.trajectory.timing import Timing
 
 
@@ -56,16 +56,19 @@ class JointPath:
 
     def along(self, us: Array) -> Array:
         """Positions and first and second derivatives by u at k points of the path, (3, k, n)."""
-        at = [self.over.sample(min(float(u), _LAST)) for u in us.ravel()]
-        return np.swapaxes([(x.q, x.v, x.a) for x in at], 0, 1)
+        return self.over.at(np.minimum(us, _LAST))
+
+    def at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations at times in [s], shape (k, n) each."""
+        u, rate, rise = np.array([self.timing.at(float(t)) for t in times]).T[..., None]
+        q, first, second = self.along(u[:, 0])
+        return q, first * rate, second * rate**2 + first * rise
 
     def table(self, count: int) -> tuple[Array, Array, Array, Array]:
         """Times of shape (count,), positions, velocities and accelerations of shape (count, n)."""
         # Just inside the ends, where a trapezoid accelerates already.
         t = np.linspace(1e-9, 1.0 - 1e-9, count) * self.duration
-        u, rate, rise = np.array([self.timing.at(float(x)) for x in t]).T[..., None]
-        q, first, second = self.along(u)
-        return t, q, first * rate, second * rate**2 + first * rise
+        return t, *self.at(t)
 
 
 _LAST = 1.0 - 1e-15  # beyond its end a trajectory is at rest, but a path over u is not
@@ -116,15 +119,18 @@ def paced(
     count: int = 400,
     acceleration: ArrayLike = np.inf,
 ) -> JointPath:
-    """Slow a joint path down until velocities, accelerations and torques are within limits.
+    """Slow a joint path down until it is within all limits of the arm, at every instant.
 
-    All times are stretched by one factor, found from a single batched call of inverse dynamics.
+    All times are stretched by one factor. Velocities, accelerations, torques and the voltages of
+    motors are kept between points, too: see ``time_scaling.slowdown``.
 
     Args:
         motion: The motion.
         dynamics: The model.
-        limit: Torque limits in [N m] or [N], a number or shape (n,); None for the model's.
-        count: Number of points along the path at which limits are checked.
+        limit: Torque limits in [N m] or [N], a number or shape (n,); None for the model's. The
+            limits of the motors' currents and voltages hold in any case.
+        count: Number of points along the path at which limits are checked first; where a limit
+            might be exceeded between them, there will be more.
         acceleration: Limits of joint accelerations in [rad/s²] or [m/s²], positive, likewise.
 
     Returns:
@@ -132,12 +138,14 @@ def paced(
 
     Raises:
         Unreachable: If gravity, springs and dry friction exceed a limit at any speed.
+        InvalidInput: If an argument is not allowed.
     """
-    _, q, v, a = motion.table(count)
-    by_torque = torque_stretch(dynamics, q, v, a, torque_limits(dynamics, limit))
-    by_speed = float(np.max(abs(v) / dynamics.model.velocity_limit))
+    if count < 2:
+        raise InvalidInput(f"count = {count}; at least 2 are expected")
     rise = positive_limits("acceleration", acceleration, dynamics.n)
-    return motion.slower(max(by_torque, by_speed, float(np.sqrt(np.max(abs(a) / rise)))))
+    effort, speed = torque_limits(dynamics, limit), dynamics.model.velocity_limit
+    edges = np.linspace(0.0, motion.duration, count // 4 + 1)
+    return motion.slower(slowdown(Capacity(dynamics, effort, speed, rise), motion.at, edges))
 
 
 def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array:

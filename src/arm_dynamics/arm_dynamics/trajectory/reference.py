@@ -224,6 +224,16 @@ class Trajectory:
         motion.setflags(write=False)
         return Reference(motion[0], motion[1], motion[2])
 
+    def at(self, times: Array) -> Array:
+        """Positions, velocities and accelerations at times in [s], shape (3, k, n)."""
+        i = np.clip(np.searchsorted(self.times, times, "right") - 1, 0, len(self.times) - 2)
+        s = ((times - self.times[i]) / np.diff(self.times)[i])[:, None, None]
+        motion = _evaluated(np.moveaxis(self.polynomials[i], 1, 0), s)
+        resting = (times < 0.0) | (times >= self.times[-1])
+        motion[resting] = 0.0
+        motion[resting, 0] = self.ends[(times[resting] > 0.0).astype(int)]
+        return np.moveaxis(motion, 1, 0)
+
     def at_shares(self, shares: Array) -> Array:
         """Positions, velocities and accelerations within each segment, both ends included.
 
@@ -245,8 +255,8 @@ class Trajectory:
         return times, q, v, a
 
 
-def _evaluated(polynomials: Array, s: float) -> Array:
-    """Polynomials of shape (6, …) at s, by Horner's rule.
+def _evaluated(polynomials: Array, s: float | Array) -> Array:
+    """Polynomials of shape (6, …) at s, a number or an array, by Horner's rule.
 
     Every product and every sum is rounded, so every processor gives the same bits, and so does
     compiled code (``answers.c``). A matrix product would not.

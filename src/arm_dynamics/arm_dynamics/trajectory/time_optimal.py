@@ -1,27 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fastest timing of a joint path within velocity, acceleration and torque limits.
+"""The fastest timing of a joint path within all limits of the arm.
 
 By reachability analysis along the path (Pham and Pham, "A new approach to time-optimal path
-parameterization based on reachability analysis", IEEE Trans. Robotics 34(3), 2018), implemented by
-the library toppra (``pip install toppra``), which is required only here.
+parameterization based on reachability analysis", IEEE Trans. Robotics 34(3), 2018). Friction and
+voltages that follow the speed, which the method excludes, are linearized in turn.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partialmethod
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive_limits
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import ArmError, InvalidInput, Unreachable
-from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.trajectory.joint_path import JointPath, paced
-from arm_dynamics.trajectory.time_scaling import torque_limits
+from arm_dynamics.exceptions import InvalidInput, Unreachable
+from arm_dynamics.trajectory.joint_path import JointPath
+from arm_dynamics.trajectory.reference import Trajectory
+from arm_dynamics.trajectory.time_scaling import (
+    BETWEEN,
+    Capacity,
+    Strain,
+    moving,
+    slowdown,
+    torque_limits,
+)
 
-_FREE = 1e9  # stands for no limit, since the library requires a number
+_WITHIN = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of an interval: where limits are imposed
+_SHARE = 1.0 - 2.0 * BETWEEN  # of each limit, so that nothing between them exceeds it
+_FAST = 1e10  # [1/s²], faster than any arm
+_BEYOND = 1e6  # x relative to that of a timing within limits, more than any that follows
+_ROUNDED = 1e-12
+_STEP = 1e-6  # relative, of differences
+_SETTLED = 1e-4
+_ROUNDS = 20
+_LOOKS = 33  # points of a segment of the path at which joints are looked at for reversals
+_APART = 1e-9
 
 
 @dataclass(frozen=True)
@@ -40,7 +55,7 @@ class Profile:
 
     @classmethod
     def of(cls, us: Array, rates: Array) -> Profile:
-        """The timing of rates at points; a rate of zero only at the ends."""
+        """The timing of rates at points, of which no two neighbours are zero."""
         steps = 2.0 * np.diff(us) / (rates[1:] + rates[:-1])
         return cls(us, rates, np.concatenate([[0.0], np.cumsum(steps)]))
 
@@ -56,7 +71,7 @@ class Profile:
         i = int(np.searchsorted(self.times, t, "right")) - 1
         since, step = t - self.times[i], self.times[i + 1] - self.times[i]
         rise = (self.rates[i + 1] - self.rates[i]) / step
-        rate = self.rates[i] + rise * since
+        rate = max(0.0, self.rates[i] + rise * since)  # rounding would reverse dry friction
         return float(self.us[i] + 0.5 * (self.rates[i] + rate) * since), float(rate), float(rise)
 
     def slower(self, stretch: float) -> Profile:
@@ -73,77 +88,177 @@ def retimed(
 ) -> JointPath:
     """The same path as fast as limits allow, from rest to rest.
 
-    Accelerations jump between limits. Viscous friction and dampers, which the method ignores, and
-    violations between its points are handled by slowing down the whole motion (``paced``).
+    Accelerations jump between limits. Limits hold at every instant: the whole motion is slowed
+    down by what exceeds them between the points at which they are imposed (``slowdown``).
 
     Args:
         motion: The motion; its own timing does not matter.
         dynamics: The model, with its speed limits.
-        limit: Torque limits in [N m] or [N], a number or shape (n,); None for the model's.
+        limit: Torque limits in [N m] or [N], a number or shape (n,); None for the model's. The
+            limits of the motors' currents and voltages, hence their torque-speed curves, hold in
+            any case.
         acceleration: Limits of joint accelerations in [rad/s²] or [m/s²], positive, likewise.
-        points: Number of intervals of the path at which limits are imposed.
+        points: Number of intervals of the path in which limits are imposed; there are more where
+            the path has knots, or dry friction changes its sign.
 
     Raises:
         Unreachable: If limits cannot be met at any speed.
         InvalidInput: If an argument is not allowed, or nothing limits the motion.
-        ArmError: If the library is not installed.
     """
     if points < 10:
         raise InvalidInput(f"points = {points}; at least 10 are expected")
-    torque = torque_limits(dynamics, limit)
     rise = positive_limits("acceleration", acceleration, dynamics.n)
-    if not (np.isfinite(torque).any() or np.isfinite(rise).any()):
+    effort, speed = torque_limits(dynamics, limit), dynamics.model.velocity_limit
+    capacity = Capacity(dynamics, effort, speed, rise)
+    if all(quantity == "velocity" for quantity, _ in capacity.columns):
         raise InvalidInput("nothing limits the motion: no torque and no acceleration limit")
-    us = np.linspace(0.0, 1.0, points + 1)
-    rates = _rates(motion, dynamics, us, torque, rise)
-    if rates is None or not np.all(rates[1:-1] > 0.0):
-        raise Unreachable("no timing of the path satisfies the limits, however slow")
-    quick = JointPath(motion.over, Profile.of(us, rates))
-    return paced(quick, dynamics, torque, 4 * points, rise)
+    profile = _Way(motion, capacity, points).fastest()
+    quick = JointPath(motion.over, profile)
+    return quick.slower(slowdown(capacity, quick.at, profile.times))
 
 
 class _Way:
-    """A path with the interface of toppra."""
+    """A path with the points at which limits are imposed, several in each interval.
 
-    def __init__(self, motion: JointPath) -> None:
-        self._motion = motion
-        self.dof = motion.over.ends.shape[1]
-        self.path_interval = np.array([0.0, 1.0])
+    Within an interval y = d²u/dt² is constant and x = (du/dt)² is linear in u, so a limit at any
+    of its points is linear in y and in x at its beginning, except for friction and voltages, which
+    follow the speed √x. These are linearized about a timing, and again about the faster one that
+    results from it.
+    """
 
-    def __call__(self, us: ArrayLike, order: int = 0) -> Array:
-        along: Array = self._motion.along(np.asarray(us))[order]
-        return along
+    def __init__(self, motion: JointPath, capacity: Capacity, points: int) -> None:
+        dry = capacity.dynamics.steady_friction.has_dry
+        marks = np.concatenate([motion.over.times, _turns(motion.over) if dry else []])
+        self._us = _grid(points, marks)
+        self._steps = np.diff(self._us)
+        at = self._us[:-1, None] + self._steps[:, None] * _WITHIN.clip(1e-9, 1.0 - 1e-9)
+        q, first, second = motion.along(at.ravel())
+        middle = first[len(_WITHIN) // 2 :: len(_WITHIN)]
+        way = np.repeat(np.sign(middle) * moving(middle), len(_WITHIN), axis=0)
+        self._strain = Strain(capacity, q, first, second, way)
 
-    eval = __call__
-    evald = partialmethod(__call__, order=1)
-    evaldd = partialmethod(__call__, order=2)
+    def fastest(self) -> Profile:
+        """The fastest timing that keeps the limits at these points.
+
+        Raises:
+            Unreachable: If there is none.
+            InvalidInput: If nothing limits it.
+        """
+        x = _FAST * self._us * (1.0 - self._us)
+        if (pace := self._pace(x)) == 1.0:
+            raise InvalidInput("nothing limits the motion along this path")
+        x *= pace**2
+        best: Profile | None = None
+        for _ in range(_ROUNDS):
+            faster = self._faster(x)
+            if faster is None:
+                break
+            found = Profile.of(self._us, np.sqrt(faster)).slower(1.0 / self._pace(faster))
+            if best is None or found.duration < best.duration:
+                best = found
+            settled = abs(faster - x).max() < _SETTLED * faster.max()
+            x = faster
+            if settled:
+                break
+        if best is None:
+            raise Unreachable("no timing of the path satisfies the limits, however slow")
+        return best
+
+    def _pace(self, x: Array) -> float:
+        """Factor, at most one, by which the speeds of a timing keep the limits."""
+        return self._strain.pace(_SHARE, 1.0, *self._inside(x))
+
+    def _inside(self, x: Array) -> tuple[Array, Array]:
+        """Values of x and y at the points in the intervals, from x at the ends of these."""
+        rise = np.diff(x)
+        inside = x[:-1, None] + rise[:, None] * _WITHIN
+        return inside.ravel(), np.repeat(0.5 * rise / self._steps, len(_WITHIN))
+
+    def _faster(self, x: Array) -> Array | None:
+        """The largest x at every end that limits allow, linearized about ``x``, or None."""
+        (inside, y), unit = self._inside(x), x.max()
+        known, dx, dy = self._strain.shares(inside, y), _STEP * unit, _STEP * abs(y).max()
+        by_x = (self._strain.shares(inside + dx, y) - known) / dx
+        by_y = (self._strain.shares(inside, y + dy) - known) / dy
+        rest = known - by_x * inside[:, None] - by_y * y[:, None]
+        ahead = 2.0 * (self._steps[:, None] * _WITHIN).reshape(-1, 1)
+        rows = np.array([(by_y + by_x * ahead) * unit, by_x * unit, rest]) / _SHARE
+        rows = np.concatenate([rows, -rows], axis=2).reshape(3, len(self._steps), -1)
+        found = _reachable(self._steps, *rows)
+        return None if found is None else found * unit
 
 
-def _rates(
-    motion: JointPath, dynamics: Dynamics, us: Array, torque: Array, rise: Array
-) -> Array | None:
-    """Largest du/dt at every point, or None if there is none."""
-    try:
-        from toppra import algorithm, constraint
-    except ImportError as error:
-        raise ArmError(f"the library toppra is missing ({error}); pip install toppra") from None
-    between = constraint.DiscretizationType.Interpolation
-    model, rigid = dynamics.model, RigidTerms(dynamics.model)
-    kept = [
-        constraint.JointVelocityConstraint(_both(model.velocity_limit)),
-        constraint.JointAccelerationConstraint(_both(rise), between),
-        constraint.JointTorqueConstraint(
-            lambda q, v, a: rigid.inverse(q, v, a) + rigid.spring(q, 0.0 * v),
-            _both(torque),
-            model.friction.coulomb.mean,
-            between,
-        ),
-    ]
-    found = algorithm.TOPPRA(kept, _Way(motion), us, solver_wrapper="seidel")
-    rates = found.compute_parameterization(0.0, 0.0)[1]
-    return None if rates is None or not np.isfinite(rates).all() else np.asarray(rates)
+def _reachable(steps: Array, by_y: Array, by_x: Array, rest: Array) -> Array | None:
+    """Largest x at the ends of all intervals, from rest to rest, or None if there is none.
+
+    Backwards, the largest x from which the end can still be reached; then forwards, as fast as
+    limits allow, below that.
+
+    Args:
+        steps: Lengths of the k intervals of the path.
+        by_y: Coefficients of y of m quantities that are at most one, shape (k, m).
+        by_x: Coefficients of x at the beginning of the interval, likewise.
+        rest: Their constant parts, likewise.
+
+    Returns:
+        Shape (k + 1,).
+    """
+    room = 1.0 - rest
+    most = np.zeros(len(steps) + 1)
+    for i in reversed(range(len(steps))):
+        ahead = 2.0 * steps[i] * np.array([1.0, -1.0])  # of the next x, between zero and its most
+        a, b = np.append(by_y[i], ahead), np.append(by_x[i], [1.0, -1.0])
+        most[i] = _most(a, b, np.append(room[i], [most[i + 1], 0.0]))
+    x = np.zeros_like(most)
+    if np.isnan(most).any():
+        return None
+    for i, step in enumerate(steps):
+        pushed = by_y[i] > 0.0
+        y = np.min((room[i] - by_x[i] * x[i])[pushed] / by_y[i][pushed], initial=np.inf)
+        x[i + 1] = max(0.0, min(x[i] + 2.0 * step * y, most[i + 1]))
+    return x if np.all(x[1:] + x[:-1] > 0.0) else None
 
 
-def _both(limit: Array) -> Array:
-    finite = np.where(np.isfinite(limit), limit, _FREE)
-    return np.column_stack([-finite, finite])
+def _most(a: Array, b: Array, room: Array) -> float:
+    """Largest x with a y + b x ≤ room for some y, or NaN.
+
+    Between the lines that limit y from above and from below there is a gap, concave over x; where
+    it is negative, its root along the two lines in force is at most one pair of lines closer.
+    """
+    fixed, above, below = (a == 0.0) & (b > 0.0), a > 0.0, a < 0.0
+    x = float(np.min(room[fixed] / b[fixed], initial=_BEYOND))
+    for _ in range(len(a)):
+        left = room - b * x
+        upper, lower = left[above] / a[above], left[below] / a[below]
+        i, j = np.flatnonzero(above)[np.argmin(upper)], np.flatnonzero(below)[np.argmax(lower)]
+        gap, slope = left[i] / a[i] - left[j] / a[j], b[j] / a[j] - b[i] / a[i]
+        if gap >= -_ROUNDED * sum((abs(room[k]) + abs(b[k] * x)) / abs(a[k]) for k in (i, j)):
+            return x
+        if slope >= 0.0:
+            break
+        x -= gap / slope
+    return np.nan
+
+
+def _grid(points: int, marks: Array) -> Array:
+    """Marks from 0 to 1, and points where none is near, closer at both ends, where it is slow."""
+    even = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, points + 1))
+    marks = np.sort(marks)
+    marks = marks[np.append(np.diff(marks) > _APART, True)]
+    after = np.searchsorted(marks, even).clip(1, len(marks) - 1)
+    gap = np.minimum(abs(even - marks[after - 1]), abs(even - marks[after]))
+    return np.union1d(marks, even[gap > 0.2 * np.gradient(even)])
+
+
+def _turns(over: Trajectory) -> Array:
+    """Points of a path at which a joint reverses, hence its dry friction jumps."""
+    shares = np.linspace(0.0, 1.0, _LOOKS)
+    us, _, first, _ = over.table(shares)
+    way = np.sign(first) * moving(first)
+    i, joint = np.nonzero(way[1:] * way[:-1] < 0.0)
+    low, high, sign = us[i], us[i + 1], way[i, joint]
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        before = over.at(middle)[1][np.arange(len(i)), joint] * sign > 0.0
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return low

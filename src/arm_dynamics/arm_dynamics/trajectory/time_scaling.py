@@ -1,20 +1,195 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Uniform time scaling of a motion, such that speeds and torques are within limits.
+"""What a motion asks of an arm, and how much slower it must be to stay within all limits.
 
-Slower by s, velocities shrink by 1/s and accelerations by 1/s², so with x = 1/s a torque along the
-path is G + F_dry + F_viscous x + (M a + C v) x², known for every speed from one evaluation
-(Hollerbach, "Dynamic scaling of manipulator trajectories", ASME J. Dyn. Sys. Meas. Control 106,
-1984).
+Slower by s, velocities shrink by 1/s and accelerations by 1/s², so torques without friction are
+G + S + (M a + C v)/s², known for every speed from one evaluation of inverse dynamics (Hollerbach,
+"Dynamic scaling of manipulator trajectories", ASME J. Dyn. Sys. Meas. Control 106, 1984). Friction
+and the motors' voltages follow from them. Limits hold at every instant, not at points: a motion is
+looked at ever more closely until what may lie between two points is below ``BETWEEN``.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike
+from collections.abc import Callable
+from functools import cached_property, partial
 
-from arm_dynamics.arrays import Array, positive_limits
-from arm_dynamics.dynamics.dynamics import Dynamics, Term
-from arm_dynamics.exceptions import Unreachable
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from arm_dynamics.arrays import Array, each, positive_limits
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput, Unreachable
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+
+BETWEEN = 1e-5
+"""Fraction of a limit by which a quantity may exceed its largest value at the points found by
+``closely``; scaled motions keep away from their limits by twice as much."""
+_NODES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # inside: values may jump at the ends
+_HALVINGS = 14
+_MOST = 100_000  # intervals at a time
+_ROUNDS = 20
+_STILL = 1e-9  # fraction of the fastest joint's speed below which a velocity is rounding
+_EXACT = 1e-13
+_NONE = 1e-50  # squares of speeds, and square roots of limits, that are zero
+
+
+class Capacity:
+    """Limits of an arm's joints and of their motors.
+
+    Args:
+        dynamics: The model; used from one thread only.
+        effort: Limits of torques in [N m] or [N], inf for none, shape (n,). Limits of the motors'
+            currents and voltages, hence their torque-speed curves, hold in any case.
+        velocity: Limits of speeds in [rad/s] or [m/s], likewise; None for none.
+        acceleration: Limits of accelerations in [rad/s²] or [m/s²], likewise.
+
+    Attributes:
+        columns: Quantity (``velocity``, ``acceleration``, ``effort`` or ``voltage``) and joint of
+            every limit that there is.
+        limits: These limits, shape (m,).
+    """
+
+    def __init__(
+        self,
+        dynamics: Dynamics,
+        effort: Array,
+        velocity: Array | None = None,
+        acceleration: Array | None = None,
+    ) -> None:
+        self.dynamics, self.rigid = dynamics, RigidTerms(dynamics.model)
+        none = np.full(dynamics.n, np.inf)
+        self._resistance, self._emf = np.zeros((2, dynamics.n))
+        current, voltage = none.copy(), none.copy()
+        for i, drive in enumerate(dynamics.model.drives):
+            if drive is None:
+                continue
+            motor, constant = drive.motor, drive.torque_constant
+            current[i] = abs(constant) * (motor.current_limit or np.inf)
+            if motor.voltage_limit is not None and motor.resistance is not None:
+                voltage[i] = motor.voltage_limit
+                self._resistance[i] = motor.resistance / constant
+                self._emf[i] = drive.back_emf_constant
+        every = {
+            "velocity": none if velocity is None else velocity,
+            "acceleration": none if acceleration is None else acceleration,
+            "effort": np.minimum(effort, current),
+            "voltage": voltage,
+        }
+        limits = np.concatenate(list(every.values()))
+        self._given = np.isfinite(limits)
+        names = [(quantity, joint) for quantity in every for joint in range(dynamics.n)]
+        self.columns = [names[i] for i in np.flatnonzero(self._given)]
+        self.limits = limits[self._given]
+
+    def shares(self, q: Array, v: Array, a: Array, tau: Array) -> Array:
+        """Signed shares of the limits that a motion with joint torques tau uses, shape (k, m)."""
+        motors = self.dynamics.command_map.of_motors(q, v, a, tau)
+        values = (v, a, motors, self._resistance * motors + self._emf * v)
+        limits = np.fmax(self.limits, _NONE**2)
+        used: Array = np.concatenate(values, axis=1)[:, self._given] / limits
+        return used
+
+
+class Strain:
+    """Shares of its limits that an arm needs at points of a path, for every timing.
+
+    Along q(u), with x = (du/dt)² and y = d²u/dt², q̇ = q' √x and q̈ = q'' x + q' y.
+
+    Args:
+        capacity: The limits.
+        q: Positions at k points, shape (k, n).
+        first: Derivatives q', likewise.
+        second: Derivatives q'', likewise.
+        way: Sliding direction of each joint for dry friction, likewise; None for the sign of q'.
+    """
+
+    def __init__(
+        self, capacity: Capacity, q: Array, first: Array, second: Array, way: Array | None = None
+    ) -> None:
+        self._capacity, self._q, self._first, self._second = capacity, q, first, second
+        self._still, self._inverse = np.zeros_like(q), partial(each, capacity.rigid.inverse)
+        self._way = np.sign(first) * moving(first) if way is None else way
+        self._weight = self._inverse(q, self._still, self._still)
+        self._by_x = self._inverse(q, first, second) - self._weight
+
+    @cached_property
+    def _by_y(self) -> Array:
+        return self._inverse(self._q, self._still, self._first) - self._weight
+
+    def shares(self, x: ArrayLike, y: ArrayLike | None = None) -> Array:
+        """Signed shares, shape (k, m).
+
+        Args:
+            x: (du/dt)² in [1/s²], a number or shape (k,).
+            y: d²u/dt² in [1/s²], likewise; None for zero.
+        """
+        tau, (v, a) = self._torques(x, y)
+        return self._capacity.shares(self._q, v, a, tau)
+
+    def _torques(self, x: ArrayLike, y: ArrayLike | None) -> tuple[Array, tuple[Array, Array]]:
+        """Joint torques, and velocities and accelerations."""
+        x = np.reshape(x, (-1, 1))
+        v, a, tau = self._first * np.sqrt(x), self._second * x, self._weight + self._by_x * x
+        if y is not None:
+            y = np.reshape(y, (-1, 1))
+            a, tau = a + self._first * y, tau + self._by_y * y
+        dynamics = self._capacity.dynamics
+        if dynamics.model.springs:
+            tau = tau + each(self._capacity.rigid.spring, self._q, v)
+        friction = dynamics.steady_friction
+        return friction.demanded(tau, v, self._way if friction.has_dry else v, self._q), (v, a)
+
+    def pace(
+        self,
+        allowed: float = 1.0,
+        most: float = 1.0,
+        x: ArrayLike = 1.0,
+        y: ArrayLike | None = None,
+    ) -> float:
+        """Factor of the speed of a timing at which no share exceeds ``allowed``.
+
+        Args:
+            allowed: Largest share.
+            most: Largest factor.
+            x: As of ``shares``, for the timing at a factor of one.
+            y: Likewise.
+
+        Raises:
+            Unreachable: If gravity, springs and dry friction alone exceed it at any speed, or a
+                limit is zero.
+        """
+
+        def excess(scale: float) -> float:
+            used = self.shares(scale * np.asarray(x), None if y is None else scale * np.asarray(y))
+            return float(abs(used).max(initial=0.0)) - allowed
+
+        if (high := excess(most**2)) <= 0.0:
+            return most
+        if (low := excess(0.0)) >= 0.0:
+            raise self._unbearable(allowed)
+        if (scale := _root(excess, (0.0, low), (most**2, high))) < _NONE:
+            raise Unreachable("a joint that moves has a limit of zero, so it may not move at all")
+        return float(np.sqrt(scale))
+
+    def _unbearable(self, allowed: float) -> Unreachable:
+        shares = abs(self.shares(0.0))
+        i, column = np.unravel_index(np.argmax(shares), shares.shape)
+        (quantity, joint), limit = self._capacity.columns[column], self._capacity.limits[column]
+        dynamics, need = self._capacity.dynamics, float(shares[i, column] * limit)
+        parts = "weight, springs" if dynamics.model.springs else "weight"
+        volts = " V" if quantity == "voltage" else ""
+        return Unreachable(
+            f"{parts} and dry friction of joint '{dynamics.joint_names[joint]}' take "
+            f"{need:.4g}{volts} along the motion at any pace; its limit is {limit:.4g}{volts}",
+            max(0.0, need - allowed * limit),
+        )
+
+
+def moving(first: Array) -> NDArray[np.bool_]:
+    """Joints that move along a path, apart from rounding, by derivatives of shape (k, n)."""
+    size = abs(first)
+    more: NDArray[np.bool_] = size > _STILL * size.max(axis=1, keepdims=True)
+    return more
 
 
 def torque_limits(dynamics: Dynamics, given: ArrayLike | None) -> Array:
@@ -24,55 +199,88 @@ def torque_limits(dynamics: Dynamics, given: ArrayLike | None) -> Array:
     return positive_limits("limit", given, dynamics.n)
 
 
-def torque_stretch(dynamics: Dynamics, q: Array, v: Array, a: Array, limit: Array) -> float:
-    """Time-scaling factor, at least one, that keeps torques within limits.
+def slowdown(
+    capacity: Capacity, sample: Callable[[Array], tuple[Array, Array, Array]], edges: Array
+) -> float:
+    """Time-scaling factor, at least one, that keeps a motion within limits at every instant.
 
     Args:
-        dynamics: The model.
-        q: Positions along the motion in [rad] or [m], shape (k, n).
-        v: Velocities, likewise.
-        a: Accelerations, likewise.
-        limit: Largest torques in [N m] or [N], inf for none, shape (n,).
+        capacity: The limits.
+        sample: Positions, velocities and accelerations at times, each of shape (k, n).
+        edges: Times in [s] between which the motion is looked at, increasing; at best those
+            where accelerations jump.
 
     Raises:
         Unreachable: If gravity, springs and dry friction alone exceed a limit.
     """
-    k, rigid = len(q), Term.INERTIA | Term.CORIOLIS | Term.GRAVITY
-    still = np.zeros_like(q)
-    tau = dynamics.inverse(np.vstack([q, q]), np.vstack([v, still]), np.vstack([a, still]), rigid)
-    weight, friction = tau[k:], dynamics.steady_friction
-    elastic, sprung = dynamics.spring(q), dynamics.spring(q, v)
-    standing = weight + elastic
-    if friction.has_dry:
-        standing = standing + friction.dry(v, np.sign(v), q, tau[:k] + sprung)
-    moving = friction.joints.smooth(v) + sprung - elastic
-    _check_standing(dynamics, standing, limit)
-    x = np.ones_like(q)
-    for sign in (1.0, -1.0):
-        parts = sign * (tau[:k] - weight), sign * moving, sign * standing - limit
-        x = np.minimum(x, _first_crossing(*parts))
-    return 1.0 / float(x.min())
+    pace = 1.0
+    for _ in range(_ROUNDS):
+
+        def shares(times: Array, pace: float = pace) -> Array:
+            return Strain(capacity, *sample(times)).shares(pace**2)
+
+        times, values = closely(shares, edges)
+        if abs(values).max(initial=0.0) <= 1.0 - BETWEEN:
+            return 1.0 / pace
+        pace = Strain(capacity, *sample(times)).pace(1.0 - 2.0 * BETWEEN, pace)
+    raise Unreachable("no pace of the motion keeps the limits")
 
 
-def _first_crossing(two: Array, one: Array, zero: Array) -> Array:
-    """Least x in (0, 1] where two x² + one x + zero rises through zero, else one; zero < 0."""
-    finite = np.isfinite(zero)
-    c = np.where(finite, zero, -1.0)
-    root = one * one - 4.0 * two * c
-    # With c < 0 this form, 2c / (-b ∓ √…), has no cancellation and gives the positive root.
-    below = one + np.sqrt(np.maximum(root, 0.0))
-    x = np.divide(-2.0 * c, below, out=np.full_like(c, np.inf), where=below > 0.0)
-    return np.where(finite & (root >= 0.0) & (x > 0.0), np.minimum(x, 1.0), 1.0)
+def closely(shares: Callable[[Array], Array], edges: Array) -> tuple[Array, Array]:
+    """Times between which no share of a limit rises further than by ``BETWEEN``.
+
+    Intervals are halved where a share, or the parabola through its values, could exceed one and
+    the largest value found so far. It may curve twice as strongly as its second differences. In
+    the end, intervals are so short that a jump lies in them, and its two sides are seen.
+
+    Args:
+        shares: Signed shares at times, shape (k, m).
+        edges: Times in [s] at which it begins.
+
+    Returns:
+        Times, shape (k,), and shares there.
+    """
+    low, high = edges[:-1], edges[1:]
+    times, values, top = [], [], 1.0
+    for _ in range(_HALVINGS):
+        at = low[:, None] + (high - low)[:, None] * _NODES
+        found = shares(at.ravel()).reshape(*at.shape, -1)
+        times.append(at.ravel())
+        values.append(found.reshape(at.size, -1))
+        peak = abs(found).max(axis=(1, 2), initial=0.0)
+        rise = abs(np.diff(found, 2, axis=1)).max(axis=(1, 2), initial=0.0) / 4.0
+        top = max(top, float(peak.max(initial=0.0)))
+        doubtful = (peak + rise > top) & (rise > BETWEEN * top)
+        if not doubtful.any():
+            break
+        if doubtful.sum() > _MOST:
+            raise InvalidInput(
+                f"the motion bends in more than {_MOST} places, too many to check its limits; "
+                "allowed: smooth motions"
+            )
+        low, high = low[doubtful], high[doubtful]
+        middle = 0.5 * (low + high)
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+    order = np.argsort(np.concatenate(times), kind="stable")
+    return np.concatenate(times)[order], np.concatenate(values)[order]
 
 
-def _check_standing(dynamics: Dynamics, standing: Array, limit: Array) -> None:
-    excess = abs(standing) - limit
-    i, joint = np.unravel_index(np.argmax(excess), excess.shape)
-    if excess[i, joint] >= 0.0:
-        parts = "weight, springs" if dynamics.model.springs else "weight"
-        raise Unreachable(
-            f"{parts} and dry friction of joint '{dynamics.joint_names[joint]}' take "
-            f"{abs(standing[i, joint]):.4g} along the motion at any pace; its limit is "
-            f"{limit[joint]:.4g}",
-            float(excess[i, joint]),
-        )
+def _root(
+    excess: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]
+) -> float:
+    """Largest x found at which a function has not risen above zero yet (Illinois method)."""
+    (a, below), (b, above) = low, high
+    last = 0.0
+    for _ in range(100):
+        step = _EXACT * b
+        if b - a <= 2.0 * step:
+            break
+        x = min(max((a * above - b * below) / (above - below), a + step), b - step)
+        value = excess(x)
+        again = value * last > 0.0
+        if value > 0.0:
+            b, above, below = x, value, 0.5 * below if again else below
+        else:
+            a, below, above = x, value, 0.5 * above if again else above
+        last = value
+    return a

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.exceptions import InvalidInput, plain
 from arm_dynamics.trajectory.quintic import extremes
 from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint
 
@@ -136,13 +136,28 @@ class _Knots:
         return Trajectory.through(self.times * stretch, self.q, v, a, stretch)
 
 
+def check_kind(waypoints: Sequence[Waypoint]) -> None:
+    """Check that these are waypoints.
+
+    Raises:
+        InvalidInput: If they are anything else, such as lists of positions.
+    """
+    allowed = "allowed: a list of waypoints, such as [Waypoint(1.0, [0.5, -0.2])]"
+    if not isinstance(waypoints, Sequence) or isinstance(waypoints, str):
+        raise InvalidInput(f"waypoints = {plain(waypoints, 80)}; {allowed}")
+    for i, waypoint in enumerate(waypoints):
+        if not isinstance(waypoint, Waypoint):
+            raise InvalidInput(f"waypoint {i} is {plain(waypoint, 80)}; {allowed}")
+
+
 def timed_positions(waypoints: Sequence[Waypoint]) -> tuple[Array, Array]:
     """Check and stack times, shape (w,), and positions, shape (w, n).
 
     Raises:
-        InvalidInput: If there are too few or too many, times do not increase from 0, or positions
-            differ in length or are not finite.
+        InvalidInput: If these are no waypoints, there are too few or too many, times do not
+            increase from 0, or positions differ in length or are not finite.
     """
+    check_kind(waypoints)
     if not 2 <= len(waypoints) <= MAX_WAYPOINTS:
         raise InvalidInput(f"{len(waypoints)} waypoints; allowed: 2 to {MAX_WAYPOINTS}")
     times = np.array([w.time for w in waypoints], float)

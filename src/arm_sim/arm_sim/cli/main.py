@@ -24,9 +24,29 @@ from arm_sim.cli.sweep import sweep
 from arm_sim.cli.urdf import urdf
 from arm_sim.cli.view import view
 
+SECTIONS = {
+    "Demo": (demo,),
+    "Nodes": (sim, dynamics, controller),
+    "A running arm": (go, set_, get, watch, call),
+    "Scenes": (describe, urdf, build, view),
+    "Studies": (sweep,),
+    "Identification": (excite, identify, identify_drive, compare),
+    "Recordings": (record, replay, plot),
+    "Shell": (completion,),
+}
+"""All commands by subject, as the help of the script ./arm lists them."""
+
 
 class Suite(Commands):
     """A group whose commands report errors of the suite as one line."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands by subject, each with its first sentence in full."""
+        for title, commands in SECTIONS.items():
+            with formatter.section(title):
+                formatter.write_dl(
+                    [(str(x.name), x.get_short_help_str(limit=1000)) for x in commands]
+                )
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; errors of the suite become a message and exit status 1."""
@@ -71,11 +91,6 @@ def main() -> None:
     """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
-COMMANDS = (
-    demo, describe, build, call, view, plot, record, replay, dynamics, sim,
-    controller, go, set_, get, watch, urdf, excite,
-    compare, identify, identify_drive, sweep,
-    completion,
-)  # fmt: skip
-for command in COMMANDS:
-    main.add_command(command)
+for commands in SECTIONS.values():
+    for command in commands:
+        main.add_command(command)

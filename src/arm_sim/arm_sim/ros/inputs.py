@@ -23,6 +23,7 @@ from arm_dynamics.ros.joint_state import (
     Numbers,
     make_reader,
 )
+from arm_sim.inputs import clipped
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.latency import RoundTrip
@@ -180,12 +181,9 @@ class Inputs:
 
     def _cut(self, tau: Numbers) -> Numbers:
         """Clip efforts to their limits, with a warning."""
-        limits, model = self._limit, self._model
+        limits = self._limit
         joint = next(i for i, limit in enumerate(limits) if abs(tau[i]) > limit)
-        self._warn(
-            f"effort {tau[joint]:.6g} of joint '{model.joint_names[joint]}' is beyond its "
-            f"limit {limits[joint]:.6g} {model.command_unit[joint]} and is clipped to it"
-        )
+        self._warn(clipped(self._model, joint, tau[joint]))
         pairs = zip(tau, limits, strict=True)
         return tuple(x if abs(x) <= limit or x != x else copysign(limit, x) for x, limit in pairs)
 

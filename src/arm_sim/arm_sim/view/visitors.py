@@ -5,12 +5,14 @@ A browser lets every page connect to servers of its own machine. It sends the pa
 ``Origin`` (RFC 6455, section 10.2), so a connection is accepted only if that is the requested
 address. A site whose name resolves to this machine (DNS rebinding) passes that check; its name is
 in ``Host``, which must be an address, this machine's name, or the one that the server was given.
-Programs other than browsers send no origin, and are accepted.
+Programs other than browsers send no origin, and are accepted; of what speaks no HTTP, such as a
+scan of ports, one line is logged.
 """
 
 from __future__ import annotations
 
 import contextlib
+import logging
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -21,6 +23,7 @@ from urllib.parse import SplitResult, urlsplit
 
 _PORTS = {"http": 80, "https": 443}
 _starting = threading.Lock()
+_log = logging.getLogger(__name__)
 
 
 def refusal(asked: str | None, origin: str | None, host: str) -> str:
@@ -69,26 +72,39 @@ def _same(site: SplitResult, address: SplitResult) -> bool:
 def refusing(host: str) -> Iterator[None]:
     """Within the block, a server of viser that starts applies ``refusal``.
 
-    Viser has no option for such a check in its connection library, so the function that starts
-    that library is replaced within the block.
+    Viser has no option for such a check in its connection library, nor for where that logs, so the
+    function that starts that library is replaced within the block.
 
     Args:
         host: Address that it listens on.
     """
     import websockets.asyncio.server as library
 
+    _log.addFilter(_brief)
     with _starting:
         usual: Any = library.serve
 
         def serve(handler: Any, *where: Any, process_request: Any = None, **options: Any) -> Any:
             check = _checked(process_request, host)
-            return usual(handler, *where, process_request=check, **options)
+            return usual(handler, *where, process_request=check, logger=_log, **options)
 
         library.serve = serve
         try:
             yield
         finally:
             library.serve = usual
+
+
+def _brief(record: logging.LogRecord) -> bool:
+    """Shorten the report of a visitor that speaks no HTTP, which the library logs with a trace."""
+    from websockets.exceptions import InvalidHandshake
+
+    error = record.exc_info[1] if record.exc_info else None
+    if isinstance(error, InvalidHandshake | EOFError | ConnectionError):
+        record.msg, record.args = "a visitor of the view spoke no HTTP: %s", (error,)
+        record.levelno, record.levelname = logging.INFO, logging.getLevelName(logging.INFO)
+        record.exc_info = None
+    return record.levelno >= _log.getEffectiveLevel()
 
 
 def _checked(answer: Callable[[Any, Any], Any] | None, host: str) -> Callable[[Any, Any], Any]:

@@ -251,6 +251,18 @@ def test_motions_below_breakaway_determine_stiffness_and_not_sliding_friction() 
     assert {"coulomb", "stribeck_velocity"} <= set(found.missing)
 
 
+@pytest.mark.parametrize("column", ["torque", "position"])
+def test_samples_that_are_missing_or_do_not_vary_are_refused(column: str) -> None:
+    t = DT * np.arange(20)
+    columns = {"torque": np.sin(t), "position": np.cos(t)}
+    gap = columns[column].copy()
+    gap[7] = np.nan
+    with pytest.raises(InvalidInput, match=f"{column} is missing in some samples"):
+        SmallMotion.of(t, **columns | {column: gap})
+    with pytest.raises(InvalidInput, match=f"{column} does not vary"):
+        SmallMotion.of(t, **columns | {column: np.ones(20)})
+
+
 def test_guesses_of_other_names_are_refused() -> None:
     with pytest.raises(InvalidInput, match="unknown parameter sigma; allowed: inertia, sigma0"):
         identify_bristles([lugre_record(4, 0.3, 2, 16)], {"sigma": 1.0})

@@ -94,11 +94,18 @@ class Goals:
         self._model, self._limits, self._log = model, limits, log
         self.planner = Background("planner", planned)
 
-    def hold(self, q: Array) -> None:
-        """Hold position ``q``, shape (n,), and discard goals that are being planned."""
+    def hold(self, q: Array, why: str = "") -> None:
+        """Hold position ``q``, shape (n,), and discard goals; ``why`` tells what ended them."""
+        self.drop(why)
         self.follower = Follower(q, self._limits)
         if self.planner.give_up():
-            self.outcome = "given up, the arm is held where it is"
+            self.outcome = f"given up{why and f', {why}'}; the arm is held where it is"
+
+    def drop(self, why: str) -> None:
+        """Discard the motion, because of ``why``; the arm will be held where it is then."""
+        if self.follower is not None and self.follower.remaining(self.stamp) > 0.0:
+            self.outcome = f"the motion ended, {why}; the arm is held where it is"
+        self.follower = None
 
     def reference(self, stamp: int) -> Reference:
         """The reference at a stamp in [ns]."""

@@ -35,7 +35,7 @@ class ControllerParams(ThreadParams, DescriptionParams):
     )  # fmt: skip
     cartesian_timing: str = parameter(
         "smooth",
-        "smooth, or time_optimal: as fast as joint limits allow (needs the library toppra)",
+        "smooth, or time_optimal: as fast as limits of the joints and their motors allow",
         choices=("smooth", "time_optimal"),
         read_only=False,
     )

@@ -240,7 +240,7 @@ class TrajectoryAction:
         errors = active.tolerances.errors(reference, state.q, state.v)
         message.desired = _point(reference.q, reference.v, reference.a)
         message.actual, message.error = _point(state.q, state.v), _point(*errors)
-        since = to_time(max(0, stamp - active.start))
+        since = to_time(stamp - active.start)
         for point in (message.desired, message.actual, message.error):
             point.time_from_start.sec, point.time_from_start.nanosec = since.sec, since.nanosec
         return message

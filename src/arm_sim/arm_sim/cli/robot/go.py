@@ -175,10 +175,10 @@ def _lead(
     except KeyboardInterrupt:
         raise Missed("no longer waiting; the arm continues to its goal") from None
     if controller.replaced:
-        raise Missed(
-            "goal not reached: another goal has replaced it, or time or a joint jumped and the "
-            f"controller holds the arm; its message: {controller.words}"
-        )
+        words = controller.words or "the controller holds the arm"
+        another = words.startswith(("following", "planning"))
+        cause = f"another goal has replaced it, {words}" if another else words
+        raise Missed(f"goal not reached: {cause}")
     if not error <= tolerance:
         off, allowed = number(error, 3), number(tolerance, 3)
         raise Missed(f"stopped short: {joint} is off by {off}, more than {allowed}")

@@ -227,7 +227,6 @@ class Found:
         messages: Of each requested channel: position in the file, log time in [ns], and data of
             every message.
         damage: Description of unreadable parts.
-        holes: Positions in the file at which messages are missing.
     """
 
     topics: dict[int, tuple[str, str]] = field(default_factory=dict)
@@ -235,7 +234,6 @@ class Found:
     facts: dict[str, dict[str, str]] = field(default_factory=dict)
     messages: dict[int, list[tuple[int, int, bytes]]] = field(default_factory=dict)
     damage: list[str] = field(default_factory=list)
-    holes: list[int] = field(default_factory=list)
     count: int = 0
 
     def of(self, kind: str) -> dict[str, list[tuple[int, int, bytes]]]:
@@ -289,7 +287,6 @@ class Found:
                 data = _unpacked(records.Chunk.read(_stream(raw[start:end])))
             except (ValueError, RuntimeError, zstandard.ZstdError, struct.error) as error:
                 self.damage.append(f"a chunk at byte {start} is damaged: {error}")
-                self.holes.append(self.count)
                 return
             for inner, first, last in _pieces(data):
                 self._take_small(data, inner, first, last, schemas, wanted)
