@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection
 from enum import IntFlag
 from functools import cached_property
@@ -19,7 +20,7 @@ from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel, arm_model
-from arm_dynamics.model.regularity import check_regular, some_positions
+from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
 from arm_dynamics.scene.load import SceneSource
 
 
@@ -37,6 +38,7 @@ class Term(IntFlag):
     ALL = 31
 
 
+_log = logging.getLogger(__name__)
 _BITS = tuple(int(term) for term in Term)
 _WEIGHTLESS = np.zeros(3)
 
@@ -65,6 +67,7 @@ class Dynamics:
         self._at_rest = AtRest(self.steady_friction)
         self._gravity = np.array(self.model.scene.gravity)
         self._regular = False  # checked when accelerations are first requested
+        self._silent = not self.model.massless  # said when torques are first requested
 
     @property
     def n(self) -> int:
@@ -96,6 +99,7 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
+        self._say_massless()
         inertia, coriolis, gravity, friction, spring = _chosen(terms)
         q, v, a = vectors(self.joint_names, q=q, v=v, a=a)
         moving = v if coriolis else np.zeros_like(v)
@@ -108,6 +112,12 @@ class Dynamics:
         sliding = np.sign(v) if self.steady_friction.has_dry else v
         needed: Array = self.steady_friction.demanded(tau, v, sliding, q)
         return needed
+
+    def _say_massless(self) -> None:
+        """Warn once if all torques of gravity and inertia are zero since nothing has mass."""
+        if not self._silent:
+            self._silent = True
+            _log.warning("robot '%s': %s", self.model.pin.name, MASSLESS)
 
     def command(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Commands that produce a motion, in units of ``model.command_unit``, with rigid drives.
@@ -196,6 +206,7 @@ class Dynamics:
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques G(q) that balance the arm's weight, in [N m] or [N], shape of ``q``."""
+        self._say_massless()
         (q,) = vectors(self.joint_names, q=q)
         return self._rigid.gravity(q)
 
