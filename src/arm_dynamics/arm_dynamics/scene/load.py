@@ -13,6 +13,7 @@ from typing import Any
 
 from arm_dynamics.exceptions import SceneError, known_names, plain
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
+from arm_dynamics.scene.effect import check_effect
 from arm_dynamics.scene.files import find_file, find_scene
 from arm_dynamics.scene.imperfections import check_sensors
 from arm_dynamics.scene.lines import in_file, parsed
@@ -178,6 +179,7 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
         _check_follower(scene, name, rule.leader)
     for name in scene.robot.lock:
         _check_locked(scene, name)
+    check_effect(scene, urdf)
 
 
 def _check_hold(scene: Scene, urdf: Urdf) -> None:

@@ -6,7 +6,7 @@ checks what they mean. Depends on neither Pinocchio nor CasADi.
 """
 
 from arm_dynamics.scene.urdf.description import Mimic, Urdf, read_urdf
-from arm_dynamics.scene.urdf.plain import MOVING, SUPPORTED, floats
+from arm_dynamics.scene.urdf.plain import MOVING, NO_LIMIT, SUPPORTED, floats
 from arm_dynamics.scene.urdf.xml import xml_root
 
-__all__ = ["MOVING", "SUPPORTED", "Mimic", "Urdf", "floats", "read_urdf", "xml_root"]
+__all__ = ["MOVING", "NO_LIMIT", "SUPPORTED", "Mimic", "Urdf", "floats", "read_urdf", "xml_root"]

@@ -20,6 +20,7 @@ from arm_dynamics.scene.urdf.plain import (
     SUPPORTED,
     TENSOR,
     Notes,
+    is_limited,
     plain_joint,
     plain_link,
 )
@@ -53,6 +54,7 @@ class Urdf:
         joints: Type of every joint by name.
         links: Names of the links.
         mimics: Follower rules by joint name.
+        limited: Joints with a position limit.
         doubtful: Links whose inertia is not physically consistent, and why; it is used unchanged.
         notes: Remarks on what is unusual, each with the places where it is.
     """
@@ -61,6 +63,7 @@ class Urdf:
     joints: dict[str, str]
     links: tuple[str, ...]
     mimics: dict[str, Mimic]
+    limited: frozenset[str]
     doubtful: dict[str, str]
     notes: Notes
 
@@ -68,6 +71,13 @@ class Urdf:
     def moving(self) -> list[str]:
         """Names of the joints that are not fixed."""
         return [name for name, kind in self.joints.items() if kind in MOVING]
+
+    def leader(self, name: str) -> str:
+        """The joint that ``name`` follows in the end; itself if it is independent."""
+        seen = {name}
+        while name in self.mimics and (above := self.mimics[name].leader) not in seen:
+            seen.add(name := above)
+        return name
 
     @property
     def frames(self) -> list[str]:
@@ -102,7 +112,8 @@ def read_urdf(text: str) -> Urdf:
     doubtful = {name: trouble for name, trouble in faults.items() if trouble}
     mimics = _mimics(joints, kinds)
     anew = _written(robot, [*links.values(), *joints.values()], notes)
-    return Urdf(anew, kinds, tuple(links), mimics, doubtful, notes)
+    limited = frozenset(name for name, joint in joints.items() if is_limited(joint))
+    return Urdf(anew, kinds, tuple(links), mimics, limited, doubtful, notes)
 
 
 def _written(

@@ -42,6 +42,8 @@ _NOT_NEGATIVE = {
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 _LARGEST = sys.float_info.max
+NO_LIMIT = 1e15
+"""A position limit beyond this, in [rad] or [m], means no limit."""
 
 type Notes = dict[str, list[str]]
 """Remarks on what is unusual, each with the places where it is."""
@@ -95,6 +97,15 @@ def plain_joint(joint: ElementTree.Element, notes: Notes) -> ElementTree.Element
         losses.attrib.update(damping="0.0", friction="0.0")
         _note(notes, "<dynamics> without damping and friction: both are taken as 0", owner)
     return copy
+
+
+def is_limited(joint: ElementTree.Element) -> bool:
+    """Whether the copy of a joint has a position limit; equal ones mean none."""
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") == "continuous":
+        return False
+    lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
+    return lower != upper and min(abs(lower), abs(upper)) <= NO_LIMIT
 
 
 def _note(notes: Notes, remark: str, place: str) -> None:
