@@ -222,8 +222,11 @@ class Simulator:
 
     @property
     def dynamics(self) -> Dynamics:
-        """Numeric dynamics of the arm with the current tuning, by Pinocchio."""
-        return self._compiled.present.at(self._stepper.p)
+        """Numeric dynamics of the arm as it is now, by Pinocchio.
+
+        Under its current gravity, payloads, viscous friction, external torques and constraints.
+        """
+        return self._compiled.present.tuned(self._stepper.p)
 
     @property
     def energy_account(self) -> EnergyAccount:

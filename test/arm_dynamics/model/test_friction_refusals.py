@@ -108,27 +108,38 @@ def test_a_follower_has_no_sides(key: str) -> None:
 SILENT: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
     "a fall without a level at rest": (
         {"coulomb": 1.0, "stribeck_velocity": 0.1},
-        "stribeck_velocity' is without effect: friction falls from 'static' to 'coulomb'",
+        "stribeck_velocity' = 0.1 is without effect: friction falls from 'static' to 'coulomb'",
         {"static": 1.1},
+    ),
+    "a fall between equal levels": (
+        {"coulomb": 1.0, "static": 1.0, "stribeck_velocity": 0.1},
+        "stribeck_velocity' = 0.1 is without effect: friction falls from 'static' to 'coulomb': "
+        "another 'static' is expected",
+        {"static": 1.1},
+    ),
+    "a fall between levels that are equal on each side": (
+        {"coulomb": UNEQUAL, "static": UNEQUAL, "stribeck_velocity": 0.1},
+        "stribeck_velocity' = 0.1 is without effect",
+        {"static": 2.1},
     ),
     "a fall of bristles": (
         {"coulomb": 1.0, "stribeck_velocity": 0.1} | LUGRE,
-        "stribeck_velocity' is without effect",
+        "stribeck_velocity' = 0.1 is without effect",
         {"static": 1.1},
     ),
     "a factor of nothing by position": (
         {"coulomb": 0.0} | WAVY,
-        "position' is without effect: it multiplies dry friction",
+        "position' = {'at': (0.0, 1.0), 'factor': (1.0, 2.0)} is without effect: it multiplies",
         {"coulomb": 0.1},
     ),
     "a factor of nothing by load": (
         {"coulomb": 0.0} | LOAD,
-        "load' is without effect: it multiplies dry friction",
+        "load' = {'at': (0.0, 10.0), 'factor': (1.0, 1.1)} is without effect: it multiplies",
         {"coulomb": 0.1},
     ),
     "fading of no damping": (
         {"coulomb": 1.0, "lugre": {"sigma0": 1e4, "sigma1_velocity": 0.1}},
-        "lugre.sigma1_velocity' is without effect: the damping that it fades, 'sigma1', is 0",
+        "lugre.sigma1_velocity' = 0.1 is without effect: the damping that it fades, 'sigma1',",
         {"lugre": {"sigma0": 1e4, "sigma1": 1.0, "sigma1_velocity": 0.1}},
     ),
 }

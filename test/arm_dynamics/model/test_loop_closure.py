@@ -3,14 +3,19 @@
 
 from __future__ import annotations
 
+import logging
+import re
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import models
 from arm_dynamics import ArmModel, ConstraintError, Dynamics, InvalidInput, SceneError, load_scene
+from arm_dynamics.model import Closure
 from arm_sim import Simulator
+from models import loops
 from tolerances import CLOSURE, assert_close
 
 TWO_LINK = str(models.SCENES / "two_link.urdf")
@@ -257,3 +262,63 @@ def test_where_a_held_speed_leaves_none_it_is_named() -> None:
 def test_what_cannot_be_held_is_refused(scene: dict[str, Any], said: str) -> None:
     with pytest.raises(SceneError, match=said):
         load_scene(scene)
+
+
+# --- singular starts ---------------------------------------------------------------------------
+
+
+def offered(words: str) -> dict[str, float]:
+    """The positions that a message offers."""
+    written = re.search(r"initial: (\{position: \{.*?\}\})", words)
+    assert written is not None
+    found: dict[str, float] = yaml.safe_load(written[1])["position"]
+    return found
+
+
+NEAR = {"type": "point", "name": "nail", "points": [[0, 0, 0], [0.5, 0, 0]], **TIP}
+
+
+@pytest.mark.parametrize("hold", [[], ["shoulder"]])
+def test_a_default_start_that_is_singular_says_so_and_offers_another(hold: list[str]) -> None:
+    """Stretched, no motion of the two joints brings the tip nearer to a nail on their line."""
+    held = {**NEAR, "type": "distance", "points": [[0, 0, 0], [0, 0, 0]], "distance": 0.5}
+    with pytest.raises(
+        ConstraintError,
+        match="'nail' by 0.56.* the start is singular; from initial: .* they can be",
+    ) as e:
+        Dynamics(robot(held, initial={"hold": hold}))
+    start = offered(str(e.value))
+    assert [start[name] for name in hold] == [0.0] * len(hold)
+    model = Dynamics(robot(held, initial={"position": start, "hold": hold})).model
+    np.testing.assert_allclose(model.q0, list(start.values()), atol=1e-5)
+
+
+def test_what_closes_nowhere_offers_nothing() -> None:
+    far = {**NEAR, "points": [[0, 0, 0], [5, 0, 0]]}
+    with pytest.raises(ConstraintError, match="is the position too far off\\?$"):
+        Dynamics(robot(far))
+
+
+def test_a_linkage_that_starts_flat_is_told_and_offered_a_start_that_is_not(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A flat parallelogram may go on as one, or as a crossed linkage."""
+    scene = loops.chain(1)
+    flat = {"crank0_joint": 1.0, "coupler0_joint": -1.0, "rocker0_joint": 1.0}
+    flat = {name: turn * np.pi / 2 for name, turn in flat.items()}
+    with caplog.at_level(logging.WARNING):
+        Dynamics({**scene, "initial": {"position": flat}})
+    assert "the start is singular: the joints can move in more ways there" in caplog.text
+    start = offered(caplog.text)
+    caplog.clear()
+    model = Dynamics({**scene, "initial": {"position": start}}).model
+    assert not caplog.records
+    assert not Closure(model, model.stops).is_singular(model.q0)
+
+
+@pytest.mark.parametrize("name", models.HELD)
+def test_ready_linkages_start_where_they_are_not_singular(
+    name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    ArmModel(models.scene(name))
+    assert "singular" not in caplog.text

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import numpy as np
@@ -121,3 +122,32 @@ def test_kinetic_energy_that_is_negative_is_refused() -> None:
         check_regular(np.array([[[1, 0, 0], [0, 1, 2], [0, 2, 1.0]]]), NAMES)
     with pytest.raises(ModelError, match="^joint 'b' moves no mass"):
         check_regular(np.diag([1.0, -0.1, 1.0])[None], NAMES)
+
+
+def test_an_arm_without_any_mass_says_once_that_its_torques_are_zero(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    dyn = Dynamics(arm(NONE, NONE, NONE))
+    with caplog.at_level(logging.WARNING):
+        for _ in range(2):
+            assert not dyn.gravity(np.ones(3)).any()
+            assert not dyn.inverse(np.ones(3), np.zeros(3), np.ones(3)).any()
+    assert len(caplog.records) == 1
+    assert "no link has mass or inertia" in caplog.text
+    assert "<inertial> in the URDF, the scene payloads, or its joints an armature" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"payloads": [{"frame": "link1", "mass": 1.0}]},
+        {"joints": {"joint1": {"armature": 0.1}}},
+    ],
+)
+def test_any_inertia_is_enough_to_say_nothing(
+    more: dict[str, Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    dyn = Dynamics({"robot": {"urdf": arm(NONE, NONE, NONE)}, **more})
+    with caplog.at_level(logging.WARNING):
+        dyn.inverse(*np.ones((3, 3)))
+    assert not caplog.records

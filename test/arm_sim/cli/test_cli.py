@@ -247,6 +247,34 @@ def test_describe_reports_a_start_at_a_stop() -> None:
     assert re.search("starts at its stop: panda_joint4, panda_finger_joint1;", said)
 
 
+MASS = re.compile("<inertial>.*?</inertial>", re.DOTALL)
+
+
+def test_an_arm_without_mass_is_described(tmp_path: Path) -> None:
+    text = MASS.sub("", (models.FOLDER / "planar_3r.urdf").read_text())
+    (tmp_path / "arm.urdf").write_text(text)
+    result = run("describe", str(tmp_path / "arm.urdf"))
+    assert result.exit_code == 0
+    for joint in ("joint1", "joint2", "joint3"):
+        assert re.search(rf"{joint} +revolute +0 +-", result.output)
+    assert "0 kg moving" in result.output
+    assert "not simulated: no link has mass or inertia" in result.output
+    assert "its joints an armature" in result.output
+    told = json.loads(run("describe", str(tmp_path / "arm.urdf"), "--json").output)
+    assert [joint["name"] for joint in told["joints"]] == ["joint1", "joint2", "joint3"]
+    assert "no link has mass" in told["not_simulated"]
+    assert "operations" not in told
+
+
+def test_an_arm_with_a_joint_that_moves_no_mass_is_described(tmp_path: Path) -> None:
+    text = (models.FOLDER / "planar_3r.urdf").read_text()
+    last = MASS.findall(text)[-1]
+    (tmp_path / "arm.urdf").write_text(text.replace(last, ""))
+    said = run("describe", str(tmp_path / "arm.urdf")).output
+    assert re.search(r"joint3 +revolute", said)
+    assert re.search("not simulated: .*arm.urdf: joint 'joint3' moves no mass", said)
+
+
 # --- the motion of the demo --------------------------------------------------------------------
 
 

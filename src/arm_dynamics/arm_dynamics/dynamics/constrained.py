@@ -59,7 +59,12 @@ class Constrained:
         return tuple(np.repeat(rows.names, rows.counts).tolist())
 
     def forward(
-        self, q: Array, v: Array, tau: Array, active: Collection[str] | None = None
+        self,
+        q: Array,
+        v: Array,
+        tau: Array,
+        active: Collection[str] | None = None,
+        external: Array | float = 0.0,
     ) -> tuple[Array, Array]:
         """Accelerations and multipliers of τ = M a + C v + G + S + F + Aᵀλ under A a + Ȧ v = 0.
 
@@ -71,6 +76,7 @@ class Constrained:
             v: Joint velocities in [rad/s] or [m/s], likewise.
             tau: Joint torques in [N m] or [N], likewise.
             active: Names of the active constraints; None for the initially active ones.
+            external: Torques that act on the links, beside the drives', shape (n,).
 
         Returns:
             Accelerations, shape of the arguments, and λ in [N] and [N m], shape (m,) or (k, m): of
@@ -80,14 +86,15 @@ class Constrained:
             InvalidInput: If a shape, value or name is not allowed.
         """
         if q.ndim == 1:
-            a, lam = self.forward(q[None], v[None], tau[None], active)
+            a, lam = self.forward(q[None], v[None], tau[None], active, external)
             return a[0], lam[0]
         names = self.closure.chosen(active)
-        a, lam = self._moving(q, v, tau, names)
+        a, lam = self._moving(q, v, tau, names, external)
         rows = np.flatnonzero(self._at_rest.resting(v).any(axis=1))
         if len(rows):
             shares = np.isin(self.names, names)
-            a[rows], lam[np.ix_(rows, shares)] = self._begun(q[rows], v[rows], tau[rows], names)
+            begun = self._begun(q[rows], v[rows], tau[rows], names, external)
+            a[rows], lam[np.ix_(rows, shares)] = begun
         return a, lam
 
     def without_sticking(
@@ -99,7 +106,9 @@ class Constrained:
             return a[0], lam[0]
         return self._moving(q, v, tau, self.closure.chosen(active))
 
-    def inverse(self, q: Array, v: Array, a: Array, lam: ArrayLike) -> Array:
+    def inverse(
+        self, q: Array, v: Array, a: Array, lam: ArrayLike, external: Array | float = 0.0
+    ) -> Array:
         """Torques M a + C v + G + S + F + Aᵀλ for a motion and constraint forces λ.
 
         Args:
@@ -107,6 +116,7 @@ class Constrained:
             v: Joint velocities in [rad/s] or [m/s], likewise.
             a: Joint accelerations in [rad/s²] or [m/s²], likewise.
             lam: Multipliers as ``forward`` gives them, shape (m,) or (k, m).
+            external: Torques that act on the links, beside the drives', shape (n,).
 
         Returns:
             Torques in [N m] or [N], shape of ``q``.
@@ -117,15 +127,20 @@ class Constrained:
         multipliers = self._checked("lam", lam, self.m, q)
         rows = self._rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
         reaction = times(_transposed(rows[..., :-1]), multipliers)
-        needed = self._rigid.frictionless(q, v, a) + reaction
+        needed = self._rigid.frictionless(q, v, a) + reaction - external
         tau: Array = self._friction.demanded(needed, v, np.sign(v), q)
         return tau
 
     def _moving(
-        self, q: Array, v: Array, tau: Array, active: tuple[str, ...]
+        self,
+        q: Array,
+        v: Array,
+        tau: Array,
+        active: tuple[str, ...],
+        external: Array | float = 0.0,
     ) -> tuple[Array, Array]:
         """Accelerations and multipliers of a batch, friction at rest left out."""
-        free = tau - self._friction(v, np.sign(v), q, tau)
+        free = tau - self._friction(v, np.sign(v), q, tau) + external
         parts = [
             self._solved(q[part], v[part], free[part], active)
             for part in (slice(k, k + AT_ONCE) for k in range(0, len(q), AT_ONCE))
@@ -134,12 +149,12 @@ class Constrained:
         return np.concatenate(accelerations), np.concatenate(multipliers)
 
     def _begun(
-        self, q: Array, v: Array, tau: Array, active: tuple[str, ...]
+        self, q: Array, v: Array, tau: Array, active: tuple[str, ...], external: Array | float
     ) -> tuple[Array, Array]:
         """Accelerations and active multipliers of points with joints at rest."""
         M, bias, rows = self._terms(q, v, active)
         rank = self._rank(active, q[0])
-        points = Points(q, v, tau, M, bias, rows[..., :-1], rows[..., -1], rank)
+        points = Points(q, v, tau, M, bias - external, rows[..., :-1], rows[..., -1], rank)
         return self._at_rest.motion(points)
 
     def _terms(self, q: Array, v: Array, active: tuple[str, ...]) -> tuple[Array, Array, Array]:

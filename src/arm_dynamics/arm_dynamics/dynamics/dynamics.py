@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection
+from copy import copy
 from enum import IntFlag
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +21,7 @@ from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel, arm_model
-from arm_dynamics.model.regularity import check_regular, some_positions
+from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
 from arm_dynamics.scene.load import SceneSource
 
 
@@ -37,6 +39,7 @@ class Term(IntFlag):
     ALL = 31
 
 
+_log = logging.getLogger(__name__)
 _BITS = tuple(int(term) for term in Term)
 _WEIGHTLESS = np.zeros(3)
 
@@ -64,7 +67,10 @@ class Dynamics:
         self._rigid = RigidDynamics(self.model)
         self._at_rest = AtRest(self.steady_friction)
         self._gravity = np.array(self.model.scene.gravity)
+        self._external = np.zeros(self.n)
+        self._active: Collection[str] | None = None
         self._regular = False  # checked when accelerations are first requested
+        self._silent = not self.model.massless  # said when torques are first requested
 
     @property
     def n(self) -> int:
@@ -75,6 +81,23 @@ class Dynamics:
     def joint_names(self) -> tuple[str, ...]:
         """Order of every vector."""
         return self.model.joint_names
+
+    def under(self, external: ArrayLike, active: Collection[str] | None = None) -> Self:
+        """The same arm under external joint torques and with other constraints active.
+
+        The torques enter forward dynamics, and inverse dynamics with all terms; they act on the
+        links, behind limits and drives. For the same thread as this object.
+
+        Args:
+            external: External joint torques in [N m] or [N], shape (n,).
+            active: Names of the active constraints; None for the initially active ones.
+
+        Raises:
+            InvalidInput: If a shape or a value is not allowed.
+        """
+        other = copy(self)
+        (other._external,), other._active = vectors(self.joint_names, external=external), active
+        return other
 
     def inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
@@ -96,6 +119,7 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
+        self._say_massless()
         inertia, coriolis, gravity, friction, spring = _chosen(terms)
         q, v, a = vectors(self.joint_names, q=q, v=v, a=a)
         moving = v if coriolis else np.zeros_like(v)
@@ -103,11 +127,19 @@ class Dynamics:
         tau = self._rigid.inverse(q, moving, pushed, self._gravity if gravity else _WEIGHTLESS)
         if spring and self.model.springs:
             tau = tau + self._rigid.spring(q, v)
+        if terms == Term.ALL:
+            tau = tau - self._external
         if not friction:
             return tau
         sliding = np.sign(v) if self.steady_friction.has_dry else v
         needed: Array = self.steady_friction.demanded(tau, v, sliding, q)
         return needed
+
+    def _say_massless(self) -> None:
+        """Warn once if all torques of gravity and inertia are zero since nothing has mass."""
+        if not self._silent:
+            self._silent = True
+            _log.warning("robot '%s': %s", self.model.pin.name, MASSLESS)
 
     def command(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Commands that produce a motion, in units of ``model.command_unit``, with rigid drives.
@@ -141,11 +173,11 @@ class Dynamics:
         """
         q, v, tau = vectors(self.joint_names, q=q, v=v, tau=tau)
         if self.model.scene.bilateral:
-            return self.constrained.forward(q, v, tau)[0]
+            return self.constrained.forward(q, v, tau, self._active, self._external)[0]
         if not self._regular:
             check_regular(self._rigid.mass_matrix(some_positions(self.n)), self.joint_names)
             self._regular = True
-        free = tau - self.steady_friction(v, np.sign(v), q, tau)
+        free = tau - self.steady_friction(v, np.sign(v), q, tau) + self._external
         if self.model.springs:
             free = free - self._rigid.spring(q, v)
         a = self._rigid.forward(q, v, free)
@@ -156,7 +188,7 @@ class Dynamics:
 
     def _begun(self, q: Array, v: Array, tau: Array) -> Array:
         """Accelerations of points at which joints with dry friction are at rest, shape (k, n)."""
-        bias = self._rigid.frictionless(q, v, np.zeros_like(v))
+        bias = self._rigid.frictionless(q, v, np.zeros_like(v)) - self._external
         none = np.zeros((len(q), 0, self.n))
         points = Points(q, v, tau, self._rigid.mass_matrix(q), bias, none, none[..., 0], 0)
         return self._at_rest.motion(points)[0]
@@ -171,14 +203,15 @@ class Dynamics:
     ) -> tuple[Array, Array]:
         """Accelerations and λ of τ = M a + C v + G + S + F + Aᵀλ; see ``Constrained.forward``."""
         q, v, tau = vectors(self.joint_names, q=q, v=v, tau=tau)
-        return self.constrained.forward(q, v, tau, active)
+        active = self._active if active is None else active
+        return self.constrained.forward(q, v, tau, active, self._external)
 
     def constrained_inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, lam: ArrayLike
     ) -> Array:
         """Torques M a + C v + G + S + F + Aᵀλ; see ``Constrained.inverse``."""
         q, v, a = vectors(self.joint_names, q=q, v=v, a=a)
-        return self.constrained.inverse(q, v, a, lam)
+        return self.constrained.inverse(q, v, a, lam, self._external)
 
     def contact_torque(self, q: ArrayLike, wrench: ArrayLike, frame: str | None = None) -> Array:
         """Joint torques Jᵀ f that exert a wrench on the world; see ``constrained``."""
@@ -196,6 +229,7 @@ class Dynamics:
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques G(q) that balance the arm's weight, in [N m] or [N], shape of ``q``."""
+        self._say_massless()
         (q,) = vectors(self.joint_names, q=q)
         return self._rigid.gravity(q)
 

@@ -26,6 +26,7 @@ from arm_dynamics.identification.regression.selection import STEEPEST as IDENTIF
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.friction import STEEPEST, largest_slope
 from arm_dynamics.scene.schema import Scene, validated
+from arm_dynamics.scene.urdf import xml_root
 
 HELD = 1e-3
 """Smallest static friction relative to Coulomb friction: a joint has to be able to rest."""
@@ -44,7 +45,7 @@ def urdf_with(model: ArmModel, theta: Array) -> str:
         theta: Ten inertial parameters of each moving body in its joint's frame, shape
             (10 bodies,).
     """
-    root = ElementTree.fromstring(model.scene.robot.urdf.encode())
+    root = xml_root(model.scene.robot.urdf)
     links = {link.get("name"): link for link in root.findall("link")}
     below: dict[str | None, list[ElementTree.Element]] = {}
     for joint in root.findall("joint"):

@@ -88,7 +88,7 @@ def _carried(model: ArmModel, frame: str) -> tuple[pin.SE3, int]:
             f"unknown frame '{frame}'{did_you_mean(frame, model.frame_names)}; the arm has "
             f"{known_names(model.frame_names)}"
         )
-    found = model.pin.frames[model.pin.getFrameId(frame)]
+    found = model.frame(frame)
     if found.parentJoint == 0:
         raise InvalidInput(f"frame '{frame}' is fixed to the base; a moving frame is expected")
     return found.placement, found.parentJoint - 1

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from copy import copy
 
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.exceptions import SceneError
+from arm_dynamics.exceptions import ConstraintError, SceneError
 from arm_dynamics.model.drive import drives_of
 from arm_dynamics.model.friction import Given, friction_of
 from arm_dynamics.model.loop_closure import Closure
@@ -20,6 +21,8 @@ from arm_dynamics.model.springs import springs_of
 from arm_dynamics.model.stops import ROUNDED, Range, stops_of
 from arm_dynamics.scene.load import SceneSource, load_scene, naming
 from arm_dynamics.scene.schema import Joint, Limits, Scene
+
+_log = logging.getLogger(__name__)
 
 
 class ArmModel(Robot):
@@ -67,7 +70,7 @@ class ArmModel(Robot):
         if scene.bilateral:
             check_regular(RigidTerms(self).mass(q0)[None], self.joint_names)
             closure = Closure(self, self.stops)
-            q0, v0 = closure.closed(q0, v0, hold=self.held_at_start)
+            q0, v0 = self._closed(closure, q0, v0)
             self._refuse(q0, "scene: when its constraints are closed, ")
             self.constraint_rows = closure.independent_rows(q0)
         self.q0, self.v0 = read_only(q0), read_only(v0)
@@ -144,6 +147,33 @@ class ArmModel(Robot):
         nearest, named = self.stops.within(q), [name in given for name in self.joint_names]
         self._refuse(np.where(named, q, nearest), "scene: 'initial.position': ")
         return nearest
+
+    def _closed(self, closure: Closure, q: Array, v: Array) -> tuple[Array, Array]:
+        """The start with its loops closed; offers another one if it is singular.
+
+        Raises:
+            ConstraintError: If they cannot be closed from here.
+        """
+        hold = self.held_at_start
+        try:
+            found, v = closure.closed(q, v, hold=hold)
+        except ConstraintError as error:
+            if (other := closure.other_start(q, hold)) is None:
+                raise
+            kind = "Here the start is singular; from" if closure.is_singular(q) else "From"
+            offer = f"{kind} {self._written(other)} they can be closed"
+            raise ConstraintError(f"{error} {offer}", error.residuals) from None
+        if closure.is_singular(found) and (other := closure.other_start(found, hold)) is not None:
+            _log.warning(
+                "scene: the start is singular: the joints can move in more ways there than "
+                "elsewhere, and the motion may branch; one that is not: %s", self._written(other),
+            )  # fmt: skip
+        return found, v
+
+    def _written(self, q: Array) -> str:
+        """Initial positions as a scene gives them."""
+        pairs = zip(self.joint_names, q, strict=True)
+        return f"initial: {{position: {{{', '.join(f'{name}: {x:.6g}' for name, x in pairs)}}}}}"
 
     def _refuse(self, q: Array, where: str) -> None:
         if refusal := self.stops.refusal(q, self.joint_names):

@@ -20,7 +20,6 @@ from arm_dynamics.equations.constraint import across
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.scene.constraint import (
-    WORLD,
     CouplingConstraint,
     DistanceConstraint,
     FrameBased,
@@ -134,7 +133,8 @@ class ConstraintRows:
         self, name: str, point: tuple[float, float, float]
     ) -> tuple[_Derivatives, _Derivatives, Array]:
         """A point of a frame and the frame's angular velocity, in world axes, and its rotation."""
-        model, data, index = self._robot, self._data, self._index(name)
+        model, data = self._robot, self._data
+        index = model.frame_index(name)
         M, still = data.oMf[index], np.zeros(3)
         if model.pin.frames[index].parentJoint == 0:
             nothing = np.zeros((3, model.n))
@@ -153,14 +153,10 @@ class ConstraintRows:
         )
         return moved, _Derivatives(still, J[3:], w, alpha), M.rotation.copy()
 
-    def _index(self, frame: str) -> int:
-        """Pinocchio's index of a frame; 0 for the world."""
-        return 0 if frame == WORLD else int(self._robot.pin.getFrameId(frame))
-
     def _check_mobile(self, name: str, constraint: FrameBased | CouplingConstraint) -> None:
         if isinstance(constraint, CouplingConstraint):
             return
-        first, second = (self._robot.pin.frames[self._index(f)] for f in constraint.frames)
+        first, second = map(self._robot.frame, constraint.frames)
         if first.parentJoint == second.parentJoint:
             raise SceneError(
                 f"scene: constraint '{name}' connects '{constraint.frames[0]}' to "

@@ -142,6 +142,8 @@ def _drive(where: str, joint: Joint) -> JointDrive | None:
         )
     _check_motor(where, motor)
     if coupling is not None:
+        if coupling.hysteresis and coupling.hysteresis.torque == 0.0:
+            coupling = coupling.model_copy(update={"hysteresis": None})
         _check_coupling(where, coupling, motor)
     return JointDrive(motor, coupling)
 

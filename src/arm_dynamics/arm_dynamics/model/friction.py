@@ -20,6 +20,7 @@ from arm_dynamics.equations import friction, transmission
 from arm_dynamics.equations.elementary import Quantity, choose, size
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import constant
+from arm_dynamics.scene.effect import given
 from arm_dynamics.scene.friction import Friction, Sides, Table, refusal
 
 STEEPEST = 0.5
@@ -390,11 +391,12 @@ def _check_effect(joints: Sequence[Given], coulomb: Sided, static: Sided) -> Non
     ]
     for joint, keys in zip(joints, silent, strict=True):
         for key, why in keys.items():
-            if _is_given(joint.named, key):
-                raise refusal(joint.name, f"{key}' is without effect: {why}")
+            if (value := given(joint.named, key)) is not None:
+                raise refusal(joint.name, f"{key}' = {value!r} is without effect: {why}")
     for key, why in silent[0].items():  # of "*": enough if it affects one joint
         if all(key in keys for keys in silent):
-            raise refusal("*", f"{key}' is without effect: {why}")
+            value = given(joints[0].own, key)
+            raise refusal("*", f"{key}' = {value!r} is without effect: {why}")
 
 
 def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, str]:
@@ -406,24 +408,16 @@ def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, s
         static: Its level at rest, likewise.
     """
     lost = {}
-    if own.static is None and np.array_equal(coulomb, static):
-        lost["stribeck_velocity"] = (
-            "friction falls from 'static' to 'coulomb': 'static' is missing"
+    if np.array_equal(coulomb, static):
+        lost["stribeck_velocity"] = "friction falls from 'static' to 'coulomb': " + (
+            "'static' is missing" if own.static is None else "another 'static' is expected"
         )
     if static[0] == 0.0:
         none = "it multiplies dry friction, and there is no 'coulomb' and no 'static'"
         lost |= {"position": none, "load": none}
     if own.lugre is not None and own.lugre.sigma1 == 0.0:
         lost["lugre.sigma1_velocity"] = "the damping that it fades, 'sigma1', is 0"
-    return {key: why for key, why in lost.items() if _is_given(own, key)}
-
-
-def _is_given(own: Friction, key: str) -> bool:
-    """Whether a key, its parts separated by dots, is given."""
-    said: Any = own
-    for part in key.split("."):
-        said = getattr(said, part, None)
-    return said is not None
+    return {key: why for key, why in lost.items() if given(own, key) is not None}
 
 
 def _column(x: Quantity, i: int) -> Quantity:

@@ -31,6 +31,10 @@ RANK = 1e-9
 TIE = 1e-6
 # Number of positions at which the rank is evaluated, and the step between them.
 SAMPLES, WANDER = 6, 0.2
+# A position whose smallest singular value is below this fraction of the largest is singular.
+SINGULAR = 1e-5
+# Starts that are tried in place of one that is singular, and how far the last ones are from it.
+STARTS, FARTHEST = 30, 1.5
 
 
 @dataclass(frozen=True)
@@ -124,6 +128,45 @@ class Closure:
                 f"no velocities of the other joints satisfy the constraints while {said} is held"
             )
         return q, v
+
+    def is_singular(self, q: Array) -> bool:
+        """Whether the initially active constraints are singular at a position.
+
+        There, fewer rows are independent than at a generic position: a closed linkage may branch,
+        and an open one may not be closable though it is from elsewhere.
+
+        Raises:
+            ConstraintError: If they can be closed neither from here nor were before.
+        """
+        names = self.initially_active
+        rank = self.rank(names, q)
+        s = self.factors(q, self.rows.stacked(q, 0 * q, names).jacobian, rank).s
+        return len(s) < rank or bool(rank and s[-1] < SINGULAR * s[0])
+
+    def other_start(self, q: Array, hold: Sequence[int] = ()) -> Array | None:
+        """A closed position near ``q`` that is not singular, and that the stops allow.
+
+        Args:
+            q: Joint positions, shape (n,).
+            hold: Indices of joints that keep their positions.
+
+        Returns:
+            The first that is found among deterministic random starts, ever farther from ``q``;
+            None if there is none.
+        """
+        rng, names = np.random.default_rng(0), self.initially_active
+        for k in range(STARTS):
+            start = self._stops.within(
+                q + FARTHEST * (k + 1) / STARTS * rng.uniform(-1, 1, len(q))
+            )
+            start[list(hold)] = q[list(hold)]
+            try:
+                found = self._inside_stops(self._closed_position(start, names, hold), names, hold)
+                if not (self._stops.beyond(found) > 0.0).any() and not self.is_singular(found):
+                    return found
+            except ConstraintError:
+                continue
+        return None
 
     def residuals(self, q: Array, active: Collection[str] | None = None) -> dict[str, float]:
         """Residual norm of each constraint in [m] or [rad]."""

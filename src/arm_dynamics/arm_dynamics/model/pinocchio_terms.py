@@ -237,11 +237,10 @@ _REFERENCES = {
 
 
 def _frame_index(model: Robot, frame: str) -> int:
-    movable = [f.name for f in model.pin.frames if f.parentJoint > 0]
+    movable = [name for name in model.frame_names if model.frame(name).parentJoint > 0]
     if frame not in model.frame_names:
         allowed = choices(frame, movable)
         raise InvalidInput(f"frame '{plain(frame, 80)}' does not exist; allowed: {allowed}")
-    index = model.frame_names.index(frame)
-    if model.pin.frames[index].parentJoint == 0:
+    if model.frame(frame).parentJoint == 0:
         raise InvalidInput(f"frame '{frame}' does not move; allowed: {known_names(movable)}")
-    return index
+    return model.frame_index(frame)

@@ -13,6 +13,11 @@ from arm_dynamics.exceptions import ModelError
 _NOTHING = 1e-28  # fraction of the largest inertia that is rounding of zero
 _INVOLVED = 0.1  # smallest rate, relative to the largest, of a joint named in a massless motion
 
+MASSLESS = (
+    "no link has mass or inertia, so there is no gravity and no inertia; give the links "
+    "<inertial> in the URDF, the scene payloads, or its joints an armature"
+)
+
 
 def largest_condition(n: int) -> float:
     """Condition number above which a matrix of n rows is singular to rounding, 1 / (n ε).

@@ -10,7 +10,7 @@ Featherstone, Rigid Body Dynamics Algorithms, 2008, section 3.2).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from typing import Self
 
@@ -19,9 +19,12 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import ModelError, SceneError
+from arm_dynamics.scene.constraint import WORLD
 from arm_dynamics.scene.inertia import inertia_matrix
 from arm_dynamics.scene.schema import Payload, Scene
 from arm_dynamics.scene.urdf import Mimic, Urdf, read_urdf
+
+_UNIQUE = "\0"  # which no name in XML contains
 
 
 class Robot:
@@ -48,13 +51,14 @@ class Robot:
         self.scene = scene
         urdf = read_urdf(scene.robot.urdf)
         self.doubtful = urdf.doubtful
-        self._whole = _parse(scene.robot.urdf)
+        self._whole = _parse(urdf.text)
         self._rules = _resolved(urdf)
         self.locked = _locked_positions(scene, self._rules)
         self.pin = _reduced(self._whole, self.locked)
         self.pin.gravity.linear = np.array(scene.gravity)
         self.bare = self.pin.copy()
-        _weld(self.pin, scene)
+        self._frames = _frames(self.pin)
+        self._weld()
         self._index = velocity_index(self.pin)
         moving = [name for name in self._index if name not in self._rules]
         if not moving:
@@ -80,7 +84,7 @@ class Robot:
         other.bare.gravity.linear = gravity
         other.pin = other.bare.copy()
         other.pin.armature = self.pin.armature
-        _weld(other.pin, other.scene)
+        other._weld()
         return other
 
     @property
@@ -96,12 +100,28 @@ class Robot:
     @property
     def frame_names(self) -> tuple[str, ...]:
         """Frames that a payload, wrench or task may refer to."""
-        return tuple(frame.name for frame in self.pin.frames)
+        return tuple(dict.fromkeys(frame.name for frame in self.pin.frames))
+
+    def frame_index(self, name: str) -> int:
+        """Pinocchio's index of ``world``, a link or a joint; the link where both have the name."""
+        return self._frames[name]
+
+    def frame(self, name: str) -> pin.Frame:
+        """Pinocchio's frame; see ``frame_index``."""
+        return self.pin.frames[self.frame_index(name)]
 
     @property
     def total_mass(self) -> float:
         """Mass of everything that moves, in [kg]."""
         return float(sum(inertia.mass for inertia in list(self.pin.inertias)[1:]))
+
+    @property
+    def massless(self) -> bool:
+        """Whether nothing that moves has mass or inertia, drives included."""
+        bodies = list(self.pin.inertias)[1:]
+        return not self.pin.armature.any() and not any(
+            body.mass or body.inertia.any() for body in bodies
+        )
 
     def configuration(self, q: Array) -> Array:
         """Pinocchio's configuration for joint positions.
@@ -135,6 +155,19 @@ class Robot:
     def gather_matrix(self, matrix: Array) -> Array:
         """``Eᵀ X E`` of shape (…, n, n)."""
         return self.followers.T @ matrix @ self.followers if self.has_followers else matrix
+
+    def _weld(self) -> None:
+        """Attach the scene's payloads."""
+        for i, payload in enumerate(self.scene.payloads):
+            frame = self.frame(payload.frame)
+            if frame.parentJoint == 0:
+                raise SceneError(
+                    f"scene: 'payloads.{i}.frame' = '{payload.frame}': no joint moves that frame, "
+                    "so the payload is without effect"
+                )
+            body = pin.Inertia(payload.mass, np.array(payload.com), np.zeros((3, 3)))
+            body.inertia = inertia_matrix(payload.inertia)  # validated by the scene, to rounding
+            self.pin.appendBodyToJoint(frame.parentJoint, body, frame.placement)
 
 
 def _parse(text: str) -> pin.Model:
@@ -173,10 +206,21 @@ def _locked_positions(scene: Scene, rules: dict[str, Mimic]) -> dict[str, float]
 
 
 def _reduced(whole: pin.Model, locked: dict[str, float]) -> pin.Model:
+    model = whole.copy()
     if not locked:
-        return whole.copy()
+        return model
+    # Pinocchio looks the locked joints up among all frames, where a link may have their name.
+    for frame in _bodies(model):
+        frame.name += _UNIQUE
     reference = configuration_of(whole, locked)
-    return pin.buildReducedModel(whole, [whole.getJointId(name) for name in locked], reference)
+    reduced = pin.buildReducedModel(model, [whole.getJointId(name) for name in locked], reference)
+    for frame in _bodies(reduced):
+        frame.name = frame.name.removesuffix(_UNIQUE)
+    return reduced
+
+
+def _bodies(model: pin.Model) -> Iterator[pin.Frame]:
+    return (frame for frame in model.frames if frame.type == pin.FrameType.BODY)
 
 
 def configuration_of(model: pin.Model, positions: Mapping[str, float]) -> Array:
@@ -191,17 +235,11 @@ def configuration_of(model: pin.Model, positions: Mapping[str, float]) -> Array:
     return np.asarray(q)
 
 
-def _weld(model: pin.Model, scene: Scene) -> None:
-    for i, payload in enumerate(scene.payloads):
-        frame = model.frames[model.getFrameId(payload.frame)]
-        if frame.parentJoint == 0:
-            raise SceneError(
-                f"scene: 'payloads.{i}.frame' = '{payload.frame}': no joint moves that frame, so "
-                "the payload is without effect"
-            )
-        body = pin.Inertia(payload.mass, np.array(payload.com), np.zeros((3, 3)))
-        body.inertia = inertia_matrix(payload.inertia)  # validated by the scene, up to rounding
-        model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
+def _frames(model: pin.Model) -> dict[str, int]:
+    """Indices of the frames by name."""
+    index = {frame.name: i for i, frame in enumerate(model.frames)}
+    links = {frame.name: model.getFrameId(frame.name, frame.type) for frame in _bodies(model)}
+    return {**index, **links, WORLD: 0}
 
 
 def velocity_index(model: pin.Model) -> dict[str, int]:

@@ -14,7 +14,6 @@ from arm_dynamics.equations.spring import Springs, stored, tension
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.tree_builder import frame_of
-from arm_dynamics.scene.constraint import WORLD
 from arm_dynamics.scene.spring import spring_name
 
 
@@ -110,7 +109,7 @@ class SpringTerms:
     def _point(self, frame: str, point: Sequence[float]) -> tuple[Array, Array]:
         """Position of a point of a frame in the world in [m], shape (3,), and its Jacobian."""
         model, data = self._robot.pin, self._data
-        index = 0 if frame == WORLD else model.getFrameId(frame)
+        index = self._robot.frame_index(frame)
         M, axes = data.oMf[index], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         r = M.rotation @ np.array(point)
         J = self._robot.gather(pin.getFrameJacobian(model, data, index, axes).reshape(6, -1))

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.scene.schema import Stop
+from arm_dynamics.scene.urdf import NO_LIMIT
 
-# A limit of the URDF beyond this, in [rad] or [m], means no limit.
-NO_LIMIT = 1e15
 # Tolerance within which a position is at a stop, relative to the larger of it and 1: limits are
 # often written with fewer digits.
 ROUNDED = 1e-9

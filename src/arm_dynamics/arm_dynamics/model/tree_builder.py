@@ -20,7 +20,7 @@ from arm_dynamics.equations.frame import Frame
 from arm_dynamics.equations.tree import Link, Tree, clean, constant, moved, regrouped, skew, sparse
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot
-from arm_dynamics.scene.constraint import WORLD, Contact, CouplingConstraint, FrameConstraint
+from arm_dynamics.scene.constraint import Contact, CouplingConstraint, FrameConstraint
 
 
 def tree_of(robot: Robot, payloads: Sequence[ca.SX] | None = None, regroup: bool = True) -> Tree:
@@ -52,9 +52,7 @@ def gravity_of(robot: Robot) -> ca.SX:
 
 def frame_of(robot: Robot, name: str) -> Frame:
     """Describe a frame or ``world``; one that no joint moves belongs to the ground, link -1."""
-    if name == WORLD:
-        return Frame(-1, np.eye(3), np.zeros(3))
-    frame = robot.pin.frames[robot.pin.getFrameId(name)]
+    frame = robot.frame(name)
     R, p = frame.placement.rotation, frame.placement.translation
     if frame.parentJoint > 0:
         turn, _ = _turn(robot.pin, frame.parentJoint)

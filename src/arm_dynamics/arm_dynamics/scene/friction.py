@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
@@ -70,6 +70,15 @@ class Table(Part):
         return self
 
 
+def _of_sizes(table: Table) -> Table:
+    if table.at[0] < 0.0:
+        raise ValueError(
+            f"at = {table.at[0]:g} is never reached, since the size of the load counts; points "
+            "of at least 0 are expected"
+        )
+    return table
+
+
 class Lugre(Part):
     """LuGre model of the dry friction of a joint, in place of stick-slip events.
 
@@ -107,7 +116,7 @@ class Friction(Part):
     static: Sided | None = None
     stribeck_velocity: Positive | None = None
     position: Table | None = None
-    load: Table | None = None
+    load: Annotated[Table, AfterValidator(_of_sizes)] | None = None
     lugre: Lugre | None = None
 
     @property

@@ -11,8 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from arm_dynamics.exceptions import SceneError, known_names
+from arm_dynamics.exceptions import SceneError, known_names, plain
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
+from arm_dynamics.scene.effect import check_effect
 from arm_dynamics.scene.files import find_file, find_scene
 from arm_dynamics.scene.imperfections import check_sensors
 from arm_dynamics.scene.lines import in_file, parsed
@@ -92,7 +93,7 @@ def scene_from_urdf(text: str) -> Scene:
     Raises:
         ModelError: If the description cannot be used.
     """
-    _warn_of_inertias(read_urdf(text))
+    _warn_of_description(read_urdf(text))
     return validated({"robot": {"urdf": text}})
 
 
@@ -118,14 +119,17 @@ def _complete(data: dict[str, Any], folder: Path) -> Scene:
         with in_file(path):
             urdf = read_urdf(text)
     _check_names(scene, urdf)
-    _warn_of_inertias(urdf)
+    _warn_of_description(urdf)
     _warn_of_units(scene, urdf)
     robot = scene.robot.model_copy(update={"urdf": text})
     return scene.model_copy(update={"robot": robot})
 
 
-def _warn_of_inertias(urdf: Urdf) -> None:
-    """Warn of links whose inertia is not physically consistent."""
+def _warn_of_description(urdf: Urdf) -> None:
+    """Warn of what is unusual, and of links whose inertia is not physically consistent."""
+    for remark, (place, *others) in urdf.notes.items():
+        more = f" (and {known_names(others, 5)})" if others else ""
+        _log.warning("robot description: %s: %s%s", plain(place), remark, more)
     if urdf.doubtful:
         name, trouble = next(iter(urdf.doubtful.items()))
         count = len(urdf.doubtful)
@@ -175,6 +179,7 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
         _check_follower(scene, name, rule.leader)
     for name in scene.robot.lock:
         _check_locked(scene, name)
+    check_effect(scene, urdf)
 
 
 def _check_hold(scene: Scene, urdf: Urdf) -> None:

@@ -56,24 +56,48 @@ def describe(
     SCENE is the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
     The time is measured on this machine.
     """
+    from arm_dynamics import ModelError
+    from arm_dynamics.model.arm import arm_model
+    from arm_dynamics.scene.load import naming
     from arm_sim import Simulator
 
     with waiting(f"building {scene}"):
-        simulator = Simulator(scene, integrator=integrator, dt=dt, tolerance=tolerance)
-        facts_of(simulator)  # number of runs for measuring the time of a tick
+        model = arm_model(scene)
+        try:
+            with naming(scene):
+                simulator = Simulator(model, integrator=integrator, dt=dt, tolerance=tolerance)
+        except ModelError as error:  # some joint moves no mass, but all can be listed
+            _describe_unmoved(model, str(error), as_json)
+            return
+        motion_of(simulator)  # number of runs for measuring the time of a tick
     if as_json:
-        click.echo(json.dumps(facts_of(simulator), indent=1))
+        click.echo(json.dumps({**robot_of(model), **motion_of(simulator)}, indent=1))
         return
     out = console()
-    _show_robot(out, simulator.model)
-    _show_joints(out, simulator.model)
+    _show_robot(out, model)
+    _show_joints(out, model)
     _show_physics(out, simulator, details)
     _show_cost(out, simulator)
 
 
-def facts_of(simulator: Simulator) -> dict[str, Any]:
-    """The same as a dictionary for --json; null for no limit."""
-    model, plan = simulator.model, simulator.plan
+def _describe_unmoved(model: ArmModel, why: str, as_json: bool) -> None:
+    """Show the joints of an arm that cannot be simulated, and why."""
+    from rich.markup import escape
+
+    from arm_dynamics.model.regularity import MASSLESS
+
+    why = MASSLESS if model.massless else why
+    if as_json:
+        click.echo(json.dumps({**robot_of(model), "not_simulated": why}, indent=1))
+        return
+    out = console()
+    _show_robot(out, model)
+    _show_joints(out, model)
+    out.print(f"[yellow]not simulated:[/] {escape(why)}")
+
+
+def robot_of(model: ArmModel) -> dict[str, Any]:
+    """The robot as a dictionary for --json; null for no limit."""
     columns = {
         "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
         "velocity_limit": model.velocity_limit, "effort_limit": model.effort_limit,
@@ -87,9 +111,17 @@ def facts_of(simulator: Simulator) -> dict[str, Any]:
     ]  # fmt: skip
     return {
         "robot": model.pin.name, "mass": model.total_mass, "gravity": list(model.scene.gravity),
-        "locked": list(model.scene.robot.lock), "joints": joints, "dt": simulator.dt,
+        "locked": list(model.scene.robot.lock), "joints": joints,
         "frames": list(model.frame_names),
-        "integrator": simulator.choice.method.name, "tolerance": simulator.choice.tolerance,
+    }  # fmt: skip
+
+
+def motion_of(simulator: Simulator) -> dict[str, Any]:
+    """What computes its motion, likewise."""
+    plan = simulator.plan
+    return {
+        "dt": simulator.dt, "integrator": simulator.choice.method.name,
+        "tolerance": simulator.choice.tolerance,
         "reason": plan.reason, "algorithm": plan.algorithm, "backend": plan.backend,
         "operations": plan.operations, "nanoseconds": plan.nanoseconds,
         "computed": {part.name: part.why for part in plan.parts if part.on},

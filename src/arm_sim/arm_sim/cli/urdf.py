@@ -55,7 +55,9 @@ def with_hardware(model: ArmModel, command: str, topics: dict[str, str]) -> str:
 
     Source: README of joint_state_topic_hardware_interface (ros-controls).
     """
-    robot = ElementTree.fromstring(model.scene.robot.urdf)
+    from arm_dynamics.scene.urdf import xml_root
+
+    robot = xml_root(model.scene.robot.urdf)
     for other in robot.findall("ros2_control"):  # remove the tag of the real robot's hardware
         robot.remove(other)
     tag = ElementTree.SubElement(robot, "ros2_control", name="arm", type="system")

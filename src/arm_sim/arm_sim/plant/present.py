@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm under current tunable quantities: gravity, payloads and viscous friction."""
+"""The arm under current tunable quantities: numeric dynamics by Pinocchio."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene.schema import Payload
+from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 
 OF_THE_ARM = ("gravity", "payload", "friction")
-"""Tunable quantities on which the dynamics of the arm depend."""
+"""Tunable quantities on which the model of the arm depends."""
+FROM_OUTSIDE = ("external", "constraints")
+"""Those that act on an arm."""
 KEPT = 8
 """Number of cached dynamics, since a motion may alternate between a few."""
 
@@ -29,8 +32,18 @@ class PresentDynamics:
         self._columns = np.r_[*(place for place in places if place is not None), 0:0]
         self._made = {self._key(plant.parameters.nominal): Dynamics(plant.model)}
 
+    def tuned(self, p: Array) -> Dynamics:
+        """The dynamics under all of p, shape (np,): external torques and switches included."""
+        parameters, dynamics = self._plant.parameters, self.at(p)
+        places = [place for name in FROM_OUTSIDE if (place := parameters.place(name)) is not None]
+        if all(np.array_equal(p[place], parameters.nominal[place]) for place in places):
+            return dynamics
+        outside = parameters.of("external", p)
+        torques = outside if outside.size else np.zeros(self._plant.model.n)
+        return dynamics.under(torques, holding(self._plant, p))
+
     def at(self, p: Array) -> Dynamics:
-        """The dynamics under p, shape (np,); the same object for the same numbers."""
+        """The dynamics of the arm itself under p; the same object for the same numbers."""
         key, made = self._key(p), self._made
         if key not in made:
             dynamics = Dynamics(model_under(self._plant, p))

@@ -158,7 +158,7 @@ class Recording(Contents):
     @property
     def dynamics(self) -> Dynamics:
         """The arm's dynamics at the end of the run."""
-        return self._known.present.at(self.p[-1])
+        return self._known.present.tuned(self.p[-1])
 
     @property
     def _known(self) -> Physics:

@@ -342,7 +342,7 @@ class Bench:
 
     def _add_push(self, rig: Rig, actor: Actor) -> None:
         gui, model = self._server.gui, rig.simulation.model
-        frames = [frame.name for frame in model.pin.frames if frame.parentJoint > 0]
+        frames = [name for name in model.frame_names if model.frame(name).parentJoint > 0]
         hand = actor.marker.hand
         with gui.add_folder(f"Push {actor.name}", expand_by_default=False):
             frame = gui.add_dropdown("frame", frames, initial_value=hand)

@@ -15,7 +15,6 @@ from arm_dynamics.equations.constraint import across
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.scene.constraint import (
-    WORLD,
     CouplingConstraint,
     DistanceConstraint,
     FrameBased,
@@ -84,7 +83,7 @@ class Marker:
     def __init__(self, model: ArmModel, hand: str | None = None) -> None:
         self.model, self._data = model, model.pin.createData()
         self.hand = outermost(model) if hand is None else hand
-        self._hand = model.pin.getFrameId(self.hand)
+        self._hand = model.frame_index(self.hand)
         self._rows = ConstraintRows(model) if model.scene.bilateral else None
 
     def at(self, instant: Instant) -> Marks:
@@ -112,8 +111,8 @@ class Marker:
 
     def origin(self, frame: str) -> Array:
         """Position of a frame at the last call of ``at``, shape (3,)."""
-        index = self.model.pin.getFrameId(frame)
-        return np.asarray(self._data.oMf[index].translation.copy())
+        place = self._data.oMf[self.model.frame_index(frame)]
+        return np.asarray(place.translation.copy())
 
     def extent(self, q: Array, carried: Iterable[tuple[int, Array]] = ()) -> Array:
         """Points that the arm reaches around at joint positions, shape (k, 3).
@@ -145,7 +144,7 @@ class Marker:
         return np.array(places).reshape(-1, 3)
 
     def _point(self, frame: str, point: Sequence[float]) -> Array:
-        place = self._data.oMf[0 if frame == WORLD else self.model.pin.getFrameId(frame)]
+        place = self._data.oMf[self.model.frame_index(frame)]
         return np.asarray(place.act(np.array(point)))
 
     def _constraint_forces(self, multipliers: Array) -> Array:
@@ -164,7 +163,7 @@ class Marker:
                 continue
             (a, b), (p, r) = constraint.frames, constraint.points
             point, other = self._point(a, p), self._point(b, r)
-            R = self._data.oMf[0 if b == WORLD else self.model.pin.getFrameId(b)].rotation
+            R = self._data.oMf[self.model.frame_index(b)].rotation
             pull = _slope(constraint, R.T @ (point - other))
             marks.append([point, -R @ (pull.T @ own[: len(pull)])])
         return np.array(marks).reshape(-1, 2, 3)

@@ -16,6 +16,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.scene.files import find_file
+from arm_dynamics.scene.urdf import xml_root
 
 _log = logging.getLogger(__name__)
 
@@ -132,13 +133,13 @@ def corners(visual: Visual) -> Array:
 
 
 def _described(robot: Robot, folder: Path) -> Iterable[Visual]:
-    root = ElementTree.fromstring(robot.scene.robot.urdf.encode())
+    root = xml_root(robot.scene.robot.urdf)
     colours = {
         material.get("name"): _colour(material, {}) for material in root.findall("material")
     }
     for link in root.findall("link"):
         name = str(link.get("name"))
-        frame = robot.pin.frames[robot.pin.getFrameId(name, pin.FrameType.BODY)]
+        frame = robot.frame(name)
         for visual in link.findall("visual"):
             try:
                 shape = _shape(visual.find("geometry"), folder)
@@ -246,7 +247,7 @@ def _along(direction: Array) -> Array:
 
 def _payloads(robot: Robot) -> Iterable[Visual]:
     for i, payload in enumerate(robot.scene.payloads):
-        frame = robot.pin.frames[robot.pin.getFrameId(payload.frame)]
+        frame = robot.frame(payload.frame)
         place = frame.placement * pin.SE3(np.eye(3), np.array(payload.com))
         radius = (3 * payload.mass / (4 * np.pi * LOAD_DENSITY)) ** (1 / 3)
         if radius > 0.0:
@@ -273,5 +274,5 @@ def _contacts(robot: Robot) -> Iterable[Visual]:
 def _placed(robot: Robot, frame: str, point: Iterable[float]) -> tuple[int, pin.SE3]:
     """The joint that carries a point of a frame or of the world, and its position there."""
     offset = pin.SE3(np.eye(3), np.array(list(point)))
-    found = robot.pin.frames[0 if frame == "world" else robot.pin.getFrameId(frame)]
+    found = robot.frame(frame)
     return found.parentJoint, found.placement * offset

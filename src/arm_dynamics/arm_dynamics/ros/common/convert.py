@@ -125,11 +125,11 @@ def in_world(numbers: Sequence[float], frame_id: str, model: ArmModel) -> Pose:
     pose = pose_of(numbers)
     if frame_id in ("", "world"):
         return pose
-    fixed = {frame.name: frame for frame in model.pin.frames if frame.parentJoint == 0}
+    fixed = [name for name in model.frame_names if model.frame(name).parentJoint == 0]
     if frame_id not in fixed:
         allowed = choices(frame_id, ["world", *fixed])
         raise InvalidInput(
             f"poses in frame '{plain(frame_id, 80)}'; allowed: fixed frames, {allowed}"
         )
-    base = fixed[frame_id].placement
+    base = model.frame(frame_id).placement
     return Pose(base.rotation @ pose.position + base.translation, base.rotation @ pose.rotation)

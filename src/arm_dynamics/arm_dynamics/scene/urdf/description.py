@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check a URDF before Pinocchio reads it.
+"""Check a URDF, and write it anew for Pinocchio.
 
 Pinocchio's parser silently accepts an unreadable or negative mass. This module refuses such files
 with the name of the offending element. It determines the joints and frames of a description
@@ -8,34 +8,26 @@ without loading Pinocchio.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
-import numpy as np
-
 from arm_dynamics.exceptions import ModelError, choices, did_you_mean, known_names
 from arm_dynamics.scene.inertia import ROUNDING, fault, moments
+from arm_dynamics.scene.urdf.plain import (
+    MOMENTS,
+    MOVING,
+    SUPPORTED,
+    TENSOR,
+    Notes,
+    is_limited,
+    plain_joint,
+    plain_link,
+)
+from arm_dynamics.scene.urdf.xml import xml_root
 
-MOVING = ("revolute", "continuous", "prismatic")
-SUPPORTED = (*MOVING, "fixed")
-_NUMBERS = {
-    "origin": ("xyz", "rpy"),
-    "axis": ("xyz",),
-    "mass": ("value",),
-    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
-    "limit": ("lower", "upper", "effort", "velocity"),
-    "dynamics": ("damping", "friction"),
-    "mimic": ("multiplier", "offset"),
-}
-_NOT_NEGATIVE = {
-    ("mass", "value"),
-    ("dynamics", "damping"),
-    ("dynamics", "friction"),
-    ("limit", "effort"),
-    ("limit", "velocity"),
-}
+_VERSIONS = (None, "1", "1.0", "1.1")
+_FORMATS = {"mujoco": "MJCF, MuJoCo's format", "sdf": "SDF, Gazebo's format"}
 NEGATIVE_PART = 0.5
 """Largest negative principal moment of a link relative to its largest one.
 
@@ -55,29 +47,42 @@ class Mimic:
 
 @dataclass(frozen=True)
 class Urdf:
-    """Facts of a URDF that Pinocchio does not provide.
+    """Facts of a URDF, and its links and joints as Pinocchio is to read them.
 
     Attributes:
+        text: The description with what matters to the dynamics, in a form that no parser misreads.
         joints: Type of every joint by name.
         links: Names of the links.
         mimics: Follower rules by joint name.
+        limited: Joints with a position limit.
         doubtful: Links whose inertia is not physically consistent, and why; it is used unchanged.
+        notes: Remarks on what is unusual, each with the places where it is.
     """
 
+    text: str
     joints: dict[str, str]
     links: tuple[str, ...]
     mimics: dict[str, Mimic]
+    limited: frozenset[str]
     doubtful: dict[str, str]
+    notes: Notes
 
     @property
     def moving(self) -> list[str]:
         """Names of the joints that are not fixed."""
         return [name for name, kind in self.joints.items() if kind in MOVING]
 
+    def leader(self, name: str) -> str:
+        """The joint that ``name`` follows in the end; itself if it is independent."""
+        seen = {name}
+        while name in self.mimics and (above := self.mimics[name].leader) not in seen:
+            seen.add(name := above)
+        return name
+
     @property
     def frames(self) -> list[str]:
         """Names that a payload or a constraint may be attached to."""
-        return [*self.links, *self.joints]
+        return list(dict.fromkeys([*self.links, *self.joints]))
 
 
 def read_urdf(text: str) -> Urdf:
@@ -92,34 +97,53 @@ def read_urdf(text: str) -> Urdf:
     Raises:
         ModelError: If it is malformed, or holds an unsupported joint type or unphysical number.
     """
+    notes: Notes = {}
     robot = _root(text)
-    links = _unique(robot, "link")
-    joints = _unique(robot, "joint")
+    links = {name: plain_link(x, notes) for name, x in _unique(robot, "link").items()}
+    joints = {name: plain_joint(x, notes) for name, x in _unique(robot, "joint").items()}
     if not links:
         xacro = "; this is xacro source, expand it to URDF first" if "<xacro:" in text else ""
         raise ModelError(f"robot description: no <link> found; at least one is required{xacro}")
-    for name, element in {**links, **joints}.items():
-        _check_numbers(element, f"{element.tag} '{name}'")
     for name, joint in joints.items():
         _check_joint(name, joint, set(links))
     faults = {name: _check_inertia(name, link) for name, link in links.items()}
     _check_tree(joints, links)
     kinds = {name: joint.get("type", "") for name, joint in joints.items()}
     doubtful = {name: trouble for name, trouble in faults.items() if trouble}
-    return Urdf(kinds, tuple(links), _mimics(joints, kinds), doubtful)
+    mimics = _mimics(joints, kinds)
+    anew = _written(robot, [*links.values(), *joints.values()], notes)
+    limited = frozenset(name for name, joint in joints.items() if is_limited(joint))
+    return Urdf(anew, kinds, tuple(links), mimics, limited, doubtful, notes)
+
+
+def _written(
+    robot: ElementTree.Element, parts: Iterable[ElementTree.Element], notes: Notes
+) -> str:
+    """The description for Pinocchio, to which every joint is independent."""
+    name, version = robot.get("name"), robot.get("version")
+    if not name:
+        notes["<robot> has no name: 'robot' is used"] = ["the root element"]
+    if version not in _VERSIONS:
+        notes[f"version {version!r} is unknown: read as 1.0"] = ["<robot>"]
+    root = ElementTree.Element("robot", name=name or "robot")
+    for part in parts:
+        for mimic in part.findall("mimic"):
+            part.remove(mimic)
+        root.append(part)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _root(text: str) -> ElementTree.Element:
-    try:
-        root = ElementTree.fromstring(text.encode())
-    except ElementTree.ParseError as error:
-        raise ModelError(f"robot description: not well-formed XML: {error}") from None
+    root = xml_root(text)
     if root.tag != "robot":
-        raise ModelError(f"robot description: the root element is <{root.tag}>, not <robot>")
+        known = _FORMATS.get(root.tag)
+        hint = f"; this is {known}, convert it to URDF first" if known else ""
+        raise ModelError(f"robot description: the root element is <{root.tag}>, not <robot>{hint}")
+    bound = [key.removeprefix("xmlns:") for key, value in root.items() if "xacro" in value]
     for element in root:
         # Expanded files may keep definitions; a remaining call means that a part is missing.
-        name = element.tag.rpartition("}")[2]
-        if "xacro" in element.tag and name not in ("property", "macro", "include", "arg"):
+        prefix, _, name = element.tag.rpartition(":")
+        if prefix in ("xacro", *bound) and name not in ("property", "macro", "include", "arg"):
             raise ModelError(
                 f"robot description: <xacro:{name}> is not expanded; run xacro on the file first"
             )
@@ -136,41 +160,6 @@ def _unique(robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Eleme
             raise ModelError(f"robot description: two <{tag}> are called '{name}'")
         found[name] = element
     return found
-
-
-def _dynamic_elements(element: ElementTree.Element) -> Iterator[ElementTree.Element]:
-    """The element's children that affect the dynamics, without visual and collision."""
-    for child in element:
-        if child.tag == "inertial":
-            yield from child
-        else:
-            yield child
-
-
-def _check_numbers(element: ElementTree.Element, owner: str) -> None:
-    for child in _dynamic_elements(element):
-        for attribute in _NUMBERS.get(child.tag, ()):
-            text = child.get(attribute)
-            if text is None:
-                continue
-            count = 3 if attribute in ("xyz", "rpy") else 1
-            values = _floats(text)
-            if len(values) != count or not all(map(math.isfinite, values)):
-                allowed = "one finite number" if count == 1 else "three finite numbers"
-                raise ModelError(
-                    f"{owner}: <{child.tag} {attribute}={text!r}>: expected {allowed}"
-                )
-            if (child.tag, attribute) in _NOT_NEGATIVE and values[0] < 0:
-                raise ModelError(
-                    f"{owner}: <{child.tag} {attribute}={text!r}>: must not be negative"
-                )
-
-
-def _floats(text: str) -> list[float]:
-    try:
-        return [float(word) for word in text.split()]
-    except ValueError:
-        return []
 
 
 def _link_name(joint: ElementTree.Element, end: str) -> str | None:
@@ -191,23 +180,8 @@ def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None
                 f"joint '{name}': {end} link {link!r} does not exist; "
                 f"links: {choices(link, sorted(links))}"
             )
-    axis = joint.find("axis")
-    if (
-        kind in MOVING
-        and axis is not None
-        and np.linalg.norm(_floats(axis.get("xyz", "1 0 0"))) < 1e-9
-    ):
-        raise ModelError(f"joint '{name}': axis {axis.get('xyz')!r} has no direction")
-    if kind in ("revolute", "prismatic"):
-        _check_limit(name, kind, joint.find("limit"))
-
-
-def _check_limit(name: str, kind: str, limit: ElementTree.Element | None) -> None:
-    if limit is None:
+    if kind in ("revolute", "prismatic") and joint.find("limit") is None:
         raise ModelError(f"joint '{name}': a {kind} joint needs <limit>; 'continuous' has none")
-    lower, upper = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
-    if lower > upper:
-        raise ModelError(f"joint '{name}': <limit lower={lower} upper={upper}>: lower is above")
 
 
 def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
@@ -220,12 +194,14 @@ def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
         raise ModelError(f"link '{name}': <inertial> without <mass value=…>")
     if tensor is None:
         raise ModelError(f"link '{name}': <inertial> without <inertia>")
-    for key in ("ixx", "iyy", "izz"):
-        if float(tensor.get(key, "0")) < -ROUNDING:
+    if absent := [key for key in MOMENTS if key not in tensor.keys()]:
+        raise ModelError(f"link '{name}': <inertia> without {', '.join(absent)}")
+    for key in MOMENTS:
+        if float(tensor.get(key, "")) < -ROUNDING:
             raise ModelError(
                 f"link '{name}': <inertia {key}={tensor.get(key)!r}>: must not be negative"
             )
-    six = [float(tensor.get(key, "0")) for key in _NUMBERS["inertia"]]
+    six = [float(tensor.get(key, "")) for key in TENSOR]
     found = moments(six)
     if found[0] < -max(ROUNDING, NEGATIVE_PART * found[2]):
         said = ", ".join(f"{moment:.6g}" for moment in found)
@@ -233,7 +209,7 @@ def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
             f"link '{name}': <inertia>: principal moments {said} kg m²: the smallest must not be "
             f"negative by more than {NEGATIVE_PART} of the largest"
         )
-    return fault(float(mass.get("value", "0")), six)
+    return fault(float(mass.get("value", "")), six)
 
 
 def _check_tree(

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Entries of a scene that would change nothing are refused, with what would make them act.
+
+Those of friction, which need the levels of mimic joints, are refused in ``model.friction``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.scene.imperfections import ALL, Sensors
+from arm_dynamics.scene.schema import Joint, Scene, Stop
+from arm_dynamics.scene.types import Part
+from arm_dynamics.scene.urdf import Urdf
+
+type Idle = dict[str, str]
+"""Keys that change nothing, their parts separated by dots, each with the reason."""
+
+_MORE = "more than 0 is expected"
+_OF_ZERO = {
+    "actuator.cogging.amplitude": ("order", "phase"),
+    "transmission.kinematic_error.amplitude": ("order", "phase"),
+    "transmission.hysteresis.torque": ("deflection", "sharpness"),
+    "spring.stiffness": ("rest",),
+}
+"""Keys of a joint that matter only if another one, beside them, is not zero."""
+_RANDOM = ("position.noise", "velocity.noise", "effort.noise", "jitter", "loss")
+
+
+def check_effect(scene: Scene, urdf: Urdf) -> None:
+    """Refuse entries without effect.
+
+    Raises:
+        SceneError: Naming the key, its value and what would make it act.
+    """
+    locked = set(scene.robot.lock)
+    free = [name for name in urdf.moving if not locked & {name, urdf.leader(name)}]
+    refuse_of_joints(scene, {name: _of_joint(scene, name, urdf) for name in free})
+    for i, spring in enumerate(scene.springs):
+        if spring.stiffness == 0.0:
+            _refuse(spring, f"springs.{i}.", {"rest_length": f"'stiffness' is 0; {_MORE}"})
+    if scene.sensors is not None:
+        _refuse(scene.sensors, "sensors.", _of_sensors(scene, scene.sensors))
+
+
+def refuse_of_joints(scene: Scene, idle: Mapping[str, Idle]) -> None:
+    """Refuse entries of joints that are without effect.
+
+    Args:
+        scene: The scene.
+        idle: By joint, the keys that change nothing for it. Under ``"*"``, a key is refused only
+            if it changes nothing for all of them.
+
+    Raises:
+        SceneError: Naming the key, its value and what would make it act.
+    """
+    for name, keys in idle.items():
+        _refuse(scene.joints.get(name), f"joints.{name}.", keys)
+    common = [keys.keys() for keys in idle.values()]
+    useless = set.intersection(*map(set, common)) if common else set()
+    some = next(iter(idle.values()), {})
+    of_all = {key: why for key, why in some.items() if key in useless}
+    _refuse(scene.joints.get(ALL), f"joints.{ALL}.", of_all)
+
+
+def _refuse(part: Part | None, where: str, idle: Idle) -> None:
+    for key, why in idle.items():
+        if (value := given(part, key)) is not None:
+            raise SceneError(f"scene: '{where}{key}' = {value!r} is without effect: {why}")
+
+
+def given(part: Part | None, key: str) -> Any:
+    """The value that a part of a scene gives for a key below it, parts as dictionaries; or None.
+
+    Args:
+        part: The part; None if the scene has none.
+        key: The key, its parts separated by dots.
+    """
+    found: Any = part
+    for name in key.split("."):
+        if not isinstance(found, Part) or name not in found.model_fields_set:
+            return None
+        found = getattr(found, name)
+    return found.model_dump(exclude_unset=True) if isinstance(found, Part) else found
+
+
+def _of_joint(scene: Scene, name: str, urdf: Urdf) -> Idle:
+    """What is idle of a joint's settings, merged with those for all joints."""
+    joint = scene.joint(name)
+    idle = dict(_of_zeros(joint))
+    if given(scene.joints.get(ALL), "transmission.hysteresis.torque"):
+        idle.pop("transmission.hysteresis.deflection", None)  # required where it is taken away
+    stop = joint.limits.stop
+    if (stop is True or isinstance(stop, Stop)) and not _has_range(joint, name, urdf):
+        idle["limits.stop"] = (
+            "the joint has no position limits; 'lower' or 'upper' is expected beside it"
+        )
+    if joint.servo.damping is not None:
+        idle["servo.damping_ratio"] = "'damping' is given; one of the two is expected"
+    return idle
+
+
+def _of_zeros(joint: Joint) -> Iterator[tuple[str, str]]:
+    for key, beside in _OF_ZERO.items():
+        path, _, own = key.rpartition(".")
+        if given(joint, key) == 0.0:
+            yield from ((f"{path}.{name}", f"'{own}' is 0; {_MORE}") for name in beside)
+
+
+def _has_range(joint: Joint, name: str, urdf: Urdf) -> bool:
+    """Whether a joint has a position limit that a stop could be at."""
+    limits = joint.limits
+    limited = limits.lower is not None or limits.upper is not None or name in urdf.limited
+    return limited and not (name in urdf.mimics and urdf.mimics[name].multiplier == 0.0)
+
+
+def _of_sensors(scene: Scene, sensors: Sensors) -> Idle:
+    idle = {}
+    if not sensors.velocity.cutoff:
+        idle["velocity.order"] = "there is no filter; a 'cutoff' is expected"
+    random = [given(part, key) for part in (sensors, scene.commands) for key in _RANDOM]
+    if all(value is None for value in random):
+        idle["seed"] = "nothing is random; a 'noise', 'jitter' or 'loss' is expected"
+    return idle

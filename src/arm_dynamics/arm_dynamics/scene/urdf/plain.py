@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of links and joints that matter to the dynamics, read and written anew.
+
+Parsers disagree about what is a number, and urdfdom, which Pinocchio uses, drops an element
+without an error if it cannot read one of its numbers: a mass of ``"3 "`` becomes zero. Hence
+Pinocchio is given only what was read here, in a form about which all parsers agree.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from xml.etree import ElementTree
+
+import numpy as np
+
+from arm_dynamics.exceptions import ModelError
+
+MOVING = ("revolute", "continuous", "prismatic")
+SUPPORTED = (*MOVING, "fixed")
+TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+MOMENTS = ("ixx", "iyy", "izz")
+PRODUCTS = ("ixy", "ixz", "iyz")
+_NUMBERS = {
+    "origin": ("xyz", "rpy"),
+    "axis": ("xyz",),
+    "mass": ("value",),
+    "inertia": TENSOR,
+    "limit": ("lower", "upper", "effort", "velocity"),
+    "dynamics": ("damping", "friction"),
+    "mimic": ("multiplier", "offset"),
+}
+_NAMES = {"parent": "link", "child": "link", "mimic": "joint"}
+_NOT_NEGATIVE = {
+    ("mass", "value"),
+    ("dynamics", "damping"),
+    ("dynamics", "friction"),
+    ("limit", "effort"),
+    ("limit", "velocity"),
+}
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+_INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
+_LARGEST = sys.float_info.max
+NO_LIMIT = 1e15
+"""A position limit beyond this, in [rad] or [m], means no limit."""
+
+type Notes = dict[str, list[str]]
+"""Remarks on what is unusual, each with the places where it is."""
+
+
+def floats(text: str) -> list[float]:
+    """Numbers separated by white space; empty unless all are decimal numbers as in C.
+
+    Python alone also takes ``1_000`` and digits of other scripts for numbers.
+    """
+    words = text.split()
+    return [float(word) for word in words] if all(map(_NUMBER.fullmatch, words)) else []
+
+
+def plain_link(link: ElementTree.Element, notes: Notes) -> ElementTree.Element:
+    """Copy of a named <link> with no more than its <inertial>.
+
+    Args:
+        link: The element.
+        notes: Receives remarks.
+
+    Raises:
+        ModelError: If a number cannot be read, or is negative where none may be.
+    """
+    owner = f"link '{link.get('name')}'"
+    copy = ElementTree.Element("link", name=link.get("name", ""))
+    if (inertial := link.find("inertial")) is not None:
+        part = ElementTree.SubElement(copy, "inertial")
+        part.extend(_parts(inertial, ("origin", "mass", "inertia"), owner, notes))
+        if (tensor := part.find("inertia")) is not None:
+            _add_products(tensor, owner, notes)
+    return copy
+
+
+def plain_joint(joint: ElementTree.Element, notes: Notes) -> ElementTree.Element:
+    """Copy of a named <joint> with what matters to its motion.
+
+    What is not limited has a limit of zero or of the largest number. Arguments and errors as for
+    ``plain_link``.
+    """
+    name, kind = joint.get("name", ""), joint.get("type", "")
+    owner = f"joint '{name}'"
+    copy = ElementTree.Element("joint", name=name, type=kind)
+    own = () if kind == "fixed" else ("axis", "limit", "dynamics", "mimic")
+    copy.extend(_parts(joint, ("origin", "parent", "child", *own), owner, notes))
+    if (axis := copy.find("axis")) is not None:
+        _check_axis(axis, joint, owner, notes)
+    if (limit := copy.find("limit")) is not None:
+        _open(limit, kind, owner, notes)
+    if (losses := copy.find("dynamics")) is not None and not losses.attrib:
+        losses.attrib.update(damping="0.0", friction="0.0")
+        _note(notes, "<dynamics> without damping and friction: both are taken as 0", owner)
+    return copy
+
+
+def is_limited(joint: ElementTree.Element) -> bool:
+    """Whether the copy of a joint has a position limit; equal ones mean none."""
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") == "continuous":
+        return False
+    lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
+    return lower != upper and min(abs(lower), abs(upper)) <= NO_LIMIT
+
+
+def _note(notes: Notes, remark: str, place: str) -> None:
+    notes.setdefault(remark, []).append(place)
+
+
+def _parts(
+    element: ElementTree.Element, tags: tuple[str, ...], owner: str, notes: Notes
+) -> list[ElementTree.Element]:
+    """The first child of each tag, its numbers written such that every parser reads them."""
+    parts = []
+    for tag in tags:
+        found = element.findall(tag)
+        if len(found) > 1:
+            _note(notes, f"more than one <{tag}>: only the first counts", owner)
+        for part in found[:1]:
+            if "quat_xyzw" in part.keys():
+                raise ModelError(f"{owner}: <{tag} quat_xyzw=…> is not supported; allowed: rpy")
+            given = [key for key in _NUMBERS.get(tag, ()) if key in part.keys()]
+            numbers = {key: _plain(part, key, owner) for key in given}
+            names = {key: value for key, value in part.items() if key == _NAMES.get(tag)}
+            parts.append(ElementTree.Element(tag, {**names, **numbers}))
+    return parts
+
+
+def _plain(part: ElementTree.Element, key: str, owner: str) -> str:
+    """An attribute's numbers, each written such that reading it gives the same number."""
+    text, tag = part.get(key, ""), part.tag
+    count, open_ended = 3 if key in ("xyz", "rpy") else 1, tag == "limit"
+    values = floats(text)
+    if open_ended and _INFINITE.fullmatch(text.strip()):
+        values = [float(text)]
+    if len(values) != count or not (open_ended or all(map(math.isfinite, values))):
+        number = "one finite number" if count == 1 else "three finite numbers"
+        allowed = "one number, or inf" if open_ended else number
+        raise ModelError(f"{owner}: <{tag} {key}={text!r}>: expected {allowed}")
+    if (tag, key) in _NOT_NEGATIVE and values[0] < 0:
+        raise ModelError(f"{owner}: <{tag} {key}={text!r}>: must not be negative")
+    return " ".join(repr(max(-_LARGEST, min(value, _LARGEST))) for value in values)
+
+
+def _add_products(tensor: ElementTree.Element, owner: str, notes: Notes) -> None:
+    absent = [key for key in PRODUCTS if key not in tensor.keys()]
+    if absent:
+        tensor.attrib.update(dict.fromkeys(absent, "0.0"))
+        _note(notes, f"<inertia> without {', '.join(absent)}: taken as 0", owner)
+
+
+def _check_axis(
+    axis: ElementTree.Element, joint: ElementTree.Element, owner: str, notes: Notes
+) -> None:
+    if "xyz" not in axis.keys():
+        axis.set("xyz", "1.0 0.0 0.0")
+        _note(notes, "<axis> without xyz: taken as the default, 1 0 0", owner)
+    if np.linalg.norm(floats(axis.get("xyz", ""))) < 1e-9:
+        given = [part.get("xyz") for part in joint.findall("axis")]
+        raise ModelError(f"{owner}: axis {given[0]!r} has no direction")
+
+
+def _open(limit: ElementTree.Element, kind: str, owner: str, notes: Notes) -> None:
+    """Write open limits such that urdfdom reads them."""
+    for key in ("effort", "velocity"):
+        if key not in limit.keys():
+            limit.set(key, "0.0")
+            _note(notes, f"<limit> without {key}: none is assumed", owner)
+    for key in limit.keys():
+        if abs(float(limit.get(key, "0"))) == _LARGEST:
+            _note(notes, f"<limit {key}> is infinite: there is none", owner)
+    lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
+    if kind in ("revolute", "prismatic") and lower > upper:
+        # PyBullet's convention for a joint without limits, but it may also be a swapped pair.
+        limit.attrib.update(lower="0.0", upper="0.0")
+        _note(
+            notes,
+            "lower is above upper: no limit is assumed; if the two are swapped, the scene's "
+            "joints.NAME.limits can give them",
+            f"{owner}: <limit lower={lower:g} upper={upper:g}>",
+        )

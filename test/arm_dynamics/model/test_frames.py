@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames by name where a link and a joint have the same one: the link is meant, everywhere."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_dynamics.identification import JointRecord, identify_payload
+from arm_dynamics.model import FrameMotion
+from arm_sim import Simulator
+from arm_sim.view.marks import Instant, Marker
+from arm_sim.view.shapes import visuals_of
+from tolerances import PINOCCHIO, assert_close
+
+URDF = """<robot name="arm"><link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.04" iyz="0" izz="0.04"/></inertial></link>
+  <link name="fore"><inertial><origin xyz="0.15 0 0"/><mass value="1.5"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+  <link name="tool"/>
+  <joint name="{first}" type="continuous"><parent link="base"/><child link="upper"/>
+    <origin xyz="0 0 0.1"/><axis xyz="0 0 1"/></joint>
+  <joint name="{second}" type="continuous"><parent link="upper"/><child link="fore"/>
+    <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/></joint>
+  <joint name="{third}" type="fixed"><parent link="fore"/><child link="tool"/>
+    <origin xyz="0.3 0 0"/></joint>
+</robot>"""
+DISTINCT = URDF.format(first="shoulder", second="elbow", third="wrist")
+ALIKE = {
+    "the joint that moves the link": URDF.format(first="upper", second="fore", third="tool"),
+    "a joint that moves another link": URDF.format(first="fore", second="upper", third="base"),
+}
+EXTRAS: dict[str, Any] = {
+    "payloads": [{"frame": "fore", "mass": 1.0, "com": [0.1, 0, 0]}],
+    "springs": [
+        {"frames": ["upper", "base"], "points": [[0.1, 0, 0.1], [0, 0, 1]], "stiffness": 90}
+    ],
+    "constraints": [
+        {"type": "plane", "frames": ["fore", "world"], "points": [[0.2, 0, 0], [0, 0, 0]]},
+        {"type": "contact", "frame": "tool", "plane": {"frame": "base", "point": [0, 0, -1]}},
+    ],
+    "initial": {"position": {}},
+}
+alike = pytest.mark.parametrize("urdf", ALIKE.values(), ids=ALIKE)
+
+
+def scene(urdf: str, **more: Any) -> dict[str, Any]:
+    return {"robot": {"urdf": urdf}, **more}
+
+
+@alike
+def test_payloads_springs_constraints_and_contacts_are_on_the_link(urdf: str) -> None:
+    sims = [Simulator(scene(text, **EXTRAS)) for text in (urdf, DISTINCT)]
+    motions = [sim.run(0.02, [0.5, -0.3]).q for sim in sims]
+    np.testing.assert_array_equal(*motions)
+    q, v = sims[0].state.q, sims[0].state.v
+    values = [sim.dynamics.inverse(q, v, q) for sim in sims]
+    assert_close(*values, PINOCCHIO)
+    places = [sim.model.constraint_rows for sim in sims]
+    assert places[0] == places[1]
+
+
+@alike
+@pytest.mark.parametrize("frame", ["upper", "fore", "tool"])
+def test_tasks_and_the_view_are_those_of_the_link(urdf: str, frame: str) -> None:
+    q, places, origins = np.array([0.3, -0.7]), [], []
+    for text in (urdf, DISTINCT):
+        model = ArmModel(load_scene(scene(text, payloads=EXTRAS["payloads"])))
+        places.append(FrameMotion(model, frame, "world").placement(q))
+        marker = Marker(model, frame)
+        hand = marker.at(Instant(0.0, q)).hand
+        np.testing.assert_array_equal(hand, places[-1][0])
+        origins.append(
+            [marker.origin(frame), *(v.placement.homogeneous for v in visuals_of(model))]
+        )
+    for own, expected in zip(*places, strict=True):
+        np.testing.assert_array_equal(own, expected)
+    for own, expected in zip(*origins, strict=True):
+        np.testing.assert_array_equal(own, expected)
+
+
+@alike
+def test_an_identified_payload_is_on_the_link(urdf: str) -> None:
+    t = np.arange(0.0, 6.0, 0.02)
+    q = np.column_stack([np.sin(3 * t), np.cos(5 * t)])
+    v = np.column_stack([3 * np.cos(3 * t), -5 * np.sin(5 * t)])
+    a = np.column_stack([-9 * np.sin(3 * t), -25 * np.cos(5 * t)])
+    loaded = Dynamics(scene(DISTINCT, payloads=EXTRAS["payloads"]))
+    arm = Dynamics(scene(urdf))
+    record = JointRecord.of(arm.joint_names, t, q, loaded.inverse(q, v, a), v, a)
+    assert identify_payload(scene(urdf), record, "fore").mass == pytest.approx(1.0, rel=1e-6)
+
+
+@alike
+def test_every_frame_is_listed_once(urdf: str) -> None:
+    names = Dynamics(urdf).model.frame_names
+    assert len(names) == len(set(names))
+    assert {"base", "upper", "fore", "tool"} < set(names)
+
+
+def test_a_joint_is_found_by_a_name_that_no_link_has() -> None:
+    model = Dynamics(DISTINCT).model
+    for joint, link in {"shoulder": "upper", "elbow": "fore", "wrist": "tool"}.items():
+        q = np.array([0.3, -0.7])
+        own, expected = (FrameMotion(model, name, "world").placement(q) for name in (joint, link))
+        np.testing.assert_array_equal(own[0], expected[0])
+
+
+@alike
+def test_the_joint_can_be_locked(urdf: str) -> None:
+    first, held = Dynamics(urdf).joint_names
+    locked = Dynamics({"robot": {"urdf": urdf, "lock": [held]}})
+    assert locked.joint_names == (first,)
+    expected = Dynamics({"robot": {"urdf": DISTINCT, "lock": ["elbow"]}})
+    assert_close(locked.gravity([0.4]), expected.gravity([0.4]), PINOCCHIO)

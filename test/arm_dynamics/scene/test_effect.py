@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Entries that would change nothing are refused: the key, its value and what would make it act."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import models
+from arm_dynamics import ArmModel, SceneError, load_scene
+
+URDF = (models.FOLDER / "planar_3r.urdf").read_text()
+ENDLESS = URDF.replace('name="joint2" type="revolute"', 'name="joint2" type="continuous"')
+MOTOR = {"rotor_inertia": 1e-4, "torque_constant": 0.05}
+CORD = {"frames": ["link3", "world"], "points": [[0, 0, 0], [0, 0, 2]]}
+
+
+def scene(**content: Any) -> dict[str, Any]:
+    return {"robot": {"urdf": ENDLESS}, **content}
+
+
+def refusal(source: dict[str, Any]) -> str:
+    with pytest.raises(SceneError) as caught:
+        load_scene(source)
+    return str(caught.value).removeprefix("scene: '")
+
+
+def flexible(**more: Any) -> dict[str, Any]:
+    return {"actuator": MOTOR, "transmission": {"stiffness": 100.0, **more}}
+
+
+# What is said of joint2, how it is refused, and what makes it act.
+OF_A_JOINT: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
+    "rebound without a range": (
+        {"limits": {"stop": {"restitution": 0.5}}},
+        "limits.stop' = {'restitution': 0.5} is without effect: the joint has no position limits",
+        {"limits": {"stop": {"restitution": 0.5}, "upper": 1.0}},
+    ),
+    "compliance without a range": (
+        {"limits": {"stop": {"stiffness": 1e4, "damping": 1.0}}},
+        "limits.stop' = {'stiffness': 10000.0, 'damping': 1.0} is without effect",
+        {"limits": {"stop": {"stiffness": 1e4, "damping": 1.0}, "lower": -1.0}},
+    ),
+    "a stop without a range": (
+        {"limits": {"stop": True}},
+        "limits.stop' = True is without effect: the joint has no position limits; 'lower' or",
+        {"limits": {"stop": True, "lower": -1.0, "upper": 1.0}},
+    ),
+    "a damping ratio beside a damping": (
+        {"servo": {"stiffness": 500.0, "damping": 20.0, "damping_ratio": 0.8}},
+        "servo.damping_ratio' = 0.8 is without effect: 'damping' is given; one of the two is",
+        {"servo": {"stiffness": 500.0, "damping_ratio": 0.8}},
+    ),
+    "a rest position without stiffness": (
+        {"spring": {"stiffness": 0, "damping": 1.0, "rest": 0.3}},
+        "spring.rest' = 0.3 is without effect: 'stiffness' is 0; more than 0 is expected",
+        {"spring": {"stiffness": 2.0, "damping": 1.0, "rest": 0.3}},
+    ),
+    "hysteresis 0": (
+        flexible(hysteresis={"torque": 0, "deflection": 1e-3}),
+        "transmission.hysteresis.deflection' = 0.001 is without effect: 'torque' is 0; more than",
+        flexible(hysteresis={"torque": 0.1, "deflection": 1e-3, "sharpness": 2.0}),
+    ),
+    "kinematic error 0": (
+        flexible(kinematic_error={"amplitude": 0.0, "phase": 0.3}),
+        "transmission.kinematic_error.phase' = 0.3 is without effect: 'amplitude' is 0; more",
+        flexible(kinematic_error={"amplitude": 1e-4, "phase": 0.3, "order": 2}),
+    ),
+    "cogging 0": (
+        {"actuator": MOTOR | {"cogging": {"amplitude": 0.0, "order": 7}}},
+        "actuator.cogging.order' = 7.0 is without effect: 'amplitude' is 0; more than 0 is",
+        {"actuator": MOTOR | {"cogging": {"amplitude": 0.1, "order": 7, "phase": 0.2}}},
+    ),
+}
+
+
+@pytest.mark.parametrize(("joint", "said", "acting"), OF_A_JOINT.values(), ids=OF_A_JOINT)
+def test_of_a_joint(joint: dict[str, Any], said: str, acting: dict[str, Any]) -> None:
+    assert refusal(scene(joints={"joint2": joint})).startswith(f"joints.joint2.{said}")
+    assert ArmModel(load_scene(scene(joints={"joint2": acting})))
+
+
+@pytest.mark.parametrize(("joint", "said", "acting"), OF_A_JOINT.values(), ids=OF_A_JOINT)
+def test_of_all_joints_where_none_has_use_of_it(
+    joint: dict[str, Any], said: str, acting: dict[str, Any]
+) -> None:
+    endless = {"robot": {"urdf": URDF.replace("revolute", "continuous")}}
+    assert refusal({**endless, "joints": {"*": joint}}).startswith(f"joints.*.{said}")
+    assert load_scene({**endless, "joints": {"*": acting}})
+
+
+def test_under_all_one_joint_that_has_use_of_it_is_enough() -> None:
+    stop = {"limits": {"stop": {"restitution": 0.5}}}
+    model = ArmModel(load_scene(scene(joints={"*": stop})))
+    assert (model.stops.restitution == [[0.5, 0.0, 0.5]] * 2).all()
+    servo = {"*": {"servo": {"damping_ratio": 0.7}}, "joint1": {"servo": {
+        "stiffness": 500.0, "damping": 20.0}}}  # fmt: skip
+    assert load_scene(scene(joints=servo))
+
+
+def test_a_joint_may_be_without_what_all_others_have() -> None:
+    joints: dict[str, Any] = {
+        "*": flexible(hysteresis={"torque": 0.1, "deflection": 1e-3})
+        | {"spring": {"stiffness": 2.0, "rest": 0.1}, "limits": {"stop": {"restitution": 0.5}}},
+        "joint1": {
+            "transmission": {"hysteresis": {"torque": 0, "deflection": 1e-3}},
+            "spring": {"stiffness": 0},
+        },
+        "joint2": {"limits": {"stop": False}},
+    }
+    assert ArmModel(load_scene(scene(joints=joints)))
+    joints["joint1"]["spring"]["rest"] = 0.2
+    assert refusal(scene(joints=joints)).startswith("joints.joint1.spring.rest' = 0.2 is without")
+
+
+def test_a_follower_has_a_stop_where_it_has_a_range() -> None:
+    joints = {"right_slide": {"limits": {"stop": {"restitution": 0.5}}}}
+    urdf = (models.FOLDER / "gripper.urdf").read_text()
+    assert load_scene({"robot": {"urdf": urdf}, "joints": joints})
+    still = urdf.replace('multiplier="-0.7"', 'multiplier="0"')
+    assert still != urdf
+    assert "joints.right_slide.limits.stop'" in refusal(
+        {"robot": {"urdf": still}, "joints": joints}
+    )
+
+
+def test_of_a_spring_between_points() -> None:
+    fine, own = CORD | {"stiffness": 1.0, "name": "first"}, CORD | {"damping": 1.0}
+    own["rest_length"] = 0.2
+    assert refusal(scene(springs=[fine, own])) == (
+        "springs.1.rest_length' = 0.2 is without effect: 'stiffness' is 0; more than 0 is expected"
+    )
+    assert load_scene(scene(springs=[fine, own | {"stiffness": 1.0}]))
+
+
+OF_SENSORS: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
+    "an order without a filter": (
+        {"velocity": {"order": 2}},
+        "velocity.order' = 2 is without effect: there is no filter; a 'cutoff' is expected",
+        {"velocity": {"order": 2, "cutoff": {"joint2": 50}}},
+    ),
+    "a seed alone": (
+        {"seed": 0},
+        "seed' = 0 is without effect: nothing is random; a 'noise', 'jitter' or 'loss' is",
+        {"seed": 0, "effort": {"noise": 0.1}},
+    ),
+    "a seed without chance": (
+        {"seed": 3, "position": {"resolution": 1e-3, "offset": 0.1}, "delay": 0.01},
+        "seed' = 3 is without effect",
+        {"seed": 3, "position": {"resolution": 1e-3}, "loss": 0.1},
+    ),
+}
+
+
+@pytest.mark.parametrize(("sensors", "said", "acting"), OF_SENSORS.values(), ids=OF_SENSORS)
+def test_of_sensors(sensors: dict[str, Any], said: str, acting: dict[str, Any]) -> None:
+    assert refusal(scene(sensors=sensors)).startswith(f"sensors.{said}")
+    assert load_scene(scene(sensors=acting))
+
+
+def test_the_seed_is_that_of_commands_too() -> None:
+    assert load_scene(scene(sensors={"seed": 3}, commands={"jitter": 0.01}))
+
+
+def test_loads_have_no_sign() -> None:
+    table = {"at": [-5, 0, 10], "factor": [1, 1, 1.1]}
+    friction = {"coulomb": 1.0, "load": table}
+    said = refusal(scene(joints={"joint2": {"friction": friction}}))
+    assert said.startswith("joints.joint2.friction.load' = ")
+    assert (
+        "at = -5 is never reached, since the size of the load counts; points of at least" in said
+    )
+    table.update(at=[0, 5, 10])
+    assert load_scene(scene(joints={"joint2": {"friction": friction}}))

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every number of a robot description that matters is read, or refused by name; none is lost."""
+
+from __future__ import annotations
+
+import logging
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from arm_dynamics import ArmModel, Dynamics, ModelError, load_scene
+from arm_dynamics.scene import SceneSource
+from arm_dynamics.scene.urdf import Urdf, read_urdf
+
+URDF = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial>
+    <origin xyz="0.2 0.5 -0.01" rpy="0.1 0.2 0.3"/><mass value="3"/>
+    <inertia ixx="0.01" ixy="0.001" ixz="-2e-3" iyy="0.04" iyz="0.003" izz="0.041"/>
+  </inertial></link>
+  <link name="fore"><inertial>
+    <mass value="1.5"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>
+  </inertial></link>
+  <link name="hand"/>
+  <joint name="shoulder" type="revolute">
+    <origin xyz="0 0.3 0.1" rpy="0.4 0.5 0.6"/><axis xyz="0.6 -0.8 1"/>
+    <parent link="base"/><child link="upper"/>
+    <limit lower="-3" upper="2.5" effort="80" velocity="4"/>
+    <dynamics damping="0.3" friction="0.2"/>
+    <calibration rising="0.7"/>
+    <safety_controller soft_lower_limit="-2" soft_upper_limit="2" k_position="9" k_velocity="8"/>
+  </joint>
+  <joint name="elbow" type="continuous">
+    <parent link="upper"/><child link="fore"/><limit effort="30" velocity="6"/>
+  </joint>
+  <joint name="finger" type="prismatic">
+    <parent link="fore"/><child link="hand"/><limit lower="0" upper="1" effort="5" velocity="2"/>
+    <mimic joint="elbow" multiplier="0.7" offset="-0.1"/>
+  </joint>
+</robot>"""
+NUMBERS = list(re.finditer(r'(\w+)="([-\d. e]+)"', URDF))
+NAMED = [f"{i} {found[1]}" for i, found in enumerate(NUMBERS)]
+UNREAD = ("rising", "soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity")
+OPEN = ("lower", "upper", "effort", "velocity")
+BASE = read_urdf(URDF)
+
+
+def arm(source: SceneSource) -> ArmModel:
+    return ArmModel(load_scene(source))
+
+
+def put(found: re.Match[str], text: str) -> str:
+    """The description with another text in place of a number."""
+    return URDF[: found.start(2)] + text + URDF[found.end(2) :]
+
+
+def changed(old: str, new: str) -> str:
+    assert URDF.count(old) == 1
+    return URDF.replace(old, new)
+
+
+def assert_read(text: str, expected: str = URDF) -> Urdf:
+    """Pinocchio and the suite are told the same as by the expected description."""
+    urdf, other = read_urdf(text), read_urdf(expected)
+    assert (urdf.joints, urdf.links, urdf.mimics) == (other.joints, other.links, other.mimics)
+    assert pin.buildModelFromXML(urdf.text) == pin.buildModelFromXML(other.text)
+    return urdf
+
+
+@pytest.mark.parametrize(
+    "blanks", [" {}", "{} ", "{}\n", "\r\n\t{}\t", "{}&#10;", "\u00a0{}\u2003"]
+)
+def test_white_space_around_a_number_loses_nothing(blanks: str) -> None:
+    for found in NUMBERS:
+        urdf = assert_read(put(found, blanks.format(found[2])))
+        assert urdf.notes == BASE.notes, found
+
+
+@pytest.mark.parametrize("blank", ["  ", "\t", "\n", " \r\n ", "&#9;"])
+def test_white_space_between_numbers_loses_nothing(blank: str) -> None:
+    for found in NUMBERS:
+        assert_read(put(found, found[2].replace(" ", blank)))
+
+
+@pytest.mark.parametrize(
+    "text", ["1_000", "\u0663", "0x10", "infinity", "nan", "1e400", "1,5", ""]
+)
+@pytest.mark.parametrize("found", NUMBERS, ids=NAMED)
+def test_what_other_readers_take_for_no_number_is_refused_by_name(
+    found: re.Match[str], text: str
+) -> None:
+    key, rest = found[1], " ".join(found[2].split()[1:])
+    given = f"{text} {rest}".strip()
+    if key in UNREAD:
+        assert_read(put(found, given))
+    elif key in OPEN and text in ("infinity", "1e400"):
+        assert "infinite: there is none" in str(read_urdf(put(found, given)).notes)
+    else:
+        with pytest.raises(ModelError, match=r"(link|joint) '\w+': <\w+ ") as caught:
+            read_urdf(put(found, given))
+        assert f"{key}={given!r}>: expected " in str(caught.value)
+
+
+def test_numbers_of_many_digits_keep_every_bit() -> None:
+    rng = np.random.default_rng(1)
+    for mass in np.exp(rng.uniform(-300.0, 300.0, 40)).tolist():
+        model = arm(changed('mass value="3"', f'mass value="{mass!r}"'))
+        assert model.whole.inertias[1].mass == mass
+
+
+DEFAULTS = {
+    "products of inertia": (
+        ('ixy="0.001" ixz="-2e-3" iyy="0.04" iyz="0.003"', 'iyy="0.04"'),
+        ('ixy="0.001" ixz="-2e-3" iyy="0.04" iyz="0.003"', 'ixy="0" ixz="0" iyy="0.04" iyz="0"'),
+        "link 'upper': <inertia> without ixy, ixz, iyz: taken as 0",
+    ),
+    "direction of an axis": (
+        ('<axis xyz="0.6 -0.8 1"/>', "<axis/>"),
+        ('<axis xyz="0.6 -0.8 1"/>', '<axis xyz="1 0 0"/>'),
+        "joint 'shoulder': <axis> without xyz: taken as the default, 1 0 0",
+    ),
+    "effort": (
+        (' effort="80"', ""),
+        ('effort="80"', 'effort="0"'),
+        "joint 'shoulder': <limit> without effort: none is assumed",
+    ),
+    "velocity": (
+        (' velocity="4"', ""),
+        ('velocity="4"', 'velocity="0"'),
+        "joint 'shoulder': <limit> without velocity: none is assumed",
+    ),
+    "losses": (
+        ('<dynamics damping="0.3" friction="0.2"/>', "<dynamics/>"),
+        ('<dynamics damping="0.3" friction="0.2"/>', ""),
+        "joint 'shoulder': <dynamics> without damping and friction: both are taken as 0",
+    ),
+    "name of the robot": (
+        (' name="arm"', ""),
+        (' name="arm"', ' name="robot"'),
+        "the root element: <robot> has no name: 'robot' is used",
+    ),
+    "known version": (
+        (' name="arm"', ' name="arm" version="2.0"'),
+        (' name="arm"', ' name="arm"'),
+        "<robot>: version '2.0' is unknown: read as 1.0",
+    ),
+    "order of limits": (
+        ('lower="-3" upper="2.5"', 'lower="2.5" upper="-3"'),
+        ('lower="-3" upper="2.5"', 'lower="0" upper="0"'),
+        "joint 'shoulder': <limit lower=2.5 upper=-3>: lower is above upper: no limit is assumed",
+    ),
+    "upper limit": (
+        ('lower="-3" upper="2.5"', 'lower="0.5"'),
+        ('lower="-3" upper="2.5"', 'lower="0" upper="0"'),
+        "joint 'shoulder': <limit lower=0.5 upper=0>: lower is above upper: no limit is assumed",
+    ),
+    "single element": (
+        ('<axis xyz="0.6 -0.8 1"/>', '<axis xyz="0.6 -0.8 1"/><axis xyz="1 0 0"/>'),
+        ('<axis xyz="0.6 -0.8 1"/>', '<axis xyz="0.6 -0.8 1"/>'),
+        "joint 'shoulder': more than one <axis>: only the first counts",
+    ),
+}
+
+
+@pytest.mark.parametrize(("given", "meant", "words"), DEFAULTS.values(), ids=DEFAULTS)
+def test_what_is_missing_is_filled_in_and_told(
+    given: tuple[str, str],
+    meant: tuple[str, str],
+    words: str,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    assert_read(changed(*given), changed(*meant))
+    with caplog.at_level(logging.WARNING):
+        caplog.clear()
+        load_scene(changed(*meant))
+        assert not caplog.records
+        load_scene(changed(*given))
+    assert f"robot description: {words}" in caplog.text
+
+
+def test_what_many_joints_lack_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        load_scene(re.sub(r' effort="\d+"', "", URDF))
+    assert len(caplog.records) == 1
+    assert (
+        "joint 'shoulder': <limit> without effort: none is assumed (and joint 'elbow', joint"
+        in (caplog.text)
+    )
+
+
+@pytest.mark.parametrize("word", ["inf", "+inf", "INF", "infinity", "1e999"])
+def test_infinite_limits_are_none(word: str) -> None:
+    sign = "-" + word.lstrip("+")
+    text = changed(
+        'lower="-3" upper="2.5" effort="80" velocity="4"',
+        f'lower="{sign}" upper=" {word} " effort="{word}" velocity="{word}"',
+    )
+    model = arm(text)
+    assert model.position_lower[0] == -np.inf
+    assert model.position_upper[0] == np.inf
+    assert model.effort_limit[0] == np.inf
+    assert model.velocity_limit[0] == np.inf
+    assert not np.isfinite(model.stops.place[:, 0]).any()
+
+
+def test_one_limit_may_be_infinite() -> None:
+    model = arm(changed('lower="-3"', 'lower="-inf"'))
+    assert (model.position_lower[0], model.position_upper[0]) == (-np.inf, 2.5)
+
+
+@pytest.mark.parametrize("key", ["ixx", "iyy", "izz"])
+def test_a_missing_moment_of_inertia_is_refused(key: str) -> None:
+    text = re.sub(rf' {key}="[\d.]+"', "", URDF, count=1)
+    with pytest.raises(ModelError, match=f"^link 'upper': <inertia> without {key}$"):
+        load_scene(text)
+
+
+def test_orientations_that_would_be_ignored_are_refused() -> None:
+    with pytest.raises(
+        ModelError, match="joint 'shoulder': <origin quat_xyzw=…> is not supported"
+    ):
+        load_scene(changed('rpy="0.4 0.5 0.6"', 'quat_xyzw="0 0 1 0"'))
+
+
+def test_swapped_limits_can_be_given_by_the_scene() -> None:
+    text = changed('lower="-3" upper="2.5"', 'lower="2.5" upper="-3"')
+    limits = {"lower": -3.0, "upper": 2.5}
+    model = arm({"robot": {"urdf": text}, "joints": {"shoulder": {"limits": limits}}})
+    assert (model.position_lower[0], model.position_upper[0]) == (-3.0, 2.5)
+
+
+def test_torques_are_those_of_the_numbers_as_written() -> None:
+    """A mass that Pinocchio alone would drop acts in full."""
+    heavy = Dynamics(changed('mass value="3"', 'mass value="6"'))
+    blank = Dynamics(changed('mass value="3"', 'mass value="6\n"'))
+    np.testing.assert_array_equal(blank.gravity([0.3, 0.2]), heavy.gravity([0.3, 0.2]))
+    assert blank.gravity([0.3, 0.2])[0] != Dynamics(URDF).gravity([0.3, 0.2])[0]

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""XML that urdfdom reads is read: what is around the robot description changes nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmModel, Dynamics, ModelError, load_scene
+from arm_dynamics.identification.described import urdf_with
+from arm_dynamics.scene import SceneSource
+from arm_dynamics.scene.urdf import xml_root
+from arm_sim.cli.urdf import with_hardware
+from arm_sim.view.shapes import visuals_of
+
+URDF = (models.FOLDER / "planar_3r.urdf").read_text()
+BODY = URDF[URDF.index("<robot") :]
+OPEN = BODY.replace("<robot ", '<robot xmlns="http://a.robot" ', 1)
+
+
+def arm(source: SceneSource) -> ArmModel:
+    return ArmModel(load_scene(source))
+
+
+UNUSUAL = {
+    "declaration after a blank line": f'\n\n<?xml version="1.0"?>\n{BODY}',
+    "declaration after a comment": f'<!-- by hand -->\n<?xml version="1.0"?>{BODY}',
+    "byte order mark": f'\ufeff<?xml version="1.0"?>{BODY}',
+    "byte order mark before a blank line": f'\ufeff\n<?xml version="1.0"?>{BODY}',
+    "encoding that the text no longer has": f'<?xml version="1.0" encoding="UTF-16"?>{BODY}',
+    "unbound prefix of an element": BODY.replace("</robot>", '<gz:plugin a="1"/></robot>'),
+    "unbound prefix of an attribute": BODY.replace("<link ", '<link gz:colour="red" ', 1),
+    "default namespace": OPEN,
+    "bound prefix": BODY.replace("<robot ", '<robot xmlns:gz="http://gz" ', 1).replace(
+        "</robot>", "<gz:world/></robot>"
+    ),
+}
+
+
+@pytest.mark.parametrize("text", UNUSUAL.values(), ids=UNUSUAL)
+def test_what_is_around_the_robot_changes_nothing(text: str, tmp_path: Path) -> None:
+    expected = arm(URDF)
+    (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
+    for source in (text, tmp_path / "arm.urdf", {"robot": {"urdf": str(tmp_path / "arm.urdf")}}):
+        assert arm(source).whole == expected.whole
+
+
+@pytest.mark.parametrize("text", UNUSUAL.values(), ids=UNUSUAL)
+def test_all_that_reads_descriptions_reads_it(text: str) -> None:
+    model, expected = arm(text), arm(URDF)
+    assert len(visuals_of(model)) == len(visuals_of(expected))
+    theta = np.concatenate([body.toDynamicParameters() for body in list(model.pin.inertias)[1:]])
+    for written in (urdf_with(model, theta), with_hardware(model, "effort", {})):
+        q = [0.3, 0.2, -0.4]
+        np.testing.assert_allclose(
+            Dynamics(written).gravity(q), Dynamics(URDF).gravity(q), rtol=1e-12
+        )
+
+
+def test_prefixes_and_namespaces_are_kept() -> None:
+    root = xml_root(OPEN.replace("</robot>", '<gz:plugin gz:a="1"/></robot>'))
+    assert root.attrib["xmlns"] == "http://a.robot"
+    assert root[-1].tag == "gz:plugin"
+    assert root[-1].attrib == {"gz:a": "1"}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (BODY[:400], "not well-formed XML: .*line \\d+"),
+        (BODY.replace("</robot>", "&unknown;</robot>"), "undefined entity"),
+        ("<mujoco/>", "root element is <mujoco>, not <robot>; this is MJCF"),
+        ("<sdf version='1.9'/>", "root element is <sdf>, not <robot>; this is SDF"),
+        (
+            BODY.replace("<robot ", '<robot xmlns:x="http://ros.org/xacro" ').replace(
+                "</robot>", "<x:arm/></robot>"
+            ),
+            "<xacro:arm> is not expanded",
+        ),
+    ],
+)
+def test_what_is_no_robot_description_is_refused(text: str, words: str) -> None:
+    with pytest.raises(ModelError, match=words):
+        load_scene(text)
