@@ -10,8 +10,10 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.identification.data import JointRecord, MeasuredMotion
+from arm_dynamics.identification.described import REPLACED
 from arm_dynamics.identification.regression.rows import Rows
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.scene.friction import STATEFUL
 
 BEYOND = 0.2
 """Tolerance of positions beyond the limits of the URDF in [rad] or [m]."""
@@ -45,10 +47,12 @@ def check_model(model: ArmModel) -> None:
                 "determine that of its rotor; remove 'transmission' from the scene and identify "
                 "it by tests of the drive"
             )
-        if model.scene.joint(name).friction.position is not None:
+        friction = model.scene.joint(name).friction.model_dump(exclude_defaults=True)
+        if odd := [key for key in friction if key not in (*REPLACED, *STATEFUL)]:
             raise InvalidInput(
-                f"joint '{name}' has friction by position, which cannot be identified; remove "
-                "'friction.position' from the scene"
+                f"joint '{name}' has 'friction.{odd[0]}', which cannot be identified; remove it "
+                f"from the scene (identified are {known_names(REPLACED)}; kept: "
+                f"{known_names(STATEFUL)})"
             )
 
 
