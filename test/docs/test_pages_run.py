@@ -61,6 +61,7 @@ ELSEWHERE = yaml.safe_load((Path(__file__).parent / "lines_elsewhere.yaml").read
 HELP: dict[str, str] = {}  # what programs print about themselves
 DRAWN = re.compile(r"arm view .*--(?:png|gif|mp4)\b")
 # Numbers that differ from run to run: times, sizes, errors of a motion.
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 MEASURED = re.compile(r"\([\d.]+ m?s\)|[\d.]+ MB|(?<=error )\S+ at \w+|(?<=in )[\d.]+(?= s)")
 
 
@@ -115,9 +116,18 @@ def test_a_page_does_what_it_shows(page: Path, terminal: Terminal, shelf: Path) 
         elif step.kind == "python":
             if re.search(r"^import jax$", step.text, re.M):
                 pytest.importorskip("jax", reason="JAX is missing: ./arm setup jax")
-            terminal.python(step.text)
+            said = terminal.python(step.text)
+            if step.shown:
+                compare(said, step.shown)
         else:
             typed(step, terminal)
+
+
+def compare(said: str, shown: str) -> None:
+    """What Python printed is what the page shows; last digits may differ between machines."""
+    assert NUMBER.sub("…", said).split() == NUMBER.sub("…", shown).split()
+    numbers = [[float(x) for x in NUMBER.findall(text)] for text in (said, shown)]
+    assert numbers[0] == pytest.approx(numbers[1], rel=0.05)
 
 
 def typed(step: pages.Step, terminal: Terminal) -> None:
