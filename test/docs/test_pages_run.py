@@ -64,6 +64,7 @@ DRAWN = re.compile(r"arm view .*--(?:png|gif|mp4)\b")
 # What needs a group of packages that ./arm installs only when asked for.
 GROUPS = {"view": r"arm view\b|\.show\(\)", "sweep": r"arm sweep\b", "jax": r"^import jax$"}
 # Numbers that differ from run to run: times, sizes, errors of a motion.
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 MEASURED = re.compile(r"\([\d.]+ m?s\)|[\d.]+ MB|(?<=error )\S+ at \w+|(?<=in )[\d.]+(?= s)")
 
 
@@ -126,9 +127,18 @@ def test_a_page_does_what_it_shows(page: Path, terminal: Terminal, shelf: Path) 
             text = re.sub(*SMALLER.get(pages.label(page), ("", "")), step.text)
             (terminal.folder / step.name).write_text(text)
         elif step.kind == "python":
-            terminal.python(step.text)
+            said = terminal.python(step.text)
+            if step.shown:
+                compare(said, step.shown)
         else:
             typed(step, terminal)
+
+
+def compare(said: str, shown: str) -> None:
+    """What Python printed is what the page shows; last digits may differ between machines."""
+    assert NUMBER.sub("…", said).split() == NUMBER.sub("…", shown).split()
+    numbers = [[float(x) for x in NUMBER.findall(text)] for text in (said, shown)]
+    assert numbers[0] == pytest.approx(numbers[1], rel=0.05)
 
 
 def typed(step: pages.Step, terminal: Terminal) -> None:

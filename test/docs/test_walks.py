@@ -106,6 +106,19 @@ np.testing.assert_allclose(z, 2.0 / 400.0 * (1.0 - np.exp(-400.0 / 2.0 * q)), at
 np.testing.assert_allclose(motion.balance, 0.0, atol=1e-6)
 v = np.array([[0.5, 0.5], [-0.5, 0.0]])
 np.testing.assert_allclose(Dynamics(scene).friction(v), [[2.0, 1.0], [-2.0, 0.0]])
+from arm_dynamics.identification import JointRecord, identify
+
+t = np.arange(0.0, 12.0, 0.01)
+w = np.array([[2.1, 3.3], [5.0, 1.2]])
+q, v, a = (
+    sum(part(x * t[:, None]) * x**k for x in w)
+    for k, part in enumerate((np.sin, np.cos, lambda x: -np.sin(x)))
+)
+tau = Dynamics(scene).inverse(q, v, a)
+found = identify(scene, JointRecord.of(sim.joint_names, t, q, tau, v, a), accept_worse=True)
+kept = found.scene.joint("shoulder").friction
+assert kept.dahl.sigma0 == 400.0 and abs(kept.coulomb - 2.0) < 1e-6
+assert "Dahl friction" in str(Simulator(found.scene, backend="vm").plan)
 scene["joints"]["shoulder"]["friction"].pop("coulomb")
 try:
     Simulator(scene, backend="vm")

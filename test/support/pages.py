@@ -21,6 +21,7 @@ PAGES = [
 FILE = re.compile(r"(?:#|<!--) ([\w-]+\.(?:yaml|urdf|py))(?: -->)?\n")
 _PARTS = re.compile(
     r"(?P<skip><!-- not run: [^>]+ -->\n+)?^```(?P<kind>\w+)[^\n]*\n(?P<text>.*?)^```"
+    r"(?:\n+^```text\n(?P<printed>.*?)^```)?"
     r"|^```.*?^```|^ {4}(?P<indented>(?:\./arm|ros2) .*?)$"
     r"|(?<!`)`(?P<inline>(?:\./)?arm [^`]+|ros2 [^`]+)`",
     re.M | re.S,
@@ -36,7 +37,8 @@ class Step(NamedTuple):
         kind: ``file``, ``python`` or ``line``.
         text: Text of the file, Python, or what is typed.
         name: Of the file.
-        shown: What the page shows as the answer to a line; None if it shows nothing.
+        shown: What the page shows as the answer to a line, or in a block ``text`` after Python as
+            what that prints; None if it shows nothing.
     """
 
     kind: str
@@ -65,7 +67,7 @@ def steps(page: Path) -> Iterator[Step]:
         elif part["inline"]:
             yield from _inline(" ".join(part["inline"].split()))
         elif part["kind"] in SHELL or (part["kind"] and not part["skip"]):
-            yield from _block(part["kind"], part["text"])
+            yield from _block(part["kind"], part["text"], part["printed"])
 
 
 def _inline(words: str) -> Iterator[Step]:
@@ -74,11 +76,11 @@ def _inline(words: str) -> Iterator[Step]:
         yield Step("line", words)
 
 
-def _block(kind: str, text: str) -> Iterator[Step]:
+def _block(kind: str, text: str, printed: str | None) -> Iterator[Step]:
     if (named := FILE.match(text)) and kind != "bash":
         yield Step("file", text, named[1])
     elif kind == "python":
-        yield Step("python", text)
+        yield Step("python", text, shown=printed)
     elif kind == "console":
         for typed in re.split(r"^\$ ", text, flags=re.M)[1:]:
             line, _, shown = typed.partition("\n")

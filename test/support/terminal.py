@@ -159,8 +159,8 @@ class Terminal:
             PYTHONPATH=f"{folder}:{os.environ.get('PYTHONPATH', '')}",
         )  # fmt: skip
 
-    def python(self, text: str) -> None:
-        """Run a block in the Python of the page."""
+    def python(self, text: str) -> str:
+        """Run a block in the Python of the page; returns what it printed."""
         if self._python is None:
             self._python = subprocess.Popen(
                 [sys.executable, "-c", _PYTHON], cwd=self.folder, env=self._in_domain(),
@@ -173,6 +173,7 @@ class Terminal:
         while (line := self._python.stdout.readline()) != "\0done\n":
             assert line, "".join(said)[-3000:]
             said.append(line)
+        return "".join(said)
 
     def type(self, line: str, status: int = 0) -> str:
         """Type a line; returns what it printed until it ended, with a status, or worked."""

@@ -199,9 +199,25 @@ def test_a_joint_at_rest_keeps_the_values_of_the_scene():
     scene = wide(model)
     scene["joints"]["elbow"]["friction"] = {"viscous": 0.123}
     result = identify(scene, JointRecord.of(model.joint_names, t, q, tau, v, a))
-    assert "elbow.friction" in result.missing and "moved" in result.missing["elbow.friction"]
+    assert result.missing["elbow.friction"] == "it moved only 0 rad or m"
+    assert result.friction[1] is None
     assert result.scene.joints["elbow"].friction.viscous == 0.123
     assert result.parameters["shoulder.coulomb"] == pytest.approx(numbers["shoulder"]["coulomb"])
+
+
+def test_a_joint_that_moves_without_friction_is_not_called_at_rest():
+    """In its scene it loses the friction that it had."""
+    model, t, q, v, a, _ = two_link()
+    true, said = wide(model), wide(model)
+    for name in model.joint_names:
+        true["joints"][name]["friction"] = {"viscous": 0.0, "coulomb": 0.0}
+        said["joints"][name]["friction"] = {"viscous": 0.5, "coulomb": 1.0}
+    tau = Dynamics(true).inverse(q, v, a) - 1e-3 * (v + np.sign(v))
+    result = identify(said, JointRecord.of(model.joint_names, t, q, tau, v, a))
+    assert [fit.kinds for fit in result.friction] == [(), ()]
+    assert result.missing["elbow.friction"] == "none that opposes the motion was found"
+    friction = result.scene.joints["elbow"].friction
+    assert (friction.viscous, friction.coulomb) == (0.0, 0.0)
 
 
 def spoilt(**changes):
@@ -230,6 +246,57 @@ def test_useless_recordings_are_reported_briefly():
     ):
         with pytest.raises(InvalidInput, match=said):
             identify(*spoilt(**changes))
+
+
+def test_efforts_of_another_sign_or_joint_are_named():
+    tau = two_link()[5]
+    for changed, said in (
+        (tau * [1.0, -1.0], "the effort of 'elbow' is -1 times the torque of its motion: "),
+        (-tau, "'shoulder' is -1 times the torque of its motion; the effort of 'elbow' is -1"),
+        (tau[:, ::-1], "'shoulder' is that of 'elbow'; the effort of 'elbow' is that of"),
+        (tau[:, ::-1] * [-1.0, 1.0], "the effort of 'shoulder' is -1 times that of 'elbow'"),
+    ):
+        with pytest.raises(InvalidInput, match=f"{said}.*per unit"):
+            identify(*spoilt(tau=changed))
+    scene, record = spoilt(tau=tau * [1.0, -1.0])
+    result = identify(scene, record, effort={"shoulder": 1.0, "elbow": -1.0})
+    assert result.error[0] < 0.01
+
+
+def at_rest_from(start, joints):
+    """Joints that come to rest, as after the end of a motion that does not repeat."""
+    model, regressor, theta, numbers = truth("two_link")
+    t, q, v, a = motion(2, duration=20.0)
+    still = np.ix_(t >= start, joints)
+    q[still], v[still], a[still] = q[t >= start][0, joints], 0.0, 0.0
+    tau = torque(regressor, theta, numbers, q, v, a)
+    return identify(wide(model), JointRecord.of(model.joint_names, t, q, tau, v, a)), numbers
+
+
+def test_no_error_is_told_of_joints_at_rest_in_the_part_held_out():
+    result, numbers = at_rest_from(12.0, [1])
+    assert np.isnan(result.torque_error["elbow"]) and np.isnan(result.nominal_error["elbow"])
+    assert np.isnan(result.torque_residual["elbow"])
+    assert result.error[0] == pytest.approx(result.torque_error["shoulder"])
+    (told,) = [note for note in result.notes if "no error is known" in note]
+    assert told.startswith("no error is known of 'elbow': at rest in most of the part held out")
+    result, numbers = at_rest_from(12.0, [0, 1])
+    assert np.isnan(result.error).all()
+    assert any("no error is known of 'shoulder', 'elbow'" in note for note in result.notes)
+    for name, own in numbers.items():
+        assert result.parameters[f"{name}.coulomb"] == pytest.approx(own["coulomb"], rel=1e-6)
+
+
+def test_a_scene_that_predicts_worse_than_the_nominal_one_only_if_asked():
+    """Friction that only the part has which is not held out."""
+    model, t, q, v, a, _ = two_link()
+    tau = Dynamics(wide(model)).inverse(q, v, a)
+    sticky = tau + np.sign(v) * (t < 14.0)[:, None]
+    record = JointRecord.of(model.joint_names, t, q, sticky, v, a)
+    with pytest.raises(InvalidInput, match=r"more than the nominal scene, 0\.0.*accept worse"):
+        identify(wide(model), record)
+    error, nominal = identify(wide(model), record, accept_worse=True).error
+    assert error > nominal
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.1])

@@ -10,8 +10,12 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.identification.data import JointRecord, MeasuredMotion
+from arm_dynamics.identification.described import REPLACED
+from arm_dynamics.identification.regression.estimation import Belief, Mask
+from arm_dynamics.identification.regression.matching import mismatched
 from arm_dynamics.identification.regression.rows import Rows
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.scene.friction import STATEFUL
 
 BEYOND = 0.2
 """Tolerance of positions beyond the limits of the URDF in [rad] or [m]."""
@@ -23,6 +27,8 @@ OUT_OF_SCALE = 5.0
 """Largest factor between identified and nominal masses, in the median."""
 SLOWEST = 0.2
 """Largest sampling interval in [s] from which a motion can be identified."""
+ROUNDING = 1e-6
+"""Relative residual below which a prediction is exact."""
 LEAST_ROWS = 50
 """Smallest number of independent measurements of each joint."""
 
@@ -45,10 +51,12 @@ def check_model(model: ArmModel) -> None:
                 "determine that of its rotor; remove 'transmission' from the scene and identify "
                 "it by tests of the drive"
             )
-        if model.scene.joint(name).friction.position is not None:
+        friction = model.scene.joint(name).friction.model_dump(exclude_defaults=True)
+        if odd := [key for key in friction if key not in (*REPLACED, *STATEFUL)]:
             raise InvalidInput(
-                f"joint '{name}' has friction by position, which cannot be identified; remove "
-                "'friction.position' from the scene"
+                f"joint '{name}' has 'friction.{odd[0]}', which cannot be identified; remove it "
+                f"from the scene (identified are {known_names(REPLACED)}; kept: "
+                f"{known_names(STATEFUL)})"
             )
 
 
@@ -118,6 +126,30 @@ def check_rows(rows: Rows, names: Sequence[str]) -> None:
             )
 
 
+def check_columns(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -> None:
+    """Refuse efforts that another sign, or another joint's motion, explains far better.
+
+    Args:
+        rows: The regression's rows.
+        use: Rows that are used, shape (k, n).
+        belief: Prior of the bodies alone.
+        names: Joint names.
+
+    Raises:
+        InvalidInput: With the joints, and how to correct their efforts.
+    """
+    told = []
+    for match in mismatched(rows, use, belief):
+        sign, own = ("-1 times " if match.sign < 0 else ""), match.column == match.joint
+        whose = "the torque of its motion" if own else f"that of '{names[match.joint]}'"
+        told.append(f"the effort of '{names[match.column]}' is {sign}{whose}")
+    if told:
+        raise InvalidInput(
+            f"{'; '.join(told)}: exchange the columns of joints that are swapped, and give the "
+            "torque per unit of effort, negative for a joint whose sign is reversed (per unit)"
+        )
+
+
 def check_explained(error: float, nominal: float, names: Sequence[str], scales: Array) -> None:
     """Refuse a fit that hardly predicts the data it was not fitted to.
 
@@ -138,6 +170,25 @@ def check_explained(error: float, nominal: float, names: Sequence[str], scales: 
         f"the best fit leaves {error:.0%} of the torques held out unexplained (the nominal scene "
         f"{nominal:.0%}); allowed: at most {UNEXPLAINED:.0%} (another robot, wrong joint names, "
         f"efforts that are not torques, or contact?){hint}"
+    )
+
+
+def check_better(error: float, nominal: float) -> None:
+    """Refuse a scene that predicts the part held out worse than the one it comes from.
+
+    Args:
+        error: Relative residual of the held-out torques; NaN if it is unknown.
+        nominal: That of the nominal scene.
+
+    Raises:
+        InvalidInput: With both.
+    """
+    if not error > max(nominal, ROUNDING):
+        return
+    raise InvalidInput(
+        f"the identified scene leaves {error:.3%} of the torques held out, more than the nominal "
+        f"scene, {nominal:.3%}: use the nominal scene, record a longer motion of all joints, or "
+        "accept the identified scene nevertheless (accept worse)"
     )
 
 

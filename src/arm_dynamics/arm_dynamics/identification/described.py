@@ -10,8 +10,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations.interpolation import Curve
+from arm_dynamics.exceptions import InvalidInput, SceneError
 from arm_dynamics.identification.regression.friction_columns import (
     COULOMB,
     COULOMB_SKEW,
@@ -28,6 +30,8 @@ from arm_dynamics.model.friction import STEEPEST, largest_slope
 from arm_dynamics.scene.schema import Scene, validated
 from arm_dynamics.scene.urdf import xml_root
 
+REPLACED = ("viscous", "coulomb", "static", "stribeck_velocity", "load")
+"""Keys of a joint's friction whose values are identified; the others stay as they are."""
 HELD = 1e-3
 """Smallest static friction relative to Coulomb friction: a joint has to be able to rest."""
 LESS = 0.999
@@ -115,6 +119,9 @@ def scene_with(
         armature: Of each joint in [kg m²] or [kg], nan to leave it unchanged, shape (n,).
         friction: Of each joint; None to leave it unchanged.
         notes: Receives a line for each result that a scene cannot express.
+
+    Raises:
+        InvalidInput: If the friction contradicts a law with states that a joint has.
     """
     scene = model.scene
     content = scene.model_dump(exclude_unset=True, mode="json")
@@ -128,7 +135,9 @@ def scene_with(
         entry = content["joints"][name] = dict(said)
         fit = friction[j]
         if fit is not None:
-            entry["friction"] = _friction(name, model, j, fit, said.get("friction", {}), notes)
+            before = said.get("friction", {})
+            kept = {key: value for key, value in before.items() if key not in REPLACED}
+            entry["friction"] = kept | _friction(name, model, j, fit, notes)
         if np.isfinite(armature[j]):
             entry["armature"] = max(float(armature[j]) - _of_drive(model, j, "armature"), 0.0)
         gear = entry.get("actuator", {})
@@ -139,7 +148,23 @@ def scene_with(
         if name not in model.joint_names:  # a mimic joint: its leader has all of it
             plain = {"friction": {"viscous": 0.0, "coulomb": 0.0}, "armature": 0.0}
             content["joints"][name] = {**content["joints"].get(name, {}), **plain}
-    return validated(content)
+    return _accepted(validated(content))
+
+
+def _accepted(scene: Scene) -> Scene:
+    """The scene, if friction laws with states that the nominal one has agree with its friction.
+
+    Raises:
+        InvalidInput: With the joint, the law, and why it does not.
+    """
+    try:
+        friction_laws(ArmModel(scene))
+    except SceneError as error:
+        raise InvalidInput(
+            f"the identified friction contradicts a law of the nominal scene: {error}; change "
+            "the law, or remove it and identify it by tests of the joint"
+        ) from None
+    return scene
 
 
 def _of_drive(model: ArmModel, j: int, what: str) -> float:
@@ -148,9 +173,10 @@ def _of_drive(model: ArmModel, j: int, what: str) -> float:
 
 
 def _friction(
-    name: str, model: ArmModel, j: int, fit: JointFit, said: Mapping[str, Any], notes: list[str]
+    name: str, model: ArmModel, j: int, fit: JointFit, notes: list[str]
 ) -> dict[str, Any]:
-    """A joint's friction by the keys of a scene."""
+    """A joint's identified friction by the keys of a scene, which are among ``REPLACED``."""
+    law = model.scene.joint(name).friction.stateful
     c = {kind: fit.coefficients.get(kind, 0.0) for kind in fit.kinds}
     viscous = max(c.get(VISCOUS, 0.0) - _of_drive(model, j, "viscous"), 0.0)
     coulomb, offset = c.get(COULOMB, 0.0), c.get(COULOMB_SKEW, 0.0)
@@ -165,10 +191,10 @@ def _friction(
         "viscous": _sides(viscous, float(np.clip(c.get(VISCOUS_SKEW, 0.0), -viscous, viscous))),
         "coulomb": _sides(coulomb, offset),
     }
-    if c.get(EXCESS, 0.0) < 0.0 and "lugre" in said:
+    if c.get(EXCESS, 0.0) < 0.0 and law is not None:
         notes.append(
             f"'{name}': dry friction rises with speed, from {coulomb + c[EXCESS]:.3g} to "
-            f"{coulomb:.3g}, which a scene cannot express together with 'lugre'"
+            f"{coulomb:.3g}, which a scene cannot express together with '{law}'"
         )
     elif EXCESS in c and fit.shape.stribeck_velocity is not None:
         level = max(coulomb + c[EXCESS], HELD * coulomb)
@@ -184,8 +210,6 @@ def _friction(
             f"'{name}': friction seems to grow by up to {fit.refused:.3g} of the load that causes "
             f"it; at most {IDENTIFIED} is identified, so its growth is left out"
         )
-    if "lugre" in said:
-        found["lugre"] = said["lugre"]
     return found
 
 

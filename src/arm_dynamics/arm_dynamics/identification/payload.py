@@ -32,6 +32,9 @@ from arm_dynamics.scene.schema import Payload
 GUESS = 0.1
 """Radius in [m] of the ball of 1 kg that is the weak prior of a payload."""
 LOOSE = 10.0
+DOUBT = 0.5, 0.5
+"""Deviations of the arm's bodies, which stand in for the payload, where columns of efforts are
+matched with joints."""
 
 
 def identify_payload(
@@ -64,6 +67,9 @@ def identify_payload(
     checks.moved(motions)
     rows = Rows(RigidRegressor(model), motions, held_out=0.0)
     checks.check_rows(rows, model.joint_names)
+    nominal = rows.regressor.nominal
+    near = belief_of(nominal, len(nominal), *DOUBT)
+    checks.check_columns(rows, rows.use, near, model.joint_names)
     known = rows.rigid @ rows.regressor.nominal + rows.known + rows.inertia * model.armature
     left = rows.effort - known - steady_friction(rows, known)
     columns = rows.rigid[:, :, rows.regressor.places(carrier)] @ _moved(place)

@@ -51,10 +51,11 @@ class Identification:
         nominal: Base parameters of the nominal scene.
         missing: Reasons of what was not identified, by name.
         torque_error: Root mean square residual of each joint over that of its torque, on held-out
-            data.
+            data; NaN for a joint that is at rest in most of them.
         nominal_error: The same of the nominal scene.
-        error: Relative residual of all joints together: of the prediction, of the nominal scene.
-        torque_residual: Root mean square residual of each joint in [N m] or [N].
+        error: Relative residual of these joints together: of the prediction, of the nominal scene;
+            NaN if there are none.
+        torque_residual: Root mean square residual of each joint in [N m] or [N]; NaN likewise.
         friction: Of each joint; None if it is unchanged from the nominal scene.
         bodies: Ten inertial parameters of each moving body, shape (bodies, 10).
         body_names: Names of the bodies.

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
@@ -50,6 +51,7 @@ NOTHING = 1e-9
 """Standard deviation below which even a zero is identified."""
 MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
 """Prior deviations of bodies from nominal: of density, of all else; selected by the evidence."""
+NO_FRICTION = "none that opposes the motion was found"
 ROUNDS = 3
 """Largest number of selections of friction laws until the bandwidth of the efforts is stable."""
 MOST_ROWS = 6_000
@@ -63,9 +65,12 @@ NEAR = 0.03, 0.05
 """Prior deviations of bodies while scales are identified: of density, of all else. If bodies were
 fixed, an error of the last bodies would be taken for a scale of their joints."""
 DOUBT = 0.12, 0.2
-"""Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales."""
+"""Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
+columns of efforts are matched with joints."""
 TILT, SURELY = 0.01, 5.0
 """Angle in [rad], and standard deviations, above which a tilt of the base is reported."""
+MOVING = 0.2
+"""Fraction of the part held out in which a joint has to move for its prediction to be judged."""
 BLOCKS, DRIFT = 10, 0.1
 """Blocks of a recording, and relative change of friction, from which a drift is reported."""
 FAR_OFF = 5.0
@@ -82,6 +87,7 @@ def identify(
     total_mass: float | None = None,
     masses: Mapping[str, float] | None = None,
     held_out: float = HELD_OUT,
+    accept_worse: bool = False,
     told: Callable[[str], None] | None = None,
 ) -> Identification:
     """Identify inertias, armatures and friction of an arm from its motion and its torques.
@@ -99,6 +105,8 @@ def identify(
         total_mass: Known mass of all moving bodies in [kg], without payloads.
         masses: Known masses of bodies in [kg], by the joint that moves them.
         held_out: Fraction of each recording, at its end, that is held out to measure errors.
+        accept_worse: Whether to return a scene that predicts the part held out worse than the
+            nominal scene does.
         told: Called with the name of each step as it begins.
 
     Returns:
@@ -106,7 +114,8 @@ def identify(
 
     Raises:
         SceneError: If the nominal scene cannot be used.
-        InvalidInput: If the recordings do not determine the parameters; says what is missing.
+        InvalidInput: If the recordings do not determine the parameters, or the nominal scene
+            predicts the part held out better; says what is missing.
     """
     say = told or (lambda text: None)
     model = ArmModel(load_scene(scene))
@@ -120,7 +129,10 @@ def identify(
     say("filtering")
     sampled = [resampled(_in_torques(record, effort)) for record in records]
     run = _Run(model, sampled, band, effort == "scale", total_mass, masses or {}, held_out, say)
-    return run.done()
+    found = run.done()
+    if not accept_worse:
+        checks.check_better(*found.error)
+    return found
 
 
 def _in_torques(record: JointRecord, effort: str | Mapping[str, float]) -> JointRecord:
@@ -164,6 +176,9 @@ class _Run:
         self._filter(_common_band(recordings) if band is None else band)
         self.ranges = checks.moved(self.motions)
         checks.check_rows(self.rows, self.names)
+        nominal = self.regressor.nominal
+        near = belief_of(nominal, len(nominal), *DOUBT)
+        checks.check_columns(self.rows, self._train(), near, self.names)
         self.known_masses = self._mass_rows(total_mass, masses)
         self.sigmas = (MASSES[3], SHAPES[4])
 
@@ -409,10 +424,14 @@ class _Run:
         nominal = self._nominal()
         predicted = trial.columns.predicted(trial.x) + rows.known
         after = final.columns.predicted(final.x) + rows.known
-        test = ~rows.train if (~rows.train).any() else rows.train
-        error, each = _relative(rows.effort, predicted, rows.valid & test[:, None])
-        before, each_before = _relative(rows.effort, nominal, rows.valid & test[:, None])
-        checks.check_explained(error, before, self.names, self._ratios(nominal))
+        test = self._judging()
+        error, each = _relative(rows.effort, predicted, test)
+        before, each_before = _relative(rows.effort, nominal, test)
+        shown = test if test.any() else self._train()
+        checks.check_explained(
+            _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
+            self.names, self._ratios(nominal),
+        )  # fmt: skip
         base, parameters, intervals, missing, condition = self._parameters(final, used)
         friction: list[JointFit | None] = [
             f if self.ranges[j] > checks.MOVED else None for j, f in enumerate(final.friction)
@@ -439,7 +458,7 @@ class _Run:
             friction=rows.effort - after + final.columns.own_predicted(final.x),
         )  # fmt: skip
         names = self.names
-        left = deviations(rows.effort, predicted, rows.valid & test[:, None])
+        left = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan)
         return Identification(
             scene=scene, joint_names=names, parameters=parameters, intervals=intervals,
             nominal=base, missing=missing, torque_error=dict(zip(names, each, strict=True)),
@@ -450,6 +469,33 @@ class _Run:
             band=self.motions[0].band, effort_band=rows.effort_band, condition=condition,
             notes=tuple(self.notes), torques=torques,
         )  # fmt: skip
+
+    @property
+    def _test(self) -> NDArray[np.bool_]:
+        """Rows on which errors are measured, shape (k,): all of them if none is held out."""
+        train = self.rows.train
+        return train if train.all() else ~train
+
+    def _judging(self) -> Mask:
+        """Rows by which the prediction of each joint is judged: none if it rests in most of them.
+
+        The torque of a joint at rest may be anything that static friction holds, so that its
+        prediction tells nothing.
+        """
+        rows, test = self.rows, self._test[:, None]
+        known = np.count_nonzero(rows.valid & test, axis=0)
+        moving = np.count_nonzero(rows.use & test, axis=0) * (self.ranges > checks.MOVED)
+        resting = (moving < MOVING * known) & (known > 0)
+        part = f"the part held out (the last {self.held_out:.0%} of each recording)"
+        for found, why in (
+            (resting, f"at rest in most of {part}; let the motion go on to the end, or cut off "
+                      "what follows it"),
+            (known == 0, f"without an effort in {part}"),
+        ):  # fmt: skip
+            names = [f"'{name}'" for name, there in zip(self.names, found, strict=True) if there]
+            if names:
+                self.notes.append(f"no error is known of {known_names(names)}: {why}")
+        return np.asarray(rows.valid & test & ~resting)
 
     def _torques(self, predicted: Array, nominal: Array, friction: Array) -> Torques:
         """Measured and other torques, shapes (k, n), NaN where samples are not valid."""
@@ -586,8 +632,10 @@ class _Run:
                 parameters[f"{joint}.stribeck_velocity"] = own.shape.stribeck_velocity
             if own.shape.load is not None:
                 parameters[f"{joint}.load"] = own.shape.load
-            if not own.kinds:
+            if way <= checks.MOVED:
                 missing[f"{joint}.friction"] = f"it moved only {way:.2g} rad or m"
+            elif not own.kinds:
+                missing[f"{joint}.friction"] = NO_FRICTION
             elif "excess" not in own.kinds:
                 missing[f"{joint}.static"] = "friction does not visibly fall with speed"
         return parameters, missing
@@ -631,8 +679,9 @@ def _explained(y: Array, columns: Array, more: Array) -> tuple[float, float]:
 
 
 def _relative(measured: Array, predicted: Array, use: Mask) -> tuple[float, list[float]]:
-    """Relative residual of all joints together, and of each."""
+    """Relative residual of all joints together, and of each; NaN without a row."""
     left = np.where(use, (measured - predicted) ** 2, 0.0).sum(axis=0)
     size = np.where(use, measured**2, 0.0).sum(axis=0)
-    size = np.maximum(size, 1e-300)
-    return float(np.sqrt(left.sum() / size.sum())), np.sqrt(left / size).tolist()
+    each = np.where(use.any(axis=0), np.sqrt(left / np.maximum(size, 1e-300)), np.nan)
+    whole = np.sqrt(left.sum() / max(size.sum(), 1e-300)) if use.any() else np.nan
+    return float(whole), each.tolist()

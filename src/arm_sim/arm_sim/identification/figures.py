@@ -36,7 +36,9 @@ def draw_torques(found: Identification, path: Path) -> None:
             residual = shown.measured[rows, j] - shown.predicted[rows, j]
             right.plot(t, residual, color="C3", linewidth=0.8)
             right.set_ylabel("residual", fontsize=8)
-            right.set_title(f"error {found.torque_error[name]:.1%} on held-out data", fontsize=8)
+            error = found.torque_error[name]
+            told = "unknown error" if np.isnan(error) else f"error {error:.1%}"
+            right.set_title(f"{told} on held-out data", fontsize=8)
             for at in (left, right):
                 _shade(at, order, shown.held_out)
         axes[0, 0].legend(ncols=3, fontsize=8, loc="lower right", bbox_to_anchor=(1, 0.98))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -59,17 +60,17 @@ def write_scene(scene: Scene, out: Path, head: str = "") -> list[Path]:
 def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequence[Path]) -> str:
     """The report, as Markdown."""
     lines = [f"# {out.stem}: identified from {', '.join(sources)}", ""]
-    error, nominal = found.error
     lines += [
-        f"Torque error on held-out data: **{error:.2%}**, of the nominal scene {nominal:.2%}. "
+        f"Torque error on held-out data: **{share(found.error[0], 2)}**, of the nominal scene "
+        f"{share(found.error[1], 2)}. "
         f"Zero-phase low-pass filter: {found.band:.3g} Hz. Condition number of the motion: "
         f"{found.condition:.3g}.", "",
     ]  # fmt: skip
     if found.effort_band is not None:
         lines += [f"Predictions are low-pass filtered at {found.effort_band:.3g} Hz.", ""]
     rows = [
-        [name, f"{found.nominal_error[name]:.2%}", f"{found.torque_error[name]:.2%}",
-         f"{found.torque_residual[name]:.3g}", friction_words(found, j)]
+        [name, share(found.nominal_error[name], 2), share(found.torque_error[name], 2),
+         residual(found, name), friction_words(found, j)]
         for j, name in enumerate(found.joint_names)
     ]  # fmt: skip
     columns = ["joint", "nominal error", "error", "residual rms [N m, N]", "friction"]
@@ -116,11 +117,24 @@ def _interval(found: Identification, name: str) -> str:
     return "{:.4g} to {:.4g}".format(*found.intervals[name])
 
 
+def share(error: float, digits: int) -> str:
+    """A relative error on held-out data in per cent."""
+    return "unknown" if math.isnan(error) else f"{error:.{digits}%}"
+
+
+def residual(found: Identification, joint: str) -> str:
+    """The root mean square residual of a joint on held-out data in [N m] or [N]."""
+    left = found.torque_residual[joint]
+    return "unknown" if math.isnan(left) else f"{left:.3g}"
+
+
 def friction_words(found: Identification, j: int) -> str:
     """The friction of a joint in a few words."""
     fit = found.friction[j]
-    if fit is None or not fit.kinds:
+    if fit is None:
         return "unchanged: the joint did not move"
+    if not fit.kinds:
+        return "none that opposes the motion was found"
     words = [f"{kind} {fit.coefficients[kind]:.3g}" for kind in fit.kinds]
     if fit.shape.stribeck_velocity is not None:
         words.append(f"stribeck_velocity {fit.shape.stribeck_velocity:.2g}")

@@ -119,3 +119,38 @@ def test_refusals_leave_nothing_behind(table, tmp_path):
         done = typed(*arguments)
         assert done.exit_code == 1 and said in done.output + str(done.exception), done.output
         assert not out.exists()
+
+
+def test_an_arm_at_rest_at_the_end_has_no_error(table, tmp_path):
+    """Whether its scene is better than the nominal one is unknown: it is written, and told."""
+    record = np.loadtxt(table, delimiter=",", skiprows=1)
+    record[1200:] = record[1199]
+    record[:, 0] = np.arange(0.0, 20.0, 0.01)
+    rests = tmp_path / "rests.csv"
+    head = table.read_text().splitlines()[0]
+    np.savetxt(rests, record, delimiter=",", header=head, comments="")
+    done = typed(rests, "--scene", "two_link", "--out", tmp_path / "a.yaml", "--json")
+    told = json.loads(done.stdout)
+    assert told["error"] is None and told["torque_error"] == {"shoulder": None, "elbow": None}
+    assert any("no error is known of 'shoulder', 'elbow'" in note for note in told["notes"])
+    low, high = told["intervals"]["elbow.coulomb"]
+    assert low < 0.6 < high
+
+
+def test_a_scene_that_predicts_worse_than_the_nominal_one_only_if_asked(table, tmp_path):
+    """The nominal scene is the true one, but the first part of the recording has more friction."""
+    true = tmp_path / "true.yaml"
+    known = load_scene(TRUE).model_dump(exclude_unset=True, mode="json")
+    (tmp_path / "true.urdf").write_text(known["robot"]["urdf"])
+    true.write_text(json.dumps(known | {"robot": {"urdf": "true.urdf"}}))
+    record = np.loadtxt(table, delimiter=",", skiprows=1)
+    speeds = np.gradient(record[:, 1:3], record[:, 0], axis=0)
+    record[:1400, 3:] += np.sign(speeds[:1400])
+    sticky, out = tmp_path / "sticky.csv", tmp_path / "a.yaml"
+    head = table.read_text().splitlines()[0]
+    np.savetxt(sticky, record, delimiter=",", header=head, comments="")
+    done = typed(sticky, "--scene", true, "--out", out)
+    assert done.exit_code == 1 and "more than the nominal scene" in done.output
+    assert not out.exists()
+    done = typed(sticky, "--scene", true, "--out", out, "--accept-worse")
+    assert done.exit_code == 0 and out.exists()

@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim.cli.output import console, examples, facts, number, progress_on_stderr, show, table
+from arm_sim.cli.output import console, examples, facts, progress_on_stderr, show, table
 
 if TYPE_CHECKING:
     from arm_dynamics.identification import Identification, JointRecord
@@ -47,17 +48,22 @@ _PATH = click.Path(path_type=Path)
               help="Known mass of the link that a joint moves; may be repeated.")  # fmt: skip
 @click.option("--payload", metavar="FRAME",
               help="Identify only the payload on this frame of a known arm.")  # fmt: skip
+@click.option("--accept-worse", is_flag=True,
+              help="Write the scene even if it predicts the held-out part of the recordings worse "
+              "than the nominal scene does.")  # fmt: skip
 @click.option("--topic", help="Topic of the joint states, if a bag has several.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def identify(
     recordings: tuple[Path, ...], scene: str, out: Path, band: float | None, effort: str,
     units: tuple[str, ...], names: tuple[str, ...], total_mass: float | None,
-    masses: tuple[str, ...], payload: str | None, topic: str | None, as_json: bool,
+    masses: tuple[str, ...], payload: str | None, accept_worse: bool, topic: str | None,
+    as_json: bool,
 ) -> None:  # fmt: skip
     """Identify masses, inertias and friction of an arm from RECORDINGs of motion and torque.
 
     Writes the scene OUT and, beside it, its URDF, a report and figures. Writes nothing if the
-    recordings do not determine the parameters. Accepts every recording that ./arm plot accepts.
+    recordings do not determine the parameters, or the nominal scene predicts them better. Accepts
+    every recording that ./arm plot accepts.
     """
     if out.suffix not in (".yaml", ".yml"):
         raise InvalidInput(f"--out is '{out}'; a name that ends in .yaml is expected")
@@ -79,7 +85,7 @@ def identify(
         found = find(
             scene, records, band=band, effort=_numbers("--per-unit", per_unit) or effort,
             names=_pairs("--map", names), total_mass=total_mass,
-            masses=_numbers("--mass", _pairs("--mass", masses)),
+            masses=_numbers("--mass", _pairs("--mass", masses)), accept_worse=accept_worse,
             told=lambda text: click.echo(f"{text} …", err=True),
         )  # fmt: skip
         click.echo("writing the scene, the report and the figures …", err=True)
@@ -139,27 +145,34 @@ def _numbers(option: str, pairs: dict[str, str]) -> dict[str, float]:
 
 def _result(found: Identification, files: list[Path]) -> dict[str, Any]:
     return {
-        "files": [str(path) for path in files], "band": found.band, "error": found.error[0],
-        "nominal_error": found.error[1], "torque_error": dict(found.torque_error),
+        "files": [str(path) for path in files], "band": found.band,
+        "error": _known(found.error[0]), "nominal_error": _known(found.error[1]),
+        "torque_error": {name: _known(x) for name, x in found.torque_error.items()},
         "parameters": dict(found.parameters), "intervals": dict(found.intervals),
         "missing": dict(found.missing), "notes": list(found.notes),
         "scales": dict(zip(found.joint_names, found.scales.tolist(), strict=True)),
     }  # fmt: skip
 
 
+def _known(error: float) -> float | None:
+    """An error, or null in place of NaN, which JSON does not have."""
+    return None if math.isnan(error) else error
+
+
 def _show(found: Identification) -> None:
-    from arm_sim.identification.report import friction_words
+    from arm_sim.identification.report import friction_words, residual, share
 
     out = console()
     rows = [
-        [name, f"{found.nominal_error[name]:.1%}", f"{found.torque_error[name]:.1%}",
-         number(found.torque_residual[name], 3), friction_words(found, j)]
+        [name, share(found.nominal_error[name], 1), share(found.torque_error[name], 1),
+         residual(found, name), friction_words(found, j)]
         for j, name in enumerate(found.joint_names)
     ]  # fmt: skip
     columns = ["joint", "nominal\nerror", "error", "residual\nrms", "friction"]
     show(out, table(columns, rows, text=(0, 4)))
     out.print(
-        f"torque error on held-out data: {found.error[0]:.2%}, nominal {found.error[1]:.2%}; "
+        f"torque error on held-out data: {share(found.error[0], 2)}, nominal "
+        f"{share(found.error[1], 2)}; "
         f"low-pass filter {found.band:.3g} Hz; condition number {found.condition:.3g}; "
         f"{len(found.parameters)} parameters identified, {len(found.missing)} not",
         markup=False,
