@@ -54,14 +54,13 @@ def contact_history(sim: _Simulated, recording: Recording) -> ContactHistory:
     Raises:
         InvalidInput: If the scene has no contact.
     """
-    compiled, x = sim.compiled, recording.x
-    forces = [
-        contact_forces(compiled.plant, compiled.stepper, *pair)
-        for pair in zip(x, recording.command, strict=True)
-    ]
-    losses = compiled.energy_account.contact_losses(
-        x[:-1], recording.command[:-1], recording.p[:-1]
-    )
+    account, x, u, p = sim.compiled.energy_account, recording.x, recording.command, recording.p
+    forces = []
+    for state, command, tuned in zip(x, u, p, strict=True):
+        account.stepper.p[:] = tuned
+        forces.append(contact_forces(sim.compiled.plant, account.stepper, state, command))
+    losses = account.contact_losses(x[:-1], u[:-1], p[:-1])
+    losses[~recording.moved] = 0.0
     losses = np.vstack([np.zeros(2), np.cumsum(losses, axis=0)])
     return ContactHistory(
         tuple(f.name for f in forces[0]),

@@ -107,6 +107,28 @@ def test_without_laws_it_is_the_work_of_torques() -> None:
     assert not sim.energy_account.makes_ticks_again(np.hstack([run.q, run.v]))
 
 
+def test_energies_of_a_tick_do_not_depend_on_other_ticks(sim: Simulator) -> None:
+    """A running account is evaluated every few ticks, that of a recording at once."""
+    sim.reset()
+    run = sim.run(0.05, U)
+    ticks = [run.x[:-1], run.ended[1:], run.command[:-1], run.p[:-1]]
+    whole = run.account.flows(*ticks)
+    parts = [run.account.flows(*(rows[k : k + 7] for rows in ticks)) for k in range(0, 50, 7)]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+def test_a_stop_is_felt_only_by_ticks_near_it() -> None:
+    """The heat of ticks away from it is the same whether or not the run ends at a stop."""
+    law = {"friction": {"viscous": 0.4}, "limits": {"lower": -0.6, "upper": 3.0}}
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    run = Simulator(scene | {"joints": {"*": law}}).run(0.5)
+    met = int(np.flatnonzero(run.plant.model.stops.touched(run.q).any(axis=1))[0])
+    early, ticks = slice(met - 20), [run.x[:-1], run.x[1:], run.command[:-1], run.p[:-1]]
+    assert run.account.makes_ticks_again(run.x) and not run.account.makes_ticks_again(run.x[early])
+    alone = run.account.flows(*(rows[early] for rows in ticks))
+    np.testing.assert_array_equal(run.account.flows(*ticks)[early], alone)
+
+
 def test_tunable_quantities_are_those_of_the_run() -> None:
     scene = models.scene("two_link").model_dump(exclude_unset=True)
     law = {"viscous": 0.2, "coulomb": 0.3, "lugre": {"sigma0": 1e4, "sigma1": 20.0}}
@@ -300,6 +322,29 @@ def test_multipliers_bear_pushes_from_outside() -> None:
     q, v = sim.state.q, sim.state.v
     arm = Dynamics(sim.model)
     assert_close(sim.multipliers(), arm.constrained_forward(q, v, push)[1], PINOCCHIO)
+
+
+def test_multipliers_are_of_the_constraints_that_hold_at_each_time() -> None:
+    """Let go in the middle of a run: the plane has borne the arm until then."""
+    plane = {"type": "plane", "frames": ["tip", "world"], "height": -0.3}
+    scene = {
+        "robot": models.scene("two_link").robot.model_dump(),
+        "constraints": [plane | {"name": "table", "switchable": True}],
+        "initial": {"position": {"shoulder": 0.3, "elbow": 0.1}},
+    }
+    sim = Simulator(scene, backend="vm")
+    held = sim.run(0.02).multipliers
+    sim.reset()
+
+    def control(state: State) -> list[float]:
+        if state.step == 10:
+            sim.set_constraint("table", False)
+        return [0.0, 0.0]
+
+    found = sim.run(0.02, control).multipliers
+    assert abs(held).min() > 1.0
+    assert_close(found[:10], held[:10], PINOCCHIO)
+    assert not found[10:].any()
 
 
 # --- whether it is to be trusted -----------------------------------------------------------------

@@ -16,6 +16,7 @@ import models
 from arm_dynamics import InvalidInput
 from arm_sim import Recording, Simulator, State
 from arm_sim.cli.main import main
+from arm_sim.servo import JointCommand
 
 
 @pytest.fixture(scope="module")
@@ -125,3 +126,10 @@ def test_a_change_between_ticks_does_not_affect_the_torque_before_it() -> None:
     np.testing.assert_array_equal(once.ended[:21], never.x[:21])
     np.testing.assert_array_equal(once.tau[:20], never.tau[:20])
     assert (once.tau[20:] != never.tau[20:]).all()
+
+
+def test_a_part_says_what_held_the_arm_there() -> None:
+    sim = models.simulator("two_link")
+    run = sim.run(0.3, JointCommand(position=sim.state.q))
+    assert run.hold is not None and run.hold.any()
+    np.testing.assert_array_equal(run.part(range(100, 300, 20)).hold, run.hold[100:300:20])

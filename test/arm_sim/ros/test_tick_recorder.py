@@ -88,6 +88,52 @@ def test_what_servos_and_brakes_hold_comes_out_again(tmp_path: Path) -> None:
     assert loaded.energy_error < 1e-3
 
 
+def test_a_change_while_brakes_hold_counts_once(tmp_path: Path) -> None:
+    """Set in motion, or with a heavier load: the brakes take the motion and nothing else."""
+    engine, path = engine_of(scene()), tmp_path / "run.mcap"
+    recorder = TickRecorder(path, engine)
+    engine.configure(0.02, "brake")
+    load = payload_change(engine.simulator, 0, 0.8, [0.0, 0.0, 0.1], [2e-3, 0, 0, 2e-3, 0, 2e-3])
+    for action in (lambda: engine.simulator.set_state([0.4, -0.3], [1.0, 0.5]), load):
+        engine.tick()
+        engine.change(action)
+        engine.tick()
+    recorder.close()
+    loaded = Recording.load(path)
+    assert loaded.hold is not None and loaded.hold[:-1].all()
+    np.testing.assert_allclose(np.ptp(loaded.energy - loaded.changed), 0.0, atol=1e-12)
+    assert np.ptp(loaded.energy) > 1.0 and not loaded.balance.round(12).any()
+
+
+def test_a_scene_without_tunable_quantities_may_be_reset_and_moved(tmp_path: Path) -> None:
+    engine, path = engine_of(scene(tunable=[])), tmp_path / "run.mcap"
+    recorder = TickRecorder(path, engine)
+    run(engine, 20)
+    engine.change(lambda: engine.simulator.set_state([0.4, -0.3], [0.0, 0.5]))
+    run(engine, 20)
+    engine.reset()
+    run(engine, 20)
+    recorder.close()
+    loaded = Recording.load(path)
+    assert [jump.row for jump in loaded.jumps] == [20, 40]
+    assert replay(loaded).equal
+
+
+def test_an_event_after_a_reset_is_at_the_time_of_the_recording(tmp_path: Path) -> None:
+    engine, path = engine_of(scene()), tmp_path / "run.mcap"
+    recorder = TickRecorder(path, engine)
+    for ticks in 30, 20, 10:
+        run(engine, ticks)
+        recorder.note(f"after {ticks}")
+        engine.reset()
+    recorder.close()
+    loaded = Recording.load(path)
+    told = [(event.text, round(event.time, 9)) for event in loaded.events]
+    assert told == [("after 30", 0.03), ("after 20", 0.05), ("after 10", 0.06)]
+    again = Recording.load(loaded.save(tmp_path / "again.mcap"))
+    assert [round(event.time, 9) for event in again.events] == [0.03, 0.05, 0.06]
+
+
 def test_a_run_under_a_servo_is_replayed(tmp_path: Path) -> None:
     sim = Simulator(scene())
     made = sim.run(0.3, JointCommand(position=sim.state.q))

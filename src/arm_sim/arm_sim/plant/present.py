@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics import ArmModel, Dynamics
 from arm_dynamics.arrays import Array
@@ -28,8 +29,7 @@ class PresentDynamics:
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
-        places = (plant.parameters.place(name) for name in OF_THE_ARM)
-        self._columns = np.r_[*(place for place in places if place is not None), 0:0]
+        self._columns = self._columns_of(OF_THE_ARM)
         self._made = {self._key(plant.parameters.nominal): Dynamics(plant.model)}
 
     def tuned(self, p: Array) -> Dynamics:
@@ -51,11 +51,20 @@ class PresentDynamics:
             self._made = made = {**dict(list(made.items())[-KEPT:]), key: dynamics}
         return made[key]
 
-    def runs(self, p: Array) -> list[slice]:
-        """Runs of successive rows of p, shape (k, np), with the same dynamics."""
-        own = p[:, self._columns]
+    def runs(self, p: Array, *others: str) -> list[slice]:
+        """Runs of successive rows of p, shape (k, np), with the same dynamics.
+
+        Args:
+            p: Tunable quantities, shape (k, np).
+            *others: Names of further quantities that are the same in a run.
+        """
+        own = p[:, self._columns_of((*OF_THE_ARM, *others))]
         ends = [int(i) + 1 for i in np.flatnonzero((own[1:] != own[:-1]).any(axis=1))]
         return [slice(a, b) for a, b in zip([0, *ends], [*ends, len(own)], strict=True)]
+
+    def _columns_of(self, names: tuple[str, ...]) -> NDArray[np.intp]:
+        places = (self._plant.parameters.place(name) for name in names)
+        return np.asarray(np.r_[*(place for place in places if place is not None), 0:0])
 
     def _key(self, p: Array) -> bytes:
         return p[self._columns].tobytes()

@@ -95,6 +95,18 @@ class Contents:
         return x
 
     @property
+    def moved(self) -> NDArray[np.bool_]:
+        """Whether the arm made the tick from each time but the last by itself, shape (k,).
+
+        Not where brakes held it, nor across gaps, where its motion is unknown.
+        """
+        moved = np.ones(max(len(self.time) - 1, 0), bool)
+        moved[[row - 1 for row in self.gaps]] = False
+        if self.hold is not None:
+            moved &= self.hold[:-1] != BRAKES
+        return moved
+
+    @property
     def first_jumps(self) -> tuple[Jump, ...]:
         """The first change at each time, which knows what was there before all of them."""
         return tuple({jump.row: jump for jump in reversed(self.jumps)}.values())

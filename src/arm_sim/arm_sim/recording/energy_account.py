@@ -11,12 +11,12 @@ accurately as the motion itself. All of this is computed on demand.
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics import Dynamics
 from arm_dynamics.actuation.internal_state import Ensemble, Flow
@@ -25,6 +25,7 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import spring
 from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.integrators.selection import Choice
+from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant, Power, split
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.second_look import FINER
@@ -112,14 +113,18 @@ class EnergyAccount:
 
         A smooth motion with fixed steps and without internal states requires it only at stops.
         """
-        model = self._plant.model
+        return bool(self._not_smooth(x).any())
+
+    def _not_smooth(self, x: Array) -> NDArray[np.bool_]:
+        """Whether a tick that begins or ends at states of shape (k, nx) is to be repeated."""
         if self._always or (self._plant.eventful and not self._plant.free):
-            return True
-        q, v = x[:, : model.n], x[:, model.n : 2 * model.n]
+            return np.ones(len(x), bool)
+        q, v, _ = self._parts(x)
         # A rebound is visible in the velocity after it, even if no recorded position is at the
         # stop.
         near = [q, *(q + way * self.choice.dt * v for way in (-MARGIN, MARGIN))]
-        return any(model.stops.touched(place).any() for place in near)
+        touched = self._plant.model.stops.touched
+        return np.any([touched(place).any(axis=1) for place in near], axis=0)
 
     def stored(self, x: Array) -> Array:
         """Energy stored in drives and friction at states of shape (k, nx), in [J], shape (k,)."""
@@ -144,29 +149,28 @@ class EnergyAccount:
         ]
         return np.column_stack([np.concatenate(parts), self.stored(x)])
 
-    def multipliers(self, x: Array, tau: Array, p: Array, held: Collection[str]) -> Array:
+    def multipliers(self, x: Array, tau: Array, p: Array) -> Array:
         """λ of the constraints at states, as ``Dynamics.constrained_forward`` has them.
 
         Args:
             x: States, shape (k, nx).
             tau: Torques on the joints, friction at rest included, in [N m] or [N], shape (k, n).
             p: Tunable quantities at each state, shape (k, np).
-            held: Names of the active constraints.
 
         Returns:
-            In [N] and [N m], shape (k, m).
+            In [N] and [N m], shape (k, m); zero for constraints that are switched off there.
         """
         q, v, _ = self._parts(x)
         parts = [
             self._present.at(p[run.start]).constrained.without_sticking(
-                q[run], v[run], tau[run], held
+                q[run], v[run], tau[run], holding(self._plant, p[run.start])
             )[1]
-            for run in self._present.runs(p)
+            for run in self._present.runs(p, "constraints")
         ]
         return np.concatenate(parts)
 
     def flows(self, x: Array, after: Array, u: Array, p: Array) -> Array:
-        """Work supplied and heat lost in each tick.
+        """Work supplied and heat lost in each tick, whatever other ticks there are.
 
         Args:
             x: States at the beginning of each tick, shape (k, nx).
@@ -177,11 +181,20 @@ class EnergyAccount:
         Returns:
             Work and heat in [J], shape (k, 2); NaN if a tick cannot be repeated.
         """
-        if not len(u):
-            return np.zeros((0, 2))
-        if self.makes_ticks_again(np.vstack([x, after[-1:]])):
-            supplied, lost, friction, outside, contacts, impacts = self._made_again(x, u, p).T
-            return np.stack([supplied + outside, lost + friction + contacts + impacts], axis=1)
+        again = self._not_smooth(x) | self._not_smooth(after)
+        flows = np.empty((len(u), 2))
+        for these, flow in ((again, self._repeated), (~again, self._quadrature)):
+            if these.any():
+                flows[these] = flow(x[these], after[these], u[these], p[these])
+        return flows
+
+    def _repeated(self, x: Array, after: Array, u: Array, p: Array) -> Array:
+        """See ``flows``, of any ticks."""
+        supplied, lost, friction, outside, contacts, impacts = self._made_again(x, u, p).T
+        return np.stack([supplied + outside, lost + friction + contacts + impacts], axis=1)
+
+    def _quadrature(self, x: Array, after: Array, u: Array, p: Array) -> Array:
+        """See ``flows``, of smooth ticks."""
         pushed = self._plant.parameters.place("external")
         acting = u if pushed is None else u + p[:, pushed]
         way = self._parts(after)[0] - self._parts(x)[0]
@@ -258,6 +271,7 @@ class EnergyAccount:
         stepper.restart()
         for k in range(len(u)):
             state[:nx], state[nx:], command[:], stepper.p[:] = x[k], 0.0, u[k], p[k]
+            stepper.substep = 0.0  # a tick's energies must not depend on other ticks
             before = stepper.report.impact_loss
             if tick() == 1:
                 flows[k] = [*trace[0, nx:], stepper.report.impact_loss - before]

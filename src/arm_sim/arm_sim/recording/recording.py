@@ -249,7 +249,7 @@ class Recording(Contents):
             for k in self._at_stops if self.plant.free else range(len(self)):
                 stepper.p[:] = self.p[k]
                 tau[k] += stepper.push(x[k], self.command[k])
-        return self.account.multipliers(x, tau, self.p, self.held)
+        return self.account.multipliers(x, tau, self.p)
 
     @cached_property
     def balance(self) -> Array:
@@ -265,17 +265,21 @@ class Recording(Contents):
         Changes of payload, gravity or friction, by ``set_parameter`` and similar methods, and of
         the state, by ``set_state`` and ``set_constraint``, during the run.
         """
-        changed = np.zeros(len(self))
-        for jump in self.first_jumps:
-            before = self.account.energies(jump.x[None], jump.p[None]).sum()
-            changed[jump.row] = self.energy[jump.row] - before
-        for row in self.gaps:
-            if row not in {jump.row for jump in self.jumps}:
-                changed[row] = self.energy[row] - self.energy[row - 1]
+        changed = self.energy - self._energy_before
         if self.hold is not None:  # brakes absorb the kinetic energy
             taken = self.hold[:-1] == BRAKES
-            changed[1:][taken] += np.diff(self.energy)[taken]
+            changed[1:][taken] += (self._energy_before[1:] - self.energy[:-1])[taken]
         return np.cumsum(changed)
+
+    @cached_property
+    def _energy_before(self) -> Array:
+        """Energy at each time before changes between ticks in [J], shape (k+1,)."""
+        before = self.energy.copy()
+        for row in self.gaps:
+            before[row] = self.energy[row - 1]
+        for jump in self.first_jumps:
+            before[jump.row] = self.account.energies(jump.x[None], jump.p[None]).sum()
+        return before
 
     @cached_property
     def energy_error(self) -> float:
@@ -404,7 +408,8 @@ class Recording(Contents):
         here = np.asarray(rows)
         states = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
         chosen: dict[str, Any] = {name: read_only(getattr(self, name)[here]) for name in states}
-        return replace(self, **chosen, jumps=(), gaps=(), measured=None)
+        hold = None if self.hold is None else self.hold[here]
+        return replace(self, **chosen, hold=hold, jumps=(), gaps=(), measured=None)
 
     def show(
         self,
@@ -439,7 +444,5 @@ class Recording(Contents):
                 "of a robot there are kinetic, potential and stored energy only"
             )
         flows = self.account.flows(self.x[:-1], self.ended[1:], self.command[:-1], self.p[:-1])
-        flows[[row - 1 for row in self.gaps]] = 0.0  # the motion there is unknown
-        if self.hold is not None:
-            flows[self.hold[:-1] == BRAKES] = 0.0
+        flows[~self.moved] = 0.0
         return np.vstack([np.zeros(2), np.cumsum(flows, axis=0)])

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -309,16 +310,30 @@ def _joined(
         update={"tunable": tuple(name for name in tunable if name != SWITCHES)}
     )
     run = _Run(origin.dt, scene, n)
-    edges = np.searchsorted(places, [place for place, _ in changes]).tolist()
+    begun = [place for place, _ in changes]
+    edges, offsets = np.searchsorted(places, begun).tolist(), list[int]()
     for i, (_, change) in enumerate(changes):
         run.change(change)
+        offsets.append(run.offset)
         end = edges[i + 1] if i + 1 < len(edges) else len(ticks)
         block = slice(edges[i], end)
         run.ticks(steps[block], x[block], command[block], notes[block], hold[block])
-    told = [log_text(raw) for *_, raw in _only(found, LOG)]
-    events = [Event(1e-9 * stamp, text) for stamp, text in told]
+    events = list(_events(found, begun, origin.dt * np.array(offsets)))
     events += [Event(run.time()[-1], f"file: {damage}") for damage in found.damage]
     return run.contents(replace(origin, scene=scene), names, tuple(events))
+
+
+def _events(found: Found, begun: Sequence[int], offsets: Array) -> Iterator[Event]:
+    """Events by the recording's time, which continues across resets.
+
+    Args:
+        found: The file.
+        begun: Places of the changes in it.
+        offsets: The recording's time less simulated time after each of them in [s].
+    """
+    for place, _, raw in _only(found, LOG):
+        stamp, text = log_text(raw)
+        yield Event(1e-9 * stamp + float(offsets[max(bisect_right(begun, place) - 1, 0)]), text)
 
 
 def _matrices(
@@ -337,7 +352,11 @@ def _matrices(
 
 
 class _Run:
-    """Assembles rows from changes and ticks."""
+    """Assembles rows from changes and ticks.
+
+    Attributes:
+        offset: Ticks before the last reset: the recording's time less simulated time.
+    """
 
     def __init__(self, dt: float, scene: Scene, n: int) -> None:
         self._dt, self._scene, self._n = dt, scene, n
@@ -345,7 +364,7 @@ class _Run:
         self._commands, self._notes, self._p = list[Array](), list[Array](), list[Array]()
         self._holds = list[NDArray[np.uint8]]()
         self._jumps, self._gaps = list[Jump](), list[int]()
-        self._rows, self._offset, self._last, self._substep = 0, 0, 0, 0.0
+        self._rows, self.offset, self._last, self._substep = 0, 0, 0, 0.0
         self._tunable: tuple[str, ...] = ()
 
     def change(self, change: Change) -> None:
@@ -364,7 +383,7 @@ class _Run:
             self._gaps.append(self._rows)
             self._row(step, change, self._commands[-1][-1], p)
         elif step < self._last:
-            self._offset += self._last - step  # a reset: the recording's time continues
+            self.offset += self._last - step  # a reset: the recording's time continues
         self._last = step
         self._x[-1][-1], self._p[-1][-1] = change.x, p
         if change.notes[0] != UNCHANGED:
@@ -381,22 +400,22 @@ class _Run:
         for first, end in zip(cuts, [*cuts[1:], len(steps)], strict=True):
             if first in missing:
                 self._gaps.append(self._rows)
-                self._offset += max(0, self._last + 1 - int(steps[first]))
+                self.offset += max(0, self._last + 1 - int(steps[first]))
             if first < end:
                 block = slice(first, end)
                 self._commands[-1][-1], self._holds[-1][-1] = command[first], hold[first]
-                self._steps.append(steps[block] + self._offset)
+                self._steps.append(steps[block] + self.offset)
                 self._x.append(x[block].copy())
                 # The effective command from a time is that of the tick that begins there.
                 self._commands.append(np.roll(command[block], -1, axis=0))
                 self._holds.append(np.roll(hold[block], -1))
                 self._commands[-1][-1], self._holds[-1][-1] = command[end - 1], FREE
                 self._notes.append(notes[block])
-                self._p.append(np.tile(self._present, (end - first, 1)))
+                self._p.append(np.repeat(self._present[None], end - first, axis=0))
                 self._rows, self._last = self._rows + end - first, int(steps[end - 1])
 
     def _row(self, step: int, change: Change, command: Array, p: Array) -> None:
-        self._steps.append(np.array([step + self._offset]))
+        self._steps.append(np.array([step + self.offset]))
         self._x.append(change.x[None].copy())
         self._commands.append(command[None].copy())
         self._holds.append(np.array([FREE], np.uint8))
