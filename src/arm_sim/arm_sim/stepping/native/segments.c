@@ -9,7 +9,7 @@
 #define SUDDEN_STOP 1e-6   /* speed tolerated of a joint that is found to stop, relative to the fastest joint */
 #define SINKING 1e-12      /* speed up to which an open contact is not treated as approaching */
 #define HELD 1e-9          /* speed treated as rounding if all joints of an arm are held */
-#define INDEPENDENT 1e-10  /* fraction of the trace that a pivot must exceed to count for the rank */
+#define INDEPENDENT 1e-10  /* part of a row that must be left by those before it, for it to count for the rank */
 #define MOST_PARTS 32      /* segments into which slow sliding may divide a tick ... */
 #define MUCH_TURN 0.05     /* ... and rotation of its direction in a tick that is large [rad] */
 #define SHORT_WAY 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
@@ -362,18 +362,21 @@ static void stop_at_limits(real* x) {
 #endif
 }
 
-/* Rank of a positive semidefinite matrix, by elimination with diagonal pivots. */
+/* Rank of a positive semidefinite matrix whose rows may be of very different size, by elimination with diagonal pivots. */
 static int rank_of(real* W) {
-  double limit = 0.0;
+  double trace = 0.0, root[MC];
   int count = 0;
-  for (int i = 0; i < MC; ++i) limit += INDEPENDENT * AT(W, MC, i, i);
+  for (int i = 0; i < MC; ++i) trace += AT(W, MC, i, i);
+  for (int i = 0; i < MC; ++i) root[i] = AT(W, MC, i, i) > IMMOBILE * trace ? 1.0 / sqrt(AT(W, MC, i, i)) : 0.0;
+  for (int i = 0; i < MC; ++i)
+    for (int j = 0; j < MC; ++j) AT(W, MC, i, j) *= root[i] * root[j];
   for (; count < MC; ++count) {
     int k = 0;
     real row[MC];
     for (int i = 1; i < MC; ++i)
       if (AT(W, MC, i, i) > AT(W, MC, k, k)) k = i;
     const real largest = AT(W, MC, k, k);
-    if (!(largest > limit)) break;
+    if (!(largest > INDEPENDENT)) break;
     for (int i = 0; i < MC; ++i) row[i] = AT(W, MC, i, k);
     for (int i = 0; i < MC; ++i)
       for (int j = 0; j < MC; ++j) AT(W, MC, i, j) -= row[i] * row[j] / largest;
