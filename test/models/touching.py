@@ -59,6 +59,11 @@ def carrier(kind: str, axis: str, mass: float, **inertia: float) -> str:
     return _chain("tray", [("drive", kind, AXES[axis])], mass, inertia)
 
 
+def beside(mass: float) -> str:
+    """Branch of a robot: another body, ``other``, on rails x2 and z2."""
+    return _chain("other", [(f"{axis}2", "prismatic", AXES[axis]) for axis in "xz"], mass, {})
+
+
 def _chain(
     body: str, joints: Sequence[tuple[str, str, str]], mass: float, inertia: dict[str, float]
 ) -> str:

@@ -52,5 +52,33 @@ def test_sliding_contacts_bear_friction_against_their_directions(seed: int) -> N
     assert_close(rate[::3], np.zeros(8), INVERSE_PAIR)
 
 
+@pytest.mark.parametrize("contacts", [2, 4])
+@pytest.mark.parametrize("light", [1e-9, 1e-4])
+def test_a_light_body_does_not_soften_the_contacts_of_a_heavy_one(
+    contacts: int, light: float
+) -> None:
+    """Two bodies with contacts of their own: each has the forces that it would have alone."""
+    A, M_inverse, free = robot(contacts, 0)
+    rows, ones = len(A), np.ones(2 * len(A))
+    both = np.kron(np.eye(2), A)
+    inverse = np.block([[M_inverse, np.zeros((N, N))], [np.zeros((N, N)), M_inverse / light]])
+    solver = Delassus(ca.SX(both), ca.SX(inverse @ both.T))
+    force = numbers(solver.forces(ca.SX(np.tile(free, 2)), ca.SX(np.diag(ones)), ca.SX(ones)))
+    least = -np.linalg.lstsq(A @ M_inverse @ A.T, free, rcond=1e-10)[0]
+    assert_close(force[:rows], least, INVERSE_PAIR)
+    assert_close(force[rows:] / light, least, INVERSE_PAIR)
+
+
+@pytest.mark.parametrize("light", [1e-9, 1e-5])
+def test_a_light_body_on_a_heavy_one_presses_with_its_weight(light: float) -> None:
+    """Stacked on a table, 1 kg below: normal forces are the weights above the contacts."""
+    A, M_inverse = np.zeros((6, 2)), np.diag([1.0, 1.0 / light])
+    A[0, 0], A[3] = 1.0, (-1.0, 1.0)
+    rows, free = np.array([1.0, 0.0, 0.0] * 2), A @ [-9.81, -9.81]
+    solver = Delassus(ca.SX(A), ca.SX(M_inverse @ A.T))
+    force = numbers(solver.forces(ca.SX(free), ca.SX(np.diag(rows)), ca.SX(rows)))
+    assert_close(force[[0, 3]] / [1.0 + light, light], [9.81, 9.81], INVERSE_PAIR)
+
+
 def numbers(expression: ca.SX) -> np.ndarray:
     return np.array(ca.DM(expression)).ravel()

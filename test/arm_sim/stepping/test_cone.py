@@ -69,6 +69,22 @@ def test_scale_does_not_matter(rng: np.random.Generator) -> None:
             assert_close(scaled.force * heavy / fast, plain.force, 1e-8)
 
 
+@pytest.mark.parametrize("light", [1e-9, 1e-5])
+def test_contacts_of_light_and_of_heavy_bodies_do_not_disturb_one_another(
+    light: float, rng: np.random.Generator
+) -> None:
+    """Solved together, each of two bodies has the forces that it has alone."""
+    for _ in range(20):
+        W, c = problem(rng, 2, 7)
+        mu, none = rng.uniform(0.0, 1.0, 2), np.zeros_like(W)
+        alone = solve_cones(W, c, mu)
+        both = solve_cones(np.block([[W, none], [none, W / light]]), np.tile(c, 2), np.tile(mu, 2))
+        assert alone.found and both.found
+        assert both.state.tolist() == 2 * alone.state.tolist()
+        assert_close(both.force[:2], alone.force, LAW)
+        assert_close(both.force[2:] / light, alone.force, LAW)
+
+
 def test_contacts_that_slide_already_keep_their_direction(rng: np.random.Generator) -> None:
     """Friction lies against the given direction, whatever the acceleration."""
     answered, carried = 0, 0

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import models
 from arm_dynamics import SceneError
 from arm_sim import Simulator
-from models.touching import contact, rails
+from models.touching import beside, contact, rails
 from tolerances import CLOSED_FORM, CONTACT_EVENTS, FINITE_DIFF, assert_close
 
 G = 9.81
@@ -290,6 +290,38 @@ def test_a_block_pulled_ever_harder_breaks_away_at_its_static_coefficient() -> N
     first = np.flatnonzero(run.v[:, 0])[0] - 1
     assert_close(run.time[first] * 8.0, 0.6 * G, 0.01)
     assert_close(run.balance, np.zeros(len(run)), 1e-10)
+
+
+@pytest.mark.parametrize("light", [1e-3, 1e-6, 1e-9])
+def test_a_heavy_and_a_light_block_on_one_table_do_not_disturb_one_another(light: float) -> None:
+    """Each falls, bounces, slides and stops as if it were alone, whatever their masses."""
+    scene = rails("xz", 1.0, branches=[beside(light)])
+    feet = contact("body", friction=0.3), contact("other", friction=0.2, restitution=0.5)
+    sim = touching(scene, *feet)
+    sim.reset(v=[3.0, 0.0, 3.0, 0.0])
+    run = sim.run(2.0)
+    for x, mu in ((0, 0.3), (2, 0.2)):
+        t = np.minimum(run.time, 3.0 / (mu * G))
+        assert_close(run.q[:, x], 3.0 * t - 0.5 * mu * G * t**2, CLOSED_FORM)
+        assert (run.v[run.time > 3.0 / (mu * G), x] == 0.0).all()
+    heavy, other = sim.contact_forces()
+    assert_close(np.array([heavy.normal, other.normal / light]), [G, G], CLOSED_FORM)
+    sim.reset(q=[0.0, 0.1, 0.0, 0.1])
+    fall = sim.run(1.5)
+    landed = fall.time > np.sqrt(0.2 / G)
+    assert (fall.q[landed, 1] == 0.0).all()
+    assert_close(fall.q[:, 3], bouncing(fall.time, 0.1, 0.5)[0], CONTACT_EVENTS)
+
+
+def test_derivatives_of_a_heavy_and_a_light_block_on_one_table_do_not_depend_on_masses() -> None:
+    """The light one sticks, by a force whose square is far below the rounding of the other's."""
+    slopes = []
+    for light in (1.0, 1e-9):
+        feet = contact("body", friction=0.3), contact("other", friction=0.2)
+        sim = touching(rails("xz", 1.0, branches=[beside(light)]), *feet)
+        sim.reset(v=[3.0, 0.0, 0.0, 0.0])
+        slopes.append(sim.linearize(sim.state, [0.1, 0.0, 0.1 * light, 0.0])[0])
+    assert_close(slopes[1], slopes[0], CLOSED_FORM)
 
 
 def test_a_static_coefficient_below_the_other_is_refused() -> None:

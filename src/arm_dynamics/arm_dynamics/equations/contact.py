@@ -42,6 +42,11 @@ MODE = 5
 # the diagonal and two refinements give the solution of least norm, exact to rounding if it is
 # unique (proximal point iteration: Rockafellar, SIAM J. Control Optim. 14, 1976).
 DAMPING, REFINEMENTS = 1e-8, 2
+# Of a row, not more than this multiple of its own mobility, whose effect the refinements remove as
+# well: that of a light body does not soften the contacts of a heavy one beside it.
+OWN_DAMPING = 1e-5
+# A row whose mobility is below this fraction of the trace cannot move: it is rounding.
+IMMOBILE = 1e-20
 # Number of rows above which forces are computed by a matrix of the size of M, if that is smaller,
 # and the multiple used there: forces of eight contacts are a thousand times closer to least norm.
 MANY, MOTION_DAMPING = 9, 1e-10
@@ -252,6 +257,7 @@ class Delassus:
     def __init__(self, A: ca.SX, B: ca.SX) -> None:
         self._many = A.shape[0] > max(MANY, A.shape[1])
         self._A, self.B, self.W = A, B, symmetric(A @ B) if self._many else A @ B
+        self._scale = _scales(ca.sparsify(self.W))
 
     def accelerations(self, force: ca.SX) -> ca.SX:
         """Accelerations of the contacts in [m/s²] under forces on them in [N], shapes (m,)."""
@@ -278,8 +284,8 @@ class Delassus:
         R = ca.diag(rows)
         K = R @ self.W @ D
         unused = ca.diag(1 - rows)
-        damping = DAMPING * ca.trace(self.W) + 1e-30
-        factors = lu(K + damping * R + unused)
+        damping = ca.diag(DAMPING * self._scale + 1e-30)
+        factors = lu(K + damping @ R + unused)
         y = lu_solve(factors, required)
         for _ in range(REFINEMENTS):
             y = y + lu_solve(factors, required - (K + unused) @ y)
@@ -289,15 +295,40 @@ class Delassus:
         """The same by a matrix of the size of M: K = X Y has the inverse X (Y X)⁻² Y in its range.
 
         (X Y + ε)⁻¹ X = X (Y X + ε)⁻¹, as multiplying out shows (Henderson and Searle, "On deriving
-        the inverse of a sum of matrices", SIAM Review 23, 1981).
+        the inverse of a sum of matrices", SIAM Review 23, 1981). Rows are scaled such that one ε
+        suits all of them.
         """
-        damping = MOTION_DAMPING * ca.dot(self._A, self.B.T) + 1e-30
-        factors = lu(Y @ X + damping * ca.SX.eye(X.shape[1]))
+        trace = ca.sum1(ca.diag(self.W)) + 1e-200
+        root = ca.sqrt(trace / (self._scale + 1e-200))
+        X, Y, required = ca.diag(root) @ X, Y @ ca.diag(root), root * required
+        factors = lu(Y @ X + (MOTION_DAMPING * trace + 1e-30) * ca.SX.eye(X.shape[1]))
         y = ca.SX(required.shape[0], 1)
         for _ in range(1 + REFINEMENTS):
             motion = lu_solve(factors, Y @ (required - X @ (Y @ y)))
             y = y + X @ lu_solve(factors, motion)
-        return y
+        return root * y
+
+
+def _scales(W: ca.SX) -> ca.SX:
+    """What the damping of each row is a multiple of, in [1/kg], shape (m,).
+
+    It is the trace of the rows that W couples with it, such that their forces are of least norm
+    whatever else touches in the scene, or less for a row of little mobility among them.
+    """
+    mobility = ca.densify(ca.diag(W))
+    total = ca.sum1(mobility)
+    trace = ca.SX(_coupled(W)) @ mobility
+    trace = ca.if_else(trace > IMMOBILE * total, trace, total)
+    own = ca.if_else(mobility > IMMOBILE * total, mobility, trace)
+    return ca.fmin(trace, OWN_DAMPING / DAMPING * own)
+
+
+def _coupled(W: ca.SX) -> Array:
+    """1 where rows are coupled, if only by way of others, else 0, shape (m, m)."""
+    reach = np.eye(W.shape[0]) + np.array(ca.DM(W.sparsity(), 1.0))
+    for _ in range(W.shape[0].bit_length()):
+        reach = np.minimum(reach @ reach, 1.0)
+    return reach
 
 
 def grips(points: list[ContactPoint], W: ca.SX, speed: ca.SX, mode: Mode) -> ca.SX:

@@ -151,8 +151,9 @@ class Plant:
 
         ``loads`` (x, u, p), with bilateral constraints ``bilateral`` (x, u, p), with stops
         ``stop_torques`` (x, u, p), ``strike`` and ``pressures``, with ``switches`` (x, u, p) their
-        switching functions and the magnitude of the terms of each, and with contacts
-        ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``.
+        switching functions and the magnitude of the terms of each, with contacts
+        ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``, and where parts
+        may hold together ``statics`` (x, u, p).
         """
         return self._equations()[1] if self.eventful else ()
 

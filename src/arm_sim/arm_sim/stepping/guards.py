@@ -177,8 +177,9 @@ def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX) -> Guard:
     whole = x[: 2 * n]
     geometry = plant.contact.geometry(whole) if plant.contact else ()
     push = function["pressures"](whole) if plant.pressed else ca.MX(2 * n, 1)
+    heaviest = _heaviest(force, *function["contact_inertia"](x, u, p)) if plant.contact else []
     guards = [
-        *_contact_guards(force, geometry, contacts, limit, _fastest(x, n)),
+        *_contact_guards(force, heaviest, geometry, contacts, limit, _fastest(x, n)),
         *_joint_guards(plant, x, load, direction),
         *_stop_guards(plant, x, push, pressed),
     ]
@@ -192,20 +193,30 @@ def _fastest(x: ca.MX, n: int) -> ca.MX:
     return 1.0 + ca.norm_inf(x[n : 2 * n])
 
 
+def _heaviest(force: ca.MX, W: ca.MX, _: ca.MX, free: ca.MX) -> list[ca.MX]:
+    """Size of the forces at each contact: of its own, and of those that would hold it alone."""
+    own, rows = [], [slice(3 * k, 3 * k + 3) for k in range(force.shape[0] // 3)]
+    for k in rows:
+        mobility = ca.trace(W[k, k])
+        alone = ca.if_else(mobility > 0, ca.norm_1(free[k]) / mobility, 0)
+        own.append(ca.norm_1(force[k]) + alone)
+    return own
+
+
 def _contact_guards(
-    force: ca.MX, geometry: Sequence[ca.MX], contacts: ca.MX, limit: ca.MX, fastest: ca.MX
-) -> list[Guard]:
+    force: ca.MX, heaviest: Sequence[ca.MX], geometry: Sequence[ca.MX], contacts: ca.MX,
+    limit: ca.MX, fastest: ca.MX,
+) -> list[Guard]:  # fmt: skip
     """Gaps or normal forces; friction reserves, or velocities in the direction of sliding."""
     normal, tangential = [], []
-    heaviest = 1.0 + ca.norm_1(force)
     for k in range(limit.shape[0]):
         place, speed, length = geometry
         closed, sticks, *along = ca.vertsplit(contacts[MODE * k : MODE * k + 4])
         r, s = force[3 * k : 3 * k + 3], speed[3 * k + 1 : 3 * k + 3]
         gap = place[3 * k], length[k]
-        spare = (limit[k] * r[0]) ** 2 - ca.sumsqr(r[1:]), heaviest**2
+        spare = (limit[k] * r[0]) ** 2 - ca.sumsqr(r[1:]), heaviest[k] ** 2
         ahead = ca.dot(ca.vertcat(*along), s), fastest
-        normal.append(_either(closed > 0, (r[0], heaviest), gap))
+        normal.append(_either(closed > 0, (r[0], heaviest[k]), gap))
         tangential.append(_either(sticks > 0, spare, ahead))
     return normal + tangential
 

@@ -56,9 +56,12 @@ WEIGHTS = {
 }  # fmt: skip
 """Operations that take as long as several additions."""
 WITH_EVENTS = (
-    "foreseen.c", "stops.c", "cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c",
+    "foreseen.c", "stops.c", "cone.c", "conic.c", "together.c", "search.c", "modes.c", "impact.c",
+    "segments.c", "events.c",
 )  # fmt: skip
 """Parts of the engine that only scenes with events need, in their order."""
+TOGETHER = ("conic.c", "together.c")
+"""Those that only scenes need in which parts may hold together."""
 
 
 class Stepper:
@@ -288,7 +291,8 @@ def engine_source(
         parts.insert(0, "substeps.c")
     if plant.eventful:
         defines |= _event_sizes(plant) | _work(choice, functions, smooth)
-        parts += WITH_EVENTS
+        together = "TOGETHER" in defines
+        parts += [part for part in WITH_EVENTS if together or part not in TOGETHER]
     return source(defines, *parts, "roll.c")
 
 
@@ -306,7 +310,7 @@ def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function)
     return {
         "MOST_WORK": f"{most}LL", "COST_STEP": str(step), "COST_SLOPE": str(of["rhs"]),
         "COST_LOADS": str(of["loads"]), "COST_INERTIA": str(of.get("contact_inertia", 0)),
-        "COST_STRIKE": str(of.get("strike", 0)),
+        "COST_STRIKE": str(of.get("strike", 0)), "COST_STATICS": str(of.get("statics", 0)),
     }  # fmt: skip
 
 
@@ -380,6 +384,7 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
         "NB": "1" if plant.constrained else "0",
         **({"RIGID": "1"} if stops.rigid.any() else {}),
         **({"FREE": "1"} if plant.free else {}),
+        **_together_sizes(plant),
         "LOWER": _braces(lower),
         "UPPER": _braces(upper),
         "LOWER_REBOUND": _braces(stops.restitution[0]),
@@ -393,6 +398,14 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
         "SLOWEST": repr(AT_REST),
         "DEEP": repr(INSIDE),
     }
+
+
+def _together_sizes(plant: Plant) -> dict[str, str]:
+    """Definitions for ``native/together.c``; empty where nothing can hold together."""
+    for function in plant.events:
+        if function.name() == "statics":
+            return {"TOGETHER": "1", "NM": str(function.size1_out(3))}
+    return {}
 
 
 def _braces(values: Sequence[float] | Array) -> str:

@@ -29,13 +29,15 @@
 
 #define SAMPLES 32       /* intervals of directions in which a contact may start to slide */
 #define ROOT_STEPS 100   /* bisections to find the direction */
-#define LEAST_NORM 1e-8  /* fraction of the trace that regularizes a singular W; two refinements remove its effect */
-#define SETTLED 1e-15    /* relative change of the forces at which sweeps end */
+#define LEAST_NORM 1e-8  /* fraction of the trace that regularizes a singular W; two refinements remove its effect ... */
+#define OWN_PART 1e-5    /* ... but of a row, not more than this fraction of its own mobility, which they remove as well */
+#define IMMOBILE 1e-20   /* fraction of the trace up to which a row cannot move */
+#define SETTLED 1e-15    /* change of the forces at which sweeps end, relative to the contact's own */
 #define FORCE_STEPS 60
 #define STEP_HALVINGS 12
-#define SOLVED 1e-13     /* relative residual of Newton's equations, ... */
+#define SOLVED 1e-15     /* residual of Newton's equations, relative to the contact's own forces, ... */
 #define ROUNDED 1e-10    /* ... the same where rounding prevents that, ... */
-#define REGULAR 1e-12    /* ... and fraction of the trace that keeps them regular */
+#define REGULAR 1e-12    /* ... and multiple of the rows' scales that keeps them regular */
 #define CONTINUED 20     /* continuation steps in which friction grows from zero, as the last resort */
 
 /* State of a contact. Python: ContactState. */
@@ -90,14 +92,19 @@ static int solve_linear(int n, double* A, double* b) {
   return 1;
 }
 
+/* What the regularization of a row is a fraction of: the trace, or less for a row of little mobility. */
+static double scale_of(double mobility, double trace) {
+  return fmin(trace, OWN_PART / LEAST_NORM * (mobility > IMMOBILE * trace ? mobility : trace));
+}
+
 /* Force that keeps the point at rest: least-norm solution of W r = -c, where W may be singular. */
 static void hold(const double W[3][3], const double* c, double* r) {
-  const double damping = LEAST_NORM * (W[0][0] + W[1][1] + W[2][2]);
+  const double trace = W[0][0] + W[1][1] + W[2][2];
   for (int i = 0; i < 3; ++i) r[i] = 0.0;
   for (int turn = 0; turn < 3; ++turn) {
     double damped[9], step[3];
     for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) damped[3 * i + j] = W[i][j] + (i == j ? damping : 0.0);
+      for (int j = 0; j < 3; ++j) damped[3 * i + j] = W[i][j] + (i == j ? LEAST_NORM * scale_of(W[i][i], trace) : 0.0);
       step[i] = -c[i] - (W[i][0] * r[0] + W[i][1] * r[1] + W[i][2] * r[2]);
     }
     solve_linear(3, damped, step);
@@ -189,13 +196,29 @@ static void own_block(const double* W, int k, double block[3][3]) {
     for (int j = 0; j < 3; ++j) block[i][j] = AT(W, MC, 3 * k + i, 3 * k + j);
 }
 
+static double own_trace(const double* W, int k) {
+  return AT(W, MC, 3 * k, 3 * k) + AT(W, MC, 3 * k + 1, 3 * k + 1) + AT(W, MC, 3 * k + 2, 3 * k + 2);
+}
+
+/* Size of the forces of one contact: of its own, and of those that its motion without them demands. */
+static double own_size(const cones_t* cones, const double* r, int k) {
+  double size = 0.0;
+  for (int i = 3 * k; i < 3 * k + 3; ++i) {
+    double demand = fabs(cones->c[i]);
+    for (int j = 0; j < MC; ++j) demand += fabs(AT(cones->W, MC, i, j) * r[j]);
+    size = fmax(size, fmax(fabs(r[i]), demand / own_trace(cones->W, k)));
+  }
+  return size;
+}
+
 /* Solve one contact after another (Gauss-Seidel): 1 if this converges. */
 static int sweep(const cones_t* cones, double* r, int sweeps, answer_t* answers) {
-  double block[3][3];
+  double block[3][3], change[NC];
   for (int k = 0; k < NC; ++k) answers[k] = apart;
   for (int turn = 0; turn < sweeps; ++turn) {
-    double change = 0.0, largest = 0.0;
+    int settled = 1;
     for (int k = 0; k < NC; ++k) {
+      change[k] = 0.0;
       if (!cones->allowed[k]) continue;
       double others[3];
       own_block(cones->W, k, block);
@@ -206,18 +229,14 @@ static int sweep(const cones_t* cones, double* r, int sweeps, answer_t* answers)
       }
       answers[k] = single(block, others, cones->mu[k], cones->held[k], cones->slides[k] ? cones->given[k] : 0);
       for (int i = 0; i < 3; ++i) {
-        change = fmax(change, fabs(answers[k].force[i] - r[3 * k + i]));
+        change[k] = fmax(change[k], fabs(answers[k].force[i] - r[3 * k + i]));
         r[3 * k + i] = answers[k].force[i];
       }
     }
-    for (int i = 0; i < MC; ++i) largest = fmax(largest, fabs(r[i]));
-    if (change <= SETTLED * largest) return 1;
+    for (int k = 0; k < NC; ++k) settled &= change[k] == 0.0 || change[k] <= SETTLED * own_size(cones, r, k);
+    if (settled) return 1;
   }
   return 0;
-}
-
-static double own_trace(const double* W, int k) {
-  return AT(W, MC, 3 * k, 3 * k) + AT(W, MC, 3 * k + 1, 3 * k + 1) + AT(W, MC, 3 * k + 2, 3 * k + 2);
 }
 
 static void find_motion(const cones_t* cones, const double* r, double* w) {
@@ -229,14 +248,14 @@ static void find_motion(const cones_t* cones, const double* r, double* w) {
 
 /* Tangential rows of a contact that starts to slide, or slides in an unknown direction. */
 static void turning_rows(const cones_t* cones, int k, double rho, double pressed, const double* z, double size,
-                         double regular, double J[MC][MC]) {
+                         const double* regular, double J[MC][MC]) {
   const double mu = cones->mu[k], along[2] = {z[0] / size, z[1] / size}, part = mu * pressed / size;
   for (int j = 0; j < MC; ++j) {
     double pressing = -rho * AT(cones->W, MC, 3 * k, j), moving[2];
-    if (j == 3 * k) pressing += 1.0 - rho * regular;
+    if (j == 3 * k) pressing += 1.0 - rho * regular[j];
     for (int i = 0; i < 2; ++i) {
       moving[i] = -rho * AT(cones->W, MC, 3 * k + 1 + i, j);
-      if (j == 3 * k + 1 + i) moving[i] += 1.0 - rho * regular;
+      if (j == 3 * k + 1 + i) moving[i] += 1.0 - rho * regular[j];
     }
     const double ahead = along[0] * moving[0] + along[1] * moving[1];
     for (int i = 0; i < 2; ++i)
@@ -244,16 +263,17 @@ static void turning_rows(const cones_t* cones, int k, double rho, double pressed
   }
 }
 
-/* Residual of Coulomb's law as equations in the forces, and its derivative; returns the sum of squares of the residual. */
+/* Residual of Coulomb's law as equations in the forces, and its derivative; returns the sum of squares of the residual, as
+ * the accelerations that it would cause. */
 static double equations(const cones_t* cones, const double* r, double* F, double J[MC][MC]) {
-  double w[MC], trace = 0.0, sum = 0.0;
+  double w[MC], regular[MC], trace = 0.0, sum = 0.0;
   find_motion(cones, r, w);
   for (int i = 0; i < MC; ++i) {
     F[i] = r[i];
     trace += AT(cones->W, MC, i, i);
     for (int j = 0; j < MC; ++j) J[i][j] = i == j;
   }
-  const double regular = REGULAR * trace;
+  for (int i = 0; i < MC; ++i) regular[i] = REGULAR * scale_of(AT(cones->W, MC, i, i), trace);
   for (int k = 0; k < NC; ++k) {
     const int n = 3 * k;
     if (!cones->allowed[k]) continue;
@@ -263,7 +283,7 @@ static double equations(const cones_t* cones, const double* r, double* F, double
     const int holds = !cones->slides[k] && size <= cones->held[k] * pressed;
     for (int i = n; i < (holds ? n + 3 : n + 1); ++i) {
       F[i] = rho * w[i];
-      for (int j = 0; j < MC; ++j) J[i][j] = rho * (AT(cones->W, MC, i, j) + (i == j ? regular : 0.0));
+      for (int j = 0; j < MC; ++j) J[i][j] = rho * (AT(cones->W, MC, i, j) + (i == j ? regular[i] : 0.0));
     }
     for (int i = 0; i < 2 && !holds; ++i) {
       if (cones->slides[k]) {
@@ -275,7 +295,10 @@ static double equations(const cones_t* cones, const double* r, double* F, double
     }
     if (!holds && !cones->slides[k]) turning_rows(cones, k, rho, pressed, z, size, regular, J);
   }
-  for (int i = 0; i < MC; ++i) sum += F[i] * F[i];
+  for (int i = 0; i < MC; ++i) {
+    const double caused = F[i] * own_trace(cones->W, i / 3);
+    sum += caused * caused;
+  }
   return sum;
 }
 
@@ -295,20 +318,26 @@ static void read_answers(const cones_t* cones, const double* r, answer_t* answer
   }
 }
 
+/* Largest residual of the laws, relative to the forces of its contact. */
+static double lacking(const cones_t* cones, const double* r, const double* F) {
+  double most = 0.0;
+  for (int k = 0; k < NC; ++k) {
+    const double left = fmax(fabs(F[3 * k]), fmax(fabs(F[3 * k + 1]), fabs(F[3 * k + 2])));
+    if (left != 0.0) most = fmax(most, left / (own_size(cones, r, k) + 1e-300));
+  }
+  return most;
+}
+
 /* Improve forces by Newton's method until they satisfy the laws, to rounding: 0 if they do not. */
 static int newton(const cones_t* cones, double* r, answer_t* answers) {
-  double trial[MC], after[MC], F[MC], J[MC][MC], step[MC], left, largest;
+  double trial[MC], after[MC], F[MC], J[MC][MC], step[MC], left;
   for (int i = 0; i < MC; ++i) trial[i] = r[i];
   double size = equations(cones, trial, F, J);
   for (int turn = 0, better = 1; ; ++turn) {
     double length = 1.0, next = size;
-    left = largest = 0.0;
-    for (int i = 0; i < MC; ++i) {
-      left = fmax(left, fabs(F[i]));
-      largest = fmax(largest, fabs(trial[i]));
-      step[i] = -F[i];
-    }
-    if (left <= (better ? SOLVED : ROUNDED) * (largest + 1e-300) || turn == FORCE_STEPS) break;
+    left = lacking(cones, trial, F);
+    if (left <= (better ? SOLVED : ROUNDED) || turn == FORCE_STEPS) break;
+    for (int i = 0; i < MC; ++i) step[i] = -F[i];
     if (!solve_linear(MC, J[0], step)) break;
     better = 0;
     for (int k = 0; k < STEP_HALVINGS && !better; ++k) {
@@ -320,7 +349,7 @@ static int newton(const cones_t* cones, double* r, answer_t* answers) {
     for (int i = 0; i < MC; ++i) trial[i] = after[i];
     size = next;
   }
-  if (!(left <= ROUNDED * (largest + 1e-300))) return 0;
+  if (!(left <= ROUNDED)) return 0;
   for (int i = 0; i < MC; ++i) r[i] = trial[i];
   read_answers(cones, r, answers);
   return 1;

@@ -9,7 +9,7 @@
 #define SUDDEN_STOP 1e-6   /* speed tolerated of a joint that is found to stop, relative to the fastest joint */
 #define SINKING 1e-12      /* speed up to which an open contact is not treated as approaching */
 #define HELD 1e-9          /* speed treated as rounding if all joints of an arm are held */
-#define INDEPENDENT 1e-10  /* fraction of the trace that a pivot must exceed to count for the rank */
+#define INDEPENDENT 1e-10  /* part of a row that must be left by those before it, for it to count for the rank */
 #define MOST_PARTS 32      /* segments into which slow sliding may divide a tick ... */
 #define MUCH_TURN 0.05     /* ... and rotation of its direction in a tick that is large [rad] */
 #define SHORT_WAY 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
@@ -86,9 +86,10 @@ static int anything_held(const segment_t* segment) {
 #endif
 
 /* Event functions, which must not be positive: of contacts gaps, or normal and tangential forces; of joints friction, and
- * both stops. Each is smooth in time while the modes last.
+ * both stops; of the sets that hold together the largest excess, in place of those of their parts. Each is smooth in time
+ * while the modes last.
  */
-typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ], switched[NK]; } limits_t;
+typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ], switched[NK], together; } limits_t;
 #define LIMITS ((int)(sizeof(limits_t) / sizeof(double)))
 static void fill(limits_t* limits, double value) {
   for (int i = 0; i < LIMITS; ++i) ((double*)limits)[i] = value;
@@ -117,6 +118,24 @@ static void stop_disobedience(const real* x, const segment_t* segment, double t,
 /* Speed against its direction that a sliding joint may have by rounding. */
 static double turning_rounding(const real* x) { return TURNING_BACK * (1.0 + largest_of(x + NU, NU)); }
 
+#ifdef TOGETHER
+/* Replace the limits of parts that hold together by that of their sets, where reactions of the least norm are beyond. */
+static void hold_together(const real* x, const segment_t* segment, const loads_t* found, limits_t* limits) {
+  together_t together;
+  if (!anything_beyond(x, segment, found)) return;
+  find_sets_held(x, segment, found, &together);
+  for (int i = 0; i < ND; ++i)
+    if (together.set[i]) limits->joint[i] = -INFINITY;
+  for (int k = 0; k < NC; ++k) {
+    if (!together.set[NU + k]) continue;
+    limits->contact[2 * k] = -INFINITY;
+    if (segment->p.contact[k].sticks != 0.0) limits->contact[2 * k + 1] = -INFINITY;
+  }
+  for (int i = 0; i < PARTS; ++i)
+    if (together.set[i]) limits->together = fmax(limits->together, set_excess(segment, &together, together.set[i]));
+}
+#endif
+
 /* Positive where a contact or joint violates its mode after a motion of length t; returns the largest violation. */
 static double disobedience(const real* x, const segment_t* segment, const double* ground, double t, limits_t* limits) {
   const real *d = segment->p.direction, *v = x + NU;
@@ -142,6 +161,9 @@ static double disobedience(const real* x, const segment_t* segment, const double
     if (d[i] == 0.0) limits->joint[i] = joint_excess(x, &found, i);
     else if (may_stick(i)) limits->joint[i] = -v[i] * d[i] - rounding;
   }
+#ifdef TOGETHER
+  if (anything_held(segment)) hold_together(x, segment, &found, limits);
+#endif
   stop_disobedience(x, segment, t, limits);
   find_switches(x, segment, value, size);
   for (int k = 0; k < NK; ++k)
@@ -498,16 +520,28 @@ static void find_anchors(const geometry_t* geometry, real* anchor) {
   for (int i = 0; i < 2 * NC; ++i) anchor[i] = geometry->place[3 * (i / 2) + 1 + i % 2];
 }
 
-/* Next mode of contacts whose mode has just ended: lift off, or slip. */
+/* Next mode of contacts whose mode has just ended: lift off, or slip; and whether a set that holds together has. */
 static void find_ended(const real* x, segment_t* segment, int calm) {
   loads_t found;
-  if (NC && !calm) find_loads(x, segment, &found);
+  together_t together;
+  memset(together.set, 0, sizeof together.set);
+  segment->yields = 0;
+  if ((NC || NB) && !calm) find_loads(x, segment, &found);
+#ifdef TOGETHER
+  if (!calm) {
+    segment->yields = 1; /* an evaluation at the limit */
+    find_sets_held(x, segment, &found, &together);
+    int any = 0;
+    for (int i = 0; i < PARTS; ++i) any |= together.set[i] && set_excess(segment, &together, together.set[i]) > 0.0;
+    segment->yields = any;
+  }
+#endif
   for (int k = 0; k < NC; ++k) {
     const real* r = found.force + 3 * k;
     const contact_mode_t* mode = segment->p.contact + k;
     contact_t* contact = segment->contact + k;
     contact->ended = STICKS;
-    if (calm || mode->closed == 0.0) continue;
+    if (calm || mode->closed == 0.0 || together.set[NU + k]) continue;
     const double size = hypot(r[1], r[2]);
     if (r[0] <= 0.0) contact->ended = APART;
     else if (mode->sticks != 0.0 && size >= stick_limit(segment, k) * r[0] && holding[k] > 0.0) {
@@ -539,18 +573,21 @@ static void stop_at_limits(real* x) {
 #endif
 }
 
-/* Rank of a positive semidefinite matrix, by elimination with diagonal pivots. */
+/* Rank of a positive semidefinite matrix whose rows may be of very different size, by elimination with diagonal pivots. */
 static int rank_of(real* W) {
-  double limit = 0.0;
+  double trace = 0.0, root[MC];
   int count = 0;
-  for (int i = 0; i < MC; ++i) limit += INDEPENDENT * AT(W, MC, i, i);
+  for (int i = 0; i < MC; ++i) trace += AT(W, MC, i, i);
+  for (int i = 0; i < MC; ++i) root[i] = AT(W, MC, i, i) > IMMOBILE * trace ? 1.0 / sqrt(AT(W, MC, i, i)) : 0.0;
+  for (int i = 0; i < MC; ++i)
+    for (int j = 0; j < MC; ++j) AT(W, MC, i, j) *= root[i] * root[j];
   for (; count < MC; ++count) {
     int k = 0;
     real row[MC];
     for (int i = 1; i < MC; ++i)
       if (AT(W, MC, i, i) > AT(W, MC, k, k)) k = i;
     const real largest = AT(W, MC, k, k);
-    if (!(largest > limit)) break;
+    if (!(largest > INDEPENDENT)) break;
     for (int i = 0; i < MC; ++i) row[i] = AT(W, MC, i, k);
     for (int i = 0; i < MC; ++i)
       for (int j = 0; j < MC; ++j) AT(W, MC, i, j) -= row[i] * row[j] / largest;
