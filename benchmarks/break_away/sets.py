@@ -301,7 +301,10 @@ def couplings(rng: np.random.Generator) -> Callable[[], Set]:
     for k in range(1, count):
         if k == cut:
             continue
-        lead, ratio = (cut if cut and k > cut else 0), float(rng.choice([-1, 1]) * rng.uniform(0.3, 3))
+        lead, ratio = (
+            (cut if cut and k > cut else 0),
+            float(rng.choice([-1, 1]) * rng.uniform(0.3, 3)),
+        )
         gears.append({"type": "coupling", "joints": [f"w{k}", f"w{lead}"], "ratio": ratio})
         row = np.zeros(count)
         row[[k, lead]] = 1.0, -ratio
@@ -334,7 +337,11 @@ def grasp(rng: np.random.Generator) -> Callable[[], Set]:
             touches.append(_touch(f"{finger}{k}", finger, point, plane, mu))
             box = -_planar((way * half, z), (way, 0.0))
             cones.append(Cone(np.vstack([box, np.eye(2)[:, [side]] * [[way, 0.0]]]), *mu))
-    text = _free("b", "xzY", mass, 0.02 * mass), _free("l", "x", 0.3, 1.0), _free("r", "x", 0.3, 1.0)
+    text = (
+        _free("b", "xzY", mass, 0.02 * mass),
+        _free("l", "x", 0.3, 1.0),
+        _free("r", "x", 0.3, 1.0),
+    )
     scene = {"robot": _robot(*text), "joints": _friction(names, dry), "constraints": touches}
     weight = np.array([0.0, -mass * G, 0.0, 0.0, 0.0])
 
