@@ -22,6 +22,8 @@ WELL_CONDITIONED = 1e4
 """Condition number of constraints above which a position is skipped if others are better."""
 ROUNDINGS = 100.0
 """Largest amplification of rounding errors, in multiples of the condition number."""
+ROUNDED = 1e-9
+"""Fraction of the largest accelerations across constraints that is never taken for a whole one."""
 MOST_SLACK = 1e3
 """Largest allowance for rounding: an error of 1e-7 never passes, whatever the condition number."""
 
@@ -154,7 +156,7 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     more = slack(condition)[:, None]
     return compare(
         "constrained dynamics",
-        ((A @ a[..., None])[..., 0] + drift, more * np.maximum(terms, 1e-9)),
+        ((A @ a[..., None])[..., 0] + drift, more * np.maximum(terms, ROUNDED * terms.max())),
         (lacking - reaction, more * torque_size(M, a, tau, lacking)),
     )
 

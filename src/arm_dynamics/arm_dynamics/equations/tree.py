@@ -24,6 +24,8 @@ from arm_dynamics.arrays import Array
 # Products of rotations by multiples of 90 degrees leave rounding errors, which would prevent the
 # simplification of factors.
 DIRT = 1e-15
+# Inverse of the size below which they are less than that.
+SMALL = 1e3
 
 
 @dataclass
@@ -139,7 +141,7 @@ def regrouped(links: list[Link]) -> None:
             link.I = ca.sparsify(link.I - inertia)
         if link.parent >= 0:
             parent = links[link.parent]
-            h_moved, inertia_moved = moved(sparse(link.R), sparse(link.p), m, h, inertia)
+            h_moved, inertia_moved = moved(constant(link.R), constant(link.p), m, h, inertia)
             parent.m = parent.m + m
             parent.h = ca.sparsify(parent.h + h_moved)
             parent.I = ca.sparsify(parent.I + inertia_moved)
@@ -150,11 +152,17 @@ def spread_map(tree: Tree) -> ca.SX:
     return sparse(tree.followers)
 
 
-def clean(values: Array) -> Array:
-    """Round entries that are 0, 1 or -1 up to rounding errors."""
+def clean(values: Array, size: float = 1.0) -> Array:
+    """Round entries that are 0, 1 or -1 up to rounding errors.
+
+    Args:
+        values: Entries that rounding errors may be added to.
+        size: Size of the quantities that they are derived from, in their unit; the errors of large
+            ones are not looked for, those of small ones are smaller.
+    """
     cleaned = np.array(values)
     for exact in (0.0, 1.0, -1.0):
-        cleaned[abs(cleaned - exact) < DIRT] = exact
+        cleaned[abs(cleaned - exact) < DIRT * min(1.0, SMALL * size)] = exact
     return cleaned
 
 
@@ -163,6 +171,6 @@ def constant(values: Array) -> ca.SX:
     return ca.sparsify(ca.SX(ca.DM(values)))
 
 
-def sparse(values: Array) -> ca.SX:
-    """Numbers as an expression without zeros, those up to rounding errors included."""
-    return constant(clean(values))
+def sparse(values: Array, size: float = 1.0) -> ca.SX:
+    """Numbers as an expression without zeros, rounding errors of zero included; see ``clean``."""
+    return constant(clean(values, size))

@@ -26,8 +26,9 @@ from arm_dynamics.scene.friction import Friction, Sides, Table, refusal
 STEEPEST = 0.5
 """Largest slope of friction over the torque that causes it, relative to the gear's efficiency;
 each iteration of ``SteadyFriction.demanded`` then halves the error."""
-UNLOADED = 1e-12
-"""Static friction of an unloaded gear in [N m] or [N], which avoids a division by zero."""
+UNLOADED = 1e-24
+"""Static friction of an unloaded gear in [N m] or [N], which avoids a division by zero; an arm of
+1e-9 kg and 1 mm weighs 1e-11 N m."""
 
 
 class Sided(NamedTuple):

@@ -23,7 +23,7 @@ from arm_dynamics.model.stops import Stops
 # Largest residual of a closed constraint in [m] or [rad]; Newton's method continues to rounding.
 CLOSED_TO = 1e-10
 NEWTON_STEPS = 100
-# Largest Newton step of a joint in [rad] or [m].
+# Largest Newton step of a joint in [rad], or in [m] on an arm of a reach of up to 1 m.
 LONGEST = 0.3
 # Singular values below this fraction of the largest are treated as zero.
 RANK = 1e-9
@@ -33,7 +33,8 @@ TIE = 1e-6
 SAMPLES, WANDER = 6, 0.2
 # A position whose smallest singular value is below this fraction of the largest is singular.
 SINGULAR = 1e-5
-# Starts that are tried in place of one that is singular, and how far the last ones are from it.
+# Starts that are tried in place of one that is singular, and how far the last ones are from it, in
+# [rad] or relative to the arm's reach.
 STARTS, FARTHEST = 30, 1.5
 
 
@@ -76,6 +77,8 @@ class Closure:
     def __init__(self, robot: Robot, stops: Stops) -> None:
         self.rows, self._rigid = ConstraintRows(robot), RigidTerms(robot)
         self._stops = stops
+        slides = np.array([kind == "prismatic" for kind in robot.joint_types])
+        self._reach = np.where(slides, robot.reach, 1.0)
         self._ranks: dict[tuple[str, ...], int] = {}
 
     @property
@@ -156,9 +159,8 @@ class Closure:
         """
         rng, names = np.random.default_rng(0), self.initially_active
         for k in range(STARTS):
-            start = self._stops.within(
-                q + FARTHEST * (k + 1) / STARTS * rng.uniform(-1, 1, len(q))
-            )
+            away = FARTHEST * (k + 1) / STARTS * self._reach * rng.uniform(-1, 1, len(q))
+            start = self._stops.within(q + away)
             start[list(hold)] = q[list(hold)]
             try:
                 found = self._inside_stops(self._closed_position(start, names, hold), names, hold)
@@ -315,7 +317,8 @@ class Closure:
                 break
             A = row.jacobian
             step = self._nearest_of_others(q, A, -row.residual, hold)
-            step *= min(1.0, LONGEST / max(abs(step).max(), 1e-300))
+            largest = abs(step / np.maximum(self._reach, 1.0)).max()
+            step *= min(1.0, LONGEST / max(largest, 1e-300))
             found = self._downhill(q, step, size, names)
             if found is None:
                 break

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -114,6 +115,23 @@ class Robot:
     def total_mass(self) -> float:
         """Mass of everything that moves, in [kg]."""
         return float(sum(inertia.mass for inertia in list(self.pin.inertias)[1:]))
+
+    @cached_property
+    def reach(self) -> float:
+        """Size in [m]: the largest distance of a joint, frame or centre of mass along the chain.
+
+        1 if all are zero.
+        """
+        model = self.bare
+        far = np.zeros(model.njoints)
+        for i in range(1, model.njoints):
+            far[i] = far[model.parents[i]] + np.linalg.norm(model.jointPlacements[i].translation)
+        ends = [
+            far[frame.parentJoint] + np.linalg.norm(frame.placement.translation)
+            for frame in model.frames
+        ]
+        bodies = [far[i] + np.linalg.norm(model.inertias[i].lever) for i in range(1, len(far))]
+        return float(max([*ends, *bodies])) or 1.0
 
     @property
     def massless(self) -> bool:

@@ -37,7 +37,7 @@ def tree_of(robot: Robot, payloads: Sequence[ca.SX] | None = None, regroup: bool
     """
     bodies = robot.pin if payloads is None else robot.bare
     turns = [_turn(bodies, i) for i in range(1, bodies.njoints)]
-    links = [_link(bodies, i, turns) for i in range(1, bodies.njoints)]
+    links = [_link(bodies, i, turns, robot.reach) for i in range(1, bodies.njoints)]
     for place, payload in zip(robot.scene.payloads, payloads or (), strict=payloads is not None):
         _load(links, frame_of(robot, place.frame), payload)
     if regroup:
@@ -57,7 +57,7 @@ def frame_of(robot: Robot, name: str) -> Frame:
     if frame.parentJoint > 0:
         turn, _ = _turn(robot.pin, frame.parentJoint)
         R, p = turn.T @ R, turn.T @ p
-    return Frame(frame.parentJoint - 1, clean(R), clean(p))
+    return Frame(frame.parentJoint - 1, clean(R), clean(p, robot.reach))
 
 
 def linkage_of(robot: Robot, kept: Mapping[int, Sequence[int]]) -> Linkage:
@@ -127,7 +127,7 @@ def _turn(model: pin.Model, i: int) -> tuple[Array, bool]:
     return np.column_stack([*across(z), z]), prismatic
 
 
-def _link(model: pin.Model, i: int, turns: list[tuple[Array, bool]]) -> Link:
+def _link(model: pin.Model, i: int, turns: list[tuple[Array, bool]], reach: float) -> Link:
     T, prismatic = turns[i - 1]
     parent = model.parents[i] - 1
     T_parent = turns[parent][0] if parent >= 0 else np.eye(3)
@@ -138,10 +138,10 @@ def _link(model: pin.Model, i: int, turns: list[tuple[Array, bool]]) -> Link:
         parent,
         prismatic,
         R=clean(T_parent.T @ place.rotation @ T),
-        p=clean(T_parent.T @ place.translation),
+        p=clean(T_parent.T @ place.translation, reach),
         m=ca.SX(body.mass),
-        h=sparse(body.mass * c),
-        I=sparse((inertia + inertia.T) / 2),
+        h=sparse(body.mass * c, body.mass * reach),
+        I=sparse((inertia + inertia.T) / 2, body.mass * reach**2),
     )
 
 

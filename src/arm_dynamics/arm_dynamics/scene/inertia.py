@@ -14,9 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene.types import Inertia6
 
-ROUNDING = 1e-12
-"""Moments below this, in [kg m²], and below this fraction of the largest one, are treated as
-zero."""
+ROUNDING = 1e-10
+"""Moments below this fraction of the largest one are treated as zero: published values are often
+the result of computations with rounding errors."""
+POINT, NOTHING = 1e-8, 1e-25
+"""Radius of gyration in [m] and moment in [kg m²] below which moments are rounding errors.
+
+A body of 1e-9 kg and 1 mm has 1e-15 kg m²."""
 DIGITS = 1e-2
 """Allowed relative excess of the largest moment over the sum of the others: published values have
 two or three digits, and for a thin plate both are equal."""
@@ -31,6 +35,11 @@ def moments(six: Inertia6 | ArrayLike) -> Array:
     """Principal moments in [kg m²], the smallest first, shape (…, 3)."""
     found: Array = np.linalg.eigvalsh(inertia_matrix(six))
     return found
+
+
+def least(mass: Array | float) -> Array:
+    """Moments in [kg m²] up to which a body of a mass in [kg] is a point mass, shape (…)."""
+    return np.asarray(mass, dtype=float) * POINT**2 + NOTHING
 
 
 def possible(mass: ArrayLike, six: Inertia6 | ArrayLike) -> NDArray[np.bool_]:
@@ -57,8 +66,8 @@ def _fault(mass: Array, found: Array) -> NDArray[np.int_]:
     small, middle, large = np.moveaxis(found, -1, 0)
     broken = [
         ~(mass >= 0.0),
-        small < -ROUNDING * np.maximum(1.0, large),
-        (mass == 0.0) & (large > ROUNDING),
-        large - middle - small > np.maximum(DIGITS * large, ROUNDING),
+        small < -np.maximum(ROUNDING * large, least(mass)),
+        (mass == 0.0) & (large > least(mass)),
+        large - middle - small > np.maximum(DIGITS * large, least(mass)),
     ]
     return np.select(broken, [1, 2, 3, 4], 0)

@@ -144,7 +144,7 @@ def _warn_of_description(urdf: Urdf) -> None:
 def _warn_of_units(scene: Scene, urdf: Urdf) -> None:
     """Warn of values that are so large that their unit is probably wrong."""
     for i, payload in enumerate(scene.payloads):
-        if (distance := math.dist(payload.com, (0.0, 0.0, 0.0))) > _FAR:
+        if (distance := math.dist(payload.com, (0.0, 0.0, 0.0))) > max(_FAR, urdf.length):
             _log.warning(
                 "scene: 'payloads.%d.com' = %s is %g m from '%s'; lengths are in m",
                 i, list(payload.com), distance, payload.frame,

@@ -99,20 +99,6 @@ def visuals_of(robot: Robot, folder: Path | None = None) -> tuple[Visual, ...]:
     return (*links, *capsules_of(robot, bare), *_payloads(robot), *_contacts(robot))
 
 
-def reach(robot: Robot) -> float:
-    """Size of the robot in [m]: the largest distance of a joint or frame."""
-    model = robot.pin
-    far = np.zeros(model.njoints)
-    for i in range(1, model.njoints):
-        far[i] = far[model.parents[i]] + np.linalg.norm(model.jointPlacements[i].translation)
-    ends = [
-        far[frame.parentJoint] + np.linalg.norm(frame.placement.translation)
-        for frame in model.frames
-    ]
-    bodies = [far[i] + np.linalg.norm(model.inertias[i].lever) for i in range(1, model.njoints)]
-    return float(max([*ends, *bodies])) or 1.0
-
-
 def corners(visual: Visual) -> Array:
     """Corners of the box around a solid, in the frame of the joint that carries it, shape (8, 3).
 
@@ -207,7 +193,7 @@ def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
         robot: The robot.
         joints: Pinocchio's numbers of the joints.
     """
-    model, size = robot.bare, reach(robot)
+    model, size = robot.bare, robot.reach
     visuals = []
     for joint in joints:
         body, name = model.inertias[joint], model.names[joint]
@@ -255,7 +241,7 @@ def _payloads(robot: Robot) -> Iterable[Visual]:
 
 
 def _contacts(robot: Robot) -> Iterable[Visual]:
-    size, planes = reach(robot), set()
+    size, planes = robot.reach, set()
     for name, contact in robot.scene.contacts:
         joint, place = _placed(robot, contact.frame, contact.point)
         radius = contact.radius or THIN * size

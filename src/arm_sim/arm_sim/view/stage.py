@@ -25,7 +25,6 @@ from arm_sim.view.shapes import (
     Visual,
     capsules_of,
     corners,
-    reach,
     visuals_of,
 )
 
@@ -75,7 +74,7 @@ class Actor:
         folder: Path | None = None,
         hand: str | None = None,
     ) -> None:
-        self.marker, self.size = Marker(model, hand), reach(model)
+        self.marker, self.size = Marker(model, hand), model.reach
         self.name, self.base = name, np.array(base, dtype=float)
         self._scene, self._name = server.scene, f"/{name}"
         self._weight = 9.81 * model.total_mass or 1.0

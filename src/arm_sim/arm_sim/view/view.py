@@ -20,7 +20,6 @@ from arm_sim.view.follower import Follower, Told
 from arm_sim.view.player import Player
 from arm_sim.view.pulse import Pulse
 from arm_sim.view.server import HERE, address, close_server, open_server
-from arm_sim.view.shapes import reach
 from arm_sim.view.stage import Actor, lay_ground
 
 if TYPE_CHECKING:
@@ -245,7 +244,7 @@ def _cast(
     folder: Path | None, together: bool,
 ) -> list[Actor]:  # fmt: skip
     """Place arms side by side about the centre, the first at the left."""
-    sizes = np.array([reach(model) for model in models])
+    sizes = np.array([model.reach for model in models])
     gaps = np.zeros(len(sizes) - 1) if together else GAP * (sizes[:-1] + sizes[1:])
     places = np.concatenate([[0.0], np.cumsum(gaps)])
     places -= places[-1] / 2

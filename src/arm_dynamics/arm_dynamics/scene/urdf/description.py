@@ -13,13 +13,14 @@ from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from arm_dynamics.exceptions import ModelError, choices, did_you_mean, known_names
-from arm_dynamics.scene.inertia import ROUNDING, fault, moments
+from arm_dynamics.scene.inertia import ROUNDING, fault, least, moments
 from arm_dynamics.scene.urdf.plain import (
     MOMENTS,
     MOVING,
     SUPPORTED,
     TENSOR,
     Notes,
+    distance,
     is_limited,
     plain_joint,
     plain_link,
@@ -55,6 +56,7 @@ class Urdf:
         links: Names of the links.
         mimics: Follower rules by joint name.
         limited: Joints with a position limit.
+        length: Sum of the distances of all joints from their parents in [m].
         doubtful: Links whose inertia is not physically consistent, and why; it is used unchanged.
         notes: Remarks on what is unusual, each with the places where it is.
     """
@@ -64,6 +66,7 @@ class Urdf:
     links: tuple[str, ...]
     mimics: dict[str, Mimic]
     limited: frozenset[str]
+    length: float
     doubtful: dict[str, str]
     notes: Notes
 
@@ -113,7 +116,8 @@ def read_urdf(text: str) -> Urdf:
     mimics = _mimics(joints, kinds)
     anew = _written(robot, [*links.values(), *joints.values()], notes)
     limited = frozenset(name for name, joint in joints.items() if is_limited(joint))
-    return Urdf(anew, kinds, tuple(links), mimics, limited, doubtful, notes)
+    length = sum(map(distance, joints.values()))
+    return Urdf(anew, kinds, tuple(links), mimics, limited, length, doubtful, notes)
 
 
 def _written(
@@ -196,20 +200,21 @@ def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
         raise ModelError(f"link '{name}': <inertial> without <inertia>")
     if absent := [key for key in MOMENTS if key not in tensor.keys()]:
         raise ModelError(f"link '{name}': <inertia> without {', '.join(absent)}")
+    six, weight = [float(tensor.get(key, "")) for key in TENSOR], float(mass.get("value", ""))
+    point = float(least(weight))
     for key in MOMENTS:
-        if float(tensor.get(key, "")) < -ROUNDING:
+        if float(tensor.get(key, "")) < -max(ROUNDING * max(map(abs, six)), point):
             raise ModelError(
                 f"link '{name}': <inertia {key}={tensor.get(key)!r}>: must not be negative"
             )
-    six = [float(tensor.get(key, "")) for key in TENSOR]
     found = moments(six)
-    if found[0] < -max(ROUNDING, NEGATIVE_PART * found[2]):
+    if found[0] < -max(NEGATIVE_PART * found[2], point):
         said = ", ".join(f"{moment:.6g}" for moment in found)
         raise ModelError(
             f"link '{name}': <inertia>: principal moments {said} kg m²: the smallest must not be "
             f"negative by more than {NEGATIVE_PART} of the largest"
         )
-    return fault(float(mass.get("value", "")), six)
+    return fault(weight, six)
 
 
 def _check_tree(

@@ -108,6 +108,12 @@ def is_limited(joint: ElementTree.Element) -> bool:
     return lower != upper and min(abs(lower), abs(upper)) <= NO_LIMIT
 
 
+def distance(joint: ElementTree.Element) -> float:
+    """Distance in [m] of the copy of a joint from its parent."""
+    origin = joint.find("origin")
+    return 0.0 if origin is None else math.hypot(*floats(origin.get("xyz", "0 0 0")))
+
+
 def _note(notes: Notes, remark: str, place: str) -> None:
     notes.setdefault(remark, []).append(place)
 

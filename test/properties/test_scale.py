@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arms of 1e-9 kg and 1 mm, and of 1e9 kg and 1 km, are right to rounding: nothing is absolute."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import Dynamics, ModelError, SceneError, load_scene
+from arm_sim import Simulator
+from models.scaled import Scale
+from tolerances import ALGEBRA, CLOSURE
+
+TINY, HUGE = Scale(2.0**-10, 2.0**-30), Scale(2.0**10, 2.0**30)
+scales = pytest.mark.parametrize("scale", [TINY, HUGE], ids=["1 mm, 1e-9 kg", "1 km, 1e9 kg"])
+SLIDING = 1e-11
+"""Relative: dry friction is located in time, which is not a power of two."""
+
+
+@scales
+@pytest.mark.parametrize("robot", ["planar_3r", "skew_axes", "scara", "gantry", "panda"])
+def test_dynamics_are_similar_to_the_bit(
+    robot: str, scale: Scale, rng: np.random.Generator
+) -> None:
+    plain = models.dynamics(robot)
+    other = Dynamics(scale.scene(models.scene(robot)))
+    far, torque = scale.positions(plain.model), scale.torques(plain.model)
+    q, v, a, tau = rng.normal(size=(4, 10, plain.n))
+    moved = q * far, v * far * scale.rate
+    needed = other.inverse(*moved, a * far * scale.rate**2)
+    np.testing.assert_array_equal(needed, plain.inverse(q, v, a) * torque)
+    gained = other.forward(*moved, tau * torque)
+    np.testing.assert_array_equal(gained, plain.forward(q, v, tau) * far * scale.rate**2)
+
+
+@scales
+@pytest.mark.parametrize(
+    ("robot", "tolerance"), [("planar_3r", SLIDING), ("skew_axes", 0.0), ("slider_crank", ALGEBRA)]
+)
+def test_motions_are_similar(robot: str, tolerance: float, scale: Scale) -> None:
+    """Generated code is accepted, and runs alike."""
+    plain = Simulator(models.scene(robot), integrator="rk4", dt=1e-3)
+    other = Simulator(scale.scene(models.scene(robot)), integrator="rk4", dt=1e-3 / scale.rate)
+    far, torque = scale.positions(plain.model), scale.torques(plain.model)
+    u = np.linspace(0.5, -0.7, plain.n)
+    runs = plain.run(50 * plain.dt, u), other.run(50 * other.dt, u * torque)
+    for own, expected, factor in (
+        (runs[1].q, runs[0].q, far),
+        (runs[1].v, runs[0].v, far * scale.rate),
+    ):
+        difference = abs(own / factor - expected)
+        assert difference.max() <= tolerance * abs(expected).max()
+    assert runs[1].trusted
+
+
+@scales
+@pytest.mark.parametrize("linkage", ["slider_crank", "four_bar", "five_bar"])
+def test_linkages_close_at_the_same_place(linkage: str, scale: Scale) -> None:
+    plain = models.dynamics(linkage)
+    other = Dynamics(scale.scene(models.scene(linkage)))
+    place = other.model.q0 / scale.positions(plain.model)
+    np.testing.assert_allclose(place, plain.model.q0, rtol=0, atol=CLOSURE)
+    assert other.model.constraint_rows == plain.model.constraint_rows
+
+
+@scales
+def test_long_slides_close_from_afar(scale: Scale) -> None:
+    """The rail starts 0.4 of a length beyond where crank and rod can reach it."""
+    scene = scale.scene(models.scene("slider_crank"))
+    scene["initial"]["position"]["rail"] = 0.95 * scale.length
+    assert Dynamics(scene).model.q0[2] < 0.56 * scale.length
+
+
+@pytest.mark.parametrize("scale", [Scale(1.0, 1.0), TINY, HUGE])
+def test_inertias_are_compared_with_one_another(
+    scale: Scale, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What no body has is told, and refused, in every size."""
+    plain = models.scene("planar_3r")
+    text = plain.robot.urdf.replace('iyy="0.015"', 'iyy="0.001"')
+    with caplog.at_level(logging.WARNING):
+        load_scene(scale.scene(load_scene(text)))
+    assert "link 'link2': no body has principal moments" in caplog.text
+    negative = load_scene(text).model_copy(
+        update={
+            "robot": plain.robot.model_copy(update={"urdf": text.replace('"0.001"', '"-0.01"')})
+        }
+    )
+    with pytest.raises(ModelError, match="<inertia iyy='-.*'>: must not be negative"):
+        load_scene(scale.scene(negative))
+    moments = np.array([-1.0, 0.0, 0.0, 1.0, 0.0, 1.0]) * scale.mass * scale.length**2
+    load = {"frame": "link2", "mass": scale.mass, "inertia": moments.tolist()}
+    with pytest.raises(SceneError, match="the tensor must not be negative in any direction"):
+        load_scene(scale.scene(plain) | {"payloads": [load]})
+
+
+def test_a_payload_far_out_on_a_long_arm_is_no_mistake(caplog: pytest.LogCaptureFixture) -> None:
+    load = {"frame": "link3", "mass": 1.0, "com": [50.0, 0, 0]}
+    with caplog.at_level(logging.WARNING):
+        load_scene(HUGE.scene(models.scene("planar_3r")) | {"payloads": [load]})
+        assert not caplog.records
+        load_scene(Scale(1.0, 1.0).scene(models.scene("planar_3r")) | {"payloads": [load]})
+    assert "lengths are in m" in caplog.text
