@@ -18,9 +18,8 @@ from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.model.stops import Stops
 from arm_dynamics.scene import Line, Scene
 from arm_dynamics.scene.constraint import WORLD
-from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.selection import SECOND_LOOK, Choice
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.second_look import SHARE
 from arm_sim.stepping.stepper import Stepper
 
 TIMED_TICKS, REPEATS = 200, 5
@@ -175,7 +174,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("mimic joints", followers, f"{followers} joints follow", "none"),
         _part("locked joints", False, "", f"{locked} eliminated" if locked else "none"),
         _part("energies", False, "", "computed on demand"),
-        _part("second look", False, "", f"{SHARE:.0%} of the ticks, made again on demand"),
+        _part("second look", False, "", f"{SECOND_LOOK:.0%} of the ticks, made again on demand"),
     )
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from arm_dynamics.arrays import read_only
 from arm_sim import Recording, Simulator
-from arm_sim.recording.second_look import FEWEST, SHARE, drawn
+from arm_sim.integrators.selection import SECOND_LOOK
+from arm_sim.recording.second_look import FEWEST, drawn
 from models.rotor import rotor
 
 SCENE = rotor(0.1, coulomb=1.0)
@@ -26,7 +27,7 @@ def motion() -> Recording:
 def test_a_right_motion_is_trusted(motion: Recording) -> None:
     look = motion.second_look
     assert motion.trusted and look.agrees
-    assert len(look.ticks) == max(FEWEST, round(SHARE * 400))
+    assert len(look.ticks) == max(FEWEST, round(SECOND_LOOK * 400))
     stops = int(np.flatnonzero(motion.v[1:, 0] == 0.0)[0])
     assert stops in look.ticks  # the tick with the event is among them
 
@@ -62,7 +63,7 @@ def test_what_is_drawn() -> None:
     usable = np.delete(np.arange(5000), 71)
     abrupt, random = drawn(usable, change)
     rows = np.concatenate([abrupt, random])
-    assert len(rows) == len(set(rows)) == round(SHARE * len(usable))
+    assert len(rows) == len(set(rows)) == round(SECOND_LOOK * len(usable))
     assert {70, 4000, 4001} <= set(abrupt.tolist()) and 71 not in rows
     np.testing.assert_array_equal(random, drawn(usable, change)[1])
     assert sorted(np.concatenate(drawn(np.arange(3), change[:3])).tolist()) == [0, 1, 2]

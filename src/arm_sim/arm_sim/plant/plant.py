@@ -113,8 +113,7 @@ class Plant:
             moded = tuple(self._drives.get(law, law) for law in laws.laws)
             laws = replace(laws, laws=moded)
         self._moded = laws
-        drives = tuple(self._drives.values())
-        self._equations = cache(partial(_composed, self._mechanics, laws, drives, powers))
+        self._equations = cache(partial(_composed, self._mechanics, laws, powers))
 
     @property
     def acceleration(self) -> ca.Function:
@@ -292,7 +291,6 @@ class Plant:
 def _composed(
     mechanics: Callable[[], Mechanics],
     laws: Ensemble | None,
-    drives: Sequence[SwitchedLaw],
     powers: Sequence[Power],
 ) -> tuple[ca.Function, tuple[ca.Function, ...]]:
     """``rhs`` and ``events`` of an arm with internal states, and powers as additional states."""
@@ -301,7 +299,7 @@ def _composed(
     rhs = _driven(a, arm.joints, laws, powers) if laws else _state_space(a, n)
     of_state = (_of_state(function, arm.joints, laws, n) for function in arm.loads)
     geometry = (arm.contact.geometry, arm.contact.close) if arm.contact else ()
-    switches = (_switches(arm, laws, drives),) if arm.joints.switches.numel() else ()
+    switches = (_switches(arm, laws),) if arm.joints.switches.numel() else ()
     return rhs, (*of_state, *arm.of_joints, *switches, *geometry)
 
 
@@ -318,7 +316,7 @@ def _with_modes(
     return found
 
 
-def _switches(arm: Mechanics, laws: Ensemble | None, drives: Sequence[SwitchedLaw]) -> ca.Function:
+def _switches(arm: Mechanics, laws: Ensemble | None) -> ca.Function:
     """Switching functions of cords and drives, in the order of their modes in p."""
     s = arm.symbols
     x, u, p = _symbols(arm.acceleration, 2 * arm.symbols.q.shape[0] + _states(laws), s.q.shape[0])
@@ -329,7 +327,7 @@ def _switches(arm: Mechanics, laws: Ensemble | None, drives: Sequence[SwitchedLa
         for column, part in zip((values, sizes), found(q, v, p[: s.p.numel()]), strict=True):
             column.append(part)
     for drive, own in _parts(laws, z) if laws else ():
-        if drive in drives:
+        if isinstance(drive, SwitchedLaw):
             for column, part in zip((values, sizes), drive.switches(q, v, own, u), strict=True):
                 column.append(part)
     return dense_function("switches", [x, u, p], ca.vertcat(*values), ca.vertcat(*sizes))

@@ -16,12 +16,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
-from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.selection import SECOND_LOOK, Choice
 
-SHARE, FEWEST = 0.01, 20
-"""Share of the ticks that are made again, and their least number."""
+Indices = NDArray[np.intp]
+
+FEWEST = 20
+"""Least number of ticks that are made again."""
 FINER = 1e-2
 """Tolerance of the second look, relative to that of the motion."""
 ALLOWED, ALLOWED_FIXED = 10.0, 1e-6
@@ -48,7 +51,7 @@ class Ticks:
     p: Array
     error: Array
 
-    def some(self, rows: Array) -> Ticks:
+    def some(self, rows: Indices) -> Ticks:
         """Those with indices ``rows``."""
         return Ticks(*(getattr(self, name)[rows] for name in ("x", "after", "u", "p", "error")))
 
@@ -67,9 +70,9 @@ class SecondLook:
             all ticks, with those of the velocities for as long as they last.
     """
 
-    ticks: Array
+    ticks: Indices
     difference: Array
-    joint: Array
+    joint: Indices
     allowed: Array
     error: float
 
@@ -116,14 +119,14 @@ def second_look(
     return SecondLook(rows, ways.max(axis=1), ways.argmax(axis=1), allowed, float(error))
 
 
-def drawn(usable: Array, change: Array) -> tuple[Array, Array]:
+def drawn(usable: Indices, change: Array) -> tuple[Indices, Indices]:
     """The ticks to be made again, of those that can be: the most abrupt ones, and random ones.
 
     Args:
         usable: Indices of those that can be.
         change: Change of the velocities in every tick, shape (k, n).
     """
-    count = min(len(usable), max(FEWEST, round(SHARE * len(usable))))
+    count = min(len(usable), max(FEWEST, round(SECOND_LOOK * len(usable))))
     kept = change[usable]
     jerk = np.abs(np.diff(kept, axis=0, prepend=kept[:1])).max(axis=1, initial=0.0)
     abrupt = np.argsort(-jerk, kind="stable")[: (count + 1) // 2]

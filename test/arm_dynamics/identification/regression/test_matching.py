@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Efforts are matched with the motion that explains them, though bodies and friction are unknown."""
+"""Efforts that belong to another joint, have the other sign, or are late."""
 
 import numpy as np
 import pytest
