@@ -192,7 +192,8 @@ def feet(rng: np.random.Generator) -> Callable[[], Set]:
     def make() -> Set:
         along = rng.normal(size=3) * [1.0, 0.5, 0.3]
         press = np.array([0.0, -rng.uniform(0.0, 20.0), 0.0])
-        return Set("feet", scene, tuple(names), np.zeros(3), weight, press, along, dry, np.zeros(3),
+        return Set("feet", scene, tuple(names), np.zeros(3), weight, press, along, dry,
+                   np.zeros(3),
                    np.zeros((0, 3)), tuple(cones))  # fmt: skip
 
     return make
@@ -215,7 +216,8 @@ def rails(rng: np.random.Generator) -> Callable[[], Set]:
 
     def make() -> Set:
         along = rng.normal(size=3) * [1.0, 1.0, 0.3]
-        return Set("rails", scene, tuple(names), np.zeros(3), np.array([0.0, 0.0, -mass * G]), np.zeros(3),
+        return Set("rails", scene, tuple(names), np.zeros(3), np.array([0.0, 0.0,
+                   -mass * G]), np.zeros(3),
                    along, dry, supports, np.zeros((0, 3)), (Cone(columns, *mu),))  # fmt: skip
 
     return make
@@ -314,7 +316,8 @@ def couplings(rng: np.random.Generator) -> Callable[[], Set]:
 
     def make() -> Set:
         along = rng.normal(size=count)
-        return Set("couplings", scene, tuple(names), np.zeros(count), np.zeros(count), np.zeros(count), along,
+        return Set("couplings", scene, tuple(names), np.zeros(count), np.zeros(count),
+                   np.zeros(count), along,
                    dry, np.zeros(count), rows)  # fmt: skip
 
     return make
@@ -349,7 +352,8 @@ def grasp(rng: np.random.Generator) -> Callable[[], Set]:
         squeeze = rng.uniform(1.5, 6.0) * mass * G
         base = np.array([0.0, 0.0, 0.0, squeeze, -squeeze])
         along = rng.normal(size=5) * [1.0, 1.0, 0.1, 0.3, 0.3]
-        return Set("grasp", scene, tuple(names), np.zeros(5), weight, base, along, dry, np.zeros(5),
+        return Set("grasp", scene, tuple(names), np.zeros(5), weight, base, along, dry,
+                   np.zeros(5),
                    np.zeros((0, 5)), tuple(cones))  # fmt: skip
 
     return make
@@ -371,7 +375,8 @@ def table(rng: np.random.Generator) -> Callable[[], Set]:
 
     def make() -> Set:
         along = rng.normal(size=6) * [1.0, 1.0, 0.3, 0.1, 0.1, 0.5]
-        return Set("table", scene, tuple(names), np.zeros(6), weight, np.zeros(6), along, np.zeros((2, 6)),
+        return Set("table", scene, tuple(names), np.zeros(6), weight, np.zeros(6),
+                   along, np.zeros((2, 6)),
                    np.zeros(6), np.zeros((0, 6)), cones)  # fmt: skip
 
     return make

@@ -34,7 +34,7 @@ QUICK_STIFF, QUICK_STIFF_TOLERANCE = 50.0, 1e-8
 # A swing of h ω in a step is computed by RK4 with an error of (h ω)⁴/120 radians per radian.
 SWING = 0.05
 SECOND_LOOK = 0.01
-"""Share of the ticks that are made again with half the step where trust in a motion is asked for."""
+"""Share of the ticks that are made again where trust in a motion is asked for."""
 _log = logging.getLogger(__name__)
 
 
