@@ -36,6 +36,19 @@ def test_a_controller_follows_a_motion_from_the_beginning_of_the_run() -> None:
     assert_close(done.q, expected, 1e-4)
 
 
+def test_a_loop_says_that_a_motion_takes_longer_than_asked(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    pair = ClosedLoop("two_link", acceleration_limit=10.0, dt=1e-3)
+    q = pair.simulator.state.q
+    slow = pair.follow([Waypoint(0.01, q + 0.5)])
+    assert slow.duration > 0.1
+    assert f"takes {slow.duration:.3g} s instead of 0.01 s" in caplog.text
+    caplog.clear()
+    assert pair.follow([Waypoint(3.0, q + 0.5)]).stretch == 1.0
+    assert not caplog.text
+
+
 def test_it_is_the_loop_that_a_function_closes_by_hand() -> None:
     sim = models.simulator("two_link", dt=1e-3)
     control, q = PDGravity(sim.dynamics, 50.0, 10.0), sim.state.q

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import Any
 
@@ -21,6 +22,8 @@ from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
 from arm_sim.recording.recording import Recording
 from arm_sim.simulator import Simulator
 from arm_sim.state import State
+
+_log = logging.getLogger(__name__)
 
 
 class ClosedLoop:
@@ -75,8 +78,19 @@ class ClosedLoop:
         return round(1e9 * self.simulator.state.time)
 
     def follow(self, waypoints: Sequence[Waypoint], start: int | None = None) -> Trajectory:
-        """Follow waypoints from the stamp ``start`` in [ns]; see ``Follower.follow``."""
-        return self._follower.follow(waypoints, self.stamp, start)
+        """Follow waypoints from the stamp ``start`` in [ns]; see ``Follower.follow``.
+
+        Returns:
+            The motion; a warning is logged if it is slower than requested because of limits.
+        """
+        motion = self._follower.follow(waypoints, self.stamp, start)
+        if motion.stretch > 1.0:
+            asked = motion.duration / motion.stretch
+            _log.warning(
+                "the motion takes %.3g s instead of %.3g s: the joints' velocity and acceleration "
+                "limits allow no less", motion.duration, asked,
+            )  # fmt: skip
+        return motion
 
     def run(self, duration: float) -> Recording:
         """Advance by a duration in [s] and record every tick.

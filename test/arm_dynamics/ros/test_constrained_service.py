@@ -62,6 +62,16 @@ def test_bad_multipliers_are_refused(node: DynamicsNode) -> None:
     assert "multipliers has 1 numbers; allowed: 3" in answer.message
 
 
+@pytest.mark.parametrize("field", ["effort", "acceleration", "multipliers"])
+def test_numbers_that_it_computes_are_refused(node: DynamicsNode, field: str) -> None:
+    """Those of the other direction, which would have no effect."""
+    inverse, given = field == "effort", {field: [1.0] * 3}
+    assert ask(node, position=node.dynamics.model.q0, inverse=not inverse, **given).success
+    answer = ask(node, position=node.dynamics.model.q0, inverse=inverse, **given)
+    assert not answer.success
+    assert f"{field} is given, which is computed where inverse is" in answer.message
+
+
 def published(ros: Ros, sim: SimNode) -> Multipliers:
     """The forces after some ticks."""
     heard = ros.listen(Multipliers, "/sim/multipliers")

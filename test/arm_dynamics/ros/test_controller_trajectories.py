@@ -129,6 +129,28 @@ def test_bad_trajectory_is_refused_once_and_the_old_one_goes_on(
     np.testing.assert_array_equal(reference_of(node, 300 * MS), before)
 
 
+def test_of_many_refusals_one_is_logged_and_all_are_counted(
+    node: ControllerNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    effort(node, 0, (0.0, 0.0))
+    for k in range(20):
+        node.on_joint_trajectory(trajectory(point(1.0, float(k))))
+    assert capfd.readouterr().err.count("trajectory refused") == 1
+    assert node.goals.refused == 20
+
+
+def test_efforts_are_told_to_be_of_no_use(
+    node: ControllerNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    effort(node, 0, (0.0, 0.0))
+    for _ in range(3):
+        pushed = point(1.0, 0.2, 0.4, effort=[1.0, 2.0])
+        node.on_joint_trajectory(trajectory(pushed, point(2.0, 0.3, 0.3)))
+    told = capfd.readouterr().err
+    assert told.count("effort is given in 1 of 2 points and is not used") == 1
+    assert_close(reference_of(node, 2000 * MS)[0], [0.3, 0.3], ALGEBRA)
+
+
 def test_trajectory_over_the_wire(ros: Ros, node: ControllerNode) -> None:
     effort(node, 0, (0.0, 0.0))
     publisher = ros.publisher(JointTrajectory, "/controller/joint_trajectory")

@@ -281,11 +281,33 @@ def test_description_as_a_parameter_may_change(ros: Ros) -> None:
     assert len(info(node).joint_names) == 1
 
 
-def test_scene_wins_over_the_description(ros: Ros) -> None:
+def test_scene_wins_over_the_description(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
     scene = str(models.SCENES / "two_link.yaml")
     node = ros.add(DynamicsNode, scene=scene, robot_description=PENDULUM)
     assert len(info(node).joint_names) == 2
     assert not ros.peer.count_subscribers("/robot_description")
+    assert "'robot_description' is not used: the node has its arm from a scene" in (
+        capfd.readouterr().err
+    )
+
+
+def test_a_node_with_a_scene_refuses_a_description(ros: Ros) -> None:
+    node = ros.add(DynamicsNode, models.scene("two_link"))
+    for text in PENDULUM, "no urdf":
+        (answer,) = node.set_parameters([Parameter("robot_description", value=text)])
+        assert not answer.successful
+        assert "cannot be set: the node has its arm from a scene" in answer.reason
+    assert node.get_parameter("robot_description").value == ""
+    assert len(info(node).joint_names) == 2
+
+
+def test_of_many_refused_descriptions_one_is_logged(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = ros.add(DynamicsNode, robot_description=TWO_LINK)
+    for _ in range(20):
+        node.on_robot_description(String(data="no urdf"))
+    assert capfd.readouterr().err.count("robot_description refused") == 1
 
 
 def test_a_scene_that_cannot_be_used_is_refused_at_start(ros: Ros) -> None:

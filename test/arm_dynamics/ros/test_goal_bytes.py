@@ -77,6 +77,7 @@ def check_trajectory(raw: bytes, message: JointTrajectory) -> None:
             assert time == to_nanoseconds(wanted.time_from_start)
             for field, read in zip(FIELDS[:-1], arrays, strict=True):
                 assert np.array(read, float).tobytes() == getattr(wanted, field).tobytes()
+        assert found.efforts == sum(len(point.effort) > 0 for point in message.points)
 
 
 def check_path(raw: bytes, message: Path) -> None:

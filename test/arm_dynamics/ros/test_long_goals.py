@@ -138,7 +138,9 @@ def test_damaged_goals_are_refused_and_the_arm_holds(
             ros.spin_until(lambda: node.goals.outcome)
             planned(node, MS)
             assert "refused, the previous one continues: the message" in node.goals.outcome
-            assert node.goals.outcome in capfd.readouterr().err
+    told = capfd.readouterr().err
+    assert told.count("refused, the previous one continues: the message") == 1, "not each of them"
+    assert node.goals.refused == 6
     np.testing.assert_array_equal(see(node, 1000 * MS), before)
 
 

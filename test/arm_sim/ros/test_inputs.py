@@ -33,10 +33,14 @@ class Log:
 
     def __init__(self) -> None:
         self.warnings: list[str] = []
+        self.told: list[str] = []
         self.throttles: set[float] = set()
 
     def get_logger(self) -> Log:
         return self
+
+    def info(self, text: str) -> None:
+        self.told.append(text)
 
     def warning(self, text: str, throttle_duration_sec: float) -> None:
         self.warnings.append(text)
@@ -321,3 +325,18 @@ def test_joints_of_others_are_refused(inputs: Inputs, names: list[str]) -> None:
     assert inputs.on_joint_commands(serialize_message(message)) is None
     with pytest.raises(InvalidInput):
         inputs.reader.read(serialize_message(message))
+
+
+def test_what_numbers_in_model_order_are_is_said_once(inputs: Inputs, log: Log) -> None:
+    for _ in range(3):
+        inputs.on_commands(Float64MultiArray(data=ZERO))
+    (told,) = log.told
+    assert "taken as efforts: panda_joint1 [N m]" in told
+    assert "positions and velocities are taken from joint_commands" in told
+
+
+def test_numbers_that_begin_elsewhere_are_refused(inputs: Inputs, log: Log) -> None:
+    message = Float64MultiArray(data=ZERO)
+    message.layout.data_offset = 1
+    inputs.on_commands(message)
+    assert inputs.refused == 1 and "data_offset is 1; allowed: 0" in log.warnings[0]

@@ -288,13 +288,31 @@ def test_late_ticks_are_counted_and_made_up_for(ros: Ros) -> None:
     fast.led(0.0, 0.0)
     now = time.monotonic_ns()
     fast.due = Due(
-        deadline=now - 30 * MILLISECOND, period=MILLISECOND, give_up=100 * SECOND,
+        deadline=now - 30 * MILLISECOND, period=MILLISECOND, closest=MILLISECOND,
+        give_up=100 * SECOND,
         lateness=addressof(fast.lateness),
     )  # fmt: skip
     counted = fast.lateness.percentiles().count
     fast.led(0.1, 0.1)
     assert fast.due.missed == EACH == fast.lateness.percentiles().count - counted
     assert fast.due.deadline == now + (EACH - 30) * MILLISECOND
+
+
+def test_commands_age_in_part_while_ticks_are_made_up_for(ros: Ros) -> None:
+    """Long behind, ticks of a second follow at once: they take next to no time."""
+    fast = Fast(ros, energy_period=1e-3)
+    ros.listen(Energy, "sim/energy")
+    fast.node.engine.keep_account(True)  # so Python has energies to publish after every tick
+    fast.due = Due(
+        deadline=time.monotonic_ns() - 1000 * SECOND, period=SECOND, give_up=10_000 * SECOND,
+        lateness=addressof(fast.lateness),
+    )  # fmt: skip
+    end, engine = fast.made + 10 * EACH, fast.node.engine
+    heard = engine.arbiter.now
+    fast.publisher.publish(message(0.1, 0.1))
+    fast.until(lambda: fast.made == end)
+    assert 1.0 <= engine.commands.age < 2.0, "the first one counts in full"
+    assert 1.0 <= engine.arbiter.now - heard < 2.0
 
 
 def test_lateness_is_counted_as_python_does(ros: Ros) -> None:
@@ -337,21 +355,29 @@ def test_stamps_are_those_of_python(lag: int) -> None:
     """From time 50 on the loop lags; from 200 on, some of it is made up for."""
     library = native(RECORD, SOURCE)
     assert library is not None
-    library.stamp_at.argtypes = [c_void_p, c_int64, c_int64]
+    library.stamp_at.argtypes = [c_void_p, c_int64, c_int64, c_int64]
     library.stamp_at.restype = c_int64
-    now = [2**40]
-    slow, fast = (NodeTime(Clock(), MILLISECOND, lambda: now[0]) for _ in range(2))
+    now, due = [2**40], c_int64()
+
+    def steady() -> int:
+        return now[0] - 2**39
+
+    slow, fast = (NodeTime(Clock(), MILLISECOND, lambda: now[0], steady) for _ in range(2))
+    for stamps in slow, fast:
+        stamps.follow(due)
     assert slow.at(0) == fast.at(0)
     for tick in range(1, 400):
-        woken = tick * MILLISECOND + 7919 * tick % 50_000
-        now[0] = 2**40 + woken + (lag if tick >= 50 else 0)
+        due.value = 2**39 + tick * MILLISECOND + (lag if 50 <= tick < 100 else 0)
+        now[0] = 2**40 + tick * MILLISECOND + 7919 * tick % 50_000 + (lag if tick >= 50 else 0)
         if tick == 200:
             slow.owed = fast.owed = 20 * MILLISECOND
         simulated = tick * MILLISECOND
-        assert library.stamp_at(addressof(fast), simulated, now[0]) == slow.at(simulated)
+        told = library.stamp_at(addressof(fast), simulated, now[0], steady())
+        assert told == slow.at(simulated)
         assert bytes(slow) == bytes(fast)
     assert slow.owed < 20 * MILLISECOND
-    assert library.stamp_at(addressof(fast), simulated, now[0]) < 0, "time stands still"
+    told = library.stamp_at(addressof(fast), simulated, now[0], steady())
+    assert told < 0, "time stands still"
 
 
 class Clock:

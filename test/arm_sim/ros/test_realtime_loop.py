@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+import models
+from arm_sim import Simulator
 from arm_sim.ros.latency import Histogram, RoundTrip
 from arm_sim.ros.realtime_loop import RealtimeLoop
+from arm_sim.ros.tick_engine import TickEngine
 
 pytestmark = pytest.mark.ros
 
@@ -48,7 +51,7 @@ class Clock:
 
 
 def late_once(
-    period: int, long: int, count: int, **options: Any
+    period: int, long: int, count: int, note: Any = lambda loop: None, **options: Any
 ) -> tuple[RealtimeLoop, list[float]]:
     """A loop whose tenth tick takes long; it, and when its ticks began, all times in [ms]."""
     clock, began = Clock(), list[float]()
@@ -56,6 +59,7 @@ def late_once(
 
     def tick() -> None:
         began.append((clock.now - start) / 1e6)
+        note(loop)
         clock.sleep(1e-3 * long if len(began) == 10 else 0.0)
         if len(began) == count:
             loop.stop()
@@ -77,6 +81,48 @@ def test_makes_up_for_a_long_tick_without_hurry() -> None:
     assert report.lateness.max == pytest.approx(48e-3)
     assert report.elapsed == pytest.approx(198e-3)
     assert report.rate == pytest.approx(100 / 198e-3)
+
+
+def test_time_passes_in_part_while_it_catches_up() -> None:
+    """A late tick counts by the time since the one before it, and as one at most."""
+    shares = list[float]()
+
+    def note(loop: RealtimeLoop) -> None:
+        shares.append(loop.share)
+
+    late_once(2, 50, 60, closest=0.25, note=note)
+    caught_up = 11 + 30  # of 48 ms, each makes up for 1.5 ms, until one is late by less than 2 ms
+    assert shares[:11] == [1.0] * 11
+    assert shares[11:caught_up] == pytest.approx([0.25] * 30)
+    assert shares[caught_up:] == [1.0] * (60 - caught_up)
+
+
+def test_a_partner_may_be_as_late_as_always_while_the_loop_catches_up() -> None:
+    """It commands every 60 ms, and commands act for 100 ms; a tick takes half a second."""
+    clock, engine = Clock(), TickEngine(
+        Simulator(models.scene("two_link")), wrench_timeout=0.1, wrench_reference="local"
+    )  # fmt: skip
+    engine.configure(0.1, "zero")
+    commanded, step = [clock.now], engine.simulator
+
+    def tick() -> None:
+        if clock.now - commanded[-1] >= 60_000_000 and step.step_count < 3000:
+            commanded.append(clock.now)
+            engine.commands.put([0.1, 0.1])
+        engine.tick()
+        clock.sleep(0.5 if step.step_count == 1000 else 20e-6)
+        if step.step_count == 3000:
+            told.append(engine.commands.stale_count)
+        if engine.commands.stale or step.step_count == 4000:
+            loop.stop()
+
+    loop, told = RealtimeLoop(tick, 1e-3, clock=clock), list[int]()
+    engine.share = lambda: loop.share
+    loop.start()
+    while not (engine.commands.stale or step.step_count == 4000):
+        time.sleep(1e-3)
+    assert loop.report().missed > 400 and told == [0]
+    assert clock.now - commanded[-1] == pytest.approx(101e6, abs=2e6), "then it has ended"
 
 
 def test_gives_up_deadlines_when_too_far_behind() -> None:

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import time
+from ctypes import c_int64
 from functools import partial
+from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +21,7 @@ import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_sim.ros.params import SimParams
+from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.sim_node import SimNode
 from arm_sim.ros.stamps import NodeTime
 
@@ -27,12 +30,13 @@ EPOCH = 1_700_000_000 * 1000 * MS
 
 
 class Machine:
-    """A system clock that a test sets, and the stamps that follow it."""
+    """A system clock that a test sets, and the stamps that follow it and the ticks' deadlines."""
 
     def __init__(self, tick: int = MS) -> None:
-        self.now, self.simulated = EPOCH, 0
+        self.now, self.simulated, self.due = EPOCH, 0, c_int64()
         clock = SimpleNamespace(ros_time_is_active=False)
-        self.stamps = NodeTime(clock, tick, system=lambda: self.now)
+        self.stamps = NodeTime(clock, tick, system=lambda: self.now, steady=lambda: self.now)
+        self.stamps.follow(self.due)
 
     def ticks(self, late: np.ndarray) -> np.ndarray:
         """Stamps less the start of the clock, of ticks that are woken late by these times [ns]."""
@@ -40,6 +44,7 @@ class Machine:
         due = self.now
         for lateness in late.tolist():
             due += MS
+            self.due.value = due
             self.now, self.simulated = due + lateness, self.simulated + MS
             found.append(self.stamps.at(self.simulated) - EPOCH)
         self.now = due
@@ -61,10 +66,32 @@ def test_stamps_are_even_however_late_the_loop_is_woken(
     np.testing.assert_array_equal(machine.ticks(late), MS * np.arange(1, 1001))
 
 
+def test_stamps_after_time_stood_still_are_when_ticks_were_due(
+    machine: Machine, rng: np.random.Generator
+) -> None:
+    """The first of these ticks comes late; the next ones catch up."""
+    machine.now += 70 * MS
+    machine.stamps.release()
+    late = np.concatenate([np.arange(5 * MS, 0, -600_000), rng.integers(0, 100_000, 1000)])
+    np.testing.assert_array_equal(machine.ticks(late), MS * np.arange(71, 71 + late.size))
+
+
+def test_a_state_before_the_first_tick_after_a_rest_is_a_tick_older(machine: Machine) -> None:
+    machine.ticks(np.zeros(10, int))
+    machine.now += 70 * MS
+    machine.stamps.release()
+    machine.due.value = machine.now + MS
+    machine.now += MS + 300_000
+    assert machine.stamps.at(10 * MS) == EPOCH + 80 * MS
+    machine.now -= MS + 300_000
+    np.testing.assert_array_equal(machine.ticks(np.full(3, 300_000)), MS * np.arange(81, 84))
+
+
 def test_stamps_are_never_of_the_future_nor_go_backwards(
     machine: Machine, rng: np.random.Generator
 ) -> None:
-    """The first tick after time stood still comes late; the next ones catch up."""
+    """Where nobody says when ticks are due, and the first one comes late."""
+    machine.stamps.follow(c_int64())
     machine.stamps.release()
     late = np.concatenate([np.arange(5 * MS, 0, -600_000), rng.integers(0, 100_000, 1000)])
     due = MS * np.arange(1, late.size + 1)
@@ -73,6 +100,44 @@ def test_stamps_are_never_of_the_future_nor_go_backwards(
     assert (found <= due + late).all()
     assert (np.diff(found) >= 0).all()
     assert (found[-500:] - due[-500:] < 1000).all()  # [ns]
+
+
+class Interrupted:
+    """A clock of a process that is stopped again and again: 50 ms after every 4 ms, at first."""
+
+    def __init__(self) -> None:
+        self.now, self._left = 10**9, 4 * MS
+
+    def monotonic_ns(self) -> int:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        left = round(1e9 * seconds)
+        while left >= self._left:
+            self.now, left = self.now + self._left, left - self._left
+            stopped = self.now < 3 * 10**9
+            self.now, self._left = self.now + 50 * MS * stopped, 4 * MS
+        self.now, self._left = self.now + left, self._left - left
+
+
+def test_stamps_are_even_while_a_loop_that_is_stopped_again_and_again_catches_up() -> None:
+    clock, ticks, stamps = Interrupted(), count(1), list[int]()
+    rclock = SimpleNamespace(ros_time_is_active=False)
+    source = NodeTime(rclock, MS, lambda: EPOCH + clock.now, clock.monotonic_ns)
+
+    def tick() -> None:
+        clock.sleep(30e-6)
+        stamps.append(source.at(MS * next(ticks)))
+        if len(stamps) == 4000:
+            loop.stop()
+
+    loop = RealtimeLoop(tick, 1e-3, clock=clock)
+    source.follow(loop.current)
+    loop.start()
+    while len(stamps) < 4000:
+        time.sleep(1e-3)
+    assert loop.report().missed > 1000 and loop.report().dropped == 0
+    assert set(np.diff(stamps)) == {MS}
 
 
 @pytest.mark.parametrize("stall", [100 * MS, 900 * MS])
@@ -113,6 +178,18 @@ def test_stamps_go_on_when_simulated_time_starts_again(machine: Machine) -> None
     assert machine.stamps.at(0) == EPOCH + 10 * MS
     machine.simulated = 0
     np.testing.assert_array_equal(machine.ticks(np.zeros(3, int)), MS * np.arange(11, 14))
+
+
+def test_a_reset_in_a_late_tick_leaves_stamps_even(machine: Machine) -> None:
+    machine.ticks(np.zeros(10, int))
+    machine.due.value = machine.now + MS
+    machine.now += 5 * MS
+    assert machine.stamps.at(0) == EPOCH + 10 * MS
+    machine.now -= 5 * MS
+    machine.simulated = 0
+    np.testing.assert_array_equal(
+        machine.ticks(np.array([5, 4, 3, 2, 1]) * MS), MS * np.arange(11, 16)
+    )
 
 
 def test_a_system_clock_that_is_set_is_followed(machine: Machine) -> None:

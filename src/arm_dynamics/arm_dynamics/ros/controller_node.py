@@ -28,7 +28,7 @@ from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executable import execute
-from arm_dynamics.ros.common.executor import subscribe
+from arm_dynamics.ros.common.executor import THROTTLE, subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.controller import (
@@ -54,7 +54,6 @@ from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Reference
 
-_THROTTLE = 2.0  # [s] between warnings of one kind
 _GAINS = ("bandwidth", "damping_ratio", "stiffness", "damping")
 _FREE = "float"  # the controller for hand guiding: the arm moves away from its reference
 
@@ -298,7 +297,7 @@ class ControllerNode(Node):
             f"{error}; no commands until it is tuned, another one is selected, or "
             "the simulation is reset"
         )
-        self.get_logger().error(self._log.failure, throttle_duration_sec=_THROTTLE)
+        self.get_logger().error(self._log.failure, throttle_duration_sec=THROTTLE)
         self.action.abort("Current goal cancelled, the controller failed.")
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
@@ -310,7 +309,7 @@ class ControllerNode(Node):
                 self._log.jumps += 1
                 self.control.restart()
             self.get_logger().info(
-                f"{why}holding the arm at its position", throttle_duration_sec=_THROTTLE
+                f"{why}holding the arm at its position", throttle_duration_sec=THROTTLE
             )
             goals.hold(state.q, jump)
             self._report.restart()
@@ -331,7 +330,7 @@ class ControllerNode(Node):
         return [self._log.finding(self, self.params.controller, self._cut(), about, answers)]
 
     def _warn(self, warning: str) -> None:
-        self.get_logger().warning(warning, throttle_duration_sec=_THROTTLE)
+        self.get_logger().warning(warning, throttle_duration_sec=THROTTLE)
 
     @_locked
     def on_joint_trajectory(self, message: bytes | JointTrajectory) -> None:

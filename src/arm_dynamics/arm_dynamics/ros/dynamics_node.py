@@ -18,8 +18,9 @@ from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, plain
 from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executable import execute
-from arm_dynamics.ros.common.executor import subscribe
+from arm_dynamics.ros.common.executor import THROTTLE, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
+from arm_dynamics.ros.common.robot_source import tell_unused
 from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, CompiledServices, RequestCounts, native
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
 from arm_dynamics.scene.load import scene_from_urdf
@@ -60,12 +61,13 @@ class DynamicsNode(Node):
         params = declare(self, DynamicsParams)
         scene = scene if scene is not None else params.scene or None
         if scene is not None:
+            tell_unused(self, params.robot_description)
             self.load(scene)
         else:
             if params.robot_description:
                 self.load_description(params.robot_description)
             subscribe(self, ROBOT_DESCRIPTION, self.on_robot_description)
-            watch(self, params, lambda new: self.load_description(new.robot_description))
+        watch(self, params, _refuse if scene is not None else self._redescribe)
         self._offer()
         self._diagnosis = Diagnosis(self, self.diagnostics)
 
@@ -118,6 +120,9 @@ class DynamicsNode(Node):
         """Replace the arm by that of a URDF text, which is never interpreted as a path."""
         self.load(scene_from_urdf(urdf))
 
+    def _redescribe(self, params: DynamicsParams) -> None:
+        self.load_description(params.robot_description)
+
     def on_robot_description(self, message: String) -> None:
         """Load a URDF from the topic, or log why it is refused."""
         try:
@@ -125,7 +130,10 @@ class DynamicsNode(Node):
         except ArmError as error:
             self._counts.descriptions_refused += 1
             kept = "the previous one is kept" if self._dynamics else "there is still no robot"
-            self.get_logger().error(f"robot_description refused, {kept}: {plain(error)}")
+            self.get_logger().error(
+                f"robot_description refused, {kept}: {plain(error)}",
+                throttle_duration_sec=THROTTLE,
+            )
 
     def diagnostics(self) -> list[Finding]:
         """Diagnostics since the last call."""
@@ -137,6 +145,13 @@ class DynamicsNode(Node):
         with self._lock, answering(response, self.get_logger()):
             ANSWERS[service](self.dynamics, request, response)
         return response
+
+
+def _refuse(params: DynamicsParams) -> None:
+    raise InvalidInput(
+        "parameter 'robot_description' cannot be set: the node has its arm from a scene; allowed: "
+        "a node without one"
+    )
 
 
 def main(args: list[str] | None = None) -> None:

@@ -16,6 +16,7 @@ from std_msgs.msg import Float64MultiArray
 from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
+from arm_dynamics.ros.common.executor import THROTTLE
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
 from arm_dynamics.ros.joint_state import (
     CompiledReader,
@@ -29,7 +30,6 @@ from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.tick_engine import TickEngine
 
-_THROTTLE = 2.0  # [s] between warnings of one kind
 _UNNAMED = "~/commands"  # the source of commands without a header
 AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
 
@@ -59,6 +59,7 @@ class Inputs:
         self.source: JointStateSource | None = None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         self.tap: Callable[[Topic, Any], None] | None = None
+        self._told = False
         engine.read_commands = self._read_waiting
 
     def open(self, node: Node) -> None:
@@ -152,8 +153,11 @@ class Inputs:
         """Accept efforts in model order."""
         if self.tap is not None:
             self.tap(COMMANDS, message)
+        self._tell_meaning()
         tau, n = np.array(message.data, float), self._model.n
         try:
+            if message.layout.data_offset:
+                raise InvalidInput(f"data_offset is {message.layout.data_offset}; allowed: 0")
             if tau.shape != (n,) or not np.isfinite(tau).all():
                 raise InvalidInput(f"{tau.size} numbers {tau[:10]}; allowed: {n} finite numbers")
             self._engine.arbiter.admit(_UNNAMED, frozenset(range(n)))
@@ -167,6 +171,18 @@ class Inputs:
         )
         self._engine.queue.ring()
 
+    def _tell_meaning(self) -> None:
+        """Log once what numbers on ``~/commands`` are taken for, since the type does not say."""
+        if self._told:
+            return
+        self._told = True
+        units = zip(self._model.joint_names, self._model.command_unit, strict=True)
+        efforts = ", ".join(f"{name} [{unit}]" for name, unit in units)
+        self._log.info(
+            f"numbers on {_UNNAMED} are taken as efforts: {efforts}; positions and velocities are "
+            f"taken from {JOINT_COMMANDS.name}"
+        )
+
     def on_wrench(self, message: WrenchStamped) -> None:
         """Apply a wrench to the frame in the header."""
         if self.tap is not None:
@@ -177,7 +193,7 @@ class Inputs:
             self._engine.push(message.header.frame_id, wrench)
         except ArmError as error:
             self.refused_wrenches += 1
-            self._log.warning(f"wrench ignored: {plain(error)}", throttle_duration_sec=_THROTTLE)
+            self._log.warning(f"wrench ignored: {plain(error)}", throttle_duration_sec=THROTTLE)
 
     def _cut(self, tau: Numbers) -> Numbers:
         """Clip efforts to their limits, with a warning."""
@@ -188,8 +204,8 @@ class Inputs:
         return tuple(x if abs(x) <= limit or x != x else copysign(limit, x) for x, limit in pairs)
 
     def _warn(self, what: str) -> None:
-        self._log.warning(what, throttle_duration_sec=_THROTTLE)
+        self._log.warning(what, throttle_duration_sec=THROTTLE)
 
     def _refuse(self, why: InvalidInput) -> None:
         self.refused += 1
-        self._log.warning(f"command ignored: {plain(why)}", throttle_duration_sec=_THROTTLE)
+        self._log.warning(f"command ignored: {plain(why)}", throttle_duration_sec=THROTTLE)

@@ -15,6 +15,12 @@ from arm_sim.ros.stamps import AUTO, CHOICES, ROS, SIM
 from arm_sim.simulator import Simulator
 
 LOCKSTEP, CLOCK, HAND = "lockstep", "clock", "hand"
+_ONLY_WITH = {
+    "realtime_factor": (CLOCK,), "overrun": (CLOCK,),
+    "lockstep_retry": (LOCKSTEP,), "lockstep_timeout": (LOCKSTEP,),
+    "priority": (CLOCK, LOCKSTEP), "cpus": (CLOCK, LOCKSTEP), "lock_memory": (CLOCK, LOCKSTEP),
+}  # fmt: skip
+"""Parameters that act only if ticks are triggered by one of these."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,8 @@ class SimParams(ThreadParams, RobotParams):
     )
     command_timeout: float = parameter(
         0.1,
-        "Simulated time after which a command is old [s]; 0: never",
+        "Simulated time after which a command is old [s]; 0: never; while the loop catches up, "
+        "only real time counts",
         low=0.0,
         high=3600.0,
         read_only=False,
@@ -103,6 +110,16 @@ class SimParams(ThreadParams, RobotParams):
                 f"parameter 'time' is 'ros' with {owner}, where simulated time is the time; "
                 "allowed: sim or auto"
             )
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Names of the parameters that were set and have no effect on what triggers ticks."""
+        source, initial = self.tick_source, SimParams()
+        return tuple(
+            name
+            for name, sources in _ONLY_WITH.items()
+            if source not in sources and getattr(self, name) != getattr(initial, name)
+        )
 
     @property
     def stamps(self) -> str:

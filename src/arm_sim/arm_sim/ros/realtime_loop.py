@@ -7,7 +7,7 @@ import ctypes
 import threading
 import time
 from collections.abc import Callable
-from ctypes import Structure, addressof, c_int64, c_void_p
+from ctypes import Structure, addressof, c_double, c_int64, c_void_p
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,13 +56,17 @@ class Due(Structure):
         missed: Ticks that began after the next one was due.
         dropped: Deadlines that were dropped, skipped or shifted.
         ended: Nonzero: no more ticks.
+        current: Deadline of the tick that was begun last; 0: there is none.
+        began: When it began.
+        share: Part of a period by which it made time pass, see ``RealtimeLoop.share``.
         lateness: Address of the histogram of the delays of ticks after their deadlines.
     """
 
     _fields_ = (
         ("deadline", c_int64), ("earliest", c_int64), ("period", c_int64), ("closest", c_int64),
         ("give_up", c_int64), ("slow_down", c_int64), ("missed", c_int64), ("dropped", c_int64),
-        ("ended", c_int64), ("lateness", c_void_p),
+        ("ended", c_int64), ("current", c_int64), ("began", c_int64), ("share", c_double),
+        ("lateness", c_void_p),
     )  # fmt: skip
 
 
@@ -92,6 +96,7 @@ class RealtimeLoop:
 
     Attributes:
         lateness: Delays of ticks after their deadlines.
+        current: Deadline of the tick that was begun last, in [ns] of the clock; 0: none.
     """
 
     _until: int | None
@@ -113,8 +118,10 @@ class RealtimeLoop:
         closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
         give_up = round(1e9 * give_up) if overrun == CATCH_UP else self._period
         self._due = Due(
-            period=self._period, closest=closest, give_up=give_up, slow_down=overrun == SLOW_DOWN
-        )
+            period=self._period, closest=closest, give_up=give_up, slow_down=overrun == SLOW_DOWN,
+            share=1.0,
+        )  # fmt: skip
+        self.current = c_int64.from_buffer(self._due, Due.current.offset)
         self._thread: threading.Thread | None = None
         self.reset()
 
@@ -145,6 +152,16 @@ class RealtimeLoop:
         elapsed = 1e-9 * ((self._until or self._clock.monotonic_ns()) - self._since)
         return LoopReport(lateness.count, elapsed, self._due.missed, self._due.dropped, lateness)
 
+    @property
+    def share(self) -> float:
+        """Part of a period that passed before the tick that was begun last, for its partners.
+
+        Less than one while the loop catches up: a partner that answers ten times a second cannot
+        answer ten times as often then. Time in which the loop stood still counts no more than a
+        period: nobody was asked meanwhile.
+        """
+        return float(self._due.share)
+
     def _run(self) -> None:
         _ask_for_exact_timers()
         shorten_slice()
@@ -170,7 +187,8 @@ class RealtimeLoop:
         late = now - due.deadline
         self.lateness.add(late)
         due.missed += late > self._period
-        due.earliest = now + due.closest
+        due.share = min(1.0, (now - due.began) / self._period) if late > self._period else 1.0
+        due.current, due.began, due.earliest = due.deadline, now, now + due.closest
         self._tick()
         due.deadline += self._period
         if late > due.give_up:

@@ -95,6 +95,8 @@ class SimNode(Node):
             prepare=self._claim_privileges,
             ahead=lambda due: self.ordinary.by_the_clock(due),
         )
+        engine.share = lambda: self.loop.share
+        self._outputs.stamps.follow(self.loop.current)
         self.lockstep: Lockstep | None = None
         if params.lockstep:
             self.lockstep = Lockstep(self, params, engine, inputs, self._outputs)
@@ -121,6 +123,11 @@ class SimNode(Node):
 
     def _start(self) -> None:
         self.get_logger().info(greeting(self.simulator, self.params))
+        if unused := self.params.unused:
+            self.get_logger().warning(
+                f"parameters without effect, since ticks are triggered by "
+                f"{self.params.tick_source}: {', '.join(unused)}"
+            )
         self._outputs.publish()
         self._outputs.stamps.release()  # building took time
         if self.lockstep is not None:

@@ -45,6 +45,7 @@ class TickEngine:
         failure: Why the simulation paused itself, else empty.
         stale_policy: What acts without a command or with a stale one.
         stopping: Stops and holds the arm if the policy requires it.
+        share: Returns the part of a tick by which the next one makes commands older.
         read_commands: Called before a tick, to fill the slot.
         note_ticks: Called before the account is evaluated, to note ticks executed elsewhere.
         on_tick: Called after each tick.
@@ -90,6 +91,7 @@ class TickEngine:
         self._pushable = self._pushing = False
         self._in_background = background is not None
         self._meter: EnergyMeter | None = None
+        self.share: Callable[[], float] = lambda: 1.0
         self.read_commands: Callable[[], None] = lambda: None
         self.note_ticks: Callable[[], None] = lambda: None
         self.on_tick, self.on_idle, self.on_jump = Listeners(), Listeners(), Listeners()
@@ -131,12 +133,13 @@ class TickEngine:
     def tick(self) -> None:
         """Run the queue and read commands; then advance by one tick unless time stands still."""
         self.queue.serve()
-        self.arbiter.tick()
+        share = self.share()
+        self.arbiter.tick(share)
         if not self.paused:
             self.read_commands()
             if not (self._wait_for_command and self.commands.empty):
                 self.commands.arrive(self.simulator.step_count)
-                self._advance(self.commands.take(self._q))
+                self._advance(self.commands.take(self._q, share))
                 if self.commands.stale is not self._was_stale:
                     self._was_stale = self.commands.stale
                     _call(self.on_staleness)

@@ -25,6 +25,7 @@ from arm_dynamics.exceptions import (
 )
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import GIGA
+from arm_dynamics.ros.common.executor import THROTTLE
 from arm_dynamics.task_space.task_space import Pose
 
 _UNIT = 1e-3  # tolerance of a quaternion's length
@@ -55,7 +56,10 @@ def answering(response: Any, log: RcutilsLogger) -> Iterator[None]:
     except ArmError as error:
         response.success, response.message = False, plain(error)
     except Exception as error:
-        log.error(f"a service call failed unexpectedly: {plain(repr(error))}")
+        log.error(
+            f"a service call failed unexpectedly: {plain(repr(error))}",
+            throttle_duration_sec=THROTTLE,
+        )
         response.success, response.message = False, plain(f"unexpected failure: {error!r}")
     else:
         response.success = True

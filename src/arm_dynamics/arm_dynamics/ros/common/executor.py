@@ -26,7 +26,7 @@ from arm_dynamics.ros.interfaces import Topic
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 _PROBE_TIMEOUT = 0.5  # [s]
 _SPIN_TIMEOUT = 0.25  # [s] between checks whether to end, without events
-_THROTTLE = 2.0  # [s] between log messages of one kind
+THROTTLE = 2.0  # [s] between log messages of one kind
 
 
 def make_executor(node: Node) -> Executor:
@@ -95,7 +95,7 @@ def guarded(node: Node, callback: Callable[[Any], Any]) -> Callable[[Any], None]
         except Exception as error:
             node.get_logger().error(
                 plain(f"a message was ignored after an unexpected failure: {error!r}"),
-                throttle_duration_sec=_THROTTLE,
+                throttle_duration_sec=THROTTLE,
             )
 
     return called

@@ -59,8 +59,17 @@ def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> 
     return compensating(found) if params.gravity_compensated else found, source
 
 
+def tell_unused(node: Node, description: str) -> None:
+    """Warn that a description given at start is not used, because there is a scene."""
+    if description:
+        node.get_logger().warning(
+            "parameter 'robot_description' is not used: the node has its arm from a scene"
+        )
+
+
 def _found(node: Node, given: Any, scene: str, params: DescriptionParams) -> tuple[Scene, str]:
     if given is not None or scene:
+        tell_unused(node, params.robot_description)
         return load_scene(given if given is not None else scene), FROM_SCENE
     if params.robot_description:
         return scene_from_urdf(params.robot_description), FROM_PARAMETER

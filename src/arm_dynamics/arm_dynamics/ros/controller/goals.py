@@ -21,6 +21,7 @@ from arm_dynamics.exceptions import ArmError, InvalidInput, plain
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.convert import in_world
+from arm_dynamics.ros.common.executor import THROTTLE
 from arm_dynamics.ros.controller.messages import (
     PathBytes,
     TrajectoryBytes,
@@ -134,6 +135,7 @@ class Goals:
 
         def plan(outset: Outset) -> Motion:
             points = waypoints(message, self._model.joint_names, outset.here)
+            self._tell_unused(message)
             motion = outset.through(points, self._limits)
             while points:  # released one by one: releasing all at once would delay the loop
                 points.pop()
@@ -141,6 +143,14 @@ class Goals:
 
         goal = Goal("trajectory", f"{message.count} points", message.stamp or None, plan)
         self.follow(goal, at_once=message.count <= PLANNED_AT_ONCE)
+
+    def _tell_unused(self, message: TrajectoryBytes) -> None:
+        if message.efforts:
+            self._log.warning(
+                f"effort is given in {message.efforts} of {message.count} points and is not used: "
+                "the controller computes it; allowed: points without effort",
+                throttle_duration_sec=THROTTLE,
+            )
 
     def pose(self, message: PoseStamped, params: ControllerParams) -> None:
         """Move the task frame along a straight line to a pose, or report why not."""
@@ -196,7 +206,10 @@ class Goals:
             return
         self.outcome = f"planning {goal.kind}: {goal.about}"
         if self.planner.start(plan, partial(self._take, goal, follower, outset, tries)):
-            self._log.info("a newer goal replaces the one that was being planned")
+            self._log.info(
+                "a newer goal replaces the one that was being planned",
+                throttle_duration_sec=THROTTLE,
+            )
 
     def _take(
         self,
@@ -215,7 +228,7 @@ class Goals:
             stretch = motion.stretch if isinstance(motion, Trajectory) else 1.0
             slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
             self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
-            self._log.info(self.outcome)
+            self._log.info(self.outcome, throttle_duration_sec=THROTTLE)
             goal.then(motion)
         elif tries < _TRIES:
             self.follow(goal, tries=tries + 1)
@@ -232,7 +245,10 @@ class Goals:
             return None
 
     def refuse(self, kind: str, why: str) -> None:
-        """Log that a goal of a kind is refused, and why, and count it."""
+        """Log that a goal of a kind is refused, and why, and count it.
+
+        Of many refusals within ``THROTTLE`` the first is logged; ``outcome`` has the newest.
+        """
         self.outcome = plain(f"{kind} refused{why}")
         self.refused += 1
-        self._log.error(self.outcome)
+        self._log.error(self.outcome, throttle_duration_sec=THROTTLE)

@@ -27,6 +27,7 @@ class TrajectoryBytes:
         stamp: Stamp of the header in [ns].
         joint_names: As in the message.
         count: Number of points.
+        efforts: Number of points with efforts among those read last; nothing uses them.
     """
 
     def __init__(self, raw: bytes, most_names: int) -> None:
@@ -46,6 +47,7 @@ class TrajectoryBytes:
         self.joint_names = tuple(cdr.text() for _ in range(named))
         self.count = cdr.count_of("points", MAX_GOAL_POINTS)
         self._raw, self._begin = raw, cdr.at
+        self.efforts = 0
 
     def points(self) -> Iterator[tuple[int, Array, Array, Array]]:
         """Read the points one after another, without efforts.
@@ -56,10 +58,10 @@ class TrajectoryBytes:
         Raises:
             InvalidInput: If the message ends too early.
         """
-        cdr = CdrReader(self._raw, self._begin)
+        cdr, self.efforts = CdrReader(self._raw, self._begin), 0
         for _ in range(self.count):
             positions, velocities, accelerations = cdr.doubles(), cdr.doubles(), cdr.doubles()
-            cdr.doubles()  # effort
+            self.efforts += cdr.doubles().size > 0
             yield cdr.nanoseconds(), positions, velocities, accelerations
 
 

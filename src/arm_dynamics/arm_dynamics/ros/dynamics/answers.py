@@ -65,6 +65,7 @@ def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> Non
     """Forward or inverse dynamics under the scene's constraints."""
     batch = _batch(dynamics, request, MAX_TERMS_POINTS)
     v = batch.read("velocity", request.velocity)
+    _refuse_results(request)
     if request.inverse:
         a = batch.read("acceleration", request.acceleration)
         lam = _multipliers(request.multipliers, dynamics, len(batch.q))
@@ -77,6 +78,17 @@ def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> Non
     response.multipliers = to_array(finite_answer(np.asarray(lam).ravel()))
     response.joint_names = batch.joint_names
     response.constraint_names = list(dynamics.constrained.names)
+
+
+def _refuse_results(request: Any) -> None:
+    """Refuse numbers that the requested direction computes."""
+    results = ("effort",) if request.inverse else ("acceleration", "multipliers")
+    for name in results:
+        if len(getattr(request, name)):
+            direction = "true" if request.inverse else "false"
+            raise InvalidInput(
+                f"{name} is given, which is computed where inverse is {direction}; allowed: empty"
+            )
 
 
 def _multipliers(values: Any, dynamics: Dynamics, points: int) -> Array:

@@ -29,6 +29,7 @@ from arm_dynamics.dynamics.point_answers import PointAnswer, compiled_answer
 from arm_dynamics.exceptions import KernelError, plain
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.c_message import CMessage
+from arm_dynamics.ros.common.executor import THROTTLE
 from arm_dynamics.ros.common.rcl_code import find_with_rcl
 from arm_dynamics.ros.dynamics.request_counts import InC
 from arm_dynamics.ros.interfaces import (
@@ -205,7 +206,7 @@ class CompiledServices:
                 self._by_python(k)
             except Exception as error:
                 said = f"a request was ignored after an unexpected failure: {error!r}"
-                self._node.get_logger().error(plain(said), throttle_duration_sec=2.0)
+                self._node.get_logger().error(plain(said), throttle_duration_sec=THROTTLE)
 
     def _by_python(self, k: int) -> None:
         """Answer the request that C has passed on."""

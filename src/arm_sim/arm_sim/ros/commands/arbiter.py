@@ -16,7 +16,7 @@ class Source:
     """A source of commands: its joints, the tick of its last command, and its commands so far."""
 
     joints: frozenset[int]
-    at: int
+    at: float
     count: int = 1
 
 
@@ -33,20 +33,20 @@ class Arbiter:
     Attributes:
         refused: Number of commands that were refused.
         last_refusal: Message of the last refusal.
-        now: Number of ticks so far.
+        now: Number of ticks so far, see ``tick``.
     """
 
     def __init__(self, patience: int) -> None:
         self.patience = patience
         self.refused = 0
         self.last_refusal = ""
-        self._refused_at = 0
+        self._refused_at = 0.0
         self._heard: dict[str, Source] = {}
-        self.now = 0
+        self.now = 0.0
 
-    def tick(self) -> None:
-        """Count a tick."""
-        self.now += 1
+    def tick(self, share: float = 1.0) -> None:
+        """Count a tick, or the part of one for which sources had time."""
+        self.now += share
 
     @property
     def sources(self) -> tuple[str, ...]:

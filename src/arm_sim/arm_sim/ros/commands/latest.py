@@ -31,7 +31,8 @@ type Command = Sequence[float] | JointCommand
 class LatestCommand:
     """A slot that one thread fills and another one reads; only the newest command counts.
 
-    Age is counted in ticks since a command was first used, so that a run by hand is reproducible.
+    Age is counted in ticks since a command was first used, so that a run by hand is reproducible;
+    a tick of a loop that catches up counts only in part, see ``RealtimeLoop.share``.
     If the scene delays or loses commands, a command counts when it has arrived. Positions, and
     velocities of zero, never become stale: a robot holds its commanded position.
 
@@ -67,7 +68,7 @@ class LatestCommand:
         self._line, self._any = line, False
         self._used: Command | None = None
         self._lasting = False
-        self.age = 0
+        self.age = 0.0
         self.stale = False
         self.stale_count = 0
         self.configure(0, ZERO)
@@ -103,7 +104,7 @@ class LatestCommand:
     def clear(self) -> None:
         """Discard all commands."""
         self._newest = self._used = self._sent = None
-        self.age, self.stale, self._any = 0, False, False
+        self.age, self.stale, self._any = 0.0, False, False
         if self._line is not None:
             self._line.restart()
 
@@ -112,19 +113,20 @@ class LatestCommand:
         """Whether no command has arrived yet."""
         return not self._any
 
-    def take(self, q: Array) -> Command | Stop:
+    def take(self, q: Array, share: float = 1.0) -> Command | Stop:
         """Return the command of the next tick, and count that tick.
 
         Args:
             q: Current positions in [rad], shape (n,).
+            share: Part of a tick by which the command ages.
         """
         newest = self._newest
         if newest is None:
             return self._policy(q)
         if newest is not self._used:
-            self._used, self.age, self.stale = newest, 0, False
+            self._used, self.age, self.stale = newest, 0.0, False
             self._lasting = isinstance(newest, JointCommand) and newest.stays
-        self.age += 1
+        self.age += share
         if self._lasting or not self.timeout or self.age <= self.timeout:
             return newest
         self.stale_count += not self.stale
@@ -139,7 +141,7 @@ class LatestCommand:
             return None
         return None if isinstance(newest, JointCommand) else newest
 
-    def acted(self, before: Sequence[float], efforts: Sequence[float], age: int) -> None:
+    def acted(self, before: Sequence[float], efforts: Sequence[float], age: float) -> None:
         """Register the efforts of ticks that were executed elsewhere.
 
         Args:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ctypes import Structure, addressof, byref, c_int64, c_void_p
+from ctypes import Structure, addressof, byref, c_double, c_int64, c_void_p
 from pathlib import Path
 from threading import Lock
 
@@ -34,8 +34,9 @@ class Ticks(Structure):
         ("bell", c_void_p),
         ("source", c_void_p), ("reader", c_void_p), ("at_once", c_int64),
         ("leads", c_int64 * _KINDS),
-        ("now", c_int64), ("patience", c_int64), ("heard", c_int64), ("count", c_int64),
-        ("age", c_int64), ("timeout", c_int64), ("newest", c_void_p), ("fresh", c_int64),
+        ("share", c_double),
+        ("now", c_double), ("patience", c_int64), ("heard", c_double), ("count", c_int64),
+        ("age", c_double), ("timeout", c_int64), ("newest", c_void_p), ("fresh", c_int64),
         ("pending", c_int64),
         ("step", c_void_p), ("joints", c_int64), ("states", c_int64), ("ticks", c_int64),
         ("notice", c_int64), ("drives", c_void_p),

@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from arm_dynamics import ArmError
+from arm_dynamics.ros.common.executor import THROTTLE
 
 # Result.msg
 UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
@@ -42,7 +43,7 @@ def answering(result: Any, log: RcutilsLogger) -> Iterator[None]:
     except ArmError as error:
         result.result, result.error_message = FAILED, str(error)
     except Exception as error:
-        log.error(f"a service call failed unexpectedly: {error!r}")
+        log.error(f"a service call failed unexpectedly: {error!r}", throttle_duration_sec=THROTTLE)
         result.result, result.error_message = FAILED, f"unexpected failure: {error!r}"
     else:
         result.result = OK

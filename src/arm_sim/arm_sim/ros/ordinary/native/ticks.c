@@ -51,13 +51,15 @@ typedef struct {
 
 /* realtime_loop.Due */
 typedef struct {
-  int64_t deadline, earliest, period, closest, give_up, slow_down, missed, dropped, ended;
+  int64_t deadline, earliest, period, closest, give_up, slow_down, missed, dropped, ended, current, began;
+  double share;
   histogram_t* lateness;
 } due_t;
 
 /* stamps.NodeTime */
 typedef struct {
   int64_t tick, even, free, simulated, last, offset, least, look, owed;
+  const int64_t* due;
 } times_t;
 
 /* ticks.Ticks */
@@ -68,8 +70,14 @@ typedef struct {
   joint_state_t* reader;
   int64_t at_once;      /* largest number of commands read in a tick */
   int64_t leads[KINDS]; /* kinds of messages whose source commands all joints alone */
-  int64_t now, patience, heard, count; /* of the arbiter: ticks so far, and state of that source */
-  int64_t age, timeout;
+  double share; /* part of a tick by which the next one makes commands older */
+  /* Of the arbiter: ticks so far, and state of that source. */
+  double now;
+  int64_t patience;
+  double heard;
+  int64_t count;
+  double age;
+  int64_t timeout;
   double* newest;
   int64_t fresh;   /* whether the command is newer than the one known to Python */
   int64_t pending; /* outcome of a message that was taken and that Python must process; NONE: none */
@@ -147,8 +155,9 @@ static void watch(times_t* t, int64_t now, int64_t lag) {
   t->look = now + GIGA;
 }
 
-/* NodeTime.at of an even clock; negative: Python must determine it. */
-EXPORT int64_t stamp_at(times_t* t, int64_t simulated, int64_t now) {
+/* NodeTime.at of an even clock, from times of the system and of the monotonic clock, in this order; negative: Python
+ * must determine it. */
+EXPORT int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady) {
   if (!t) return simulated;
   const int64_t passed = simulated - t->simulated;
   if (!t->even || t->free || passed <= 0) return -1;
@@ -163,12 +172,12 @@ EXPORT int64_t stamp_at(times_t* t, int64_t simulated, int64_t now) {
   t->last = stamp;
   t->simulated = simulated;
   t->offset = stamp - simulated;
-  watch(t, now, now - stamp);
+  watch(t, now, now - (*t->due ? steady - *t->due : 0) - stamp);
   return stamp;
 }
 
 /* Accept the command that was read last, if Python has admitted its source before; `now`: the tick. */
-static int admit(ticks_t* t, int64_t outcome, int64_t now) {
+static int admit(ticks_t* t, int64_t outcome, double now) {
   int64_t told[3];
   memcpy(told, t->reader->found, sizeof told);
   if (outcome != KNOWN || !t->leads[told[2]] || t->reader->length > ROOMY) return 0;
@@ -197,7 +206,7 @@ static int read_waiting(ticks_t* t) {
     const int64_t outcome = take(t->source, t->reader);
     if (outcome == NONE) break;
     if (outcome == FAILED) return 0;
-    if (!admit(t, outcome, t->now + 1)) {
+    if (!admit(t, outcome, t->now + t->share)) {
       t->pending = outcome;
       return 0;
     }
@@ -227,7 +236,8 @@ static int tell(ticks_t* t) {
   const int64_t simulated = llrint(1e9 * (t->ticks * t->step->dt));
   int64_t stamp = -1;
   if (t->ticks % t->every == 0) {
-    if ((stamp = stamp_at(t->times, simulated, time_of(CLOCK_REALTIME))) < 0) return 0;
+    const int64_t now = time_of(CLOCK_REALTIME), steady = time_of(CLOCK_MONOTONIC);
+    if ((stamp = stamp_at(t->times, simulated, now, steady)) < 0) return 0;
     sent(t->trip, stamp);
     if (t->drives) update(t);
     if (send(t->state, stamp) || (t->clock && send(t->clock, stamp))) return 0;
@@ -253,12 +263,12 @@ static int ready(const ticks_t* t) {
 /* Execute a tick with the newest command. */
 static int tick(ticks_t* t) {
   step_t* s = t->step;
-  if (t->timeout && t->age >= t->timeout) return LEFT;
+  if (t->timeout && t->age + t->share > t->timeout) return LEFT;
   memcpy(s->command, t->newest, 8 * t->joints);
   if (s->roll(s->x, s->command, s->stride, s->p, s->dt, 1, s->trace, s->effort, s->notes, s->control, s->report) != 1)
     return LEFT;
-  ++t->age;
-  ++t->now;
+  t->age += t->share;
+  t->now += t->share;
   ++t->ticks;
   keep(t);
   const int cut = t->notice && memcmp(s->command, s->effort, 8 * t->joints);
@@ -270,6 +280,12 @@ static int64_t wait_until(int64_t wake) {
   int64_t now;
   while ((now = time_of(CLOCK_MONOTONIC)) < wake) clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, NULL);
   return now;
+}
+
+/* RealtimeLoop.share of a tick that begins now. */
+static double share_of(const due_t* d, int64_t now, int64_t late) {
+  const double passed = late > d->period ? (double)(now - d->began) / d->period : 1.0;
+  return passed < 1.0 ? passed : 1.0;
 }
 
 /* RealtimeLoop.shift */
@@ -285,8 +301,11 @@ EXPORT int64_t by_the_clock(ticks_t* t, due_t* due) {
     const int64_t wake = due->deadline > due->earliest ? due->deadline : due->earliest;
     const int64_t now = due->period ? wait_until(wake) : time_of(CLOCK_MONOTONIC);
     const int64_t late = due->period ? now - due->deadline : 0;
+    due->current = due->period ? due->deadline : 0;
+    t->share = share_of(due, now, late);
     const int made = ready(t) && read_waiting(t) ? tick(t) : LEFT;
     if (made == LEFT) return LEFT;
+    due->began = now;
     count_one(due->lateness, late);
     if (late > due->period) show(&due->missed, due->missed + 1);
     due->earliest = now + due->closest;
@@ -310,6 +329,7 @@ static void wait_for(waiting_t* w, int64_t stamp) {
 
 /* Execute the ticks triggered by answers, see Lockstep, as long as these arrive soon. */
 EXPORT int64_t in_lockstep(ticks_t* t, waiting_t* w) {
+  t->share = 1.0;
   for (;;) {
     const int64_t now = time_of(CLOCK_MONOTONIC);
     if (!ready(t)) return LEFT;
