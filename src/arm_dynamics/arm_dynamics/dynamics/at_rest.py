@@ -6,8 +6,8 @@ direction of the torque on it (Glocker, Set-Valued Force Laws, 2001). Joints at 
 through M: which of them slide is a linear complementarity problem, solved by pivoting. The joint
 with the largest violation changes its mode until there is none; if that cycles, the first
 violating joint changes instead, a rule that cannot cycle (Murty, Linear Complementarity, Linear
-and Nonlinear Programming, 1988, section 4.1). The simulator does the same in C, with contacts and
-stops.
+and Nonlinear Programming, 1988, section 4.1). Joints whose torques statics does not determine hold
+together: see ``together``. The simulator does the same in C, with contacts and stops.
 """
 
 from __future__ import annotations
@@ -20,10 +20,14 @@ from numpy.typing import NDArray
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.gauss import constrained_motion, times
+from arm_dynamics.dynamics.together import held_together
 from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model.loop_closure import RANK
 
 # Tolerated acceleration of a sliding joint in the wrong direction, relative to the largest.
 SLACK = 1e-9
+# Acceleration of a constraint that is rounding, relative to the square of the speed.
+CARRYING = 1e-10
 # Number of joints up to which all sets of modes may be tried.
 MANY = 12
 
@@ -107,27 +111,50 @@ class AtRest:
             some, way = points.chosen(left), direction[left]
             resting = self.resting(some.v)
             motion = self._moved(some, way, resting & (way == 0.0))
-            a[left], multipliers[left] = motion.a, motion.multipliers
             pull = self._joints.relative_hold(motion.reaction, some.q, some.tau)
             excess = np.where(resting, self._excess(motion.a, pull, way), 0.0)
+            released = self._released(some, motion, way, excess) if m else way
+            a[left], multipliers[left], direction[left] = motion.a, motion.multipliers, released
             wrong = np.flatnonzero((excess > 0.0).any(axis=1))
             if not len(wrong):
                 return a, multipliers
+            left, begun = left[wrong], (released != way)[wrong].any(axis=1)
+            wrong = wrong[~begun]
             order = np.argmax(excess[wrong] > 0.0 if turn >= 3 * n else excess[wrong], axis=1)
-            left = left[wrong]
-            _pivot(direction, turned, (left, order), pull[wrong, order], m > 0)
+            _pivot(direction, turned, (left[~begun], order), pull[wrong, order], m > 0)
         raise InvalidInput(
             "no set of sticking joints satisfies the friction laws: the motion is not determined"
         )
 
+    def _released(self, points: Points, motion: Motion, way: Array, excess: Array) -> Array:
+        """Directions after all that holds together and is beyond its limits has been released.
+
+        The violation of joints that hold together becomes zero where they hold, and multipliers
+        those with which they do.
+        """
+        bears = np.stack(
+            [self._joints.most_held(s * np.ones_like(way), points.q, points.tau) for s in (1, -1)]
+        )
+        released = way.copy()
+        for k in np.flatnonzero(((way == 0.0) & (excess > 0.0)).any(axis=1)):
+            held = self.resting(points.v[k]) & (way[k] == 0.0)
+            for each in held_together(points.A[k], held, motion.reaction[k], bears[:, k]):
+                motion.multipliers[k] += each.multipliers
+                excess[k, each.joints] = 0.0 if each.holds else 1.0
+                released[k, each.joints] = each.way
+        return released
+
     def _guess(self, points: Points) -> Array:
-        """Initial modes: joints at rest stick, except in a moving loop, which takes them along."""
+        """Initial modes: joints at rest stick, except those that a moving loop takes along."""
         direction, resting = np.sign(points.v), self.resting(points.v)
-        loops = resting & (points.v.any(axis=1, keepdims=True) & (points.A.shape[1] > 0))
-        if loops.any():
-            ways = np.where(loops, 1.0, direction)
-            a = self._moved(points, ways, resting & ~loops).a
-            direction = np.where(loops, np.sign(a), direction)
+        carried = np.zeros_like(resting)
+        if points.A.shape[1]:
+            for k in np.flatnonzero(points.v.any(axis=1)):
+                carried[k] = _carried(points.A[k], points.drift[k], points.v[k], resting[k])
+        if carried.any():
+            ways = np.where(carried, 1.0, direction)
+            a = self._moved(points, ways, resting & ~carried).a
+            direction = np.where(carried, np.sign(a), direction)
         return direction
 
     def _excess(self, a: Array, pull: Array, direction: Array) -> Array:
@@ -151,6 +178,22 @@ class AtRest:
         a = a * sliding
         reaction = load - times(points.M, a) - times(np.swapaxes(points.A, 1, 2), multipliers)
         return Motion(a, multipliers, held * reaction)
+
+
+def _carried(A: Array, drift: Array, v: Array, resting: Flags) -> Flags:
+    """Joints at rest without whose acceleration the constraints could not be satisfied."""
+    size = abs(A).max(axis=1)
+    rows, wanted = A / np.where(size > 0.0, size, 1.0)[:, None], drift / np.maximum(size, 1e-300)
+    carried = np.zeros_like(resting)
+    while True:
+        moving = rows[:, ~resting | carried]
+        left = wanted - moving @ np.linalg.lstsq(moving, wanted, rcond=RANK)[0]
+        if abs(left).max() <= CARRYING * float(abs(v).max()) ** 2:
+            return carried
+        more = resting & ~carried & (abs(rows.T @ left) > CARRYING * abs(left).max())
+        if not more.any():
+            return carried
+        carried |= more
 
 
 def _pivot(

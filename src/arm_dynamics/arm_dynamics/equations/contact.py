@@ -325,7 +325,7 @@ def _scales(W: ca.SX) -> ca.SX:
 
 def _coupled(W: ca.SX) -> Array:
     """1 where rows are coupled, if only by way of others, else 0, shape (m, m)."""
-    reach = np.eye(W.shape[0]) + np.array(ca.DM(W.sparsity(), 1.0))
+    reach: Array = np.eye(W.shape[0]) + np.array(ca.DM(W.sparsity(), 1.0))
     for _ in range(W.shape[0].bit_length()):
         reach = np.minimum(reach @ reach, 1.0)
     return reach

@@ -228,6 +228,16 @@ class JointFriction(DryFriction):
             relative[i] = push * self.level[i] / (level + size(lost) + UNLOADED)
         return _replaced(reaction if factors is None else reaction / factors, relative)
 
+    def most_held(self, way: Quantity, q: Quantity, load: Quantity) -> Quantity:
+        """Size of the largest holding torque of each joint in a direction.
+
+        Args:
+            way: The direction, -1 or 1, shape (…, n).
+            q: Joint positions in [rad] or [m]; used only if ``by_position``.
+            load: Drives' torques in [N m] or [N]; used only if ``by_load`` and by gears.
+        """
+        return _like(way)(self.level) / size(self.relative_hold(way, q, load))
+
     def gear_input(self, required: Quantity, direction: Quantity) -> Quantity:
         """Motor torques that deliver ``required`` at the gears' outputs.
 

@@ -80,6 +80,11 @@ class Bilateral(Response):
         return gain, self._sticking @ (self._M @ gain - push - A.T @ shares)
 
     @property
+    def rows(self) -> constraint.Rows:
+        """The constraints."""
+        return self._rows
+
+    @property
     def rank(self) -> ca.SX:
         """Number of degrees of freedom of sliding joints that the constraints remove."""
         return self._obeyed.rank

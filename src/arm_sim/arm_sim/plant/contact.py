@@ -39,6 +39,8 @@ class ContactFunctions:
         sites: q -> normal, two tangents and contact point of each contact in the world frame, in
             [m], shape (3, 4 nc).
         push: Joint torques of the contacts, an expression.
+        spread: Joint torques per unknown force, likewise, shape (n, 3 nc); zero in modes without
+            that force.
         reaction: Holding torques of held joints, likewise.
         jacobian: Velocities of the points per velocity of the joints, likewise, shape (3 nc, n).
         lost: (q, v, tau, p) -> power dissipated by friction of the contacts in [W].
@@ -53,6 +55,7 @@ class ContactFunctions:
     settle: ca.Function
     sites: ca.Function
     push: ca.SX
+    spread: ca.SX
     reaction: ca.SX
     jacobian: ca.SX
     lost: ca.Function
@@ -111,6 +114,7 @@ def contact_functions(
         dense_function("contact_settle", [x, joints.p], settled),
         ca.Function("contact_sites", [s.q], [contact.sites(s.tree, points, s.q)], {"cse": True}),
         push,
+        A.T @ shares,
         held,
         A,
         dense_function("lost", arguments, _lost(force, speed)),

@@ -41,7 +41,8 @@ class Mechanics:
         contact: Functions of the contacts; None without any.
         loads: CasADi functions (q, v, tau, p) that event handling evaluates: ``loads``, with
             contacts ``contact_inertia``, with bilateral constraints ``bilateral``, with stops
-            ``stop_torques``; empty where nothing sticks or touches.
+            ``stop_torques``, where parts may hold together ``statics``; empty where nothing
+            sticks or touches.
         of_joints: Functions of positions and velocities: with stops ``strike``, with compliant
             stops ``pressures``.
         method: Name of the selected algorithm, for display.
@@ -79,6 +80,8 @@ class Mechanics:
             self.method, self.acceleration = _shortest(model, s)
         if held and self.loads:
             self.loads = (*self.loads, _bilateral(s, joints, held, push - reaction))
+        if self.loads and len(model.scene.contacts) + bool(directed) + bool(held) > 1:
+            self.loads = (*self.loads, _statics(model, s, joints, held, self.contact, reaction))
         if self.loads:
             jacobian = self.contact.jacobian if self.contact else ca.SX(0, model.n)
             self._strike = partial(_strike, s, joints, response, jacobian)
@@ -143,6 +146,25 @@ def _bilateral(s: Symbols, joints: Joints, held: Bilateral, push: ca.SX) -> ca.F
     starting = ca.if_else(s.v == 0, joints.friction, 0)
     arguments = [s.q, s.v, s.tau, joints.p]
     return dense_function("bilateral", arguments, held.rank, push - starting)
+
+
+def _statics(
+    model: ArmModel, s: Symbols, joints: Joints, held: Bilateral | None,
+    contacts: ContactFunctions | None, reaction: ca.SX,
+) -> ca.Function:  # fmt: skip
+    """Function of the balance of forces, from which follows what holds together.
+
+    It returns the joint torques per force of a constraint and per unknown force of a contact,
+    shape (n, m + 3 nc), the holding torques, the largest that dry friction bears forwards and
+    backwards, shape (2 n,), and the constraints' accelerations at zero acceleration of the joints.
+    """
+    n, arguments = model.n, [s.q, s.v, s.tau, joints.p]
+    rows = held.rows.jacobian if held else ca.SX(0, n)
+    drift = held.rows.drift if held else ca.SX(0, 1)
+    push = ca.horzcat(rows.T, contacts.spread if contacts else ca.SX(n, 0))
+    ways = ca.SX.ones(n), -ca.SX.ones(n)
+    bears = [model.friction.most_held(way, s.q, s.tau) for way in ways]
+    return dense_function("statics", arguments, push, reaction, ca.vertcat(*bears), drift)
 
 
 def _strike(s: Symbols, joints: Joints, response: AnyResponse, jacobian: ca.SX) -> ca.Function:

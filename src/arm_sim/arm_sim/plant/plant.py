@@ -120,8 +120,9 @@ class Plant:
         """CasADi functions evaluated at events; empty where nothing sticks or touches.
 
         ``loads`` (x, u, p), with bilateral constraints ``bilateral`` (x, u, p), with stops
-        ``stop_torques`` (x, u, p), ``strike`` and ``pressures``, and with contacts
-        ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``.
+        ``stop_torques`` (x, u, p), ``strike`` and ``pressures``, with contacts ``contact_inertia``
+        (x, u, p), ``contact_geometry`` and ``contact_close``, and where parts may hold together
+        ``statics`` (x, u, p).
         """
         return self._equations()[1] if self.eventful else ()
 

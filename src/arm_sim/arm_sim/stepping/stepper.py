@@ -56,9 +56,12 @@ WEIGHTS = {
 }  # fmt: skip
 """Operations that take as long as several additions."""
 WITH_EVENTS = (
-    "foreseen.c", "stops.c", "cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c",
+    "foreseen.c", "stops.c", "cone.c", "conic.c", "together.c", "search.c", "modes.c", "impact.c",
+    "segments.c", "events.c",
 )  # fmt: skip
 """Parts of the engine that only scenes with events need, in their order."""
+TOGETHER = ("conic.c", "together.c")
+"""Those that only scenes need in which parts may hold together."""
 
 
 class Stepper:
@@ -188,19 +191,40 @@ class Stepper:
             find(pointer(state), pointer(torque), pointer(modes.p))
         return modes
 
+    def shared(self, x: Array, u: Array, modes: Modes) -> tuple[Array, Array]:
+        """How parts that hold together share their load, where least norms are beyond a limit.
+
+        Returns:
+            Change of the unknown contact forces from those of least norm to the nearest within
+            all limits, shape (3 nc,), and of the holding torques of joints, shape (n,).
+        """
+        contacts, n = 3 * len(self._plant.points), self._plant.model.n
+        change = np.zeros(contacts + n)
+        if share := getattr(self.kernel.library, "share_reactions", None):
+            arrays = np.ascontiguousarray(x), np.ascontiguousarray(u), modes.p, change
+            share.restype = None
+            share(*map(pointer, arrays))
+        return change[:contacts], change[contacts:]
+
     def stop_torque(self, x: Array, u: Array) -> Array:
         """Torques with which stops hold joints back at a state under a torque, shape (n,)."""
         q, (lower, upper) = x[: self._plant.model.n], self._plant.model.stops.place
         if not (self.kernel.native and ((q <= lower) | (q >= upper)).any()):
             return np.zeros(len(q))
-        torque = self.kernel.call("stop_torques")(x, u, self.modes_at(x, u).p)[0]
+        modes = self.modes_at(x, u)
+        torque = self.kernel.call("stop_torques")(x, u, modes.p)[0] - self.shared(x, u, modes)[1]
         pushes = np.where(q <= lower, torque > 0.0, (q >= upper) & (torque < 0.0))
         return np.where(pushes, torque, 0.0)
 
     def push(self, x: Array, u: Array) -> Array:
         """Torques of contacts and friction at rest, beside bilateral constraints, shape (n,)."""
-        torque: Array = self.kernel.call("bilateral")(x, u, self.modes_at(x, u).p)[1]
-        return torque
+        modes = self.modes_at(x, u)
+        torque: Array = self.kernel.call("bilateral")(x, u, modes.p)[1]
+        forces, joints = self.shared(x, u, modes)
+        if not (forces.any() or joints.any()):
+            return torque
+        spread = self.kernel.call("statics")(x, u, modes.p)[0].reshape(-1, len(joints)).T
+        return torque + spread[:, spread.shape[1] - len(forces) :] @ forces - joints
 
     def _by_call(self, x: Array, command: Array, trace: Array, effort: Array, notes: Array) -> int:
         for k in range(len(trace)):
@@ -276,7 +300,8 @@ def engine_source(
         parts.insert(0, "substeps.c")
     if plant.eventful:
         defines |= _event_sizes(plant) | _work(choice, functions, smooth)
-        parts += WITH_EVENTS
+        together = "TOGETHER" in defines
+        parts += [part for part in WITH_EVENTS if together or part not in TOGETHER]
     return source(defines, *parts, "roll.c")
 
 
@@ -294,7 +319,7 @@ def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function)
     return {
         "MOST_WORK": f"{most}LL", "COST_STEP": str(step), "COST_SLOPE": str(of["rhs"]),
         "COST_LOADS": str(of["loads"]), "COST_INERTIA": str(of.get("contact_inertia", 0)),
-        "COST_STRIKE": str(of.get("strike", 0)),
+        "COST_STRIKE": str(of.get("strike", 0)), "COST_STATICS": str(of.get("statics", 0)),
     }  # fmt: skip
 
 
@@ -362,6 +387,7 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
         "NB": "1" if plant.constrained else "0",
         **({"RIGID": "1"} if stops.rigid.any() else {}),
         **({"FREE": "1"} if plant.free else {}),
+        **_together_sizes(plant),
         "LOWER": _braces(lower),
         "UPPER": _braces(upper),
         "LOWER_REBOUND": _braces(stops.restitution[0]),
@@ -375,6 +401,14 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
         "SLOWEST": repr(AT_REST),
         "DEEP": repr(INSIDE),
     }
+
+
+def _together_sizes(plant: Plant) -> dict[str, str]:
+    """Definitions for ``native/together.c``; empty where nothing can hold together."""
+    for function in plant.events:
+        if function.name() == "statics":
+            return {"TOGETHER": "1", "NM": str(function.size1_out(3))}
+    return {}
 
 
 def _braces(values: Sequence[float] | Array) -> str:

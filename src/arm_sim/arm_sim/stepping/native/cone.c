@@ -35,7 +35,7 @@
 #define SETTLED 1e-15    /* change of the forces at which sweeps end, relative to the contact's own */
 #define FORCE_STEPS 60
 #define STEP_HALVINGS 12
-#define SOLVED 1e-13     /* residual of Newton's equations, relative to the contact's own forces, ... */
+#define SOLVED 1e-15     /* residual of Newton's equations, relative to the contact's own forces, ... */
 #define ROUNDED 1e-10    /* ... the same where rounding prevents that, ... */
 #define REGULAR 1e-12    /* ... and multiple of the rows' scales that keeps them regular */
 #define CONTINUED 20     /* continuation steps in which friction grows from zero, as the last resort */

@@ -9,6 +9,9 @@
  * until there is none. If that cycles, the first violation is chosen for joints alone, a rule that cannot cycle (Murty,
  * Linear Complementarity, Linear and Nonlinear Programming, 1988, section 4.1), and contacts are solved together by cone.c.
  *
+ * Where statics does not determine the reactions of what is held, the parts hold together: see together.c. A set that does not
+ * hold is released in the motion in which it gives way, and pivoting goes on from there.
+ *
  * Required definitions: flow.c, cone.c, foreseen.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
  * HOLDING, RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`,
  * `contact_inertia`; RIGID where joints have rigid stops: at LOWER and UPPER, with LOWER_REBOUND and UPPER_REBOUND, and the
@@ -24,6 +27,12 @@
 #define HIGHEST_HOP 1e-4     /* speed above which a rebound is certainly not a hop within rounding */
 #define SLACK 1e-9           /* tolerated acceleration in the wrong direction, relative to the largest */
 #define EDGE 1e-9            /* relative distance from the friction cone within which a force is on its boundary */
+#define CARRYING 1e-10       /* acceleration of a constraint that is rounding, relative to the square of the speed */
+#define LEAST_SHARE 1e-6     /* share of a part in the motion of its set that is rounding, ... */
+#define OPENS 1e-3           /* ... and part of a contact's that is sliding if it does not only open */
+#define MOST_SETS 729        /* sets of modes of joints that are tried as a last resort */
+#define NEARER 1e-5          /* step of the iteration to forces of least norm, and the number of steps */
+#define NEARER_TURNS 6
 #define PIVOTS (NC ? 40 * (NC + NU) : 3 * NU + (1 << (NU < 12 ? NU : 12)))
 #define WORST_FIRST (NC ? PIVOTS : 3 * NU) /* pivots before the first violation is chosen */
 
@@ -94,6 +103,7 @@ typedef struct {
   int turned[ND];  /* whether the other direction has been tried for a joint that moved the wrong way */
   long long* work; /* operations of the generated functions in the tick */
   double step;     /* length of the steps if the tick is time-stepped, else 0 */
+  int yields;      /* whether what holds together has just reached its limits */
   const foreseen_t* foreseen; /* answers that are known beforehand, or null */
   record_t* record; /* record of this segment, if the tick is traced */
 } segment_t;
@@ -323,22 +333,122 @@ static void guess(const real* x, segment_t* segment, const geometry_t* geometry)
   }
 }
 
-/* In a moving loop, a joint that passes through rest is driven by the loop: begin with its direction. */
+#ifdef TOGETHER
+static void find_statics(const real* x, const segment_t* segment, statics_t* found) {
+  WORKSPACE;
+  *segment->work += COST_STATICS;
+  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
+  res[0] = found->push; res[1] = found->reaction; res[2] = found->capacity; res[3] = found->drift;
+  statics(arg, res, iw, w, 0);
+}
+
+/* What is held, with its reactions of the least norm and its limits. */
+static void find_parts(const real* x, const segment_t* segment, const loads_t* found, const statics_t* balance,
+                       part_t* parts) {
+  for (int i = 0; i < NU; ++i) {
+    const int side = ND ? at_stop(x, i) : 0;
+    parts[i] = (part_t){.held = ND && segment->p.direction[i] == 0.0, .force = {balance->reaction[i]}};
+    parts[i].least = side < 0 ? -INFINITY : -balance->capacity[NU + i];
+    parts[i].most = side > 0 ? INFINITY : balance->capacity[i];
+  }
+  for (int k = 0; k < NC; ++k) {
+    const contact_mode_t* mode = segment->p.contact + k;
+    part_t* part = parts + NU + k;
+    *part = (part_t){.held = mode->closed != 0.0, .most = INFINITY, .fraction = stick_limit(segment, k)};
+    part->sticks = part->held && mode->sticks != 0.0;
+    for (int i = 0; i < 3; ++i) part->force[i] = found->force[3 * k + i];
+  }
+}
+
+/* Which parts hold together, and whether they do. */
+static void find_sets_held(const real* x, const segment_t* segment, const loads_t* found, together_t* together) {
+  statics_t balance;
+  part_t parts[PARTS];
+  find_statics(x, segment, &balance);
+  find_parts(x, segment, found, &balance, parts);
+  find_together(&balance, parts, segment->yields, together);
+}
+
+/* By how much a set exceeds its limits: not positive if it holds. */
+static double set_excess(const segment_t* segment, const together_t* together, int number) {
+  return together->excess[number] - (segment->yields ? -EDGE : HOLDS);
+}
+
+/* Release parts of a set in the motion in which it gives way: joints at stops, or all others; 0 if there are none. */
+static int release(const real* x, segment_t* segment, const together_t* together, int number, int at_stops) {
+  int any = 0;
+  for (int i = 0; i < PARTS; ++i) {
+    const double *way = together->way[i], size = hypot(way[0], way[1]);
+    const int stopped = i < NU && at_stop(x, i) != 0;
+    if (together->set[i] != number || together->share[i] <= LEAST_SHARE || stopped != at_stops) continue;
+    any = 1;
+    if (i < NU) {
+      segment->p.direction[i] = sign_of(way[0]);
+      segment->turned[i] = 0;
+      continue;
+    }
+    contact_mode_t* mode = segment->p.contact + i - NU;
+    if (mode->sticks == 0.0 || size < OPENS * together->share[i]) mode->closed = 0.0;
+    if (mode->closed == 0.0) continue;
+    mode->sticks = 0.0;
+    for (int j = 0; j < 2; ++j) mode->along[j] = way[j] / size;
+  }
+  return any;
+}
+
+/* Release a set. In its motion contacts that slide rise by their friction coefficient, which they do not do in fact: that
+ * must not lift joints off their stops. */
+static void let_go(const real* x, segment_t* segment, const together_t* together, int number) {
+  if (!release(x, segment, together, number, 0)) release(x, segment, together, number, 1);
+}
+#endif
+
+#if NB && ND
+/* Joints at rest that loops in motion take along: with all of them held, the constraints could not be satisfied. */
+static int find_carried(const real* x, const segment_t* segment, int* carried) {
+  statics_t balance;
+  double T[NM * (NU + 1)];
+  int basic[NM], column[NU], moving = 0, count = 0, any = 0;
+  const double fastest = largest_of(x + NU, NU);
+  for (int i = 0; i < NU; ++i) {
+    carried[i] = 0;
+    moving += !rests(x, i);
+  }
+  if (moving == NU) return 0;
+  find_statics(x, segment, &balance);
+  for (int i = 0; i < NU; ++i) column[i] = rests(x, i) ? moving + i - count : count++;
+  for (int k = 0; k < NM; ++k) {
+    const double largest = largest_of(balance.push + NU * k, NU), size = largest > 0.0 ? largest : 1.0;
+    for (int i = 0; i < NU; ++i) T[(NU + 1) * k + column[i]] = balance.push[i + NU * k] / size;
+    T[(NU + 1) * k + NU] = balance.drift[k] / size;
+    basic[k] = -1;
+  }
+  eliminate(NM, NU + 1, T, 0, moving, basic);
+  for (int k = 0; k < NM; ++k) {
+    const double* row = T + (NU + 1) * k;
+    if (basic[k] >= 0 || fabs(row[NU]) <= CARRYING * fastest * fastest) continue;
+    for (int i = 0; i < NU; ++i) carried[i] |= rests(x, i) && fabs(row[column[i]]) > CARRYING;
+  }
+  for (int i = 0; i < NU; ++i) any |= carried[i];
+  return any;
+}
+
+/* In a moving loop, a joint that passes through rest may be driven by the loop: begin with its direction. */
 static void guess_turning(const real* x, segment_t* segment) {
   real slope[NX];
-  int resting = 0;
-  for (int i = 0; i < ND; ++i) {
-    if (!rests(x, i)) continue;
-    segment->p.direction[i] = 1.0;
-    resting = 1;
-  }
-  if (!resting) return;
+  int carried[NU];
+  if (!find_carried(x, segment, carried)) return;
+  for (int i = 0; i < ND; ++i)
+    if (carried[i]) segment->p.direction[i] = 1.0;
   find_slope(x, segment, slope);
   for (int i = 0; i < ND; ++i) {
     const double way = sign_of(slope[NU + i]);
-    if (rests(x, i)) segment->p.direction[i] = way * at_stop(x, i) > 0.0 ? 0.0 : way;
+    if (carried[i]) segment->p.direction[i] = way * at_stop(x, i) > 0.0 ? 0.0 : way;
   }
 }
+#else
+static void guess_turning(const real* x, segment_t* segment) { (void)x; (void)segment; }
+#endif
 
 /* Excess of the torque on a joint at rest over the capacity of friction and its stop: not positive if they hold it. */
 static double joint_excess(const real* x, const loads_t* found, int joint) {
@@ -347,29 +457,61 @@ static double joint_excess(const real* x, const loads_t* found, int joint) {
   return (side ? -side * load : fabs(load)) - static_level[joint];
 }
 
-/* Violation of the laws by a contact: not positive if satisfied. */
-static double contact_excess(const segment_t* segment, const loads_t* found, int k, double heaviest, double fastest) {
-  const real *r = found->force + 3 * k, *a = found->rate + 3 * k;
+/* Violation of the limits of its force by a contact: not positive if satisfied. */
+static double force_excess(const segment_t* segment, const loads_t* found, int k) {
+  const real* r = found->force + 3 * k;
+  const contact_mode_t* mode = segment->p.contact + k;
+  if (mode->closed == 0.0) return 0.0;
+  if (r[0] < 0.0) return -r[0];
+  return mode->sticks != 0.0 ? hypot(r[1], r[2]) - stick_limit(segment, k) * r[0] : 0.0;
+}
+
+/* Violation of the laws by the acceleration of a contact that opens, or starts to slide. */
+static double rate_excess(const segment_t* segment, const loads_t* found, int k, double fastest) {
+  const real* a = found->rate + 3 * k;
   const contact_mode_t* mode = segment->p.contact + k;
   if (mode->closed == 0.0) return segment->contact[k].touching ? -a[0] / fastest - SLACK : 0.0;
-  if (r[0] < 0.0) return -r[0] / heaviest;
-  if (mode->sticks != 0.0) return (hypot(r[1], r[2]) - stick_limit(segment, k) * r[0]) / heaviest;
-  if (segment->contact[k].slides) return 0.0;
+  if (mode->sticks != 0.0 || segment->contact[k].slides) return 0.0;
   const double ahead = mode->along[0] * a[1] + mode->along[1] * a[2], astray = mode->along[0] * a[2] - mode->along[1] * a[1];
   return fmax(-ahead, fabs(astray)) / fastest - SLACK;
 }
 
-/* The entry with the largest, or just the first, violation: a contact, or NC plus a joint; -1 if there is none. */
-static int find_disobedient(const real* x, const segment_t* segment, const loads_t* found, int first) {
+#ifdef TOGETHER
+/* Whether reactions of the least norm are beyond a limit. */
+static int anything_beyond(const real* x, const segment_t* segment, const loads_t* found) {
+  int any = segment->yields;
+  for (int k = 0; k < NC; ++k) any |= force_excess(segment, found, k) > 0.0;
+  for (int i = 0; i < ND; ++i) any |= segment->p.direction[i] == 0.0 && joint_excess(x, found, i) > 0.0;
+  return any;
+}
+#else
+typedef struct { int set[NU + NC]; } together_t;
+static double set_excess(const segment_t* segment, const together_t* together, int number) {
+  (void)segment; (void)together; (void)number;
+  return 0.0;
+}
+#endif
+
+/* The entry with the largest, or just the first, violation: a contact, or NC plus a joint; -1 if there is none. `set`
+ * receives the number of the set to which the violated limit belongs, or 0. */
+static int find_disobedient(const real* x, const segment_t* segment, const loads_t* found, int first, together_t* together,
+                            int* set) {
   const double heaviest = 1.0 + largest_of(found->force, MC), fastest = 1.0 + largest_of(found->rate, MC);
   const real* d = segment->p.direction;
   double most = 0.0;
   int worst = -1, resting = 0;
+  memset(together->set, 0, sizeof together->set);
+#ifdef TOGETHER
+  if (anything_beyond(x, segment, found)) find_sets_held(x, segment, found, together);
+#endif
   for (int k = 0; k < NC; ++k) {
-    const double excess = contact_excess(segment, found, k, heaviest, fastest);
+    const int number = together->set[NU + k];
+    const double beyond = number ? set_excess(segment, together, number) : force_excess(segment, found, k) / heaviest;
+    const double excess = beyond > 0.0 ? beyond : rate_excess(segment, found, k, fastest);
     if (excess > most) {
       most = excess;
       worst = k;
+      *set = beyond > 0.0 ? number : 0;
     }
   }
   for (int i = 0; i < ND; ++i) resting |= rests(x, i);
@@ -380,11 +522,13 @@ static int find_disobedient(const real* x, const segment_t* segment, const loads
   const double quickest = 1.0 + largest_of(a, NU), level = largest_of(static_level, NU), highest = level > 0.0 ? level : 1.0;
   for (int i = 0; i < ND; ++i) {
     if (!rests(x, i)) continue;
-    const double excess =
-        d[i] == 0.0 ? joint_excess(x, found, i) / highest : -d[i] * a[i] / quickest - SLACK;
+    const int number = together->set[i];
+    const double excess = number ? set_excess(segment, together, number)
+                          : d[i] == 0.0 ? joint_excess(x, found, i) / highest : -d[i] * a[i] / quickest - SLACK;
     if (excess > most) {
       most = excess;
       worst = NC + i;
+      *set = number;
       if (first) return worst;
     }
   }
@@ -429,20 +573,45 @@ static int pivot(const real* x, segment_t* segment, const loads_t* found, int en
   return 1;
 }
 
-/* Solve all contacts together, where pivoting cycles; the modes are kept if no solution is found. */
-static void solve_together(const real* x, segment_t* segment) {
+/* Forces of all contacts together. Of redundant ones those of the least norm, as the generated functions find them, by the
+ * same iteration with larger steps: the directions in which contacts start to slide depend on each one's share of the load.
+ */
+static int solve_of_least_norm(cones_t* cones, const inertia_t* inertia, answer_t* answers) {
+  double W[MC * MC], c[MC], damping[MC], trace = 0.0;
+  int solved = 1;
+  for (int i = 0; i < MC; ++i) trace += AT(inertia->W, MC, i, i);
+  for (int i = 0; i < MC * MC; ++i) W[i] = inertia->W[i];
+  for (int i = 0; i < MC; ++i) {
+    damping[i] = NEARER * scale_of(AT(W, MC, i, i), trace);
+    AT(W, MC, i, i) += damping[i];
+    c[i] = inertia->free[i];
+  }
+  cones->W = W;
+  cones->c = c;
+  for (int turn = 0; turn < NEARER_TURNS && solved; ++turn) {
+    solved = several(cones, answers);
+    for (int i = 0; i < MC; ++i) c[i] = inertia->free[i] - damping[i] * answers[i / 3].force[i % 3];
+  }
+  cones->W = inertia->W;
+  cones->c = inertia->free;
+  return solved || several(cones, answers);
+}
+
+/* Solve all contacts together, where pivoting cycles, with or without their static friction: without, there is a solution,
+ * which the law with it allows. The modes are kept if none is found. */
+static void solve_together(const real* x, segment_t* segment, int with_static) {
   inertia_t inertia;
   double limit[NC];
   answer_t answers[NC];
-  cones_t cones = {.W = inertia.W, .c = inertia.free, .friction = friction, .holding = limit};
+  cones_t cones = {.friction = friction, .holding = limit};
   find_inertia(x, segment, &inertia);
   for (int k = 0; k < NC; ++k) {
-    limit[k] = stick_limit(segment, k);
+    limit[k] = with_static ? stick_limit(segment, k) : friction[k];
     cones.slides[k] = segment->contact[k].slides;
     cones.allowed[k] = segment->contact[k].touching;
     for (int i = 0; i < 2; ++i) cones.given[k][i] = segment->contact[k].given[i];
   }
-  if (!several(&cones, answers)) return;
+  if (!solve_of_least_norm(&cones, &inertia, answers)) return;
   for (int k = 0; k < NC; ++k) {
     const double *r = answers[k].force, size = hypot(r[1], r[2]);
     /* On the boundary of its cone: where contacts are redundant, the forces of least norm would leave it. */
@@ -460,31 +629,71 @@ static int anything_rests(const real* x, const segment_t* segment) {
   return any;
 }
 
+/* Whether friction closes a sliding contact faster than its normal force opens it. One whose normal force moves nothing, since
+ * a stop bears it, does not. */
+static int any_jams(const real* x, const segment_t* segment, const loads_t* found) {
+  inertia_t inertia;
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= is_sliding(segment->p.contact + k) && !(found->grip[k] > 0.0);
+  if (!any) return 0;
+  find_inertia(x, segment, &inertia);
+  any = 0;
+  for (int k = 0; k < NC; ++k)
+    any |= is_sliding(segment->p.contact + k) && !(found->grip[k] > 0.0) && AT(inertia.W, MC, 3 * k, 3 * k) > 0.0;
+  return any;
+}
+
 static void guess_modes(const real* x, segment_t* segment, const geometry_t* geometry) {
   guess(x, segment, geometry);
   if (NB && largest_of(x + NU, NU) > 0.0) guess_turning(x, segment);
 }
 
+/* Try the modes of all joints at rest, with all contacts solved together for each: 1 if one satisfies the laws. This is the
+ * last resort where pivoting cycles between joints and contacts. */
+static int try_all(const real* x, segment_t* segment) {
+  int resting[NU], count = 0, sets = 1;
+  loads_t found;
+  together_t together;
+  for (int i = 0; i < ND; ++i)
+    if (rests(x, i)) resting[count++] = i;
+  for (int i = 0; i < count && sets <= MOST_SETS; ++i) sets *= 3;
+  for (int number = 0; number < (sets < MOST_SETS ? sets : MOST_SETS); ++number)
+    for (int with_static = 1; with_static >= 0; --with_static) {
+      int set = 0;
+      for (int i = 0, rest = number; i < count; ++i, rest /= 3)
+        segment->p.direction[resting[i]] = rest % 3 == 2 ? -1.0 : rest % 3;
+      solve_together(x, segment, with_static);
+      find_loads(x, segment, &found);
+      if (find_disobedient(x, segment, &found, 0, &together, &set) < 0 && !any_jams(x, segment, &found)) return 1;
+    }
+  return 0;
+}
+
 /* Find the modes of all contacts and joints: 0 if none satisfies the laws, or the motion is not unique (Painlevé 1895). */
 static int settle(const real* x, segment_t* segment, const geometry_t* geometry) {
   loads_t found;
+  together_t together;
   guess_modes(x, segment, geometry);
   if (!anything_rests(x, segment)) return 1;
   for (int attempt = 0; attempt < 3; ++attempt) {
     for (int k = 0; k < PIVOTS; ++k) {
       find_loads(x, segment, &found);
-      const int entry = find_disobedient(x, segment, &found, k >= WORST_FIRST);
+      int set = 0;
+      const int entry = find_disobedient(x, segment, &found, k >= WORST_FIRST, &together, &set);
       if (entry < 0) {
-        /* Friction must not close a sliding contact faster than its normal force opens it. */
-        for (int i = 0; i < NC; ++i)
-          if (is_sliding(segment->p.contact + i) && !(found.grip[i] > 0.0)) return 0;
-        return 1;
+        return !any_jams(x, segment, &found);
       }
+#ifdef TOGETHER
+      if (set) {
+        let_go(x, segment, &together, set);
+        continue;
+      }
+#endif
       if (!pivot(x, segment, &found, entry)) break;
     }
-    if (NC && attempt == 0) solve_together(x, segment);
+    if (NC && attempt < 2) solve_together(x, segment, attempt == 0);
   }
-  return 0;
+  return NC && ND && try_all(x, segment);
 }
 
 /* Determine the modes of all joints and contacts at x under u, with the tunable quantities of p given; returns NONE or the
@@ -499,3 +708,20 @@ EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
   *p = segment.p;
   return settled ? NONE : UNDETERMINED;
 }
+
+#ifdef TOGETHER
+/* Change of the reactions of the least norm in given modes, those of contacts (normal, and tangential ones where they stick)
+ * and then of joints, to the nearest within all limits. */
+EXPORTED void share_reactions(const real* x, const real* u, const modes_t* p, double* change) {
+  long long work = 0;
+  segment_t segment = {.u = u, .p = *p, .work = &work};
+  loads_t found;
+  statics_t balance;
+  part_t parts[PARTS];
+  for (int i = 0; i < FORCES; ++i) change[i] = 0.0;
+  find_loads(x, &segment, &found);
+  find_statics(x, &segment, &balance);
+  find_parts(x, &segment, &found, &balance, parts);
+  find_nearest(&balance, parts, change);
+}
+#endif

@@ -45,9 +45,10 @@ static int anything_held(const segment_t* segment) {
 }
 
 /* Event functions, which must not be positive: of contacts gaps, or normal and tangential forces; of joints friction, and
- * both stops. Each is smooth in time while the modes last.
+ * both stops; of the sets that hold together the largest excess, in place of those of their parts. Each is smooth in time
+ * while the modes last.
  */
-typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ]; } limits_t;
+typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ], together; } limits_t;
 #define LIMITS ((int)(sizeof(limits_t) / sizeof(double)))
 static void fill(limits_t* limits, double value) {
   for (int i = 0; i < LIMITS; ++i) ((double*)limits)[i] = value;
@@ -76,6 +77,24 @@ static void stop_disobedience(const real* x, const segment_t* segment, double t,
 /* Speed against its direction that a sliding joint may have by rounding. */
 static double turning_rounding(const real* x) { return TURNING_BACK * (1.0 + largest_of(x + NU, NU)); }
 
+#ifdef TOGETHER
+/* Replace the limits of parts that hold together by that of their sets, where reactions of the least norm are beyond. */
+static void hold_together(const real* x, const segment_t* segment, const loads_t* found, limits_t* limits) {
+  together_t together;
+  if (!anything_beyond(x, segment, found)) return;
+  find_sets_held(x, segment, found, &together);
+  for (int i = 0; i < ND; ++i)
+    if (together.set[i]) limits->joint[i] = -INFINITY;
+  for (int k = 0; k < NC; ++k) {
+    if (!together.set[NU + k]) continue;
+    limits->contact[2 * k] = -INFINITY;
+    if (segment->p.contact[k].sticks != 0.0) limits->contact[2 * k + 1] = -INFINITY;
+  }
+  for (int i = 0; i < PARTS; ++i)
+    if (together.set[i]) limits->together = fmax(limits->together, set_excess(segment, &together, together.set[i]));
+}
+#endif
+
 /* Positive where a contact or joint violates its mode after a motion of length t; returns the largest violation. */
 static double disobedience(const real* x, const segment_t* segment, const double* ground, double t, limits_t* limits) {
   const real *d = segment->p.direction, *v = x + NU;
@@ -100,6 +119,9 @@ static double disobedience(const real* x, const segment_t* segment, const double
     if (d[i] == 0.0) limits->joint[i] = joint_excess(x, &found, i);
     else if (may_stick(i)) limits->joint[i] = -v[i] * d[i] - rounding;
   }
+#ifdef TOGETHER
+  if (anything_held(segment)) hold_together(x, segment, &found, limits);
+#endif
   stop_disobedience(x, segment, t, limits);
   return worst_of(limits);
 }
@@ -321,16 +343,28 @@ static void find_anchors(const geometry_t* geometry, real* anchor) {
   for (int i = 0; i < 2 * NC; ++i) anchor[i] = geometry->place[3 * (i / 2) + 1 + i % 2];
 }
 
-/* Next mode of contacts whose mode has just ended: lift off, or slip. */
+/* Next mode of contacts whose mode has just ended: lift off, or slip; and whether a set that holds together has. */
 static void find_ended(const real* x, segment_t* segment, int calm) {
   loads_t found;
-  if (NC && !calm) find_loads(x, segment, &found);
+  together_t together;
+  memset(together.set, 0, sizeof together.set);
+  segment->yields = 0;
+  if ((NC || NB) && !calm) find_loads(x, segment, &found);
+#ifdef TOGETHER
+  if (!calm) {
+    segment->yields = 1; /* an evaluation at the limit */
+    find_sets_held(x, segment, &found, &together);
+    int any = 0;
+    for (int i = 0; i < PARTS; ++i) any |= together.set[i] && set_excess(segment, &together, together.set[i]) > 0.0;
+    segment->yields = any;
+  }
+#endif
   for (int k = 0; k < NC; ++k) {
     const real* r = found.force + 3 * k;
     const contact_mode_t* mode = segment->p.contact + k;
     contact_t* contact = segment->contact + k;
     contact->ended = STICKS;
-    if (calm || mode->closed == 0.0) continue;
+    if (calm || mode->closed == 0.0 || together.set[NU + k]) continue;
     const double size = hypot(r[1], r[2]);
     if (r[0] <= 0.0) contact->ended = APART;
     else if (mode->sticks != 0.0 && size >= stick_limit(segment, k) * r[0] && holding[k] > 0.0) {
