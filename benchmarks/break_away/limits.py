@@ -17,6 +17,7 @@ from arm_dynamics.arrays import Array
 from benchmarks.break_away.sets import Cone, Set
 
 CUTS, OUTSIDE = 400, 1e-10
+EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 MOST = 1e4
 """Factor of the load beyond which a set is said to jam."""
 STILL = 1e-6
@@ -82,7 +83,9 @@ class Forces:
             right = np.zeros(len(upper))
             if slack is not None:
                 right[: 2 * n] = np.r_[wanted, -wanted]
-            found = linprog(cost, A_ub=upper, b_ub=right, bounds=bounds, method="highs", **equal)
+            found = linprog(
+                cost, A_ub=upper, b_ub=right, bounds=bounds, method="highs", options=EXACT, **equal
+            )
             if found.status == 3 or found.x is None:
                 return np.full(count, np.nan)
             more = [cut for cone in self.cones for cut in self._cut(*cone, found.x)]

@@ -192,9 +192,19 @@ def feet(rng: np.random.Generator) -> Callable[[], Set]:
     def make() -> Set:
         along = rng.normal(size=3) * [1.0, 0.5, 0.3]
         press = np.array([0.0, -rng.uniform(0.0, 20.0), 0.0])
-        return Set("feet", scene, tuple(names), np.zeros(3), weight, press, along, dry,
-                   np.zeros(3),
-                   np.zeros((0, 3)), tuple(cones))  # fmt: skip
+        return Set(
+            "feet",
+            scene,
+            tuple(names),
+            np.zeros(3),
+            weight,
+            press,
+            along,
+            dry,
+            np.zeros(3),
+            np.zeros((0, 3)),
+            tuple(cones),
+        )
 
     return make
 
@@ -216,9 +226,19 @@ def rails(rng: np.random.Generator) -> Callable[[], Set]:
 
     def make() -> Set:
         along = rng.normal(size=3) * [1.0, 1.0, 0.3]
-        return Set("rails", scene, tuple(names), np.zeros(3), np.array([0.0, 0.0,
-                   -mass * G]), np.zeros(3),
-                   along, dry, supports, np.zeros((0, 3)), (Cone(columns, *mu),))  # fmt: skip
+        return Set(
+            "rails",
+            scene,
+            tuple(names),
+            np.zeros(3),
+            np.array([0.0, 0.0, -mass * G]),
+            np.zeros(3),
+            along,
+            dry,
+            supports,
+            np.zeros((0, 3)),
+            (Cone(columns, *mu),),
+        )
 
     return make
 
@@ -253,8 +273,18 @@ def loop(rng: np.random.Generator) -> Callable[[], Set]:
         q, rows = _closed(rng, lengths, foot)
         along = rng.normal(size=count) * (rng.random(count) < 0.7)
         along[rng.integers(count)] += 1.0
-        return Set("loop", scene, tuple(names), q, np.zeros(count), np.zeros(count), along, dry,
-                   np.zeros(count), rows)  # fmt: skip
+        return Set(
+            "loop",
+            scene,
+            tuple(names),
+            q,
+            np.zeros(count),
+            np.zeros(count),
+            along,
+            dry,
+            np.zeros(count),
+            rows,
+        )
 
     return make
 
@@ -316,9 +346,18 @@ def couplings(rng: np.random.Generator) -> Callable[[], Set]:
 
     def make() -> Set:
         along = rng.normal(size=count)
-        return Set("couplings", scene, tuple(names), np.zeros(count), np.zeros(count),
-                   np.zeros(count), along,
-                   dry, np.zeros(count), rows)  # fmt: skip
+        return Set(
+            "couplings",
+            scene,
+            tuple(names),
+            np.zeros(count),
+            np.zeros(count),
+            np.zeros(count),
+            along,
+            dry,
+            np.zeros(count),
+            rows,
+        )
 
     return make
 
@@ -352,9 +391,19 @@ def grasp(rng: np.random.Generator) -> Callable[[], Set]:
         squeeze = rng.uniform(1.5, 6.0) * mass * G
         base = np.array([0.0, 0.0, 0.0, squeeze, -squeeze])
         along = rng.normal(size=5) * [1.0, 1.0, 0.1, 0.3, 0.3]
-        return Set("grasp", scene, tuple(names), np.zeros(5), weight, base, along, dry,
-                   np.zeros(5),
-                   np.zeros((0, 5)), tuple(cones))  # fmt: skip
+        return Set(
+            "grasp",
+            scene,
+            tuple(names),
+            np.zeros(5),
+            weight,
+            base,
+            along,
+            dry,
+            np.zeros(5),
+            np.zeros((0, 5)),
+            tuple(cones),
+        )
 
     return make
 
@@ -375,9 +424,19 @@ def table(rng: np.random.Generator) -> Callable[[], Set]:
 
     def make() -> Set:
         along = rng.normal(size=6) * [1.0, 1.0, 0.3, 0.1, 0.1, 0.5]
-        return Set("table", scene, tuple(names), np.zeros(6), weight, np.zeros(6),
-                   along, np.zeros((2, 6)),
-                   np.zeros(6), np.zeros((0, 6)), cones)  # fmt: skip
+        return Set(
+            "table",
+            scene,
+            tuple(names),
+            np.zeros(6),
+            weight,
+            np.zeros(6),
+            along,
+            np.zeros((2, 6)),
+            np.zeros(6),
+            np.zeros((0, 6)),
+            cones,
+        )
 
     return make
 

@@ -258,7 +258,8 @@ def test_rate_of_springs_is_that_of_their_oscillation() -> None:
         joints = {"swing": {"spring": {"stiffness": k, "damping": c}}}
         cord = {
             "frames": ["bob", "world"], "points": [[0, 0, 0], [0, 3, 0]], "stiffness": k,
-            "damping": c, "force": 1e-9, "tension_only": True, **({"rest_length": 3.0} if k else {}),
+            "damping": c, "force": 1e-9, "tension_only": True,
+            **({"rest_length": 3.0} if k else {}),
         }  # fmt: skip
         for springs in ({"joints": joints}, {"springs": [cord]}):
             model = ArmModel(load_scene({"robot": {"urdf": urdf}, **springs}))

@@ -88,6 +88,12 @@ def found(sim: Simulator, x: np.ndarray, u: np.ndarray) -> Found:
     modes = stepper.modes_at(x, u)
     load, force, rate, _ = (np.array(y) for y in stepper.kernel.call("loads")(x, u, modes.p))
     a = np.array(stepper.kernel.call("rhs")(x, u, modes.p)[0])[sim.n :]
+    shares, torques = stepper.shared(x, u, modes)  # friction here is the same at rest and sliding
+    change = shares.reshape(-1, 3)
+    for k, mode in enumerate(modes.contact):
+        slides = not mode["sticks"]
+        change[k, 1:] -= slides * sim.plant.points[k].friction * change[k, 0] * mode["along"]
+    load, force = load + torques, force + change.ravel()
     c = modes.contact
     states = modes.direction.copy(), c["closed"].copy(), c["sticks"].copy(), c["along"].copy()
     return Found(*states, load, force.reshape(-1, 3), rate.reshape(-1, 3), a)

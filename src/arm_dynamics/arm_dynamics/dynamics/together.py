@@ -28,8 +28,7 @@ HOLDS = 1e-10
 SMALL_PART = 1e-3
 # Share of a joint in the motion in which its set gives way that is rounding.
 LEAST_SHARE = 1e-6
-# Interior points: largest number of steps, distance from the solution, part of the way to the
-# edge.
+# Interior points: most steps, distance from the solution, part of the way to the edge.
 STEPS, GAP, TO_THE_EDGE = 80, 1e-13, 0.99
 # Pivot of the normal equations that is kept from being rounding, relative to the diagonal.
 REGULAR = 1e-14

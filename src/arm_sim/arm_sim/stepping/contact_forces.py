@@ -11,7 +11,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.events import Trouble
+from arm_sim.stepping.events import Modes, Trouble
 from arm_sim.stepping.stepper import Stepper
 
 _WHY = {
@@ -75,6 +75,7 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
     call = stepper.kernel.call
     gaps = call("contact_geometry")(x[: 2 * plant.model.n])[0][::3]
     force = call("loads")(x, u, modes.p)[1].reshape(-1, 3)
+    force = force + _shared(plant, stepper, x, u, modes)
     sites = np.array(plant.contact.sites(x[: plant.model.n])).T.reshape(-1, 4, 3)
     answers = []
     for i, mode in enumerate(modes.contact):
@@ -87,6 +88,15 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
             ContactForce(plant.points[i].name, state, *number, tangential, whole, read_only(point))
         )
     return tuple(answers)
+
+
+def _shared(plant: Plant, stepper: Stepper, x: Array, u: Array, modes: Modes) -> Array:
+    """Change of contact forces to a distribution within all limits, shape (nc, 3)."""
+    change = stepper.shared(x, u, modes)[0].reshape(-1, 3)
+    for k, mode in enumerate(modes.contact):
+        if not mode["sticks"]:
+            change[k, 1:] = -plant.points[k].friction * change[k, 0] * mode["along"]
+    return change
 
 
 def trouble(stepper: Stepper) -> str:

@@ -539,7 +539,10 @@ class Events:
                                     segment["limit"])  # fmt: skip
         zero = self._zero(segment, end, u)
         if not zero or any(self._guards.grazes(i, begin, end, u, modes, limit) for i in zero):
-            raise NotDifferentiable(f"linearize: {self._names(zero) or 'an event'} is grazed")
+            what = f"{self._names(zero)} is grazed" if zero else (
+                "an event is grazed, or joints and contacts that held together let go"
+            )  # fmt: skip
+            raise NotDifferentiable(f"linearize: {what}")
         delays = []
         for guard in zero:
             by_x, by_w = self._guards.slopes(guard, end, u, modes, limit)

@@ -197,12 +197,28 @@ class Stepper:
             find(pointer(state), pointer(torque), pointer(modes.p))
         return modes
 
+    def shared(self, x: Array, u: Array, modes: Modes) -> tuple[Array, Array]:
+        """How parts that hold together share their load, where least norms are beyond a limit.
+
+        Returns:
+            Change of the unknown contact forces from those of least norm to the nearest within
+            all limits, shape (3 nc,), and of the holding torques of joints, shape (n,).
+        """
+        contacts, n = 3 * len(self._plant.points), self._plant.model.n
+        change = np.zeros(contacts + n)
+        if share := getattr(self.kernel.library, "share_reactions", None):
+            arrays = np.ascontiguousarray(x), np.ascontiguousarray(u), modes.p, change
+            share.restype = None
+            share(*map(pointer, arrays))
+        return change[:contacts], change[contacts:]
+
     def stop_torque(self, x: Array, u: Array) -> Array:
         """Torques with which stops hold joints back at a state under a torque, shape (n,)."""
         q, (lower, upper) = x[: self._plant.model.n], self._plant.model.stops.place
         if not (self.kernel.native and ((q <= lower) | (q >= upper)).any()):
             return np.zeros(len(q))
-        torque = self.kernel.call("stop_torques")(x, u, self.modes_at(x, u).p)[0]
+        modes = self.modes_at(x, u)
+        torque = self.kernel.call("stop_torques")(x, u, modes.p)[0] - self.shared(x, u, modes)[1]
         pushes = np.where(q <= lower, torque > 0.0, (q >= upper) & (torque < 0.0))
         return np.where(pushes, torque, 0.0)
 
@@ -214,8 +230,13 @@ class Stepper:
 
     def push(self, x: Array, u: Array) -> Array:
         """Torques of contacts and friction at rest, beside bilateral constraints, shape (n,)."""
-        torque: Array = self.kernel.call("bilateral")(x, u, self.modes_at(x, u).p)[1]
-        return torque
+        modes = self.modes_at(x, u)
+        torque: Array = self.kernel.call("bilateral")(x, u, modes.p)[1]
+        forces, joints = self.shared(x, u, modes)
+        if not (forces.any() or joints.any()):
+            return torque
+        spread = self.kernel.call("statics")(x, u, modes.p)[0].reshape(-1, len(joints)).T
+        return torque + spread[:, spread.shape[1] - len(forces) :] @ forces - joints
 
     def _by_call(self, x: Array, command: Array, trace: Array, effort: Array, notes: Array) -> int:
         for k in range(len(trace)):

@@ -30,6 +30,7 @@
 #define CARRYING 1e-10       /* acceleration of a constraint that is rounding, relative to the square of the speed */
 #define LEAST_SHARE 1e-6     /* share of a part in the motion of its set that is rounding, ... */
 #define OPENS 1e-3           /* ... and part of a contact's that is sliding if it does not only open */
+#define MOST_SETS 729        /* sets of modes of joints that are tried as a last resort */
 #define NEARER 1e-5          /* step of the iteration to forces of least norm, and the number of steps */
 #define NEARER_TURNS 6
 #define PIVOTS (NC ? 40 * (NC + NU) : 3 * NU + (1 << (NU < 12 ? NU : 12)))
@@ -389,11 +390,14 @@ static double set_excess(const segment_t* segment, const together_t* together, i
   return together->excess[number] - (segment->yields ? -EDGE : HOLDS);
 }
 
-/* Release a set in the motion in which it gives way. */
-static void let_go(segment_t* segment, const together_t* together, int number) {
+/* Release parts of a set in the motion in which it gives way: joints at stops, or all others; 0 if there are none. */
+static int release(const real* x, segment_t* segment, const together_t* together, int number, int at_stops) {
+  int any = 0;
   for (int i = 0; i < PARTS; ++i) {
     const double *way = together->way[i], size = hypot(way[0], way[1]);
-    if (together->set[i] != number || together->share[i] <= LEAST_SHARE) continue;
+    const int stopped = i < NU && at_stop(x, i) != 0;
+    if (together->set[i] != number || together->share[i] <= LEAST_SHARE || stopped != at_stops) continue;
+    any = 1;
     if (i < NU) {
       segment->p.direction[i] = sign_of(way[0]);
       segment->turned[i] = 0;
@@ -405,6 +409,13 @@ static void let_go(segment_t* segment, const together_t* together, int number) {
     mode->sticks = 0.0;
     for (int j = 0; j < 2; ++j) mode->along[j] = way[j] / size;
   }
+  return any;
+}
+
+/* Release a set. In its motion contacts that slide rise by their friction coefficient, which they do not do in fact: that
+ * must not lift joints off their stops. */
+static void let_go(const real* x, segment_t* segment, const together_t* together, int number) {
+  if (!release(x, segment, together, number, 0)) release(x, segment, together, number, 1);
 }
 #endif
 
@@ -653,6 +664,27 @@ static void guess_modes(const real* x, segment_t* segment, const geometry_t* geo
   if (NB && largest_of(x + NU, NU) > 0.0) guess_turning(x, segment);
 }
 
+/* Try the modes of all joints at rest, with all contacts solved together for each: 1 if one satisfies the laws. This is the
+ * last resort where pivoting cycles between joints and contacts. */
+static int try_all(const real* x, segment_t* segment) {
+  int resting[NU], count = 0, sets = 1;
+  loads_t found;
+  together_t together;
+  for (int i = 0; i < ND; ++i)
+    if (rests(x, i)) resting[count++] = i;
+  for (int i = 0; i < count && sets <= MOST_SETS; ++i) sets *= 3;
+  for (int number = 0; number < (sets < MOST_SETS ? sets : MOST_SETS); ++number)
+    for (int with_static = 1; with_static >= 0; --with_static) {
+      int set = 0;
+      for (int i = 0, rest = number; i < count; ++i, rest /= 3)
+        segment->p.direction[resting[i]] = rest % 3 == 2 ? -1.0 : rest % 3;
+      solve_together(x, segment, with_static);
+      find_loads(x, segment, &found);
+      if (find_disobedient(x, segment, &found, 0, &together, &set) < 0 && !any_jams(x, segment, &found)) return 1;
+    }
+  return 0;
+}
+
 /* Find the modes of all contacts and joints: 0 if none satisfies the laws, or the motion is not unique (Painlevé 1895). */
 static int settle(const real* x, segment_t* segment, const geometry_t* geometry) {
   loads_t found;
@@ -669,7 +701,7 @@ static int settle(const real* x, segment_t* segment, const geometry_t* geometry)
       }
 #ifdef TOGETHER
       if (set) {
-        let_go(segment, &together, set);
+        let_go(x, segment, &together, set);
         continue;
       }
 #endif
@@ -677,7 +709,7 @@ static int settle(const real* x, segment_t* segment, const geometry_t* geometry)
     }
     if (NC && attempt < 2) solve_together(x, segment, attempt == 0);
   }
-  return 0;
+  return NC && ND && try_all(x, segment);
 }
 
 /* Determine the modes of all joints and contacts at x under u, with the tunable quantities of p given; returns NONE or the
@@ -692,3 +724,20 @@ EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
   *p = segment.p;
   return settled ? NONE : UNDETERMINED;
 }
+
+#ifdef TOGETHER
+/* Change of the reactions of the least norm in given modes, those of contacts (normal, and tangential ones where they stick)
+ * and then of joints, to the nearest within all limits. */
+EXPORTED void share_reactions(const real* x, const real* u, const modes_t* p, double* change) {
+  long long work = 0;
+  segment_t segment = {.u = u, .p = *p, .work = &work};
+  loads_t found;
+  statics_t balance;
+  part_t parts[PARTS];
+  for (int i = 0; i < FORCES; ++i) change[i] = 0.0;
+  find_loads(x, &segment, &found);
+  find_statics(x, &segment, &balance);
+  find_parts(x, &segment, &found, &balance, parts);
+  find_nearest(&balance, parts, change);
+}
+#endif
