@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Efforts are matched with the motion that explains them, though bodies and friction are unknown."""
+"""Efforts are matched with the motions that explain them; bodies and friction are unknown."""
 
 import numpy as np
 import pytest
