@@ -44,12 +44,16 @@ class Identification:
     Attributes:
         scene: The nominal scene with the identified parameters; it loads and simulates.
         joint_names: Joints of the scene.
-        parameters: Identified values by name: base parameters (combinations of inertial
-            parameters and armatures, such as ``elbow.Izz + elbow.armature``), and of each joint
-            ``NAME.viscous``, ``NAME.coulomb`` and so on, in SI units.
+        parameters: Values that the torques determine, by name: base parameters (combinations of
+            inertial parameters and armatures, such as ``elbow.Izz + elbow.armature``), and of each
+            joint ``NAME.viscous``, ``NAME.coulomb`` and so on, in SI units. They are those of
+            least squares, drawn neither to the nominal bodies nor to physically consistent ones.
         intervals: Their 95 % confidence intervals.
+        written: The same in the scene, whose bodies are physically consistent, and near the
+            nominal ones where the torques determine little.
         nominal: Base parameters of the nominal scene.
-        missing: Reasons of what was not identified, by name.
+        missing: Reasons of what was not identified, by name; also of parameters whose interval
+            contains zero.
         torque_error: Root mean square residual of each joint over that of its torque, on held-out
             data; NaN for a joint that is at rest in most of them.
         nominal_error: The same of the nominal scene.
@@ -72,6 +76,7 @@ class Identification:
     joint_names: tuple[str, ...]
     parameters: Mapping[str, float]
     intervals: Mapping[str, tuple[float, float]]
+    written: Mapping[str, float]
     nominal: Mapping[str, float]
     missing: Mapping[str, str]
     torque_error: Mapping[str, float]

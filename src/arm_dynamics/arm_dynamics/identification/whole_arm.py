@@ -24,7 +24,6 @@ from arm_dynamics.identification.regression.estimation import (
     Mask,
     belief_of,
     common_columns,
-    covariance,
     deviations,
     solved,
 )
@@ -32,9 +31,11 @@ from arm_dynamics.identification.regression.fit import Fit, fitted
 from arm_dynamics.identification.regression.friction_columns import (
     COULOMB,
     COULOMB_SKEW,
+    EXCESS,
     VISCOUS,
     JointFit,
 )
+from arm_dynamics.identification.regression.intervals import CERTAIN, estimated
 from arm_dynamics.identification.regression.regressor import EACH, RigidRegressor
 from arm_dynamics.identification.regression.rows import HELD_OUT, Rows, steady_friction
 from arm_dynamics.identification.regression.selection import Choice
@@ -43,12 +44,6 @@ from arm_dynamics.identification.result import Identification, Torques
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.load import load_scene
 
-CERTAIN = 1.96
-"""Standard deviations on either side of a 95 % interval."""
-VAGUE = 0.5
-"""Largest relative standard deviation of an identified parameter."""
-NOTHING = 1e-9
-"""Standard deviation below which even a zero is identified."""
 MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
 """Prior deviations of bodies from nominal: of density, of all else; selected by the evidence."""
 NO_FRICTION = "none that opposes the motion was found"
@@ -432,12 +427,12 @@ class _Run:
             _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
             self.names, self._ratios(nominal),
         )  # fmt: skip
-        base, parameters, intervals, missing, condition = self._parameters(final, used)
+        known = self._parameters(final, used)
         friction: list[JointFit | None] = [
             f if self.ranges[j] > checks.MOVED else None for j, f in enumerate(final.friction)
         ]
         armature = np.where(
-            [f"{name}.armature" in missing and self.ranges[j] < checks.MOVED
+            [f"{name}.armature" in known["missing"] and self.ranges[j] < checks.MOVED
              for j, name in enumerate(self.names)],
             np.nan, final.x[final.bodies : final.bodies + n],
         )  # fmt: skip
@@ -460,14 +455,13 @@ class _Run:
         names = self.names
         left = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan)
         return Identification(
-            scene=scene, joint_names=names, parameters=parameters, intervals=intervals,
-            nominal=base, missing=missing, torque_error=dict(zip(names, each, strict=True)),
+            scene=scene, joint_names=names, torque_error=dict(zip(names, each, strict=True)),
             nominal_error=dict(zip(names, each_before, strict=True)), error=(error, before),
             torque_residual=dict(zip(names, left.tolist(), strict=True)),
             friction=tuple(friction), bodies=theta.reshape(-1, EACH),
             body_names=self.regressor.bodies, scales=self.scales.copy(),
-            band=self.motions[0].band, effort_band=rows.effort_band, condition=condition,
-            notes=tuple(self.notes), torques=torques,
+            band=self.motions[0].band, effort_band=rows.effort_band,
+            notes=tuple(self.notes), torques=torques, **known,
         )  # fmt: skip
 
     @property
@@ -587,58 +581,49 @@ class _Run:
         if not np.allclose(again, theta, rtol=1e-6, atol=1e-9 * abs(theta).max()):
             raise InvalidInput("the identified inertias could not be written into the URDF")
 
-    def _parameters(
-        self, fit: Fit, used: Mask
-    ) -> tuple[
-        dict[str, float], dict[str, float], dict[str, tuple[float, float]], dict[str, str], float
-    ]:
-        """Base parameters, identified values and their intervals, and what was not identified."""
-        n, numbers = self.rows.n, fit.bodies
-        base = self._base()
-        order = [
-            *range(numbers, numbers + n),
-            *range(numbers),
-        ]  # armatures lead a group only if no body does
-        size = fit.columns.size
-        lead = [order[k] for k in base.independent]
-        directions = np.zeros((size, len(lead) + size - numbers - n))
-        for column, place in enumerate([*lead, *range(numbers + n, size)]):
-            directions[place, column] = 1.0
-        deviation, condition = self._deviations(fit, used, directions)
-        grouped = base.grouping @ fit.x[order]
+    def _parameters(self, fit: Fit, used: Mask) -> dict[str, Any]:
+        """What an ``Identification`` says of parameters: base parameters and friction."""
+        rows, n, numbers, base = self.rows, self.rows.n, fit.bodies, self._base()
+        order = [*range(numbers, numbers + n), *range(numbers)]  # bodies lead, if any can
+        found = estimated(rows, used, fit, [order[k] for k in base.independent])
         at_first = np.concatenate([self.model.armature, self.regressor.nominal])
-        nominal = dict(zip(base.names, (base.grouping @ at_first).tolist(), strict=True))
-        values = dict(zip(base.names, grouped.tolist(), strict=True))
-        for j, own in enumerate(fit.friction):
-            values |= {f"{self.names[j]}.{kind}": own.coefficients[kind] for kind in own.kinds}
-        parameters, intervals, missing = {}, {}, {}
-        for (name, value), sd in zip(values.items(), deviation, strict=True):
-            if np.isfinite(sd) and (sd < VAGUE * abs(value) or sd < NOTHING):
-                parameters[name] = value
-                intervals[name] = (float(value - CERTAIN * sd), float(value + CERTAIN * sd))
-            else:
-                missing[name] = (
-                    "the motion does not determine it" if not np.isfinite(sd)
-                    else f"{value:.3g} ± {CERTAIN * sd:.2g}: not significantly different from zero"
-                )  # fmt: skip
-        shapes, unseen = self._shapes(fit)
-        return nominal, parameters | shapes, intervals, missing | unseen, condition
+        values = (base.grouping @ np.stack([at_first, fit.x[order]], axis=1)).T.tolist()
+        nominal, written = (dict(zip(base.names, x, strict=True)) for x in values)
+        for name, own in zip(self.names, fit.friction, strict=True):
+            written |= {f"{name}.{kind}": x for kind, x in own.coefficients.items()}
+        estimates = dict(zip(written, found.linear, strict=True))
+        for (j, name), estimate in found.shapes.items():
+            estimates[f"{self.names[j]}.{name}"] = estimate
+            written[f"{self.names[j]}.{name}"] = getattr(fit.friction[j].shape, name)
+        missing = self._unseen(fit)
+        for name, each in estimates.items():
+            if np.isinf(each.high):
+                missing[name] = "the motion does not determine it"
+            elif not each.significant:
+                span = f"{each.value:.3g} ± {each.high - each.value:.2g}"
+                missing[name] = f"{span}: not significantly different from zero"
+        known = {name: each for name, each in estimates.items() if np.isfinite(each.high)}
+        return {
+            "parameters": {name: each.value for name, each in known.items()},
+            "intervals": {name: (each.low, each.high) for name, each in known.items()},
+            "written": written, "nominal": nominal, "missing": missing,
+            "condition": found.condition,
+        }  # fmt: skip
 
-    def _shapes(self, fit: Fit) -> tuple[dict[str, float], dict[str, str]]:
-        """Nonlinear parameters of the selected friction laws; laws that were not identified."""
-        parameters, missing = dict[str, float](), dict[str, str]()
+    def _unseen(self, fit: Fit) -> dict[str, str]:
+        """Friction that was not identified, by name, and why."""
+        missing = dict[str, str]()
         for joint, own, way in zip(self.names, fit.friction, self.ranges, strict=True):
-            if own.shape.stribeck_velocity is not None:
-                parameters[f"{joint}.stribeck_velocity"] = own.shape.stribeck_velocity
-            if own.shape.load is not None:
-                parameters[f"{joint}.load"] = own.shape.load
             if way <= checks.MOVED:
                 missing[f"{joint}.friction"] = f"it moved only {way:.2g} rad or m"
             elif not own.kinds:
                 missing[f"{joint}.friction"] = NO_FRICTION
-            elif "excess" not in own.kinds:
-                missing[f"{joint}.static"] = "friction does not visibly fall with speed"
-        return parameters, missing
+            else:
+                left = [kind for kind in (VISCOUS, COULOMB) if kind not in own.kinds]
+                missing |= {f"{joint}.{kind}": NO_FRICTION for kind in left}
+                if EXCESS not in own.kinds:
+                    missing[f"{joint}.static"] = "friction does not visibly fall with speed"
+        return missing
 
     def _base(self) -> BaseParameters:
         n, regressor = self.rows.n, self.regressor
@@ -648,25 +633,6 @@ class _Run:
 
         armatures = [f"{name}.armature" for name in self.names]
         return base_parameters(columns, n, [*armatures, *regressor.names()])
-
-    def _deviations(self, fit: Fit, used: Mask, directions: Array) -> tuple[Array, float]:
-        """Standard deviations along directions, inf if undetermined; the condition number."""
-        R, _ = fit.columns.whitened(
-            self.rows.effort - self.rows.known, fit.weights, self.rows.independent
-        )
-        seen = R @ directions
-        lengths = np.linalg.norm(seen, axis=0)
-        shown = lengths > 1e-9 * lengths.max()
-        scaled = seen[:, shown] / lengths[shown]
-        singular = np.linalg.svd(scaled, compute_uv=False)
-        cov = covariance(
-            fit.columns, fit.residual, used, fit.weights, self.rows.lag, directions[:, shown]
-        )
-        count = float(used.sum() * self.rows.independent)
-        scale = np.sqrt(count / max(count - shown.sum(), 1.0))
-        found = np.full(directions.shape[1], np.inf)
-        found[shown] = scale * np.sqrt(np.maximum(np.diag(cov), 0.0))
-        return found, float(singular[0] / max(singular[-1], 1e-300))
 
 
 def _explained(y: Array, columns: Array, more: Array) -> tuple[float, float]:

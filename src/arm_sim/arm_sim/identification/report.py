@@ -79,13 +79,19 @@ def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequ
         pairs = zip(found.joint_names, found.scales, strict=True)
         lines += ["Torque per unit of effort: " + ", ".join(f"{n} {s:.4g}" for n, s in pairs), ""]
     lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
-    lines += ["## Identified parameters", "", "95 % confidence intervals, in SI units.", ""]
-    rows = [
-        [_spoken(name), f"{value:.5g}", _interval(found, name),
-         f"{found.nominal[name]:.5g}" if name in found.nominal else ""]
-        for name, value in found.parameters.items()
+    lines += [
+        "## Identified parameters", "",
+        "In SI units, with 95 % confidence intervals. Values are those of the torques alone; in "
+        "the scene, bodies are physically consistent, and near the nominal ones where the torques "
+        "determine little.", "",
     ]  # fmt: skip
-    lines += [*_table(["parameter", "value", "interval", "nominal"], rows), ""]
+    rows = [
+        [_spoken(name), f"{value:.5g}", "{:.4g} to {:.4g}".format(*found.intervals[name]),
+         f"{found.written[name]:.5g}",
+         f"{found.nominal[name]:.5g}" if name in found.nominal else ""]
+        for name, value in found.parameters.items() if name not in found.missing
+    ]  # fmt: skip
+    lines += [*_table(["parameter", "value", "interval", "scene", "nominal"], rows), ""]
     lines += ["## Not identified", ""]
     rows = [[_spoken(name), why] for name, why in found.missing.items()]
     lines += [*_table(["parameter", "reason"], rows), ""]
@@ -109,12 +115,6 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 def _spoken(name: str) -> str:
     joint, _, kind = name.rpartition(".")
     return f"{joint}: {_KINDS[kind]}" if kind in _KINDS else name
-
-
-def _interval(found: Identification, name: str) -> str:
-    if name not in found.intervals:
-        return ""
-    return "{:.4g} to {:.4g}".format(*found.intervals[name])
 
 
 def share(error: float, digits: int) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Efforts that belong to another joint, have the other sign, or are late."""
+"""Efforts are matched with the motions that explain them; bodies and friction are unknown."""
 
 import numpy as np
 import pytest

@@ -199,43 +199,6 @@ def solved(R: Array, z: Array) -> Array:
     return np.asarray(np.linalg.lstsq(R / scale, z, rcond=1e-14)[0] / scale)
 
 
-def covariance(
-    columns: Columns, residual: Array, use: Mask, weights: Array, lag: int, shown: Array
-) -> Array:
-    """Covariance of directions of x that the data determine, for residuals correlated in time.
-
-    H⁻¹ S H⁻¹ with S the long-run covariance of the weighted scores, by Bartlett's window (Newey,
-    West, "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent
-    covariance matrix", Econometrica 55(3), 1987). Scores of all joints at a time are summed, so
-    that their correlation counts too.
-
-    Args:
-        columns: The regression.
-        residual: Shape (k, n).
-        use: Rows that are used, shape (k, n).
-        weights: Of each joint, shape (n,).
-        lag: Rows after which residuals are independent.
-        shown: Directions D, shape (size, m), of x = D u.
-
-    Returns:
-        Of u, shape (m, m).
-    """
-    k, m = residual.shape[0], shown.shape[1]
-    scores, H = np.zeros((k, m)), np.zeros((m, m))
-    for j, place in enumerate(columns.places):
-        own = (weights[j] * use[:, j])[:, None] * (columns.all_of(j) @ shown[place])
-        H += own.T @ own
-        scores += own * (weights[j] * residual[:, j])[:, None]
-    S = scores.T @ scores
-    for back in range(1, lag + 1):
-        cross = scores[back:].T @ scores[:-back]
-        S += (1.0 - back / (lag + 1.0)) * (cross + cross.T)
-    scale = 1.0 / np.sqrt(np.diag(H))
-    inverse = np.linalg.pinv(H * np.outer(scale, scale), rcond=1e-14, hermitian=True)
-    inverse *= np.outer(scale, scale)
-    return np.asarray(inverse @ S @ inverse)
-
-
 def made_possible(
     R: Array, z: Array, start: Array, nominal: Array, positive: Sequence[int]
 ) -> Array:
@@ -285,6 +248,7 @@ def _centred(
             gradient[i] -= 1.0 / x[i]
             hessian[i, i] += 1.0 / x[i] ** 2
         size = np.sqrt(np.diag(hessian))
+        size[size == 0.0] = 1.0  # nothing determines it, and its gradient is zero
         small = hessian / np.outer(size, size) + 1e-14 * np.eye(len(x))
         step = -np.linalg.solve(small, gradient / size) / size
         fall = -float(gradient @ step)

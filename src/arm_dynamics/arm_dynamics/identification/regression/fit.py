@@ -25,6 +25,7 @@ from arm_dynamics.identification.regression.friction_columns import (
     COULOMB,
     COULOMB_SKEW,
     EXCESS,
+    STEEP,
     VISCOUS,
     VISCOUS_SKEW,
     JointFit,
@@ -32,7 +33,7 @@ from arm_dynamics.identification.regression.friction_columns import (
 )
 from arm_dynamics.identification.regression.regressor import EACH
 from arm_dynamics.identification.regression.rows import Rows
-from arm_dynamics.identification.regression.selection import STEEP, STEEPEST
+from arm_dynamics.identification.regression.selection import STEEPEST
 
 SIGNED = (COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
 STEPS = 25
@@ -50,7 +51,6 @@ class Fit:
         columns: The regression at the end.
         weights: Of each joint, shape (n,).
         residual: Shape (k, n).
-        free: The estimate without prior and without constraints, to which intervals belong.
         changed: Whether bodies had to be changed to be physically consistent.
     """
 
@@ -59,7 +59,6 @@ class Fit:
     columns: Columns
     weights: Array
     residual: Array
-    free: Array
     changed: bool
 
     @property
@@ -109,13 +108,12 @@ def fitted(
             break
         fits = lean
     R, z = columns.whitened(target, weights, rows.independent)
-    free = solved(R, z)
     changed = False
     if possible:
         x, changed = _possible(R, z, x, belief_for(columns.size), rows, fits)  # type: ignore[operator]
     fits = _with_coefficients(fits, x, columns.size)
     residual = target - columns.predicted(x)
-    return Fit(x, tuple(fits), columns, weights, residual, free, changed)
+    return Fit(x, tuple(fits), columns, weights, residual, changed)
 
 
 def _kept(rows: Rows, use: Mask, j: int, fit: JointFit) -> JointFit:
@@ -157,7 +155,7 @@ def _settled(
         best, kept = cost, (trial, load, weights, x, columns)
         weights = 1.0 / left
         load = predicted + rows.known
-        if not any(_shapes(fit) for fit in trial):
+        if not any(fit.bends for fit in trial):
             if step >= 3:
                 break
             continue
@@ -180,52 +178,44 @@ def _with_coefficients(fits: Sequence[JointFit], x: Array, size: int) -> list[Jo
     return found
 
 
-def _shapes(fit: JointFit) -> tuple[str, ...]:
-    """Names of the nonlinear parameters of a joint's friction."""
-    falls = EXCESS in fit.kinds and fit.shape.stribeck_velocity is not None
-    grows = fit.shape.load is not None
-    bends = [f"at.{i}" for i in range(1, len(fit.shape.points))]
-    bends += [f"part.{i}" for i in range(1, len(fit.shape.points) - 1)]
-    return ("load", *bends) * grows + ("stribeck_velocity",) * falls
-
-
-def _moved(shape: Shape, name: str, by: float) -> Shape:
-    """A shape with one parameter changed: velocities, and gaps between loads, relatively."""
-    if name == "load":
-        return replace(shape, load=float(np.clip((shape.load or 0.0) + by, 0.0, STEEP)))
-    if "." in name:
-        what, place = name.split(".")
-        i, (at, part) = int(place), np.array(shape.points).T
-        if what == "at":
-            at[i:] += (at[i] - at[i - 1]) * np.expm1(np.clip(by, -0.7, 0.7))
-        else:
-            part[i] = np.clip(part[i] + by, part[i - 1], part[i + 1])
-        return replace(shape, points=tuple(zip(at.tolist(), part.tolist(), strict=True)))
-    fall = (shape.stribeck_velocity or 1.0) * float(np.exp(np.clip(by, -0.7, 0.7)))
-    return replace(shape, stribeck_velocity=fall)
-
-
 def _stepped(
     rows: Rows, belief_for: object,
     now: tuple[list[JointFit], Array, Array, Array, Columns], target: Array, damping: float,
 ) -> list[JointFit]:  # fmt: skip
     """Shapes after a Gauss-Newton step, with all linear unknowns free."""
     fits, load, weights, _, columns = now
-    names = [(j, name) for j, fit in enumerate(fits) for name in _shapes(fit)]
-    parts, places = list(columns.own), list(columns.places)
-    for j in dict.fromkeys(j for j, _ in names):
-        parts[j] = np.column_stack([parts[j], _slopes(rows, fits[j], j, load[:, j])])
-    for i, (j, _) in enumerate(names):
-        places[j] = np.append(places[j], columns.size + i)
-    wide = replace(columns, own=tuple(parts), places=tuple(places), size=columns.size + len(names))
+    wide, names = _widened(rows, fits, load, columns)
     belief: Belief = belief_for(wide.size)  # type: ignore[operator]
     R, z = belief.combined(*wide.whitened(target, weights, rows.independent))
     x = solved(R, z)
     moved = list(fits)
     for i, (j, name) in enumerate(names):
         by = damping * float(np.clip(x[columns.size + i], -0.7, 0.7))
-        moved[j] = replace(moved[j], shape=_moved(moved[j].shape, name, by))
+        moved[j] = replace(moved[j], shape=moved[j].shape.moved(name, by))
     return moved
+
+
+def with_shapes(rows: Rows, fit: Fit) -> tuple[Columns, list[tuple[int, str]]]:
+    """The regression of a fit with its shapes as more unknowns, linearized.
+
+    Returns:
+        The columns, and the joint and name of each further unknown, see ``Shape.moved``.
+    """
+    load = fit.columns.predicted(fit.x) + rows.known
+    return _widened(rows, fit.friction, load, fit.columns)
+
+
+def _widened(
+    rows: Rows, fits: Sequence[JointFit], load: Array, columns: Columns
+) -> tuple[Columns, list[tuple[int, str]]]:
+    names = [(j, name) for j, fit in enumerate(fits) for name in fit.bends]
+    parts, places = list(columns.own), list(columns.places)
+    for j in dict.fromkeys(j for j, _ in names):
+        parts[j] = np.column_stack([parts[j], _slopes(rows, fits[j], j, load[:, j])])
+    for i, (j, _) in enumerate(names):
+        places[j] = np.append(places[j], columns.size + i)
+    size = columns.size + len(names)
+    return replace(columns, own=tuple(parts), places=tuple(places), size=size), names
 
 
 def _slopes(rows: Rows, fit: JointFit, j: int, load: Array) -> Array:
@@ -236,10 +226,10 @@ def _slopes(rows: Rows, fit: JointFit, j: int, load: Array) -> Array:
         return np.asarray(rows.sliding(replace(fit, shape=shape), j, load) @ coefficients)
 
     h, now, found = 1e-6, torque(fit.shape), []
-    for name in _shapes(fit):
-        shape, span = _moved(fit.shape, name, h), h
+    for name in fit.bends:
+        shape, span = fit.shape.moved(name, h), h
         if shape == fit.shape:  # at its upper bound
-            shape, span = _moved(fit.shape, name, -h), -h
+            shape, span = fit.shape.moved(name, -h), -h
         if name == "load":
             span = (shape.load or 0.0) - (fit.shape.load or 0.0)
         found.append((torque(shape) - now) / span)
@@ -247,7 +237,7 @@ def _slopes(rows: Rows, fit: JointFit, j: int, load: Array) -> Array:
 
 
 def _same(one: JointFit, other: JointFit) -> bool:
-    return one.kinds == other.kinds and _shapes(one) == _shapes(other)
+    return one.kinds == other.kinds and one.bends == other.bends
 
 
 def _without_impossible(fit: JointFit, fastest: float) -> JointFit:

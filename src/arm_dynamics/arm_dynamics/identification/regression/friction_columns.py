@@ -7,7 +7,7 @@ see ``model.friction`` for the keys of a scene.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,6 +23,11 @@ offset, is equivalent to a skew of its Coulomb friction."""
 DRY = (COULOMB, COULOMB_SKEW, EXCESS)
 """Those that grow with the load."""
 STRIBECK_VELOCITY, LOAD = "stribeck_velocity", "load"
+STEEP = 0.98
+"""Largest fraction of the dry friction that may grow with the load, or with the speed: friction is
+positive."""
+FARTHEST = 0.7
+"""Largest change of a shape's logarithm at a time."""
 POINTS = 6
 """Number of points in a table of friction over load."""
 
@@ -64,6 +69,21 @@ class Shape:
         """The factor of dry friction under torques of the drive in [N m] or [N], shape (k,)."""
         return np.asarray(Curve.through(*self.table)(abs(load)))
 
+    def moved(self, name: str, by: float) -> Shape:
+        """A copy with one parameter changed: velocities, and gaps between loads, relatively."""
+        if name == LOAD:
+            return replace(self, load=float(np.clip((self.load or 0.0) + by, 0.0, STEEP)))
+        relative = float(np.exp(np.clip(by, -FARTHEST, FARTHEST)))
+        if name == STRIBECK_VELOCITY:
+            return replace(self, stribeck_velocity=(self.stribeck_velocity or 1.0) * relative)
+        what, place = name.split(".")
+        i, (at, part) = int(place), np.array(self.points).T
+        if what == "at":
+            at[i:] += (at[i] - at[i - 1]) * (relative - 1.0)
+        else:
+            part[i] = np.clip(part[i] + by, part[i - 1], part[i + 1])
+        return replace(self, points=tuple(zip(at.tolist(), part.tolist(), strict=True)))
+
     def unloaded(self, kind: str, v: Array) -> Array:
         """Friction of a kind of ``LINEAR`` with a unit coefficient, without growth, shape (k,)."""
         way = np.sign(v)
@@ -93,6 +113,15 @@ class JointFit:
     shape: Shape = Shape()
     coefficients: dict[str, float] = field(default_factory=dict)
     refused: float = 0.0
+
+    @property
+    def bends(self) -> tuple[str, ...]:
+        """Names of the nonlinear parameters that its kinds have, for ``Shape.moved``."""
+        falls = EXCESS in self.kinds and self.shape.stribeck_velocity is not None
+        table = [f"at.{i}" for i in range(1, len(self.shape.points))]
+        table += [f"part.{i}" for i in range(1, len(self.shape.points) - 1)]
+        grows = (LOAD, *table) if self.shape.load is not None else ()
+        return (*grows, STRIBECK_VELOCITY) if falls else grows
 
     def torque(self, v: Array, load: Array) -> Array:
         """The friction, shape (k,)."""

@@ -16,6 +16,7 @@ from arm_dynamics.identification.regression.friction_columns import (
     COULOMB_SKEW,
     EXCESS,
     LINEAR,
+    STEEP,
     VISCOUS,
     VISCOUS_SKEW,
     JointFit,
@@ -25,13 +26,11 @@ from arm_dynamics.identification.regression.rows import FOLDS, Rows
 
 FALLS = np.geomspace(0.01, 1.0, 7)
 """Stribeck velocities that are tried, relative to a joint's root mean square velocity."""
-WORTH = 0.02
-"""Relative reduction of the prediction error by which a law is accepted."""
+WORTH, CHANCE = 0.02, 10.0
+"""Reduction of the prediction error by which a law is accepted: relative, and in variances of the
+residual, which chance alone exceeds once in a thousand laws."""
 RESOLVED = 1e-6
 """Resolution of prediction errors relative to the torque."""
-STEEP = 0.98
-"""Largest fraction of the dry friction that may grow with the load, or with the speed: friction is
-positive."""
 STEEPEST = 0.3
 """Largest growth of friction with the load; the scene's curve is up to half as steep again."""
 ROUNDS = 2
@@ -228,7 +227,7 @@ class Choice:
         """Add laws to a joint one by one as long as they reduce the prediction error."""
         best, *_ = self._scores(j, weights, precision)
         # The other joints add the same errors, so the gain is measured against this joint's.
-        counts = self._use[:, j].sum() * self._rows.independent
+        least = max(WORTH * self._use[:, j].sum() * self._rows.independent, CHANCE)
         while True:
             taken = {self.offered[j][p - self._starts[j]].kind for p in self.chosen[j]}
             found: tuple[float, int, Array] | None = None
@@ -240,13 +239,13 @@ class Choice:
                 self.chosen[j].add(place)
                 scores, possible, growth = self._scores(j, weights, precision)
                 self.chosen[j].remove(place)
-                worth = best.sum() - scores.sum() > WORTH * counts
+                worth = best.sum() - scores.sum() > least
                 better = np.count_nonzero(scores < best) >= FOLDS - 1
                 if kind == LOADED and growth > STEEPEST and better and worth:
                     self._refused[j] = growth
                 if possible and better and (found is None or scores.sum() < found[0]):
                     found = float(scores.sum()), place, scores
-            if found is None or not best.sum() - found[0] > WORTH * counts:
+            if found is None or not best.sum() - found[0] > least:
                 return
             best = found[2]
             self.chosen[j].add(found[1])

@@ -12,9 +12,13 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.identification.regression.bandwidth import mean_residual
 from arm_dynamics.identification.regression.estimation import Mask
 from arm_dynamics.identification.regression.fit import Fit, fitted
-from arm_dynamics.identification.regression.friction_columns import COULOMB, VISCOUS, JointFit
+from arm_dynamics.identification.regression.friction_columns import (
+    COULOMB,
+    STEEP,
+    VISCOUS,
+    JointFit,
+)
 from arm_dynamics.identification.regression.rows import FOLDS, Rows
-from arm_dynamics.identification.regression.selection import STEEP
 
 COUNTS = (2, 3, 4)
 """Numbers of points that are tried; their loads, and all values but one, are fitted."""

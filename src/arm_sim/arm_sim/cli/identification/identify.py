@@ -149,7 +149,7 @@ def _result(found: Identification, files: list[Path]) -> dict[str, Any]:
         "error": _known(found.error[0]), "nominal_error": _known(found.error[1]),
         "torque_error": {name: _known(x) for name, x in found.torque_error.items()},
         "parameters": dict(found.parameters), "intervals": dict(found.intervals),
-        "missing": dict(found.missing), "notes": list(found.notes),
+        "written": dict(found.written), "missing": dict(found.missing), "notes": list(found.notes),
         "scales": dict(zip(found.joint_names, found.scales.tolist(), strict=True)),
     }  # fmt: skip
 
@@ -170,11 +170,12 @@ def _show(found: Identification) -> None:
     ]  # fmt: skip
     columns = ["joint", "nominal\nerror", "error", "residual\nrms", "friction"]
     show(out, table(columns, rows, text=(0, 4)))
+    count = len(found.parameters.keys() - found.missing.keys())
     out.print(
         f"torque error on held-out data: {share(found.error[0], 2)}, nominal "
         f"{share(found.error[1], 2)}; "
         f"low-pass filter {found.band:.3g} Hz; condition number {found.condition:.3g}; "
-        f"{len(found.parameters)} parameters identified, {len(found.missing)} not",
+        f"{count} parameters identified, {len(found.missing)} not",
         markup=False,
     )
     for note in found.notes:

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The study of intervals, with fewer recordings: they contain the truth as often as they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm_dynamics import Dynamics
+from benchmarks.identification import coverage
+
+
+@pytest.mark.parametrize("name", coverage.ARMS)
+def test_torques_by_lagrange_are_those_of_the_suite(name: str) -> None:
+    """Two derivations that share nothing agree, so that the study has the right truth."""
+    arm = coverage.true_arm(coverage.ARMS[name])
+    joints = {
+        link: {"armature": rotor, "friction": {"viscous": viscous, "coulomb": coulomb}}
+        for link, rotor, viscous, coulomb in zip(
+            arm.names, arm.armature.tolist(), arm.viscous.tolist(), arm.coulomb.tolist(),
+            strict=True,
+        )
+    }  # fmt: skip
+    q, v, a = np.random.default_rng(0).normal(size=(3, 20, len(arm.names)))
+    suite = Dynamics({"robot": {"urdf": arm.urdf}, "joints": joints}).inverse(q, v, a)
+    np.testing.assert_allclose(suite, arm.torque(q, v, a), atol=1e-11)
+
+
+def test_intervals_contain_the_truth_as_often_as_they_say() -> None:
+    """Of 150 intervals of ten recordings, many of them of the same noise."""
+    found = coverage.study("two links", seeds=10)
+    assert 0.92 <= found.held.mean() <= 0.995
+    assert found.bias < 0.3
+
+
+def test_the_truth_of_a_sum_of_parameters() -> None:
+    truth = {"a.m": 2.0, "a.mx": 0.5, "b.Izz": 1.0}
+    assert coverage.combined("b.Izz - 0.4 a.mx + a.m", truth) == pytest.approx(2.8)
+    assert coverage.combined("b.coulomb_skew", truth) == 0.0
