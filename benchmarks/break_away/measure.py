@@ -23,6 +23,9 @@ BEYOND = (1.0001, 1.01, 1.3, 2.0)
 TICK = 1e-6
 """Length of the tick after which velocities are read as accelerations [s]."""
 
+ROUNDING = 1e-9
+"""Accelerations of joints without friction that are rest [m/s² or rad/s²]."""
+
 
 @dataclass(frozen=True)
 class Result:
@@ -86,7 +89,7 @@ def _of_dynamics(of: Set, at: float, dynamics: Dynamics, order: list[int]) -> fl
 
     def moves(factor: float) -> bool:
         tau = (of.base + factor * of.along)[order]
-        return bool(dynamics.constrained_forward(q, still, tau)[0].any())
+        return bool(abs(dynamics.constrained_forward(q, still, tau)[0]).max() > ROUNDING)
 
     try:
         return _bisected(moves, at)
