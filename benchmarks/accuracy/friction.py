@@ -130,6 +130,8 @@ def _reverse(engine: Any, courses: dict[str, Any]) -> Callable[[], Any]:
 def _wheel(w: dict[str, Any], key: tuple[str, str, float]) -> Any:
     levels = {name: w[name] for name in ("viscous", "coulomb", "static", "stribeck_velocity")}
     if key[0] == "this suite":
+        if levels["static"] == levels["coulomb"]:  # then a Stribeck velocity would do nothing
+            del levels["stribeck_velocity"]
         law = levels | {"lugre": {"sigma0": w["sigma0"], "sigma1": w["sigma1"]}}
         return _Ours(law, w["J"], **BRISTLES[key[1]])
     five = [w[n] for n in ("sigma0", "sigma1", "coulomb", "static", "stribeck_velocity")]
