@@ -118,7 +118,7 @@ class NodeTime(Structure):
         return stamp
 
     def _first(self, due: int, passed: int) -> int:
-        """The stamp after time stood still or began anew; a state before its tick is a tick older."""
+        """The stamp after time stood still or began anew; before its tick, a tick older."""
         self.owed = 0
         return due if passed > 0 else due - self.tick
 
