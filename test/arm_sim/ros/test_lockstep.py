@@ -203,7 +203,7 @@ def test_privileges_that_are_not_granted_are_reported(
 def test_a_failure_stops_time_and_is_said(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     sim = lockstep(ros)
 
-    def fail(_: Any) -> None:
+    def fail(*_: Any) -> None:
         raise ZeroDivisionError("by surprise")
 
     monkeypatch.setattr(sim.engine.commands, "take", fail)

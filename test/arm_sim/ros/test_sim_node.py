@@ -149,7 +149,7 @@ def test_a_failure_in_the_loop_pauses_it(
 ) -> None:
     node = ros.add(SimNode, models.scene("two_link"))
 
-    def fail(_: Any) -> None:
+    def fail(*_: Any) -> None:
         raise ZeroDivisionError("by surprise")
 
     monkeypatch.setattr(node.engine.commands, "take", fail)
