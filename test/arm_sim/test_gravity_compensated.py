@@ -43,7 +43,7 @@ def test_an_effort_is_added_to_the_weight_and_both_are_limited(
     assert not caplog.records
     sim.step(np.full(7, 1e3))
     np.testing.assert_array_equal(sim.effort, sim.model.effort_limit)
-    assert "was clipped" in caplog.text
+    assert "is clipped" in caplog.text
 
 
 @pytest.mark.parametrize("name", ["panda", "motor_pendulum"])

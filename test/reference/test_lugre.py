@@ -22,7 +22,8 @@ DATA = json.loads(Path(__file__).with_name("lugre.json").read_text())["wheels"]
 
 def simulator(wheel: dict[str, Any], **options: Any) -> Simulator:
     law = {key: wheel[key] for key in ("sigma0", "sigma1", "sigma1_velocity") if wheel[key]}
-    keys = ("viscous", "coulomb", "static", "stribeck_velocity")
+    falls = ("stribeck_velocity",) if wheel["static"] > wheel["coulomb"] else ()
+    keys = ("viscous", "coulomb", "static", *falls)
     scene = rotor(wheel["J"], **{key: wheel[key] for key in keys}, lugre=law)
     return Simulator(scene, dt=1e-3, **options)
 

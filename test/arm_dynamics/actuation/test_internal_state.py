@@ -179,7 +179,7 @@ def test_auto_sees_how_fast_a_coil_is(build: Build) -> None:
     quick = build(Motor((True, False), L=0.01))
     assert quick.plan.integrator == "dop853" and quick.choice.tolerance
     plan = build(Motor((True, False), L=1e-6)).plan
-    assert plan.integrator == "implicit" and "drive answers" in plan.reason
+    assert plan.integrator == "implicit" and "its drive" in plan.reason
 
 
 def test_plan_reports_the_cost_of_a_law(build: Build) -> None:

@@ -126,7 +126,7 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("lower", "-inf", "finite"),
     ),
     "inertia a little negative": (
-        payload(inertia=[-1.01e-12, 0, 0, 1, 0, 1]),
+        payload(inertia=[-1.01e-10, 0, 0, 1, 0, 1]),
         ("inertia", "must not be negative in any direction", "-1.01"),
     ),
     "a small inertia that is a little negative": (
@@ -134,11 +134,11 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("inertia", "negative"),
     ),
     "an inertia that is great in one direction and a little negative in another": (
-        payload(inertia=[-1.01e-10, 0, 0, 1, 0, 100]),
+        payload(inertia=[-1.01e-8, 0, 0, 1, 0, 100]),
         ("inertia", "negative"),
     ),
     "a great inertia that is a little negative": (
-        payload(inertia=[-1.01e-10, 0, 0, 100, 0, 100]),
+        payload(inertia=[-1.01e-8, 0, 0, 100, 0, 100]),
         ("inertia", "negative"),
     ),
     "line without direction": (
@@ -237,8 +237,8 @@ FINE_KEYS: dict[str, dict[str, Any]] = {
     "a limit of nothing": {"joints": {"*": {"limits": {"effort": 0, "velocity": 0.5}}}},
     "no limit": {"joints": {"*": {"limits": {"effort": INF, "velocity": "1e9"}}}},
     "rounding of an inertia": payload(inertia=[-1e-12, 0, 0, 1, 0, 1]),
-    "rounding of a small inertia": payload(inertia=[-1e-12, 0, 0, 1e-3, 0, 1e-3]),
-    "rounding of a great inertia": payload(inertia=[-1e-10, 0, 0, 100, 0, 100]),
+    "rounding of a small inertia": payload(inertia=[-1e-13, 0, 0, 1e-3, 0, 1e-3]),
+    "rounding of a great inertia": payload(inertia=[-1e-8, 0, 0, 100, 0, 100]),
     "a thin plate whose numbers have two digits": payload(inertia=[0.33, 0, 0, 0.67, 0, 1.01]),
     "a payload without weight": payload(mass=0),
 }

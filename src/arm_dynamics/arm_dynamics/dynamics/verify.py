@@ -153,10 +153,10 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     terms = (abs(A) @ (abs(a)[..., None] + abs(free)))[..., 0] + abs(drift)
     basis = np.linalg.qr(np.swapaxes(A, 1, 2))[0]
     reaction = (basis @ (np.swapaxes(basis, 1, 2) @ lacking[..., None]))[..., 0]
-    more = slack(condition)[:, None]
+    more, rounded = slack(condition)[:, None], ROUNDED * terms.max(initial=0.0)
     return compare(
         "constrained dynamics",
-        ((A @ a[..., None])[..., 0] + drift, more * np.maximum(terms, ROUNDED * terms.max())),
+        ((A @ a[..., None])[..., 0] + drift, more * np.maximum(terms, rounded)),
         (lacking - reaction, more * torque_size(M, a, tau, lacking)),
     )
 

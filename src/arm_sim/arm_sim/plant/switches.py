@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from arm_dynamics.actuation.internal_state import Flow, StatefulLaw
 from arm_dynamics.arrays import Array
 
-_COMPARED = {ca.OP_LT: -1.0, ca.OP_LE: -1.0, ca.OP_FMIN: -1.0, ca.OP_FMAX: 1.0}
-"""Operations that choose, with the sign of a - b where they choose ``a``, or hold."""
+_COMPARED = {ca.OP_LT: 1.0, ca.OP_LE: -1.0, ca.OP_FMIN: -1.0, ca.OP_FMAX: 1.0}
+"""Operations that choose, with the sign of a - b, or zero, where they choose ``a`` or hold; a < b,
+which excludes zero, where it does not hold."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,8 @@ class Switches:
 
     Attributes:
         results: The expressions, with modes in place of comparisons.
-        modes: Symbols of the modes, shape (k,): 1 where a comparison holds, else 0.
-        values: Switching functions, positive where it holds, shape (k,); not by modes.
+        modes: Symbols of the modes, shape (k,): 1 where a switching function is not negative.
+        values: Switching functions, differences of what is compared, shape (k,); not by modes.
         sizes: Magnitude of the terms of each, whose rounding is no switch, shape (k,).
     """
 
@@ -61,6 +62,8 @@ def case_modes(results: Sequence[ca.SX], state: ca.SX) -> Switches:
         if operation not in _COMPARED or not plain.varies(k):
             continue
         a, b = plain.operands(k)
+        if ca.is_equal(b, -a, 1):  # an absolute value, which has powers: it must stay positive
+            continue
         chosen = ca.SX.sym(f"holds{len(modes)}")
         modes.append(chosen)
         values.append(_COMPARED[operation] * (a - b))
@@ -69,7 +72,7 @@ def case_modes(results: Sequence[ca.SX], state: ca.SX) -> Switches:
             a, b = moded.operands(k)
             moded.put(k, chosen * a + (1.0 - chosen) * b)
         else:
-            moded.put(k, chosen)
+            moded.put(k, 1.0 - chosen if operation == ca.OP_LT else chosen)
     columns = (ca.vertcat(ca.SX(0, 1), *parts) for parts in (modes, values, sizes))
     return Switches(moded.outputs, *columns)
 

@@ -42,7 +42,6 @@ static int make_step(const segment_t* segment, double h, piece_t* piece, real* e
   const real length = h;
   WORKSPACE;
   piece->length = h;
-  *segment->work += COST_STEP;
   if (is_foreseen(segment) && h == known->length && same(piece->begin, known->x, NX)) {
     memcpy(piece->end, known->after, sizeof known->after);
     memcpy(&piece->inside, &known->inside, sizeof known->inside);
@@ -167,7 +166,8 @@ static double disobedience(const real* x, const segment_t* segment, const double
   stop_disobedience(x, segment, t, limits);
   find_switches(x, segment, value, size);
   for (int k = 0; k < NK; ++k)
-    limits->switched[k] = (segment->p.switches[k] != 0.0 ? -value[k] : value[k]) - SWITCH_ROUNDING * size[k];
+    if (size[k] > 0.0) /* else nothing is compared, as the engagement of teeth within their backlash */
+      limits->switched[k] = (segment->p.switches[k] != 0.0 ? -value[k] : value[k]) - SWITCH_ROUNDING * size[k];
   return worst_of(limits);
 }
 
@@ -182,6 +182,7 @@ typedef struct {
 static double excess_at(const search_t* search, double t, limits_t* limits) {
   piece_t part;
   real error[2];
+  *search->segment->work += COST_STEP;
   memcpy(part.begin, search->piece.begin, sizeof part.begin);
   memcpy(part.end, part.begin, sizeof part.end);
   if (t == 0.0 || make_step(search->segment, t, &part, error))
@@ -417,6 +418,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     limits_t limits;
     real error[2] = {0.0, 0.0};
     int last = 1;
+    *segment->work += COST_STEP;
 #ifdef ADAPTIVE
     const double h = next_length(&at, reach);
     ++control->attempts;
