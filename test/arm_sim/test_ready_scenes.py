@@ -15,26 +15,30 @@ G = 9.81
 
 # --- lifting_gripper: a grip by the current limit, a load held by friction --------------------
 
-SQUEEZE = 1000 * 0.02 * 0.5 - 0.5  # N K_t I less the finger's Coulomb friction [N]
+SQUEEZE = 1000 * 0.02 * 0.5 - 0.5  # N K_t I less the finger's Coulomb friction [N], ...
+LARGEST = 1000 * 0.02 * 0.5 + 0.5  # ... and with it: at rest it may act either way
 MU, BOX, PALM = 0.5, 0.3, 0.66  # of each tip; [kg], the fingers with the palm
 
 
-@pytest.mark.parametrize(("share", "slips"), [(0.98, False), (1.02, True)])
-def test_a_box_is_lifted_as_fast_as_friction_allows(share: float, slips: bool) -> None:
-    """m (g + a) of what two tips hold, 2 µ times the squeeze; beyond it they slide on the box."""
+@pytest.mark.parametrize("slips", [False, True])
+def test_a_box_is_lifted_as_fast_as_friction_allows(slips: bool) -> None:
+    """m (g + a) of what two tips hold: 2 µ times what presses them, in which the friction of the
+    fingers at rest may take part; beyond it they slide on the box.
+    """
     sim = models.simulator("lifting_gripper")
     names = sim.joint_names
     box, lift, left, right = map(names.index, ("box_height", "lift", "left", "right"))
     u = np.zeros(sim.n)
     u[[left, right]] = -0.5
     sim.run(0.5, u)
-    a = share * (2.0 * MU * SQUEEZE / BOX - G)
+    a = (1.02 if slips else 0.98) * (2.0 * MU * (LARGEST if slips else SQUEEZE) / BOX - G)
     rail = 20.0 * np.eye(sim.n)[lift]  # its viscous friction [N s/m]
     u[lift] = (PALM + BOX) * (G + a)
     run = sim.run(0.01, lambda state: u + rail * state.v)
     force = contact_history(sim, run).force[5]
-    assert_close(np.abs(force[:, 1]), [SQUEEZE, SQUEEZE], 1e-9)
-    assert_close(-force[:, 2].sum(), min(BOX * (G + a), 2.0 * MU * SQUEEZE), 1e-3)
+    normal = np.abs(force[:, 1])
+    assert (normal >= SQUEEZE * (1.0 - 1e-9)).all() and (normal <= LARGEST * (1.0 + 1e-9)).all()
+    assert_close(-force[:, 2].sum(), min(BOX * (G + a), MU * normal.sum()), 1e-3)
     apart = run.q[-1, lift] - run.q[-1, box]
     assert apart > 5e-6 if slips else abs(apart) < 1e-12
 

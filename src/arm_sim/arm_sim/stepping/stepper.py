@@ -47,7 +47,7 @@ FREE = "free_"
 """Prefix of the functions for joints away from their stops."""
 NOWHERE = sys.float_info.max
 """Position of a stop that does not exist: beyond every position."""
-MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 800_000, 20, 50, 100
+MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1_000_000, 20, 50, 100
 """Budget of a tick with events before it is time-stepped: arithmetic operations (less than a
 millisecond), smooth motions that it may always take, a factor with error control, and the overhead
 of a call in operations."""
