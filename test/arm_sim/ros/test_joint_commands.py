@@ -108,7 +108,7 @@ def test_an_effort_beside_a_position_is_added_within_limits(
     node.inputs.on_joint_commands(command(name=names(node), position=start, effort=efforts))
     node.tick()
     assert node.simulator.effort[0] == node.simulator.model.effort_limit[0]
-    assert "effort 1000 of joint 'panda_joint1' is beyond its limit" in capfd.readouterr().err
+    assert "command 1000 N m of joint 'panda_joint1' exceeds its limit" in capfd.readouterr().err
 
 
 def test_two_sources_lead_joints_by_position_and_by_effort(ros: Ros) -> None:

@@ -221,7 +221,7 @@ def test_effort_beyond_its_limit_is_clipped_and_reported_once(
     limit = node.simulator.model.effort_limit[1]
     expected = [1.0, np.copysign(limit, effort), 0.0, 0.0, 0.0, 0.0, -2.0]
     np.testing.assert_array_equal(node.simulator.effort, expected)
-    told = f"effort {effort:g} of joint 'panda_joint2' is beyond its limit {limit:g} N m"
+    told = f"command {effort:g} N m of joint 'panda_joint2' exceeds its limit of {limit:g} N m"
     assert capfd.readouterr().err.count(told) == 1
     assert not caplog.records  # the simulation itself has nothing to add
 

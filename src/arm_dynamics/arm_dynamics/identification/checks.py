@@ -173,8 +173,14 @@ def check_explained(error: float, nominal: float, names: Sequence[str], scales: 
     )
 
 
+CHANCE = 1.1
+"""Ratio of two errors of prediction that noise alone may cause."""
+
+
 def check_better(error: float, nominal: float) -> None:
     """Refuse a scene that predicts the part held out worse than the one it comes from.
+
+    Noise alone makes a difference of some percent where the nominal scene is right already.
 
     Args:
         error: Relative residual of the held-out torques; NaN if it is unknown.
@@ -183,7 +189,7 @@ def check_better(error: float, nominal: float) -> None:
     Raises:
         InvalidInput: With both.
     """
-    if not error > max(nominal, ROUNDING):
+    if not error > max(CHANCE * nominal, ROUNDING):
         return
     raise InvalidInput(
         f"the identified scene leaves {error:.3%} of the torques held out, more than the nominal "
