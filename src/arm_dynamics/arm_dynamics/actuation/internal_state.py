@@ -168,7 +168,7 @@ class Ensemble:
         load = self.drive(q, v, z, u)
         flows = [
             law.equations(q, v, part, u if law.replaces_command.any() else load)
-            for law, part in self._parts(z)
+            for law, part in self.parts(z)
         ]
         direct = ca.sparsify(self._direct()) * u
         return Flow(
@@ -182,7 +182,7 @@ class Ensemble:
     def drive(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
         """Torque of the drives on the links: u, or that of the model that replaces it."""
         torque = self._direct() * u
-        for law, part in self._parts(z):
+        for law, part in self.parts(z):
             if law.replaces_command.any():
                 chosen = ca.DM(law.replaces_command.astype(float))
                 torque = torque + chosen * law.equations(q, v, part, u).torque
@@ -195,7 +195,8 @@ class Ensemble:
             replaced |= law.replaces_command
         return ca.SX(ca.DM(np.logical_not(replaced).astype(float)))
 
-    def _parts(self, z: ca.SX) -> list[tuple[StatefulLaw, ca.SX]]:
+    def parts(self, z: ca.SX) -> list[tuple[StatefulLaw, ca.SX]]:
+        """Each law with its states among z."""
         ends = np.cumsum([0, *(len(law.states) for law in self.laws)])
         return [(law, z[a:b]) for law, a, b in zip(self.laws, ends, ends[1:], strict=False)]
 

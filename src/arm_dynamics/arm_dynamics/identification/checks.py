@@ -27,6 +27,8 @@ OUT_OF_SCALE = 5.0
 """Largest factor between identified and nominal masses, in the median."""
 SLOWEST = 0.2
 """Largest sampling interval in [s] from which a motion can be identified."""
+CHANCE = 1.1
+"""Ratio of two errors of prediction that noise alone may cause."""
 ROUNDING = 1e-6
 """Relative residual below which a prediction is exact."""
 LEAST_ROWS = 50
@@ -171,10 +173,6 @@ def check_explained(error: float, nominal: float, names: Sequence[str], scales: 
         f"{nominal:.0%}); allowed: at most {UNEXPLAINED:.0%} (another robot, wrong joint names, "
         f"efforts that are not torques, or contact?){hint}"
     )
-
-
-CHANCE = 1.1
-"""Ratio of two errors of prediction that noise alone may cause."""
 
 
 def check_better(error: float, nominal: float) -> None:

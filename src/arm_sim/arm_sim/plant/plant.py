@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel
-from arm_dynamics.actuation.internal_state import Ensemble, StatefulLaw
+from arm_dynamics.actuation.internal_state import Ensemble
 from arm_dynamics.actuation.joint_laws import laws_of
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations.contact import ContactPoint
@@ -326,7 +326,7 @@ def _switches(arm: Mechanics, laws: Ensemble | None) -> ca.Function:
         found = ca.Function("cords", [s.q, s.v, s.p], [s.cords.values, s.cords.sizes])
         for column, part in zip((values, sizes), found(q, v, p[: s.p.numel()]), strict=True):
             column.append(part)
-    for drive, own in _parts(laws, z) if laws else ():
+    for drive, own in laws.parts(z) if laws else ():
         if isinstance(drive, SwitchedLaw):
             for column, part in zip((values, sizes), drive.switches(q, v, own, u), strict=True):
                 column.append(part)
@@ -367,12 +367,6 @@ def _of_state(function: ca.Function, joints: Joints, laws: Ensemble | None, n: i
 
 def _states(laws: Ensemble | None) -> int:
     return len(laws.names) if laws else 0
-
-
-def _parts(laws: Ensemble, z: ca.SX) -> list[tuple[StatefulLaw, ca.SX]]:
-    """Each law with its states among z."""
-    ends = np.cumsum([0, *(len(law.states) for law in laws.laws)])
-    return [(law, z[a:b]) for law, a, b in zip(laws.laws, ends, ends[1:], strict=False)]
 
 
 def _torques(laws: Ensemble) -> ca.Function:
