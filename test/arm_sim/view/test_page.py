@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from browser import Page, needed, opened
 
+from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.view import Chart, Film, View, show_films, show_rigs
@@ -82,6 +83,7 @@ def test_a_slider_places_a_joint(touched: tuple[View, Page], panda: Simulator) -
 
 def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
     view, page = touched
+    alone = Dynamics(panda.model)  # which nothing pushes
     page.handle.get_by_text("Push arm").dispatch_event("click")
     page.until(lambda: page.handle.get_by_role("button", name="Push", exact=True).count(), "it")
     page.click("Push")
@@ -90,13 +92,17 @@ def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
     page.click("Step")
     page.until(lambda: panda.state.step == 1, "a tick")
     q, v = panda.model.q0, panda.model.v0
-    pushed = panda.dynamics.forward(q, v, 20.0 * _sideways(panda))  # 20 N along y, as offered
-    assert abs(pushed - panda.dynamics.forward(q, v, np.zeros(7))).max() > 10.0
+    pushed = alone.forward(q, v, 20.0 * _sideways(panda))  # 20 N along y, as offered
+    assert abs(pushed - alone.forward(q, v, np.zeros(7))).max() > 10.0
     np.testing.assert_allclose(panda.state.v / panda.dt, pushed, rtol=5e-2, atol=0.5)
+    view.close()
+    outside = panda.plant.parameters.of("external", panda.parameters)
+    assert not outside.any()  # a page takes its pushes along
 
 
 def test_the_mouse_pulls_a_link_until_released(panda: Simulator) -> None:
     panda.reset()
+    alone = Dynamics(panda.model)  # which nothing pushes
     with (
         panda.view(port=0) as view,
         opened(view.url, "/arm/panda_joint7", size=(1600, 900)) as page,
@@ -120,8 +126,8 @@ def test_the_mouse_pulls_a_link_until_released(panda: Simulator) -> None:
         page.until(lambda: panda.state.step == 1, "a tick")
         q, v = panda.model.q0, panda.model.v0
         (frame,) = rig.wrenches.active
-        task = TaskSpace(panda.dynamics, frame, "local_world_aligned")
-        gained = panda.state.v / panda.dt - panda.dynamics.forward(q, v, np.zeros(7))
+        task = TaskSpace(alone, frame, "local_world_aligned")
+        gained = panda.state.v / panda.dt - alone.forward(q, v, np.zeros(7))
         assert (task.jacobian(q) @ gained)[1] > 1.0  # to where the mouse is, in m/s²
         mouse.up()
         page.until(lambda: not rig.wrenches.active, "its end")

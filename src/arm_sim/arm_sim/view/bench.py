@@ -145,6 +145,13 @@ class Rig:
         self.account.forget()
         self.choose(self.control)
 
+    def let_go(self) -> None:
+        """End all external forces."""
+        self.wrenches.clear()
+        if self._pushed:
+            self.simulation.set_parameter("external", np.zeros(self.simulation.n))
+            self._pushed = False
+
     def place(self, q: Array) -> None:
         """Set its position, at rest."""
         self.simulation.set_state(q, np.zeros(self.simulation.n))

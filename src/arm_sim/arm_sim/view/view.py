@@ -71,8 +71,11 @@ class View:
         self._pulse.wait()
 
     def close(self) -> None:
-        """End the page."""
+        """End the page, and what it pushes with."""
         self._pulse.stop()
+        if isinstance(self.source, Bench):
+            for rig in self.source.rigs:
+                rig.let_go()
         close_server(self._server)
 
     def __enter__(self) -> View:
