@@ -8,11 +8,10 @@ import numpy as np
 
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.control import ComputedTorque, FrictionFeedForward
-from arm_dynamics.identification import Room, excite, identify
 from arm_dynamics.trajectory import Limits, quintic_through
 from arm_sim import Simulator
 from arm_sim.figures import figure
-from arm_sim.identification import compare
+from arm_studies.identification import Room, compare, excite, identify
 
 begin = time.monotonic()
 

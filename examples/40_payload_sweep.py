@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from arm_sim.figures import figure
-from arm_sim.sweeps import load_study, sweep
+from arm_studies.sweeps import load_study, sweep
 
 study = load_study(Path(__file__).with_name("payload_sweep.yaml"))
 done = sweep(study, workers=1)  # workers=None: all cores

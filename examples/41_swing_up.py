@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Swing-up of a cart-pole by iLQR: motor, gear and friction are in the model that is optimized.
 
-``arm_sim.optimization.ILQR`` improves a trajectory by the exact derivatives of the simulation's
-own steps, within the motor's voltage limit. The plan is then executed on the arm at 1 kHz.
+``arm_studies.optimization.ILQR`` improves a trajectory by the exact derivatives of the
+simulation's own steps, within the motor's voltage limit. The plan is then executed on the arm at
+1 kHz.
 """
 
 import time
@@ -12,7 +13,7 @@ import numpy as np
 from arm_dynamics import load_scene
 from arm_sim import Simulator
 from arm_sim.figures import figure
-from arm_sim.optimization import ILQR, Phase, QuadraticCost
+from arm_studies.optimization import ILQR, Phase, QuadraticCost
 
 NODES, DT = 125, 0.02  # 2.5 s
 SUPPLY = 24.0  # [V]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Panda picks up a part and places it on the other side in one second, with minimal currents.
 
-iLQR (``arm_sim.optimization``) finds motor currents for 100 nodes of 10 ms. Rotors, friction and
-current limits are in the model, and so is the part, from the grasp on: the arm of the second phase
-differs from that of the first. The result includes a feedback policy, which also moves an arm that
-carries a different part than planned.
+iLQR (``arm_studies.optimization``) finds motor currents for 100 nodes of 10 ms. Rotors, friction
+and current limits are in the model, and so is the part, from the grasp on: the arm of the second
+phase differs from that of the first. The result includes a feedback policy, which also moves an
+arm that carries a different part than planned.
 """
 
 import time
@@ -15,7 +15,7 @@ from arm_dynamics import load_scene
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.figures import figure
-from arm_sim.optimization import ILQR, Expansion, Phase, QuadraticCost
+from arm_studies.optimization import ILQR, Expansion, Phase, QuadraticCost
 
 NODES, GRASP, DT = 100, 45, 0.01
 PART = 1.5  # [kg]

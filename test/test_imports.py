@@ -23,7 +23,7 @@ def core_modules(package: str) -> list[str]:
     return sorted(".".join(name).removesuffix(".__init__") for name in names)
 
 
-@pytest.mark.parametrize("package", ["arm_dynamics", "arm_sim"])
+@pytest.mark.parametrize("package", ["arm_dynamics", "arm_sim", "arm_studies"])
 def test_core_modules_do_not_import_ros(package: str) -> None:
     modules = core_modules(package)
     assert len(modules) > 3
@@ -40,15 +40,30 @@ for name in {modules!r}:
     assert done.returncode == 0, done.stderr
 
 
-def test_equations_know_nothing_of_integration() -> None:
-    """Imports go one way: arm_sim uses arm_dynamics, never the other way round."""
+ABOVE = {"arm_dynamics": ["arm_sim", "arm_studies"], "arm_sim": ["arm_studies"]}
+
+
+@pytest.mark.parametrize(("package", "above"), ABOVE.items())
+def test_imports_go_one_way(package: str, above: list[str]) -> None:
+    """A package runs without those that stand on it."""
     code = f"""
 import importlib, sys
-for name in {core_modules("arm_dynamics")!r}:
+for name in {core_modules(package)!r}:
     importlib.import_module(name)
-assert not any(m.split('.')[0] == 'arm_sim' for m in sys.modules)
+assert not {{m.split('.')[0] for m in sys.modules}} & set({above!r})
 """
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=120
     )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.ros
+def test_a_node_loads_no_study() -> None:
+    code = """
+import sys
+import arm_sim.ros.sim_node
+assert not any(m.split('.')[0] == 'arm_studies' for m in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr

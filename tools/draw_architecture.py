@@ -17,20 +17,23 @@ COLUMN = (WIDTH - 2 * LEFT - BETWEEN) // 2
 
 ROS, CORE, GROUND = "#fde8c8", "#dce9f9", "#e7e7e7"
 SAYS = {
+    "arm_studies": {
+        "cli": "./arm identify, excite, compare, sweep …; the whole command line",
+        "autodiff": "for JAX and PyTorch",
+        "identification": "a scene from measured motions",
+        "optimization": "iLQR, a receding horizon",
+        "sweeps": "many closed loops, one table",
+    },
     "arm_sim": {
         "cli": "./arm describe, build, call, demo, sim …",
         "ros": "the sim node; its tick engine knows no ROS",
         "closed_loop": "arm and controller",
-        "autodiff": "for JAX and PyTorch",
         "replay": "runs a recording again",
         "runtime_changes": "payload, friction, push",
         "simulator": "step, run, reset; the present state",
         "contact_history": "what contacts did in a recording",
         "compiled_scene": "one plant, one method, their compiled ticks",
         "recording": "states; energy account",
-        "identification": "a scene beside a recording",
-        "optimization": "iLQR, a receding horizon",
-        "sweeps": "many closed loops, one table",
         "plan": "computed, skipped",
         "stepping": "ticks: smooth motion, events (the engine in C)",
         "integrators": "steps, which method to take",
@@ -47,7 +50,6 @@ SAYS = {
     "arm_dynamics": {
         "client": "services of running nodes as functions",
         "ros": "dynamics and controller nodes; what all nodes share",
-        "identification": "numbers of a scene from measured motions",
         "control": "torque(state, reference); wrappers; by name",
         "trajectory": "references, timing, Cartesian goals",
         "task_space": "the dynamics at a frame, inverse kinematics",
@@ -88,11 +90,11 @@ def box(x: float, y: float, width: float, height: float, fill: str) -> str:
     )
 
 
-def stack(package: str, x: float, y: float, row: float) -> list[str]:
+def stack(package: str, x: float, y: float, row: float, width: float = COLUMN) -> list[str]:
     """The layers of a package; each imports from those below it."""
     drawn = []
     for k, names in enumerate(layers(package)):
-        wide = (COLUMN - GAP * (len(names) - 1)) / len(names)
+        wide = (width - GAP * (len(names) - 1)) / len(names)
         for i, name in enumerate(names):
             left, top = x + i * (wide + GAP), y + k * (row + GAP)
             fill = ROS if name in KNOWS_ROS else CORE
@@ -108,18 +110,22 @@ def stack(package: str, x: float, y: float, row: float) -> list[str]:
 def drawing() -> str:
     """The figure."""
     rows = max(len(layers("arm_sim")), len(layers("arm_dynamics")))
-    top, right = 50, LEFT + COLUMN + BETWEEN
+    studies, right = 50, LEFT + COLUMN + BETWEEN
+    top = studies + len(layers("arm_studies")) * (ROW + GAP) + 40
     bottom = top + rows * (ROW + GAP)
     height = bottom + 2 * ROW + GAP
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
         'font-family="sans-serif" text-anchor="middle">',
         f'<rect width="{WIDTH}" height="{height}" fill="white"/>',
+        text(WIDTH / 2, 32, "arm_studies: what is done with both", 16, 'font-weight="bold"'),
+        *stack("arm_studies", LEFT, studies, ROW, WIDTH - 2 * LEFT),
     ]
     titles = ("arm_sim", "simulates the arm"), ("arm_dynamics", "computes the equations of motion")
     for x, (package, about) in zip((LEFT, right), titles, strict=True):
         high = (bottom - top) / len(layers(package)) - GAP
-        parts.append(text(x + COLUMN / 2, 32, f"{package}: {about}", 16, 'font-weight="bold"'))
+        title = f"{package}: {about}"
+        parts.append(text(x + COLUMN / 2, top - 18, title, 16, 'font-weight="bold"'))
         parts += stack(package, x, top, high)
     middle, half = (top + bottom) / 2, LEFT / 2
     parts.append(

@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[1]
 RECORDER = Path(__file__).with_name("record_behaviour.py")
 SCENES = Path("src/arm_sim/arm_sim/scenes")
 RECORDS = "records.json"
-PACKAGES = ("src/arm_sim", "src/arm_dynamics")
+PACKAGES = ("src/arm_studies", "src/arm_sim", "src/arm_dynamics")
 JOBS = {
     "help": ("help",),
     "nodes": ("ros", "messages"),

@@ -41,7 +41,7 @@ ENGINE = [
     "test/arm_sim/stepping/test_cone.py",
     "test/arm_sim/stepping/test_search.py",
     "test/arm_sim/stepping/test_flow.py",
-    "test/arm_sim/optimization/test_backward.py",
+    "test/arm_studies/optimization/test_backward.py",
 ]
 # Of each sanitizer: flags, libraries that must be loaded first, options, what has tests for it.
 KINDS = {

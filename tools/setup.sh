@@ -230,12 +230,12 @@ write_environment() (
         [[ -z ${!name:-} ]] || printf '%s=%s\n' "$name" "${!name}"
     done >"$env/environment"
     cp "$root/tools/arm_environment.py" "$packages/"
-    printf '%s\n' "$env/workspace/install/lib/python3.12/site-packages" "$root/src/arm_sim" \
-        "$root/src/arm_dynamics" "import arm_environment" >"$packages/arm.pth"
+    printf '%s\n' "$env/workspace/install/lib/python3.12/site-packages" "$root/src/arm_studies" \
+        "$root/src/arm_sim" "$root/src/arm_dynamics" "import arm_environment" >"$packages/arm.pth"
 )
 
 check_workspace() (
-    env -u LD_LIBRARY_PATH -u AMENT_PREFIX_PATH "$env/bin/python" -c "import arm_sim"
+    env -u LD_LIBRARY_PATH -u AMENT_PREFIX_PATH "$env/bin/python" -c "import arm_studies"
     enter
     python -c "
 import sys, casadi, numpy, pinocchio, pydantic, rclpy, arm_msgs.srv

@@ -19,7 +19,7 @@ import click
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.identification import Identification, JointRecord, identify
+from arm_studies.identification import Identification, JointRecord, identify
 from benchmarks.identification.lagrange import LagrangeArm, Link
 from benchmarks.reporting.markdown import table
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, Scene, load_scene
 from arm_dynamics.arrays import Array
-from arm_dynamics.identification import Excitation, JointRecord, Room, excite, identify
-from arm_dynamics.identification.regression import bodies
-from arm_dynamics.identification.regression.base_parameters import base_parameters
-from arm_dynamics.identification.regression.regressor import EACH, RigidRegressor
+from arm_studies.identification import Excitation, JointRecord, Room, excite, identify
+from arm_studies.identification.regression import bodies
+from arm_studies.identification.regression.base_parameters import base_parameters
+from arm_studies.identification.regression.regressor import EACH, RigidRegressor
 
 RATE = 1000.0
 PERIOD, PERIODS = 10.0, 6

@@ -41,7 +41,8 @@ class Recorder:
 
     def __init__(self, tree: Path, folder: Path, task: Path) -> None:
         """Start it with the tree's packages and a kernel cache in a folder."""
-        packages = [str(tree / "src" / name) for name in ("arm_sim", "arm_dynamics")]
+        names = "arm_sim", "arm_dynamics", "arm_studies"  # older trees lack the last
+        packages = [str(tree / "src" / name) for name in names]
         path = os.pathsep.join([*packages, os.environ.get("PYTHONPATH", "")])
         folder.mkdir(mode=0o700, exist_ok=True)
         self._process = subprocess.Popen(

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import click
 
-from arm_sim.sweeps import Study, Sweep, load_study, sweep
+from arm_studies.sweeps import Study, Sweep, load_study, sweep
 from benchmarks.reporting.markdown import number, table
 
 STUDY = Path(__file__).parents[2] / "examples" / "ten_thousand_loops.yaml"
 KILLED_AT = 0.4  # of the runs
 KILLER = """
 import os, signal, sys
-from arm_sim.sweeps import sweep
+from arm_studies.sweeps import sweep
 file, out, workers, share = sys.argv[1:]
 def told(progress):
     if progress.done > float(share) * progress.total:

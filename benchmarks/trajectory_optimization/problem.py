@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from arm_sim import Simulator
-from arm_sim.optimization import ILQR, Phase, QuadraticCost, Trajectory
+from arm_studies.optimization import ILQR, Phase, QuadraticCost, Trajectory
 from benchmarks.measurement.timing import cpu
 from benchmarks.robots.models import Robot
 from benchmarks.robots.urdf import single_coordinate

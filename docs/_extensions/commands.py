@@ -25,7 +25,7 @@ def overview() -> str:
 
 def commands() -> dict[str, click.Command]:
     """Every command of the suite by its words, commands of groups included."""
-    from arm_sim.cli.main import main
+    from arm_studies.cli.main import main
 
     return dict(_below(main, ""))
 

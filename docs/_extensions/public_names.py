@@ -14,9 +14,10 @@ from typing import Any
 
 import arm_dynamics
 import arm_sim
+import arm_studies
 
-ROOTS: tuple[ModuleType, ...] = (arm_dynamics, arm_sim)
-COMMAND_LINE = "arm_sim.cli"  # documented by its commands
+ROOTS: tuple[ModuleType, ...] = (arm_dynamics, arm_sim, arm_studies)
+COMMAND_LINES = "arm_sim.cli", "arm_studies.cli"  # documented by their commands
 
 
 @cache
@@ -26,7 +27,7 @@ def packages() -> dict[str, tuple[str, ...]]:
         name: tuple(importlib.import_module(name).__dict__.get("__all__", ()))
         for root in ROOTS
         for name in [root.__name__, *_rooms(root)]
-        if name != COMMAND_LINE
+        if name not in COMMAND_LINES
     }
 
 

@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from arm_dynamics.scene import Scene
-from arm_sim.sweeps import Study
+from arm_studies.sweeps import Study
 
 from .attributes import first_paragraph, section
 

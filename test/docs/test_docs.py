@@ -13,7 +13,7 @@ import yaml
 from arm_dynamics import ArmError
 from arm_dynamics.scene import ready_scenes
 from arm_sim import Simulator
-from arm_sim.cli.main import main as suite
+from arm_studies.cli.main import main as suite
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -105,7 +105,7 @@ def test_mistakes_get_the_answers_that_the_reference_shows(written: str, answer:
     ),
 )
 def test_files_that_equations_stand_in_exist(file: str) -> None:
-    packages = [ROOT / "src" / name / name for name in ("arm_dynamics", "arm_sim")]
+    packages = [ROOT / "src" / name / name for name in ("arm_dynamics", "arm_sim", "arm_studies")]
     assert any((package / file).is_file() for package in packages)
 
 

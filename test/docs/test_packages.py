@@ -17,7 +17,7 @@ from packaging.utils import canonicalize_name
 
 SRC = Path(__file__).parents[2] / "src"
 PACKAGES = sorted(path.parent.name for path in SRC.glob("*/package.xml"))
-PYTHON = ("arm_dynamics", "arm_sim")
+PYTHON = ("arm_dynamics", "arm_sim", "arm_studies")
 # Names of Python modules that have another one in rosdep's list; casadi has none there.
 KEYS = {name: f"python3-{name}" for name in ("click", "matplotlib", "numpy", "pydantic", "rich")}
 KEYS |= {"yaml": "python3-yaml", "pinocchio": "pinocchio"}

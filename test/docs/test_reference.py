@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from arm_dynamics.ros.common.params import listed
-from arm_sim.sweeps import Study
+from arm_studies.sweeps import Study
 from docs._extensions import commands, interfaces, node_parameters, public_names, scene_keys
 from docs._extensions.attributes import section
 
@@ -122,7 +122,7 @@ FOR_USERS = (
     "arm_dynamics",
     "arm_dynamics.client",
     "arm_dynamics.control",
-    "arm_dynamics.identification",
+    "arm_studies.identification",
     "arm_dynamics.task_space",
     "arm_dynamics.trajectory",
     "arm_sim",

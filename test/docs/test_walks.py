@@ -47,8 +47,11 @@ def changed(text: str, diff: str) -> str:
     return text
 
 
+PACKAGES = ("arm_dynamics", "arm_sim", "arm_studies")
+
+
 def run(src: Path, script: str) -> None:
-    folders = [src / "arm_dynamics", src / "arm_sim", os.environ.get("PYTHONPATH", "")]
+    folders = [*(src / name for name in PACKAGES), os.environ.get("PYTHONPATH", "")]
     done = subprocess.run(
         [sys.executable, "-c", script],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))},
@@ -106,7 +109,7 @@ np.testing.assert_allclose(z, 2.0 / 400.0 * (1.0 - np.exp(-400.0 / 2.0 * q)), at
 np.testing.assert_allclose(motion.balance, 0.0, atol=1e-6)
 v = np.array([[0.5, 0.5], [-0.5, 0.0]])
 np.testing.assert_allclose(Dynamics(scene).friction(v), [[2.0, 1.0], [-2.0, 0.0]])
-from arm_dynamics.identification import JointRecord, identify
+from arm_studies.identification import JointRecord, identify
 
 t = np.arange(0.0, 12.0, 0.01)
 w = np.array([[2.1, 3.3], [5.0, 1.2]])

@@ -17,15 +17,16 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def wheels(project: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A wheel of each library and one of both."""
-    parts = ["./src/arm_dynamics", "./src/arm_sim", "."]
+    """A wheel of each library and one of all."""
+    parts = ["./src/arm_dynamics", "./src/arm_sim", "./src/arm_studies", "."]
     return built(project, tmp_path_factory.mktemp("wheels"), parts)
 
 
 @pytest.fixture(scope="session")
 def user(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Runs commands where the wheels of the two libraries are installed."""
+    """Runs commands where the wheels of the libraries are installed."""
     folder = tmp_path_factory.mktemp("user")
     run = runner(bare_environment(folder / "environment"), folder)
-    run("python", "-m", "pip", "install", wheels["arm_dynamics"], wheels["arm_sim"])
+    parts = [wheels[name] for name in ("arm_dynamics", "arm_sim", "arm_studies")]
+    run("python", "-m", "pip", "install", *parts)
     return run

@@ -14,7 +14,7 @@ from zipfile import ZipFile
 import pytest
 from installed import ROOT, Run, built
 
-LIBRARIES = ("arm_dynamics", "arm_sim")
+LIBRARIES = ("arm_dynamics", "arm_sim", "arm_studies")
 
 
 def files(wheel: Path) -> set[str]:
@@ -35,12 +35,12 @@ def test_wheels_hold_what_the_sources_hold(wheels: dict[str, Path]) -> None:
         assert f"{library}/py.typed" in there
 
 
-def test_wheel_of_the_whole_holds_both_libraries(wheels: dict[str, Path]) -> None:
+def test_wheel_of_the_whole_holds_all_libraries(wheels: dict[str, Path]) -> None:
     whole = files(wheels["arm_dynamics_suite"])
-    assert whole == files(wheels["arm_dynamics"]) | files(wheels["arm_sim"])
+    assert whole == set().union(*(files(wheels[library]) for library in LIBRARIES))
 
 
-@pytest.mark.parametrize("part", ["src/arm_dynamics", "src/arm_sim", "."])
+@pytest.mark.parametrize("part", ["src/arm_dynamics", "src/arm_sim", "src/arm_studies", "."])
 def test_a_source_distribution_gives_the_same_wheel(
     part: str, project: Path, wheels: dict[str, Path], tmp_path: Path
 ) -> None:
@@ -94,7 +94,7 @@ NEED_ROS = (
 def test_every_command_that_needs_ros_says_so(user: Run) -> None:
     said = user("python", "-c", f"""
 from click.testing import CliRunner
-from arm_sim.cli.main import main
+from arm_studies.cli.main import main
 
 for line in {NEED_ROS}:
     result = CliRunner().invoke(main, line.split())

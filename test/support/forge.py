@@ -40,11 +40,10 @@ def serve(path: str) -> None:
     import matplotlib.pyplot  # noqa: F401
     import ros2  # noqa: F401
 
-    import arm_dynamics.identification
     import arm_dynamics.ros.controller_node
     import arm_dynamics.ros.dynamics_node  # noqa: F401
-    import arm_sim.cli.main
     import arm_sim.ros.sim_node  # noqa: F401
+    import arm_studies.cli.main  # noqa: F401
 
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     with socket.socket(socket.AF_UNIX) as door:
@@ -120,7 +119,7 @@ def _become(request: dict, files: list[int]) -> None:
 def _tools() -> dict:
     import ros2
 
-    from arm_sim.cli.main import main
+    from arm_studies.cli.main import main
 
     return {"arm": lambda words: main(words, prog_name="./arm"), "ros2": ros2.main}
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from arm_sim.cli.main import main
+from arm_studies.cli.main import main
 
 
 class Result(NamedTuple):

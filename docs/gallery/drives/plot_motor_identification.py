@@ -28,9 +28,9 @@ import numpy as np
 import yaml
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
-from arm_dynamics.identification import MotorRecord, identify_motor
 from arm_sim import Simulator
 from arm_sim.figures import animation, use_style
+from arm_studies.identification import MotorRecord, identify_motor
 
 use_style()
 

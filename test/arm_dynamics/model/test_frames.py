@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from arm_dynamics import ArmModel, Dynamics, load_scene
-from arm_dynamics.identification import JointRecord, identify_payload
 from arm_dynamics.model import FrameMotion
 from arm_sim import Simulator
 from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.shapes import visuals_of
+from arm_studies.identification import JointRecord, identify_payload
 from tolerances import PINOCCHIO, assert_close
 
 URDF = """<robot name="arm"><link name="base"/>

@@ -20,10 +20,10 @@ from arm_dynamics.scene import Initial
 from arm_sim import Simulator
 from arm_sim.cli.call.asking import readable
 from arm_sim.cli.demo.motion import choose_motion
-from arm_sim.cli.main import main
 from arm_sim.cli.nodes import split_words
 from arm_sim.cli.output import limit
 from arm_sim.cli.vectors import Vector, parse
+from arm_studies.cli.main import main
 
 PANDA = str(models.SCENES / "panda.yaml")
 
@@ -68,7 +68,7 @@ def test_help_states_what_a_demo_does_by_default() -> None:
 
 def test_help_loads_no_ros_and_no_plotting() -> None:
     code = (
-        "import sys; from arm_sim.cli.main import main\n"
+        "import sys; from arm_studies.cli.main import main\n"
         "main(['demo', '--help'], standalone_mode=False)\n"
         "print([m for m in ('rclpy', 'matplotlib', 'rich', 'arm_msgs') if m in sys.modules])"
     )

@@ -26,9 +26,9 @@ from arm_dynamics.codegen import compiler, processor
 from arm_dynamics.control import NAMES, Settings, make_controller
 from arm_dynamics.control.compiled_law import compiled_law
 from arm_sim import Simulator
-from arm_sim.cli.main import main
-from arm_sim.optimization import ILQR, Phase, QuadraticCost, RecedingHorizon
-from arm_sim.optimization.backward import library_of
+from arm_studies.cli.main import main
+from arm_studies.optimization import ILQR, Phase, QuadraticCost, RecedingHorizon
+from arm_studies.optimization.backward import library_of
 
 URDF = """
 <robot name="pendulum">

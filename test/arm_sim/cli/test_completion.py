@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from arm_sim.cli.completion import SHELLS, VARIABLE
-from arm_sim.cli.main import main
+from arm_studies.cli.main import main
 
 ROOT = Path(__file__).parents[3]
 SCRIPT = (ROOT / "arm").read_text()
@@ -24,7 +24,8 @@ def offered(line: str, **environment: str) -> list[str]:
     """What click answers a shell for a line whose last word is half-typed."""
     words = line.split(" ")
     done = subprocess.run(
-        [sys.executable, "-P", "-m", "arm_sim.cli"], capture_output=True, text=True, timeout=60,
+        [sys.executable, "-P", "-m", "arm_studies.cli"],
+        capture_output=True, text=True, timeout=60,
         env={**os.environ, **environment, VARIABLE: "bash_complete", "COMP_WORDS": line,
              "COMP_CWORD": str(len(words) - 1)},
     )  # fmt: skip
@@ -53,7 +54,7 @@ def test_bash_completes_every_path_that_ends_in_arm(tmp_path: Path) -> None:
     bash = shutil.which("bash")
     assert bash
     call = tmp_path / "arm"
-    call.write_text(f'#!{bash}\nexec {sys.executable} -P -m arm_sim.cli "$@"\n')
+    call.write_text(f'#!{bash}\nexec {sys.executable} -P -m arm_studies.cli "$@"\n')
     call.chmod(0o755)
     script = f"""
 eval "$({call} completion bash)"
@@ -82,7 +83,7 @@ def test_other_shells_call_what_was_typed(shell: str, typed: str) -> None:
 
 def test_completion_starts_nothing_heavy() -> None:
     code = (
-        "import sys, arm_sim.cli.main\n"
+        "import sys, arm_studies.cli.main\n"
         "print([m for m in ('casadi', 'numpy', 'pinocchio', 'pydantic') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)

@@ -26,7 +26,7 @@ from arm_dynamics.control import ComputedTorque, Settings, make_controller
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference, Waypoint, quintic
 from arm_sim import ClosedLoop, Recording, Simulator
-from arm_sim.cli.main import main
+from arm_studies.cli.main import main
 
 TABLE: dict[str, list[dict[str, str]]] = yaml.safe_load(
     Path(__file__).with_name("mistakes.yaml").read_text()

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import partial
 from itertools import chain, product
 from pathlib import Path
@@ -22,6 +22,9 @@ from arm_sim.cli.output import examples
 if TYPE_CHECKING:
     from arm_dynamics import Dynamics
     from arm_sim import Simulator
+
+FURTHER: list[Callable[[Simulator], Iterator[tuple[str, Callable[[], object]]]]] = []
+"""What else needs derivatives, by name: packages that stand on this one add theirs."""
 
 
 @click.command(
@@ -173,18 +176,11 @@ def _of_derivatives(
 ) -> Iterator[tuple[str, Callable[[], object]]]:
     if not wanted:
         return
-    from arm_dynamics import InvalidInput
-    from arm_sim.optimization import RecedingHorizon, prepare
-
-    def horizon() -> None:
-        with suppress(InvalidInput):  # a model with events has none
-            RecedingHorizon(simulator.dynamics)
-
     compiled = simulator.compiled
     yield "derivatives of ticks", compiled.linearizer().prepare
     yield "gradients of rollouts", compiled.gradients.prepare
-    yield "trajectory optimization", lambda: prepare(simulator)
-    yield "receding horizon", horizon
+    for parts in FURTHER:
+        yield from parts(simulator)
 
 
 def _of_nodes(simulator: Simulator, wanted: bool) -> Iterator[tuple[str, Callable[[], object]]]:

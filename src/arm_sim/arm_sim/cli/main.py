@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import click
@@ -15,12 +16,10 @@ from arm_sim.cli.call import call
 from arm_sim.cli.completion import Commands, completion
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
-from arm_sim.cli.identification import compare, excite, identify, identify_drive
 from arm_sim.cli.nodes import controller, dynamics, sim
 from arm_sim.cli.output import examples, progress_on_stderr
 from arm_sim.cli.recordings import plot, record, replay
 from arm_sim.cli.robot import get, go, set_, watch
-from arm_sim.cli.sweep import sweep
 from arm_sim.cli.urdf import urdf
 from arm_sim.cli.view import view
 
@@ -29,20 +28,27 @@ SECTIONS = {
     "Nodes": (sim, dynamics, controller),
     "A running arm": (go, set_, get, watch, call),
     "Scenes": (describe, urdf, build, view),
-    "Studies": (sweep,),
-    "Identification": (excite, identify, identify_drive, compare),
     "Recordings": (record, replay, plot),
     "Shell": (completion,),
 }
-"""All commands by subject, as the help of the script ./arm lists them."""
+"""The commands of the simulator by subject, as the help of the script ./arm lists them."""
 
 
 class Suite(Commands):
-    """A group whose commands report errors of the suite as one line."""
+    """A group whose commands report errors of the suite as one line.
+
+    Args:
+        sections: Its commands by subject.
+    """
+
+    def __init__(self, sections: Mapping[str, Sequence[click.Command]], **settings: Any) -> None:
+        every = [command for section in sections.values() for command in section]
+        super().__init__(commands=every, **settings)
+        self._sections = sections
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by subject, each with its first sentence in full."""
-        for title, commands in SECTIONS.items():
+        for title, commands in self._sections.items():
             with formatter.section(title):
                 formatter.write_dl(
                     [(str(x.name), x.get_short_help_str(limit=1000)) for x in commands]
@@ -78,19 +84,17 @@ def _explained(error: ModuleNotFoundError) -> Exception:
     )
 
 
-@click.group(
-    cls=Suite,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog=examples(
-        "./arm demo",
-        "./arm describe panda",
-    ),
-)
-@click.version_option(__version__, message="%(version)s")
-def main() -> None:
-    """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
+def suite(sections: Mapping[str, Sequence[click.Command]]) -> Suite:
+    """The command ``arm`` with these commands."""
+    group = Suite(
+        sections,
+        name="arm",
+        help="Dynamics, simulation and control of robot arms on ROS 2 Jazzy.",
+        epilog=examples("./arm demo", "./arm describe panda"),
+        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    )
+    click.version_option(__version__, message="%(version)s")(group)
+    return group
 
 
-for commands in SECTIONS.values():
-    for command in commands:
-        main.add_command(command)
+main = suite(SECTIONS)

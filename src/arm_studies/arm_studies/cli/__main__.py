@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``python -m arm_studies.cli``, which is what ``./arm`` runs."""
+
+from arm_sim.cli.completion import VARIABLE
+from arm_studies.cli.main import main
+
+main(prog_name="./arm", complete_var=VARIABLE)

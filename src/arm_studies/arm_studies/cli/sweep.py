@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm sweep``: simulate many closed loops of a study, as a table and figures."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from arm_sim.cli.output import console, examples, number, show, table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from arm_studies.sweeps import Progress, Sweep
+
+_PATH = click.Path(path_type=Path)
+_LISTED = 20  # number of runs up to which each is printed
+_EVERY = 5.0  # [s] between lines of progress without a terminal
+
+
+@click.command(
+    epilog=examples(
+        "./arm sweep study.yaml",
+        "./arm sweep study.yaml --out results --workers 4",
+        "./arm sweep study.yaml --cluster tcp://10.0.0.2:8786",
+    )
+)
+@click.argument("study", type=_PATH)
+@click.option("--out", type=_PATH,
+              help="Folder of the table, the figures and the journal, from which an interrupted "
+              "sweep continues.  [default: reports/sweeps/NAME]")  # fmt: skip
+@click.option(
+    "--workers",
+    type=click.IntRange(1),
+    help="Number of worker processes.  [default: one per core]",
+)
+@click.option("--cluster", metavar="ADDRESS",
+              help="Address of a Dask scheduler whose workers simulate the runs.")  # fmt: skip
+@click.option("--no-figures", is_flag=True, help="Do not draw figures.")
+def sweep(
+    study: Path, out: Path | None, workers: int | None, cluster: str | None, no_figures: bool
+) -> None:
+    """Simulate all runs of a STUDY: closed loops with varied parameters, and their metrics.
+
+    Rows are saved as they are computed: repeating the command continues an interrupted sweep. The
+    table does not depend on the number of workers or their order, bit for bit.
+    """
+    from arm_studies.sweeps import sweep as make
+    from arm_studies.sweeps.figures import draw
+
+    folder = out or Path("reports/sweeps") / study.stem
+    try:
+        with _progress() as told:
+            done = make(study, folder, workers=workers, cluster=cluster, told=told)
+    except KeyboardInterrupt:
+        click.echo(
+            f"\ninterrupted; finished runs are saved in {folder}; the same command continues",
+            err=True,
+        )
+        sys.exit(130)
+    written = [done.table.save(folder)]
+    if not no_figures:
+        written += draw(done.study, done.table, folder)
+    _report(done, written)
+
+
+def _report(done: Sweep, written: list[Path]) -> None:
+    out, plan = console(), done.plan
+    (_show_runs if len(done.table) <= _LISTED else _show_groups)(out, done)
+    lost = [name for name in done.table["status"].tolist() if name != "done"]
+    for kind in dict.fromkeys(lost):
+        first = next(
+            f"run {run}: {note}"
+            for run, status, note in zip(
+                *(done.table[name].tolist() for name in ("run", "status", "note")), strict=True
+            )
+            if status == kind
+        )
+        out.print(f"{lost.count(kind)} of {plan.runs} runs {kind}; {first}", markup=False)
+    if done.dropped:
+        out.print("the last line of the journal was damaged; its run was repeated")
+    how = f"{plan.compiled} in compiled code" if plan.compiled else "controllers in Python"
+    if done.made:
+        rate = done.made * done.study.duration / max(done.seconds, 1e-9)
+        out.print(
+            f"{done.made} runs simulated in {done.seconds:.3g} s ({rate:.3g} simulated seconds a "
+            f"second), {plan.runs - done.made} were there; {how}; "
+            f"sets of equations: {plan.worlds}",
+            markup=False,
+        )
+    else:
+        out.print(f"all {plan.runs} runs were done before")
+    for path in written:
+        out.print(str(path), markup=False)
+
+
+def _show_runs(out: Console, done: Sweep) -> None:
+    names = ["run", *done.table.varied, *done.table.metrics, "status"]
+    columns = [done.table[name].tolist() for name in names]
+    rows = ([x if isinstance(x, str) else number(x, 4) for x in row]
+            for row in zip(*columns, strict=True))  # fmt: skip
+    text = [i for i, column in enumerate(columns) if isinstance(column[0], str)]
+    show(out, table(names, rows, text))
+
+
+def _show_groups(out: Console, done: Sweep) -> None:
+    import numpy as np
+
+    from arm_studies.sweeps.figures import groups
+
+    rows = []
+    for name, these in groups(done.table).items():
+        for metric in done.table.metrics:
+            values = done.table[metric][these & done.table.done]
+            cells = ["-"] * 4
+            if len(values):
+                cells = [number(x, 4) for x in np.percentile(values, (5, 50, 95, 100))]
+            rows.append([name, metric, str(len(values)), *cells])
+    headings = ["runs of", "metric", "done", "5 %", "median", "95 %", "largest"]
+    if len(groups(done.table)) == 1:
+        rows, headings = [row[1:] for row in rows], headings[1:]
+    show(out, table(headings, rows, (0, 1) if headings[0] == "runs of" else (0,)))
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[Progress], None]]:
+    """Show the number of finished runs and the remaining time."""
+    if not sys.stderr.isatty():
+        yield _Lines().tell
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+               TextColumn("{task.fields[left]}"))  # fmt: skip
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("reading the study", total=None, left="")
+
+        def tell(at: Progress) -> None:
+            bar.update(task, description=at.what, total=at.total, completed=at.done,
+                       left=_left(at.remaining))  # fmt: skip
+
+        yield tell
+
+
+class _Lines:
+    """Prints a line of progress periodically, without a terminal."""
+
+    def __init__(self) -> None:
+        self._said, self._what = 0.0, ""
+
+    def tell(self, at: Progress) -> None:
+        now = time.monotonic()
+        if now - self._said < _EVERY and at.what == self._what:
+            return
+        self._said, self._what = now, at.what
+        left = f", {_left(at.remaining)}" if at.remaining is not None else ""
+        click.echo(f"{at.what}: {at.done} of {at.total} runs{left}", err=True)
+
+
+def _left(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
+    if seconds < 90.0:
+        return f"about {max(1, round(seconds))} s left"
+    if seconds < 5400.0:
+        return f"about {round(seconds / 60.0)} min left"
+    return f"about {seconds / 3600.0:.1f} h left"

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Identification of a scene from measured motions: masses, inertias, friction, drives.
+
+Depends on models of arms; on simulators and recordings only where a scene is compared with a
+recording (``compare``) and where files are read; not on ROS.
+Public are ``identify`` and its result, an ``Identification``; ``identify_payload``;
+``JointRecord`` (joint states as measured); ``mapped``, which matches its joints with those of a
+scene; ``prepare``, which resamples and filters it into a ``MeasuredMotion`` with accelerations;
+``excite``, which computes an exciting motion within a ``Room``;
+``identify_motor``, ``identify_joint`` and ``identify_bristles``, for drives from simple tests;
+and ``compare``, which tells how well a scene predicts a recording.
+"""
+
+from arm_studies.identification.comparison import Comparison, FreeRun, compare
+from arm_studies.identification.data import JointRecord, MeasuredMotion
+from arm_studies.identification.drives import (
+    JointTest,
+    Match,
+    MotorRecord,
+    SmallMotion,
+    identify_bristles,
+    identify_joint,
+    identify_motor,
+)
+from arm_studies.identification.excitation import Box, Excitation, Room, excite
+from arm_studies.identification.names import mapped
+from arm_studies.identification.payload import identify_payload
+from arm_studies.identification.preparation import prepare
+from arm_studies.identification.result import Identification
+from arm_studies.identification.whole_arm import identify
+
+__all__ = [
+    "Box", "Comparison", "Excitation", "FreeRun", "Identification", "JointRecord", "JointTest",
+    "Match", "MeasuredMotion", "MotorRecord", "Room", "SmallMotion", "compare", "excite",
+    "identify", "identify_bristles", "identify_joint", "identify_motor", "identify_payload",
+    "mapped", "prepare",
+]  # fmt: skip

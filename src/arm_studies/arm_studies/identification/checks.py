@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks that refuse recordings from which no trustworthy scene can be identified."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.scene.friction import STATEFUL
+from arm_studies.identification.data import JointRecord, MeasuredMotion
+from arm_studies.identification.described import REPLACED
+from arm_studies.identification.regression.estimation import Belief, Mask
+from arm_studies.identification.regression.matching import mismatched
+from arm_studies.identification.regression.rows import Rows
+
+BEYOND = 0.2
+"""Tolerance of positions beyond the limits of the URDF in [rad] or [m]."""
+MOVED = 1e-3
+"""Range in [rad] or [m] below which a joint has not moved."""
+UNEXPLAINED = 0.6
+"""Largest residual of a fit relative to the torques; above it the model is of another robot."""
+OUT_OF_SCALE = 5.0
+"""Largest factor between identified and nominal masses, in the median."""
+SLOWEST = 0.2
+"""Largest sampling interval in [s] from which a motion can be identified."""
+CHANCE = 1.1
+"""Ratio of two errors of prediction that noise alone may cause."""
+ROUNDING = 1e-6
+"""Relative residual below which a prediction is exact."""
+LEAST_ROWS = 50
+"""Smallest number of independent measurements of each joint."""
+
+
+def check_model(model: ArmModel) -> None:
+    """Refuse scenes whose joint torques do not follow from the joints' motion.
+
+    Raises:
+        InvalidInput: With the feature that prevents it.
+    """
+    if model.scene.bilateral:
+        raise InvalidInput(
+            "the scene has closed loops: forces within them are not measured, so torques do not "
+            "determine the inertias; remove the constraints and lock the joints that they drive"
+        )
+    for name, drive in zip(model.joint_names, model.drives, strict=True):
+        if drive is not None and drive.coupling is not None:
+            raise InvalidInput(
+                f"joint '{name}' has a flexible transmission: the motion of its link does not "
+                "determine that of its rotor; remove 'transmission' from the scene and identify "
+                "it by tests of the drive"
+            )
+        friction = model.scene.joint(name).friction.model_dump(exclude_defaults=True)
+        if odd := [key for key in friction if key not in (*REPLACED, *STATEFUL)]:
+            raise InvalidInput(
+                f"joint '{name}' has 'friction.{odd[0]}', which cannot be identified; remove it "
+                f"from the scene (identified are {known_names(REPLACED)}; kept: "
+                f"{known_names(STATEFUL)})"
+            )
+
+
+def check_record(record: JointRecord, model: ArmModel) -> None:
+    """Refuse recordings without efforts, or in other units.
+
+    Raises:
+        InvalidInput: Naming the joint, the value and what is expected.
+    """
+    step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else 0.0
+    if step > SLOWEST:
+        raise InvalidInput(
+            f"{record.name}: samples are {step:.3g} s apart; allowed: at most {SLOWEST} s (are "
+            "the times in milliseconds or nanoseconds?)"
+        )
+    for j, name in enumerate(record.joint_names):
+        effort, q = record.effort[:, j], record.q[:, j]
+        known = effort[np.isfinite(effort)]
+        if not known.size:
+            raise InvalidInput(
+                f"{record.name}: no effort of joint '{name}'; masses and friction cannot be "
+                "identified without torques"
+            )
+        if np.ptp(known) == 0.0:
+            raise InvalidInput(
+                f"{record.name}: the effort of joint '{name}' is constantly {known[0]:g}: it is "
+                "not measured, or the drive is off"
+            )
+        reach = q[np.isfinite(q)]
+        lower, upper = model.position_lower[j], model.position_upper[j]
+        if reach.size and (reach.min() < lower - BEYOND or reach.max() > upper + BEYOND):
+            raise InvalidInput(
+                f"{record.name}: positions of joint '{name}' range from {reach.min():.4g} to "
+                f"{reach.max():.4g}, but its limits are {lower:.4g} to {upper:.4g} (another "
+                "robot, or degrees?)"
+            )
+
+
+def moved(motions: Sequence[MeasuredMotion]) -> Array:
+    """Range of each joint's position in [rad] or [m], shape (n,).
+
+    Raises:
+        InvalidInput: If no joint moves.
+    """
+    ranges = np.max([np.ptp(motion.q, axis=0) for motion in motions], axis=0)
+    if (ranges < MOVED).all():
+        raise InvalidInput(
+            f"no joint moves: the largest range of a joint is {ranges.max():.3g} rad or m; a "
+            "motion of all joints is expected, fast and slow, over much of their ranges"
+        )
+    return np.asarray(ranges)
+
+
+def check_rows(rows: Rows, names: Sequence[str]) -> None:
+    """Refuse recordings that are too short, or saturated most of the time.
+
+    Raises:
+        InvalidInput: With the joint.
+    """
+    counts = rows.valid[rows.train].sum(axis=0) * rows.independent
+    for name, count, share in zip(names, counts, rows.valid.mean(axis=0), strict=True):
+        if count < LEAST_ROWS:
+            raise InvalidInput(
+                f"joint '{name}': {share:.0%} of the samples can be used, which is {count:.0f} "
+                f"independent measurements; at least {LEAST_ROWS} are expected (its effort is "
+                "saturated or missing, or the recording is too short)"
+            )
+
+
+def check_columns(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -> None:
+    """Refuse efforts that another sign, or another joint's motion, explains far better.
+
+    Args:
+        rows: The regression's rows.
+        use: Rows that are used, shape (k, n).
+        belief: Prior of the bodies alone.
+        names: Joint names.
+
+    Raises:
+        InvalidInput: With the joints, and how to correct their efforts.
+    """
+    told = []
+    for match in mismatched(rows, use, belief):
+        sign, own = ("-1 times " if match.sign < 0 else ""), match.column == match.joint
+        whose = "the torque of its motion" if own else f"that of '{names[match.joint]}'"
+        told.append(f"the effort of '{names[match.column]}' is {sign}{whose}")
+    if told:
+        raise InvalidInput(
+            f"{'; '.join(told)}: exchange the columns of joints that are swapped, and give the "
+            "torque per unit of effort, negative for a joint whose sign is reversed (per unit)"
+        )
+
+
+def check_explained(error: float, nominal: float, names: Sequence[str], scales: Array) -> None:
+    """Refuse a fit that hardly predicts the data it was not fitted to.
+
+    Args:
+        error: Relative residual of the held-out torques.
+        nominal: That of the nominal scene.
+        names: Joint names.
+        scales: Efforts over the torques of the nominal scene, by joint; 1 where unknown.
+
+    Raises:
+        InvalidInput: With possible causes.
+    """
+    if error < UNEXPLAINED:
+        return
+    odd = [f"{n} {s:.3g}" for n, s in zip(names, scales, strict=True) if not 0.2 < s < 5.0]
+    hint = f"; efforts over nominal torques: {known_names(odd)}" if odd else ""
+    raise InvalidInput(
+        f"the best fit leaves {error:.0%} of the torques held out unexplained (the nominal scene "
+        f"{nominal:.0%}); allowed: at most {UNEXPLAINED:.0%} (another robot, wrong joint names, "
+        f"efforts that are not torques, or contact?){hint}"
+    )
+
+
+def check_better(error: float, nominal: float) -> None:
+    """Refuse a scene that predicts the part held out worse than the one it comes from.
+
+    Noise alone makes a difference of some percent where the nominal scene is right already.
+
+    Args:
+        error: Relative residual of the held-out torques; NaN if it is unknown.
+        nominal: That of the nominal scene.
+
+    Raises:
+        InvalidInput: With both.
+    """
+    if not error > max(CHANCE * nominal, ROUNDING):
+        return
+    raise InvalidInput(
+        f"the identified scene leaves {error:.3%} of the torques held out, more than the nominal "
+        f"scene, {nominal:.3%}: use the nominal scene, record a longer motion of all joints, or "
+        "accept the identified scene nevertheless (accept worse)"
+    )
+
+
+def check_masses(found: Array, nominal: Array, scaled: bool) -> None:
+    """Refuse bodies many times heavier or lighter than the nominal ones.
+
+    Args:
+        found: Masses in [kg], shape (bodies,).
+        nominal: Those of the nominal scene.
+        scaled: Whether scales of the efforts were identified, so that their unit is unknown.
+
+    Raises:
+        InvalidInput: With possible causes.
+    """
+    there = nominal > 0.0
+    ratio = float(np.median(found[there] / nominal[there])) if there.any() else 1.0
+    if scaled or 1.0 / OUT_OF_SCALE < ratio < OUT_OF_SCALE:
+        return
+    raise InvalidInput(
+        f"the links would have {ratio:.3g} times their nominal mass (median); allowed: "
+        f"{1.0 / OUT_OF_SCALE:g} to {OUT_OF_SCALE:g}: the efforts are not in N m, but for example "
+        "in amperes or per mille of a rated torque; give the torque per unit of each joint, or "
+        "let scales be identified (effort scale)"
+    )

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Comparison of a scene with a recording: errors of its torques and of free simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
+from arm_dynamics.arrays import Array, positive, read_only
+from arm_sim.recording.recording import Recording
+from arm_sim.simulator import Simulator
+from arm_studies.identification.data import JointRecord, MeasuredMotion
+from arm_studies.identification.names import mapped
+from arm_studies.identification.preparation import prepare
+
+_FEWEST = 100  # rows with a valid torque
+_MOVES = 1e-6  # [rad] or [m] in all windows above which a joint has moved
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """Position errors at the end of short simulations that start at measured states.
+
+    Attributes:
+        window: Duration of each simulation in [s].
+        count: Number of simulations.
+        lost: Number of simulations that diverged; they do not enter the errors.
+        error: Root mean square error of each joint at the end in [rad] or [m], shape (n,).
+        moved: Root mean square displacement of each joint in a window, likewise.
+    """
+
+    window: float
+    count: int
+    lost: int
+    error: Array
+    moved: Array
+
+    @property
+    def relative(self) -> Array:
+        """Error over displacement, NaN for joints that do not move, shape (n,)."""
+        moves = self.moved > _MOVES
+        return np.where(moves, self.error / np.where(moves, self.moved, 1.0), np.nan)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Result of ``compare``; arrays are read-only.
+
+    Attributes:
+        joint_names: Order of every vector.
+        error: Root mean square of measured minus computed torque in [N m] or [N], shape (n,).
+        torque: Root mean square of the measured torque, likewise.
+        free_run: None if the scene cannot be simulated from the recording.
+        why_not: The reason, if ``free_run`` is None; else empty.
+        time: For figures, in [s], shape (k,).
+        measured: Measured torques, low-passed; NaN where they are not used, shape (k, n).
+        computed: Torques of the scene, likewise.
+        band: Cut-off frequency of the low-pass filter in [Hz].
+        notes: Irregularities of the recording.
+    """
+
+    joint_names: tuple[str, ...]
+    error: Array
+    torque: Array
+    free_run: FreeRun | None
+    why_not: str
+    time: Array
+    measured: Array
+    computed: Array
+    band: float
+    notes: tuple[str, ...]
+
+    @property
+    def relative(self) -> Array:
+        """Error over torque of each joint, shape (n,)."""
+        return np.where(self.torque > 0.0, self.error / np.maximum(self.torque, 1e-300), np.nan)
+
+    @property
+    def whole(self) -> float:
+        """Error over torque of all joints together."""
+        return float(np.linalg.norm(self.error) / np.linalg.norm(self.torque))
+
+
+def compare(
+    scene: Any,
+    recording: JointRecord | Recording,
+    *,
+    band: float | None = None,
+    window: float = 0.25,
+    last: float = 1.0,
+    names: Mapping[str, str] | None = None,
+) -> Comparison:
+    """Compare the inverse dynamics and the simulated motion of a scene with measurements.
+
+    Computed torques are the inverse dynamics of the measured motion; both torques are filtered by
+    the same low-pass. For the free run the recording is cut into windows; in each the simulator
+    starts at the measured position and velocity and applies the measured torques.
+
+    Args:
+        scene: Anything ``load_scene`` accepts; efforts of the recording are its torques.
+        recording: Joint states, or a recording of them.
+        band: Cut-off frequency of the low-pass filter in [Hz]; None: chosen from the noise.
+        window: Duration of each simulated window in [s].
+        last: Fraction of the recording that is used, counted from its end.
+        names: Joint names of the recording by those of the scene, where they cannot be matched.
+
+    Raises:
+        InvalidInput: If the recording is of another arm, has no torques or no motion, or an
+            argument is not allowed.
+    """
+    positive("window", window)
+    if not 0.0 < last <= 1.0:
+        raise InvalidInput(f"last = {last}; a fraction above 0 and at most 1 is expected")
+    model = ArmModel(load_scene(scene))
+    if model.scene.bilateral:
+        raise InvalidInput(
+            "the scene has closed loops: its joint torques do not follow from the motion alone; "
+            "an open chain is expected"
+        )
+    record = (
+        recording if isinstance(recording, JointRecord) else JointRecord.from_recording(recording)
+    )
+    record = mapped(record, model.joint_names, names)
+    if not np.any(np.nanmax(record.q, axis=0) - np.nanmin(record.q, axis=0) > _MOVES):
+        raise InvalidInput(f"{record.name}: no joint moves; a motion is expected")
+    motion = prepare(record, band)
+    motion = motion.span(slice(round((1.0 - last) * len(motion.time)), len(motion.time)))
+    used = _usable(motion)
+    dynamics = Dynamics(model)
+    computed = motion.filtered(dynamics.inverse(motion.q, motion.v, motion.a))
+    measured = motion.filtered(motion.effort)
+    why_not = _why_not(model)
+    return Comparison(
+        joint_names=model.joint_names,
+        error=_rms(measured - computed, used),
+        torque=_rms(measured, used),
+        free_run=None if why_not else _free_run(Simulator(model), motion, used, window),
+        why_not=why_not,
+        time=read_only(motion.time),
+        measured=read_only(np.where(used, measured, np.nan)),
+        computed=read_only(np.where(used, computed, np.nan)),
+        band=motion.band,
+        notes=motion.notes,
+    )
+
+
+def _rms(values: Array, used: NDArray[np.bool_]) -> Array:
+    squares = np.sum(np.where(used, values, 0.0) ** 2, axis=0)
+    return read_only(np.sqrt(squares / np.count_nonzero(used, axis=0)))
+
+
+def _usable(motion: MeasuredMotion) -> NDArray[np.bool_]:
+    """The torques that can be used; raises InvalidInput if there are too few."""
+    few = np.count_nonzero(motion.valid, axis=0) < _FEWEST
+    if few.any():
+        names = [motion.joint_names[i] for i in np.flatnonzero(few)]
+        raise InvalidInput(
+            f"{motion.name}: efforts of {', '.join(names)} are missing or saturated; at least "
+            f"{_FEWEST} valid samples are expected"
+        )
+    if not np.any(motion.effort[motion.valid]):
+        raise InvalidInput(f"{motion.name}: all efforts are zero; measured torques are expected")
+    return motion.valid
+
+
+def _why_not(model: ArmModel) -> str:
+    if any(model.drives):
+        return "the scene has drives, and the recording does not have their commands"
+    return ""
+
+
+def _free_run(
+    sim: Simulator, motion: MeasuredMotion, used: NDArray[np.bool_], window: float
+) -> FreeRun:
+    """Simulate the windows, with torques taken at the middle of each tick."""
+    rows = max(1, round(window / motion.dt))
+    ticks = max(1, round(rows * motion.dt / sim.dt))
+    whole = used.all(axis=1)
+    starts = np.array([
+        start for part in motion.stretches for start in range(part.start, part.stop - rows, rows)
+        if whole[start : start + rows + 1].all()
+    ], int)  # fmt: skip
+    n = sim.n
+    if not len(starts):
+        return FreeRun(rows * motion.dt, 0, 0, np.full(n, np.nan), np.full(n, np.nan))
+    effort = motion.filtered(motion.effort)
+    share = (np.arange(ticks) + 0.5) * rows / ticks
+    i, part = np.floor(share).astype(int), (share % 1.0)[:, None]
+    at = starts[:, None] + i
+    tau = effort[at] * (1.0 - part) + effort[at + 1] * part
+    begin, there = motion.q[starts], motion.q[starts + rows]
+    ends = sim.rollout(begin, motion.v[starts], tau, ticks, last_only=True)[:, :n]
+    kept = np.isfinite(ends).all(axis=1)
+    error, way = ends[kept] - there[kept], there[kept] - begin[kept]
+    lost = int(np.count_nonzero(~kept))
+    if lost == len(starts):
+        return FreeRun(rows * motion.dt, lost, lost, np.full(n, np.nan), np.full(n, np.nan))
+    rms = (read_only(np.sqrt(np.mean(x**2, axis=0))) for x in (error, way))
+    return FreeRun(rows * motion.dt, len(starts), lost, *rms)

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The identified scene: inertias written into the URDF, friction into the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from arm_dynamics.actuation.joint_laws import friction_laws
+from arm_dynamics.arrays import Array
+from arm_dynamics.equations.interpolation import Curve
+from arm_dynamics.exceptions import InvalidInput, SceneError
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.friction import STEEPEST, largest_slope
+from arm_dynamics.scene.schema import Scene, validated
+from arm_dynamics.scene.urdf import xml_root
+from arm_studies.identification.regression.friction_columns import (
+    COULOMB,
+    COULOMB_SKEW,
+    EXCESS,
+    VISCOUS,
+    VISCOUS_SKEW,
+    JointFit,
+    Shape,
+)
+from arm_studies.identification.regression.regressor import EACH, TINY
+from arm_studies.identification.regression.selection import STEEPEST as IDENTIFIED
+
+REPLACED = ("viscous", "coulomb", "static", "stribeck_velocity", "load")
+"""Keys of a joint's friction whose values are identified; the others stay as they are."""
+HELD = 1e-3
+"""Smallest static friction relative to Coulomb friction: a joint has to be able to rest."""
+LESS = 0.999
+"""Growth of friction with load over the allowed one where it is limited, for rounding."""
+
+
+def urdf_with(model: ArmModel, theta: Array) -> str:
+    """The URDF with other inertias.
+
+    Links that are fixed to the link of a joint, or that a locked joint holds, belong to its body:
+    that link gets the inertia of all of them, the others get none.
+
+    Args:
+        model: The arm.
+        theta: Ten inertial parameters of each moving body in its joint's frame, shape
+            (10 bodies,).
+    """
+    root = xml_root(model.scene.robot.urdf)
+    links = {link.get("name"): link for link in root.findall("link")}
+    below: dict[str | None, list[ElementTree.Element]] = {}
+    for joint in root.findall("joint"):
+        parent = joint.find("parent")
+        below.setdefault(None if parent is None else parent.get("link"), []).append(joint)
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    moving = list(model.pin.names)[1:]
+    for i, name in enumerate(moving):
+        numbers = theta[EACH * i : EACH * (i + 1)]
+        if numbers[0] <= TINY:
+            continue
+        link = _child(joints[name])
+        for fixed in _rigidly_behind(link, below, set(moving)):
+            for inertial in links[fixed].findall("inertial"):
+                links[fixed].remove(inertial)
+        _set_inertial(links[link], numbers)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _child(joint: ElementTree.Element) -> str:
+    child = joint.find("child")
+    assert child is not None  # it was checked when the scene was loaded
+    return str(child.get("link"))
+
+
+def _rigidly_behind(
+    link: str, below: Mapping[str | None, Sequence[ElementTree.Element]], moving: set[str]
+) -> list[str]:
+    """The other links that move rigidly with a link."""
+    found = []
+    for joint in below.get(link, ()):
+        if joint.get("name") not in moving:
+            child = _child(joint)
+            found += [child, *_rigidly_behind(child, below, moving)]
+    return found
+
+
+def _set_inertial(link: ElementTree.Element, numbers: Array) -> None:
+    for old in link.findall("inertial"):
+        link.remove(old)
+    mass, com, central = central_inertia(numbers)
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "origin", xyz=" ".join(map(repr, com.tolist())), rpy="0 0 0")
+    ElementTree.SubElement(inertial, "mass", value=repr(mass))
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = central.tolist()
+    six: dict[str, Any] = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
+    ElementTree.SubElement(inertial, "inertia", {key: repr(value) for key, value in six.items()})
+
+
+def central_inertia(numbers: Array) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it, from ten inertial parameters."""
+    mass = float(numbers[0])
+    com = numbers[1:4] / mass
+    about_origin = numbers[4:][[[0, 1, 3], [1, 2, 4], [3, 4, 5]]]
+    return mass, com, about_origin - mass * (com @ com * np.eye(3) - np.outer(com, com))
+
+
+def scene_with(
+    model: ArmModel, theta: Array, armature: Array, friction: Sequence[JointFit | None],
+    notes: list[str],
+) -> Scene:  # fmt: skip
+    """The nominal scene with the identified parameters.
+
+    Args:
+        model: Of the nominal scene.
+        theta: Ten inertial parameters of each moving body, without payloads.
+        armature: Of each joint in [kg m²] or [kg], nan to leave it unchanged, shape (n,).
+        friction: Of each joint; None to leave it unchanged.
+        notes: Receives a line for each result that a scene cannot express.
+
+    Raises:
+        InvalidInput: If the friction contradicts a law with states that a joint has.
+    """
+    scene = model.scene
+    content = scene.model_dump(exclude_unset=True, mode="json")
+    content["robot"]["urdf"] = urdf_with(model, theta)
+    every = content.setdefault("joints", {}).pop("*", None)
+    if every is not None:
+        kept = {key: value for key, value in every.items() if key not in ("friction", "armature")}
+        content["joints"] |= {"*": kept} if kept else {}
+    for j, name in enumerate(model.joint_names):
+        said = scene.joint(name).model_dump(exclude_unset=True, exclude_none=True, mode="json")
+        entry = content["joints"][name] = dict(said)
+        fit = friction[j]
+        if fit is not None:
+            before = said.get("friction", {})
+            kept = {key: value for key, value in before.items() if key not in REPLACED}
+            entry["friction"] = kept | _friction(name, model, j, fit, notes)
+        if np.isfinite(armature[j]):
+            entry["armature"] = max(float(armature[j]) - _of_drive(model, j, "armature"), 0.0)
+        gear = entry.get("actuator", {})
+        if fit is not None and gear.get("efficiency", 1.0) != 1.0:
+            entry["actuator"] = {**gear, "efficiency": 1.0}
+            notes.append(f"'{name}': the identified friction includes the losses of the gear")
+    for name in list(model.pin.names)[1:]:
+        if name not in model.joint_names:  # a mimic joint: its leader has all of it
+            plain = {"friction": {"viscous": 0.0, "coulomb": 0.0}, "armature": 0.0}
+            content["joints"][name] = {**content["joints"].get(name, {}), **plain}
+    return _accepted(validated(content))
+
+
+def _accepted(scene: Scene) -> Scene:
+    """The scene, if friction laws with states that the nominal one has agree with its friction.
+
+    Raises:
+        InvalidInput: With the joint, the law, and why it does not.
+    """
+    try:
+        friction_laws(ArmModel(scene))
+    except SceneError as error:
+        raise InvalidInput(
+            f"the identified friction contradicts a law of the nominal scene: {error}; change "
+            "the law, or remove it and identify it by tests of the joint"
+        ) from None
+    return scene
+
+
+def _of_drive(model: ArmModel, j: int, what: str) -> float:
+    drive = model.drives[j]
+    return 0.0 if drive is None else float(getattr(drive, what))
+
+
+def _friction(
+    name: str, model: ArmModel, j: int, fit: JointFit, notes: list[str]
+) -> dict[str, Any]:
+    """A joint's identified friction by the keys of a scene, which are among ``REPLACED``."""
+    law = model.scene.joint(name).friction.stateful
+    c = {kind: fit.coefficients.get(kind, 0.0) for kind in fit.kinds}
+    viscous = max(c.get(VISCOUS, 0.0) - _of_drive(model, j, "viscous"), 0.0)
+    coulomb, offset = c.get(COULOMB, 0.0), c.get(COULOMB_SKEW, 0.0)
+    if abs(offset) > coulomb:
+        notes.append(
+            f"'{name}': a constant torque of {offset:.3g} exceeds its Coulomb friction of "
+            f"{coulomb:.3g} (an offset of the sensor, or gravity?); the scene limits it to that"
+        )
+        offset = float(np.clip(offset, -coulomb, coulomb))
+    highest = coulomb + abs(offset)
+    found: dict[str, Any] = {
+        "viscous": _sides(viscous, float(np.clip(c.get(VISCOUS_SKEW, 0.0), -viscous, viscous))),
+        "coulomb": _sides(coulomb, offset),
+    }
+    if c.get(EXCESS, 0.0) < 0.0 and law is not None:
+        notes.append(
+            f"'{name}': dry friction rises with speed, from {coulomb + c[EXCESS]:.3g} to "
+            f"{coulomb:.3g}, which a scene cannot express together with '{law}'"
+        )
+    elif EXCESS in c and fit.shape.stribeck_velocity is not None:
+        level = max(coulomb + c[EXCESS], HELD * coulomb)
+        most = level if c[EXCESS] > 0.0 else (1.0 - HELD) * level
+        skew = float(np.clip(offset, -most, most))
+        highest = max(highest, level + abs(skew))
+        found["static"] = _sides(level, skew)
+        found["stribeck_velocity"] = fit.shape.stribeck_velocity
+    if fit.shape.load is not None and coulomb > 0.0:
+        found["load"] = _growth(name, fit.shape, highest, notes)
+    elif fit.refused and fit.shape.load is None:
+        notes.append(
+            f"'{name}': friction seems to grow by up to {fit.refused:.3g} of the load that causes "
+            f"it; at most {IDENTIFIED} is identified, so its growth is left out"
+        )
+    return found
+
+
+def _growth(name: str, shape: Shape, highest: float, notes: list[str]) -> dict[str, list[float]]:
+    """The table of friction over load, where the highest friction grows no faster than allowed."""
+    steepest = highest * largest_slope(Curve.through(*shape.table))
+    if steepest > STEEPEST:
+        notes.append(
+            f"'{name}': friction grows by up to {steepest:.3g} of the load that causes it; the "
+            f"scene limits that to {STEEPEST}"
+        )
+        shape = replace(shape, load=(shape.load or 0.0) * LESS * STEEPEST / steepest)
+    at, factor = shape.table
+    return {"at": at.tolist(), "factor": factor.tolist()}
+
+
+def _sides(mean: float, skew: float) -> float | dict[str, float]:
+    if skew == 0.0:
+        return mean
+    return {"positive": max(mean + skew, 0.0), "negative": max(mean - skew, 0.0)}

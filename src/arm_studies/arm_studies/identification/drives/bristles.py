@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""LuGre friction of one joint, from torques and small motions.
+
+Below breakaway a joint moves as on a spring and a damper, σ0 and σ1; sliding determines the levels
+Fc and Fs, the Stribeck velocity and viscous friction (Canudas de Wit, Lischinsky, "Adaptive
+friction compensation with partially known dynamic friction model", Int. J. Adaptive Control 11,
+1997, section 3). The law is that of ``equations.lugre``; the inertia of the joint is identified
+with it. Gravity must not act on the axis, or its torque must be subtracted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.equations import friction, lugre
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_studies.identification.drives.evenly import even_table
+from arm_studies.identification.drives.matching import Law, Match, Trial, match
+
+_WINDOW = 40  # samples
+_KINKED = 2e-5, 0.04  # error and step: |v| has a kink where the motion turns
+UNITS = {
+    "inertia": "kg m²", "sigma0": "N m/rad", "sigma1": "N m s/rad", "coulomb": "N m",
+    "static": "N m", "stribeck_velocity": "rad/s", "viscous": "N m s/rad",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SmallMotion:
+    """A record of a joint under small torques; arrays are read-only.
+
+    Attributes:
+        time: At a constant step in [s], shape (k,).
+        torque: Constant between samples, in [N m], shape (k,).
+        position: In [rad], shape (k,).
+        name: For messages.
+    """
+
+    time: Array
+    torque: Array
+    position: Array
+    name: str = "record"
+
+    @classmethod
+    def of(
+        cls, time: ArrayLike, torque: ArrayLike, position: ArrayLike, name: str = "record"
+    ) -> SmallMotion:
+        """From arrays.
+
+        Raises:
+            InvalidInput: If times are not even, shapes differ, numbers are missing, or nothing
+                varies.
+        """
+        t, columns = even_table(name, time, {"torque": torque, "position": position})
+        for key, column in columns.items():
+            if not np.all(np.isfinite(column)):
+                raise InvalidInput(f"{name}: {key} is missing in some samples; all are expected")
+            if np.ptp(column) == 0.0:
+                raise InvalidInput(f"{name}: {key} does not vary; a motion is expected")
+        return cls(t, **columns, name=name)
+
+    @property
+    def dt(self) -> float:
+        """Sampling interval in [s]."""
+        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+    @property
+    def velocity(self) -> Array:
+        """Differences of the positions in [rad/s], shape (k,)."""
+        return np.gradient(self.position, self.dt)
+
+
+def identify_bristles(
+    records: list[SmallMotion], guess: Mapping[str, float] | None = None
+) -> Match:
+    """Identify the parameters of the LuGre model, and the inertia of the joint.
+
+    Args:
+        records: Of one joint: motions below breakaway determine σ0 and σ1, those beyond the rest.
+        guess: First guesses to use instead of those from the records; see ``UNITS``.
+
+    Returns:
+        All of ``UNITS``; ``missing`` names those that the records do not determine.
+
+    Raises:
+        InvalidInput: If there is no record, or a guess is of an unknown parameter or not positive.
+    """
+    if not records:
+        raise InvalidInput("no record of small motions; at least one is expected")
+    if strangers := set(guess or {}) - set(UNITS):
+        raise InvalidInput(
+            f"guess: unknown parameter {known_names(strangers)}; allowed: {known_names(UNITS)}"
+        )
+    J, s0, s1, Fc, Fs, vs, s2 = p = [ca.SX.sym(name) for name in UNITS]
+    q, v, z, tau = (ca.SX.sym(name) for name in "qvzt")
+    level = friction.dry(v, 1.0, Fc, Fs - Fc, vs)
+    rate = lugre.bending(v, z, s0, level)
+    held = lugre.torque(z, rate, s0, s1) + friction.viscous(v, s2)
+    x = ca.vertcat(q, v, z)
+    names = tuple(UNITS)
+    law = Law(x, tau, ca.vertcat(*p), ca.vertcat(v, (tau - held) / J, rate), q, names, *_KINKED)
+    start, by_size = _guess(records) | dict(guess or {}), sorted(records, key=_span)
+    if len(records) > 1:  # the fit of the smallest motion is a better guess for the others
+        start |= match(_windows(by_size[0], law, start), start).values
+    return match([trial for r in records for trial in _windows(r, law, start)], start)
+
+
+def _span(record: SmallMotion) -> float:
+    return float(np.ptp(record.position))
+
+
+def _windows(record: SmallMotion, law: Law, start: Mapping[str, float]) -> list[Trial]:
+    """Short parts of a record, each with an initial state of its own.
+
+    A stick-slip motion diverges quickly when a parameter changes a little; within a window it does
+    not (multiple shooting: Bock, "Recent advances in parameter identification techniques for
+    O.D.E.", 1983).
+    """
+    v, tau = record.velocity, record.torque
+    most = start["static"] / start["sigma0"]
+    bent = (tau - start["inertia"] * np.gradient(v, record.dt)) / start["sigma0"]
+    x0 = np.column_stack([record.position, v, np.clip(bent, -most, most)])
+    around = np.array([[0.0, speed, 0.0] for speed in (0.0, abs(v).max())])
+    count = max(1, len(v) // _WINDOW)
+    size = len(v) // count
+    rows = [slice(k * size, (k + 1) * size) for k in range(count)]
+    return [
+        Trial(law, record.dt, tau[part, None], record.position[part, None], x0[part.start], around,
+              f"{record.name}, from {record.time[part.start]:.4g} s")
+        for part in rows
+    ]  # fmt: skip
+
+
+def _guess(records: list[SmallMotion]) -> dict[str, float]:
+    """Least squares on the sticking motion, and on the fastest part of the widest one."""
+    small, wide = min(records, key=_span), max(records, key=_span)
+    q, tau = small.position, small.torque
+    table = np.column_stack([np.gradient(small.velocity, small.dt), small.velocity, q, q * 0 + 1])
+    scale = np.linalg.norm(table, axis=0)
+    J, s1, s0, _ = np.linalg.lstsq(table / scale, tau, rcond=1e-12)[0] / scale
+    s0 = s0 if s0 > 0.0 else float(np.ptp(tau) / np.ptp(q))
+    J = J if J > 0.0 else s0 * small.dt**2
+    v = wide.velocity
+    fast = abs(v) > 0.2 * abs(v).max()
+    columns = np.column_stack([np.gradient(v, wide.dt), np.sign(v), v])[fast]
+    J_wide, Fc, s2 = np.linalg.lstsq(columns, wide.torque[fast], rcond=1e-12)[0]
+    slides = np.ptp(wide.position) > 3.0 * np.ptp(wide.torque) / s0
+    if not slides or Fc <= 0.0:
+        Fc = 1.5 * float(abs(wide.torque).max())
+    elif J_wide > 0.0:
+        J = J_wide
+    damp = 0.3 * np.sqrt(s0 * J)
+    found = {
+        "inertia": J, "sigma0": s0, "sigma1": s1 if 0.0 < s1 < 3.0 * damp else damp,
+        "coulomb": Fc, "static": 1.3 * Fc,
+        "stribeck_velocity": (0.3 if slides else 3.0) * abs(v).max(),
+        "viscous": s2 if slides and s2 > 0.0 else 0.1 * damp,
+    }  # fmt: skip
+    return {name: float(value) for name, value in found.items()}

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stiffness and damping of a flexible joint, from the motor's torque and the angles at its ends.
+
+Two tests: the link *held*, so that the motor swings against the transmission alone; or *free*,
+with the angle of the link measured as well, on an axis without gravity load. The law is that of
+``equations.transmission``, k δ + k₃ δ³ + d δ' for a twist δ = θ - q (Spong, "Modeling and control
+of elastic joint robots", ASME J. Dyn. Sys. Meas. Control 109, 1987); angles and torques of the
+motor are reflected to the joint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.equations import transmission
+from arm_dynamics.exceptions import InvalidInput
+from arm_studies.identification.drives.evenly import even_table
+from arm_studies.identification.drives.matching import Law, Match, Trial, match
+
+UNITS = {
+    "stiffness": "N m/rad", "damping": "N m s/rad", "motor_inertia": "kg m²",
+    "motor_damping": "N m s/rad", "link_inertia": "kg m²", "link_damping": "N m s/rad",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class JointTest:
+    """A record of a flexible joint; arrays are read-only.
+
+    Attributes:
+        time: At a constant step in [s], shape (k,).
+        torque: Of the motor, reflected to the joint, constant between samples, in [N m].
+        motor: Angle of the motor, reflected to the joint, in [rad], shape (k,).
+        link: Angle of the link in [rad], shape (k,); NaN where the link was held.
+        name: For messages.
+    """
+
+    time: Array
+    torque: Array
+    motor: Array
+    link: Array
+    name: str = "record"
+
+    @classmethod
+    def of(
+        cls, time: ArrayLike, torque: ArrayLike, motor: ArrayLike, link: ArrayLike | None = None,
+        name: str = "record",
+    ) -> JointTest:  # fmt: skip
+        """From arrays; no ``link`` if it was held.
+
+        Raises:
+            InvalidInput: If times are not even, shapes differ, numbers are missing, or nothing
+                varies.
+        """
+        given = {"torque": torque, "motor": motor} | ({} if link is None else {"link": link})
+        t, columns = even_table(name, time, given)
+        for key, column in columns.items():
+            if not np.all(np.isfinite(column)):
+                raise InvalidInput(f"{name}: {key} is missing in some samples; all are expected")
+            if np.ptp(column) == 0.0:
+                raise InvalidInput(f"{name}: {key} does not vary; a motion is expected")
+        columns.setdefault("link", np.full(len(t), np.nan))
+        return cls(t, **columns, name=name)
+
+
+def identify_joint(record: JointTest) -> Match:
+    """Identify stiffness, damping and inertias of a flexible joint.
+
+    With the link held, damping of the transmission and of the motor cannot be separated and count
+    as that of the transmission.
+
+    Args:
+        record: The test.
+
+    Returns:
+        Those of ``UNITS`` that the test involves; ``missing`` names those that it does not
+        determine.
+    """
+    k, d, Jm, Bm, Jl, Bl = (ca.SX.sym(name) for name in UNITS)
+    th, om, q, v, tau = (ca.SX.sym(name) for name in ("th", "om", "q", "v", "tau"))
+    held = not np.isfinite(record.link).any()
+    slow = _slopes(record)
+    if held:
+        bent = transmission.elastic_torque(th - q, k, 0.0) + d * om
+        x, slope = ca.vertcat(th, om, q), ca.vertcat(om, (tau - bent) / Jm, 0)
+        numbers = {"stiffness": k, "damping": d, "motor_inertia": Jm}
+        x0 = [record.motor[0], slow[0], _rest(record)]
+        y, outputs = record.motor[:, None], th
+    else:
+        bent = transmission.elastic_torque(th - q, k, 0.0) + d * (om - v)
+        x = ca.vertcat(th, om, q, v)
+        slope = ca.vertcat(om, (tau - bent - Bm * om) / Jm, v, (bent - Bl * v) / Jl)
+        numbers = dict(zip(UNITS, (k, d, Jm, Bm, Jl, Bl), strict=True))
+        x0 = [record.motor[0], slow[0], record.link[0], slow[1]]
+        y, outputs = np.column_stack([record.motor, record.link]), ca.vertcat(th, q)
+    law = Law(x, tau, ca.vertcat(*numbers.values()), slope, outputs, tuple(numbers))
+    dt = float(np.mean(np.diff(record.time)))
+    trial = Trial(
+        law, dt, record.torque[:, None], y, np.array(x0), np.zeros((1, len(x0))), record.name
+    )
+    return match([trial], _guess(record, held, dt))
+
+
+def _slopes(record: JointTest) -> tuple[float, float]:
+    dt = record.time[1] - record.time[0]
+    link = np.nan_to_num(record.link)
+    return float(record.motor[1] - record.motor[0]) / dt, float(link[1] - link[0]) / dt
+
+
+def _rest(record: JointTest) -> float:
+    """The angle of a held link: about the middle of the motor's swing."""
+    return float(record.motor.mean())
+
+
+def _guess(record: JointTest, held: bool, dt: float) -> dict[str, float]:
+    """Least squares on the equations of motion with differences for velocities."""
+    th, q, tau = record.motor, np.nan_to_num(record.link), record.torque
+    inner = slice(1, -1)
+    om, v = (x[2:] - x[:-2] for x in (th, q))
+    om, v = om / (2 * dt), v / (2 * dt)
+    acc, acl = (np.diff(x, 2) / dt**2 for x in (th, q))
+    push = (tau[:-2] + tau[1:-1]) / 2.0  # held: the mean over both neighbours' steps
+    if held:
+        table = np.column_stack([th[inner], om, acc, np.ones_like(om)])
+        found = np.linalg.lstsq(table, push, rcond=1e-12)[0]
+        stiff, damp, motor, link = found[0], found[1], found[2], 1.0
+    else:
+        both = np.zeros((2 * len(om), 6))
+        delta, rate = (th - q)[inner], om - v
+        both[: len(om)] = np.column_stack([delta, rate, acc, om, 0 * om, 0 * om])
+        both[len(om) :] = np.column_stack([-delta, -rate, 0 * om, 0 * om, acl, v])
+        found = np.linalg.lstsq(both, np.concatenate([push, 0 * push]), rcond=1e-12)[0]
+        stiff, damp, motor, link = found[0], found[1], found[2], found[4]
+    motor, link = (x if x > 0.0 else 0.1 for x in (motor, link))
+    stiff = stiff if stiff > 0.0 else motor / (20.0 * dt) ** 2
+    small = 0.01 * np.sqrt(stiff * motor)
+    return {
+        "stiffness": float(stiff), "damping": float(max(damp, small)),
+        "motor_inertia": float(motor), "motor_damping": float(small),
+        "link_inertia": float(link), "link_damping": float(small),
+    }  # fmt: skip

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Uncertainty of the masses of an arm after a motion, as an expression.
+
+The determinant over all parameters gains as much from reducing a small variance tenfold as from
+reducing a large one. To identify masses, the sum of their variances is minimized instead
+(A-optimality for some of the parameters: Atkinson, Donev, Optimum Experimental Designs, 1992,
+sections 10.3 and 10.4). The link whose weight is the smallest part of its joint's torque dominates
+it, since noise and unmodelled effects grow with the torque.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.equations import rigid_body
+from arm_dynamics.equations.tree import Tree, regrouped
+from arm_dynamics.model import ArmModel, gravity_of, tree_of
+from arm_studies.identification.excitation.columns import friction_columns
+
+NOISE, RATE = 0.05, 1000.0
+"""Noise of torques relative to their root mean square, white at this many samples per second."""
+_FLOOR = 0.01  # fraction of a joint's typical torque below which noise does not fall
+_BEFORE = 0.1  # prior standard deviation of a density, relative
+_TOTAL = 1e-4  # of the total mass, likewise: it is weighed
+_FREE = 1e-3  # prior precision of armature and friction, in SI units
+
+
+def densities(model: ArmModel, turning: Array) -> ca.Function:
+    """Columns of friction, and of the torques of nominal bodies by their densities.
+
+    Args:
+        model: The arm.
+        turning: Speed over which the column of Coulomb friction changes its sign, shape (n,).
+
+    Returns:
+        A function of q, v and a whose result has shape (n, 3 n + bodies): armature, viscous and
+        Coulomb friction of each joint, and of each body 1 for its nominal density.
+    """
+    q, v, a = (ca.SX.sym(name, model.n) for name in "qva")
+    tree = tree_of(model, regroup=False)
+    links, density = list(tree.links), ca.SX.sym("density", len(tree.links))
+    for i, link in enumerate(links):
+        link.m, link.h, link.I = density[i] * link.m, density[i] * link.h, density[i] * link.I
+    regrouped(links)
+    bodies = Tree(tuple(links), np.zeros(len(links)), tree.followers, tree.offsets)
+    tau = rigid_body.inverse(bodies, q, v, a, gravity_of(model))
+    columns = [*friction_columns(v, a, turning), ca.jacobian(tau, density)]
+    return ca.Function("densities", [q, v, a], [ca.densify(ca.horzcat(*columns))], {"cse": True})
+
+
+def spread(
+    model: ArmModel, turning: Array, motion: list[ca.MX], period: float, usual: Array
+) -> ca.MX:
+    """Relative standard deviations of masses after one period; shape (bodies,).
+
+    Torques have ``NOISE``, the total mass is known, bodies have their nominal shapes.
+
+    Args:
+        model: The arm.
+        turning: See ``densities``.
+        motion: q, v and a at even times, each of shape (n, instants).
+        period: In [s].
+        usual: Typical torques of the joints, shape (n,).
+    """
+    count, n = motion[0].shape[1], model.n
+    W = densities(model, turning)
+    size = W.size2_out(0)
+    bodies = size - 3 * n
+    own = [model.armature, model.viscous, model.friction.coulomb.mean, np.ones(bodies)]
+    nominal = ca.DM(np.concatenate([np.broadcast_to(x, bodies if i == 3 else n)
+                                    for i, x in enumerate(own)]))  # fmt: skip
+    table = W.map(count)(*motion)
+    H = ca.MX(_before(model, size - bodies))
+    for j in range(n):
+        A = ca.reshape(table[j, :], size, count)
+        power = ca.sumsqr(A.T @ nominal) / count + (_FLOOR * usual[j]) ** 2
+        H += A @ A.T * (RATE * period / count / NOISE**2) / power
+    return _deviations(size, bodies)(H)
+
+
+def _before(model: ArmModel, others: int) -> Array:
+    """Precision of the prior, shape (size, size)."""
+    masses = np.array([inertia.mass for inertia in list(model.pin.inertias)[1:]])
+    part = masses / masses.sum()
+    sure = np.eye(len(masses)) / _BEFORE**2 + np.outer(part, part) / _TOTAL**2
+    size = others + len(masses)
+    found = _FREE * np.eye(size)
+    found[others:, others:] = sure
+    return found
+
+
+def _deviations(size: int, last: int) -> ca.Function:
+    """Standard deviations of the last parameters from the information matrix.
+
+    By its Cholesky factor R: the last block of H⁻¹ is that of R⁻¹ R⁻ᵀ, and R is a triangle.
+    """
+    H = ca.SX.sym("H", size, size)
+    inverse = ca.inv(ca.chol(H)[-last:, -last:])
+    return ca.Function("deviations", [H], [ca.sqrt(ca.sum2(inverse**2))])

@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Search for the most exciting motion of an arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.arrays import Array, positive, read_only
+from arm_dynamics.equations import rigid_body
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model import gravity_of, tree_of
+from arm_dynamics.trajectory import Trajectory
+from arm_studies.identification.excitation.columns import (
+    distinct,
+    information,
+    random_states,
+    regressor,
+)
+from arm_studies.identification.excitation.fourier import basis
+from arm_studies.identification.excitation.masses import spread
+from arm_studies.identification.excitation.room import Room
+
+_INSTANTS = 12  # per harmonic, at which a motion is evaluated while searching
+_KNOTS = 24  # knots per harmonic of the motion that is returned
+_SOFT = 0.02  # fraction of the velocity limit over which friction changes sign, to have a slope
+_INSIDE = 0.98  # of the limits, as a margin for motion between the instants
+_SHRINK = 0.97
+_STATES = 40  # random states for each column of the regressor
+_SILENT = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory", "tol": 1e-4}
+
+
+ALL, MASSES = "all", "masses"
+"""Parameters that a motion is optimized for: all of them, or the masses."""
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A periodic motion from rest to rest, and how well it determines the arm's parameters.
+
+    Attributes:
+        motion: One period.
+        joint_names: Order of the joints.
+        condition: Largest over smallest singular value of its regressor; see ``columns.distinct``.
+        information: log det(WᵀW), likewise.
+        parameters: Number of parameters, or combinations of them, that it can identify.
+        attempts: Value that each attempt of the search reached, shape (attempts,): the
+            information, or the mean standard deviation of masses.
+        masses: Relative standard deviations of the masses after one period, for bodies of nominal
+            shape and known total mass, if torques have 5 % of white noise at 1 kHz; shape
+            (bodies,), None if the aim is all parameters.
+    """
+
+    motion: Trajectory
+    joint_names: tuple[str, ...]
+    condition: float
+    information: float
+    parameters: int
+    attempts: Array
+    masses: Array | None = None
+
+
+def excite(
+    room: Room,
+    *,
+    period: float = 10.0,
+    harmonics: int = 5,
+    aim: str = ALL,
+    attempts: int = 3,
+    iterations: int = 60,
+    seed: int = 0,
+    told: Callable[[int], None] = lambda attempts_done: None,
+) -> Excitation:
+    """Compute a periodic motion within limits that is as exciting as possible.
+
+    It is D-optimal for all parameters, A-optimal for masses; see ``masses``. The optimum of the
+    determinant of the information matrix does not depend on how parameters are scaled or combined
+    (Swevers and others, 1997, section III; Atkinson, Donev, Optimum Experimental Designs, 1992,
+    chapter 10). Every attempt starts from a random motion, which an interior-point method (IPOPT)
+    improves to a local optimum with exact derivatives. Then it is scaled down about the start
+    position until it satisfies every limit at every instant.
+
+    Args:
+        room: Constraints of the motion.
+        period: In [s].
+        harmonics: Number of harmonics, at least 2.
+        aim: ``all`` or ``masses``: the parameters to optimize for.
+        attempts: Number of random starts.
+        iterations: Largest number of iterations of each attempt.
+        seed: Of the random starts; the same seed gives the same motion.
+        told: Called after each attempt with the number of finished attempts.
+
+    Returns:
+        The best motion.
+
+    Raises:
+        InvalidInput: If an argument is not allowed, nothing limits a joint, or no motion is found.
+    """
+    positive("period", period)
+    for name, value, least in (
+        ("harmonics", harmonics, 2), ("attempts", attempts, 1), ("iterations", iterations, 1),
+    ):  # fmt: skip
+        if value < least:
+            raise InvalidInput(f"{name} = {value}; at least {least} is expected")
+    if aim not in (ALL, MASSES):
+        raise InvalidInput(f"aim is '{aim}'; allowed: {ALL}, {MASSES}")
+    search = _Search(room, period, harmonics, aim)
+    rng, found = np.random.default_rng(seed), list[tuple[float, Array]]()
+    for attempt in range(attempts):
+        y = search.within(search.improved(search.random(rng), iterations))
+        found.append((search.gain(y), y))
+        told(attempt + 1)
+    _, y = max(found, key=lambda pair: pair[0])
+    sigma = np.linalg.svd(search.rows(y), compute_uv=False)
+    if not sigma[-1] > 1e-9 * sigma[0]:
+        raise InvalidInput(
+            f"the best motion identifies only {int(np.sum(sigma > 1e-9 * sigma[0]))} of "
+            f"{len(sigma)} parameters; more harmonics, a larger workspace or more attempts are "
+            "expected"
+        )
+    reached = np.array([value for value, _ in found])
+    masses = search.masses(y) if aim == MASSES else None
+    return Excitation(
+        search.motion(y), room.model.joint_names, float(sigma[0] / sigma[-1]),
+        float(2.0 * np.log(sigma).sum()), len(sigma), reached if masses is None else -reached,
+        masses,
+    )  # fmt: skip
+
+
+class _Search:
+    """The problem in the coefficients y of the Fourier series, shape (n, 2 (N - 1))."""
+
+    def __init__(self, room: Room, period: float, harmonics: int, aim: str) -> None:
+        self.room, self.period, self.harmonics = room, period, harmonics
+        model, limits, omega = room.model, room.limits, 2.0 * np.pi / period
+        self.half = (limits.upper - limits.lower) / 2.0
+        self.speed = np.minimum(limits.velocity, omega * harmonics * self.half)
+        rise = np.minimum(limits.acceleration, omega * harmonics * self.speed)
+        W = regressor(model, _SOFT * self.speed)
+        count = _STATES * W.size2_out(0) // model.n
+        states = random_states(limits.lower, limits.upper, self.speed, rise, count)
+        usual = self._usual_torque(states)
+        columns = distinct(W, states, 1.0 / usual)
+        self.shape = model.n, 2 * (harmonics - 1)
+        y, times = ca.MX.sym("y", *self.shape), self._times(_INSTANTS)
+        part = basis(times, period, harmonics)
+        motion = [ca.repmat(ca.DM(room.start), 1, len(times)) + y @ part[0], y @ part[1],
+                  y @ part[2]]  # fmt: skip
+        Wt = columns.map(len(times))(*motion)
+        self._rows = ca.Function("rows", [y], [Wt])
+        if aim == MASSES:
+            left = spread(model, _SOFT * self.speed, motion, period, usual)
+            self._masses = ca.Function("masses", [y], [left])
+            gain, cost = -ca.sum1(left) / left.shape[0], ca.log(ca.sumsqr(left))
+        else:
+            gain = information(Wt)
+            cost = -gain
+        self._gain = ca.Function("gain", [y], [gain])
+        held, self._lower, self._upper = self._constraints(motion)
+        self._problem = {"x": ca.vec(y), "f": cost, "g": held}
+
+    def rows(self, y: Array) -> Array:
+        """The regressor, transposed, shape (parameters, rows)."""
+        table: Array = self._rows(y).full()
+        return table
+
+    def masses(self, y: Array) -> Array:
+        """Standard deviations of masses; see ``spread``. Shape (bodies,)."""
+        return read_only(self._masses(y).full()[:, 0])
+
+    def gain(self, y: Array) -> float:
+        """The objective to maximize; minus infinity if the regressor is singular."""
+        value = float(self._gain(y))
+        return value if np.isfinite(value) else -np.inf
+
+    def random(self, rng: np.random.Generator) -> Array:
+        """Coefficients of a random motion within limits."""
+        size = 0.3 * np.minimum(self.half, self.speed * self.period / (2 * np.pi))
+        return self.within(size[:, None] * rng.normal(size=self.shape))
+
+    def improved(self, y: Array, iterations: int) -> Array:
+        """A local optimum that is reached from ``y``."""
+        options = {"ipopt": {**_SILENT, "max_iter": iterations}, "print_time": False}
+        solver = ca.nlpsol("search", "ipopt", self._problem, options)
+        result = solver(x0=ca.vec(ca.DM(y)), lbg=self._lower, ubg=self._upper)
+        found = ca.reshape(result["x"], *self.shape).full()
+        return found if np.all(np.isfinite(found)) else y
+
+    def within(self, y: Array) -> Array:
+        """The motion scaled down about the start until it satisfies the limits.
+
+        The start itself satisfies them, so this terminates.
+        """
+        while True:
+            try:
+                self.room.check(self.motion(y))
+            except InvalidInput:
+                y = _SHRINK * y
+            else:
+                return y
+
+    def motion(self, y: Array) -> Trajectory:
+        """One period as quintic segments."""
+        times = np.append(self._times(_KNOTS), self.period)
+        q, v, a = np.moveaxis(y @ basis(times, self.period, self.harmonics), 1, 2)
+        v[[0, -1]] = a[[0, -1]] = 0.0  # removes rounding
+        return Trajectory.through(times, q + self.room.start, v, a)
+
+    def _times(self, density: int) -> Array:
+        count = density * self.harmonics
+        times: Array = np.arange(count, dtype=float) * (self.period / count)
+        return times
+
+    def _constraints(self, motion: list[ca.MX]) -> tuple[ca.MX, Array, Array]:
+        """Constrained values at the instants, as one column, and their bounds."""
+        room, model, n = self.room, self.room.model, self.room.model.n
+        q, v, a = (ca.SX.sym(name, n) for name in "qva")
+        tau = rigid_body.inverse(tree_of(model), q, v, a, gravity_of(model))
+        friction = model.friction.coulomb.mean * ca.tanh(v / (_SOFT * self.speed))
+        tau += ca.DM(model.viscous) * v + friction
+        gaps, names = room.gaps
+        rows = ca.vertcat(q, v, a, tau, gaps(q))
+        limits, none = room.limits, np.full(len(names), np.inf)
+        off = (1.0 - _INSIDE) * self.half
+        most = [_INSIDE * x for x in (limits.velocity, limits.acceleration, room.effort)]
+        upper = [limits.upper - off, *most, none]
+        lower = [limits.lower + off, *(-x for x in most), np.zeros(len(names))]
+        kept = np.flatnonzero(np.isfinite(np.hstack(lower)))
+        held = ca.Function("held", [q, v, a], [rows[kept.tolist()]], {"cse": True})
+        count = motion[0].shape[1]
+        bounds = (np.tile(np.hstack(x)[kept], count) for x in (lower, upper))
+        return ca.vec(held.map(count)(*motion)), *bounds
+
+    def _usual_torque(self, states: Array) -> Array:
+        """The scale of each torque: its limit, or its rms over random motions."""
+        usual = np.sqrt(np.mean(self.room.torques(*np.moveaxis(states, 1, 0)) ** 2, axis=0))
+        effort = self.room.effort
+        scale: Array = np.where(np.isfinite(effort), effort, np.maximum(usual, 1e-9 * usual.max()))
+        return scale

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Identification of the payload of a known arm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.scene.load import load_scene
+from arm_dynamics.scene.schema import Payload
+from arm_studies.identification import checks
+from arm_studies.identification.data import records_of
+from arm_studies.identification.described import central_inertia
+from arm_studies.identification.names import mapped
+from arm_studies.identification.preparation import prepare
+from arm_studies.identification.regression import bodies
+from arm_studies.identification.regression.estimation import (
+    NOISELESS,
+    belief_of,
+    made_possible,
+    solved,
+)
+from arm_studies.identification.regression.regressor import RigidRegressor
+from arm_studies.identification.regression.rows import Rows, steady_friction
+
+GUESS = 0.1
+"""Radius in [m] of the ball of 1 kg that is the weak prior of a payload."""
+LOOSE = 10.0
+DOUBT = 0.5, 0.5
+"""Deviations of the arm's bodies, which stand in for the payload, where columns of efforts are
+matched with joints."""
+
+
+def identify_payload(
+    scene: Any, recordings: Any, frame: str, *, band: float | None = None,
+    names: Mapping[str, str] | None = None,
+) -> Payload:  # fmt: skip
+    """Identify the payload of an arm whose own inertias and friction are known.
+
+    Args:
+        scene: The arm without the payload, anything ``load_scene`` accepts.
+        recordings: Of the arm with the payload; see ``identify``.
+        frame: The frame that carries the payload and in which the result is expressed.
+        band: Cut-off frequency of the low-pass filter in [Hz]; None: chosen from the noise.
+        names: Joint names of the recordings by those of the scene, where they cannot be matched.
+
+    Returns:
+        The payload, for ``payloads`` of a scene; physically consistent.
+
+    Raises:
+        SceneError: If the scene cannot be used.
+        InvalidInput: If the frame is unknown or fixed, or the recordings do not determine it.
+    """
+    model = ArmModel(load_scene(scene))
+    checks.check_model(model)
+    place, carrier = _carried(model, frame)
+    records = [mapped(r, model.joint_names, names) for r in records_of(recordings)]
+    for record in records:
+        checks.check_record(record, model)
+    motions = [prepare(record, band) for record in records]
+    checks.moved(motions)
+    rows = Rows(RigidRegressor(model), motions, held_out=0.0)
+    checks.check_rows(rows, model.joint_names)
+    nominal = rows.regressor.nominal
+    near = belief_of(nominal, len(nominal), *DOUBT)
+    checks.check_columns(rows, rows.use, near, model.joint_names)
+    known = rows.rigid @ rows.regressor.nominal + rows.known + rows.inertia * model.armature
+    left = rows.effort - known - steady_friction(rows, known)
+    columns = rows.rigid[:, :, rows.regressor.places(carrier)] @ _moved(place)
+    weights = [_weight(columns[:, j], left[:, j], rows.use[:, j]) for j in range(rows.n)]
+    A = np.concatenate([w * columns[rows.use[:, j], j] for j, w in enumerate(weights)])
+    b = np.concatenate([w * left[rows.use[:, j], j] for j, w in enumerate(weights)])
+    R = np.linalg.qr(np.sqrt(rows.independent) * np.column_stack([A, b]), mode="r")
+    belief = belief_of(_ball(), 10, LOOSE, LOOSE)
+    T, z = belief.combined(R[:, :-1], R[:, -1])
+    x = solved(T, z)
+    if not bodies.possible(x, 1e-9):
+        x = made_possible(T, z, _ball(), _ball(), ())
+    mass, com, inertia = central_inertia(x)
+    six = inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    return Payload(frame=frame, mass=mass, com=tuple(com.tolist()), inertia=tuple(six.tolist()))
+
+
+def _carried(model: ArmModel, frame: str) -> tuple[pin.SE3, int]:
+    """The placement of a frame in the body that carries it, and the index of that body."""
+    if frame not in model.frame_names:
+        raise InvalidInput(
+            f"unknown frame '{frame}'{did_you_mean(frame, model.frame_names)}; the arm has "
+            f"{known_names(model.frame_names)}"
+        )
+    found = model.frame(frame)
+    if found.parentJoint == 0:
+        raise InvalidInput(f"frame '{frame}' is fixed to the base; a moving frame is expected")
+    return found.placement, found.parentJoint - 1
+
+
+def _moved(place: pin.SE3) -> Array:
+    """Map from inertial parameters in a frame to those in its body's joint, shape (10, 10)."""
+    G = np.block(
+        [[place.rotation, place.translation[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]]
+    )
+    return np.column_stack([bodies.numbers_of(G @ basis @ G.T) for basis in bodies.BASIS])
+
+
+def _ball() -> Array:
+    J = np.diag([GUESS**2 / 5.0] * 3 + [1.0])
+    return bodies.numbers_of(J)
+
+
+def _weight(columns: Array, left: Array, use: Any) -> float:
+    """Inverse of the part of a joint's torque that no payload explains."""
+    if not use.any():
+        return 0.0
+    x = np.linalg.lstsq(columns[use], left[use], rcond=1e-10)[0]
+    rest = float(np.sqrt(np.mean((left[use] - columns[use] @ x) ** 2)))
+    return 1.0 / max(rest, NOISELESS * float(np.sqrt(np.mean(left[use] ** 2))), 1e-12)

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Resampling and filtering of joint states into a motion with accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.exceptions import InvalidInput
+from arm_studies.identification.clock import repaired, without_repeats
+from arm_studies.identification.data import JointRecord, MeasuredMotion
+from arm_studies.identification.filtering import WIDEST, ZeroPhase, chosen_band, decimated
+
+GAP = 4.5
+"""Steps without a sample that split a recording; shorter holes are interpolated."""
+SHORTEST = 100
+"""Smallest number of samples of a stretch."""
+PER_BAND = 10.0
+"""Rows per period of the band that ``thinned`` keeps."""
+UNEVEN = 1e-3
+"""Fraction of a step by which samples may be off an even grid without being interpolated."""
+SATURATED = 8
+"""Number of consecutive samples at the same extreme effort that indicate saturation."""
+
+
+@dataclass(frozen=True)
+class EvenRecord:
+    """A recording at a constant rate, with corrected time stamps; not filtered.
+
+    Attributes:
+        stretches: Stretches without a gap; at least one.
+        dt: Time between samples in [s].
+        notes: Irregularities of the recording.
+    """
+
+    stretches: tuple[JointRecord, ...]
+    dt: float
+    notes: tuple[str, ...]
+
+    @property
+    def exact(self) -> bool:
+        """Whether it has velocities and accelerations, so that nothing is filtered."""
+        return all(np.isfinite(s.a).all() and np.isfinite(s.v).all() for s in self.stretches)
+
+    @cached_property
+    def band(self) -> float:
+        """Cut-off frequency in [Hz] that suits the noise; see ``filtering.chosen_band``."""
+        if self.exact:
+            return np.inf
+        return max(chosen_band(stretch.q, self.dt) for stretch in self.stretches)
+
+    def filtered(self, band: float | None = None) -> MeasuredMotion:
+        """Low-pass filter with zero phase and differentiate; see ``prepare``.
+
+        Raises:
+            InvalidInput: If the band is not positive, or too wide for the sampling rate.
+        """
+        band = self._allowed(self.band if band is None else band)
+        low_pass = ZeroPhase(np.inf if self.exact else band, self.dt)
+        return joined([_motion(stretch, low_pass) for stretch in self.stretches], self.notes)
+
+    def _allowed(self, band: float) -> float:
+        name, widest = self.stretches[0].name, WIDEST / self.dt
+        if not band > 0.0:
+            raise InvalidInput(f"{name}: band is {band} Hz; a positive number is expected")
+        if np.isfinite(band) and band > widest:
+            raise InvalidInput(
+                f"{name}: band is {band:g} Hz; at {1.0 / self.dt:.5g} samples per second; "
+                f"allowed: up to {widest:.4g} Hz"
+            )
+        return band
+
+
+def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
+    """Resample a recording at a constant rate, filter it with zero phase and differentiate it.
+
+    Velocities and accelerations are derived from positions, since those that robots report are
+    filtered with a lag. If a recording has accelerations, as from a computation, its positions,
+    velocities and accelerations are used unchanged.
+
+    Args:
+        record: Joint states.
+        band: Cut-off frequency in [Hz]; None: chosen from the noise, see
+            ``filtering.chosen_band``; inf for no filter except in differentiation.
+
+    Returns:
+        The motion.
+
+    Raises:
+        InvalidInput: If positions are missing, or no stretch is long enough.
+    """
+    return resampled(record).filtered(band)
+
+
+def resampled(record: JointRecord) -> EvenRecord:
+    """Correct the time stamps of a recording and resample it at a constant rate.
+
+    Raises:
+        InvalidInput: If positions are missing, or no stretch is long enough.
+    """
+    whole = np.isfinite(record.q).all(axis=1)
+    if not whole.any():
+        raise InvalidInput(f"{record.name}: no row has a position of every joint")
+    record = without_repeats(record.rows(whole))
+    notes = list(record.notes)
+    if not whole.all():
+        notes.append(f"{np.count_nonzero(~whole)} rows lack a position of some joint")
+    step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else np.inf
+    pieces, short = _pieces(record, step)
+    if short:
+        notes.append(f"{short} rows in stretches of fewer than {SHORTEST} samples are not used")
+    if not pieces:
+        raise InvalidInput(
+            f"{record.name}: no stretch of {SHORTEST} samples without a gap of more than "
+            f"{GAP * step:.3g} s; it has {len(record.time)} samples, {step:.3g} s apart"
+        )
+    if len(pieces) > 1:
+        notes.append(f"{len(pieces) - 1} gaps")
+    pieces = [repaired(piece) for piece in pieces]
+    notes += [note for piece in pieces for note in piece.notes if note not in notes]
+    step = _exact_step(pieces, step)
+    stretches = tuple(_even(piece, step) for piece in pieces)
+    for stretch in stretches:
+        notes += _saturation(stretch)
+    return EvenRecord(stretches, step, tuple(notes))
+
+
+def _saturation(stretch: JointRecord) -> list[str]:
+    shares = saturated(stretch.effort).mean(axis=0)
+    return [
+        f"'{name}': effort saturated in {share:.1%} of the samples"
+        for name, share in zip(stretch.joint_names, shares.tolist(), strict=True)
+        if share > 0.0
+    ]
+
+
+def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
+    """The motion with only as many rows as its band needs, ``PER_BAND`` per period.
+
+    Returns:
+        The motion, and the stride of the rows that it keeps.
+    """
+    stride = max(1, int(1.0 / (PER_BAND * motion.band * motion.dt) + 1e-9))
+    if stride == 1:
+        return motion, 1
+    dt = stride * motion.dt
+    low_pass = ZeroPhase(motion.band, dt)
+    parts = []
+    for part in motion.parts():
+        rows = slice(0, None, stride)
+        values: dict[str, Any] = {
+            key: getattr(part, key)[rows] for key in ("time", "q", "v", "a", "valid")
+        }
+        values["effort"] = decimated(part.effort, stride)
+        stretches = (slice(0, len(values["time"])),)
+        values |= {"dt": dt, "low_pass": low_pass, "stretches": stretches}
+        parts.append(replace(part, **values))
+    return joined(parts, motion.notes), stride
+
+
+def joined(motions: Sequence[MeasuredMotion], notes: Sequence[str] = ()) -> MeasuredMotion:
+    """Concatenate motions of the same rate and filter, each as stretches of its own."""
+    first = motions[0]
+    starts = np.cumsum([0, *(len(motion.time) for motion in motions)])
+    stretches = tuple(
+        slice(s.start + int(start), s.stop + int(start))
+        for motion, start in zip(motions, starts, strict=False)
+        for s in motion.stretches
+    )
+    parts: dict[str, Any] = {
+        key: read_only(np.concatenate([getattr(motion, key) for motion in motions]))
+        for key in ("time", "q", "v", "a", "effort")
+    }
+    valid = np.concatenate([motion.valid for motion in motions])
+    return replace(first, **parts, valid=valid, stretches=stretches, notes=tuple(notes))
+
+
+def _pieces(record: JointRecord, step: float) -> tuple[list[JointRecord], int]:
+    """Stretches without a gap, and the number of rows in those that are too short."""
+    cuts = np.flatnonzero(np.diff(record.time) > GAP * step) + 1
+    edges = [0, *cuts.tolist(), len(record.time)]
+    spans = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+    long = [s for s in spans if s.stop - s.start >= SHORTEST]
+    short = len(record.time) - sum(s.stop - s.start for s in long)
+    return [record.rows(s) for s in long], short
+
+
+def _exact_step(pieces: Sequence[JointRecord], step: float) -> float:
+    """The mean step where times are even, so that no drift adds up; else the median."""
+    longest = max(pieces, key=lambda piece: len(piece.time))
+    mean = float(longest.time[-1] - longest.time[0]) / (len(longest.time) - 1)
+    return mean if abs(mean - step) < 0.02 * step else step
+
+
+def _even(piece: JointRecord, step: float) -> JointRecord:
+    """A stretch at even times."""
+    count = round(float(piece.time[-1] - piece.time[0]) / step)
+    time = piece.time[0] + step * np.arange(count + 1)
+    if len(time) == len(piece.time) and abs(time - piece.time).max() < UNEVEN * step:
+        return replace(piece, time=read_only(time))
+    time = time[time <= piece.time[-1]]
+    slopes = np.gradient(piece.q, piece.time, axis=0)
+    parts = {"q": cubic(time, piece.time, piece.q, slopes)}
+    for key in ("effort", "v", "a"):
+        columns = [np.interp(time, piece.time, column) for column in getattr(piece, key).T]
+        parts[key] = np.column_stack(columns)
+    arrays: dict[str, Any] = {key: read_only(array) for key, array in parts.items()}
+    return replace(piece, time=read_only(time), **arrays)
+
+
+def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:
+    """Hermite's cubics through samples with given slopes, shape (m, n)."""
+    i = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    h = (time[i + 1] - time[i])[:, None]
+    s = (at - time[i])[:, None] / h
+    rise = x[i + 1] - x[i]
+    first, last = h * slopes[i], h * slopes[i + 1]
+    return np.asarray(
+        x[i]
+        + s * (first + s * (3.0 * rise - 2.0 * first - last + s * (first + last - 2.0 * rise)))
+    )
+
+
+def _motion(grid: JointRecord, low_pass: ZeroPhase) -> MeasuredMotion:
+    """Filter one even stretch."""
+    valid = np.isfinite(grid.effort) & ~saturated(grid.effort)
+    effort = _filled(grid.effort, np.isfinite(grid.effort))
+    margin = low_pass.margin(len(grid.time))
+    valid = _eroded(valid, margin)
+    valid[:margin] = valid[-margin:] = False
+    if np.isfinite(low_pass.band):
+        q, v, a = (low_pass(grid.q, derivative) for derivative in range(3))
+    else:
+        q, v, a = grid.q, grid.v, grid.a
+    return MeasuredMotion(
+        grid.joint_names, grid.time, read_only(q), read_only(v), read_only(a), read_only(effort),
+        valid, low_pass.dt, (slice(0, len(grid.time)),), low_pass.band, low_pass, grid.name,
+        grid.notes,
+    )  # fmt: skip
+
+
+def saturated(effort: Array) -> NDArray[np.bool_]:
+    """Samples in long runs of one and the same extreme value, shape (k, n)."""
+    found = np.zeros(effort.shape, bool)
+    for i, column in enumerate(effort.T):
+        for extreme in (np.nanmin(column, initial=np.inf), np.nanmax(column, initial=-np.inf)):
+            at = column == extreme
+            edges = np.flatnonzero(np.diff(at.astype(np.int8), prepend=0, append=0))
+            for start, end in edges.reshape(-1, 2):
+                found[start:end, i] |= end - start >= SATURATED
+        if np.nanmin(column, initial=np.inf) >= np.nanmax(column, initial=-np.inf):
+            found[:, i] = False  # a constant effort is refused in ``checks``
+    return found
+
+
+def _filled(values: Array, there: NDArray[np.bool_]) -> Array:
+    """Values with holes interpolated linearly; zeros if a column has no value."""
+    found, rows = np.array(values), np.arange(len(values))
+    for i, known in enumerate(there.T):
+        column = values[known, i]
+        found[:, i] = np.interp(rows, rows[known], column) if known.any() else 0.0
+    return found
+
+
+def _eroded(valid: NDArray[np.bool_], margin: int) -> NDArray[np.bool_]:
+    """The rows that are valid together with all rows within ``margin``."""
+    bad = np.cumsum(np.vstack([np.zeros_like(valid[:1]), ~valid]), axis=0, dtype=np.int64)
+    rows = np.arange(len(valid))
+    upper, lower = np.minimum(rows + margin + 1, len(valid)), np.maximum(rows - margin, 0)
+    return np.asarray(bad[upper] == bad[lower])

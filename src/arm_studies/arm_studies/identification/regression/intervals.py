@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the torques alone say of the parameters, and how surely: neither prior nor constraints.
+
+The prior draws a scene's bodies to the nominal ones where the torques hardly determine them, and
+bodies have to be physically consistent. Both are right for a scene, but they shift the estimate by
+an amount that its noise does not show. Estimates here have neither, so that intervals contain the
+truth as often as they claim, wherever the nominal scene is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array
+from arm_studies.identification.regression.estimation import Columns, Mask, solved
+from arm_studies.identification.regression.fit import Fit, with_shapes
+from arm_studies.identification.regression.friction_columns import LOAD, STRIBECK_VELOCITY
+from arm_studies.identification.regression.rows import Rows
+
+Places = NDArray[np.int_]
+FLAT = 0.898
+"""Noise bandwidth over the cut-off frequency of the low-pass filter of ``filtering.ORDER``:
+∫ 1/(1 + x⁸)² dx."""
+SINGULAR = 1e-7
+"""Singular values relative to the largest below which a direction is not determined."""
+VAGUE = 0.1
+"""Largest torque, relative to those that are measured, that the standard deviation of a parameter
+may cause: beyond it, the motion does not determine the parameter."""
+
+
+WIDEST = 50.0
+"""Largest half width of an interval of a logarithm, beyond which numbers overflow."""
+CERTAIN = 1.96
+"""Standard deviations on either side of a 95 % interval."""
+NOTHING = 1e-9
+"""Standard deviation below which even a zero is identified."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An estimate with its 95 % interval, which is unbounded if the torques determine nothing."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, value: float, deviation: float) -> Estimate:
+        """With a normal error."""
+        return cls(value, value - CERTAIN * deviation, value + CERTAIN * deviation)
+
+    @classmethod
+    def of_positive(cls, value: float, deviation: float) -> Estimate:
+        """With a normal error of its logarithm."""
+        factor = math.exp(min(CERTAIN * deviation, WIDEST))
+        return cls(value, value / factor, value * factor)
+
+    @property
+    def significant(self) -> bool:
+        """Whether its sign is known, or that it is zero."""
+        return not self.low <= 0.0 <= self.high or self.high - self.low < 2.0 * CERTAIN * NOTHING
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Least-squares estimates.
+
+    Attributes:
+        linear: Base parameters, then coefficients of friction, joint by joint.
+        shapes: ``load`` and ``stribeck_velocity`` by joint and name.
+        condition: Condition number of the scaled regression.
+    """
+
+    linear: tuple[Estimate, ...]
+    shapes: Mapping[tuple[int, str], Estimate]
+    condition: float
+
+
+def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates:
+    """Estimates of base parameters and friction, with the laws of a fit.
+
+    Args:
+        rows: The regression's rows.
+        use: Rows that the fit uses, shape (k, n).
+        fit: Its laws, weights and residuals; shapes are linearized there.
+        lead: Place of each base parameter's leading unknown: bodies and armatures act through
+            these alone, see ``base_parameters``.
+    """
+    columns, names = with_shapes(rows, fit)
+    places = np.array([*lead, *range(fit.bodies + rows.n, columns.size)])
+    R, z = columns.whitened(rows.effort - rows.known, fit.weights, 1.0)
+    R = R[:, places]
+    lengths = np.linalg.norm(R, axis=0)
+    shown = lengths > SINGULAR * lengths.max()
+    _, singular, axes = np.linalg.svd(R[:, shown] / lengths[shown], full_matrices=False)
+    hidden = (axes[singular < SINGULAR * singular[0]] ** 2).sum(axis=0) > SINGULAR
+    doubt = np.sqrt(_variances(rows, use, fit, columns, places[shown]))
+    doubt[hidden | (doubt * lengths[shown] > VAGUE * np.linalg.norm(z))] = np.inf
+    found, deviations = np.zeros(len(places)), np.full(len(places), np.inf)
+    found[shown], deviations[shown] = solved(R[:, shown], z), doubt
+    first = len(places) - len(names)
+    pairs = list(zip(found.tolist(), deviations.tolist(), strict=True))
+    shapes = {}
+    for (j, name), (by, sd) in zip(names, pairs[first:], strict=True):
+        shape = fit.friction[j].shape.moved(name, by)
+        if name == LOAD and shape.load is not None:
+            shapes[j, name] = Estimate.of(shape.load, sd)
+        elif name == STRIBECK_VELOCITY and shape.stribeck_velocity is not None:
+            shapes[j, name] = Estimate.of_positive(shape.stribeck_velocity, sd)
+    linear = tuple(Estimate.of(*pair) for pair in pairs[:first])
+    return Estimates(linear, shapes, float(singular[0] / max(singular[-1], 1e-300)))
+
+
+def _variances(rows: Rows, use: Mask, fit: Fit, columns: Columns, places: Places) -> Array:
+    """Variances of unknowns, the larger of two estimates each.
+
+    One is for residuals that are white within the band, as the noise of efforts is. The other is
+    for any residuals: H⁻¹ S H⁻¹ with S the long-run covariance of the weighted scores by a
+    flat-top window (Politis, Romano, "Bias-corrected nonparametric spectral estimation", J. Time
+    Series Analysis 16(1), 1995). It counts what the model leaves of the motion, but is itself
+    uncertain. Scores of all joints at a time are summed, so that their correlation counts, too.
+    Both account for the unknowns that each joint's residuals have been fitted by.
+    """
+    own = _weighted(use, fit, columns, places)
+    H = np.array([part.T @ part for part in own])
+    scale = 1.0 / np.sqrt(np.diag(H.sum(axis=0)))
+    both = np.outer(scale, scale)
+    inverse = both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
+    independent = rows.independent * (FLAT if np.isfinite(rows.band) else 1.0)
+    count = use.sum(axis=0) * independent
+    grown = count / np.maximum(count - np.sum(H * inverse, axis=(1, 2)), 1.0)
+    white = np.tensordot(grown, H, axes=1) / independent
+    left = np.sqrt(grown) * fit.weights * fit.residual
+    scores = np.einsum("jkm,kj->km", own, left)
+    S = scores.T @ scores
+    for back in range(1, rows.lag + 1):
+        cross = scores[back:].T @ scores[:-back]
+        S += min(1.0, 2.0 * (1.0 - back / (rows.lag + 1.0))) * (cross + cross.T)
+    return np.maximum(*(np.diag(inverse @ each @ inverse) for each in (white, S)))
+
+
+def _weighted(use: Mask, fit: Fit, columns: Columns, places: Places) -> Array:
+    """Columns of some unknowns in each joint's rows, over its deviation; (n, k, unknowns)."""
+    found = np.zeros((len(columns.places), len(use), columns.size))
+    for j, place in enumerate(columns.places):
+        found[j][:, place] = columns.all_of(j) * (fit.weights[j] * use[:, j : j + 1])
+    return found[:, :, places]

@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measured motions as rows of a regression: one per joint and time, with the same filter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.actuation.steady_friction import SteadyFriction
+from arm_dynamics.arrays import Array
+from arm_dynamics.model.arm import ArmModel
+from arm_studies.identification.data import MeasuredMotion
+from arm_studies.identification.filtering import REACH, ZeroPhase, decimated, spread
+from arm_studies.identification.preparation import thinned
+from arm_studies.identification.regression.friction_columns import (
+    DRY,
+    EXCESS,
+    JointFit,
+    Shape,
+)
+from arm_studies.identification.regression.regressor import RigidRegressor
+
+HELD_OUT = 0.3
+"""Fraction of each recording, at its end, that is held out to measure errors."""
+FOLDS = 5
+"""Folds of the rest by which laws are selected, each predicted from the others."""
+STILL = 0.1
+"""Time in [s] for which a joint may be at rest: after it, its friction may have any value up to
+static friction, so its rows are not used."""
+SLOW = 1e-2
+"""Velocity relative to a joint's root mean square velocity below which it is at rest; the
+low-pass filter rings by up to 5e-3 of it when a joint sticks."""
+
+
+class Rows:
+    """The regression's rows of all motions.
+
+    Columns are decimated and filtered as the efforts are, since an equation stays true if both
+    sides are filtered; if the robot filters its efforts itself, columns are also filtered at
+    ``effort_band``.
+
+    Attributes:
+        effort: Low-pass filtered efforts, shape (k, n).
+        rigid: Low-pass filtered regressor of the bodies, shape (k, n, numbers).
+        inertia: Low-pass filtered accelerations, shape (k, n), which an armature multiplies.
+        v: Velocities, not filtered a second time, shape (k, n).
+        valid: Rows of each joint that were measured, shape (k, n).
+        use: Those of them that are used in the fit, shape (k, n): not those at rest.
+        train: Rows that are not held out, shape (k,).
+        fold: Fold of each row, shape (k,); -1 if it is held out.
+        independent: Independent values of filtered noise per row.
+        lag: Number of rows after which residuals are treated as independent.
+    """
+
+    def __init__(
+        self, regressor: RigidRegressor, motions: Sequence[MeasuredMotion],
+        effort_band: float | None = None, held_out: float = HELD_OUT,
+    ) -> None:  # fmt: skip
+        self.regressor, self.whole, self.effort_band = regressor, tuple(motions), effort_band
+        self._made: dict[tuple[int, str], tuple[float | None, Array, Array]] = {}
+        pairs = [thinned(motion) for motion in motions]
+        self.motions, self._strides = [m for m, _ in pairs], [stride for _, stride in pairs]
+        self.q, self.v, self.a = (
+            np.concatenate([getattr(motion, key) for motion in self.motions]) for key in "qva"
+        )
+        self._near = np.concatenate(_neighbours(self.motions))
+        self.effort = np.concatenate([motion.filtered(motion.effort) for motion in self.motions])
+        self.valid = np.concatenate([motion.valid for motion in self.motions])
+        still = np.concatenate([_still(motion) for motion in self.motions])
+        self.use = self.valid & ~still
+        self.fold = np.concatenate([_folds(len(m.time), held_out) for m in self.motions])
+        self.train = self.fold >= 0
+        first = self.motions[0]
+        self.independent = min(motion.independent for motion in self.motions)
+        self.lag = 1 if not np.isfinite(first.band) else int(4.0 / (first.band * first.dt))
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.v.shape[1])
+
+    @cached_property
+    def rigid(self) -> Array:  # noqa: D102 - see the attributes
+        found = self._unfiltered.copy()
+        for j in range(self.n):  # a joint does not carry the bodies before it
+            there = found[:, j].any(axis=0)
+            found[:, j, there] = self.filtered(found[:, j, there])
+        return found
+
+    @cached_property
+    def _unfiltered(self) -> Array:
+        return self.regressor(self.q, self.v, self.a)
+
+    @cached_property
+    def known(self) -> Array:
+        """Torques of payloads and springs, which are known, filtered, shape (k, n)."""
+        payload = self.rigid @ self.regressor.payload
+        return np.asarray(payload + self.filtered(self.regressor.spring(self.q, self.v)))
+
+    @cached_property
+    def inertia(self) -> Array:  # noqa: D102 - see the attributes
+        return self.filtered(self.a)
+
+    def filtered(self, columns: Array) -> Array:
+        """Filter columns as the efforts, shape (k, …)."""
+        ends = np.cumsum([len(motion.time) for motion in self.motions])[:-1]
+        parts = zip(np.split(columns, ends), self.motions, strict=True)
+        return np.concatenate([self._low(part, motion) for part, motion in parts])
+
+    @property
+    def band(self) -> float:
+        """Cut-off frequency of the low-pass filter in [Hz]."""
+        return self.motions[0].band
+
+    def low_passed(self, effort_band: float | None) -> Rows:
+        """The same rows, for efforts that were filtered before at ``effort_band``, or were not."""
+        if effort_band == self.effort_band:
+            return self
+        other = copy(self)
+        other.effort_band, other._made = effort_band, {}
+        for name in ("rigid", "known", "inertia"):
+            vars(other).pop(name, None)
+        return other
+
+    def narrowed(self, columns: Array, band: float) -> Array:
+        """Low-pass filter columns once more, at a band of its own, shape (k, …)."""
+        low_pass, found, start = ZeroPhase(band, self.motions[0].dt), np.empty_like(columns), 0
+        for motion in self.motions:
+            for stretch in motion.stretches:
+                span = slice(start + stretch.start, start + stretch.stop)
+                found[span] = low_pass(columns[span])
+            start += len(motion.time)
+        return found
+
+    def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
+        """Low-pass filtered columns of a joint's friction, shape (k, kinds); see ``sliding``."""
+        if fit.shape.load is not None:
+            return self.filtered(self.sliding(fit, joint, load))
+        found = np.empty((len(load), len(fit.kinds)))
+        for i, kind in enumerate(fit.kinds):
+            found[:, i] = self._unloaded(joint, kind, fit.shape.stribeck_velocity)[1]
+        return found
+
+    def sliding(self, fit: JointFit, joint: int, load: Array) -> Array:
+        """Columns of a joint's friction, decimated but not yet filtered, shape (k, kinds).
+
+        Friction jumps with the velocity: what depends on it is computed at all measured times,
+        and once. The growth with the load, which depends on the fit, is computed at the rows.
+
+        Args:
+            fit: Kinds and shape.
+            joint: Index of the joint.
+            load: Torque of its drive in each row, shape (k,).
+        """
+        found, growth = np.empty((len(load), len(fit.kinds))), fit.shape.growth(load)[self._near]
+        for i, kind in enumerate(fit.kinds):
+            weights, _ = self._unloaded(joint, kind, fit.shape.stribeck_velocity)
+            grows = kind in DRY
+            found[:, i] = np.einsum("kd,kd->k", weights, growth) if grows else weights.sum(axis=1)
+        return found
+
+    def _unloaded(self, joint: int, kind: str, fall: float | None) -> tuple[Array, Array]:
+        """Weights of a column for factors in the rows nearby, and the filtered column alone."""
+        fall = fall if kind == EXCESS else None
+        made = self._made.get((joint, kind))
+        if made is None or made[0] != fall:
+            weights = np.concatenate([
+                spread(Shape(fall).unloaded(kind, motion.v[stretch, joint]), stride)
+                for motion, stride in zip(self.whole, self._strides, strict=True)
+                for stretch in motion.stretches
+            ])  # fmt: skip
+            made = fall, weights, self.filtered(weights.sum(axis=1))
+            self._made[joint, kind] = made
+        return made[1:]
+
+    def sudden(self, of: Callable[[Array, Array], Array], joint: int, load: Array) -> Array:
+        """Low-pass filtered torques that jump, computed at all measured times, shape (k,).
+
+        Args:
+            of: Torques by the joint's velocity and its drive's torque.
+            joint: Index of the joint.
+            load: Torque of its drive in each row, shape (k,).
+        """
+        found, start = [], 0
+        for motion, thin, stride in zip(self.whole, self.motions, self._strides, strict=True):
+            own = load[start : start + len(thin.time)]
+            start += len(thin.time)
+            dense = of(motion.v[:, joint], np.interp(motion.time, thin.time, own))
+            found += [decimated(dense[stretch], stride) for stretch in motion.stretches]
+        return self.filtered(np.concatenate(found))
+
+    def _low(self, columns: Array, motion: MeasuredMotion) -> Array:
+        """Low-pass filter columns with one row for each time of a motion."""
+        part = motion.filtered(columns)
+        if self.effort_band is not None and self.effort_band < motion.band:
+            again = ZeroPhase(self.effort_band, motion.dt)
+            for stretch in motion.stretches:
+                part[stretch] = again(part[stretch])
+        return part
+
+
+def _neighbours(motions: Sequence[MeasuredMotion]) -> list[NDArray[np.int_]]:
+    """Indices of the rows within ``REACH`` of each, in its stretch."""
+    found, start, near = [], 0, np.arange(-REACH, REACH + 1)
+    for motion in motions:
+        for s in motion.stretches:
+            rows = np.arange(s.start, s.stop)[:, None] + near
+            found.append(start + np.clip(rows, s.start, s.stop - 1))
+        start += len(motion.time)
+    return found
+
+
+def _folds(count: int, held_out: float) -> NDArray[np.int_]:
+    train = round(count * (1.0 - held_out))
+    fold = np.full(count, -1)
+    fold[:train] = np.minimum(np.arange(train) * FOLDS // max(train, 1), FOLDS - 1)
+    return fold
+
+
+def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
+    """Rows in which a joint rests for longer than a reversal takes, shape (k, n)."""
+    slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
+    found = np.zeros_like(slow)
+    for j, column in enumerate(slow.T):
+        edges = np.flatnonzero(np.diff(column.astype(np.int8), prepend=0, append=0))
+        for start, end in edges.reshape(-1, 2):
+            found[start:end, j] = (end - start) * motion.dt > STILL
+    return found
+
+
+def steady_friction(rows: Rows, load: Array) -> Array:
+    """The scene's friction under torques of the drives, low-pass filtered; shapes (k, n)."""
+    model = rows.regressor.model
+    own = [rows.sudden(partial(_steady, model, j), j, load[:, j]) for j in range(rows.n)]
+    return np.column_stack(own)
+
+
+def _steady(model: ArmModel, j: int, v: Array, load: Array) -> Array:
+    """The friction of one joint, not filtered, shape (k,)."""
+    wide_v, wide_load = np.zeros((2, len(v), model.n))
+    wide_v[:, j], wide_load[:, j] = v, load
+    friction = SteadyFriction.of(model)
+    torque = friction(wide_v, np.sign(wide_v), np.zeros_like(wide_v), wide_load)
+    return np.asarray(torque[:, j])

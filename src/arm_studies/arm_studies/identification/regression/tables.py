@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of friction over load, with the number and position of points that predict best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_studies.identification.regression.bandwidth import mean_residual
+from arm_studies.identification.regression.estimation import Mask
+from arm_studies.identification.regression.fit import Fit, fitted
+from arm_studies.identification.regression.friction_columns import (
+    COULOMB,
+    STEEP,
+    VISCOUS,
+    JointFit,
+)
+from arm_studies.identification.regression.rows import FOLDS, Rows
+
+COUNTS = (2, 3, 4)
+"""Numbers of points that are tried; their loads, and all values but one, are fitted."""
+ENDS = np.geomspace(0.1, 1.1, 10)
+"""First guesses of the last point, relative to the largest load."""
+BETTER = 0.95
+"""Relative prediction error of each of ``JUDGES`` that a table must reach to be accepted."""
+ROUGH = 1e-3
+"""``settled`` of fits that are only compared, to a few percent."""
+JUDGES = (FOLDS - 1, FOLDS // 2)
+"""Folds that tables predict from the others; one alone may favor a table by chance."""
+
+
+def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
+    """The fit with other tables of friction over load, if they predict better.
+
+    They are fitted without one fold, and compared by their prediction of it, for two folds. Tables
+    with points beyond the loads that occur, other than the last, are not used: nothing determines
+    them.
+
+    Args:
+        rows: The regression's rows.
+        use: Rows that are used, shape (k, n).
+        belief_for: See ``fit.fitted``.
+        fit: With friction that grows in proportion to the load.
+    """
+    if all(own.shape.load is None for own in fit.friction):
+        return fit
+    load = fit.columns.predicted(fit.x) + rows.known
+
+    def trial(laws: Sequence[JointFit], fold: int) -> tuple[float, tuple[JointFit, ...]]:
+        mine = (rows.fold == fold)[:, None]
+        found = fitted(rows, use & ~mine, belief_for, laws, settled=ROUGH)
+        return mean_residual(found, use & mine), found.friction
+
+    least = [trial(fit.friction, fold)[0] for fold in JUDGES]
+    chosen: Sequence[JointFit] = ()
+    for count in COUNTS:
+        laws = [
+            own if own.shape.load is None else _begun(rows, use, load, fit, j, count)
+            for j, own in enumerate(fit.friction)
+        ]
+        trials = []
+        for fold, before in zip(JUDGES, least, strict=True):
+            trials.append(trial(laws, fold))
+            if trials[-1][0] >= BETTER * before:
+                break
+        else:
+            least, chosen = [now for now, _ in trials], trials[0][1]
+    if not chosen:
+        return fit
+    found = fitted(rows, use, belief_for, chosen)
+    return found if _determined(found, use, load) else fit
+
+
+def _determined(fit: Fit, use: Mask, load: Array) -> bool:
+    """Whether the loads that occur reach all points of all tables but the last."""
+    return all(
+        own.shape.load is not None and own.shape.points[-2][0] < abs(load[use[:, j], j]).max()
+        for j, own in enumerate(fit.friction)
+        if own.shape.points
+    )
+
+
+def _begun(rows: Rows, use: Mask, load: Array, fit: Fit, j: int, count: int) -> JointFit:
+    """A table at even loads whose last point explains a joint's friction best."""
+    own, mine = fit.friction[j], use[:, j]
+    part = np.linspace(0.0, 1.0, count)
+    largest = float(abs(load[mine, j]).max())
+    tables = [tuple(zip((e * largest * part).tolist(), part.tolist(), strict=True)) for e in ENDS]
+    shapes = [replace(own.shape, load=1.0, points=points) for points in tables]
+    laws = [JointFit((VISCOUS, COULOMB)), *(JointFit((COULOMB,), shape) for shape in shapes)]
+    table = np.hstack([rows.friction(law, j, load[:, j]) for law in laws])[mine]
+    y = (fit.residual[:, j] + fit.columns.own_predicted(fit.x)[:, j])[mine]
+    found: tuple[float, JointFit] = np.inf, own
+    for k, shape in enumerate(shapes):
+        A = table[:, [0, 1, 2 + k]]
+        x = np.linalg.lstsq(A, y, rcond=1e-10)[0]
+        left = float(np.sum((y - A @ x) ** 2))
+        if x[2] > 0.0 and left < found[0]:
+            share = float(np.clip(x[2] / max(x[1] + x[2], 1e-300), 0.02, STEEP))
+            found = left, replace(own, shape=replace(shape, load=share))
+    return found[1]

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of an identification: scene, URDF, report and figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from arm_dynamics import Scene, load_scene
+from arm_dynamics.scene.text import scene_text
+from arm_studies.identification.figures import draw_friction, draw_torques
+from arm_studies.identification.result import Identification
+
+_KINDS = {
+    "viscous": "viscous", "viscous_skew": "viscous, half the difference by direction",
+    "coulomb": "Coulomb",
+    "coulomb_skew": "Coulomb, half the difference by direction, or an offset",
+    "excess": "static beyond Coulomb", "stribeck_velocity": "Stribeck velocity",
+    "load": "fraction of the dry friction that grows with the load",
+}  # fmt: skip
+
+
+def write(found: Identification, out: Path, sources: Sequence[str]) -> list[Path]:
+    """Write the identified scene with a report and figures.
+
+    Args:
+        found: The identification.
+        out: The scene file.
+        sources: Names of the recordings.
+
+    Returns:
+        The files written: the scene, its URDF, the report, and two figures.
+
+    Raises:
+        OSError: If one cannot be written.
+    """
+    report = out.with_suffix(".md")
+    torques, friction = (out.with_name(f"{out.stem}_{x}.png") for x in ("torques", "friction"))
+    head = f"# Identified from {', '.join(sources)}; intervals and errors: {report.name}.\n"
+    scene = write_scene(found.scene, out, head)
+    draw_torques(found, torques)
+    draw_friction(found, friction)
+    report.write_text(text(found, out, sources, (torques, friction)), encoding="utf-8")
+    return [*scene, report, torques, friction]
+
+
+def write_scene(scene: Scene, out: Path, head: str = "") -> list[Path]:
+    """Write a scene and, beside it, its URDF; see ``write``."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    urdf = out.with_suffix(".urdf")
+    urdf.write_text(scene.robot.urdf, encoding="utf-8")
+    out.write_text(head + scene_text(scene, urdf.name), encoding="utf-8")
+    load_scene(out)
+    return [out, urdf]
+
+
+def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequence[Path]) -> str:
+    """The report, as Markdown."""
+    lines = [f"# {out.stem}: identified from {', '.join(sources)}", ""]
+    lines += [
+        f"Torque error on held-out data: **{share(found.error[0], 2)}**, of the nominal scene "
+        f"{share(found.error[1], 2)}. "
+        f"Zero-phase low-pass filter: {found.band:.3g} Hz. Condition number of the motion: "
+        f"{found.condition:.3g}.", "",
+    ]  # fmt: skip
+    if found.effort_band is not None:
+        lines += [f"Predictions are low-pass filtered at {found.effort_band:.3g} Hz.", ""]
+    rows = [
+        [name, share(found.nominal_error[name], 2), share(found.torque_error[name], 2),
+         residual(found, name), friction_words(found, j)]
+        for j, name in enumerate(found.joint_names)
+    ]  # fmt: skip
+    columns = ["joint", "nominal error", "error", "residual rms [N m, N]", "friction"]
+    lines += [*_table(columns, rows), ""]
+    if not np.allclose(found.scales, 1.0):
+        pairs = zip(found.joint_names, found.scales, strict=True)
+        lines += ["Torque per unit of effort: " + ", ".join(f"{n} {s:.4g}" for n, s in pairs), ""]
+    lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
+    lines += [
+        "## Identified parameters", "",
+        "In SI units, with 95 % confidence intervals. Values are those of the torques alone; in "
+        "the scene, bodies are physically consistent, and near the nominal ones where the torques "
+        "determine little.", "",
+    ]  # fmt: skip
+    rows = [
+        [_spoken(name), f"{value:.5g}", "{:.4g} to {:.4g}".format(*found.intervals[name]),
+         f"{found.written[name]:.5g}",
+         f"{found.nominal[name]:.5g}" if name in found.nominal else ""]
+        for name, value in found.parameters.items() if name not in found.missing
+    ]  # fmt: skip
+    lines += [*_table(["parameter", "value", "interval", "scene", "nominal"], rows), ""]
+    lines += ["## Not identified", ""]
+    rows = [[_spoken(name), why] for name, why in found.missing.items()]
+    lines += [*_table(["parameter", "reason"], rows), ""]
+    lines += ["## Bodies", "", "Near the nominal values where the motion does not determine them.",
+              ""]  # fmt: skip
+    rows = [
+        [name, f"{body[0]:.4g}", ", ".join(f"{x:.4g}" for x in body[1:4] / max(body[0], 1e-12))]
+        for name, body in zip(found.body_names, found.bodies, strict=True)
+    ]
+    lines += [*_table(["moved by", "mass [kg]", "centre of mass [m]"], rows), ""]
+    if found.notes:
+        lines += ["## Notes", "", *[f"- {note}" for note in found.notes], ""]
+    return "\n".join(lines)
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    lines = [columns, ["---"] * len(columns), *rows]
+    return ["| " + " | ".join(line) + " |" for line in lines]
+
+
+def _spoken(name: str) -> str:
+    joint, _, kind = name.rpartition(".")
+    return f"{joint}: {_KINDS[kind]}" if kind in _KINDS else name
+
+
+def share(error: float, digits: int) -> str:
+    """A relative error on held-out data in per cent."""
+    return "unknown" if math.isnan(error) else f"{error:.{digits}%}"
+
+
+def residual(found: Identification, joint: str) -> str:
+    """The root mean square residual of a joint on held-out data in [N m] or [N]."""
+    left = found.torque_residual[joint]
+    return "unknown" if math.isnan(left) else f"{left:.3g}"
+
+
+def friction_words(found: Identification, j: int) -> str:
+    """The friction of a joint in a few words."""
+    fit = found.friction[j]
+    if fit is None:
+        return "unchanged: the joint did not move"
+    if not fit.kinds:
+        return "none that opposes the motion was found"
+    words = [f"{kind} {fit.coefficients[kind]:.3g}" for kind in fit.kinds]
+    if fit.shape.stribeck_velocity is not None:
+        words.append(f"stribeck_velocity {fit.shape.stribeck_velocity:.2g}")
+    if fit.shape.load is not None:
+        words.append(f"load {fit.shape.load:.0%}")
+    return ", ".join(words)

@@ -1,0 +1,653 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Identification of a whole arm from its motion and torques: inertias, armatures and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.scene.load import load_scene
+from arm_studies.identification import checks
+from arm_studies.identification.data import JointRecord, records_of
+from arm_studies.identification.described import scene_with
+from arm_studies.identification.names import mapped, unwrapped
+from arm_studies.identification.preparation import PER_BAND, EvenRecord, resampled
+from arm_studies.identification.regression.bandwidth import noise_above, with_bandwidth
+from arm_studies.identification.regression.base_parameters import BaseParameters, base_parameters
+from arm_studies.identification.regression.estimation import (
+    Belief,
+    Mask,
+    belief_of,
+    common_columns,
+    deviations,
+    solved,
+)
+from arm_studies.identification.regression.fit import Fit, fitted
+from arm_studies.identification.regression.friction_columns import (
+    COULOMB,
+    COULOMB_SKEW,
+    EXCESS,
+    VISCOUS,
+    JointFit,
+)
+from arm_studies.identification.regression.intervals import CERTAIN, estimated
+from arm_studies.identification.regression.regressor import EACH, RigidRegressor
+from arm_studies.identification.regression.rows import HELD_OUT, Rows, steady_friction
+from arm_studies.identification.regression.selection import Choice
+from arm_studies.identification.regression.tables import tabled
+from arm_studies.identification.result import Identification, Torques
+
+MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
+"""Prior deviations of bodies from nominal: of density, of all else; selected by the evidence."""
+NO_FRICTION = "none that opposes the motion was found"
+ROUNDS = 3
+"""Largest number of selections of friction laws until the bandwidth of the efforts is stable."""
+MOST_ROWS = 6_000
+"""Rows beyond which the band is narrowed, so that long recordings take seconds."""
+SHOWN = 0.7
+"""Fraction of a joint's frictionless efforts that bodies must explain to identify its scale."""
+HEAVY = 0.5
+"""Fraction of the deviation of a joint's efforts that bodies must cause to identify its scale: if
+friction dominates, an error of its law or of the nominal bodies would be taken for the scale."""
+NEAR = 0.03, 0.05
+"""Prior deviations of bodies while scales are identified: of density, of all else. If bodies were
+fixed, an error of the last bodies would be taken for a scale of their joints."""
+DOUBT = 0.12, 0.2
+"""Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
+columns of efforts are matched with joints."""
+TILT, SURELY = 0.01, 5.0
+"""Angle in [rad], and standard deviations, above which a tilt of the base is reported."""
+MOVING = 0.2
+"""Fraction of the part held out in which a joint has to move for its prediction to be judged."""
+BLOCKS, DRIFT = 10, 0.1
+"""Blocks of a recording, and relative change of friction, from which a drift is reported."""
+FAR_OFF = 5.0
+"""Robust standard deviations beyond which a residual is an outlier: contact, or stiction."""
+
+
+def identify(
+    scene: Any,
+    recordings: Any,
+    *,
+    band: float | None = None,
+    effort: str | Mapping[str, float] = "torque",
+    names: Mapping[str, str] | None = None,
+    total_mass: float | None = None,
+    masses: Mapping[str, float] | None = None,
+    held_out: float = HELD_OUT,
+    accept_worse: bool = False,
+    told: Callable[[str], None] | None = None,
+) -> Identification:
+    """Identify inertias, armatures and friction of an arm from its motion and its torques.
+
+    Args:
+        scene: Nominal scene, anything ``load_scene`` accepts: its geometry is taken as exact, its
+            inertias as a first guess.
+        recordings: One or several: a ``JointRecord`` or a recording with ``time``, ``q``, ``v``,
+            ``tau`` and ``joint_names``.
+        band: Cut-off frequency of the low-pass filter in [Hz]; None: chosen from the noise.
+        effort: Meaning of efforts: ``torque`` in [N m] or [N]; ``scale``: proportional to torque
+            with an unknown scale per joint, which is identified where the motion determines it;
+            or the torque per unit of effort by joint, for example per ampere.
+        names: Joint names of the recordings by those of the scene, where they cannot be matched.
+        total_mass: Known mass of all moving bodies in [kg], without payloads.
+        masses: Known masses of bodies in [kg], by the joint that moves them.
+        held_out: Fraction of each recording, at its end, that is held out to measure errors.
+        accept_worse: Whether to return a scene that predicts the part held out worse than the
+            nominal scene does.
+        told: Called with the name of each step as it begins.
+
+    Returns:
+        The scene, its parameters and their intervals.
+
+    Raises:
+        SceneError: If the nominal scene cannot be used.
+        InvalidInput: If the recordings do not determine the parameters, or the nominal scene
+            predicts the part held out better; says what is missing.
+    """
+    say = told or (lambda text: None)
+    model = ArmModel(load_scene(scene))
+    checks.check_model(model)
+    turning = [kind != "prismatic" for kind in model.joint_types]
+    records = [
+        unwrapped(mapped(r, model.joint_names, names), turning) for r in records_of(recordings)
+    ]
+    for record in records:
+        checks.check_record(record, model)
+    say("filtering")
+    sampled = [resampled(_in_torques(record, effort)) for record in records]
+    run = _Run(model, sampled, band, effort == "scale", total_mass, masses or {}, held_out, say)
+    found = run.done()
+    if not accept_worse:
+        checks.check_better(*found.error)
+    return found
+
+
+def _in_torques(record: JointRecord, effort: str | Mapping[str, float]) -> JointRecord:
+    if isinstance(effort, str):
+        if effort not in ("torque", "scale"):
+            raise InvalidInput(
+                f"effort is '{effort}'; allowed: torque, scale, or a number for each joint"
+            )
+        return record
+    if missing := [name for name in record.joint_names if name not in effort]:
+        raise InvalidInput(
+            f"effort has no torque per unit for joint {known_names(missing)}; one for each joint "
+            "is expected"
+        )
+    factors = np.array([effort[name] for name in record.joint_names])
+    return replace(record, effort=record.effort * factors)
+
+
+def _common_band(recordings: Sequence[EvenRecord]) -> float:
+    """The narrowest band that any of the recordings needs, or less for a long motion."""
+    common = min(recording.band for recording in recordings)
+    if not np.isfinite(common):
+        return common
+    spans = sum(len(part.time) * each.dt for each in recordings for part in each.stretches)
+    return float(min(common, MOST_ROWS / (PER_BAND * spans)))
+
+
+class _Run:
+    """One identification, step by step."""
+
+    def __init__(
+        self, model: ArmModel, recordings: list[EvenRecord], band: float | None, scaled: bool,
+        total_mass: float | None, masses: Mapping[str, float], held_out: float,
+        say: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self.model, self.recordings, self.say = model, recordings, say
+        self.regressor = RigidRegressor(model)
+        self.names, self.held_out, self.band = model.joint_names, held_out, band
+        self.scaled, self.scales = scaled, np.ones(model.n)
+        self.notes = list(dict.fromkeys(n for each in recordings for n in each.notes))
+        self._filter(_common_band(recordings) if band is None else band)
+        self.ranges = checks.moved(self.motions)
+        checks.check_rows(self.rows, self.names)
+        nominal = self.regressor.nominal
+        near = belief_of(nominal, len(nominal), *DOUBT)
+        checks.check_columns(self.rows, self._train(), near, self.names)
+        self.known_masses = self._mass_rows(total_mass, masses)
+        self.sigmas = (MASSES[3], SHAPES[4])
+
+    def _filter(self, band: float, effort_band: float | None = None) -> None:
+        """Filter all recordings at a band."""
+        self.motions = [each.filtered(band) for each in self.recordings]
+        self.rows = Rows(self.regressor, self.motions, effort_band, self.held_out)
+        self.measured = self.rows.effort.copy()
+        self.rows.effort = self.measured * self.scales
+
+    # --- prior ---------------------------------------------------------------------------------
+
+    def _mass_rows(
+        self, total: float | None, masses: Mapping[str, float]
+    ) -> list[tuple[dict[int, float], float]]:
+        found = []
+        if total is not None:
+            every = {EACH * i: 1.0 for i in range(len(self.regressor.bodies))}
+            found.append((every, float(total)))
+        for name, mass in masses.items():
+            if name not in self.regressor.bodies:
+                raise InvalidInput(
+                    f"masses: unknown '{name}'; allowed: {known_names(self.regressor.bodies)}"
+                )
+            found.append(({EACH * self.regressor.bodies.index(name): 1.0}, float(mass)))
+        return found
+
+    def belief(self, size: int) -> Belief:
+        """The prior of ``size`` unknowns."""
+        plain = belief_of(self.regressor.nominal, size, *self.sigmas)
+        x0, rows = plain.x0.copy(), [plain.rows]
+        for places, mass in self.known_masses:
+            row = np.zeros((1, size))
+            row[0, list(places)] = 1e5 / mass
+            rows.append(row)
+            mine = list(places)
+            now = x0[mine].sum()
+            for place in mine:  # the nominal bodies, of another density
+                body = slice(place, place + EACH)
+                x0[body] = x0[body] * mass / now
+        return Belief(x0, np.vstack(rows))
+
+    # --- steps ---------------------------------------------------------------------------------
+
+    def done(self) -> Identification:
+        """Run all steps."""
+        simple = [JointFit((VISCOUS, COULOMB, COULOMB_SKEW)) for _ in self.names]
+        self.say("fitting bodies with simple friction")
+        if self.scaled:
+            self._find_scales(self._train(), simple)
+        first = self._within_bandwidth(simple)
+        self._believe(first)
+        self.say("selecting friction laws by cross-validation")
+        train, trial = self._with_laws(first)
+        trial = tabled(self.rows, train, self.belief, trial)
+        self._believe(trial)
+        self.say("fitting all parameters")
+        rows = self.rows
+        trial = fitted(rows, train, self.belief, list(trial.friction), possible=True)
+        whole = train | (rows.use & ~rows.train[:, None])
+        if (kept := self._without_outliers(whole, trial, note=False)) is not None:
+            whole = kept
+        final = fitted(rows, whole, self.belief, list(trial.friction), possible=True)
+        return self._told(trial, final, whole)
+
+    def _train(self) -> Mask:
+        return np.asarray(self.rows.use & self.rows.train[:, None])
+
+    def _within_bandwidth(self, laws: list[JointFit]) -> Fit:
+        """Fit laws within the bandwidth of the efforts, and filter these above it."""
+        fit = fitted(self.rows, self._train(), self.belief, laws)
+        self.rows, fit = with_bandwidth(self.rows, self._train(), self.belief, fit)
+        limit = noise_above(self.rows, self._train(), fit) if self.band is None else None
+        if limit is None:
+            return fit
+        self._filter(limit, self.rows.effort_band)
+        fit = fitted(self.rows, self._train(), self.belief, laws)
+        self.rows, fit = with_bandwidth(self.rows, self._train(), self.belief, fit)
+        return fit
+
+    def _with_laws(self, first: Fit) -> tuple[Mask, Fit]:
+        """Select friction laws, leave out outliers, and adapt the bandwidth of the efforts."""
+        train, fit = self._train(), first
+        for again in range(ROUNDS):
+            laws = self._chosen(train, fit)
+            fit = fitted(self.rows, train, self.belief, laws)
+            kept = None if again else self._without_outliers(train, fit)
+            rows, fit = with_bandwidth(self.rows, train, self.belief, fit)
+            if kept is None and rows is self.rows:
+                break
+            self.rows, train = rows, train if kept is None else kept
+        return train, fit
+
+    def _chosen(self, train: Mask, fit: Fit) -> list[JointFit]:
+        rows = self.rows
+        load = fit.columns.predicted(fit.x) + rows.known
+        size = len(self.regressor.nominal) + rows.n
+        return Choice(rows, train, common_columns(rows, train), self.belief(size), load).run()
+
+    def _without_outliers(self, use: Mask, fit: Fit, note: bool = True) -> Mask | None:
+        """Rows without outliers; None if there are none."""
+        found, reach = use.copy(), max(1, self.rows.lag // 8)
+        for j, name in enumerate(self.names):
+            mine = use[:, j]
+            if not mine.any():
+                continue
+            size = abs(fit.residual[:, j])
+            typical = 1.4826 * float(np.median(size[mine]))
+            floor = 1e-6 * float(np.sqrt(np.mean(self.rows.effort[mine, j] ** 2)))
+            far = (size > FAR_OFF * max(typical, floor)) & mine
+            wide = np.convolve(far, np.ones(2 * reach + 1), mode="same") > 0.5
+            share = float(wide[mine].mean())
+            if 0.0 < share < 0.2:
+                found[:, j] &= ~wide
+                if note and share > 0.002:
+                    self.notes.append(
+                        f"'{name}': {share:.1%} of the rows are outliers (stiction, contact, or "
+                        "a sensor fault) and are not used in the fit"
+                    )
+        return None if np.array_equal(found, use) else found
+
+    def _believe(self, fit: Fit) -> None:
+        """Select the prior deviations of bodies from nominal by the evidence of the data.
+
+        The logarithm of the marginal likelihood of a linear model with a normal prior (MacKay,
+        "Bayesian interpolation", Neural Computation 4(3), 1992).
+        """
+        R, z = fit.columns.whitened(
+            self.rows.effort - self.rows.known, fit.weights, self.rows.independent
+        )
+        best = np.inf
+        for sigmas in ((m, s) for m in MASSES for s in SHAPES):
+            self.sigmas, before = sigmas, self.sigmas
+            belief = self.belief(fit.columns.size)
+            T, t = belief.combined(R, z)
+            scale = np.maximum(abs(np.diag(T)), 1e-300)
+            x = np.linalg.lstsq(T, t, rcond=1e-14)[0]
+            misfit = np.sum((R @ x - z) ** 2) + np.sum((belief.rows @ (x - belief.x0)) ** 2)
+            bodies = sum(
+                2.0 * float(np.linalg.slogdet(belief.rows[i : i + EACH, i : i + EACH])[1])
+                for i in range(0, len(self.regressor.nominal), EACH)
+            )
+            evidence = float(misfit + 2.0 * np.log(scale).sum() - bodies)
+            if evidence < best:
+                best, chosen = evidence, sigmas
+            self.sigmas = before
+        self.sigmas = chosen
+
+    # --- scales of efforts ---------------------------------------------------------------------
+
+    def _find_scales(self, train: Mask, laws: list[JointFit]) -> None:
+        """Identify the torque per unit of effort, alternating with friction, until it converges.
+
+        Bodies stay near nominal meanwhile: otherwise scales and bodies would shrink together,
+        which reduces the residual of friction and noise.
+        """
+        rows, sigmas = self.rows, self.sigmas
+        self.sigmas = NEAR
+        nominal = rows.rigid @ self.regressor.nominal + rows.known
+        shown = np.zeros(rows.n, bool)
+        for j, name in enumerate(self.names):
+            mine = train[:, j]
+            own = [rows.inertia[mine, j : j + 1], rows.friction(laws[j], j, nominal[:, j])[mine]]
+            share, slope = _explained(self.measured[mine, j], np.hstack(own), nominal[mine, j])
+            heavy = slope * nominal[mine, j].std() / self.measured[mine, j].std()
+            shown[j] = share > SHOWN and heavy > HEAVY
+            if shown[j]:
+                self.scales[j] = 1.0 / slope
+            else:
+                self.notes.append(
+                    f"'{name}': the scale of its efforts cannot be identified, because friction "
+                    "dominates them; they are taken as torques"
+                )
+        for _ in range(30):
+            rows.effort = self.measured * self.scales
+            fit = fitted(rows, train, self.belief, laws)
+            change = np.where(shown, self._rescaled(fit)[0], 0.0)
+            self.scales *= np.exp(np.clip(change, -0.5, 0.5))
+            if abs(change).max() < 1e-5:
+                break
+        rows.effort, self.sigmas = self.measured * self.scales, DOUBT
+        _, doubt = self._rescaled(fitted(rows, train, self.belief, laws))
+        self.sigmas = sigmas
+        self._tell_scales(shown, doubt)
+
+    def _tell_scales(self, shown: Mask, doubt: Array) -> None:
+        """Note intervals of scales.
+
+        Args:
+            shown: Which ones were identified, shape (n,).
+            doubt: Their relative standard deviations, shape (n,).
+        """
+        lines = [
+            f"{name} {k:.3g} ({k * np.exp(-CERTAIN * sd):.3g} to {k * np.exp(CERTAIN * sd):.3g})"
+            for name, k, sd, there in zip(self.names, self.scales, doubt, shown, strict=True)
+            if there
+        ]
+        if lines:
+            self.notes.append(
+                f"scales of efforts assume that densities of the nominal bodies are accurate to "
+                f"{DOUBT[0]:.0%} and their shapes to {DOUBT[1]:.0%}: " + ", ".join(lines)
+            )
+
+    def _rescaled(self, fit: Fit) -> tuple[Array, Array]:
+        """Relative corrections of scales, with all unknowns free, and their deviations.
+
+        The residual is that of the measured efforts, so that small scales do not reduce it:
+        e - A x / k is linear in x and in the change of k.
+        """
+        predicted = fit.columns.predicted(fit.x) + self.rows.known
+        return self._besides(fit, -predicted[:, :, None] * np.eye(self.rows.n))
+
+    def _besides(self, fit: Fit, more: Array) -> tuple[Array, Array]:
+        """Coefficients of additional columns of a fit, and their standard deviations.
+
+        Args:
+            fit: Its unknowns are all free.
+            more: The columns, shape (k, n, m).
+
+        Returns:
+            Shapes (m,) and (m,); deviations are inf where the data do not determine a column.
+        """
+        rows, columns, new = self.rows, fit.columns, np.arange(more.shape[2])
+        own = [np.column_stack([c, more[:, j]]) for j, c in enumerate(columns.own)]
+        places = [np.append(p, columns.size + new) for p in columns.places]
+        wide = replace(
+            columns, own=tuple(own), places=tuple(places), size=columns.size + len(new)
+        )  # fmt: skip
+        belief = self.belief(wide.size)
+        data = wide.whitened(rows.effort - rows.known, fit.weights, rows.independent)
+        R, z = belief.combined(*data)
+        size = np.linalg.norm(R, axis=0)
+        seen = size > 1e-12 * size.max()
+        inverse = np.linalg.pinv(R[:, seen] / size[seen], rcond=1e-14)
+        doubt = np.full(len(size), np.inf)
+        doubt[seen] = np.linalg.norm(inverse, axis=1) / size[seen]
+        return solved(R, z)[columns.size :], doubt[columns.size :]
+
+    # --- result --------------------------------------------------------------------------------
+
+    def _told(self, trial: Fit, final: Fit, used: Mask) -> Identification:
+        rows, n = self.rows, self.rows.n
+        nominal = self._nominal()
+        predicted = trial.columns.predicted(trial.x) + rows.known
+        after = final.columns.predicted(final.x) + rows.known
+        test = self._judging()
+        error, each = _relative(rows.effort, predicted, test)
+        before, each_before = _relative(rows.effort, nominal, test)
+        shown = test if test.any() else self._train()
+        checks.check_explained(
+            _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
+            self.names, self._ratios(nominal),
+        )  # fmt: skip
+        known = self._parameters(final, used)
+        friction: list[JointFit | None] = [
+            f if self.ranges[j] > checks.MOVED else None for j, f in enumerate(final.friction)
+        ]
+        armature = np.where(
+            [f"{name}.armature" in known["missing"] and self.ranges[j] < checks.MOVED
+             for j, name in enumerate(self.names)],
+            np.nan, final.x[final.bodies : final.bodies + n],
+        )  # fmt: skip
+        self._tell_bandwidth()
+        self._tell_drift(final, used)
+        self._tell_tilt(trial)
+        theta = final.x[: final.bodies]
+        masses = self.regressor.nominal[::EACH]
+        checks.check_masses(theta[::EACH], masses, self.scaled or bool(self.known_masses))
+        scene = scene_with(self.model, theta, armature, friction, self.notes)
+        self._check(scene, theta)
+        if final.changed:
+            self.notes.append(
+                "the unconstrained fit is physically inconsistent; the best consistent one is used"
+            )
+        torques = self._torques(
+            predicted=np.where(rows.train[:, None], after, predicted), nominal=nominal,
+            friction=rows.effort - after + final.columns.own_predicted(final.x),
+        )  # fmt: skip
+        names = self.names
+        left = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan)
+        return Identification(
+            scene=scene, joint_names=names, torque_error=dict(zip(names, each, strict=True)),
+            nominal_error=dict(zip(names, each_before, strict=True)), error=(error, before),
+            torque_residual=dict(zip(names, left.tolist(), strict=True)),
+            friction=tuple(friction), bodies=theta.reshape(-1, EACH),
+            body_names=self.regressor.bodies, scales=self.scales.copy(),
+            band=self.motions[0].band, effort_band=rows.effort_band,
+            notes=tuple(self.notes), torques=torques, **known,
+        )  # fmt: skip
+
+    @property
+    def _test(self) -> NDArray[np.bool_]:
+        """Rows on which errors are measured, shape (k,): all of them if none is held out."""
+        train = self.rows.train
+        return train if train.all() else ~train
+
+    def _judging(self) -> Mask:
+        """Rows by which the prediction of each joint is judged: none if it rests in most of them.
+
+        The torque of a joint at rest may be anything that static friction holds, so that its
+        prediction tells nothing.
+        """
+        rows, test = self.rows, self._test[:, None]
+        known = np.count_nonzero(rows.valid & test, axis=0)
+        moving = np.count_nonzero(rows.use & test, axis=0) * (self.ranges > checks.MOVED)
+        resting = (moving < MOVING * known) & (known > 0)
+        part = f"the part held out (the last {self.held_out:.0%} of each recording)"
+        for found, why in (
+            (resting, f"at rest in most of {part}; let the motion go on to the end, or cut off "
+                      "what follows it"),
+            (known == 0, f"without an effort in {part}"),
+        ):  # fmt: skip
+            names = [f"'{name}'" for name, there in zip(self.names, found, strict=True) if there]
+            if names:
+                self.notes.append(f"no error is known of {known_names(names)}: {why}")
+        return np.asarray(rows.valid & test & ~resting)
+
+    def _torques(self, predicted: Array, nominal: Array, friction: Array) -> Torques:
+        """Measured and other torques, shapes (k, n), NaN where samples are not valid."""
+        rows = self.rows
+
+        def valid(values: Array) -> Array:
+            return np.where(rows.valid, values, np.nan)
+
+        return Torques(
+            time=np.concatenate([m.time for m in rows.motions]), measured=valid(rows.effort),
+            predicted=valid(predicted), nominal=valid(nominal), v=rows.v,
+            friction=valid(friction), held_out=~rows.train,
+        )  # fmt: skip
+
+    def _nominal(self) -> Array:
+        """Torques of the nominal scene, low-pass filtered, shape (k, n)."""
+        rows, model = self.rows, self.model
+        load = rows.rigid @ self.regressor.nominal + rows.known + rows.inertia * model.armature
+        return np.asarray(load + steady_friction(rows, load))
+
+    def _ratios(self, nominal: Array) -> Array:
+        rows = self.rows
+        sums = [
+            (rows.effort[u, j] @ nominal[u, j], nominal[u, j] @ nominal[u, j])
+            for j, u in enumerate((rows.use & rows.train[:, None]).T)
+        ]
+        return np.array([a / b if b > 0.0 else 1.0 for a, b in sums])
+
+    def _tell_bandwidth(self) -> None:
+        if self.rows.effort_band is not None:
+            self.notes.append(
+                f"efforts do not follow the motion above about {self.rows.effort_band:.3g} Hz: "
+                "they were filtered before, or predictions are only position noise there; "
+                "predictions are filtered likewise"
+            )
+
+    def _tell_tilt(self, fit: Fit) -> None:
+        """Note a base whose orientation does not agree with the scene's gravity.
+
+        A small rotation of gravity adds components along two perpendicular directions, whose
+        torques are additional columns.
+        """
+        rows, gravity = self.rows, np.array(self.model.scene.gravity)
+        size = float(np.linalg.norm(gravity))
+        if size == 0.0:
+            return
+        across = np.linalg.svd(gravity[None])[2][1:] * size
+        theta, still = fit.x[: fit.bodies] + self.regressor.payload, np.zeros_like(rows.q)
+        turned = [RigidRegressor(self.model.under(g, self.model.scene.payloads)) for g in across]
+        torques = np.stack([each(rows.q, still, still) @ theta for each in turned], axis=2)
+        found, doubt = self._besides(fit, rows.filtered(torques))
+        if (abs(found) < np.maximum(SURELY * doubt, TILT)).all():
+            return
+        better = gravity + found @ across
+        better *= size / np.linalg.norm(better)
+        angle = np.degrees(np.arctan(np.linalg.norm(found)))
+        self.notes.append(
+            f"the base seems to be tilted by about {angle:.1f}°; to check, set gravity to "
+            f"[{', '.join(f'{x:.3g}' for x in better)}] in the nominal scene"
+        )
+
+    def _tell_drift(self, fit: Fit, used: Mask) -> None:
+        """Note joints whose friction changes over the recording, as with temperature.
+
+        It does if the residual along the motion, averaged over each of ``BLOCKS`` blocks, has a
+        slope over time that is significant against its scatter.
+        """
+        rows = self.rows
+        for j, name in enumerate(self.names):
+            mine = np.flatnonzero(used[:, j] & (rows.v[:, j] != 0.0))
+            own = fit.columns.own_predicted(fit.x)[mine, j]
+            size = float(np.mean(abs(own))) if mine.size else 0.0
+            if mine.size < 10 * BLOCKS or size == 0.0:
+                continue
+            along = fit.residual[mine, j] * np.sign(rows.v[mine, j])
+            means = np.array([part.mean() for part in np.array_split(along, BLOCKS)])
+            at = np.linspace(-0.5, 0.5, BLOCKS)
+            slope = float(at @ means / (at @ at))
+            scatter = float(np.std(means - means.mean() - slope * at, ddof=2))
+            if abs(slope) > max(5.0 * scatter / float(np.sqrt(at @ at)), DRIFT * size):
+                self.notes.append(
+                    f"'{name}': friction changes by {slope / size:+.0%} over the recording, as "
+                    "with temperature; the scene has the mean"
+                )
+
+    def _check(self, scene: Any, theta: Array) -> None:
+        """Check that the scene that is returned has the identified bodies."""
+        again = RigidRegressor(ArmModel(scene)).nominal
+        if not np.allclose(again, theta, rtol=1e-6, atol=1e-9 * abs(theta).max()):
+            raise InvalidInput("the identified inertias could not be written into the URDF")
+
+    def _parameters(self, fit: Fit, used: Mask) -> dict[str, Any]:
+        """What an ``Identification`` says of parameters: base parameters and friction."""
+        rows, n, numbers, base = self.rows, self.rows.n, fit.bodies, self._base()
+        order = [*range(numbers, numbers + n), *range(numbers)]  # bodies lead, if any can
+        found = estimated(rows, used, fit, [order[k] for k in base.independent])
+        at_first = np.concatenate([self.model.armature, self.regressor.nominal])
+        values = (base.grouping @ np.stack([at_first, fit.x[order]], axis=1)).T.tolist()
+        nominal, written = (dict(zip(base.names, x, strict=True)) for x in values)
+        for name, own in zip(self.names, fit.friction, strict=True):
+            written |= {f"{name}.{kind}": x for kind, x in own.coefficients.items()}
+        estimates = dict(zip(written, found.linear, strict=True))
+        for (j, name), estimate in found.shapes.items():
+            estimates[f"{self.names[j]}.{name}"] = estimate
+            written[f"{self.names[j]}.{name}"] = getattr(fit.friction[j].shape, name)
+        missing = self._unseen(fit)
+        for name, each in estimates.items():
+            if np.isinf(each.high):
+                missing[name] = "the motion does not determine it"
+            elif not each.significant:
+                span = f"{each.value:.3g} ± {each.high - each.value:.2g}"
+                missing[name] = f"{span}: not significantly different from zero"
+        known = {name: each for name, each in estimates.items() if np.isfinite(each.high)}
+        return {
+            "parameters": {name: each.value for name, each in known.items()},
+            "intervals": {name: (each.low, each.high) for name, each in known.items()},
+            "written": written, "nominal": nominal, "missing": missing,
+            "condition": found.condition,
+        }  # fmt: skip
+
+    def _unseen(self, fit: Fit) -> dict[str, str]:
+        """Friction that was not identified, by name, and why."""
+        missing = dict[str, str]()
+        for joint, own, way in zip(self.names, fit.friction, self.ranges, strict=True):
+            if way <= checks.MOVED:
+                missing[f"{joint}.friction"] = f"it moved only {way:.2g} rad or m"
+            elif not own.kinds:
+                missing[f"{joint}.friction"] = NO_FRICTION
+            else:
+                left = [kind for kind in (VISCOUS, COULOMB) if kind not in own.kinds]
+                missing |= {f"{joint}.{kind}": NO_FRICTION for kind in left}
+                if EXCESS not in own.kinds:
+                    missing[f"{joint}.static"] = "friction does not visibly fall with speed"
+        return missing
+
+    def _base(self) -> BaseParameters:
+        n, regressor = self.rows.n, self.regressor
+
+        def columns(q: Array, v: Array, a: Array) -> Array:
+            return np.concatenate([np.eye(n) * a[:, :, None], regressor(q, v, a)], axis=2)
+
+        armatures = [f"{name}.armature" for name in self.names]
+        return base_parameters(columns, n, [*armatures, *regressor.names()])
+
+
+def _explained(y: Array, columns: Array, more: Array) -> tuple[float, float]:
+    """Fraction of the residual of y that one more column explains, and its coefficient."""
+    both = np.column_stack([columns, more])
+    alone = y - columns @ np.linalg.lstsq(columns, y, rcond=1e-10)[0]
+    x = np.linalg.lstsq(both, y, rcond=1e-10)[0]
+    left = y - both @ x
+    return 1.0 - float(left @ left) / max(float(alone @ alone), 1e-300), float(x[-1])
+
+
+def _relative(measured: Array, predicted: Array, use: Mask) -> tuple[float, list[float]]:
+    """Relative residual of all joints together, and of each; NaN without a row."""
+    left = np.where(use, (measured - predicted) ** 2, 0.0).sum(axis=0)
+    size = np.where(use, measured**2, 0.0).sum(axis=0)
+    each = np.where(use.any(axis=0), np.sqrt(left / np.maximum(size, 1e-300)), np.nan)
+    whole = np.sqrt(left.sum() / max(size.sum(), 1e-300)) if use.any() else np.nan
+    return float(whole), each.tolist()

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Backward pass of iLQR with limits, in C: change of the commands and feedback gains."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen import compiler
+from arm_sim.stepping.stepper import pointer
+from arm_studies.optimization.cost import Expansion
+
+NATIVE = Path(__file__).parent / "native"
+# Unlike the straight-line code of the equations, loops over small matrices benefit from SIMD.
+_FLAGS = tuple("-O3" if flag == "-O1" else flag for flag in compiler.FLAGS)
+
+
+@dataclass(frozen=True)
+class Policy:
+    """The change of commands du = k + K dx that improves a trajectory.
+
+    Attributes:
+        k: Shape (nodes, n).
+        K: Shape (nodes, n, nx).
+        promised: Change of the cost predicted by the quadratic model, not positive.
+    """
+
+    k: Array
+    K: Array
+    promised: float
+
+
+def backward(
+    slopes: Array, cost: Expansion, low: Array, high: Array, damping: float
+) -> Policy | None:
+    """Find the policy that minimizes the quadratic model of a trajectory's cost.
+
+    Args:
+        slopes: A and B of each node side by side, shape (nodes, nx, nx + n).
+        cost: The cost about the trajectory.
+        low: Lower bound of the change of each command, shape (nodes, n).
+        high: Upper bound, likewise.
+        damping: Regularization, a multiple of the cost's curvature by the command that is added to
+            it.
+
+    Returns:
+        The policy; None if the curvature by a command is not positive.
+
+    Raises:
+        CompilerMissing: If there is no C compiler.
+    """
+    nodes, nx, both = slopes.shape
+    n = both - nx
+    k, K, promised = np.empty((nodes, n)), np.empty((nodes, n, nx)), np.empty(1)
+    given = [
+        np.ascontiguousarray(array, float)
+        for array in (slopes, cost.x, cost.xx, cost.u, cost.uu, low, high)
+    ]
+    reached = library_of(nx, n).backward(
+        ctypes.c_longlong(nodes), *map(pointer, given), ctypes.c_double(damping),
+        pointer(k), pointer(K), pointer(promised),
+    )  # fmt: skip
+    return Policy(k, K, float(promised[0])) if reached == nodes else None
+
+
+@lru_cache
+def library_of(nx: int, n: int) -> ctypes.CDLL:
+    """Compiled backward pass of states of ``nx`` and commands of ``n`` numbers.
+
+    Raises:
+        CompilerMissing: If there is no C compiler.
+    """
+    text = f"#define NX {nx}\n#define NU {n}\n" + (NATIVE / "backward.c").read_text()
+    library = compiler.build(text, "c", _FLAGS).library
+    library.backward.restype = ctypes.c_longlong
+    return library

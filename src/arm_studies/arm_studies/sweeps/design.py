@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The runs of a study: each point of the grid of lists with each sample of the distributions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_studies.sweeps.study import Study, Varied
+
+# Purposes of random numbers; each has its own numbers.
+_POINTS, _HYPERCUBE, _NOISE = range(3)
+_EDGE = 2.0**-54  # smallest probability, since the quantile of a normal variable at 0 is infinite
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run of the design.
+
+    Attributes:
+        index: Its number, which orders the table.
+        sample: Number of the sample, which all points of the grid share.
+        values: Varied values by key.
+    """
+
+    index: int
+    sample: int
+    values: dict[str, Any]
+
+
+def points(study: Study) -> list[Point]:
+    """All runs of a study in order; samples vary fastest.
+
+    Every point of the grid uses the same samples, so that controllers are compared on the same
+    arms (common random numbers; Law, "Simulation Modeling and Analysis", 11.2).
+    """
+    lists = {key: varied.values for key, varied in study.vary.items() if varied.values is not None}
+    drawn = {key: varied for key, varied in study.vary.items() if varied.values is None}
+    shares = _shares(study, len(drawn))
+    columns = [
+        [_value(varied, share) for share in column.tolist()]
+        for varied, column in zip(drawn.values(), shares.T, strict=True)
+    ]
+    samples = [dict(zip(drawn, row, strict=True)) for row in zip(*columns, strict=True)]
+    samples = samples or [{}] * study.samples
+    order = list(study.vary)
+    made: list[Point] = []
+    for row in product(*lists.values()):
+        chosen = dict(zip(lists, row, strict=True))
+        for k, sample in enumerate(samples):
+            both = chosen | sample
+            made.append(Point(len(made), k, {key: both[key] for key in order}))
+    return made
+
+
+def noise_seed(study: Study, sample: int) -> int:
+    """Seed of the random effects in a sample's runs: noise, jitter and loss."""
+    return int(_generator(study, _NOISE, sample).integers(2**62))
+
+
+def _shares(study: Study, dimensions: int) -> Array:
+    """Points in the unit cube, shape (samples, dimensions)."""
+    if study.sampling == "random":  # a sample depends only on seed and number
+        rows = [_generator(study, _POINTS, k).random(dimensions) for k in range(study.samples)]
+        return np.reshape(rows, (study.samples, dimensions))
+    return _latin_hypercube(_generator(study, _HYPERCUBE, 0), study.samples, dimensions)
+
+
+def _latin_hypercube(chance: np.random.Generator, count: int, dimensions: int) -> Array:
+    """One point in each of ``count`` slices of every dimension.
+
+    Source: McKay, Beckman and Conover, "A comparison of three methods for selecting values of
+    input variables", Technometrics 21(2), 1979.
+    """
+    slices = chance.permuted(np.tile(np.arange(count), (dimensions, 1)), axis=1).T
+    shares: Array = (slices + chance.random((count, dimensions))) / count
+    return shares
+
+
+def _generator(study: Study, what: int, number: int) -> np.random.Generator:
+    """Random numbers of one sample, by a counter-based generator, see ``imperfections.chance``."""
+    return np.random.Generator(np.random.Philox(key=[study.seed, what], counter=[0, 0, number, 0]))
+
+
+def _value(varied: Varied, share: float) -> float:
+    """The quantile of a distribution."""
+    if varied.uniform is not None:
+        low, high = varied.uniform
+        return low + share * (high - low)
+    if varied.log_uniform is not None:
+        low, high = varied.log_uniform
+        return float(low * (high / low) ** share)
+    assert varied.normal is not None
+    mean, deviation = varied.normal
+    return mean + deviation * NormalDist().inv_cdf(min(max(share, _EDGE), 1.0 - 2.0 * _EDGE))
+
+
+def distinct(runs: Sequence[Point], key: str) -> list[Any]:
+    """Distinct values of a key, in order."""
+    found: dict[str, Any] = {}
+    for run in runs:
+        found.setdefault(repr(run.values[key]), run.values[key])
+    return list(found.values())

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a study to worlds: groups of runs with common equations, and their differences."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics import ArmModel, load_scene
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.scene import Scene
+from arm_sim.plant.parameters import Parameters
+from arm_studies.sweeps import keys
+from arm_studies.sweeps.design import Point, distinct, noise_seed
+from arm_studies.sweeps.study import Study
+from arm_studies.sweeps.world import Job, Recipe
+
+_PROBE = 1e-3
+_LONG = 1000.0  # [s] of simulated time of one world above which SIMD code is compiled
+type Slots = dict[str, tuple[int, ...]]
+
+
+@dataclass(frozen=True)
+class Group:
+    """The runs of one world.
+
+    Attributes:
+        scene: Its scene, as named in the study.
+        values: Values that define the world, by key.
+        slots: Indices of varied numbers in their tunable quantities, by key.
+        points: Its runs.
+    """
+
+    scene: str | dict[str, Any]
+    values: dict[str, Any]
+    slots: Slots
+    points: list[Point]
+
+
+class Planner:
+    """Groups the runs of a study, and creates the recipes of their worlds.
+
+    Attributes:
+        study: The study.
+
+    Raises:
+        ArmError: If a scene cannot be used, or a key does not exist.
+    """
+
+    def __init__(self, study: Study) -> None:
+        self.study, self._contents = study, dict[str, dict[str, Any]]()
+        for key in study.vary:
+            keys.check_key(key)
+
+    def groups(self, points: Sequence[Point]) -> list[Group]:
+        """The runs grouped by worlds, in order."""
+        slots: dict[str, Slots] = {}
+        found: dict[str, Group] = {}
+        for point in points:
+            scene = point.values.get("scene", self.study.scene)
+            name = repr(scene)
+            if name not in slots:
+                slots[name] = self._slots(self.content(scene), points)
+            free = slots[name]
+            values = {
+                key: value
+                for key, value in point.values.items()
+                if key != "scene" and key not in free and not self._of_run(scene, key)
+            }
+            group = found.setdefault(f"{name} {values!r}", Group(scene, values, free, []))
+            group.points.append(point)
+        return list(found.values())
+
+    def recipe(self, group: Group) -> Recipe:
+        """The recipe of a group's world."""
+        study, base = self.study, self.content(group.scene)
+        of_study = {k: v for k, v in group.values.items() if keys.below(k, keys.OF_STUDY)}
+        of_scene = {k: v for k, v in group.values.items() if k not in of_study}
+        with _about("vary"):
+            content = keys.with_values(base, of_scene)
+        tuned = [keys.tunable(key) for key in group.slots]
+        content["tunable"] = list(dict.fromkeys([*content.get("tunable", ()), *tuned]))
+        about = {
+            "controller": study.controller.model_dump(mode="json"),
+            "motion": study.motion.model_dump(mode="json"),
+        }
+        with _about("vary"):
+            about = keys.with_values(about, {_spelled(k, v): v for k, v in of_study.items()})
+        known = about["controller"].pop("scene", None)
+        commands = content.get("commands") or {}
+        return Recipe(
+            scene=json.dumps(content),
+            known=json.dumps(base if known is None else _content(load_scene(known))),
+            controller=json.dumps(about["controller"]),
+            motion=json.dumps(about["motion"]),
+            duration=study.duration,
+            metrics=study.metrics,
+            slots=tuple(group.slots.items()),
+            lanes=len(group.points) * study.duration >= _LONG,
+            imperfect=content.get("sensors") is not None
+            or any(value for key, value in commands.items() if key != "gravity_compensated"),
+        )
+
+    def job(self, group: Group, point: Point) -> Job:
+        """The job of a run of a group."""
+        values = {
+            key: value
+            for key, value in point.values.items()
+            if key not in group.values and key != "scene"
+        }
+        return Job(point.index, noise_seed(self.study, point.sample), values)
+
+    def content(self, scene: str | dict[str, Any]) -> dict[str, Any]:
+        """The content of a scene file with the study's changes merged into it."""
+        name = repr(scene)
+        if name not in self._contents:
+            content = _content(load_scene(scene))
+            if self.study.changes:
+                with _about("changes"):
+                    changed = keys.overlaid(content, self.study.changes)
+                    content = _content(load_scene(changed))
+            self._contents[name] = content
+        return self._contents[name]
+
+    def _of_run(self, scene: str | dict[str, Any], key: str) -> bool:
+        """Whether a key changes no equation; with loop constraints, the initial state may."""
+        if keys.below(key, ("initial",)):
+            constraints = self.content(scene).get("constraints", ())
+            return all(each["type"] == "contact" for each in constraints)
+        return keys.of_run(key)
+
+    def _slots(self, content: dict[str, Any], points: Sequence[Point]) -> Slots:
+        """Keys that are entries of the vector p, and their indices.
+
+        This does not depend on the values that a key takes, otherwise results would depend on
+        them.
+        """
+        found = {}
+        for key in self.study.vary:
+            name = keys.tunable(key)
+            if name is not None and all(map(_is_number, distinct(points, key))):
+                if places := _places(content, key, name):
+                    found[key] = places
+        return found
+
+
+def _spelled(key: str, value: Any) -> str:
+    """The full key of a value; a controller given by name alone keeps its settings."""
+    return "controller.name" if key == "controller" and isinstance(value, str) else key
+
+
+class _about:
+    """Adds the key of the study to error messages."""
+
+    def __init__(self, key: str) -> None:
+        self._key = key
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, SceneError) and not str(error).startswith("study: "):
+            raise SceneError(f"study: '{self._key}': {error}") from None
+
+
+def _content(scene: Scene) -> dict[str, Any]:
+    content = scene.model_dump(exclude_unset=True, mode="json", by_alias=True)
+    return {"gravity": list(scene.gravity), **content}
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
+    """Indices of a key's value in a tunable quantity; none if the quantity is not that value.
+
+    Determined from the model itself: between two values of the key, the quantity must differ only
+    in that the one replaces the other.
+    """
+    here = keys.value_at(content, key)
+    x = float(here) if _is_number(here) else 0.0
+    probes = [x + k * _PROBE * max(abs(x), 1.0) for k in (1, 2)]
+    try:
+        p = [_nominal(content, key, name, value) for value in probes]
+    except SceneError:
+        return ()  # no body has an inertia with this value alone
+    places = np.flatnonzero(p[0] != p[1])
+    if not places.size:
+        raise SceneError(
+            f"study: 'vary.{key}' changes nothing: entries of single joints take "
+            "precedence over that of all joints"
+        )
+    held = all((row[places] == value).all() for row, value in zip(p, probes, strict=True))
+    return tuple(places.tolist()) if held else ()
+
+
+def _nominal(content: Mapping[str, Any], key: str, name: str, value: float) -> Array:
+    changed = keys.with_values(content, {key: value})
+    changed["tunable"] = list(dict.fromkeys([*changed.get("tunable", ()), name]))
+    parameters = Parameters(ArmModel(load_scene(changed)))
+    return parameters.of(name, parameters.nominal)

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Distribution of runs to processes of this machine or a cluster; rows return in any order."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import BrokenExecutor
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import cache
+from threading import Thread
+from typing import Any
+
+from arm_dynamics import ArmError
+from arm_dynamics.exceptions import InvalidInput, plain
+from arm_sim.inputs import whole
+from arm_studies.sweeps.world import COMPILED, FAILED, Job, Recipe, Row, world_of
+
+_PATIENCE = 10  # [s] timeout of a scheduler
+_GLANCE = 0.5  # [s] between checks of a worker for its parent
+
+
+@dataclass(frozen=True)
+class Task:
+    """Some runs of one world; without runs the world is only built, which fills the code cache.
+
+    Attributes:
+        recipe: Recipe of the world.
+        jobs: The runs.
+        kind: How its runs are simulated: ``COMPILED`` or ``PYTHON``.
+    """
+
+    recipe: Recipe
+    jobs: tuple[Job, ...]
+    kind: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """Result of a task.
+
+    Attributes:
+        rows: One row for each run.
+        kind: Kind of the task.
+        seconds: Duration of its runs in [s], without building their world.
+        making: Duration of building the world in [s]; zero if it was cached.
+    """
+
+    rows: tuple[Row, ...]
+    kind: str
+    seconds: float
+    making: float
+
+
+def work(task: Task) -> Result:
+    """Simulate the runs of a task, in the calling process."""
+    begin = time.perf_counter()
+    try:
+        world = world_of(task.recipe)
+        if task.kind == COMPILED:
+            world.compile()
+    except ArmError as error:
+        nothing = (float("nan"),) * len(task.recipe.metrics)
+        rows = [Row(job.index, FAILED, plain(error, 300), nothing) for job in task.jobs]
+        return Result(tuple(rows), task.kind, 0.0, time.perf_counter() - begin)
+    made = time.perf_counter()
+    rows = world.rows(task.jobs)
+    return Result(tuple(rows), task.kind, time.perf_counter() - made, made - begin)
+
+
+def work_below(task: Task, parent: int) -> Result:
+    """As ``work``, in a process that ends with its parent, even if that is killed."""
+    _end_with(parent)
+    return work(task)
+
+
+@cache
+def _end_with(parent: int) -> None:
+    Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_GLANCE)
+    os._exit(1)
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+@contextmanager
+def shared_out(workers: int | None, cluster: str | None) -> Iterator[Crew]:
+    """The workers, for the duration of the context.
+
+    Args:
+        workers: Number of processes; None for one per core, 1 for this process alone.
+        cluster: Address of a Dask scheduler, whose workers are used instead.
+
+    Raises:
+        InvalidInput: If a library is missing, or no scheduler answers at the address.
+    """
+    if workers is not None:
+        whole("workers", workers, 1)
+    if cluster is not None:
+        if workers is not None:
+            raise InvalidInput("workers and cluster are given; a cluster has its own workers")
+        with _client(cluster) as client:
+            threads = sum(client.nthreads().values())
+            if not threads:
+                raise InvalidInput(f"cluster '{cluster}' has no workers; at least one is expected")
+            yield Crew(threads, {"backend": "dask", "client": client, "n_jobs": threads})
+        return
+    count = cores() if workers is None else workers
+    if count == 1:
+        yield Crew(1, None)
+        return
+    _library("joblib")
+    from joblib.externals.loky import get_reusable_executor
+
+    try:
+        yield Crew(count, {"backend": "loky", "n_jobs": count})
+    finally:
+        get_reusable_executor(max_workers=count).shutdown(wait=True, kill_workers=True)
+
+
+@dataclass(frozen=True)
+class Crew:
+    """Workers.
+
+    Attributes:
+        size: Number of workers in parallel.
+        backend: Backend of joblib; None for this process alone.
+    """
+
+    size: int
+    backend: dict[str, Any] | None
+
+    def results(self, tasks: Iterable[Task]) -> Iterator[Result]:
+        """Results in order of completion; tasks are taken as workers become free."""
+        if self.backend is None:
+            yield from map(work, tasks)
+            return
+        from joblib import Parallel, delayed, parallel_config
+
+        with parallel_config(**self.backend), _workers_stay():
+            parallel = Parallel(return_as="generator_unordered", batch_size=1)
+            if self.backend["backend"] == "loky":
+                here = os.getpid()
+                yield from parallel(delayed(work_below)(task, here) for task in tasks)
+            else:
+                yield from parallel(delayed(work)(task) for task in tasks)
+
+
+@contextmanager
+def _workers_stay() -> Iterator[None]:
+    """Translate the libraries' errors for terminated workers into one."""
+    try:
+        yield
+    except (BrokenExecutor, ConnectionError) as error:
+        raise ArmError(_LOST) from error
+    except RuntimeError as error:
+        if type(error).__module__.partition(".")[0] == "distributed":
+            raise ArmError(_LOST) from error
+        raise
+
+
+_LOST = (
+    "workers ended before their runs were done (killed, or out of memory); with an output "
+    "folder, finished runs are kept and the same call continues from there"
+)
+
+
+def _client(address: str) -> AbstractContextManager[Any]:
+    _library("joblib")
+    distributed = _library("distributed")
+    try:
+        client: AbstractContextManager[Any] = distributed.Client(
+            address, timeout=_PATIENCE, set_as_default=False
+        )
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InvalidInput(
+            f"cluster = {address!r}: no Dask scheduler answers there ({plain(error, 200)}); the "
+            "address that 'dask scheduler' prints is expected, such as tcp://10.0.0.2:8786"
+        ) from None
+    return client
+
+
+def _library(name: str) -> Any:
+    try:
+        return __import__(name)
+    except ModuleNotFoundError:
+        raise InvalidInput(
+            f"Python cannot find the module '{name}', which distributes runs: './arm setup sweep' "
+            "installs it, or pip install 'arm-dynamics-suite[sweep]'; a single worker does not "
+            "require it"
+        ) from None

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The study: one validated description of a sweep, read from YAML or a dictionary."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BeforeValidator,
+    Field,
+    StrictInt,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+
+from arm_dynamics.exceptions import SceneError, choices
+from arm_dynamics.scene.complaints import complaints
+from arm_dynamics.scene.files import find_file, find_scene
+from arm_dynamics.scene.lines import in_file, parsed
+from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
+from arm_studies.sweeps.metrics import METRICS, check_metric
+
+type StudySource = str | os.PathLike[str] | Mapping[str, Any] | Study
+"""Source of a study; see ``load_study``."""
+
+_WHAT = "study"
+_PLAIN = (str, int, float, list)  # types of values in a list, besides true and false
+
+
+def _a_scene(value: object) -> object:
+    if not isinstance(value, str | Mapping):
+        raise ValueError(
+            "the name of a scene, a path, or a mapping as in a scene file is expected"
+        )
+    return value
+
+
+def _count(value: object) -> object:
+    if isinstance(value, bool):
+        raise ValueError("a whole number is expected, not true or false")
+    return value
+
+
+SceneName = Annotated[str | dict[str, Any], BeforeValidator(_a_scene)]
+Count = Annotated[StrictInt, BeforeValidator(_count)]
+
+
+class Varied(Part):
+    """Variation of one quantity: a list of values, or a distribution.
+
+    A list may be written without its key.
+
+    Attributes:
+        values: List of values; several lists form a grid.
+        uniform: Lowest and highest value of a uniform distribution.
+        log_uniform: Lowest and highest value of a log-uniform distribution.
+        normal: Mean and standard deviation of a normal distribution.
+    """
+
+    values: tuple[Any, ...] | None = None
+    uniform: tuple[Finite, Finite] | None = None
+    log_uniform: tuple[Positive, Positive] | None = None
+    normal: tuple[Finite, NonNegative] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _a_list(cls, data: object) -> object:
+        if isinstance(data, list | tuple):
+            return {"values": list(data)}
+        if not isinstance(data, Mapping):
+            raise ValueError(
+                "a list of values or a distribution such as {uniform: [0, 1]} is expected"
+            )
+        return data
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Varied:
+        if len(self.model_fields_set) != 1:
+            raise ValueError(f"exactly one of {', '.join(Varied.model_fields)} is expected")
+        if self.values is not None:
+            if not self.values:
+                raise ValueError("the list is empty; at least one value is expected")
+            if strange := [v for v in self.values if not isinstance(v, _PLAIN)]:
+                raise ValueError(
+                    f"{strange[0]!r} in the list; numbers, names or lists are expected"
+                )
+        ends = self.uniform or self.log_uniform
+        if ends and not ends[0] < ends[1]:
+            raise ValueError("the lower end must lie below the upper one")
+        return self
+
+
+class ControllerChoice(Part):
+    """The controller of a sweep.
+
+    Attributes:
+        name: One of ``arm_dynamics.control.NAMES``, or ``package.module:Class``.
+        scene: Scene of its model; by default the study's without variations.
+        settings: Its settings, by the names of ``arm_dynamics.control.Settings``.
+    """
+
+    name: str = "computed_torque"
+    scene: SceneName | None = None
+    settings: dict[str, Any] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _a_name(cls, data: object) -> object:
+        return {"name": data} if isinstance(data, str) else data
+
+
+class MotionPoint(Part):
+    """A waypoint.
+
+    Attributes:
+        time: Time since the start in [s].
+        position: Positions by joint in [rad] or [m]; other joints keep theirs.
+    """
+
+    time: Positive
+    position: dict[str, Finite]
+
+
+class MotionChoice(Part):
+    """Reference motion: waypoints connected by quintic segments within the velocity limits.
+
+    Attributes:
+        points: Waypoints in order of time; empty to hold the initial position.
+        file: A joint trajectory in place of waypoints, as ``arm excite`` writes it.
+    """
+
+    points: tuple[MotionPoint, ...] = ()
+    file: str | None = None
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> MotionChoice:
+        if self.points and self.file is not None:
+            raise ValueError("points and file are given; one of them is expected")
+        return self
+
+
+class Study(Part):
+    """A study; only the scene and the duration are required.
+
+    Attributes:
+        scene: The arm: name of a ready scene, path (relative to the study), or a mapping as in a
+            scene file.
+        changes: Changes merged into the scene, as in a scene file.
+        duration: Duration of each run in [s].
+        controller: Name of the controller, or name and settings; ``vary`` may vary it.
+        motion: Reference motion of the controller.
+        vary: Varied quantities, by keys of the scene separated by dots, such as
+            ``joints.*.friction.viscous`` or ``payloads.0.mass``; also ``scene``, ``controller``,
+            ``controller.settings.NAME`` and ``motion.points.0.time``.
+        samples: Number of samples of the distributions, the same at every point of the grid;
+            without distributions, number of repetitions with different noise.
+        sampling: ``random``: independent samples; ``latin_hypercube``: samples spread evenly over
+            each quantity.
+        seed: Seed of all random numbers.
+        metrics: Metrics of each run; ``NAME.JOINT`` for one joint alone.
+    """
+
+    scene: SceneName
+    changes: dict[str, Any] = {}
+    duration: Positive
+    controller: ControllerChoice = ControllerChoice()
+    motion: MotionChoice = MotionChoice()
+    vary: dict[str, Varied] = {}
+    samples: Annotated[Count, Field(ge=1, le=10_000_000)] = 1
+    sampling: Literal["random", "latin_hypercube"] = "random"
+    seed: Annotated[Count, Field(ge=0, lt=2**63)] = 0
+    metrics: tuple[str, ...] = (
+        "tracking_rms", "tracking_max", "overshoot", "energy", "saturation", "stop_time",
+    )  # fmt: skip
+
+    @field_validator("metrics")
+    @classmethod
+    def _known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        if not value:
+            raise ValueError(f"the list is empty; allowed: {choices('', METRICS)}")
+        for name in value:
+            check_metric(name)
+        return tuple(dict.fromkeys(value))
+
+
+def load_study(source: StudySource) -> Study:
+    """Read and check a study.
+
+    Args:
+        source: Path of a study file (YAML), a dictionary of the same shape, or a study, which is
+            returned unchanged.
+
+    Returns:
+        The study, paths in it made absolute.
+
+    Raises:
+        SceneError: If a key is missing, unknown or not allowed; of a file, with its name and line.
+    """
+    if isinstance(source, Study):
+        return source
+    if isinstance(source, Mapping):
+        return _resolved(_validated(dict(source)), Path.cwd())
+    path = Path(source)
+    try:
+        content = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise SceneError(f"study: cannot read '{path}': {why}") from None
+    with in_file(path):
+        data = parsed(content, _WHAT, "'scene' and 'duration'")
+        return _resolved(_validated(data), path.resolve().parent)
+
+
+def _validated(data: dict[str, Any]) -> Study:
+    try:
+        return Study.model_validate(data)
+    except ValidationError as error:
+        said = complaints(error.errors(), Study, {}, (), _WHAT)
+        raise SceneError("\n".join(said)) from None
+
+
+def _resolved(study: Study, folder: Path) -> Study:
+    """The study with absolute paths, which makes it independent of the working folder."""
+    changes: dict[str, Any] = {"scene": _found(study.scene, folder)}
+    if study.controller.scene is not None:
+        known = _found(study.controller.scene, folder)
+        changes["controller"] = study.controller.model_copy(update={"scene": known})
+    if study.motion.file is not None:
+        file = str(folder / study.motion.file)
+        changes["motion"] = study.motion.model_copy(update={"file": file})
+    varied = study.vary.get("scene")
+    if varied is not None and varied.values is not None:
+        found = tuple(_found(value, folder) for value in varied.values)
+        changes["vary"] = {**study.vary, "scene": varied.model_copy(update={"values": found})}
+    return study.model_copy(update=changes)
+
+
+def _found(scene: Any, folder: Path) -> Any:
+    """A scene with absolute paths; ready scenes keep their bare names."""
+    if isinstance(scene, str):
+        path = find_scene(scene, folder)
+        return scene if "/" not in scene and not (folder / scene).is_file() else str(path)
+    if not isinstance(scene, dict):
+        raise SceneError(f"study: 'vary.scene': {scene!r}; names of scenes or paths are expected")
+    robot = scene.get("robot")
+    if isinstance(robot, dict) and isinstance(urdf := robot.get("urdf"), str):
+        if not urdf.lstrip().startswith("<"):
+            return {**scene, "robot": {**robot, "urdf": str(find_file(urdf, folder))}}
+    return scene

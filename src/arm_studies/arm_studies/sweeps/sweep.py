@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Execution of a sweep, from its study to its table."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import batched
+from pathlib import Path
+from typing import Any
+
+import arm_sim
+from arm_dynamics.exceptions import InvalidInput
+from arm_studies.sweeps.design import Point, points
+from arm_studies.sweeps.journal import Journal
+from arm_studies.sweeps.metrics import check_joints
+from arm_studies.sweeps.pace import Pace
+from arm_studies.sweeps.recipes import Group, Planner
+from arm_studies.sweeps.sharing import Task, shared_out
+from arm_studies.sweeps.study import Study, StudySource, load_study
+from arm_studies.sweeps.table import Table, table_of
+from arm_studies.sweeps.world import COMPILED, PYTHON, Row, runs_compiled, world_of
+
+_RUNS = {COMPILED: 32, PYTHON: 2}
+"""Runs per task, such that the cost of passing it to a worker is negligible."""
+_LEAST_TASKS = 4  # tasks per worker, such that none is idle at the end
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress of a sweep.
+
+    Attributes:
+        done: Number of finished runs, earlier ones included.
+        total: Number of all runs.
+        remaining: Remaining time in [s]; None while too little is known.
+        what: Current activity.
+    """
+
+    done: int
+    total: int
+    remaining: float | None
+    what: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Extent of a sweep.
+
+    Attributes:
+        runs: Number of all runs.
+        worlds: Number of sets of equations that are generated and compiled.
+        compiled: Number of runs simulated entirely in compiled code; in the others, controller,
+            sensors or delays run in Python.
+        tunable: Keys whose values are inputs of the equations.
+    """
+
+    runs: int
+    worlds: int
+    compiled: int
+    tunable: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A finished sweep.
+
+    Attributes:
+        study: Its study.
+        plan: Its extent.
+        table: One row for each run, in order.
+        made: Number of runs simulated now; the others were in the journal.
+        seconds: Duration of those in [s].
+        dropped: Whether a damaged last line of the journal was dropped.
+    """
+
+    study: Study
+    plan: Plan
+    table: Table
+    made: int
+    seconds: float
+    dropped: bool = False
+
+
+def sweep(
+    source: StudySource,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    workers: int | None = None,
+    cluster: str | None = None,
+    told: Callable[[Progress], None] | None = None,
+) -> Sweep:
+    """Simulate the runs of a study.
+
+    Results depend on the study alone: they are bitwise identical for any number of workers and
+    order of execution.
+
+    Args:
+        source: A study, or anything that ``load_study`` accepts.
+        out: Folder for the journal of finished runs: if called again, only missing runs are
+            simulated. With None, nothing is written.
+        workers: Number of processes; None for one per core, 1 for this process alone.
+        cluster: Address of a Dask scheduler, whose workers are used instead.
+        told: Called with the progress.
+
+    Returns:
+        The table and information about the sweep.
+
+    Raises:
+        InvalidInput: If the folder holds runs of another study, a library is missing, or no
+            scheduler answers at the address.
+        SceneError: If the study, or the scene of its first run, cannot be used.
+
+    Example:
+        >>> done = sweep({"scene": "panda", "duration": 1.0,
+        ...               "vary": {"joints.*.friction.viscous": {"uniform": [0, 1]}},
+        ...               "samples": 100})  # doctest: +SKIP
+        >>> done.table["tracking_rms"].max()  # doctest: +SKIP
+    """
+    study = load_study(source)
+    runs = points(study)
+    planner = Planner(study)
+    groups = planner.groups(runs)
+    tell = told or (lambda progress: None)
+    tell(Progress(0, len(runs), None, "building the first arm"))
+    _check_first(planner, groups[0])
+    kinds = _kinds(planner, groups)
+    tunable = tuple(dict.fromkeys(key for group in groups for key in group.slots))
+    compiled = sum(kind == COMPILED for kind in kinds.values())
+    plan = Plan(len(runs), len(groups), compiled, tunable)
+    with ExitStack() as stack:
+        journal = None
+        if out is not None:
+            journal = stack.enter_context(Journal(Path(out), _about(study, planner, groups)))
+        rows = dict(journal.rows) if journal else dict[int, Row]()
+        begin, before = time.perf_counter(), len(rows)
+        _fill(planner, groups, kinds, rows, journal, workers, cluster, tell)
+        seconds = time.perf_counter() - begin
+    return Sweep(
+        study, plan, table_of(study, runs, rows), len(rows) - before, seconds,
+        journal is not None and journal.dropped,
+    )  # fmt: skip
+
+
+def _fill(
+    planner: Planner, groups: Sequence[Group], kinds: dict[int, str], rows: dict[int, Row],
+    journal: Journal | None, workers: int | None, cluster: str | None,
+    tell: Callable[[Progress], None],
+) -> None:  # fmt: skip
+    """Simulate the missing runs, and add them to ``rows`` and the journal."""
+    missing = [
+        (group, [point for point in group.points if point.index not in rows]) for group in groups
+    ]
+    missing = [(group, left) for group, left in missing if left]
+    total = sum(len(group.points) for group in groups)
+    left = Counter(kinds[point.index] for _, points_left in missing for point in points_left)
+    if not left:
+        return
+    pace = Pace(left)
+    with shared_out(workers, cluster) as crew:
+        # Code that several workers share is compiled once, before they start.
+        shared = [group for group, points_left in missing if len(points_left) > 1]
+        first = [Task(planner.recipe(group), (), kinds[group.points[0].index]) for group in shared]
+        for k, _ in enumerate(crew.results(first if crew.size > 1 else [])):
+            tell(Progress(len(rows), total, None, f"compiling, {k + 1} of {len(first)}"))
+        for result in crew.results(_tasks(planner, missing, kinds, crew.size)):
+            if journal is not None:
+                journal.add(result.rows)
+            rows.update((row.index, row) for row in result.rows)
+            now = time.perf_counter()
+            pace.note(result, now)
+            tell(Progress(len(rows), total, pace.remaining(now), "running"))
+
+
+def _tasks(
+    planner: Planner, missing: Iterable[tuple[Group, list[Point]]], kinds: dict[int, str],
+    workers: int,
+) -> Iterator[Task]:  # fmt: skip
+    for group, left in missing:
+        recipe = planner.recipe(group)
+        for kind in (COMPILED, PYTHON):
+            ours = [point for point in left if kinds[point.index] == kind]
+            size = max(1, min(_RUNS[kind], len(ours) // (workers * _LEAST_TASKS)))
+            for part in batched(ours, size):
+                yield Task(recipe, tuple(planner.job(group, point) for point in part), kind)
+
+
+def _check_first(planner: Planner, group: Group) -> None:
+    """Raise an error of the first run, since the others would fail in the same way."""
+    world = world_of(planner.recipe(group))
+    world.check(planner.job(group, group.points[0]))
+    try:
+        check_joints(planner.study.metrics, world.joint_names)
+    except ValueError as error:
+        raise InvalidInput(f"study: {error}") from None
+
+
+def _kinds(planner: Planner, groups: Sequence[Group]) -> dict[int, str]:
+    """How each run is simulated: entirely in compiled code, or partly in Python."""
+    found, known = {}, dict[tuple[int, str], str]()
+    for number, group in enumerate(groups):
+        recipe = None
+        for point in group.points:
+            settings = {k: v for k, v in point.values.items() if k.startswith("controller.")}
+            key = number, repr(settings)
+            if key not in known:
+                recipe = recipe or planner.recipe(group)
+                whole = runs_compiled(recipe, planner.job(group, point))
+                known[key] = COMPILED if whole else PYTHON
+            found[point.index] = known[key]
+    return found
+
+
+def _about(study: Study, planner: Planner, groups: Sequence[Group]) -> dict[str, Any]:
+    """Inputs of the rows: the study, the content of its scenes, and the suite's version."""
+    contents = {str(group.scene)[:80]: planner.content(group.scene) for group in groups}
+    return {
+        "suite": arm_sim.__version__,
+        "study": study.model_dump(mode="json", exclude_unset=True),
+        "order of vary": list(study.vary),  # determines numbering and random numbers
+        "content of scene": {name: _digest(content) for name, content in contents.items()},
+    }
+
+
+def _digest(content: Any) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

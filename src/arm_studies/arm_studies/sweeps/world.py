@@ -1,0 +1,437 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A world: what runs with the same equations share, and how it simulates one of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache
+from itertools import batched
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics import ArmError, Dynamics, InvalidInput, load_scene
+from arm_dynamics.actuation.command_map import rigid_twin
+from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.custom import is_own, load_controller
+from arm_dynamics.control.factory import NAMES, Settings, make_controller
+from arm_dynamics.control.wrappers import AnyController
+from arm_dynamics.exceptions import choices, plain
+from arm_dynamics.scene import Scene
+from arm_dynamics.trajectory import JointTrajectory
+from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint, hold
+from arm_dynamics.trajectory.waypoints import quintic
+from arm_sim.exceptions import SimulationDiverged
+from arm_sim.inputs import tick_count
+from arm_sim.plant.actuation import CompiledControl
+from arm_sim.simulator import Simulator
+from arm_sim.state import State
+from arm_sim.stepping.rollout import Batch, Rollouts
+from arm_sim.stepping.stepper import Stepper
+from arm_studies.sweeps.compiled import gains, is_compiled, law
+from arm_studies.sweeps.keys import below, tunable, with_values
+from arm_studies.sweeps.metrics import Run, measured
+from arm_studies.sweeps.study import ControllerChoice, MotionChoice
+
+COMPILED, PYTHON = "compiled", "Python"
+"""How runs are simulated: entirely in compiled code, or with the controller in Python."""
+DONE, DIVERGED, FAILED = "done", "diverged", "failed"
+IMPERFECT = ("sensors", "commands")
+OF_LOOP = ("initial", "motion", "controller")
+_FEW = 3  # smallest number of runs for which SIMD is worthwhile
+_ROOM = 4_000_000  # largest number of values of runs that are simulated together
+_REMEMBERED = 64  # number of references and starts of a world that are cached
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run of a world.
+
+    Attributes:
+        index: Its number in the design.
+        noise: Seed of its noise.
+        values: Varied values by key, without those that define the world.
+    """
+
+    index: int
+    noise: int
+    values: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Row:
+    """Result of a run.
+
+    Attributes:
+        index: Its number in the design.
+        status: ``done``, ``diverged`` or ``failed``.
+        note: The reason if it was not done; else empty.
+        metrics: Values in the study's order; NaN if it was not done.
+    """
+
+    index: int
+    status: str
+    note: str
+    metrics: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Inputs of a world: text and numbers, which can be sent to other processes.
+
+    Attributes:
+        scene: Content of the scene file, as JSON with the text of the robot description.
+        known: That of the controller's scene.
+        controller: The study's choice, as JSON.
+        motion: Likewise.
+        duration: Duration of a run in [s].
+        metrics: Names of the metrics.
+        slots: Indices of varied values in their tunable quantities, by key.
+        lanes: Whether there are enough runs to compile code that simulates several side by side.
+        imperfect: Whether the scene has imperfect sensors or commands.
+    """
+
+    scene: str
+    known: str
+    controller: str
+    motion: str
+    duration: float
+    metrics: tuple[str, ...]
+    slots: tuple[tuple[str, tuple[int, ...]], ...]
+    imperfect: bool
+    lanes: bool
+
+
+class World:
+    """Simulates runs one after another; no run depends on those before it.
+
+    Args:
+        recipe: Its inputs.
+
+    Raises:
+        ArmError: If the scene, the controller or the motion cannot be used.
+    """
+
+    def __init__(self, recipe: Recipe) -> None:
+        self._recipe, self._content = recipe, json.loads(recipe.scene)
+        self._scene = load_scene(self._content)
+        self._simulator = Simulator(self._scene)
+        self._dynamics = Dynamics(rigid_twin(load_scene(json.loads(recipe.known))))
+        simulator, dynamics = self._simulator, self._dynamics
+        if simulator.joint_names != dynamics.joint_names:
+            raise InvalidInput(
+                f"the controller's scene has joints {dynamics.joint_names}, the arm has "
+                f"{simulator.joint_names}; the same are expected"
+            )
+        self._limits = Limits.of(dynamics.model)
+        self._ticks = tick_count(recipe.duration, simulator.dt)
+        self._nominal = simulator.parameters
+        self._slots = {key: list(places) for key, places in recipe.slots}
+        self._remembered: dict[bytes, tuple[Array, Array]] = {}
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints of the arm."""
+        return tuple(self._simulator.joint_names)
+
+    def compile(self) -> None:
+        """Compile the controller into the simulation, unless that is done."""
+        _ = self._stepper
+        if self._recipe.lanes:
+            self._rollouts.prepare()
+
+    def rows(self, jobs: Sequence[Job]) -> list[Row]:
+        """Simulate runs, side by side in vector registers if possible, with identical results."""
+        if not self._recipe.lanes:
+            return [self.row(job) for job in jobs]
+        together = self._side_by_side(jobs)
+        return [together.get(job.index) or self.row(job) for job in jobs]
+
+    def row(self, job: Job) -> Row:
+        """Simulate a run; a failure gives a row as well."""
+        nothing = (np.nan,) * len(self._recipe.metrics)
+        try:
+            return self._made(job)
+        except SimulationDiverged as error:
+            return Row(job.index, DIVERGED, plain(error, 300), nothing)
+        except ArmError as error:
+            return Row(job.index, FAILED, plain(error, 300), nothing)
+
+    def check(self, job: Job) -> None:
+        """Check the inputs of a run before it is simulated.
+
+        Raises:
+            ArmError: If they are not allowed.
+        """
+        self._tuned(job)
+        self._course(job)
+        if not runs_compiled(self._recipe, job):
+            self._control(job)
+
+    # --- inputs of a job -----------------------------------------------------------------------
+
+    def _controller(self, job: Job) -> tuple[ControllerChoice, Settings]:
+        choice, settings = chosen(self._recipe, job)
+        if "dt" in choice.settings or settings.dt == self._simulator.dt:
+            return choice, settings
+        return choice, replace(settings, dt=self._simulator.dt)
+
+    def _tuned(self, job: Job) -> Array:
+        """The vector p of a run, checked."""
+        parameters = self._simulator.plant.parameters
+        named = {name: parameters.of(name, self._nominal).copy() for name in parameters.names}
+        for key, places in self._slots.items():
+            quantity = tunable(key)
+            assert quantity is not None
+            named[quantity][places] = job.values[key]
+        return parameters.merged(named, self._nominal)
+
+    def _start(self, job: Job) -> tuple[Array, Array]:
+        """Positions and velocities at the start, shape (n,) each."""
+        model, names = self._simulator.model, self.joint_names
+        q, v = model.q0.copy(), model.v0.copy()
+        for key, value in job.values.items():
+            if below(key, ("initial",)):
+                _, what, joint = key.split(".", 2)
+                if joint not in names:
+                    raise InvalidInput(f"'{key}': allowed joints: {choices(joint, names)}")
+                {"position": q, "velocity": v}[what][names.index(joint)] = value
+        return q, v
+
+    def _settled(self, job: Job) -> Array:
+        """The state at the start of a run, shape (nx,)."""
+        given = {key: value for key, value in job.values.items() if below(key, ("initial",))}
+        q, v = self._start(job) if given else (None, None)
+        self._simulator.reset(q, v)
+        return self._simulator.x.copy()
+
+    def _course(self, job: Job) -> tuple[Array, Array]:
+        """Start and references of a run at all its ticks: shapes (nx,) and (ticks + 1, 3n)."""
+        given = {k: v for k, v in job.values.items() if below(k, ("initial", "motion"))}
+        key = json.dumps(given).encode()
+        if key not in self._remembered:
+            x0 = self._settled(job)
+            own = {k: v for k, v in given.items() if below(k, ("motion",))}
+            motion = json.loads(self._recipe.motion)
+            choice = MotionChoice.model_validate(with_values({"motion": motion}, own)["motion"])
+            motion = self._motion(choice, x0[: len(self.joint_names)])
+            times = np.arange(self._ticks + 1) * self._simulator.dt
+            samples = (motion.sample(float(t)) for t in times)
+            rows = np.array([np.concatenate((r.q, r.v, r.a)) for r in samples])
+            if len(self._remembered) >= _REMEMBERED:
+                self._remembered.clear()
+            self._remembered[key] = read_only(x0), read_only(rows)
+        return self._remembered[key]
+
+    def _motion(self, choice: MotionChoice, q0: Array) -> Trajectory:
+        names = self.joint_names
+        if choice.file is not None:
+            return JointTrajectory.load(choice.file).motion(names)
+        way, place = [Waypoint(0.0, q0)], q0.copy()
+        for i, point in enumerate(choice.points):
+            for joint, value in point.position.items():
+                if joint not in names:
+                    raise InvalidInput(
+                        f"'motion.points.{i}.position.{joint}': unknown joint '{joint}'; "
+                        f"allowed: {choices(joint, names)}"
+                    )
+                place[names.index(joint)] = value
+            way.append(Waypoint(point.time, place.copy()))
+        return quintic(way, self._limits) if choice.points else hold(q0)
+
+    # --- runs ----------------------------------------------------------------------------------
+
+    def _made(self, job: Job) -> Row:
+        p, (x0, rows) = self._tuned(job), self._course(job)
+        made = self._rolled if runs_compiled(self._recipe, job) else self._stepped
+        return self._row(job, rows, *made(job, p, x0, rows))
+
+    def _row(self, job: Job, rows: Array, q: Array, torque: Array, command: Array) -> Row:
+        simulator, n = self._simulator, len(self.joint_names)
+        run = Run(
+            simulator.dt, q, rows[:, :n], torque, command, simulator.model.command_limit,
+            simulator.model.stops.place,
+        )  # fmt: skip
+        values = measured(run, self._recipe.metrics, self.joint_names)
+        return Row(job.index, DONE, "", tuple(values))
+
+    def _rolled(self, job: Job, p: Array, x0: Array, rows: Array) -> tuple[Array, Array, Array]:
+        """Positions, torques and commands of a run in compiled code."""
+        stepper, (trace, effort, notes) = self._stepper, self._room
+        stepper.restart()
+        stepper.p[:] = p
+        inputs, x = self._inputs(job, rows), x0.copy()
+        done = stepper.roll(x, inputs, trace, effort, notes)
+        if done < self._ticks:
+            raise _diverged(done + 1, self._simulator.dt)
+        n = len(self.joint_names)
+        torque = self._simulator.plant.joint_torque(trace, effort)
+        return np.vstack([x0[:n], trace[:, :n]]), torque, effort
+
+    def _inputs(self, job: Job, rows: Array) -> Array:
+        """Inputs of the compiled controller in each tick: references and gains."""
+        choice, settings = self._controller(job)
+        tuning = self._gains(choice.name, json.dumps(choice.settings), settings)
+        return np.hstack([rows[:-1], np.broadcast_to(tuning, (self._ticks, len(tuning)))])
+
+    def _side_by_side(self, jobs: Sequence[Job]) -> dict[int, Row]:
+        """Rows of the runs that can be simulated together; the others are simulated alone."""
+        alike: dict[str, list[tuple[Job, Array]]] = {}
+        for job in jobs:
+            try:
+                if runs_compiled(self._recipe, job):
+                    given = {k: v for k, v in job.values.items() if below(k, OF_LOOP)}
+                    alike.setdefault(json.dumps(given), []).append((job, self._tuned(job)))
+            except ArmError:
+                continue  # its own run reports the error
+        size = _ROOM // ((self._ticks + 1) * (self._simulator.plant.nx + len(self.joint_names)))
+        found: dict[int, Row] = {}
+        for group in alike.values():
+            for part in batched(group, max(1, size)):
+                if len(part) >= _FEW:
+                    found |= self._rolled_together(
+                        [job for job, _ in part], np.array([p for _, p in part])
+                    )
+        return found
+
+    def _rolled_together(self, jobs: Sequence[Job], p: Array) -> dict[int, Row]:
+        """The same for runs with one start, one motion and one controller; p of shape (b, np)."""
+        try:
+            x0, rows = self._course(jobs[0])
+            inputs = self._inputs(jobs[0], rows)
+        except ArmError:
+            return {}
+        arms, n, ticks = len(jobs), len(self.joint_names), self._ticks
+        out, effort = np.empty((arms, ticks + 1, len(x0))), np.empty((arms, ticks, n))
+        every = np.broadcast_to(inputs, (arms, *inputs.shape))
+        batch = Batch(np.tile(x0, (arms, 1)), every, p, ticks, out, effort)
+        left = self._rollouts.side_by_side(batch)
+        if left is None:
+            return {}
+        plant, found = self._simulator.plant, {}
+        for i, job in enumerate(jobs):
+            if i not in left and np.isfinite(out[i, -1]).all():
+                torque = plant.joint_torque(out[i, 1:], effort[i])
+                q = np.ascontiguousarray(out[i, :, :n])  # sums depend on the memory layout
+                found[job.index] = self._row(job, rows, q, torque, effort[i])
+        return found
+
+    @cached_property
+    def _control_law(self) -> CompiledControl:
+        choice = ControllerChoice.model_validate_json(self._recipe.controller)
+        made = law(choice.name, self._dynamics.model, self._simulator.dt)
+        return CompiledControl(made, _no_reference)
+
+    @cached_property
+    def _stepper(self) -> Stepper:
+        scene = self._simulator.compiled
+        return Stepper(scene.plant, scene.choice, scene.backend, self._control_law)
+
+    @cached_property
+    def _rollouts(self) -> Rollouts:
+        scene = self._simulator.compiled
+        return Rollouts(scene.plant, scene.choice, scene.stepper, scene.backend, self._control_law)
+
+    @cached_property
+    def _room(self) -> tuple[Array, Array, Array]:
+        n, nx = len(self.joint_names), self._simulator.plant.nx
+        return np.empty((self._ticks, nx)), np.empty((self._ticks, n)), np.empty((self._ticks, 2))
+
+    @cached_property
+    def _known_gains(self) -> dict[str, Array]:
+        return {}
+
+    def _gains(self, name: str, key: str, settings: Settings) -> Array:
+        known = self._known_gains
+        if key not in known:
+            if len(known) >= _REMEMBERED:
+                known.clear()
+            known[key] = gains(name, self._dynamics, settings)
+        return known[key]
+
+    def _stepped(self, job: Job, p: Array, x0: Array, rows: Array) -> tuple[Array, Array, Array]:
+        """The same with a controller in Python, as a ``ClosedLoop`` runs it."""
+        simulator, control = self._simulator, self._control(job)
+        simulator.imperfect(self._imperfect(job))
+        simulator.restore(x0, p, 0)
+        references = [Reference(*np.split(row, 3)) for row in rows]
+
+        def answer(state: State) -> Array:
+            tau = control.torque(Measured(state.q, state.v), references[state.step])
+            return np.asarray(self._dynamics.command_map(state.q, state.v, tau))
+
+        try:
+            motion = simulator.run(self._recipe.duration, answer)
+        except SimulationDiverged as error:
+            raise _diverged(len(error.recording), simulator.dt) from None
+        return motion.q, motion.tau[:-1], motion.command[:-1]
+
+    def _control(self, job: Job) -> AnyController:
+        choice, settings = self._controller(job)
+        name = choice.name
+        maker = load_controller(name) if is_own(name) else name
+        return make_controller(maker, self._dynamics, settings)
+
+    def _imperfect(self, job: Job) -> Scene:
+        """The scene with the sensors and command delays of a run, and its own noise."""
+        given = {key: value for key, value in job.values.items() if below(key, IMPERFECT)}
+        if not (given or self._recipe.imperfect):
+            return self._scene
+        content = with_values(self._content, given)
+        content["sensors"] = {"seed": job.noise, **(content.get("sensors") or {})}
+        if "sensors.seed" not in given:
+            content["sensors"]["seed"] = job.noise
+        return load_scene(content)
+
+
+def chosen(recipe: Recipe, job: Job) -> tuple[ControllerChoice, Settings]:
+    """The controller of a run and its settings.
+
+    Raises:
+        InvalidInput: If a setting is unknown or not allowed.
+    """
+    own = {key: value for key, value in job.values.items() if below(key, ("controller",))}
+    return _chosen(recipe.controller, json.dumps(own))
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _chosen(controller: str, values: str) -> tuple[ControllerChoice, Settings]:
+    given = with_values({"controller": json.loads(controller)}, json.loads(values))["controller"]
+    choice = ControllerChoice.model_validate(given)
+    if choice.name not in NAMES and not is_own(choice.name):
+        allowed = choices(choice.name, NAMES)
+        raise InvalidInput(f"controller = {choice.name!r}; allowed: {allowed}")
+    known = [field.name for field in fields(Settings)]
+    for key in choice.settings:
+        if key not in known:
+            raise InvalidInput(
+                f"unknown setting 'controller.settings.{key}'; allowed: {choices(key, known)}"
+            )
+    return choice, Settings(**choice.settings)
+
+
+def runs_compiled(recipe: Recipe, job: Job) -> bool:
+    """Whether a run is simulated entirely in compiled code, with an ideal measured state."""
+    choice, settings = chosen(recipe, job)
+    perfect = not (recipe.imperfect or any(below(key, IMPERFECT) for key in job.values))
+    return perfect and is_compiled(choice.name, settings)
+
+
+def _diverged(tick: int, dt: float) -> SimulationDiverged:
+    return SimulationDiverged(f"at t = {tick * dt:.6g} s")
+
+
+def _no_reference(times: Array) -> Array:
+    raise InvalidInput(
+        "the compiled controller of a sweep has no reference of its own; the sweep passes the "
+        "references of every tick"
+    )
+
+
+@lru_cache(maxsize=8)
+def world_of(recipe: Recipe) -> World:
+    """The world of a recipe, cached by each process for later runs."""
+    return World(recipe)

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``./arm excite``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from arm_dynamics import Dynamics
+from arm_dynamics.trajectory import JointTrajectory
+from arm_sim import Simulator
+from arm_studies.cli.main import main
+
+
+def typed(*words: str) -> Result:
+    return CliRunner().invoke(main, ["excite", *words], env={"COLUMNS": "160"})
+
+
+QUICK = ("--period", "3", "--harmonics", "3", "--attempts", "1", "--acceleration", "20")
+
+
+def test_a_motion_is_found_written_and_drawn(tmp_path: Path) -> None:
+    out = tmp_path / "motion.yaml"
+    done = typed("two_link", "--out", str(out), "--turns", "2", *QUICK)
+    assert done.exit_code == 0, done.output
+    assert "13 identifiable" in done.output and str(out) in done.output
+    assert (tmp_path / "motion.png").stat().st_size > 10_000
+    motion = JointTrajectory.load(out).motion(Dynamics("two_link").joint_names)
+    assert motion.duration == pytest.approx(6.0)
+    np.testing.assert_allclose(motion.sample(3.0).q, motion.sample(0.0).q, atol=1e-9)
+
+
+def test_a_simulated_arm_follows_it(tmp_path: Path) -> None:
+    from arm_dynamics.control import ComputedTorque
+
+    out = tmp_path / "motion.yaml"
+    said = typed("two_link", "--out", str(out), "--json", *QUICK)
+    told = json.loads(said.stdout)
+    assert told["parameters"] == 13 and told["duration"] == 3.0
+    sim, motion = Simulator("two_link"), JointTrajectory.load(out).motion(("shoulder", "elbow"))
+    sim.reset(motion.sample(0.0).q)
+    run = sim.run(3.0, ComputedTorque(sim.dynamics), motion)
+    expected = np.array([motion.sample(t).q for t in run.time])
+    np.testing.assert_allclose(run.q, expected, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--out", "a.csv"), "a .yaml file is expected"),
+        (("--frame", "tip"), "--box and --frame must be given together"),
+        (("--frame", "tip", "--box", "0 0 0"), "--box: 3 numbers; 6 are expected"),
+        (("--frame", "tip", "--box", "1 1 1 0 0 0"), "first below the second"),
+        (("--start", "9 9"), "start: joint 'shoulder' at 9"),
+        (("--harmonics", "1"), "not in the range"),
+    ],
+)
+def test_what_cannot_be_is_refused(words: tuple[str, ...], said: str) -> None:
+    done = typed("two_link", *words)
+    assert done.exit_code != 0 and said in done.output

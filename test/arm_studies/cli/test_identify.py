@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm identify``: a scene that loads, a report that says what was found, and refusals."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from arm_dynamics import Dynamics, load_scene
+from arm_sim import Simulator
+from arm_studies.cli.main import main
+
+TRUE = {
+    "robot": {"urdf": "package://arm_sim/scenes/two_link.urdf"},
+    "joints": {
+        "shoulder": {"friction": {"viscous": 0.5, "coulomb": 1.0}, "armature": 0.2},
+        "elbow": {"friction": {"viscous": 0.3, "coulomb": 0.6}, "armature": 0.1},
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory) -> Path:
+    """Positions and torques of a robot under other names, without velocities."""
+    t = np.arange(0.0, 20.0, 0.01)
+    q = np.column_stack([np.sin(2.1 * t) + 0.4 * np.cos(5.0 * t), 0.8 * np.sin(3.3 * t + 1.0)])
+    w = np.array([2.1, 5.0, 3.3])
+    v = np.column_stack([
+        w[0] * np.cos(w[0] * t) - 0.4 * w[1] * np.sin(w[1] * t), 0.8 * w[2] * np.cos(w[2] * t + 1)
+    ])  # fmt: skip
+    a = np.column_stack([
+        -(w[0] ** 2) * np.sin(w[0] * t) - 0.4 * w[1] ** 2 * np.cos(w[1] * t),
+        -0.8 * w[2] ** 2 * np.sin(w[2] * t + 1),
+    ])  # fmt: skip
+    tau = Dynamics(TRUE).inverse(q, v, a)
+    path = tmp_path_factory.mktemp("robot") / "robot.csv"
+    names = ["left_shoulder", "left_elbow"]
+    head = ["time", *(f"position.{n}" for n in names), *(f"effort.{n}" for n in names)]
+    np.savetxt(
+        path, np.column_stack([t, q, tau]), delimiter=",", header=",".join(head), comments=""
+    )
+    return path
+
+
+def typed(*arguments: object):
+    return CliRunner().invoke(main, ["identify", *map(str, arguments)])
+
+
+def test_a_scene_that_simulates_and_a_report(table, tmp_path):
+    out = tmp_path / "found" / "mine.yaml"
+    done = typed(table, "--scene", "two_link", "--out", out)
+    assert done.exit_code == 0, done.output
+    scene = load_scene(out)
+    assert scene.joints["elbow"].friction.coulomb == pytest.approx(0.6, rel=1e-2)
+    sim = Simulator(scene, dt=1e-3)
+    sim.run(0.05, [1.0, 0.5])
+    report = (tmp_path / "found" / "mine.md").read_text()
+    assert "elbow: Coulomb" in report and "Not identified" in report
+    assert "left_shoulder" in report  # which was taken for the scene's
+    for figure in ("torques", "friction"):
+        assert (tmp_path / "found" / f"mine_{figure}.png").stat().st_size > 20_000
+
+
+def test_for_scripts(table, tmp_path):
+    done = typed(table, "--scene", "two_link", "--out", tmp_path / "a.yaml", "--json")
+    told = json.loads(done.stdout)
+    assert told["error"] < 0.01 < told["nominal_error"]
+    low, high = told["intervals"]["elbow.viscous"]
+    assert low <= high
+
+
+def test_a_payload_alone(table, tmp_path):
+    """What the arm held beside what its scene says."""
+    held = {
+        "frame": "tip",
+        "mass": 0.5,
+        "com": [0.1, 0, 0],
+        "inertia": [1e-3, 0, 0, 1e-3, 0, 1e-3],
+    }
+    lighter = tmp_path / "known.yaml"
+    known = load_scene(TRUE).model_dump(exclude_unset=True, mode="json")
+    (tmp_path / "known.urdf").write_text(known["robot"]["urdf"])
+    lighter.write_text(json.dumps(known | {"robot": {"urdf": "known.urdf"}}))
+    record = np.loadtxt(table, delimiter=",", skiprows=1)
+    q, t = record[:, 1:3], record[:, 0]
+    v = np.gradient(q, t, axis=0)
+    a = np.gradient(v, t, axis=0)
+    loaded = Dynamics({**known, "payloads": [held]}).inverse(q, v, a)
+    record[:, 3:] += loaded - Dynamics(known).inverse(q, v, a)
+    heavier = tmp_path / "held.csv"
+    head = table.read_text().splitlines()[0]
+    np.savetxt(heavier, record, delimiter=",", header=head, comments="")
+    out = tmp_path / "holding.yaml"
+    done = typed(heavier, "--scene", lighter, "--payload", "tip", "--out", out)
+    assert done.exit_code == 0, done.output
+    assert "centre of mass" in done.output
+    (found,) = load_scene(out).payloads
+    assert found.mass == pytest.approx(0.5, rel=0.02)
+    assert found.com[0] == pytest.approx(0.1, rel=0.05)
+
+
+def test_refusals_leave_nothing_behind(table, tmp_path):
+    out = tmp_path / "a.yaml"
+    for arguments, said in (
+        ((table, "--scene", "panda", "--out", out), "no joint matches panda_joint1"),
+        ((table, "--scene", "two_link", "--out", tmp_path / "a.txt"), "ends in .yaml"),
+        ((table, "--scene", "two_link", "--out", out, "--mass", "elbow"), "NAME=VALUE"),
+        ((table, "--scene", "two_link", "--out", out, "--mass", "elbow=x"), "a number"),
+        ((table, "--scene", "two_link", "--out", out, "--map", "hip=y"), "no joint 'hip'"),
+        ((table, "--scene", "two_link", "--out", out, "--payload", "tipp"), "did you mean 'tip'"),
+        (
+            (table, "--scene", "two_link", "--out", out, "--payload", "tip", "--total-mass", "3"),
+            "not allowed with it",
+        ),
+        ((tmp_path / "no.csv", "--scene", "two_link", "--out", out), "no.csv"),
+    ):
+        done = typed(*arguments)
+        assert done.exit_code == 1 and said in done.output + str(done.exception), done.output
+        assert not out.exists()
+
+
+def test_an_arm_at_rest_at_the_end_has_no_error(table, tmp_path):
+    """Whether its scene is better than the nominal one is unknown: it is written, and told."""
+    record = np.loadtxt(table, delimiter=",", skiprows=1)
+    record[1200:] = record[1199]
+    record[:, 0] = np.arange(0.0, 20.0, 0.01)
+    rests = tmp_path / "rests.csv"
+    head = table.read_text().splitlines()[0]
+    np.savetxt(rests, record, delimiter=",", header=head, comments="")
+    done = typed(rests, "--scene", "two_link", "--out", tmp_path / "a.yaml", "--json")
+    told = json.loads(done.stdout)
+    assert told["error"] is None and told["torque_error"] == {"shoulder": None, "elbow": None}
+    assert any("no error is known of 'shoulder', 'elbow'" in note for note in told["notes"])
+    low, high = told["intervals"]["elbow.coulomb"]
+    assert low < 0.6 < high
+
+
+def test_a_scene_that_predicts_worse_than_the_nominal_one_only_if_asked(table, tmp_path):
+    """The nominal scene is the true one, but the first part of the recording has more friction."""
+    true = tmp_path / "true.yaml"
+    known = load_scene(TRUE).model_dump(exclude_unset=True, mode="json")
+    (tmp_path / "true.urdf").write_text(known["robot"]["urdf"])
+    true.write_text(json.dumps(known | {"robot": {"urdf": "true.urdf"}}))
+    record = np.loadtxt(table, delimiter=",", skiprows=1)
+    speeds = np.gradient(record[:, 1:3], record[:, 0], axis=0)
+    record[:1400, 3:] += np.sign(speeds[:1400])
+    sticky, out = tmp_path / "sticky.csv", tmp_path / "a.yaml"
+    head = table.read_text().splitlines()[0]
+    np.savetxt(sticky, record, delimiter=",", header=head, comments="")
+    done = typed(sticky, "--scene", true, "--out", out)
+    assert done.exit_code == 1 and "more than the nominal scene" in done.output
+    assert not out.exists()
+    done = typed(sticky, "--scene", true, "--out", out, "--accept-worse")
+    assert done.exit_code == 0 and out.exists()

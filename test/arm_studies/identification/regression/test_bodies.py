@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which bodies there can be, and the best of them where the best fit is none."""
+
+import numpy as np
+import pytest
+
+from arm_dynamics import ArmModel, load_scene
+from arm_studies.identification.regression import bodies
+from arm_studies.identification.regression.base_parameters import base_parameters
+from arm_studies.identification.regression.estimation import belief_of, made_possible
+from arm_studies.identification.regression.regressor import RigidRegressor
+
+BALL = bodies.numbers_of(np.diag([0.01, 0.01, 0.01, 2.0]))
+
+
+def test_numbers_and_pseudo_inertia_are_each_others_inverse():
+    numbers = np.array([2.0, 0.1, -0.2, 0.3, 0.5, 0.01, 0.6, 0.02, 0.03, 0.7])
+    np.testing.assert_allclose(bodies.numbers_of(bodies.pseudo_inertia(numbers)), numbers)
+
+
+def test_bodies_are_distinguished_from_impossible_ones():
+    assert bodies.possible(BALL)
+    rod_too_fat = BALL.copy()
+    rod_too_fat[9] = 0.1  # more about one axis than about the other two together
+    assert not bodies.possible(rod_too_fat)
+    far = BALL.copy()
+    far[1] = 1.0  # a centre of mass beyond what the moments allow
+    assert not bodies.possible(far)
+    np.testing.assert_array_equal(bodies.nearest(BALL), BALL)
+    plate = bodies.numbers_of(np.diag([0.01, 0.01, 0.0, 2.0]))
+    assert bodies.possible(bodies.nearest(plate)) and not bodies.possible(plate)
+
+
+def test_the_barrier_has_the_derivatives_that_differences_have():
+    value, gradient, hessian = bodies.log_det(BALL)
+    assert value == pytest.approx(-np.log(np.linalg.det(bodies.pseudo_inertia(BALL))))
+    h = 1e-6
+    for k, step in enumerate(h * np.eye(10)):
+        up, down = bodies.log_det(BALL + step), bodies.log_det(BALL - step)
+        assert gradient[k] == pytest.approx((up[0] - down[0]) / (2 * h), rel=1e-5, abs=1e-5)
+        np.testing.assert_allclose(hessian[k], (up[1] - down[1]) / (2 * h), rtol=1e-4, atol=1e-3)
+
+
+def test_density_is_a_distance_of_its_own():
+    Q = bodies.metric(BALL)
+    assert 0.01 * BALL @ Q @ (0.01 * BALL) == pytest.approx(2.0 * 0.01**2)
+    prior = bodies.prior(BALL, 0.1, 0.001)
+    assert 0.1 * BALL @ prior @ (0.1 * BALL) == pytest.approx(1.0)
+
+
+def test_a_plate_of_less_density_is_believed_to_be_a_body():
+    """One that a description has too thin, too: it has no direction to shrink in."""
+    plate = bodies.numbers_of(np.diag([0.01, 0.01, 1e-7, 2.0]))
+    belief = belief_of(plate, 10, 0.1, 1e-4)
+    lighter = 0.8 * belief.x0
+    assert bodies.possible(lighter)
+    assert np.linalg.norm(belief.rows @ (lighter - belief.x0)) == pytest.approx(2.0, 1e-3)
+    np.testing.assert_allclose(belief.x0, plate, atol=1e-4)
+
+
+def test_the_best_possible_body_is_found():
+    """Against the nearest positive semidefinite matrix, known in closed form."""
+    wanted = bodies.pseudo_inertia(BALL).copy()
+    wanted[2, 2] = -0.02
+    weights = np.array([np.linalg.norm(b) for b in bodies.BASIS])
+    gram = np.einsum("kab,lab->kl", bodies.BASIS, bodies.BASIS)
+    R = np.linalg.cholesky(gram).T  # so that ‖R x‖ is Frobenius' norm of J
+    found = made_possible(R, R @ bodies.numbers_of(wanted), BALL, BALL, ())
+    best = np.diag([0.01, 0.01, 0.0, 2.0])
+    np.testing.assert_allclose(bodies.pseudo_inertia(found), best, atol=1e-4)
+    assert bodies.possible(found) and weights.all()
+
+
+@pytest.mark.parametrize(("scene", "count"), [("panda", 43), ("ur10", 36), ("puma560", 36)])
+def test_as_many_base_parameters_as_are_known_for_these_arms(scene, count):
+    """Gaz and others 2019 (Panda, without the base), Gautier and Khalil 1990 (six joints)."""
+    regressor = RigidRegressor(ArmModel(load_scene(scene)))
+    base = base_parameters(regressor, regressor.model.n, regressor.names())
+    assert base.count == count
+    rng = np.random.default_rng(5)
+    state = rng.uniform(-2.0, 2.0, (3, 20, regressor.model.n))
+    Y, theta = regressor(*state), rng.normal(size=len(regressor.nominal))
+    np.testing.assert_allclose(
+        Y[:, :, list(base.independent)] @ base.of(theta), Y @ theta, atol=1e-6 * abs(Y).max()
+    )

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits of given friction laws leave out what is impossible, and say so."""
+
+import numpy as np
+import pytest
+
+from arm_dynamics import ArmModel, load_scene
+from arm_studies.identification import JointRecord, prepare
+from arm_studies.identification.regression.estimation import belief_of
+from arm_studies.identification.regression.fit import fitted
+from arm_studies.identification.regression.friction_columns import (
+    COULOMB,
+    VISCOUS,
+    JointFit,
+    Shape,
+)
+from arm_studies.identification.regression.regressor import RigidRegressor
+from arm_studies.identification.regression.rows import Rows
+
+
+@pytest.mark.parametrize(("growth", "kept"), [(0.2, True), (0.4, False)])
+def test_growth_with_load_that_is_too_steep_is_left_out_and_kept_in_mind(growth, kept):
+    model, t = ArmModel(load_scene("two_link")), np.arange(0.0, 20.0, 0.01)
+    regressor = RigidRegressor(model)
+    q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
+    v = np.column_stack([2.1 * np.cos(2.1 * t), -0.91 * np.sin(1.3 * t)])
+    a = -q * [2.1**2, 1.3**2]
+    tau = without = regressor(q, v, a) @ regressor.nominal
+    for _ in range(60):  # the friction is part of the load
+        tau = without + 0.1 * v + (0.3 + growth * abs(tau) * [1.0, 0.0]) * np.sign(v)
+    record = JointRecord.of(model.joint_names, t, q, tau, v, a)
+    rows = Rows(regressor, [prepare(record, np.inf)])
+    plain, grown = JointFit((VISCOUS, COULOMB)), Shape(None, 0.9, float(abs(tau[:, 0]).max()))
+    found = fitted(
+        rows, rows.use, lambda size: belief_of(regressor.nominal, size, 0.01, 0.01),
+        [JointFit(plain.kinds, grown), plain],
+    )  # fmt: skip
+    own = found.friction[0]
+    assert (own.shape.load is not None) == kept
+    assert own.refused == pytest.approx(0.0 if kept else growth, rel=0.1)
+    assert found.friction[1].refused == 0.0

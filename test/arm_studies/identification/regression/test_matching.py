@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Efforts are matched with the motions that explain them; bodies and friction are unknown."""
+
+import numpy as np
+import pytest
+
+from arm_dynamics import ArmModel, load_scene
+from arm_studies.identification import JointRecord, prepare
+from arm_studies.identification.regression.estimation import belief_of
+from arm_studies.identification.regression.matching import Match, mismatched
+from arm_studies.identification.regression.regressor import RigidRegressor
+from arm_studies.identification.regression.rows import Rows
+
+
+def matched(scene: str, heavier: float, change, moving=None):
+    """What is found of an arm with much friction whose last body is ``heavier`` than nominal."""
+    model, t = ArmModel(load_scene(scene)), np.arange(0.0, 12.0, 0.01)
+    regressor, n = RigidRegressor(model), model.n
+    rng = np.random.default_rng(4)
+    w = rng.uniform(1.0, 4.0, (3, n))
+    phase = rng.uniform(0.0, 6.0, (3, n))
+    moves = np.ones(n) if moving is None else np.array(moving)
+    angle = [x * t[:, None] + p for x, p in zip(w, phase, strict=True)]
+    q = 0.4 * moves * sum(np.sin(x) for x in angle)
+    v = 0.4 * moves * sum(x * np.cos(y) for x, y in zip(w, angle, strict=True))
+    a = -0.4 * moves * sum(x**2 * np.sin(y) for x, y in zip(w, angle, strict=True))
+    theta = regressor.nominal.copy()
+    theta[-10:] *= heavier
+    tau = regressor(q, v, a) @ theta + 0.8 * v + 1.5 * np.sign(v)
+    tau += 0.05 * tau.std(axis=0) * rng.normal(size=tau.shape)
+    record = JointRecord.of(model.joint_names, t, q, change(tau), v, a)
+    rows = Rows(regressor, [prepare(record, np.inf)])
+    return mismatched(rows, rows.use, belief_of(regressor.nominal, theta.size, 0.12, 0.2))
+
+
+def swapped(tau):
+    return tau[:, [0, 2, 1, *range(3, tau.shape[1])]]
+
+
+@pytest.mark.parametrize("scene", ["two_link", "panda"])
+@pytest.mark.parametrize("heavier", [0.3, 1.0, 5.0])
+def test_bodies_may_be_far_from_nominal(scene, heavier):
+    assert matched(scene, heavier, lambda tau: tau) == []
+    signs = np.ones(ArmModel(load_scene(scene)).n)
+    signs[1] = -1.0
+    assert matched(scene, heavier, lambda tau: tau * signs) == [Match(1, 1, -1)]
+
+
+def test_columns_of_two_joints_that_are_swapped():
+    assert matched("panda", 1.5, swapped) == [Match(1, 2, 1), Match(2, 1, 1)]
+
+
+def test_units_do_not_matter():
+    assert matched("two_link", 1.0, lambda tau: 1e-3 * tau) == []
+    assert matched("two_link", 1.0, lambda tau: -40.0 * tau) == [Match(0, 0, -1), Match(1, 1, -1)]
+
+
+def test_nothing_is_said_of_a_joint_that_does_not_move():
+    assert matched("two_link", 1.0, lambda tau: tau, moving=[1.0, 0.0]) == []

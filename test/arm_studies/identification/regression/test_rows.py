@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Columns of friction at a tenth of the measured times are those of all times, filtered."""
+
+import numpy as np
+
+from arm_dynamics import ArmModel, load_scene
+from arm_studies.identification import JointRecord, prepare
+from arm_studies.identification.filtering import REACH, decimated, spread
+from arm_studies.identification.regression.friction_columns import (
+    COULOMB,
+    EXCESS,
+    VISCOUS,
+    JointFit,
+    Shape,
+)
+from arm_studies.identification.regression.regressor import RigidRegressor
+from arm_studies.identification.regression.rows import Rows
+
+STRIDE = 10
+
+
+def test_what_would_fold_is_left_out_and_the_band_is_kept():
+    t = np.arange(4000.0)
+    for periods, gain in ((0.02, 1.0), (0.1, 1.0), (0.92, 0.0), (2.0, 0.0)):
+        x = np.cos(2.0 * np.pi * periods * t / STRIDE)
+        inside = slice(REACH, -REACH)
+        rows = decimated(x, STRIDE)[inside]
+        np.testing.assert_allclose(rows, gain * x[::STRIDE][inside], atol=3e-6)
+    np.testing.assert_allclose(decimated(t, 1), t, atol=1e-11)
+
+
+def test_weights_give_the_product_with_any_factor(rng):
+    x, f = np.sign(rng.standard_normal(3000)), rng.standard_normal(300)
+    at = np.arange(3000.0) / STRIDE
+    product = decimated(x * np.interp(at, np.arange(300), f), STRIDE)
+    weights = spread(x, STRIDE)
+    for i in (20, 150, 280):
+        near = f[i - REACH : i + REACH + 1]
+        np.testing.assert_allclose(weights[i] @ near, product[i], atol=1e-13)
+
+
+def test_friction_under_load_is_that_of_all_measured_times():
+    t = np.arange(0.0, 20.0, 1e-3)
+    q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
+    model = ArmModel(load_scene("two_link"))
+    motion = prepare(JointRecord.of(model.joint_names, t, q, np.ones_like(q)), 8.0)
+    rows = Rows(RigidRegressor(model), [motion])
+    assert len(t) > 10 * len(rows.v)
+    law = JointFit((VISCOUS, COULOMB, EXCESS), Shape(0.1, 0.6, 3.0))
+    load, v = 3.0 * np.sin(1.7 * t), motion.v[:, 0]
+    growth, way = law.shape.growth(load), np.sign(v)
+    dense = np.column_stack([v, way * growth, way * growth * np.exp(-((v / 0.1) ** 2))])
+    stride = round((rows.motions[0].time[1] - t[0]) / 1e-3)
+    expected = motion.filtered(dense)[::stride]
+    inside = rows.valid.all(axis=1)
+    found = rows.friction(law, 0, load[::stride])
+    np.testing.assert_allclose(found[inside], expected[inside], atol=1e-3)
+
+
+def test_a_joint_that_sticks_at_a_reversal_is_left_out():
+    """The filtered velocity is not zero then: the filter rings."""
+    t = np.arange(0.0, 8.25, 1e-3)
+    way = np.where(t < 4.0, t, np.maximum(t - 0.25, 4.0))  # rests for a quarter of a second
+    q = np.column_stack([1.0 - np.cos(0.5 * np.pi * way), np.sin(t)])
+    model = ArmModel(load_scene("two_link"))
+    motion = prepare(JointRecord.of(model.joint_names, t, q, np.ones_like(q)), 8.0)
+    rows = Rows(RigidRegressor(model), [motion])
+    at = rows.motions[0].time
+    resting, moving = (at > 4.03) & (at < 4.22), (at > 1.0) & (at < 3.9)
+    assert abs(rows.v[resting, 0]).max() > 1e-3
+    assert not rows.use[resting, 0].any()
+    assert rows.use[resting, 1].all()
+    assert rows.use[moving].all()

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A payload on an arm that is known comes out by itself, and is a body that there can be."""
+
+import numpy as np
+import pytest
+
+from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.exceptions import InvalidInput
+from arm_studies.identification import JointRecord, identify_payload
+
+BODY = {
+    "frame": "panda_hand", "mass": 1.2, "com": (0.01, -0.02, 0.08),
+    "inertia": (0.004, 0.0005, 0.0, 0.005, 0.0, 0.003),
+}  # fmt: skip
+
+
+def scene(**more):
+    content = load_scene("panda").model_dump(exclude_unset=True, mode="json")
+    names = [f"panda_joint{i}" for i in range(1, 8)]
+    rub = {"viscous": 0.5, "coulomb": 0.7}
+    joints = {n: {"friction": rub, "limits": {"lower": -9, "upper": 9}} for n in names}
+    return content | {"joints": joints} | more
+
+
+@pytest.fixture(scope="module")
+def record():
+    dynamics = Dynamics(scene(payloads=[BODY]))
+    t = np.arange(0.0, 12.0, 0.01)
+    w = 2.0 * np.pi * np.linspace(0.25, 0.55, 7)
+    q = np.sin(np.outer(t, w) + np.arange(7))
+    v, a = w * np.cos(np.outer(t, w) + np.arange(7)), -(w**2) * q
+    return JointRecord.of(dynamics.joint_names, t, q, dynamics.inverse(q, v, a), v, a)
+
+
+def test_the_payload_comes_out(record):
+    found = identify_payload(scene(), record, "panda_hand")
+    assert found.mass == pytest.approx(BODY["mass"], rel=1e-6)
+    np.testing.assert_allclose(found.com, BODY["com"], atol=1e-7)
+    np.testing.assert_allclose(found.inertia, BODY["inertia"], atol=1e-7)
+
+
+def test_under_noise_it_is_still_a_body(record):
+    noise = np.random.default_rng(1).standard_normal(record.effort.shape)
+    noisy = JointRecord.of(
+        record.joint_names, record.time, record.q, record.effort + 0.3 * noise, record.v, record.a
+    )
+    found = identify_payload(scene(), noisy, "panda_hand")
+    assert found.mass == pytest.approx(BODY["mass"], rel=0.05)
+    load_scene(scene(payloads=[found.model_dump()]))  # which refuses what no body has
+
+
+def test_frames_that_carry_nothing_are_refused(record):
+    with pytest.raises(InvalidInput, match="did you mean 'panda_hand'"):
+        identify_payload(scene(), record, "panda_hant")
+    with pytest.raises(InvalidInput, match="fixed to the base; a moving frame is expected"):
+        identify_payload(scene(), record, "panda_link0")

@@ -1,0 +1,386 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Known truth comes out; what the motion does not show is named; nothing else is a scene."""
+
+import numpy as np
+import pytest
+
+from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_dynamics.exceptions import InvalidInput
+from arm_studies.identification import JointRecord, identify
+from arm_studies.identification.filtering import ZeroPhase
+from arm_studies.identification.preparation import resampled
+from arm_studies.identification.regression import bodies
+from arm_studies.identification.regression.regressor import RigidRegressor
+
+PLANAR = "test/models/planar_3r.urdf"
+
+
+def motion(n, duration=12.0, rate=100.0, seed=3):
+    """A sum of five harmonics for each joint, with its derivatives."""
+    rng, t = np.random.default_rng(seed), np.arange(0.0, duration, 1.0 / rate)
+    w = 2.0 * np.pi / duration * np.arange(1, 6) * 2.0
+    a, b = rng.normal(size=(2, 5, n)) * 0.5
+    s, c = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+    return t, s @ a + c @ b, (c * w) @ a - (s * w) @ b, -(s * w**2) @ a - (c * w**2) @ b
+
+
+def truth(source, seed=1):
+    """A scene whose bodies are up to a fifth off, and that has friction and armatures."""
+    nominal = load_scene(source)
+    model, rng = ArmModel(nominal), np.random.default_rng(seed)
+    regressor = RigidRegressor(model)
+    factors = np.repeat(rng.uniform(0.8, 1.2, len(regressor.bodies)), 10)
+    numbers = {
+        name: {
+            "armature": float(rng.uniform(0.1, 0.4)),
+            "viscous": float(rng.uniform(0.5, 2.0)), "coulomb": float(rng.uniform(0.5, 2.0)),
+        }
+        for name in model.joint_names
+    }  # fmt: skip
+    return model, regressor, regressor.nominal * factors, numbers
+
+
+def torque(regressor, theta, numbers, q, v, a):
+    own = np.array([[n[k] for n in numbers.values()] for k in ("armature", "viscous", "coulomb")])
+    return regressor(q, v, a) @ theta + own[0] * a + own[1] * v + own[2] * np.sign(v)
+
+
+def wide(model):
+    """The nominal scene with room for any motion."""
+    scene = model.scene.model_dump(exclude_unset=True, mode="json")
+    scene["joints"] = {n: {"limits": {"lower": -99, "upper": 99}} for n in model.joint_names}
+    return scene
+
+
+@pytest.fixture(scope="module", params=["panda", "ur10", PLANAR])
+def found(request):
+    model, regressor, theta, numbers = truth(request.param)
+    t, q, v, a = motion(model.n)
+    tau = torque(regressor, theta, numbers, q, v, a)
+    record = JointRecord.of(model.joint_names, t, q, tau, v, a)
+    return model, regressor, theta, numbers, identify(wide(model), record)
+
+
+def test_friction_and_armatures_of_known_truth_to_a_millionth(found):
+    model, _, _, numbers, result = found
+    for name, own in numbers.items():
+        for key in ("viscous", "coulomb"):
+            assert result.parameters[f"{name}.{key}"] == pytest.approx(own[key], rel=1e-6)
+        if f"{name}.armature" in result.parameters:
+            assert result.parameters[f"{name}.armature"] == pytest.approx(
+                own["armature"], rel=1e-6
+            )
+    assert result.error[0] < 1e-7
+
+
+def test_base_parameters_of_known_truth_to_a_millionth(found):
+    """Any number that motions show is the same in truth and estimate: here by new torques."""
+    model, regressor, theta, numbers, result = found
+    _, q, v, a = motion(model.n, duration=5.0, seed=9)
+    true = torque(regressor, theta, numbers, q, v, a)
+    again = Dynamics(result.scene).inverse(q, v, a)
+    np.testing.assert_allclose(again, true, atol=1e-6 * abs(true).max())
+
+
+def test_the_bodies_are_possible_and_the_scene_has_them(found):
+    model, _, _, _, result = found
+    for body in result.bodies:
+        assert bodies.possible(body, -1e-9)
+    rebuilt = RigidRegressor(ArmModel(load_scene(result.scene))).nominal
+    np.testing.assert_allclose(rebuilt, result.bodies.ravel(), rtol=1e-6, atol=1e-8)
+
+
+def two_link():
+    model, regressor, theta, numbers = truth("two_link")
+    t, q, v, a = motion(2, duration=20.0)
+    return model, t, q, v, a, torque(regressor, theta, numbers, q, v, a)
+
+
+def test_from_positions_alone():
+    model, t, q, v, a, tau = two_link()
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau))
+    _, _, _, numbers = truth("two_link")
+    for name, own in numbers.items():
+        assert result.parameters[f"{name}.viscous"] == pytest.approx(own["viscous"], rel=1e-3)
+        assert result.parameters[f"{name}.coulomb"] == pytest.approx(own["coulomb"], rel=1e-3)
+
+
+def test_stribeck_and_load_where_the_motion_shows_them():
+    model, t, q, v, a, tau = two_link()
+    scene = wide(model)
+    scene["joints"] = {
+        "shoulder": {"friction": {"viscous": 0.7, "coulomb": 1.5, "static": 2.4,
+                                  "stribeck_velocity": 0.3}},
+        "elbow": {"friction": {"viscous": 0.4, "coulomb": 0.8}, "armature": 0.1},
+    }  # fmt: skip
+    tau = Dynamics(scene).inverse(q, v, a)
+    record = JointRecord.of(model.joint_names, t, q, tau, v, a)
+    result = identify(wide(model), record)
+    said = result.scene.joints["shoulder"].friction
+    assert said.static == pytest.approx(2.4, rel=1e-4)
+    assert said.coulomb == pytest.approx(1.5, rel=1e-4)
+    assert said.stribeck_velocity == pytest.approx(0.3, rel=1e-4)
+    assert "elbow.static" in result.missing
+    assert result.scene.joints["elbow"].friction.static is None
+
+
+def test_dry_friction_that_rises_with_speed():
+    """As that of harmonic drives does; the nominal scene knows nothing of it."""
+    model, t, q, v, a, _ = two_link()
+    scene = wide(model)
+    scene["joints"] = {
+        "shoulder": {"friction": {"viscous": 0.7, "coulomb": 2.4, "static": 1.5,
+                                  "stribeck_velocity": 0.6}},
+        "elbow": {"friction": {"viscous": 0.4, "coulomb": 0.8}, "armature": 0.1},
+    }  # fmt: skip
+    tau = Dynamics(scene).inverse(q, v, a)
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau, v, a))
+    said = result.scene.joints["shoulder"].friction
+    found = (said.viscous, said.coulomb, said.static, said.stribeck_velocity)
+    assert found == pytest.approx((0.7, 2.4, 1.5, 0.6), rel=1e-4)
+    assert result.scene.joints["elbow"].friction.static is None
+
+
+def test_friction_by_direction_and_by_load():
+    """The points and factors of the scene's table over load are found without being given."""
+    model, t, q, v, a, _ = two_link()
+    scene, sides = wide(model), {"positive": 0.7, "negative": 0.4}
+    scene["joints"] = {
+        "shoulder": {"friction": {"viscous": sides,
+                                  "coulomb": {"positive": 1.5, "negative": 1.1}}},
+        "elbow": {"friction": {"viscous": 0.4, "coulomb": 0.8,
+                               "load": {"at": [0, 3, 6], "factor": [1, 1.3, 1.6]}}},
+    }  # fmt: skip
+    tau = Dynamics(scene).inverse(q, v, a)
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau, v, a))
+    said = result.scene.joints["shoulder"].friction
+    assert (said.viscous.positive, said.viscous.negative) == pytest.approx((0.7, 0.4), rel=1e-6)
+    assert (said.coulomb.positive, said.coulomb.negative) == pytest.approx((1.5, 1.1), rel=1e-6)
+    said = result.scene.joints["elbow"].friction
+    np.testing.assert_allclose(said.load.at, [0.0, 3.0, 6.0], atol=1e-3)
+    level = said.coulomb * np.array(said.load.factor)
+    np.testing.assert_allclose(level, [0.8, 1.04, 1.28], rtol=1e-4)
+
+
+def test_growth_of_friction_that_no_scene_allows_is_limited_and_told():
+    """In one direction it grows by 0.45 of the load, with the slope of the curve by more."""
+    model, regressor, theta, numbers = truth("two_link")
+    t, q, v, a = motion(2)
+    numbers["shoulder"]["coulomb"] = 0.0
+    tau = without = torque(regressor, theta, numbers, q, v, a)
+    sides = np.sign(v) + 0.8
+    for _ in range(60):  # the friction is part of the load
+        tau = without + (0.3 + 0.25 * abs(tau)) * sides * [1.0, 0.0]
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau, v, a))
+    assert [note for note in result.notes if "'shoulder': friction grows by up to 0.5" in note]
+    assert ArmModel(result.scene).scene.joints["shoulder"].friction.load is not None
+
+
+@pytest.mark.parametrize("growth", [0.32, 0.6])
+def test_growth_of_friction_that_is_not_identified_is_told(growth):
+    model, regressor, theta, numbers = truth("two_link")
+    t, q, v, a = motion(2)
+    numbers["shoulder"]["coulomb"] = 0.0
+    tau = without = torque(regressor, theta, numbers, q, v, a)
+    for _ in range(100):  # the friction is part of the load
+        tau = without + (0.3 + growth * abs(tau)) * np.sign(v) * [1.0, 0.0]
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau, v, a))
+    told = [note for note in result.notes if "grow" in note]
+    assert len(told) == 1 and told[0].startswith("'shoulder': friction seems to grow by up to 0.")
+    friction = ArmModel(result.scene).scene.joints
+    assert friction["shoulder"].friction.load is None
+
+
+def test_a_joint_at_rest_keeps_the_values_of_the_scene():
+    model, regressor, theta, numbers = truth("two_link")
+    t, q, v, a = motion(2, duration=20.0)
+    q[:, 1], v[:, 1], a[:, 1] = 0.3, 0.0, 0.0
+    tau = torque(regressor, theta, numbers, q, v, a)
+    scene = wide(model)
+    scene["joints"]["elbow"]["friction"] = {"viscous": 0.123}
+    result = identify(scene, JointRecord.of(model.joint_names, t, q, tau, v, a))
+    assert result.missing["elbow.friction"] == "it moved only 0 rad or m"
+    assert result.friction[1] is None
+    assert result.scene.joints["elbow"].friction.viscous == 0.123
+    assert result.parameters["shoulder.coulomb"] == pytest.approx(numbers["shoulder"]["coulomb"])
+
+
+def test_a_joint_that_moves_without_friction_is_not_called_at_rest():
+    """In its scene it loses the friction that it had."""
+    model, t, q, v, a, _ = two_link()
+    true, said = wide(model), wide(model)
+    for name in model.joint_names:
+        true["joints"][name]["friction"] = {"viscous": 0.0, "coulomb": 0.0}
+        said["joints"][name]["friction"] = {"viscous": 0.5, "coulomb": 1.0}
+    tau = Dynamics(true).inverse(q, v, a) - 1e-3 * (v + np.sign(v))
+    result = identify(said, JointRecord.of(model.joint_names, t, q, tau, v, a))
+    assert [fit.kinds for fit in result.friction] == [(), ()]
+    assert result.missing["elbow.friction"] == "none that opposes the motion was found"
+    friction = result.scene.joints["elbow"].friction
+    assert (friction.viscous, friction.coulomb) == (0.0, 0.0)
+
+
+def spoilt(**changes):
+    model, t, q, v, a, tau = two_link()
+    parts = {"names": model.joint_names, "t": t, "q": q, "tau": tau} | changes
+    return wide(model), JointRecord.of(parts["names"], parts["t"], parts["q"], parts["tau"])
+
+
+def test_useless_recordings_are_reported_briefly():
+    model, t, q, _, _, tau = two_link()
+    rng = np.random.default_rng(2)
+    clipped = np.clip(tau, *np.quantile(tau, [0.45, 0.55]))
+    for changes, said in (
+        ({"q": np.zeros_like(q) + 0.1}, "no joint moves"),
+        ({"tau": np.full_like(tau, np.nan)}, "no effort of joint 'shoulder'; masses"),
+        ({"tau": np.zeros_like(tau)}, "effort of joint 'shoulder' is constantly 0"),
+        ({"q": np.degrees(q) * 10}, "another robot, or degrees"),
+        ({"tau": rng.normal(size=tau.shape)}, "unexplained"),
+        ({"names": ("shoulder", "wrist")}, "no joint matches elbow"),
+        ({"q": np.where(q > -99, np.nan, q)}, "no row has a position"),
+        ({"tau": clipped}, "saturated"),
+        ({"t": 1e3 * t}, "are the times in milliseconds"),
+        ({"tau": 1e3 * tau}, "efforts over nominal torques"),
+        ({"tau": 20.0 * tau}, "the efforts are not in N m|efforts over nominal"),
+        ({"tau": 1e-3 * tau}, "the efforts are not in N m|efforts over nominal"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            identify(*spoilt(**changes))
+
+
+def test_efforts_of_another_sign_or_joint_are_named():
+    tau = two_link()[5]
+    for changed, said in (
+        (tau * [1.0, -1.0], "the effort of 'elbow' is -1 times the torque of its motion: "),
+        (-tau, "'shoulder' is -1 times the torque of its motion; the effort of 'elbow' is -1"),
+        (tau[:, ::-1], "'shoulder' is that of 'elbow'; the effort of 'elbow' is that of"),
+        (tau[:, ::-1] * [-1.0, 1.0], "the effort of 'shoulder' is -1 times that of 'elbow'"),
+    ):
+        with pytest.raises(InvalidInput, match=f"{said}.*per unit"):
+            identify(*spoilt(tau=changed))
+    scene, record = spoilt(tau=tau * [1.0, -1.0])
+    result = identify(scene, record, effort={"shoulder": 1.0, "elbow": -1.0})
+    assert result.error[0] < 0.01
+
+
+def at_rest_from(start, joints):
+    """Joints that come to rest, as after the end of a motion that does not repeat."""
+    model, regressor, theta, numbers = truth("two_link")
+    t, q, v, a = motion(2, duration=20.0)
+    still = np.ix_(t >= start, joints)
+    q[still], v[still], a[still] = q[t >= start][0, joints], 0.0, 0.0
+    tau = torque(regressor, theta, numbers, q, v, a)
+    return identify(wide(model), JointRecord.of(model.joint_names, t, q, tau, v, a)), numbers
+
+
+def test_no_error_is_told_of_joints_at_rest_in_the_part_held_out():
+    result, numbers = at_rest_from(12.0, [1])
+    assert np.isnan(result.torque_error["elbow"]) and np.isnan(result.nominal_error["elbow"])
+    assert np.isnan(result.torque_residual["elbow"])
+    assert result.error[0] == pytest.approx(result.torque_error["shoulder"])
+    (told,) = [note for note in result.notes if "no error is known" in note]
+    assert told.startswith("no error is known of 'elbow': at rest in most of the part held out")
+    result, numbers = at_rest_from(12.0, [0, 1])
+    assert np.isnan(result.error).all()
+    assert any("no error is known of 'shoulder', 'elbow'" in note for note in result.notes)
+    for name, own in numbers.items():
+        assert result.parameters[f"{name}.coulomb"] == pytest.approx(own["coulomb"], rel=1e-6)
+
+
+def test_a_scene_that_predicts_worse_than_the_nominal_one_only_if_asked():
+    """Friction that only the part has which is not held out."""
+    model, t, q, v, a, _ = two_link()
+    tau = Dynamics(wide(model)).inverse(q, v, a)
+    sticky = tau + np.sign(v) * (t < 14.0)[:, None]
+    record = JointRecord.of(model.joint_names, t, q, sticky, v, a)
+    with pytest.raises(InvalidInput, match=r"more than the nominal scene, 0\.0.*accept worse"):
+        identify(wide(model), record)
+    error, nominal = identify(wide(model), record, accept_worse=True).error
+    assert error > nominal
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.1])
+def test_a_base_that_is_tilted_is_flagged(angle):
+    model, regressor, theta, numbers = truth("two_link")
+    t, q, v, a = motion(2)
+    gravity = 9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
+    tau = torque(RigidRegressor(model.under(gravity, ())), theta, numbers, q, v, a)
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau, v, a))
+    told = [note for note in result.notes if "tilted" in note]
+    assert bool(told) == bool(angle)
+    if angle:
+        named = [float(x) for x in told[0].partition("[")[2].partition("]")[0].split(",")]
+        np.testing.assert_allclose(named, gravity, atol=0.1)
+
+
+def test_a_drift_of_friction_is_flagged():
+    model, t, q, v, a, tau = two_link()
+    drifting = tau + np.sign(v) * np.outer(t / t[-1], [0.6, 0.0])
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, drifting, v, a))
+    flagged = [note for note in result.notes if "over the recording" in note]
+    assert len(flagged) == 1 and "'shoulder'" in flagged[0] and "+" in flagged[0]
+
+
+def test_joints_under_other_names():
+    result = identify(*spoilt(names=("left/shoulder", "left/elbow")))
+    assert any("left/shoulder" in note for note in result.notes)
+
+
+def test_positions_that_jump_by_whole_turns():
+    model, t, q, _, _, tau = two_link()
+    wrapped = (q + 2.5 + np.pi) % (2.0 * np.pi) - np.pi - 2.5
+    assert np.ptp(wrapped - q) > 6.0
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, wrapped, tau))
+    assert result.error[0] < 0.02
+
+
+def test_efforts_that_the_robot_filtered():
+    """Its bandwidth is found, and noise above it is left out of the error."""
+    model, t, q, _, _, tau = two_link()
+    filtered = ZeroPhase(1.2, t[1] - t[0])(tau)
+    noisy = filtered + 0.05 * tau.std(axis=0) * np.random.default_rng(4).normal(size=tau.shape)
+    record = JointRecord.of(model.joint_names, t, q, noisy)
+    result = identify(wide(model), record)
+    assert result.effort_band == pytest.approx(1.2, rel=0.1)
+    assert result.effort_band < result.band < 0.8 * resampled(record).band
+    assert result.error[0] < 0.02
+    _, _, _, numbers = truth("two_link")
+    for name, own in numbers.items():
+        assert result.parameters[f"{name}.viscous"] == pytest.approx(own["viscous"], rel=0.1)
+        assert result.parameters[f"{name}.coulomb"] == pytest.approx(own["coulomb"], rel=0.1)
+    assert any("efforts do not follow the motion above" in note for note in result.notes)
+
+
+def test_known_masses_are_kept():
+    scene, record = spoilt()
+    result = identify(scene, record, total_mass=3.3)
+    assert result.bodies[:, 0].sum() == pytest.approx(3.3, rel=1e-4)
+    with pytest.raises(InvalidInput, match="masses: unknown 'hip'; allowed: shoulder, elbow"):
+        identify(scene, record, masses={"hip": 1.0})
+
+
+def test_efforts_of_unknown_scale():
+    """Where bodies are the nominal ones, as scales rest on them, and make most of the efforts."""
+    model, regressor, _, numbers = truth("two_link")
+    numbers["elbow"] |= {"viscous": 0.3, "coulomb": 0.2}
+    t, q, v, a = motion(2, duration=20.0)
+    tau = torque(regressor, regressor.nominal, numbers, q, v, a)
+    scene = wide(model)
+    record = JointRecord.of(model.joint_names, t, q, tau * [0.5, 3.0], v, a)
+    result = identify(scene, record, effort="scale")
+    np.testing.assert_allclose(result.scales, [2.0, 1.0 / 3.0], rtol=1e-2)
+    assert any("densities of the nominal bodies" in note for note in result.notes)
+    with pytest.raises(InvalidInput, match="effort is 'volts'"):
+        identify(scene, record, effort="volts")
+
+
+def test_no_scale_where_friction_makes_most_of_the_efforts():
+    """An error of a law of friction would be taken for one of the scale."""
+    model, regressor, _, numbers = truth("two_link")
+    t, q, v, a = motion(2, duration=20.0)
+    tau = torque(regressor, regressor.nominal, numbers, q, v, a)
+    record = JointRecord.of(model.joint_names, t, q, tau * [0.5, 3.0], v, a)
+    result = identify(wide(model), record, effort="scale")
+    np.testing.assert_allclose(result.scales, [2.0, 1.0], rtol=1e-2)
+    notes = [note for note in result.notes if "cannot be identified" in note]
+    assert notes[0].startswith("'elbow'")

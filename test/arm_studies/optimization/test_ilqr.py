@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""iLQR against gradients of rollouts, closed forms, and the simulator step by step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_dynamics import InvalidInput, load_scene
+from arm_sim import NotDifferentiable, SimulationDiverged, Simulator
+from arm_studies.optimization import ILQR, Phase, QuadraticCost, Trajectory
+from arm_studies.optimization.backward import Policy
+from arm_studies.optimization.forward import Course, Forward
+from tolerances import assert_close
+
+NODES, DT = 40, 0.01
+SLOPE = 1e-7
+"""What is left of a gradient at a minimum, relative to the gradient of the guess."""
+
+
+def arm(name: str = "two_link", dt: float = DT, **joint: Any) -> Simulator:
+    scene = load_scene(name).model_dump(exclude_unset=True)
+    scene["joints"] = scene.get("joints", {}) | {"*": {"limits": {"stop": False}} | joint}
+    return Simulator(scene, integrator="rk4", dt=dt)
+
+
+def to_goal(sim: Simulator, goal: np.ndarray, nodes: int = NODES) -> QuadraticCost:
+    nx, n = sim.plant.nx, sim.n
+    weight = np.full((nodes + 1, nx), 1e-3)
+    weight[-1, : 2 * n] = 100.0
+    x = np.zeros((nodes + 1, nx))
+    x[:, : 2 * n] = goal
+    return QuadraticCost(x, weight, np.zeros((nodes, n)), np.full((nodes, n), 1e-3))
+
+
+def gradient(sim: Simulator, cost: QuadraticCost, at: Trajectory) -> np.ndarray:
+    """The cost's gradient by all commands, by adjoints of the whole motion."""
+    n = sim.n
+    g = (cost.x_weight * (at.x - cost.x))[None, :, : 2 * n]
+    start = at.x[0]
+    found = sim.rollout_gradient(start[None, :n], start[None, n : 2 * n], at.u[None], len(at.u), g)
+    return np.asarray(found.tau[0] + cost.u_weight * (at.u - cost.u))
+
+
+def goal_of(sim: Simulator) -> np.ndarray:
+    return np.r_[sim.x[: sim.n] + 0.5, np.zeros(sim.n)]
+
+
+def test_at_the_end_the_gradient_of_the_motion_is_zero() -> None:
+    sim = arm()
+    cost = to_goal(sim, goal_of(sim))
+    optimizer = ILQR([Phase(sim, NODES)], cost, tolerance=1e-13)
+    guess = optimizer.start(sim.x, np.zeros((NODES, sim.n)))
+    best = optimizer.solve(sim.x, guess.u)
+    assert best.verdict == "converged" and list(best.costs) == sorted(best.costs, reverse=True)
+    left = abs(gradient(sim, cost, best)).max() / abs(gradient(sim, cost, guess)).max()
+    assert left < SLOPE
+
+
+def test_at_limits_the_gradient_points_out_and_elsewhere_it_is_zero() -> None:
+    sim = arm()
+    cost = to_goal(sim, goal_of(sim))
+    free = ILQR([Phase(sim, NODES)], cost).solve(sim.x, np.zeros((NODES, sim.n)))
+    most = 0.6 * abs(free.u).max(axis=0)
+    optimizer = ILQR([Phase(sim, NODES)], cost, low=-most, high=most, tolerance=1e-13)
+    best = optimizer.solve(sim.x, np.zeros((NODES, sim.n)))
+    slope, scale = gradient(sim, cost, best), abs(gradient(sim, cost, free)).max() + 1.0
+    above, below = best.u >= most, best.u <= -most
+    assert (above | below).any() and (abs(best.u) <= most).all()
+    assert best.cost > free.cost
+    assert (slope[above] <= 0.0).all() and (slope[below] >= 0.0).all()
+    assert abs(slope[~above & ~below]).max() < 1e-6 * scale
+
+
+def test_feedback_stays_within_the_limits_on_both_sides(rng: np.random.Generator) -> None:
+    sim, b = arm(), 5
+    low, high = np.full((NODES, sim.n), -3.0), np.full((NODES, sim.n), 2.0)
+    k, K = rng.normal(size=(NODES, sim.n)), rng.normal(size=(NODES, sim.n, 2 * sim.n))
+    still = np.tile(sim.x, (NODES, 1))
+    course = Course(still, np.zeros((NODES, sim.n)), Policy(k, K, 0.0), low, high)
+    x, u = np.tile(sim.x, (b, NODES + 1, 1)), np.empty((b, NODES, sim.n))
+    size = np.linspace(0.2, 4.0, b)
+    Forward(sim).follow(course, size, x, u)
+    wanted = size[:, None, None] * k + np.einsum("kij,bkj->bki", K, x[:, :-1] - still)
+    assert (wanted < low).any() and (wanted > high).any()
+    assert_close(u, np.clip(wanted, low, high), 1e-12)
+
+
+def test_a_quadratic_problem_takes_one_improvement() -> None:
+    # A mass on a rail: linear equations, which RK4 integrates exactly.
+    scene = load_scene("cart_pendulum").model_dump(exclude_unset=True)
+    scene["robot"]["lock"] = ["hinge"]
+    sim = Simulator(scene, integrator="rk4", dt=DT)
+    cost = to_goal(sim, np.array([0.3, 0.0]))
+    optimizer = ILQR([Phase(sim, NODES)], cost)
+    guess = replace(optimizer.start(sim.x, np.zeros((NODES, 1))), damping=0.0)
+    best = optimizer.improve(guess)
+    left = abs(gradient(sim, cost, best)).max() / abs(gradient(sim, cost, guess)).max()
+    assert left < 1e-9
+
+
+def test_states_of_laws_are_part_of_what_is_optimized() -> None:
+    scene = load_scene("motor_pendulum").model_dump(exclude_unset=True)
+    swing = scene["joints"]["swing"]
+    swing["friction"], swing["limits"] = {"viscous": 0.05}, {"stop": False}
+    swing["actuator"]["efficiency"] = 1.0
+    sim = Simulator(scene, integrator="rk4", dt=1e-3)
+    assert sim.plant.nz == 1  # the current
+    cost = to_goal(sim, np.array([sim.x[0] + 2e-3, 0.0]))
+    cost.x_weight[:, 2:] = 0.0
+    optimizer = ILQR([Phase(sim, NODES)], cost, tolerance=1e-13)
+    guess = optimizer.start(sim.x, np.zeros((NODES, 1)))
+    best = optimizer.solve(sim.x, guess.u)
+    left = abs(gradient(sim, cost, best)).max() / abs(gradient(sim, cost, guess)).max()
+    assert left < SLOPE and abs(best.x[1:, 2]).min() > 0.0
+
+
+def test_the_motion_is_that_of_the_simulator() -> None:
+    sim = arm()
+    optimizer = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim)))
+    best = optimizer.solve(sim.x, np.zeros((NODES, sim.n)), iterations=3)
+    played = sim.run(NODES * DT, best.u)
+    np.testing.assert_array_equal(best.x, np.hstack([played.q, played.v]))
+
+
+def test_feedback_brings_an_arm_back() -> None:
+    sim = arm()
+    optimizer = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim)))
+    best = optimizer.solve(sim.x, np.zeros((NODES, sim.n)))
+    beside = best.x[0] + 0.05
+    led, left_alone = optimizer.moved(best, beside), optimizer.start(beside, best.u)
+    off, without = (abs(t.x[-1] - best.x[-1]).max() for t in (led, left_alone))
+    assert off < 0.2 * without
+    wanted = best.u + np.einsum("kij,kj->ki", best.feedback, led.x[:-1] - best.x[:-1])
+    assert_close(led.u, wanted, 1e-12)
+
+
+def test_what_an_arm_carries_may_change_between_phases() -> None:
+    scene = load_scene("two_link").model_dump(exclude_unset=True)
+    tip = Simulator("two_link").model.frame_names[-1]
+    part = {"payloads": [{"frame": tip, "mass": 1.0}]}
+    empty, loaded = (Simulator(s, integrator="rk4", dt=DT) for s in (scene, scene | part))
+    phases = [Phase(empty, 15), Phase(loaded, NODES - 15)]
+    optimizer = ILQR(phases, to_goal(empty, goal_of(empty)))
+    best = optimizer.solve(empty.x, np.zeros((NODES, 2)))
+    empty.run(15 * DT, best.u[:15])
+    np.testing.assert_array_equal(empty.x, best.x[15])
+    loaded.reset(empty.x[:2], empty.x[2:])
+    loaded.run((NODES - 15) * DT, best.u[15:])
+    np.testing.assert_array_equal(loaded.x, best.x[-1])
+    assert best.verdict == "converged"
+
+
+def test_arms_that_meet_a_stop_are_simulated_with_it() -> None:
+    scene = load_scene("two_link").model_dump(exclude_unset=True)
+    q = Simulator(scene).x[:2]
+    stops = {"lower": q[0] - 0.2, "upper": q[0] + 0.2, "stop": {"restitution": 0.5}}
+    scene["joints"] = {Simulator(scene).joint_names[0]: {"limits": stops}}
+    sim = Simulator(scene, integrator="rk4", dt=DT)
+    u = np.tile([5.0, 0.0], (NODES, 1))
+    made = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim))).start(sim.x, u)
+    played = sim.run(NODES * DT, u)
+    np.testing.assert_array_equal(made.x, np.hstack([played.q, played.v]))
+    assert made.x[:, 0].max() <= q[0] + 0.2 and sim.impacts > 0
+
+
+def test_a_joint_that_rests_at_its_stop_is_refused_with_a_way_out() -> None:
+    scene = load_scene("two_link").model_dump(exclude_unset=True)
+    q = Simulator(scene).x[:2]
+    stops = {"lower": q[0], "upper": q[0] + 1.0}
+    scene["joints"] = {Simulator(scene).joint_names[0]: {"limits": stops}}
+    sim = Simulator(scene, integrator="rk4", dt=DT)
+    optimizer = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim)))
+    with pytest.raises(NotDifferentiable, match="cannot be improved: .*without stops"):
+        optimizer.solve(sim.x, np.tile([-5.0, 0.0], (NODES, 1)))
+
+
+def test_what_is_refused() -> None:
+    sim = arm()
+    cost = to_goal(sim, goal_of(sim))
+    with pytest.raises(InvalidInput, match="at least one"):
+        ILQR([], cost)
+    with pytest.raises(InvalidInput, match="same joints"):
+        ILQR([Phase(sim, 5), Phase(arm("pendulum"), 5)], cost)
+    with pytest.raises(InvalidInput, match="low is above high"):
+        ILQR([Phase(sim, 5)], cost, low=1.0, high=-1.0)
+    with pytest.raises(InvalidInput, match=r"high has shape \(3,\)"):
+        ILQR([Phase(sim, 5)], cost, high=np.ones(3))
+    optimizer = ILQR([Phase(sim, NODES)], cost)
+    with pytest.raises(InvalidInput, match=r"u has shape \(3, 2\)"):
+        optimizer.start(sim.x, np.zeros((3, 2)))
+    with pytest.raises(InvalidInput, match="x0 has shape"):
+        optimizer.start(np.full(4, np.nan), np.zeros((NODES, 2)))
+    with pytest.raises(InvalidInput, match="above zero"):
+        QuadraticCost(cost.x, cost.x_weight, cost.u, 0.0 * cost.u)
+    with pytest.raises(InvalidInput, match="one more is expected"):
+        QuadraticCost(cost.x[1:], cost.x_weight[1:], cost.u, cost.u_weight)
+    with pytest.raises(SimulationDiverged):
+        optimizer.start(np.array([0.0, 0.0, 1e140, 1e140]), np.zeros((NODES, 2)))

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Metrics of motions whose numbers are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm_studies.sweeps.metrics import METRICS, Run, measured
+
+DT = 0.1
+
+
+def run() -> Run:
+    """Two joints; the first goes from 0 to 1 and swings over to 1.2, the second stays."""
+    q = np.array([[0.0, 3.0], [0.5, 3.0], [1.2, 3.0], [1.0, 3.0]])
+    reference = np.array([[0.0, 3.0], [0.5, 3.0], [1.0, 3.0], [1.0, 3.0]])
+    torque = np.array([[2.0, -5.0], [1.0, -5.0], [-3.0, -5.0]])
+    stops = np.array([[-9.0, -np.inf], [1.2, np.inf]])
+    return Run(DT, q, reference, torque, torque, np.array([3.0, np.inf]), stops)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("tracking_rms", 0.2 / np.sqrt(8)),
+        ("tracking_rms.first", 0.2 / 2),
+        ("tracking_max", 0.2),
+        ("tracking_max.second", 0.0),
+        ("final_error", 0.0),
+        ("overshoot", 0.2),
+        ("overshoot.second", 0.0),
+        ("energy", 2.0 * 0.5 + 1.0 * 0.7 + 3.0 * 0.2),
+        ("torque_rms", np.sqrt((4 + 1 + 9 + 75) / 6)),
+        ("torque_max", 5.0),
+        ("saturation", 1 / 3),
+        ("stop_time", DT),
+    ],
+)
+def test_metrics(name: str, value: float) -> None:
+    assert measured(run(), [name], ("first", "second")) == [pytest.approx(value, rel=1e-14)]
+
+
+def test_a_joint_may_overshoot_downwards() -> None:
+    """From 1 to -1, over to -1.3: 0.15 of the way, more than the other joint's 0.1 of its own."""
+    q = np.array([[1.0, 0.0], [-1.3, 2.2], [-1.0, 2.0]])
+    reference = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 2.0]])
+    still, none = np.zeros((2, 2)), np.full(2, np.inf)
+    down = Run(DT, q, reference, still, still, none, np.array([-none, none]))
+    found = measured(down, ["overshoot", "overshoot.first"], ("first", "second"))
+    assert found == [pytest.approx(0.15, rel=1e-14)] * 2
+
+
+def test_each_metric_is_tested() -> None:
+    tested = {mark.args[1][k][0].partition(".")[0] for mark in test_metrics.pytestmark  # type: ignore[attr-defined]
+              for k in range(len(mark.args[1]))}  # fmt: skip
+    assert tested == set(METRICS)

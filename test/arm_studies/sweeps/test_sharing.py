@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs distributed to other processes, of this machine and of a cluster: the same table."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.scene import load_scene
+from arm_studies.sweeps import sweep
+from arm_studies.sweeps.table import Table
+
+with_group = pytest.mark.group("sweep")
+STUDY: dict[str, Any] = {
+    "scene": {
+        "robot": {"urdf": load_scene("two_link").robot.urdf},
+        "payloads": [{"frame": "tip", "mass": 0.5}],
+    },
+    "duration": 0.3,
+    "motion": {"points": [{"time": 0.25, "position": {"elbow": 0.2}}]},
+    "vary": {
+        "controller": ["computed_torque", "pid"],
+        "payloads.0.mass": {"uniform": [0.1, 2.0]},
+        "joints.*.friction.viscous": {"log_uniform": [0.05, 1.0]},
+    },
+    "samples": 8,
+}
+
+
+def bits(table: Table) -> dict[str, bytes]:
+    """A table as what can be compared to the bit."""
+    return {name: column.tobytes() for name, column in table.columns.items()}
+
+
+@pytest.fixture(scope="module")
+def alone() -> dict[str, bytes]:
+    """The table of this process alone."""
+    return bits(sweep(STUDY, workers=1).table)
+
+
+@with_group
+def test_processes_make_the_same_table(alone: dict[str, bytes]) -> None:
+    assert bits(sweep(STUDY, workers=2).table) == alone
+
+
+@with_group
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # the cluster's own sockets
+def test_a_cluster_makes_the_same_table(alone: dict[str, bytes], tmp_path: Path) -> None:
+    import distributed
+
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path)
+    ) as cluster:
+        pids = {worker.pid for worker in cluster.workers.values()}
+        assert len(pids - {os.getpid()}) == 2
+        assert bits(sweep(STUDY, cluster=cluster.scheduler_address).table) == alone
+
+
+@with_group
+def test_an_address_without_an_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("arm_studies.sweeps.sharing._PATIENCE", 0.2)
+    with pytest.raises(InvalidInput, match="'tcp://127.0.0.1:1': no Dask scheduler answers"):
+        sweep(STUDY, cluster="tcp://127.0.0.1:1")
+    with pytest.raises(InvalidInput, match="cluster = 'nonsense://x'"):
+        sweep(STUDY, cluster="nonsense://x")
+
+
+def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "joblib", None)
+    with pytest.raises(InvalidInput, match="cannot find the module 'joblib'.*arm setup sweep"):
+        sweep(STUDY, workers=2)
+
+
+@pytest.mark.parametrize("workers", [0, True, 1.5])
+def test_workers_are_a_whole_number(workers: Any) -> None:
+    with pytest.raises(InvalidInput, match="workers = "):
+        sweep(STUDY, workers=workers)
+    with pytest.raises(InvalidInput, match="a cluster has its own workers"):
+        sweep(STUDY, workers=2, cluster="tcp://127.0.0.1:1")
+
+
+def test_killed_in_the_middle_and_called_again(alone: dict[str, bytes], tmp_path: Path) -> None:
+    """The kill is real: SIGKILL, once the first runs are in the journal."""
+    file, out = tmp_path / "study.yaml", tmp_path / "out"
+    file.write_text(yaml.safe_dump(STUDY, sort_keys=False))
+    words = "sweep", str(file), "--out", str(out)
+    command = [sys.executable, "-P", "-m", "arm_studies.cli", *words]
+    killer = (
+        "import os, signal, sys\n"
+        "from arm_studies.sweeps import sweep\n"
+        "def told(progress):\n"
+        "    if progress.done >= 3: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "sweep(sys.argv[1], sys.argv[2], workers=1, told=told)\n"
+    )
+    killed = subprocess.run([sys.executable, "-P", "-c", killer, str(file), str(out)], timeout=120)
+    assert killed.returncode == -signal.SIGKILL
+    lines = (out / "runs.jsonl").read_text().splitlines()
+    assert 3 <= len(lines) - 1 < 16
+    done = subprocess.run(
+        [*command, "--workers", "1", "--no-figures"], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert f"{17 - len(lines)} runs simulated" in done.stdout
+    assert bits(sweep(file, out, workers=1).table) == alone
+
+
+@with_group
+def test_workers_end_when_their_parent_was_killed(tmp_path: Path) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text(yaml.safe_dump(STUDY, sort_keys=False))
+    killer = (
+        "import os, signal, sys\n"
+        "from pathlib import Path\n"
+        "from arm_studies.sweeps import sweep\n"
+        "def told(progress):\n"
+        "    if progress.done:\n"
+        "        tasks = Path('/proc/self/task').glob('*/children')\n"
+        "        print(*(task.read_text() for task in tasks), flush=True)\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n"
+        "sweep(sys.argv[1], sys.argv[2], workers=2, told=told)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", killer, str(file), str(tmp_path / "out")],
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+    ) as killed:  # fmt: skip
+        # The pipe is closed when the last of its writers has ended, workers included.
+        told, _ = killed.communicate(timeout=120)
+    children = [int(pid) for pid in told.split()]
+    assert killed.returncode == -signal.SIGKILL and len(children) >= 2
+    until = time.monotonic() + 20.0
+    while any(map(running, children)) and time.monotonic() < until:
+        time.sleep(0.1)
+    assert [pid for pid in children if running(pid)] == []
+
+
+def running(pid: int) -> bool:
+    """Whether a process is there and no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

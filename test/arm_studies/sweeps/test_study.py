@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Study files: how they are read, and errors for mistakes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from arm_dynamics import ArmError
+from arm_studies.sweeps import load_study, sweep
+
+PLAIN: dict[str, Any] = {"scene": "two_link", "duration": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        ({"durations": 1}, "unknown key 'durations' = 1; allowed here: .*did you mean 'duration'"),
+        ({"duration": 0}, "'duration' = 0: more than 0 is expected"),
+        ({"samples": True}, "'samples' = True: a whole number is expected"),
+        ({"sampling": "sobol"}, "'sampling' = 'sobol': allowed: random, latin_hypercube"),
+        ({"metrics": ["tracking_rsm"]}, "unknown metric .*did you mean 'tracking_rms'"),
+        ({"vary": {"sim.dt": []}}, "'vary.sim.dt' = .*the list is empty"),
+        ({"vary": {"sim.dt": 1}}, "a list of values or a distribution"),
+        ({"vary": {"sim.dt": {"uniform": [2, 1]}}}, "the lower end must lie below"),
+        ({"vary": {"sim.dt": {"uniform": [0, 1], "normal": [0, 1]}}}, "exactly one of"),
+        ({"vary": {"sim.dt": {"gauss": [0, 1]}}}, "unknown key 'vary.sim.dt.gauss'"),
+        ({"motion": {"points": [{"time": 1}]}}, "'motion.points.0.position' is missing"),
+    ],
+)
+def test_mistakes_are_named(part: dict[str, Any], said: str) -> None:
+    with pytest.raises(ArmError, match=f"^study: .*{said}"):
+        load_study(PLAIN | part)
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        ({"vary": {"jonts.*.friction.viscous": [1]}}, "unknown key 'vary.jonts.*did you mean"),
+        ({"vary": {"joints.*.friction.viscos": [1]}}, "'joints.*.friction.viscos'.*did you mean"),
+        ({"vary": {"joints.elbo.friction.viscous": [0, 1]}}, "'elbo'.*did you mean 'elbow'"),
+        ({"vary": {"payloads.0.mass": [1]}}, "'vary.payloads.0.mass': there is no 'payloads.0'"),
+        ({"changes": {"payload": []}}, "study: 'changes': .*did you mean 'payloads'"),
+        ({"controller": "computed_torqe"}, "did you mean 'computed_torque'"),
+        ({"controller": {"settings": {"bandwith": 1}}}, "did you mean 'bandwidth'"),
+        ({"vary": {"controller.settings.bandwith": [1]}}, "did you mean 'bandwidth'"),
+        ({"controller": {"scene": "panda"}}, "the controller's scene has joints"),
+        ({"motion": {"points": [{"time": 1, "position": {"elbo": 1}}]}}, "did you mean 'elbow'"),
+        ({"metrics": ["tracking_rms.elbo"]}, "study: metric .*did you mean 'elbow'"),
+        ({"scene": "two_lnk"}, "did you mean 'two_link'"),
+        ({"vary": {"initial.position.elbo": [1.0]}}, "did you mean 'elbow'"),
+        ({"vary": {"motion.points.0.time": [1.0]}}, "there is no 'motion.points.0'"),
+    ],
+)
+def test_what_the_arm_does_not_have_is_named(part: dict[str, Any], said: str) -> None:
+    with pytest.raises(ArmError, match=said):
+        sweep(PLAIN | part, workers=1)
+
+
+def test_mistakes_in_files_name_the_line(tmp_path: Path) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text("scene: two_link\nduration: -1\n")
+    with pytest.raises(ArmError, match=r"study\.yaml:2: study: 'duration' = -1"):
+        load_study(file)
+
+
+@pytest.mark.parametrize("content", ["", "- 1\n", "scene: [\n"])
+def test_what_is_no_study_is_refused(content: str, tmp_path: Path) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text(content)
+    with pytest.raises(ArmError, match="study: "):
+        load_study(file)
+    with pytest.raises(ArmError, match="cannot read"):
+        load_study(tmp_path / "nowhere.yaml")
+
+
+def test_paths_are_relative_to_the_study(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("robot: {urdf: any.urdf}\n")
+    (tmp_path / "study.yaml").write_text(
+        "scene: mine.yaml\nduration: 1\nmotion: {file: course.yaml}\n"
+    )
+    study = load_study(tmp_path / "study.yaml")
+    assert study.scene == str(tmp_path / "mine.yaml")
+    assert study.motion.file == str(tmp_path / "course.yaml")

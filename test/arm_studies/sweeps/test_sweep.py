@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sweeps: each run is the closed loop with its values, regardless of worker and order."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_dynamics import ArmError, InvalidInput
+from arm_dynamics.control import Settings
+from arm_dynamics.scene import load_scene
+from arm_dynamics.trajectory import Waypoint
+from arm_sim import ClosedLoop, Recording
+from arm_studies.sweeps import Progress, sweep
+from arm_studies.sweeps.table import Table
+
+GOAL = {"shoulder": -0.3, "elbow": 0.65}
+SCENE: dict[str, Any] = {
+    "robot": {"urdf": load_scene("two_link").robot.urdf},
+    "payloads": [{"frame": "tip", "mass": 0.5}], "joints": {"*": {"friction": {"viscous": 0.1}}},
+    "initial": {"position": {"shoulder": -0.5, "elbow": 0.8}},
+}  # fmt: skip
+STUDY: dict[str, Any] = {
+    "scene": SCENE, "duration": 0.3, "seed": 7,
+    "motion": {"points": [{"time": 0.25, "position": GOAL}]},
+    "metrics": ["tracking_rms", "tracking_max", "energy", "tracking_max.elbow"],
+}  # fmt: skip
+VARIED = STUDY | {
+    "vary": {
+        "payloads.0.mass": {"uniform": [0.1, 2.0]},
+        "joints.*.friction.viscous": {"log_uniform": [0.05, 1.0]},
+    },
+    "samples": 12,
+}
+
+
+def loop(scene: dict[str, Any], controller: str = "computed_torque", **settings: Any) -> Recording:
+    """The same closed loop by other means; the controller knows the scene as it was."""
+    pair = ClosedLoop(SCENE | scene, controller, Settings(**settings), controller_scene=SCENE)
+    pair.follow([Waypoint(0.25, [GOAL[name] for name in pair.simulator.joint_names])])
+    return pair.run(0.3)
+
+
+@pytest.mark.parametrize(
+    "controller", ["computed_torque", "pd", "pd_gravity", "feed_forward", "float"]
+)
+def test_compiled_controllers_are_those_of_the_nodes(controller: str) -> None:
+    """Energy and end of a run, against ``ClosedLoop`` with the controllers in Python."""
+    study = STUDY | {
+        "controller": controller,
+        "vary": {"payloads.0.mass": [0.2, 0.9], "controller.settings.bandwidth": [15.0]},
+        "metrics": ["energy", "torque_max"],
+    }
+    done = sweep(study, workers=1)
+    assert done.plan.compiled == 2 and done.plan.worlds == 1
+    for k, mass in enumerate((0.2, 0.9)):
+        other = loop({"payloads": [{"frame": "tip", "mass": mass}]}, controller, bandwidth=15.0)
+        energy = np.abs(other.tau[:-1] * np.diff(other.q, axis=0)).sum()
+        np.testing.assert_allclose(done.table["energy"][k], energy, rtol=1e-9)
+        np.testing.assert_allclose(
+            done.table["torque_max"][k], abs(other.tau[:-1]).max(), rtol=1e-9
+        )
+
+
+def test_tunable_numbers_share_one_world_and_mean_what_they_say() -> None:
+    study = STUDY | {
+        "vary": {"payloads.0.mass": [0.2, 0.9], "joints.*.friction.viscous": [0.1, 0.7],
+                 "gravity.2": [-9.81, -1.6]},
+        "metrics": ["energy"],
+    }  # fmt: skip
+    done = sweep(study, workers=1)
+    assert done.plan.worlds == 1 and set(done.plan.tunable) == set(study["vary"])
+    for k in range(8):
+        mass, viscous, weight = (done.table[name][k] for name in study["vary"])
+        other = loop({"payloads": [{"frame": "tip", "mass": mass}], "gravity": [0, 0, weight],
+                      "joints": {"*": {"friction": {"viscous": viscous}}}})  # fmt: skip
+        energy = np.abs(other.tau[:-1] * np.diff(other.q, axis=0)).sum()
+        np.testing.assert_allclose(done.table["energy"][k], energy, rtol=1e-9)
+
+
+def test_a_joints_own_friction_goes_before_that_of_all() -> None:
+    """Then the key of all joints reaches the others only, as in a scene file."""
+    own = {
+        "joints": {"*": {"friction": {"viscous": 0.1}}, "elbow": {"friction": {"viscous": 0.3}}}
+    }
+    study = STUDY | {"changes": own, "metrics": ["energy"],
+                     "vary": {"joints.*.friction.viscous": [0.1, 0.7]}}  # fmt: skip
+    spelled = STUDY | {"changes": own, "metrics": ["energy"],
+                       "vary": {"joints.shoulder.friction.viscous": [0.1, 0.7]}}  # fmt: skip
+    ours, theirs = sweep(study, workers=1).table, sweep(spelled, workers=1).table
+    np.testing.assert_array_equal(ours["energy"], theirs["energy"])
+    assert np.ptp(ours["energy"]) > 0.0
+
+
+def test_what_would_have_no_effect_is_refused() -> None:
+    own = {"joints": {name: {"friction": {"viscous": 0.3}} for name in GOAL}}
+    study = STUDY | {"changes": own, "vary": {"joints.*.friction.viscous": [0.1, 0.7]}}
+    with pytest.raises(ArmError, match="'vary.joints.*.friction.viscous' changes nothing"):
+        sweep(study, workers=1)
+
+
+def test_structure_is_compiled_once_for_each_value() -> None:
+    vary = {
+        "joints.elbow.friction.coulomb": [0.0, 2.0],
+        "payloads.0.mass": {"uniform": [0.49, 0.51]},
+    }
+    study = STUDY | {"vary": vary, "samples": 3}
+    done = sweep(study, workers=1)
+    assert done.plan.worlds == 2 and len(done.table) == 6
+    assert np.all(done.table["tracking_max"][3:] > done.table["tracking_max"][:3])
+
+
+def test_controllers_and_imperfections_are_varied() -> None:
+    study = STUDY | {
+        "vary": {"controller": ["computed_torque", "pid"], "sensors.position.noise": [0.0, 0.01]},
+        "samples": 2,
+    }
+    table = sweep(study, workers=1).table
+    assert table["controller"].tolist() == ["computed_torque"] * 4 + ["pid"] * 4
+    quiet, noisy = table["tracking_rms"].reshape(2, 2, 2)[0]
+    assert quiet[0] == quiet[1], "without noise there is nothing by chance"
+    assert noisy[0] != noisy[1] and np.all(noisy > 2.0 * quiet)
+
+
+def test_the_start_and_the_motion_are_varied() -> None:
+    study = STUDY | {"vary": {"initial.position.elbow": [0.1, 0.4],
+                              "motion.points.0.time": [0.2, 0.25]}}  # fmt: skip
+    done = sweep(study, workers=1)
+    assert done.plan.worlds == 1 and done.plan.compiled == 4
+    assert len(set(done.table["energy"].tolist())) == 4
+
+
+def test_a_run_that_diverges_is_a_row() -> None:
+    gains = {"controller": {"name": "pd", "settings": {"bandwidth": 5.0}}}
+    study = STUDY | gains | {"changes": {"sim": {"integrator": "euler"}},
+                             "vary": {"joints.*.friction.viscous": [0.1, 1e5]}}  # fmt: skip
+    table = sweep(study, workers=1).table
+    assert table["status"].tolist() == ["done", "diverged"]
+    assert np.isfinite(table["energy"][0]) and np.isnan(table["energy"][1])
+    assert table["note"][1].startswith("at t = ")
+
+
+def test_a_run_that_cannot_be_made_is_a_row() -> None:
+    study = STUDY | {"vary": {"payloads.0.mass": [0.5, -1.0]}}
+    table = sweep(study, workers=1).table
+    assert table["status"].tolist() == ["done", "failed"]
+    assert "mass" in table["note"][1]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {},
+        {"controller": {"name": "pd", "settings": {"bandwidth": 3.0}}, "duration": 1.0,
+         "changes": {"joints": {"elbow": {"limits": {"lower": 0.5}}}}},
+        {"vary": VARIED["vary"] | {"controller.settings.bandwidth": [10.0, 30.0]}},
+        {"vary": {"payloads.0.mass": {"uniform": [-0.2, 1.0]}}},
+        {"changes": {"sim": {"integrator": "euler"}},
+         "vary": {"joints.*.friction.viscous": {"log_uniform": [0.1, 1e5]}}},
+        {"changes": {"joints": {"elbow": {"friction": {"coulomb": 0.5}}}},
+         "vary": {"payloads.0.mass": {"uniform": [0.1, 1.0]}}},
+        {"changes": {"sim": {"tolerance": 1e-9}}},
+    ],
+    ids=["smooth", "stops", "gains", "failing", "diverging", "dry friction", "error control"],
+)  # fmt: skip
+def test_runs_side_by_side_have_the_bits_of_runs_alone(
+    change: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In lanes of vector registers, those that meet a stop, fail or diverge among them."""
+    metrics = ["tracking_rms", "energy", "saturation", "stop_time", "torque_rms"]
+    study = VARIED | change | {"metrics": metrics}
+    monkeypatch.setattr("arm_studies.sweeps.recipes._LONG", np.inf)
+    alone = bits(sweep(study, workers=1).table)
+    monkeypatch.setattr("arm_studies.sweeps.recipes._LONG", 0.0)
+    assert bits(sweep(study, workers=1).table) == alone
+
+
+# --- whoever makes them ------------------------------------------------------------------------
+
+
+def bits(table: Table) -> dict[str, Any]:
+    """A table as what can be compared to the bit."""
+    return {name: column.tobytes() for name, column in table.columns.items()}
+
+
+def test_a_run_alone_is_the_run_among_others() -> None:
+    few = sweep(VARIED | {"samples": 1}, workers=1).table
+    many = sweep(VARIED, workers=1).table
+    assert few["energy"][0] == many["energy"][0]
+
+
+class Ended(Exception):
+    """Stands for a kill."""
+
+
+def ended_after(runs: int, folder: Path) -> None:
+    def told(progress: Progress) -> None:
+        if progress.done >= runs:
+            raise Ended
+
+    with pytest.raises(Ended):
+        sweep(VARIED, folder, workers=1, told=told)
+
+
+def test_a_sweep_that_was_ended_goes_on(tmp_path: Path) -> None:
+    ended_after(4, tmp_path)
+    first = sweep(VARIED, tmp_path, workers=1)
+    assert 0 < first.made < 12
+    assert bits(first.table) == bits(sweep(VARIED, workers=1).table)
+    assert sweep(VARIED, tmp_path, workers=1).made == 0
+
+
+@pytest.mark.parametrize("cut", [1, 7, 40])
+def test_a_damaged_last_line_is_dropped(cut: int, tmp_path: Path) -> None:
+    whole = sweep(VARIED, tmp_path, workers=1).table
+    journal = tmp_path / "runs.jsonl"
+    journal.write_bytes(journal.read_bytes()[:-cut])
+    again = sweep(VARIED, tmp_path, workers=1)
+    assert again.made == 1 and again.dropped
+    assert bits(again.table) == bits(whole)
+
+
+def test_a_journal_that_ends_in_its_first_line_is_started_again(tmp_path: Path) -> None:
+    sweep(VARIED, tmp_path, workers=1)
+    journal = tmp_path / "runs.jsonl"
+    journal.write_bytes(journal.read_bytes()[:20])
+    assert sweep(VARIED, tmp_path, workers=1).made == 12
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"seed": 8}, "'study.seed' was 7 and is 8"),
+        ({"samples": 13}, "'study.samples' was 12 and is 13"),
+        ({"changes": {"gravity": [0, 0, 0]}}, "'study.changes' was not given"),
+        ({"metrics": ["energy"]}, "'study.metrics' was "),
+        ({"vary": dict(reversed(VARIED["vary"].items()))}, "'order of vary' was "),
+    ],
+)
+def test_a_study_that_changed_is_refused_by_name(
+    change: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    ended_after(4, tmp_path)
+    with pytest.raises(InvalidInput, match=said):
+        sweep(VARIED | change, tmp_path, workers=1)
+
+
+def test_a_scene_file_that_changed_is_noticed(tmp_path: Path) -> None:
+    study, scene = tmp_path / "study.yaml", tmp_path / "mine.yaml"
+    urdf = load_scene("two_link").robot.urdf
+    study.write_text("scene: mine.yaml\nduration: 0.01\n")
+    for weight in (-9.81, -1.6):
+        scene.write_text(json.dumps({"robot": {"urdf": urdf}, "gravity": [0, 0, weight]}))
+        if weight == -9.81:
+            sweep(study, tmp_path / "out", workers=1)
+    with pytest.raises(InvalidInput, match="'content of scene.* was "):
+        sweep(study, tmp_path / "out", workers=1)
+
+
+def test_a_file_that_is_not_a_journal_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "runs.jsonl").write_text("something else\n")
+    with pytest.raises(InvalidInput, match="is not the journal of a sweep"):
+        sweep(VARIED, tmp_path, workers=1)
+    assert (tmp_path / "runs.jsonl").read_text() == "something else\n"
+    (tmp_path / "runs.jsonl").unlink()
+    sweep(VARIED, tmp_path, workers=1)
+    lines = (tmp_path / "runs.jsonl").read_text().splitlines()
+    (tmp_path / "runs.jsonl").write_text("\n".join([*lines[:3], "rubbish", *lines[3:]]) + "\n")
+    with pytest.raises(InvalidInput, match="line 4: not a run"):
+        sweep(VARIED, tmp_path, workers=1)
+
+
+def test_two_sweeps_do_not_write_one_journal(tmp_path: Path) -> None:
+    def told(progress: Progress) -> None:
+        if progress.done:
+            with pytest.raises(InvalidInput, match="is being written by another sweep"):
+                sweep(VARIED, tmp_path, workers=1)
+
+    assert sweep(VARIED, tmp_path, workers=1, told=told).made == 12

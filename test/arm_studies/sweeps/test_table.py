@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables in files, and the remaining time."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_dynamics import InvalidInput
+from arm_studies.sweeps import Sweep, sweep
+from arm_studies.sweeps.pace import Pace
+from arm_studies.sweeps.sharing import Result
+from arm_studies.sweeps.world import Row
+
+STUDY: dict[str, Any] = {
+    "scene": "two_link", "duration": 0.05,
+    "vary": {"controller": ["pd", "float"], "gravity": [[0, 0, -9.81], [0, 0, 0]]},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def done() -> Sweep:
+    return sweep(STUDY, workers=1)
+
+
+@pytest.mark.group("sweep")
+def test_parquet_has_the_same_bits(done: Sweep, tmp_path: Path) -> None:
+    from pyarrow import parquet
+
+    path = done.table.save(tmp_path)
+    assert path == tmp_path / "table.parquet"
+    read = parquet.read_table(path).to_pydict()
+    assert read == {name: column.tolist() for name, column in done.table.columns.items()}
+    first = path.read_bytes()
+    done.table.save(tmp_path)
+    assert path.read_bytes() == first
+
+
+def test_without_pyarrow_it_is_csv(
+    done: Sweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with done.table.save(tmp_path).open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["energy"]) for row in rows] == done.table["energy"].tolist()
+    assert [row["gravity"] for row in rows] == ["[0, 0, -9.81]", "[0, 0, 0]"] * 2
+
+
+def test_columns_are_selected_by_name(done: Sweep) -> None:
+    assert len(done.table) == 4 and done.table.done.all()
+    allowed = "unknown column 'enrgy'; allowed: .*did you mean 'energy'"
+    with pytest.raises(InvalidInput, match=allowed):
+        done.table["enrgy"]
+
+
+def result(kind: str, count: int, seconds: float) -> Result:
+    rows = tuple(Row(k, "done", "", ()) for k in range(count))
+    return Result(rows, kind, seconds, 0.0)
+
+
+def test_the_remaining_time_is_that_of_the_runs_to_come() -> None:
+    """Two workers; runs of one kind cost 1 s of a worker, those of the other 10 s."""
+    pace = Pace({"quick": 10, "slow": 5})
+    assert pace.remaining(0.0) is None
+    now = 100.0  # what happened before the first result does not count
+    pace.note(result("quick", 2, 2.0), now)
+    assert pace.remaining(now) is None, "too little is known"
+    for _ in range(2):
+        now += 1.0
+        pace.note(result("quick", 2, 2.0), now)
+    pace.note(result("slow", 1, 10.0), now + 5.0)
+    assert pace.remaining(now + 5.0) == pytest.approx((4 * 1.0 + 4 * 10.0) / 2)
+
+
+def test_a_kind_of_which_nothing_is_known_is_taken_for_the_others() -> None:
+    pace = Pace({"quick": 8, "slow": 4})
+    for k in range(4):
+        pace.note(result("quick", 2, 2.0), float(k))
+    assert pace.remaining(3.0) == pytest.approx(4 * 1.0 / 2.0)
+    assert np.isfinite(pace.remaining(3.0) or np.inf)
