@@ -59,11 +59,11 @@ assert not {{m.split('.')[0] for m in sys.modules}} & set({above!r})
 
 
 @pytest.mark.ros
-def test_a_node_loads_no_study() -> None:
+def test_a_node_loads_neither_studies_nor_view() -> None:
     code = """
 import sys
 import arm_sim.ros.sim_node
-assert not any(m.split('.')[0] == 'arm_studies' for m in sys.modules)
+assert not [m for m in sys.modules if m.startswith(('arm_studies', 'arm_sim.view'))]
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr

@@ -39,7 +39,7 @@ SAYS = {
         "integrators": "steps, which method to take",
         "servo": "positions as commands",
         "plant": "x' = f(x, u, p) of a scene; states it allows",
-        "view": "what to draw, a page that draws it, what moves it",
+        "view": "arms in the browser",
         "inputs": "checks",
         "state": "(q, v, z)",
         "external_wrench": "pushes",

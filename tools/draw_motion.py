@@ -12,6 +12,7 @@ import numpy as np
 
 from arm_dynamics.trajectory import Waypoint
 from arm_sim import ClosedLoop
+from arm_sim.view import show
 
 FILM = Path(__file__).parents[1] / "docs/figures/arm.gif"
 POSTURES = (  # of the seven joints, in [rad]
@@ -28,7 +29,7 @@ def main() -> None:
     start = pair.simulator.state.q
     goals = [*map(np.array, POSTURES), start]
     pair.follow([Waypoint(PACE * (i + 1), goal) for i, goal in enumerate(goals)])
-    with pair.run(PACE * len(goals)).show(name="panda", port=0) as page:
+    with show(pair.run(PACE * len(goals)), name="panda", port=0) as page:
         print(page.film(FILM, size=(540, 360), rate=10.0))
 
 

@@ -47,7 +47,6 @@ from arm_sim.plant.plant import Plant
 from arm_sim.recording.changes import Changes
 from arm_sim.recording.contents import BRAKES, FREE, SERVOS
 from arm_sim.recording.energy_account import EnergyAccount
-from arm_sim.recording.energy_meter import EnergyMeter
 from arm_sim.recording.origin import Origin, Physics
 from arm_sim.recording.recording import Recording
 from arm_sim.servo import JointCommand
@@ -57,8 +56,6 @@ from arm_sim.stepping.contact_forces import ContactForce, contact_forces, troubl
 from arm_sim.stepping.gradient import RolloutGradient, gradient_of, rollout_change
 from arm_sim.stepping.roll import Roll
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.view import Instant, LiveAccount, Rig, View, show_rigs
-from arm_sim.view.server import HERE
 
 Control = Callable[[State], Any]
 
@@ -880,32 +877,6 @@ class Simulator:
         """
         return contact_forces(self.plant, self._stepper, self._x, self.command)
 
-    def view(self, name: str = "arm", host: str = HERE, port: int | None = None) -> View:
-        """Show the simulator in a browser, to be run, stepped, placed, pushed and pulled.
-
-        The page runs the simulation in a thread of its own. In a loop of your own, do not use the
-        page's buttons, and call ``draw()`` of the returned page.
-
-        Args:
-            name: Name of the arm on the page.
-            host: Address that the page listens on.
-            port: Port; None for 8080 or the next free one.
-
-        Returns:
-            The page, which a notebook displays; ``close()`` ends it.
-
-        Raises:
-            ViewError: If the visualization library is missing, or the address cannot be used.
-        """
-        return show_rigs([self.rig()], [name], host, port)
-
-    def rig(self) -> Rig:
-        """The simulator as an item of a page, which may show several."""
-        account = LiveAccount(
-            lambda: self.energy_account.prepare(), lambda: EnergyMeter(self), bool(self.z_names)
-        )
-        return Rig(self, self._seen, lambda: self.use(self._compiled.pushable()), account)
-
     def _point(self, state: State, tau: ArrayLike) -> tuple[Array, Array]:
         """Point at which a tick is differentiated: x and the command, validated."""
         if not isinstance(state, State):
@@ -930,18 +901,6 @@ class Simulator:
             P[name] = slope[..., end : end + len(place)]
             end += len(place)
         return slope[..., :nx], slope[..., nx : nx + self.n], P
-
-    def _seen(self) -> Instant:
-        """The picture of the current state, under the torque of the last tick."""
-        scene, state = self.model.scene, self.state
-        forces = self.contact_forces() if scene.contacts else ()
-        return Instant(
-            state.time,
-            state.q,
-            np.array([[force.point, force.force] for force in forces]).reshape(-1, 2, 3),
-            self.multipliers() if scene.bilateral else np.zeros(0),
-            self.stop_torque if self.model.stops.touched(state.q).any() else np.zeros(self.n),
-        )
 
     def use(self, compiled: CompiledScene, **parameters: Any) -> None:
         """Continue with another compiled scene of the same states, between two ticks.

@@ -15,13 +15,13 @@ from arm_sim import Simulator
 from arm_sim.cli.main import main
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.view import live, sources
-from arm_sim.cli.view.wish import Wish
+from arm_sim.cli.view.options import ViewOptions
 from arm_sim.exceptions import ViewError
 from arm_sim.view import News
 
 SCENE = str(models.SCENES / "two_link.yaml")
 START = "initial: {position: {shoulder: 0.4}}"
-HERE = Wish("127.0.0.1", 0)
+HERE = ViewOptions("127.0.0.1", 0)
 ros = pytest.mark.ros
 
 
@@ -29,22 +29,21 @@ ros = pytest.mark.ros
 def shown(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What would be shown, without a page."""
     kept: dict[str, Any] = {}
-    monkeypatch.setattr(sources, "show_films", lambda films, *_: kept.update(films=films))
-    monkeypatch.setattr(
-        sources, "show_rigs", lambda rigs, names, *_: kept.update(rigs=rigs, names=names)
-    )
+    monkeypatch.setattr(sources, "show", lambda *what, **more: kept.update(what=what, **more))
     return kept
 
 
 def test_scenes_are_to_be_touched_side_by_side(shown: dict[str, Any]) -> None:
     sources.shown(["two_link", str(models.SCENES / "pendulum.yaml")], HERE)
-    assert shown["names"] == ["two_link", "pendulum"]
-    assert [rig.simulation.n for rig in shown["rigs"]] == [2, 1]
+    assert shown["name"] == ["two_link", "pendulum"]
+    assert [simulator.n for simulator in shown["what"]] == [2, 1]
 
 
 def test_pictures_of_a_scene_are_of_a_motion(shown: dict[str, Any]) -> None:
-    sources.shown(["two_link"], Wish("127.0.0.1", 0, over=True, duration=0.2, control="weight"))
-    (film,) = shown["films"]
+    sources.shown(
+        ["two_link"], ViewOptions("127.0.0.1", 0, over=True, duration=0.2, control="weight")
+    )
+    (film,) = shown["what"]
     assert film.time[-1] == pytest.approx(0.2)
     np.testing.assert_allclose(film.q, np.tile(film.q[0], (201, 1)), atol=1e-9)
 
@@ -53,7 +52,7 @@ def test_a_recording_is_shown_as_it_was(shown: dict[str, Any], tmp_path: Path) -
     run = Simulator("two_link").run(0.1)
     for name in ("run.mcap", "run.npz"):
         sources.shown([str(run.save(tmp_path / name))], HERE)
-        np.testing.assert_array_equal(shown["films"][0].q, run.q)
+        np.testing.assert_array_equal(shown["what"][0].q, run.q)
 
 
 def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path: Path) -> None:
@@ -61,8 +60,8 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
     table.write_text("time,position.elbow,position.shoulder\n0,0.1,0.2\n0.5,0.3,0.4\n")
     with pytest.raises(ViewError, match=r"robot.csv' contains no scene.*name it by --scene"):
         sources.shown([str(table)], HERE)
-    sources.shown([str(table)], Wish("127.0.0.1", 0, scene="two_link"))
-    np.testing.assert_array_equal(shown["films"][0].q, [[0.2, 0.1], [0.4, 0.3]])
+    sources.shown([str(table)], ViewOptions("127.0.0.1", 0, scene="two_link"))
+    np.testing.assert_array_equal(shown["what"][0].q, [[0.2, 0.1], [0.4, 0.3]])
 
 
 @pytest.mark.group("view")
@@ -97,7 +96,7 @@ def test_what_cannot_be_shown_is_reported(
 # --- running arms ------------------------------------------------------------------------------
 
 
-def heard(arm: live.Heard, listener: Listener) -> News:
+def heard(arm: live.RunningArm, listener: Listener) -> News:
     """The next news."""
     news: list[News] = []
     assert listener.until(lambda: bool(news.extend(filter(None, [arm.newest()])) or news), 40.0)
@@ -114,7 +113,7 @@ def test_a_running_arm_is_followed_whatever_its_description_locks(
     scene.write_text(f"robot: {{urdf: {urdf}, lock: [elbow]}}\n{START}\n")
     with running(tmp_path, ("sim", str(scene), "--ros-args", "-p", "paused:=true")) as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        with live.Hearing([""]) as hearing:
+        with live.RunningArms([""]) as hearing:
             (arm,) = hearing.arms
             model = arm.meet(None)
             assert model.joint_names == ("shoulder",)
@@ -128,7 +127,7 @@ def test_a_running_arm_is_followed_whatever_its_description_locks(
 @ros
 def test_a_missing_node_to_follow_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live, "_WAIT", 0.2)
-    with live.Hearing(["left"]) as hearing:
+    with live.RunningArms(["left"]) as hearing:
         with pytest.raises(ViewError, match=r"no joint states on /left/joint_states \(waited"):
             hearing.show([], "127.0.0.1", 0)
         with pytest.raises(ViewError, match="2 scenes for 1 running arms"):

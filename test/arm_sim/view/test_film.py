@@ -9,8 +9,8 @@ import pytest
 import models
 from arm_sim import Simulator
 from arm_sim.exceptions import ViewError
-from arm_sim.recording import film_of
 from arm_sim.view import Film, Instant
+from arm_sim.view.film import film_of
 
 
 def test_a_film_shows_the_last_state_up_to_a_time() -> None:

@@ -13,7 +13,7 @@ from browser import Page, needed, opened
 from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
-from arm_sim.view import Chart, Film, View, show_films, show_rigs
+from arm_sim.view import Chart, Film, View, show
 
 SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave
 
@@ -35,7 +35,7 @@ def panda() -> Simulator:
 def touched(panda: Simulator) -> Iterator[tuple[View, Page]]:
     """A simulation in a page."""
     panda.reset()
-    with panda.view(port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
+    with show(panda, port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
         yield view, page
 
 
@@ -104,7 +104,7 @@ def test_the_mouse_pulls_a_link_until_released(panda: Simulator) -> None:
     panda.reset()
     alone = Dynamics(panda.model)  # which nothing pushes
     with (
-        panda.view(port=0) as view,
+        show(panda, port=0) as view,
         opened(view.url, "/arm/panda_joint7", size=(1600, 900)) as page,
     ):
         rig, mouse = view.source.rigs[0], page.handle.mouse
@@ -145,9 +145,8 @@ def _sideways(panda: Simulator) -> np.ndarray:
 def test_two_arms_are_drawn_beside_each_other(panda: Simulator) -> None:
     panda.reset()
     other = Simulator("ur10")
-    rigs = [panda.rig(), other.rig()]
     with (
-        show_rigs(rigs, ["left", "right"], port=0) as view,
+        show(panda, other, name=["left", "right"], port=0) as view,
         opened(view.url, "/left/panda_joint7", "/right/wrist_3_joint") as page,
     ):
         page.click("Run")
@@ -170,7 +169,7 @@ def long_film(panda: Simulator) -> Film:
 
 
 def test_ten_minutes_are_scrubbed_played_and_repeated(long_film: Film, panda: Simulator) -> None:
-    with show_films([long_film], port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
+    with show(long_film, port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
         player = view.source
 
         def drawn(row: int) -> bool:
@@ -188,7 +187,7 @@ def test_ten_minutes_are_scrubbed_played_and_repeated(long_film: Film, panda: Si
         page.click("Pause")
         page.until(lambda: page.handle.get_by_role("button", name="Play").is_visible(), "a stop")
         page.until(lambda: drawn(int(1e3 * player.time + 1e-6)), "where it stopped")
-        player.pulse.order(lambda: player.seek(player.end - 0.05))
+        player.loop.order(lambda: player.seek(player.end - 0.05))
         page.click("Play")
         page.until(lambda: player.time < 10.0, "the beginning again")
 
@@ -196,7 +195,7 @@ def test_ten_minutes_are_scrubbed_played_and_repeated(long_film: Film, panda: Si
 def test_a_page_without_a_server_plays(panda: Simulator, tmp_path: Path) -> None:
     time = np.linspace(0.0, 2.0, 201)
     q = panda.model.q0 + 0.4 * time[:, None]
-    with show_films([Film("arm", panda.model, time, q)], port=0) as view:
+    with show(Film("arm", panda.model, time, q), port=0) as view:
         file = view.page(tmp_path / "arm.html", rate=10.0)
     with opened(file.as_uri(), "/arm/panda_joint7") as page:
         seen = [page.angles("arm", panda.model)]
@@ -227,7 +226,7 @@ def test_beside_a_page_without_a_server_a_cursor_follows_the_player(
     flat = np.column_stack([np.full(201, 3.0), np.full(201, np.nan)])
     still = Chart("torque [N m]", ("known", "unknown"), time, flat)
     film = Film("arm", panda.model, time, q, charts=(curves, still))
-    with show_films([film], port=0) as view:
+    with show(film, port=0) as view:
         file = view.page(tmp_path / "arm.html", rate=8.0, speed=0.5)
     with opened(file.as_uri(), "/arm/panda_joint7") as page:
         half_a_second = q[50]  # at half the speed

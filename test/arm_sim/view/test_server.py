@@ -12,11 +12,10 @@ from typing import Any
 
 import pytest
 
-from arm_sim import Simulator
 from arm_sim.exceptions import ViewError
-from arm_sim.view import pictures
+from arm_sim.view import pictures, show
+from arm_sim.view.access import refusal
 from arm_sim.view.server import PORT, address, close_server, open_server
-from arm_sim.view.visitors import refusal
 
 
 def test_without_the_library_one_line_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,7 +30,7 @@ def test_without_the_library_one_line_says_what_to_do(monkeypatch: pytest.Monkey
     with pytest.raises(
         ViewError, match=r"cannot find the module 'viser': .*'./arm setup view' installs them"
     ):
-        Simulator("two_link").view()
+        show("two_link")
 
 
 NAME = socket.gethostname()

@@ -16,10 +16,10 @@ import pytest
 import models
 from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
-from arm_sim.view.bench import Bench
+from arm_sim.view.interactive import Interactive, SimulatedArm
 from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.server import close_server, open_server
-from arm_sim.view.stage import Actor, lay_ground
+from arm_sim.view.stage import DrawnArm, lay_ground
 
 pytestmark = pytest.mark.group("view")
 
@@ -42,14 +42,14 @@ def test_a_broken_mesh_is_reported_and_replaced(
     broken = urdf.replace("</inertial>\n  </link>", f"</inertial>{visual}", 1)
     assert broken != urdf
     with caplog.at_level(logging.WARNING):
-        actor = Actor(server, ArmModel(load_scene(broken)), "arm")
+        actor = DrawnArm(server, ArmModel(load_scene(broken)), "arm")
     assert f"link 'upper_arm' is drawn without its mesh {mesh}" in caplog.text
     assert [name for name, _ in actor.links].count("shoulder") >= 1  # its capsule
 
 
 def test_the_camera_sees_the_whole_arm_however_far_its_solids_reach(server: Any) -> None:
     """A beam of 1.3 m about a joint in its middle, whose joints and frames lie within 0.8 m."""
-    actor = Actor(server, Simulator("trebuchet").model, "arm")
+    actor = DrawnArm(server, Simulator("trebuchet").model, "arm")
     lay_ground(server, [actor], 0.0)
     beam = np.array([0.5, 0.0, np.sqrt(0.75)]) * np.sqrt(12 * 0.3 / 2) / 2  # 150 degrees
     camera = server.initial_camera
@@ -61,7 +61,7 @@ def test_the_camera_sees_the_whole_arm_however_far_its_solids_reach(server: Any)
 
 
 def test_forces_longer_than_the_weight_stay_in_sight(server: Any) -> None:
-    actor = Actor(server, models.dynamics("two_link").model, "arm")
+    actor = DrawnArm(server, models.dynamics("two_link").model, "arm")
     weight = 9.81 * actor.marker.model.total_mass
     forces = np.array([[[0, 0, 0], [0, 0, f]] for f in (weight, 1e9, 0.0)], dtype=float)
     arrows = actor._to_arrows(forces)
@@ -78,9 +78,9 @@ class Link:
 
 def test_a_dragged_link_is_pulled_at_the_point_that_is_held(server: Any) -> None:
     sim, link = Simulator("two_link"), Link()
-    rig, actor = sim.rig(), Actor(server, sim.model, "arm", base=(0.0, 2.0, 0.0))
+    rig, actor = SimulatedArm(sim), DrawnArm(server, sim.model, "arm", base=(0.0, 2.0, 0.0))
     actor.links = [("elbow", link)]
-    bench = Bench(server, [rig], [actor])
+    bench = Interactive(server, [rig], [actor])
     marker, h = Marker(sim.model), 1e-6
     lever = np.array([0.3, 0.0, 0.1])  # of the point that is held, from the elbow
 
@@ -96,20 +96,20 @@ def test_a_dragged_link_is_pulled_at_the_point_that_is_held(server: Any) -> None
     start, mouse = held(q), held(q) + [0.0, 0.0, 0.2]
     event = SimpleNamespace(phase="update", start_position=start, end_position=mouse)
     asyncio.run(link.called(event))
-    bench.pulse._serve()
+    bench.loop._serve()
     assert rig.wrenches.active == ("elbow",)
     torque = rig.wrenches.torque(q, 0)
     J = np.array([(held(q + d) - held(q - d)) / (2 * h) for d in h * np.eye(2)])
     force = 2.0 * 9.81 * sim.model.total_mass / actor.size * (mouse - start)
     np.testing.assert_allclose(torque, J @ force, rtol=1e-6)
     asyncio.run(link.called(SimpleNamespace(phase="end")))
-    bench.pulse._serve()
+    bench.loop._serve()
     assert rig.wrenches.active == ()
 
 
 def test_places_are_those_of_the_state(server: Any) -> None:
     model = models.dynamics("panda").model
-    actor = Actor(server, model, "arm", base=(0.0, 2.0, 0.0))
+    actor = DrawnArm(server, model, "arm", base=(0.0, 2.0, 0.0))
     marks = actor.draw(Instant(0.0, model.q0 + 0.1))
     for frame, position, wxyz in zip(actor._joints, marks.position, marks.rotation, strict=True):
         np.testing.assert_array_equal(frame.position, position)

@@ -24,10 +24,7 @@ from arm_sim.recording.figure import draw
 from arm_sim.recording.measured import with_scene
 from arm_sim.recording.origin import Physics
 from arm_sim.recording.second_look import SecondLook, Ticks, second_look
-from arm_sim.recording.showing import film_of
 from arm_sim.recording.tables import columns, to_pandas, to_xarray
-from arm_sim.view import View, show_films
-from arm_sim.view.server import HERE
 
 _log = logging.getLogger(__name__)
 
@@ -410,31 +407,6 @@ class Recording(Contents):
         chosen: dict[str, Any] = {name: read_only(getattr(self, name)[here]) for name in states}
         hold = None if self.hold is None else self.hold[here]
         return replace(self, **chosen, hold=hold, jumps=(), gaps=(), measured=None)
-
-    def show(
-        self,
-        *others: Recording,
-        name: str = "arm",
-        host: str = HERE,
-        port: int | None = None,
-    ) -> View:
-        """Show the motion in a browser: at any time and speed, with its forces.
-
-        Args:
-            *others: Recordings to overlay.
-            name: Name of the arm on the page.
-            host: Address that the page listens on.
-            port: Port; None for 8080 or the next free one.
-
-        Returns:
-            The page, which a notebook displays; ``close()`` ends it.
-
-        Raises:
-            ViewError: If the visualization library is missing, or the address cannot be used.
-            InvalidInput: If a recording has no scene.
-        """
-        films = [film_of(recording, name) for recording in (self, *others)]
-        return show_films(films, host, port, together=True)
 
     @cached_property
     def _flows(self) -> Array:

@@ -3,19 +3,13 @@
 
 The content of a picture (shapes, marks: computed by Pinocchio) is independent of its drawing
 (stage, charts: viser), and both are independent of the source of motion (player, bench, follower).
-Depends on the arm model and on the interface of a simulation, but not on the simulator itself,
-whose method ``view`` calls this package.
+Depends on simulators and recordings, which know nothing of it; not on ROS.
 """
 
-from arm_sim.view.bench import Rig
 from arm_sim.view.charts import Chart
-from arm_sim.view.film import Film, looks
+from arm_sim.view.film import Film
 from arm_sim.view.follower import News
-from arm_sim.view.live_account import LiveAccount
 from arm_sim.view.marks import Instant
-from arm_sim.view.view import View, show_films, show_followed, show_rigs
+from arm_sim.view.view import View, show, show_followed
 
-__all__ = [
-    "Chart", "Film", "Instant", "LiveAccount", "News", "Rig", "View", "looks", "show_films",
-    "show_followed", "show_rigs",
-]  # fmt: skip
+__all__ = ["Chart", "Film", "Instant", "News", "View", "show", "show_followed"]

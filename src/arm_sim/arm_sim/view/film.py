@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded motion, to be shown."""
+"""A recorded motion, to be shown: pictures over time, with plots."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +12,13 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_sim.exceptions import ViewError
+from arm_sim.recording import Recording
+from arm_sim.stepping.contact_forces import contact_forces
 from arm_sim.view.charts import Chart
 from arm_sim.view.marks import Instant
 
 LOOKS = 4000  # largest number of instants at which forces are computed
+LONG = 50_000  # largest number of ticks that the energy account repeats for a chart
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,63 @@ class Film:
         return replace(still, time=instant.time, q=instant.q)
 
 
-def looks(count: int) -> Array:
+def film_of(recording: Recording, name: str) -> Film:
+    """The film of a recording, with everything computed in advance.
+
+    Args:
+        recording: The run.
+        name: Its name on the page.
+    """
+    rows = _looks(len(recording))
+    part = recording.part(rows)
+    charts = list(_charts(recording, part, rows))
+    model = recording.dynamics.model
+    return Film(name, model, recording.time, recording.q, tuple(_stills(part)), tuple(charts))
+
+
+def _stills(part: Recording) -> Iterator[Instant]:
+    """Pictures with forces of contacts, constraints and stops, if the scene has any."""
+    plant, x = part.plant, part.x
+    tied, touching = bool(plant.model.scene.bilateral), plant.contact is not None
+    stopped = bool(plant.model.stops.touched(part.q).any())
+    if part.of_robot or not (tied or touching or stopped):
+        return  # the holding torques of a robot are unknown
+    nothing = np.zeros((len(part), 0))
+    multipliers = part.multipliers if tied else nothing
+    stops = part.stop_torque if stopped else np.zeros_like(part.q)
+    for k, time in enumerate(part.time.tolist()):
+        contacts = np.zeros((0, 2, 3))
+        if touching:
+            stepper = part.account.stepper
+            stepper.p[:] = part.p[k]
+            forces = contact_forces(plant, stepper, x[k], part.command[k])
+            contacts = np.array([[force.point, force.force] for force in forces])
+        yield Instant(time, part.q[k], contacts, multipliers[k], stops[k])
+
+
+def _charts(recording: Recording, part: Recording, rows: Array) -> Iterator[Chart]:
+    model = recording.dynamics.model
+    names, time, slides = model.joint_names, recording.time, "prismatic" in model.joint_types
+    for title, values in {
+        f"torque [{'N m, N' if slides else 'N m'}]": recording.tau,
+        f"position [{'rad, m' if slides else 'rad'}]": recording.q,
+        f"speed [{'rad/s, m/s' if slides else 'rad/s'}]": recording.v,
+    }.items():
+        if np.isfinite(values).any():
+            yield Chart(title, names, time, values)
+    if recording.of_robot:
+        return  # work and heat between its states are unknown
+    if recording.error.any():
+        yield Chart("error [rad]", ("estimated error of q",), time, recording.error[:, None])
+    curves = {"kinetic": part.kinetic, "potential": part.potential}
+    if part.stored.any():
+        curves["stored"] = part.stored
+    if len(recording) <= LONG or not recording.account.makes_ticks_again(recording.x):
+        supplied, lost = recording.supplied[rows], recording.lost[rows]
+        curves |= {"supplied": supplied, "lost": lost, "balance": recording.balance[rows]}
+    yield Chart("energy [J]", tuple(curves), part.time, np.column_stack(list(curves.values())))
+
+
+def _looks(count: int) -> Array:
     """Rows of a recording at which forces are computed."""
     return np.unique(np.linspace(0, count - 1, min(count, LOOKS)).astype(int))

@@ -13,9 +13,9 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_sim.view.charts import Chart, Charts
+from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.marks import Instant
-from arm_sim.view.pulse import Pulse
-from arm_sim.view.stage import Actor
+from arm_sim.view.stage import DrawnArm
 
 if TYPE_CHECKING:
     import viser
@@ -45,7 +45,7 @@ class News:
     energy: Array = field(default_factory=lambda: np.zeros(len(ENERGIES)))
 
 
-class Told(Protocol):
+class NewsSource(Protocol):
     """A source of data of an arm."""
 
     def newest(self) -> News | None:
@@ -61,17 +61,17 @@ class Follower:
         actors: The arms.
 
     Attributes:
-        pulse: Its thread.
+        loop: Its thread.
     """
 
     def __init__(
-        self, server: viser.ViserServer, told: Sequence[Told], actors: Sequence[Actor]
+        self, server: viser.ViserServer, told: Sequence[NewsSource], actors: Sequence[DrawnArm]
     ) -> None:
         self._server, self._pairs = server, tuple(zip(told, actors, strict=True))
-        self.pulse = Pulse(self._beat, self._show_status)
+        self.loop = DrawLoop(self._beat, self._show_status)
         self._status = server.gui.add_markdown("waiting")
         forget = server.gui.add_button("Clear path")
-        forget.on_click(lambda _: self.pulse.order(self._forget))
+        forget.on_click(lambda _: self.loop.order(self._forget))
         size = round(MEMORY / SAMPLED)
         self._samples: list[deque[tuple[float, Array]]] = [deque(maxlen=size) for _ in actors]
         self._heard = [0.0 for _ in actors]
@@ -100,7 +100,7 @@ class Follower:
             for chart in self._curves():
                 self._charts.update(chart.title, chart.time, chart.values)
 
-    def _take(self, news: News, actor: Actor, samples: deque[tuple[float, Array]]) -> None:
+    def _take(self, news: News, actor: DrawnArm, samples: deque[tuple[float, Array]]) -> None:
         with self._server.atomic():
             actor.trail(actor.draw(Instant(news.time, news.q)).hand)
         if samples and news.time < samples[-1][0]:  # it was restarted

@@ -6,59 +6,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Protocol
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ArmError
+from arm_sim.recording.energy_meter import EnergyMeter
+from arm_sim.simulator import Simulator
 
 _log = logging.getLogger(__name__)
-
-
-class Energies(Protocol):
-    """Energies in [J] since an account was opened, as of an ``Account``."""
-
-    @property
-    def kinetic(self) -> float:
-        """Current kinetic energy."""
-
-    @property
-    def potential(self) -> float:
-        """Current potential energy of gravity and springs."""
-
-    @property
-    def total(self) -> float:
-        """Both, and the energy stored in drives and bristles."""
-
-    @property
-    def input(self) -> float:
-        """Work supplied."""
-
-    @property
-    def dissipated(self) -> float:
-        """Heat lost."""
-
-    @property
-    def changed(self) -> float:
-        """Energy added by changes of the scene."""
-
-    @property
-    def balance(self) -> float:
-        """Unexplained energy: the integration error."""
-
-
-class Meter(Protocol):
-    """Keeps an account, as an ``EnergyMeter``."""
-
-    def note(self) -> None:
-        """Record a tick."""
-
-    def change(self, action: Callable[[], None]) -> None:
-        """Run an action that changes the scene."""
-
-    def account(self) -> Energies:
-        """The energies since the account was opened."""
 
 
 class LiveAccount:
@@ -67,21 +23,17 @@ class LiveAccount:
     Ticks do not wait for that: the account opens with the first after it.
 
     Args:
-        build: Builds the equations of accounts; called on a separate thread.
-        open_meter: Opens an account at the current state.
-        stores: Whether drives or bristles store energy.
+        simulator: Whose account it is.
 
     Attributes:
         names: Names of the energies of ``now``.
     """
 
-    def __init__(
-        self, build: Callable[[], None], open_meter: Callable[[], Meter], stores: bool
-    ) -> None:
-        self._build, self._open_meter, self._stores = build, open_meter, stores
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator, self._stores = simulator, bool(simulator.z_names)
         self._built: Future[bool] | None = None
-        self._meter: Meter | None = None
-        stored: Sequence[str] = ("stored",) if stores else ()
+        self._meter: EnergyMeter | None = None
+        stored: Sequence[str] = ("stored",) if self._stores else ()
         self.names = (
             "kinetic", "potential", *stored, "supplied", "lost", "balance"
         )  # fmt: skip
@@ -102,7 +54,7 @@ class LiveAccount:
         if self._meter is not None:
             self._meter.note()
         elif self._built is not None and self._built.done() and self._built.result():
-            self._meter = self._open_meter()
+            self._meter = EnergyMeter(self._simulator)
 
     def change(self, action: Callable[[], None]) -> None:
         """Run a change that recompiles the scene; the account continues when it is built."""
@@ -129,7 +81,7 @@ class LiveAccount:
 
     def _try_to_build(self) -> bool:
         try:
-            self._build()
+            self._simulator.energy_account.prepare()
         except ArmError as error:
             _log.warning("no energy account is kept: %s", error)
             return False

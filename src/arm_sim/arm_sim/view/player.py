@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_sim.view.charts import Chart, Charts
+from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.film import Film
-from arm_sim.view.pulse import Pulse
-from arm_sim.view.stage import Actor
+from arm_sim.view.stage import DrawnArm
 
 if TYPE_CHECKING:
     import viser
@@ -30,7 +30,7 @@ class Player:
         actors: The arms.
 
     Attributes:
-        pulse: Its thread.
+        loop: Its thread.
         time: Time in [s] of the picture.
         begin: Start time of the motions.
         end: End time of the longest.
@@ -38,13 +38,13 @@ class Player:
     """
 
     def __init__(
-        self, server: viser.ViserServer, films: Sequence[Film], actors: Sequence[Actor]
+        self, server: viser.ViserServer, films: Sequence[Film], actors: Sequence[DrawnArm]
     ) -> None:
         self._server, self._pairs = server, tuple(zip(films, actors, strict=True))
         self.begin = min(float(film.time[0]) for film in films)
         self.end = max(float(film.time[-1]) for film in films)
         self.time, self._playing = self.begin, False
-        self.pulse = Pulse(self._beat, self._show_status)
+        self.loop = DrawLoop(self._beat, self._show_status)
         gui = server.gui
         step = max((self.end - self.begin) / 20000, 1e-3)
         self._slider = gui.add_slider(
@@ -54,8 +54,8 @@ class Player:
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
         self._loop = gui.add_checkbox("loop", True)
         self._status = gui.add_markdown("")
-        self._button.on_click(lambda _: self.pulse.order(self._toggle))
-        self._slider.on_update(self.pulse.moved(self.seek))
+        self._button.on_click(lambda _: self.loop.order(self._toggle))
+        self._slider.on_update(self.loop.moved(self.seek))
         self.charts = tuple(chart for pair in self._pairs for chart in self._charted(*pair))
         Charts(server, self.charts)
         for film, actor in self._pairs:
@@ -64,14 +64,14 @@ class Player:
         self.seek(self.begin)
 
     def play(self, on: bool = True) -> None:
-        """Start or stop playing; for the thread of the pulse."""
+        """Start or stop playing; for the thread of the loop."""
         if on and self.time >= self.end:
             self.seek(self.begin)
         self._playing = on
         self._button.label = "Pause" if on else "Play"
 
     def seek(self, time: float) -> None:
-        """Show a time in [s]; for the thread of the pulse."""
+        """Show a time in [s]; for the thread of the loop."""
         self.time = min(max(time, self.begin), self.end)
         with self._server.atomic():
             for film, actor in self._pairs:
@@ -79,7 +79,7 @@ class Player:
         self._slider.value = self.time
         self._show_status("")
 
-    def _charted(self, film: Film, actor: Actor) -> Iterator[Chart]:
+    def _charted(self, film: Film, actor: DrawnArm) -> Iterator[Chart]:
         """A film's plots, with the arm's name if there are several."""
         title = f"{actor.name}: " if len(self._pairs) > 1 else ""
         return (replace(chart, title=title + chart.title) for chart in film.charts)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from arm_sim.exceptions import ViewError
-from arm_sim.view.visitors import refusing
+from arm_sim.view.access import refusing
 
 if TYPE_CHECKING:
     import viser

@@ -45,7 +45,7 @@ FIELD = 0.7  # [rad] vertical field of view of the camera
 KEPT = 300  # points of the path behind a moving hand
 
 
-class Actor:
+class DrawnArm:
     """One arm in the scene of a page.
 
     Args:
@@ -216,7 +216,7 @@ class Actor:
         )  # fmt: skip
 
 
-def lay_ground(server: viser.ViserServer, actors: Sequence[Actor], width: float) -> None:
+def lay_ground(server: viser.ViserServer, actors: Sequence[DrawnArm], width: float) -> None:
     """A grid, light and a camera for the arms, which occupy a ``width`` in [m]."""
     size = max(actor.size for actor in actors)
     lowest = min(float(marks.position[:, 2].min()) for marks in map(_start, actors))
@@ -244,7 +244,7 @@ def _sky() -> Any:
     return np.repeat(column[:, None], 4, axis=1).astype(np.uint8)
 
 
-def _start(actor: Actor) -> Marks:
+def _start(actor: DrawnArm) -> Marks:
     return actor.marker.at(Instant(0.0, actor.marker.model.q0))
 
 

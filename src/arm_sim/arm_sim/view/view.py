@@ -6,21 +6,23 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from arm_dynamics.model.arm import ArmModel
 from arm_sim.exceptions import ViewError
+from arm_sim.recording import Recording
+from arm_sim.simulator import Simulator
 from arm_sim.view import pictures
-from arm_sim.view.bench import Bench, Rig
 from arm_sim.view.charts import with_curves
-from arm_sim.view.film import Film
-from arm_sim.view.follower import Follower, Told
+from arm_sim.view.draw_loop import DrawLoop
+from arm_sim.view.film import Film, film_of
+from arm_sim.view.follower import Follower, NewsSource
+from arm_sim.view.interactive import Interactive, SimulatedArm
 from arm_sim.view.player import Player
-from arm_sim.view.pulse import Pulse
-from arm_sim.view.server import HERE, address, close_server, open_server
-from arm_sim.view.stage import Actor, lay_ground
+from arm_sim.view.server import HERE, address, close_server, library, open_server
+from arm_sim.view.stage import DrawnArm, lay_ground
 
 if TYPE_CHECKING:
     import viser
@@ -41,7 +43,10 @@ class View:
     """
 
     def __init__(
-        self, server: viser.ViserServer, actors: Sequence[Actor], source: Player | Bench | Follower
+        self,
+        server: viser.ViserServer,
+        actors: Sequence[DrawnArm],
+        source: Player | Interactive | Follower,
     ) -> None:
         self._server, self.actors, self.source = server, tuple(actors), source
         with server.gui.add_folder("Show", expand_by_default=False):
@@ -50,7 +55,7 @@ class View:
                 ("contact forces", True), ("constraint forces", True),
             ):  # fmt: skip
                 self._add_switch(what, on)
-        self._pulse.start()
+        self._loop.start()
 
     @property
     def url(self) -> str:
@@ -58,22 +63,22 @@ class View:
         return address(self._server)
 
     @property
-    def _pulse(self) -> Pulse:
-        return self.source.pulse
+    def _loop(self) -> DrawLoop:
+        return self.source.loop
 
     def draw(self) -> None:
         """Draw the current state of simulations, in a loop of your own."""
-        if isinstance(self.source, Bench):
+        if isinstance(self.source, Interactive):
             self.source.draw()
 
     def wait(self) -> None:
         """Show until it is closed from elsewhere, or Ctrl-C."""
-        self._pulse.wait()
+        self._loop.wait()
 
     def close(self) -> None:
         """End the page, and what it pushes with."""
-        self._pulse.stop()
-        if isinstance(self.source, Bench):
+        self._loop.stop()
+        if isinstance(self.source, Interactive):
             for rig in self.source.rigs:
                 rig.let_go()
         close_server(self._server)
@@ -185,7 +190,7 @@ class View:
         return [float(t) for t in np.linspace(begin, end, count)]
 
     def _seek(self, time: float) -> None:
-        """Draw a time of the motion immediately: the pulse draws only when it plays."""
+        """Draw a time of the motion immediately: the loop draws only when it plays."""
         if not isinstance(self.source, Player):
             raise ViewError("a simulation has no end; films and times require a recording")
         self.source.play(False)
@@ -203,40 +208,65 @@ class View:
                 else:
                     actor.show(what, box.value)
 
-        box.on_update(lambda _: self._pulse.order(switch))
+        box.on_update(lambda _: self._loop.order(switch))
 
 
-def show_films(
-    films: Sequence[Film], host: str = HERE, port: int | None = None, folder: Path | None = None,
-    together: bool = False,
+def show(
+    *what: Any, name: str | Sequence[str] = "arm", host: str = HERE, port: int | None = None,
+    folder: Path | None = None, together: bool = False,
 ) -> View:  # fmt: skip
-    """Show motions, side by side or, for comparison, ``together`` in one place.
+    """Show arms in a browser, side by side.
+
+    Simulators and scenes can be run, stepped, placed, pushed and pulled. The page runs them in a
+    thread of its own; in a loop of your own, do not use its buttons, and call ``draw()`` of the
+    page. Recordings play, at any time and speed, with their forces.
+
+    Args:
+        *what: Simulators or scenes (anything that ``load_scene`` accepts), or recordings or films.
+        name: Name of the arms on the page, or of each; films have theirs.
+        host: Address that the page listens on.
+        port: Port; None for 8080 or the next free one.
+        folder: Folder of meshes with relative names.
+        together: Recordings lie on top of one another, for comparison.
+
+    Returns:
+        The page, which a notebook displays; ``close()`` ends it.
 
     Raises:
-        ViewError: If the library is missing, or the address cannot be used.
+        ViewError: If motions and simulations are mixed, the visualization library is missing, or
+            the address cannot be used.
+        InvalidInput: If a recording has no scene.
+        SceneError: If a scene cannot be used.
     """
-    server = open_server("arm view", host, port)
-    names = _different([film.name for film in films])
-    actors = _cast(server, names, [film.model for film in films], folder, together)
-    return View(server, actors, Player(server, films, actors))
-
-
-def show_rigs(
-    rigs: Sequence[Rig], names: Sequence[str], host: str = HERE, port: int | None = None,
-    folder: Path | None = None,
-) -> View:  # fmt: skip
-    """Show interactive simulations side by side; raises as ``show_films``."""
+    names = [name] * len(what) if isinstance(name, str) else [*name]
+    moving = [isinstance(thing, Recording | Film) for thing in what]
+    if not what or len(names) != len(what) or len(set(moving)) > 1 or (together and not moving[0]):
+        raise ViewError(
+            f"{len(what)} things to show with {len(names)} names, {sum(moving)} of them motions; "
+            "allowed: simulators and scenes, or recordings and films, which alone can lie together"
+        )
+    library()  # before anything is computed
+    if moving[0]:
+        films = [
+            thing if isinstance(thing, Film) else film_of(thing, label)
+            for thing, label in zip(what, names, strict=True)
+        ]
+        server = open_server("arm view", host, port)
+        labels = _different([film.name for film in films])
+        actors = _cast(server, labels, [film.model for film in films], folder, together)
+        return View(server, actors, Player(server, films, actors))
+    rigs = [SimulatedArm(x if isinstance(x, Simulator) else Simulator(x)) for x in what]
     server = open_server("arm view", host, port)
     models = [rig.simulation.model for rig in rigs]
     actors = _cast(server, _different(names), models, folder, False)
-    return View(server, actors, Bench(server, rigs, actors))
+    return View(server, actors, Interactive(server, rigs, actors))
 
 
 def show_followed(
-    told: Sequence[Told], names: Sequence[str], models: Sequence[ArmModel], host: str = HERE,
+    told: Sequence[NewsSource], names: Sequence[str], models: Sequence[ArmModel], host: str = HERE,
     port: int | None = None,
 ) -> View:  # fmt: skip
-    """Follow running arms side by side; raises as ``show_films``."""
+    """Follow running arms side by side; raises as ``show``."""
     server = open_server("arm view", host, port)
     actors = _cast(server, _different(names), models, None, False)
     return View(server, actors, Follower(server, told, actors))
@@ -245,14 +275,14 @@ def show_followed(
 def _cast(
     server: viser.ViserServer, names: Sequence[str], models: Sequence[ArmModel],
     folder: Path | None, together: bool,
-) -> list[Actor]:  # fmt: skip
+) -> list[DrawnArm]:  # fmt: skip
     """Place arms side by side about the centre, the first at the left."""
     sizes = np.array([model.reach for model in models])
     gaps = np.zeros(len(sizes) - 1) if together else GAP * (sizes[:-1] + sizes[1:])
     places = np.concatenate([[0.0], np.cumsum(gaps)])
     places -= places[-1] / 2
     actors = [
-        Actor(server, model, name, (0.0, -place, 0.0), folder)
+        DrawnArm(server, model, name, (0.0, -place, 0.0), folder)
         for name, model, place in zip(names, models, places.tolist(), strict=True)
     ]
     lay_ground(server, actors, float(np.ptp(places)))

@@ -11,7 +11,7 @@ import click
 
 from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import examples
-from arm_sim.cli.view.wish import Wish
+from arm_sim.cli.view.options import ViewOptions
 
 if TYPE_CHECKING:
     from arm_sim.view import View
@@ -115,7 +115,9 @@ def view(
         if live:
             page = _followed(stack, what, live, host, port)
         else:
-            page = _shown(what, Wish(host, port, bool(pictures), duration, control, scene, topic))
+            page = _shown(
+                what, ViewOptions(host, port, bool(pictures), duration, control, scene, topic)
+            )
         stack.enter_context(page)
         for kind, path in pictures.items():
             if kind == "png":
@@ -131,17 +133,17 @@ def view(
                 page.wait()
 
 
-def _shown(what: tuple[str, ...], wish: Wish) -> View:
+def _shown(what: tuple[str, ...], options: ViewOptions) -> View:
     from arm_sim.cli.view.sources import shown
 
     if not what:
         raise click.UsageError("a scene, a recording, or --live for a running robot is expected")
-    return shown(what, wish)
+    return shown(what, options)
 
 
 def _followed(
     stack: ExitStack, what: tuple[str, ...], live: tuple[str, ...], host: str, port: int | None
 ) -> View:
-    from arm_sim.cli.view.live import Hearing
+    from arm_sim.cli.view.live import RunningArms
 
-    return stack.enter_context(Hearing(live)).show(what, host, port)
+    return stack.enter_context(RunningArms(live)).show(what, host, port)

@@ -23,7 +23,7 @@ from arm_sim.view import News, View, show_followed
 _WAIT = 5.0  # [s] for joint states and for a description
 
 
-class Heard:
+class RunningArm:
     """One running arm.
 
     Only the bytes of the newest joint state are kept, which arrive a thousand times a second;
@@ -144,7 +144,7 @@ class Heard:
         self._energy = message
 
 
-class Hearing:
+class RunningArms:
     """Receives running arms in a thread of its own; use it in a ``with`` statement."""
 
     def __init__(self, namespaces: Sequence[str]) -> None:
@@ -152,7 +152,7 @@ class Hearing:
         self._listener = Listener()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="arm view: topics", daemon=True)
-        self.arms = [Heard(self._listener, namespace) for namespace in namespaces]
+        self.arms = [RunningArm(self._listener, namespace) for namespace in namespaces]
 
     def __enter__(self) -> Self:
         """Use it in a ``with`` statement."""

@@ -8,22 +8,22 @@ from pathlib import Path
 
 from arm_dynamics.control import GravityCompensation
 from arm_sim import Recording, Simulator
-from arm_sim.cli.view.wish import Wish
+from arm_sim.cli.view.options import ViewOptions
 from arm_sim.exceptions import ViewError
-from arm_sim.recording import film_of
-from arm_sim.view import Film, View, show_films, show_rigs
+from arm_sim.view import View, show
 
 RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
 
 
-def shown(what: Sequence[str], wish: Wish) -> View:
+def shown(what: Sequence[str], options: ViewOptions) -> View:
     """A page of scenes, or of recordings.
 
     Raises:
         ArmError: If one of them cannot be used, or they are mixed.
     """
-    names, folder = [_name(thing) for thing in what], _folder(wish.scene or what[0])
+    names, folder = [_name(thing) for thing in what], _folder(options.scene or what[0])
     recorded = [thing for thing in what if _is_recording(thing)]
+    things: list[Recording | Simulator]
     if recorded:
         if len(recorded) < len(what):
             other = next(thing for thing in what if thing not in recorded)
@@ -31,14 +31,12 @@ def shown(what: Sequence[str], wish: Wish) -> View:
                 f"'{recorded[0]}' is a recording and '{other}' is not; allowed: several "
                 "arguments of one kind"
             )
-        return show_films([_loaded(path, wish) for path in what], wish.host, wish.port, folder)
-    simulators = [Simulator(scene) for scene in what]
-    if not wish.over:
-        rigs = [simulator.rig() for simulator in simulators]
-        return show_rigs(rigs, names, wish.host, wish.port, folder)
-    pairs = zip(simulators, names, strict=True)
-    films = [_moved(*pair, wish.duration, wish.control) for pair in pairs]
-    return show_films(films, wish.host, wish.port, folder)
+        things = [_loaded(path, options) for path in what]
+    else:
+        things = [Simulator(scene) for scene in what]
+        if options.over:
+            things = [_moved(simulator, options.duration, options.control) for simulator in things]
+    return show(*things, name=names, host=options.host, port=options.port, folder=folder)
 
 
 def _is_recording(what: str) -> bool:
@@ -46,18 +44,16 @@ def _is_recording(what: str) -> bool:
     return path.suffix.lower() in RECORDINGS or path.is_dir()
 
 
-def _loaded(path: str, wish: Wish) -> Film:
-    recording = Recording.load(path, topic=wish.topic)
-    if recording.scene is None and wish.scene is None:
+def _loaded(path: str, options: ViewOptions) -> Recording:
+    recording = Recording.load(path, topic=options.topic)
+    if recording.scene is None and options.scene is None:
         raise ViewError(f"'{path}' contains no scene, so its arm is unknown; name it by --scene")
-    if recording.scene is None:
-        recording = recording.of(wish.scene)
-    return film_of(recording, _name(path))
+    return recording.of(options.scene) if recording.scene is None else recording
 
 
-def _moved(simulator: Simulator, name: str, duration: float, control: str) -> Film:
+def _moved(simulator: Simulator, duration: float, control: str) -> Recording:
     carried = GravityCompensation(simulator.dynamics).torque if control == "weight" else None
-    return film_of(simulator.run(duration, control=carried), name)
+    return simulator.run(duration, control=carried)
 
 
 def _name(what: str) -> str:

@@ -7,23 +7,22 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm_dynamics import Dynamics
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.joint_space import GravityCompensation, PDGravity, tuned
-from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.external_wrench import ExternalWrenches
+from arm_sim.simulator import Simulator
 from arm_sim.state import State
 from arm_sim.view.charts import Chart, Charts
+from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.live_account import LiveAccount
 from arm_sim.view.marks import Instant
-from arm_sim.view.pulse import Pulse
-from arm_sim.view.stage import Actor
+from arm_sim.view.stage import DrawnArm
 
 if TYPE_CHECKING:
     import viser
@@ -39,61 +38,16 @@ EAGER = 4.0  # [rad/s] with which references move to the sliders
 UNLIMITED = {"prismatic": 1.0}  # range of a slider without limits in [m]; others: one turn
 
 
-class Simulated(Protocol):
-    """An interactive simulation, such as a ``Simulator``."""
-
-    n: int
-    joint_names: tuple[str, ...]
-    dt: float
-
-    @property
-    def model(self) -> ArmModel:
-        """The arm."""
-
-    @property
-    def state(self) -> State:
-        """Its state."""
-
-    @property
-    def dynamics(self) -> Dynamics:
-        """Its dynamics."""
-
-    @property
-    def effort(self) -> Array:
-        """Effective torques, shape (n,)."""
-
-    def advance(self, tau: Sequence[float]) -> None:
-        """Advance by one tick."""
-
-    def reset(self) -> State:
-        """Reset to the initial state."""
-
-    def set_state(self, q: Any = None, v: Any = None) -> State:
-        """Set its state."""
-
-    def set_parameter(self, name: str, value: Any) -> None:
-        """Change a tunable quantity."""
-
-
-class Rig:
-    """A simulation with its controller and external forces.
+class SimulatedArm:
+    """A simulation with its controller, external forces and energy account.
 
     Args:
-        simulation: The arm; the thread of the page's pulse moves it.
-        look: Returns the current picture.
-        let_push: Prepares external forces; called before the first.
-        account: Its energy account.
+        simulation: The arm; the thread of the page's loop moves it.
     """
 
-    def __init__(
-        self,
-        simulation: Simulated,
-        look: Callable[[], Instant],
-        let_push: Callable[[], None],
-        account: LiveAccount,
-    ) -> None:
-        self.simulation, self.look, self._let_push = simulation, look, let_push
-        self.account, self._seen = account, simulation.state.step
+    def __init__(self, simulation: Simulator) -> None:
+        self.simulation, self.account = simulation, LiveAccount(simulation)
+        self._seen = simulation.state.step
         self.control, self.target = NOTHING, simulation.state.q.copy()
         self.wrenches = ExternalWrenches(simulation.dynamics, "local_world_aligned")
         self._reference = self.target.copy(), np.zeros(simulation.n)
@@ -103,6 +57,21 @@ class Rig:
         gains = tuned(simulation.dynamics, 20.0, 1.0, dt=simulation.dt)
         self._lead = PDGravity(simulation.dynamics, *gains)
         self._carry = GravityCompensation(simulation.dynamics)
+
+    def look(self) -> Instant:
+        """The picture of the current state, under the torque of the last tick."""
+        simulation, state = self.simulation, self.simulation.state
+        model = simulation.model
+        forces = simulation.contact_forces() if model.scene.contacts else ()
+        return Instant(
+            state.time,
+            state.q,
+            np.array([[force.point, force.force] for force in forces]).reshape(-1, 2, 3),
+            simulation.multipliers() if model.scene.bilateral else np.zeros(0),
+            simulation.stop_torque
+            if model.stops.touched(state.q).any()
+            else np.zeros(simulation.n),
+        )
 
     @property
     def error(self) -> Array:
@@ -121,7 +90,8 @@ class Rig:
         """Apply a force in [N] and moment in [N m], in world axes, to a frame for some ticks."""
         if not self._pushable:
             self.wrenches.push(frame, wrench, 0)  # raises an error if it cannot be pushed
-            self.account.change(self._let_push)
+            simulation = self.simulation
+            self.account.change(lambda: simulation.use(simulation.compiled.pushable()))
             self._pushable = True
         self.wrenches.push(frame, wrench, self.simulation.state.step + ticks - 1)
 
@@ -177,7 +147,7 @@ class Rig:
         return Reference(q, v, a)
 
 
-class Bench:
+class Interactive:
     """The controls of a page that shows simulations.
 
     Args:
@@ -186,17 +156,17 @@ class Bench:
         actors: The arms.
 
     Attributes:
-        pulse: Its thread.
+        loop: Its thread.
         running: Whether the simulation runs.
     """
 
     def __init__(
-        self, server: viser.ViserServer, rigs: Sequence[Rig], actors: Sequence[Actor]
+        self, server: viser.ViserServer, rigs: Sequence[SimulatedArm], actors: Sequence[DrawnArm]
     ) -> None:
         self._server, self.rigs, self._actors = server, tuple(rigs), tuple(actors)
         self.running, self._owed, self._trouble = False, 0.0, ""
-        self.pulse = Pulse(self._beat, self._complain)
-        gui, order = server.gui, self.pulse.order
+        self.loop = DrawLoop(self._beat, self._complain)
+        gui, order = server.gui, self.loop.order
         self._run = gui.add_button("Run")
         self._run.on_click(lambda _: order(lambda: self.run(not self.running)))
         step = gui.add_button("Step")
@@ -205,7 +175,7 @@ class Bench:
         gui.add_button("Reset").on_click(lambda _: order(self.reset))
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
         control = gui.add_dropdown("controller", CONTROLS, initial_value=NOTHING)
-        control.on_update(self.pulse.moved(self._choose))
+        control.on_update(self.loop.moved(self._choose))
         self._status = gui.add_markdown("")
         self._sliders = [
             self._add_sliders(rig, actor)
@@ -223,7 +193,7 @@ class Bench:
             rig.account.prepare()
         self.draw()
 
-    # --- orders: for the thread of the pulse ---------------------------------------------------
+    # --- orders: for the thread of the loop ---------------------------------------------------
 
     def run(self, on: bool) -> None:
         """Run or pause."""
@@ -322,7 +292,7 @@ class Bench:
             ]
         return charts
 
-    def _add_sliders(self, rig: Rig, actor: Actor) -> list[Any]:
+    def _add_sliders(self, rig: SimulatedArm, actor: DrawnArm) -> list[Any]:
         model, q, sliders = rig.simulation.model, rig.simulation.state.q, []
         kinds = zip(model.joint_names, model.joint_types, strict=True)
         with self._server.gui.add_folder(f"Joints of {actor.name}"):
@@ -333,11 +303,11 @@ class Bench:
                 slider = self._server.gui.add_slider(
                     name, float(low), float(high), (float(high) - float(low)) / 2000, float(q[i])
                 )
-                slider.on_update(self.pulse.moved(partial(self._slide, rig, i)))
+                slider.on_update(self.loop.moved(partial(self._slide, rig, i)))
                 sliders.append(slider)
         return sliders
 
-    def _slide(self, rig: Rig, joint: int, value: float) -> None:
+    def _slide(self, rig: SimulatedArm, joint: int, value: float) -> None:
         """Move the arm to the position of a slider, or set it there while paused."""
         if rig.control == SLIDERS:
             rig.target[joint] = value
@@ -347,7 +317,7 @@ class Bench:
             rig.place(q)
             self.draw()
 
-    def _add_push(self, rig: Rig, actor: Actor) -> None:
+    def _add_push(self, rig: SimulatedArm, actor: DrawnArm) -> None:
         gui, model = self._server.gui, rig.simulation.model
         frames = [name for name in model.frame_names if model.frame(name).parentJoint > 0]
         hand = actor.marker.hand
@@ -360,9 +330,9 @@ class Bench:
                 ticks = max(1, round(lasting.value / rig.simulation.dt))
                 rig.push(frame.value, np.array([*force.value, 0.0, 0.0, 0.0]), ticks)
 
-            gui.add_button("Push").on_click(lambda _: self.pulse.order(push))
+            gui.add_button("Push").on_click(lambda _: self.loop.order(push))
 
-    def _add_pull(self, rig: Rig, actor: Actor) -> None:
+    def _add_pull(self, rig: SimulatedArm, actor: DrawnArm) -> None:
         """Add a spring force at the point of a link that the mouse drags."""
         stiffness = 2.0 * 9.81 * rig.simulation.model.total_mass / actor.size
         frames = set(rig.simulation.model.frame_names)
@@ -376,10 +346,10 @@ class Bench:
         def dragged(frame: str) -> Callable[[Any], Any]:
             async def on_drag(event: Any) -> None:  # in order, as plain functions would not be
                 if event.phase == "end":
-                    self.pulse.order(rig.wrenches.clear)
+                    self.loop.order(rig.wrenches.clear)
                     return
                 ends = np.array(event.start_position), np.array(event.end_position)
-                self.pulse.order(lambda: pull(frame, *ends))
+                self.loop.order(lambda: pull(frame, *ends))
 
             return on_drag
 

@@ -18,7 +18,7 @@ RATE = 60.0  # [Hz] at which pictures change at most
 _log = logging.getLogger(__name__)
 
 
-class Pulse:
+class DrawLoop:
     """Calls ``beat`` at most sixty times a second, and the page's requests between two calls.
 
     So only one thread changes the content of a page.

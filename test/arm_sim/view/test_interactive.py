@@ -11,14 +11,14 @@ import pytest
 
 from arm_dynamics import InvalidInput
 from arm_sim import Simulator
-from arm_sim.view.bench import NOTHING, SLIDERS, WEIGHT
+from arm_sim.view.draw_loop import DrawLoop
+from arm_sim.view.interactive import NOTHING, SLIDERS, WEIGHT, SimulatedArm
 from arm_sim.view.live_account import LiveAccount
-from arm_sim.view.pulse import Pulse
 
 
 def test_a_push_accelerates_as_its_torque_does() -> None:
     sim = Simulator("two_link")
-    rig, before = sim.rig(), sim.state
+    rig, before = SimulatedArm(sim), sim.state
     rig.push("forearm", np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]), ticks=2)
     free = sim.dynamics.forward(before.q, before.v, np.zeros(2))
     torque = rig.wrenches.torque(before.q, 0)
@@ -34,12 +34,12 @@ def test_a_push_accelerates_as_its_torque_does() -> None:
 
 def test_a_frame_that_never_moves_is_not_pushed() -> None:
     with pytest.raises(InvalidInput, match="base"):
-        Simulator("two_link").rig().push("base", np.ones(6), 1)
+        SimulatedArm(Simulator("two_link")).push("base", np.ones(6), 1)
 
 
 def test_weight_is_carried_and_sliders_are_gone_to() -> None:
     sim = Simulator("panda")
-    rig = sim.rig()
+    rig = SimulatedArm(sim)
     rig.choose(WEIGHT)
     for _ in range(200):
         rig.tick()
@@ -58,7 +58,7 @@ def test_weight_is_carried_and_sliders_are_gone_to() -> None:
 
 def test_drives_get_commands_and_not_torques() -> None:
     sim = Simulator("motor_pendulum")
-    rig = sim.rig()
+    rig = SimulatedArm(sim)
     rig.place(sim.state.q + 0.7)
     rig.choose(WEIGHT)
     start = sim.state.q
@@ -70,7 +70,7 @@ def test_drives_get_commands_and_not_torques() -> None:
 def test_the_energy_account_beside_it_is_that_of_a_recording() -> None:
     """With a drive that stores, loses and brings in energy; after a push and in another place."""
     sim = Simulator("motor_pendulum")
-    rig = sim.rig()
+    rig = SimulatedArm(sim)
     rig.place(sim.state.q + 0.7)
     rig.account.prepare()
     rig.push("bob", np.zeros(6), ticks=1)  # which compiles the scene anew
@@ -98,7 +98,7 @@ def test_the_energy_account_beside_it_is_that_of_a_recording() -> None:
 
 def test_an_account_starts_anew_when_somebody_else_has_moved_the_arm() -> None:
     sim = Simulator("motor_pendulum")
-    rig = sim.rig()
+    rig = SimulatedArm(sim)
     rig.account.prepare()
     until_built(rig.account)
     for _ in range(50):
@@ -122,15 +122,15 @@ def until_built(account: LiveAccount) -> None:
 
 def test_requests_are_served_in_turn_by_one_thread_and_refusals_are_reported() -> None:
     told, served, done = list[str](), list[object](), threading.Event()
-    pulse = Pulse(lambda passed: None, told.append)
+    loop = DrawLoop(lambda passed: None, told.append)
 
     def refuse() -> None:
         raise InvalidInput("not allowed")
 
     for order in (lambda: served.append(threading.current_thread()), refuse, done.set):
-        pulse.order(order)
-    pulse.start()
+        loop.order(order)
+    loop.start()
     assert done.wait(10.0)
-    pulse.stop()
+    loop.stop()
     assert told == ["not allowed"]
     assert served != [threading.current_thread()]

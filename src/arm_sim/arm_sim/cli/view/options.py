@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Wish:
+class ViewOptions:
     """Options of the view.
 
     Attributes:
