@@ -35,6 +35,7 @@ SAYS = {
         "compiled_scene": "one plant, one method, their compiled ticks",
         "recording": "states; energy account",
         "plan": "computed, skipped",
+        "derivatives": "of ticks, across events",
         "stepping": "ticks: smooth motion, events (the engine in C)",
         "integrators": "steps, which method to take",
         "servo": "positions as commands",

@@ -7,6 +7,7 @@ from functools import cached_property
 
 from arm_dynamics import ArmModel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_sim.derivatives import Derivatives
 from arm_sim.integrators.selection import Choice
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
@@ -14,8 +15,6 @@ from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.servo import Rest, Servo
-from arm_sim.stepping.gradient import Gradients
-from arm_sim.stepping.linearization import Linearizer
 from arm_sim.stepping.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
 
@@ -36,7 +35,6 @@ class CompiledScene:
         self.plant, self.choice, self.backend = plant, choice, backend
         self.stepper = Stepper(plant, choice, backend)
         self._controlled: tuple[CompiledControl, Stepper] | None = None
-        self._linearizers = dict[tuple[int, ...], Linearizer]()
 
     def pushable(self) -> CompiledScene:
         """Copy with external joint torques, the quantity ``external``.
@@ -97,27 +95,14 @@ class CompiledScene:
         """The parts that a tick computes and skips, with reasons."""
         return Plan(self.plant, self.choice, self.stepper)
 
-    def linearizer(self, tuned: tuple[int, ...] = ()) -> Linearizer:
-        """Exact derivatives of ticks, those by some entries of p included; kept for the next time.
-
-        Args:
-            tuned: Indices in p.
-        """
-        if tuned not in self._linearizers:
-            self._linearizers[tuned] = Linearizer(
-                self.plant, self.choice, self.stepper, self.backend, tuned
-            )
-        return self._linearizers[tuned]
-
-    @cached_property
-    @one_at_a_time
-    def gradients(self) -> Gradients:
-        """Gradients of functions of many arms' states."""
-        every = tuple(range(len(self.plant.parameters.nominal)))
-        return Gradients(self.plant, self.choice, self.linearizer(every), self.backend)
-
     @cached_property
     @one_at_a_time
     def rollouts(self) -> Rollouts:
         """Many arms at once."""
         return Rollouts(self.plant, self.choice, self.stepper, self.backend)
+
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """Derivatives of ticks and rollouts."""
+        rollouts = lambda: self.rollouts  # noqa: E731 - built when they are needed
+        return Derivatives(self.plant, self.choice, self.stepper, rollouts, self.backend)

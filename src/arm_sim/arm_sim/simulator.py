@@ -6,16 +6,16 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import chain
+from functools import wraps
 from struct import Struct
-from typing import Any, overload
+from typing import Any, Concatenate
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation import StateKind
-from arm_dynamics.arrays import Array, real_array
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.wrappers import AnyController
 from arm_dynamics.exceptions import choices
@@ -25,15 +25,14 @@ from arm_dynamics.scene.constraint import label, switchable
 from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.trajectory.reference import Motion
 from arm_sim.compiled_scene import CompiledScene
+from arm_sim.derivatives import Derivatives
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import Line, Measured, command_line, delivered, sensors_of
 from arm_sim.inputs import (
     SaturationNotice,
     answers,
     named,
-    one_side,
     row,
-    rows,
     tick_count,
     torque,
     torque_table,
@@ -42,7 +41,7 @@ from arm_sim.inputs import (
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
-from arm_sim.plant.placing import closed, constraint_hint, holding, packed, placed
+from arm_sim.plant.placing import closed, constraint_hint, holding, placed
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.changes import Changes
 from arm_sim.recording.contents import BRAKES, FREE, SERVOS
@@ -53,13 +52,24 @@ from arm_sim.servo import JointCommand
 from arm_sim.servo.stability import danger
 from arm_sim.state import State, read_only
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces, trouble
-from arm_sim.stepping.gradient import RolloutGradient, gradient_of, rollout_change
 from arm_sim.stepping.roll import Roll
 from arm_sim.stepping.stepper import Stepper
 
 Control = Callable[[State], Any]
 
 _log = logging.getLogger(__name__)
+
+
+def _differentiated[**P, R](
+    method: Callable[Concatenate[Derivatives, P], R],
+) -> Callable[Concatenate[Simulator, P], R]:
+    """The same method of a simulator, from its state and scene."""
+
+    @wraps(method)
+    def derivative(self: Simulator, /, *args: P.args, **options: P.kwargs) -> R:
+        return method(self.compiled.derivatives, *args, **options)
+
+    return derivative
 
 
 class Simulator:
@@ -530,302 +540,12 @@ class Simulator:
         batch = replace(batch, tau=delivered(self.model.scene, self.dt, batch.tau))
         return rollouts.run(batch, threads, lanes)
 
-    @overload
-    def linearize(
-        self, state: State, tau: ArrayLike, ticks: int = 1, *, side: int | None = None
-    ) -> tuple[Array, Array]: ...
-
-    @overload
-    def linearize(
-        self,
-        state: State,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str],
-        side: int | None = None,
-    ) -> tuple[Array, Array, dict[str, Array]]: ...
-
-    def linearize(
-        self,
-        state: State,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str] | None = None,
-        side: int | None = None,
-    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
-        """Exact derivatives of the state after a tick (or several, torque held).
-
-        Across events, which move with the state: see ``docs/concepts/derivatives.md``. Under error
-        control the first tick chooses its sub-steps anew, as after ``reset``, whatever sub-step
-        the simulator remembers: derivatives depend on the arguments alone.
-
-        Args:
-            state: State at the beginning of the tick.
-            tau: Torque in [N m] or [N], or commands of the drives, shape (n,).
-            ticks: Number of ticks.
-            by: Names of tunable quantities to differentiate by as well, see ``set_parameter``.
-            side: For ticks without a derivative, 1 or -1: derivatives on the side where the entry
-                that they are taken by is larger or smaller; None: such ticks are refused.
-
-        Returns:
-            A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z); if
-            quantities are named, also P with P[name] = ∂x⁺/∂p of shape (nx, size).
-
-        Raises:
-            InvalidInput: If an argument is not allowed.
-            NotDifferentiable: If a tick has no derivative, on that side if one is chosen: a state
-                on the boundary of a mode, a joint held between its sliding and its static level,
-                a command at its limit, events at the same instant, a contact that is grazed.
-            SimulationDiverged: If a tick cannot be computed.
-        """
-        whole("ticks", ticks, 1)
-        x, command = self._point(state, tau)
-        places = self._places(by)
-        linearizer = self._compiled.linearizer(tuple(chain(*places.values())))
-        slope = linearizer(x, command, ticks, one_side(side))
-        A, B, P = self._parted(slope, places)
-        return (A, B) if by is None else (A, B, P)
-
-    def jvp(
-        self,
-        state: State,
-        tau: ArrayLike,
-        dx: ArrayLike,
-        dtau: ArrayLike,
-        ticks: int = 1,
-        *,
-        side: int | None = None,
-    ) -> Array:
-        """A dx + B dτ of ``linearize``: first-order change of the state after a tick.
-
-        A and B are not formed where the tick is smooth.
-
-        Args:
-            state: State at the beginning of the tick.
-            tau: Torque, as for ``linearize``.
-            dx: Change of x = (q, v, z), shape (nx,).
-            dtau: Change of the torque, shape (n,).
-            ticks: Number of ticks.
-            side: As for ``linearize``.
-
-        Returns:
-            Change of the state after the ticks, shape (nx,).
-
-        Raises:
-            InvalidInput: If an argument is not allowed.
-            NotDifferentiable: As ``linearize``.
-            SimulationDiverged: Likewise.
-        """
-        whole("ticks", ticks, 1)
-        x, command = self._point(state, tau)
-        dx, dtau = row("dx", dx, self.plant.nx), row("dtau", dtau, self.n)
-        return self._compiled.linearizer().product(x, command, ticks, dx, dtau, one_side(side))
-
-    def vjp(
-        self,
-        state: State,
-        tau: ArrayLike,
-        weights: ArrayLike,
-        ticks: int = 1,
-        *,
-        side: int | None = None,
-    ) -> tuple[Array, Array]:
-        """Aᵀ w and Bᵀ w of ``linearize``: the gradient of w · x⁺ by the state and the torque.
-
-        A and B are not formed where the tick is smooth.
-
-        Args:
-            state: State at the beginning of the tick.
-            tau: Torque, as for ``linearize``.
-            weights: w, shape (nx,).
-            ticks: Number of ticks.
-            side: As for ``linearize``.
-
-        Returns:
-            Gradients by x = (q, v, z), shape (nx,), and by the torque, shape (n,).
-
-        Raises:
-            InvalidInput: If an argument is not allowed.
-            NotDifferentiable: As ``linearize``.
-            SimulationDiverged: Likewise.
-        """
-        whole("ticks", ticks, 1)
-        x, command = self._point(state, tau)
-        weights = row("weights", weights, self.plant.nx)
-        gradients, p = self._compiled.gradients, self._stepper.p
-        return gradients.product(x, command, p, ticks, weights, one_side(side))
-
-    @overload
-    def linearize_many(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> tuple[Array, Array]: ...
-
-    @overload
-    def linearize_many(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str],
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> tuple[Array, Array, dict[str, Array]]: ...
-
-    def linearize_many(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        tau: ArrayLike,
-        ticks: int = 1,
-        *,
-        by: Sequence[str] | None = None,
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
-        """As ``linearize``, at many states; smooth ticks in vector registers and on all cores.
-
-        Args:
-            q: Positions in [rad] or [m], shape (b, n).
-            v: Velocities in [rad/s] or [m/s], shape (b, n).
-            tau: Torques in [N m] or [N], held, shape (n,) or (b, n).
-            ticks: Number of ticks.
-            by: As for ``linearize``.
-            side: Likewise.
-            threads: Number of threads; None for all cores.
-            lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available.
-
-        Returns:
-            A of shape (b, nx, nx) and B of shape (b, nx, n); if parameters are named, also P with
-            P[name] of shape (b, nx, size). Internal states z are those consistent with q and v, as
-            after a reset.
-
-        Raises:
-            InvalidInput: If an argument is not allowed.
-            NotDifferentiable: If a tick of an arm has no derivative; it names the arm.
-            SimulationDiverged: If a tick of an arm cannot be computed; likewise.
-        """
-        whole("ticks", ticks, 1)
-        rollouts = self._compiled.rollouts
-        x = rollouts.states(self._stepper.p, q=q, v=v)
-        commands = rollouts.by_tick("tau", tau, len(x), 1)[:, 0]
-        places = self._places(by)
-        linearizer = self._compiled.linearizer(tuple(chain(*places.values())))
-        slopes = linearizer.many(x, commands, ticks, threads, lanes, one_side(side))
-        A, B, P = self._parted(slopes, places)
-        return (A, B) if by is None else (A, B, P)
-
-    def rollout_jvp(
-        self,
-        q0: ArrayLike,
-        v0: ArrayLike,
-        tau: ArrayLike,
-        steps: int,
-        dq0: ArrayLike,
-        dv0: ArrayLike,
-        dtau: ArrayLike,
-        *,
-        parameters: dict[str, Any] | None = None,
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> Array:
-        """Directional derivative of the states of ``rollout``, with a direction for each arm.
-
-        It is the product of the rollout's derivative with that direction; ``rollout_gradient`` is
-        the product of its transpose with weights. Derivatives of ticks are formed at events only.
-
-        Args:
-            q0: As for ``rollout``; with bilateral constraints, states that satisfy them.
-            v0: As for ``rollout``.
-            tau: As for ``rollout``; they act immediately.
-            steps: Ticks to advance.
-            dq0: Change of the initial positions, shape (b, n).
-            dv0: Change of the initial velocities, shape (b, n).
-            dtau: Change of the torques, shape (n,), (b, n) or (b, steps, n).
-            parameters: As for ``rollout``.
-            side: As for ``linearize``, of each tick.
-            threads: Number of threads; None for all cores.
-            lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available.
-
-        Returns:
-            Changes of the states (q, v), shape (b, steps + 1, 2n).
-
-        Raises:
-            InvalidInput: If a shape or value is not allowed.
-            NotDifferentiable: If a tick of an arm has no derivative; it names the arm.
-            SimulationDiverged: If a tick of an arm cannot be computed; likewise.
-        """
-        p = self.plant.parameters.merged(parameters or {}, self._stepper.p)
-        rollouts, linearizer = self._compiled.rollouts, self._compiled.linearizer()
-        batch = rollouts.batch(q0, v0, tau, steps, p, last_only=True)
-        arms = len(batch.x0)
-        dx0 = np.hstack([
-            rows(name, change, arms, self.n) for name, change in (("dq0", dq0), ("dv0", dv0))
-        ])  # fmt: skip
-        changes, sided = rollouts.by_tick("dtau", dtau, arms, batch.steps), one_side(side)
-        return rollout_change(self.plant, linearizer, batch, dx0, changes, threads, lanes, sided)
-
-    def rollout_gradient(
-        self,
-        q0: ArrayLike,
-        v0: ArrayLike,
-        tau: ArrayLike,
-        steps: int,
-        g: ArrayLike,
-        *,
-        parameters: dict[str, Any] | None = None,
-        side: int | None = None,
-        threads: int | None = None,
-        lanes: int | None = None,
-    ) -> RolloutGradient:
-        """Gradient of a function L of the states of ``rollout``, by all arguments of the rollout.
-
-        It costs about as much as four rollouts. It stores the motion of the arms that are advanced
-        side by side: threads × lanes × (steps + 1) × nx numbers, besides arguments and results;
-        with events, or with error control, the derivatives of every tick of an arm.
-
-        Args:
-            q0: As for ``rollout``; with bilateral constraints, states that satisfy them.
-            v0: As for ``rollout``.
-            tau: As for ``rollout``; they act immediately.
-            steps: Ticks to advance.
-            g: ∂L/∂states at the states that ``rollout`` returns, shape (b, steps + 1, 2n).
-            parameters: As for ``rollout``.
-            side: As for ``linearize``, of each tick.
-            threads: Number of threads; None for all cores.
-            lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available.
-
-        Raises:
-            InvalidInput: If a shape or value is not allowed.
-            NotDifferentiable: If a tick of an arm has no derivative; it names both.
-            SimulationDiverged: If a tick of an arm cannot be computed; likewise.
-        """
-        p = self.plant.parameters.merged(parameters or {}, self._stepper.p)
-        batch = self._compiled.rollouts.batch(q0, v0, tau, steps, p, last_only=True)
-        shape = len(batch.x0), batch.steps + 1, 2 * self.n
-        weights = np.ascontiguousarray(real_array("g", g))
-        if weights.shape != shape or not np.isfinite(weights).all():
-            raise InvalidInput(
-                f"g has shape {weights.shape}; finite numbers of shape {shape} are expected"
-            )
-        if self.plant.nz:
-            weights = np.pad(weights, ((0, 0), (0, 0), (0, self.plant.nz)))
-        found = self._compiled.gradients.run(batch, weights, threads, lanes, one_side(side))
-        return gradient_of(self.plant, batch, found, np.shape(tau))
+    linearize = _differentiated(Derivatives.linearize)
+    linearize_many = _differentiated(Derivatives.linearize_many)
+    jvp = _differentiated(Derivatives.jvp)
+    vjp = _differentiated(Derivatives.vjp)
+    rollout_jvp = _differentiated(Derivatives.rollout_jvp)
+    rollout_gradient = _differentiated(Derivatives.rollout_gradient)
 
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""
@@ -876,31 +596,6 @@ class Simulator:
             InvalidInput: If the scene has no contact.
         """
         return contact_forces(self.plant, self._stepper, self._x, self.command)
-
-    def _point(self, state: State, tau: ArrayLike) -> tuple[Array, Array]:
-        """Point at which a tick is differentiated: x and the command, validated."""
-        if not isinstance(state, State):
-            kind = type(state).__name__
-            raise InvalidInput(f"state is of type {kind}; a State is expected, such as sim.state")
-        x = packed(self.plant, state.q, state.v, state.z)
-        return x, np.array(torque(tau, self.joint_names))
-
-    def _places(self, by: Sequence[str] | None) -> dict[str, tuple[int, ...]]:
-        """Indices in p of quantities to differentiate by; ``by`` may be a single name."""
-        if by is None:
-            return {}
-        return self.plant.parameters.places((by,) if isinstance(by, str) else tuple(by))
-
-    def _parted(
-        self, slope: Array, places: dict[str, tuple[int, ...]]
-    ) -> tuple[Array, Array, dict[str, Array]]:
-        """Derivatives by state, torque and quantities, from all of them side by side."""
-        nx, end = self.plant.nx, self.plant.nx + self.n
-        P = dict[str, Array]()
-        for name, place in places.items():
-            P[name] = slope[..., end : end + len(place)]
-            end += len(place)
-        return slope[..., :nx], slope[..., nx : nx + self.n], P
 
     def use(self, compiled: CompiledScene, **parameters: Any) -> None:
         """Continue with another compiled scene of the same states, between two ticks.

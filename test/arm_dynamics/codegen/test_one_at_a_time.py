@@ -32,7 +32,7 @@ BUILDS: dict[str, Callable[[], object]] = {
     "commands": lambda: CommandMap(COMPENSATED.model),
     "servo": lambda: SIM.compiled.servo,
     "plan": lambda: SIM.plan,
-    "derivatives": lambda: SIM.compiled.linearizer(),
+    "derivatives": lambda: SIM.compiled.derivatives.linearizer(),
     "rollouts": lambda: SIM.compiled.rollouts,
 }
 
@@ -74,7 +74,7 @@ def test_what_is_built_is_found_while_another_thread_builds() -> None:
     lookups = [
         lambda: compiled_law.build(control.law, ARM.model),
         lambda: task_space.build(ARM.model, "lower", ("x",)),
-        lambda: SIM.compiled.linearizer(),
+        lambda: SIM.compiled.derivatives.linearizer(),
     ]
     built = [lookup() for lookup in lookups]
     thread.start()

@@ -176,9 +176,9 @@ def _of_derivatives(
 ) -> Iterator[tuple[str, Callable[[], object]]]:
     if not wanted:
         return
-    compiled = simulator.compiled
-    yield "derivatives of ticks", compiled.linearizer().prepare
-    yield "gradients of rollouts", compiled.gradients.prepare
+    derivatives = simulator.compiled.derivatives
+    yield "derivatives of ticks", derivatives.linearizer().prepare
+    yield "gradients of rollouts", derivatives.gradients.prepare
     for parts in FURTHER:
         yield from parts(simulator)
 

@@ -130,7 +130,7 @@ class Motion:
         batch = self._batch(x0, tau, p)
         weights = np.ascontiguousarray(_numbers("g", g).reshape(batch.out.shape))
         with _ONE_AT_A_TIME:
-            found = self._compiled.gradients.run(batch, weights, None, None)
+            found = self._compiled.derivatives.gradients.run(batch, weights, None, None)
         x, u, par = (
             by.reshape(np.shape(of)).astype(np.asarray(of).dtype, copy=False)
             for by, of in ((found.by_x, x0), (found.by_tau, tau), (found.by_p, p))

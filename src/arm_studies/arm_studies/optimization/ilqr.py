@@ -219,7 +219,7 @@ class ILQR:
         """A and B of all nodes side by side, shape (nodes, nx, nx + n)."""
         parts = []
         for phase, part in zip(self._phases, self._parts, strict=True):
-            linearizer = phase.simulator.compiled.linearizer()
+            linearizer = phase.simulator.compiled.derivatives.linearizer()
             try:
                 parts.append(linearizer.many(at.x[part], at.u[part], 1, self._threads, None))
             except NotDifferentiable as error:
@@ -266,7 +266,7 @@ def prepare(simulator: Simulator) -> None:
     Raises:
         CompilerMissing: If there is no C compiler.
     """
-    simulator.compiled.linearizer().prepare()
+    simulator.compiled.derivatives.linearizer().prepare()
     Forward(simulator).prepare()
     library_of.cache_clear()  # what this process has loaded may not be in the folder to build into
     library_of(simulator.plant.nx, simulator.n)

@@ -23,8 +23,8 @@ NO_TURN = 1e-12
 SAME = 1e-6
 
 
-class Turning:
-    """Turning of the contacts of a scene.
+class SlidingDirection:
+    """SlidingDirection of the contacts of a scene.
 
     Args:
         plant: The scene's equations; it has contacts.

@@ -26,24 +26,24 @@ from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations.contact import AT_REST
+from arm_sim.derivatives.guards import INSTANT, Guards
+from arm_sim.derivatives.impact import ImpactDerivative
+from arm_sim.derivatives.kinks import Kinks
+from arm_sim.derivatives.one_sided import Place, one_sided
+from arm_sim.derivatives.rest_projection import RestProjection
+from arm_sim.derivatives.resting import Resting
+from arm_sim.derivatives.segments import segment_type, trace_tick
+from arm_sim.derivatives.sliding_direction import SlidingDirection
+from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.methods import build_attempt
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick
-from arm_sim.stepping.blow import Blow
 from arm_sim.stepping.events import Modes
-from arm_sim.stepping.guards import INSTANT, Guards
-from arm_sim.stepping.kinks import Kinks
-from arm_sim.stepping.one_sided import Place, one_sided
-from arm_sim.stepping.resting import Resting
 from arm_sim.stepping.rollout import alike, natural_width, repeated, widths
-from arm_sim.stepping.settling import Settling
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.stepping.tangents import Arms, Tangents
-from arm_sim.stepping.trace import segment_type, trace_tick
-from arm_sim.stepping.turning import Turning
 
 # Derivatives of instants that differ by less than this fraction belong to the same instant.
 SAME = 1e-9
@@ -462,18 +462,18 @@ class Events:
 
     def __init__(self, plant: Plant, choice: Choice, tuned: Sequence[int]) -> None:
         self._plant, self._h, self._tuned = plant, choice.dt, tuned
-        self._guards, self._settling = Guards(plant, tuned), Settling(plant, tuned)
+        self._guards, self._rest_projection = Guards(plant, tuned), RestProjection(plant, tuned)
         self._resting = Resting(plant)
 
     @cached_property
     @one_at_a_time
-    def _blow(self) -> Blow:
-        return Blow(self._plant, self._tuned)
+    def _impact(self) -> ImpactDerivative:
+        return ImpactDerivative(self._plant, self._tuned)
 
     @cached_property
     @one_at_a_time
-    def _turning(self) -> Turning:
-        return Turning(self._plant, self._tuned)
+    def _sliding_direction(self) -> SlidingDirection:
+        return SlidingDirection(self._plant, self._tuned)
 
     def check_ends(self, segments: np.ndarray, u: Array, begins: bool) -> None:
         """Refuse a tick that begins or ends with an event, or on the boundary of a mode.
@@ -499,12 +499,12 @@ class Events:
         """Derivative of the state with which a segment begins, after its impact."""
         if segment["hit"]:
             n = self._plant.model.n
-            by_x, by_p = np.hsplit(self._blow.slope(segment), [2 * n])
+            by_x, by_p = np.hsplit(self._impact.slope(segment), [2 * n])
             after = by_x @ slope[: 2 * n]
             after[:, slope.shape[1] - len(self._tuned) :] += by_p
             slope = slope.copy()
             slope[n : 2 * n] = after
-        return self._settling.begun(segment["begin"], u, self._modes(segment), slope)
+        return self._rest_projection.begun(segment["begin"], u, self._modes(segment), slope)
 
     def closed(self, segment: np.void, x: Array, slope: Array, begin: Array) -> Array:
         """Derivative of the state at the end of a segment, back at closed contacts and anchors.
@@ -515,12 +515,14 @@ class Events:
             slope: Its derivative, shape (nx, nx + nw).
             begin: That of the state at the beginning, likewise.
         """
-        return self._settling.closed(segment["begin"], x, self._modes(segment), slope, begin)
+        return self._rest_projection.closed(
+            segment["begin"], x, self._modes(segment), slope, begin
+        )
 
     def part(self, segment: np.void, u: Array, slope: Array) -> Array:
         """Derivative of the length of a segment that no event ends, though the tick continues."""
         x, length = segment["begin"], float(segment["length"])
-        return self._turning.delay(x, u, self._modes(segment), slope, length)
+        return self._sliding_direction.delay(x, u, self._modes(segment), slope, length)
 
     def delay(self, segment: np.void, u: Array, slope: Array, speed: Array) -> Array:
         """Derivative of the length of a segment that an event ends, shape (nx + nw,).
@@ -585,7 +587,7 @@ class Events:
             rests = sticks[k] and np.hypot(*speeds[3 * k + 1 : 3 * k + 3, 0]) <= AT_REST
             if not (slides and (contact["fixed"] or rests)):
                 continue
-            if self._turning.can_turn(segment["begin"], u, modes, k):
+            if self._sliding_direction.can_turn(segment["begin"], u, modes, k):
                 what = "comes to rest in a straight line" if rests else "starts to slide"
                 raise NotDifferentiable(
                     f"linearize: contact '{point.name}' {what}, where its direction of sliding is "

@@ -19,6 +19,8 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import generate, operations
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_sim.derivatives.linearization import Linearizer
+from arm_sim.derivatives.tangents import LONGEST, Arms
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.adjoints import build_adjoint
 from arm_sim.integrators.methods import build_step, build_tick
@@ -27,7 +29,6 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback
-from arm_sim.stepping.linearization import Linearizer
 from arm_sim.stepping.rollout import (
     ADDRESS,
     BEGINNING,
@@ -44,7 +45,6 @@ from arm_sim.stepping.rollout import (
     widths,
 )
 from arm_sim.stepping.stepper import address, sizes, source
-from arm_sim.stepping.tangents import LONGEST, Arms
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from arm_sim.plant.slopes import jacobian_by
 EDGE = 1e-9
 
 
-class Blow:
+class ImpactDerivative:
     """Impacts of a scene with events.
 
     Args:

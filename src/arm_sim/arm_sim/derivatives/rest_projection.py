@@ -20,8 +20,8 @@ from arm_sim.plant.slopes import jacobian_by
 from arm_sim.stepping.events import Modes
 
 
-class Settling:
-    """Settling in a scene with events.
+class RestProjection:
+    """RestProjection in a scene with events.
 
     Args:
         plant: The scene's equations.
