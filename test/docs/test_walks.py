@@ -158,6 +158,7 @@ def test_controller_leads_the_arm_and_is_a_choice_of_the_node(tmp_path: Path) ->
 from dataclasses import fields
 import numpy as np
 from arm_dynamics.control import NAMES, Settings, make_controller
+from arm_dynamics.control.compiled_law import compiled_law
 from arm_dynamics.trajectory import Reference
 from arm_sim import Simulator
 
@@ -170,6 +171,7 @@ sim = Simulator({
 goal = Reference(np.array([0.3, 1.2]), np.zeros(2), np.zeros(2))
 rate = 8.0
 control = make_controller("slotine_li", sim.dynamics, Settings(bandwidth=8.0, sliding_rate=rate))
+assert compiled_law(control) is not None
 motion = sim.run(2.5, lambda state: control.torque(state, goal))
 s = rate * (goal.q - motion.q) - motion.v
 M = sim.dynamics.mass_matrix(motion.q)

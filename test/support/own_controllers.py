@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import Dynamics
-from arm_dynamics.control import Settings
+from arm_dynamics.control import JointLaw, Settings
 
 
 class Springs:
@@ -21,6 +21,38 @@ class Springs:
         e, rate = reference.q - state.q, reference.v - state.v
         tau = self.dynamics.gravity(state.q) + self.stiffness * e + 40.0 * rate
         return list(tau)
+
+
+class Pull(JointLaw):
+    """A spring and a damper as a formula, with a memory of the last pull."""
+
+    friction_terms = "all"
+
+    def __init__(self, dynamics: Dynamics, stiffness: float = 400.0):
+        super().__init__(dynamics.n, dynamics.model)
+        self.tuning = np.full(dynamics.n, stiffness), np.full(dynamics.n, 40.0)
+        self.memory = (np.zeros(dynamics.n),)
+
+    def restart(self) -> None:
+        self.memory = (np.zeros(self._n),)
+
+    def formula(self, rigid: Any, q: Any, v: Any, desired: Any, tuning: Any, memory: Any) -> Any:
+        pull = tuning[0] * (desired.q - q) + tuning[1] * (desired.v - v)
+        return rigid.gravity(q) + 0.5 * (pull + memory[0]), (pull,)
+
+
+class Numbers(Pull):
+    """Its formula takes numbers only."""
+
+    def formula(self, rigid: Any, q: Any, *rest: Any) -> Any:
+        return super().formula(rigid, np.array(q, dtype=float), *rest)
+
+
+class Other(Pull):
+    """Its formula is not its torque."""
+
+    def torque(self, state: Any, reference: Any) -> np.ndarray:
+        return super().torque(state, reference) + 1.0
 
 
 class Everything:

@@ -16,6 +16,7 @@ from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.control import (
     ComputedTorque,
     DisturbanceObserver,
+    FrictionFeedForward,
     Measured,
     PDGravity,
     Saturated,
@@ -25,6 +26,7 @@ from arm_dynamics.control import (
     load_controller,
     make_controller,
 )
+from arm_dynamics.control.compiled_law import compiled_law
 from arm_dynamics.exceptions import ControllerFailed
 from arm_dynamics.trajectory import Reference
 
@@ -59,7 +61,58 @@ def test_our_own_classes_can_be_named_too(dynamics: Dynamics) -> None:
     settings = Settings(bandwidth=12.0, damping_ratio=0.8, dt=0.002)
     named = make_controller(maker, dynamics, settings).torque(STATE, GOAL)
     direct = ComputedTorque(dynamics, 12.0, 0.8, 0.002).torque(STATE, GOAL)
-    np.testing.assert_array_equal(named, direct)
+    np.testing.assert_allclose(named, direct, rtol=1e-13)
+
+
+def test_one_with_a_formula_is_compiled_as_ours_are(dynamics: Dynamics) -> None:
+    limit = np.array([30.0, 20.0])
+    settings = Settings(friction=True, observer=20.0, saturate=True, limit=limit)
+    control = make_controller(own_controllers.Pull, dynamics, settings)
+    law = compiled_law(control)
+    assert law is not None and law.limit is not None
+    plain = FrictionFeedForward(own_controllers.Pull(dynamics), dynamics.model)
+    direct = DisturbanceObserver(plain, dynamics, settings.dt, 20.0, limit)
+    for _ in range(3):  # they remember
+        expected = np.clip(direct.torque(STATE, GOAL), -limit, limit)
+        np.testing.assert_allclose(control.torque(STATE, GOAL), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("maker", [own_controllers.Numbers, own_controllers.Other])
+def test_one_whose_formula_is_no_expression_or_another_runs_uncompiled(
+    dynamics: Dynamics, maker: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    control = make_controller(maker, dynamics)
+    expected = maker(dynamics).torque(STATE, GOAL)
+    np.testing.assert_array_equal(control.torque(STATE, GOAL), expected)
+    assert compiled_law(control) is None
+    assert "continues without compiled code" in caplog.text
+    assert maker.__name__ in caplog.text and "Pinocchio" not in caplog.text
+
+
+def test_two_classes_of_one_name_do_not_share_their_code(dynamics: Dynamics) -> None:
+    def softer() -> type:
+        class Pull(own_controllers.Pull):
+            def formula(self, *arguments: Any) -> Any:
+                tau, memory = super().formula(*arguments)
+                return 0.5 * tau, memory
+
+        return Pull
+
+    whole, half = (
+        make_controller(maker, dynamics).torque(STATE, GOAL)
+        for maker in (own_controllers.Pull, softer())
+    )
+    np.testing.assert_allclose(half, 0.5 * whole, rtol=1e-13)
+
+
+def test_friction_is_added_or_refused(dynamics: Dynamics) -> None:
+    wish = Settings(friction=True)
+    with pytest.raises(InvalidInput, match="Springs does not say which friction it leaves out"):
+        make_controller(own_controllers.Springs, dynamics, wish)
+    make_controller(own_controllers.Everything, dynamics, wish)  # which gets the settings
+    wrong = type("Wrong", (own_controllers.Pull,), {"friction_terms": "wet"})
+    with pytest.raises(InvalidInput, match="Wrong: friction_terms = 'wet'; allowed: 'all', 'dry'"):
+        make_controller(wrong, dynamics, wish)
 
 
 @pytest.mark.parametrize("maker", [own_controllers.Springs, own_controllers.made_by_a_function])

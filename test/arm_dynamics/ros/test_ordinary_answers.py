@@ -37,6 +37,7 @@ BENT = {
 }
 OWN = "own_controllers:Springs"
 NAMED = [name for name in CONTROLLERS if name not in ("computed_torque", "float")]
+NAMED += ["own_controllers:Pull"]
 DRIVEN = {
     "robot": {"urdf": (models.SCENES / "two_link.urdf").read_text()},
     "joints": {

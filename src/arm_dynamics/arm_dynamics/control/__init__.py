@@ -26,6 +26,7 @@ from arm_dynamics.control.joint_space import (
     FeedForwardPD,
     GravityCompensation,
     JointImpedance,
+    JointLaw,
     PDGravity,
     tuned,
 )
@@ -49,11 +50,10 @@ from arm_dynamics.control.wrappers import (
 
 __all__ = [
     "AlongJoints", "AnyController", "CartesianImpedance", "Compiled",
-    "CompiledComputedTorque",
-    "ComputedTorque", "Controller", "DisturbanceObserver", "FeedForwardPD",
-    "FrictionFeedForward", "GravityCompensation", "HalfTickAhead", "JointImpedance", "Law",
-    "Measured", "MotionForce", "NAMES", "OperationalSpace", "PD", "PDGravity", "PID",
-    "Restartable", "Saturated", "Settings", "Switch", "TaskController", "Watched", "at_rest",
-    "gains", "held_gains", "load_controller", "make_controller", "preparation",
-    "task_reference", "tuned",
+    "CompiledComputedTorque", "ComputedTorque", "Controller", "DisturbanceObserver",
+    "FeedForwardPD", "FrictionFeedForward", "GravityCompensation", "HalfTickAhead",
+    "JointImpedance", "JointLaw", "Law", "Measured", "MotionForce", "NAMES", "OperationalSpace",
+    "PD", "PDGravity", "PID", "Restartable", "Saturated", "Settings", "Switch", "TaskController",
+    "Watched", "at_rest", "gains", "held_gains", "load_controller", "make_controller",
+    "preparation", "task_reference", "tuned",
 ]  # fmt: skip

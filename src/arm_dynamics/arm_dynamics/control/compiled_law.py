@@ -31,7 +31,7 @@ from arm_dynamics.control.computed_torque import (
 )
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.verify import compare, random_states
-from arm_dynamics.exceptions import KernelError
+from arm_dynamics.exceptions import ControllerFailed, KernelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.rigid_expressions import RigidExpressions
 from arm_dynamics.trajectory.reference import Reference
@@ -115,6 +115,36 @@ class Law(Protocol):
 def law_of(control: object) -> Law | None:
     """The controller itself if it can be compiled, else None."""
     return control if isinstance(control, Law) and control.key is not None else None
+
+
+class AroundLaw:
+    """A wrapper of a controller that has a formula if the controller has one.
+
+    It adds no numbers of its own to those of the controller's formula.
+    """
+
+    def __init__(self, control: object) -> None:
+        """Take the controller."""
+        self._law: Any = law_of(control)
+
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What the formula depends on besides the model; see ``Law``."""
+        return None if self._law is None else (type(self), self._law.key)
+
+    @property
+    def tuning(self) -> tuple[Array, ...]:
+        """Numbers of the controller's formula."""
+        return () if self._law is None else tuple(self._law.tuning)
+
+    @property
+    def memory(self) -> tuple[Array, ...]:
+        """The controller's memory."""
+        return () if self._law is None else tuple(self._law.memory)
+
+    @memory.setter
+    def memory(self, parts: tuple[Array, ...]) -> None:
+        self._law.memory = parts
 
 
 class Compiled:
@@ -233,14 +263,19 @@ def build(law: Law, model: ArmModel) -> Kernel | None:
 
 @one_at_a_time
 def _compiled(law: Law, model: ArmModel) -> Kernel | None:
-    _log.info("building %s of %d joints", type(law).__name__, model.n)
+    _log.info("building %s of %d joints", _name(law), model.n)
     try:
         kernel = Kernel([_function(law, model)], "native")
         _check(kernel, law, model)
-    except (KernelError, OSError) as error:
+    except (ControllerFailed, KernelError, OSError) as error:
         _log.warning("%s; the controller continues without compiled code, which is slower", error)
         return None
     return kernel
+
+
+def _name(law: object) -> str:
+    """The class of a law, or what it is called if it is a user's."""
+    return str(getattr(law, "name", type(law).__name__))
 
 
 def _function(law: Law, model: ArmModel) -> ca.Function:
@@ -266,9 +301,10 @@ def _check(kernel: Kernel, law: Law, model: ArmModel) -> None:
     finally:
         law.memory = kept
     if not found:
-        raise KernelError(f"{type(law).__name__} is singular wherever it was compared")
+        raise KernelError(f"{_name(law)} is singular wherever it was compared")
     made, expected = np.swapaxes(found, 0, 1)
-    compare(type(law).__name__, (made - expected, np.maximum(abs(expected), 1.0)))
+    sizes = np.maximum(abs(expected), 1.0)
+    compare(_name(law), (made - expected, sizes), source="the controller's torque")
 
 
 def _pairs(call: Call, law: Law, model: ArmModel) -> Iterator[tuple[Array, Array]]:

@@ -16,9 +16,16 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array, all_finite, read_only
-from arm_dynamics.control.computed_torque import Checked, Controller, Moving, checked
+from arm_dynamics.control.compiled_law import AroundLaw
+from arm_dynamics.control.computed_torque import Checked, Controller, Moving, Parts, checked
 from arm_dynamics.control.wrappers import restart
-from arm_dynamics.exceptions import ControllerFailed, InvalidInput, choices, known_names
+from arm_dynamics.exceptions import (
+    ControllerFailed,
+    InvalidInput,
+    KernelError,
+    choices,
+    known_names,
+)
 from arm_dynamics.trajectory.reference import Reference
 
 Maker = Callable[..., Any]
@@ -73,7 +80,7 @@ def made(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
     Raises:
         InvalidInput: If it needs another argument, raises, or its result has no ``torque``.
     """
-    name = getattr(maker, "__name__", type(maker).__name__)
+    name = label(maker)
     try:
         control = maker(**_asked(name, maker, offered))
     except InvalidInput:
@@ -81,6 +88,16 @@ def made(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
     except Exception as error:
         raise InvalidInput(f"controller {name} cannot be made: {_cause(error)}") from error
     return Watched(control, name, n)
+
+
+def label(maker: Maker) -> str:
+    """The name of a class or function, for messages."""
+    return str(getattr(maker, "__name__", type(maker).__name__))
+
+
+def takes(maker: Maker, argument: str) -> bool:
+    """Whether a class or function takes an argument of this name."""
+    return argument in inspect.signature(maker).parameters
 
 
 def _asked(name: str, maker: Maker, offered: Mapping[str, Any]) -> dict[str, Any]:
@@ -96,11 +113,15 @@ def _asked(name: str, maker: Maker, offered: Mapping[str, Any]) -> dict[str, Any
     return {p.name: offered[p.name] for p in named if p.name in offered}
 
 
-class Watched:
+class Watched(AroundLaw):
     """A user-defined controller whose results are checked.
 
     It receives read-only arrays. If it raises, or returns anything but n finite numbers, it has
-    failed and is not called again until it is restarted.
+    failed and is not called again until it is restarted. If it has a formula (see ``Law``), that
+    is compiled as those of the suite are.
+
+    Attributes:
+        name: Its name, for messages.
     """
 
     def __init__(self, control: Controller[Any], name: str, n: int) -> None:
@@ -114,8 +135,45 @@ class Watched:
                 f"controller {name} is of type {type(control).__name__}, which has no method "
                 "torque(state, reference)"
             )
-        self._control, self._name, self._n = control, name, n
+        super().__init__(control)
+        self._control, self.name, self._n = control, name, n
         self._failed: ControllerFailed | None = None
+
+    @property
+    def friction_terms(self) -> str | None:
+        """Friction that it leaves to ``FrictionFeedForward``, as its class says; None if silent.
+
+        Raises:
+            InvalidInput: If it says something else than ``all`` or ``dry``.
+        """
+        terms = getattr(self._control, "friction_terms", None)
+        if terms not in (None, "all", "dry"):
+            raise InvalidInput(
+                f"controller {self.name}: friction_terms = {terms!r}; allowed: 'all', 'dry'"
+            )
+        return terms
+
+    def formula(
+        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[Any, Parts]:
+        """Its formula as an expression; see ``compiled_law.Law``.
+
+        Raises:
+            KernelError: If it does not take expressions, or its results have wrong shapes.
+        """
+        try:
+            tau, after = self._law.formula(rigid, q, v, desired, tuning, memory)
+            shapes = [part.shape for part in (tau, *after)]
+        except Exception as error:  # user code may raise anything
+            raise KernelError(
+                f"the formula of controller {self.name} raised {_cause(error)}"
+            ) from error
+        if shapes != (expected := [part.shape for part in (q, *memory)]):
+            raise KernelError(
+                f"the formula of controller {self.name} returned torques and memory of shapes "
+                f"{shapes}; expected {expected}"
+            )
+        return tau, after
 
     def restart(self) -> None:
         """Restart it, also after a failure."""
@@ -156,7 +214,7 @@ class Watched:
         raise self._failed
 
     def _failure(self, what: str) -> ControllerFailed:
-        return ControllerFailed(f"controller {self._name} {what}")
+        return ControllerFailed(f"controller {self.name} {what}")
 
 
 def _cause(error: Exception) -> str:

@@ -139,8 +139,8 @@ def make_controller(
     """
     settings = settings or Settings()
     control, limit = _plain(name, dynamics, settings), settings.limit
-    if settings.friction and name in _FRICTION:
-        control = FrictionFeedForward(control, dynamics.model, _FRICTION[name])
+    if settings.friction and (terms := _lacking(name, control)):
+        control = FrictionFeedForward(control, dynamics.model, terms)
     if settings.observer:
         control = DisturbanceObserver(control, dynamics, settings.dt, settings.observer, limit)
     control = with_code(control, dynamics.model)
@@ -164,6 +164,23 @@ def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> 
         for key in ("bandwidth", "damping_ratio"):
             computed_torque.gain(key, getattr(settings, key), dynamics.n)
     return _BUILDERS[name](dynamics, settings)
+
+
+def _lacking(name: str | custom.Maker, control: AnyController) -> str | None:
+    """The friction that a controller leaves out; None if that is its own affair.
+
+    Raises:
+        InvalidInput: If nobody knows.
+    """
+    if isinstance(name, str) or not isinstance(control, custom.Watched):
+        return _FRICTION.get(str(name))
+    if (terms := control.friction_terms) is None and not custom.takes(name, "settings"):
+        raise InvalidInput(
+            f"friction = True: controller {custom.label(name)} does not say which friction it "
+            "leaves out; allowed with a class attribute friction_terms = 'all', or 'dry' if its "
+            "torques include viscous friction, or with an argument 'settings' of its own"
+        )
+    return terms
 
 
 def _pid(dynamics: Dynamics, s: Settings) -> AnyController:

@@ -9,7 +9,7 @@ import numpy as np
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
-from arm_dynamics.control.compiled_law import law_of
+from arm_dynamics.control.compiled_law import AroundLaw
 from arm_dynamics.control.computed_torque import Controller, Moving, Parts
 from arm_dynamics.equations.elementary import Quantity, hyperbolic_tangent
 from arm_dynamics.exceptions import InvalidInput
@@ -44,7 +44,7 @@ def ahead(
     return tau
 
 
-class FrictionFeedForward:
+class FrictionFeedForward(AroundLaw):
     """A joint controller with the friction of the reference's motion added."""
 
     def __init__(
@@ -63,8 +63,8 @@ class FrictionFeedForward:
         """
         if terms not in ("all", "dry"):
             raise InvalidInput(f"terms = {terms!r}; allowed: all, dry")
+        super().__init__(control)
         self._control, self._viscous = control, terms == "all"
-        self._law: Any = law_of(control)
         self._friction = SteadyFriction.of(model)
 
     def torque(self, state: Moving, reference: Reference) -> Array:
@@ -75,24 +75,7 @@ class FrictionFeedForward:
     @property
     def key(self) -> tuple[Any, ...] | None:
         """What the formula depends on besides the model; see ``compiled_law.Law``."""
-        law = self._law
-        return None if law is None else (type(self).__name__, self._viscous, law.key)
-
-    @property
-    def tuning(self) -> tuple[Array, ...]:
-        """Numbers of the controller's formula."""
-        numbers: tuple[Array, ...] = self._law.tuning
-        return numbers
-
-    @property
-    def memory(self) -> tuple[Array, ...]:
-        """The controller's memory."""
-        parts: tuple[Array, ...] = self._law.memory
-        return parts
-
-    @memory.setter
-    def memory(self, parts: tuple[Array, ...]) -> None:
-        self._law.memory = parts
+        return None if (key := super().key) is None else (*key, self._viscous)
 
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, *numbers: Any

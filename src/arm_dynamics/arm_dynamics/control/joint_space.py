@@ -40,7 +40,7 @@ class JointLaw:
     @property
     def key(self) -> tuple[Any, ...] | None:
         """What the formula depends on besides the model; see ``compiled_law.Law``."""
-        return (type(self).__name__,)
+        return (type(self),)
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
@@ -244,7 +244,7 @@ class JointImpedance(JointLaw):
     @property
     def key(self) -> tuple[Any, ...]:
         """What the formula depends on besides the model."""
-        return type(self).__name__, self._by_ratio
+        return type(self), self._by_ratio
 
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts

@@ -140,7 +140,7 @@ class DisturbanceObserver:
     @property
     def key(self) -> tuple[Any, ...] | None:
         """What the formula depends on besides the model; see ``compiled_law.Law``."""
-        return None if self._law is None else (type(self).__name__, self._law.key)
+        return None if self._law is None else (type(self), self._law.key)
 
     @property
     def tuning(self) -> tuple[Array, ...]:

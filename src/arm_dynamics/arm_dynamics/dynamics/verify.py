@@ -33,14 +33,15 @@ def random_states(n: int, count: int = 3) -> Array:
     return np.random.default_rng(0).uniform(-np.pi, np.pi, (count, CHECK_STATES, n))
 
 
-def compare(what: str, *parts: tuple[Array, Array]) -> float:
+def compare(what: str, *parts: tuple[Array, Array], source: str = "Pinocchio") -> float:
     """Reject generated code whose results are wrong.
 
     Args:
         what: Name of the generated code, for the message.
-        parts: Differences from Pinocchio's results, and the size of the summands of such a result,
-            which does not vanish where the sum happens to; one entry for each state, each of shape
-            (k, …).
+        parts: Differences from the source's results, and the size of the summands of such a
+            result, which does not vanish where the sum happens to; one entry for each state, each
+            of shape (k, …).
+        source: Whose results are right, for the message.
 
     Returns:
         The largest ratio, over states and parts, of the largest difference to the largest size.
@@ -51,7 +52,7 @@ def compare(what: str, *parts: tuple[Array, Array]) -> float:
     error = float(np.max([_relative(*part) for part in parts]))
     if not error <= CHECK_TOLERANCE:
         raise KernelError(
-            f"generated {what} differs from Pinocchio by {error:.2e} (relative); "
+            f"generated {what} differs from {source} by {error:.2e} (relative); "
             f"allowed: {CHECK_TOLERANCE:.0e}"
         )
     return error
