@@ -5,14 +5,19 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
 from zlib import crc32
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import models
+from arm_dynamics.codegen.one_at_a_time import is_building
 
 # Modules of the packages that ./arm installs only when asked for, by group.
 GROUPS = {
@@ -59,6 +64,24 @@ def room(
         fcntl.flock(inside, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
         fcntl.flock(gate, fcntl.LOCK_UN)
         yield
+
+
+_SRC = str(Path(__file__).resolve().parents[1] / "src")
+
+
+def _in_turn(make: Callable[..., Any]) -> Callable[..., Any]:
+    """As ``make``; the suite itself may call it only where threads take turns."""
+
+    def checked(*args: Any, **kwargs: Any) -> Any:
+        if sys._getframe(1).f_code.co_filename.startswith(_SRC):
+            assert is_building(), "expressions are built outside one_at_a_time"
+        return make(*args, **kwargs)
+
+    return checked
+
+
+for _kind in (ca.SX, ca.MX):
+    _kind.sym = staticmethod(_in_turn(_kind.sym))
 
 
 @pytest.fixture

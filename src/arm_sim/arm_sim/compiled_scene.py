@@ -6,7 +6,7 @@ from __future__ import annotations
 from functools import cached_property
 
 from arm_dynamics import ArmModel
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_sim.derivatives import Derivatives
 from arm_sim.integrators.selection import Choice
 from arm_sim.plan import Plan
@@ -67,13 +67,12 @@ class CompiledScene:
         """Whether ``servo`` is built already."""
         return "servo" in vars(self)
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def servo(self) -> Servo:
         """The servos, for position and velocity commands; built on first use."""
         return Servo(self.plant, self.choice.dt, self.backend)
 
-    @cached_property
+    @built_once
     def rest(self) -> Rest:
         """Whether the servos hold the arm at rest."""
         return Rest(self.plant, self.choice.dt)
@@ -89,14 +88,12 @@ class CompiledScene:
         own = PresentDynamics(self.plant)
         return EnergyAccount(self.plant, own, self.choice, self.backend)
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def plan(self) -> Plan:
         """The parts that a tick computes and skips, with reasons."""
         return Plan(self.plant, self.choice, self.stepper)
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def rollouts(self) -> Rollouts:
         """Many arms at once."""
         return Rollouts(self.plant, self.choice, self.stepper, self.backend)

@@ -15,6 +15,7 @@ from arm_dynamics.actuation.internal_state import FrictionLaw, StatefulLaw
 from arm_dynamics.actuation.joint_laws import FRICTION
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel, operations
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import Stops
 from arm_dynamics.scene import Line, Scene
 from arm_dynamics.scene.constraint import WORLD
@@ -240,6 +241,7 @@ def _at(values: Array) -> str:
     return f"{int(np.count_nonzero(values))} joints"
 
 
+@one_at_a_time
 def _cost_of(law: StatefulLaw, n: int, backend: str) -> LawCost:
     """Measure a law, many evaluations in one call."""
     sizes = {"q": n, "v": n, "z": len(law.states), "u": n}

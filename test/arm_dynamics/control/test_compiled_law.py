@@ -226,7 +226,7 @@ def test_a_task_that_is_singular_everywhere_is_not_compiled(
 def test_a_comparison_leaves_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also if the code is refused."""
 
-    def refuse(*_: Any) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
         raise KernelError("it differs")
 
     monkeypatch.setattr(compiled_law, "compare", refuse)

@@ -10,6 +10,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, KernelError, SceneError, Term, load_scene
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.dynamics import MANY, compiled_backend, compiled_terms
 from arm_dynamics.model import RigidTerms
 from models.random_tree import random_tree
@@ -91,6 +92,7 @@ def test_batches_run_as_checked_code(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("name", ["SPRING", "ENERGIES"])
+@one_at_a_time
 def test_code_that_differs_is_refused(name: str, rng: np.random.Generator) -> None:
     """The check of generated code detects a stiffness that is wrong by one part in a million."""
     data = tree(rng, 3)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import ArmModel, load_scene
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.response import RecursiveResponse, Response
@@ -27,6 +28,7 @@ ALL = {"dry": DRY, "springs": SPRUNG, "compliant stops": RUBBER, "rigid stops": 
 
 
 @pytest.mark.parametrize("joints", ALL.values(), ids=ALL)
+@one_at_a_time
 def test_recursion_and_mass_matrix_agree(
     joints: dict[str, dict[str, Any]], rng: np.random.Generator
 ) -> None:

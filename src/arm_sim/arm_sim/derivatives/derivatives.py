@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from itertools import chain
 from typing import Any, overload
 
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, real_array
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.derivatives.gradient import Gradients, RolloutGradient, gradient_of, rollout_change
 from arm_sim.derivatives.linearization import Linearizer
@@ -62,8 +61,7 @@ class Derivatives:
             )
         return self._linearizers[tuned]
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def gradients(self) -> Gradients:
         """Gradients of functions of many arms' states."""
         every = tuple(range(len(self._plant.parameters.nominal)))

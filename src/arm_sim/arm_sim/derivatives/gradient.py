@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import generate, operations
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.derivatives.linearization import Linearizer
 from arm_sim.derivatives.tangents import LONGEST, Arms
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
@@ -286,8 +285,7 @@ class Gradients:
         types = [*BEGINNING, *[ADDRESS] * 6]
         return built_of_lanes(self._source, width, "rollout_gradient", types)
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def _functions(self) -> tuple[ca.Function, ...]:
         plant, method, n = self._smooth, self._choice.method, self._plant.model.n
         scaled, act = plant.scaled_jacobian, actuation(plant)

@@ -8,13 +8,13 @@ for derivatives. Each belongs to a mode of a joint or contact.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.equations.contact import AT_REST, MODE
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import jacobian_by
@@ -112,7 +112,7 @@ class Guards:
         )
         return bool(jumps), bool(bends)
 
-    @cached_property
+    @built_once
     def _motion(self) -> ca.Function:
         """(x, u, p) -> x' and its derivatives by x and u side by side."""
         rhs = self._plant.rhs

@@ -24,7 +24,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.kernel import Kernel
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_dynamics.equations.contact import AT_REST
 from arm_sim.derivatives.guards import INSTANT, Guards
 from arm_sim.derivatives.impact import ImpactDerivative
@@ -236,8 +236,7 @@ class Linearizer:
             return self._tangents
         return Tangents(self._plant.free, self._choice, self._backend, self._tuned)
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def _tangents(self) -> Tangents:
         return Tangents(self._plant, self._choice, self._backend, self._tuned)
 
@@ -348,8 +347,7 @@ class Linearizer:
     def _eventful(self) -> bool:
         return self._plant.eventful and self._stepper.kernel.native
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def _events(self) -> Events:
         return Events(self._plant, self._choice, self._tuned)
 
@@ -408,8 +406,7 @@ class Linearizer:
             raise SimulationDiverged(f"linearize: the tick cannot be computed{choice.remark}")
         return taken
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def _attempt(self) -> Kernel:
         plant, method, n = self._plant, self._choice.method, self._plant.model.n
         scaled = plant.scaled_jacobian
@@ -465,13 +462,11 @@ class Events:
         self._guards, self._rest_projection = Guards(plant, tuned), RestProjection(plant, tuned)
         self._resting = Resting(plant)
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def _impact(self) -> ImpactDerivative:
         return ImpactDerivative(self._plant, self._tuned)
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def _sliding_direction(self) -> SlidingDirection:
         return SlidingDirection(self._plant, self._tuned)
 

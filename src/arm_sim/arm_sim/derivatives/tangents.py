@@ -20,6 +20,7 @@ import numpy as np
 from arm_dynamics.arrays import Array, all_finite
 from arm_dynamics.codegen.columns import column_function
 from arm_dynamics.codegen.kernel import generate, operations
+from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.tangents import build_tangent
 from arm_sim.plant.actuation import actuation
@@ -94,6 +95,7 @@ class Tangents:
         plant: The equations.
     """
 
+    @one_at_a_time
     def __init__(
         self, plant: Plant, choice: Choice, backend: str, tuned: Sequence[int] = ()
     ) -> None:
@@ -227,14 +229,14 @@ class Tangents:
         ]  # fmt: skip
         return built_of_lanes(self._source, lanes, "carry_ticks", types)
 
-    @cached_property
+    @built_once
     def _carry(self) -> ca.Function:
         """As ``stretch``, for steps of constant length."""
         c, dx, dw = (ca.SX.sym(name, self._stretch.size1_in(i)) for i, name in enumerate("cxw"))
         moved = self._stretch(c, dx, dw, 0)
         return ca.Function("carry", [c, dx, dw], [moved], {"cse": True})
 
-    @cached_property
+    @built_once
     def _back(self) -> tuple[ca.Function, ca.Function]:
         """Transpose of ``_limit`` and ``_carry``: (all coefficients, λ) -> λ times both.
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators.methods import Method, Scaled, build_step, weighed_sum
 from arm_sim.integrators.tableaux import Tableau
 from arm_sim.integrators.tangents import stages_used
@@ -21,6 +22,7 @@ from arm_sim.integrators.tangents import stages_used
 Parts = tuple[ca.MX, ca.MX, ca.MX]
 
 
+@one_at_a_time
 def build_adjoint(
     method: Method,
     rhs: ca.Function,

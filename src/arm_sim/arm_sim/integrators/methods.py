@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators import extrapolation as implicit
 from arm_sim.integrators.continuous import middle_weights, needs_slope_at_end, stage_at_end
 from arm_sim.integrators.tableaux import (
@@ -70,6 +71,7 @@ METHODS = {
 """The integration methods by name."""
 
 
+@one_at_a_time
 def build_step(
     method: Method,
     rhs: ca.Function,
@@ -103,6 +105,7 @@ def build_step(
     return ca.Function(name, [x, u, p, h], [after, *inside], {"cse": True})
 
 
+@one_at_a_time
 def build_attempt(
     method: Method,
     rhs: ca.Function,
@@ -148,6 +151,7 @@ def build_attempt(
     return ca.Function(name, [x, u, p, h], [after, error, error_q, *inside], {"cse": True})
 
 
+@one_at_a_time
 def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
     """One tick: actuation, then the step. (x, r, p, h) -> (x after it, effective torque)."""
     x, p, h = (ca.MX.sym(name, step.size1_in(i)) for name, i in (("x", 0), ("p", 2), ("h", 3)))

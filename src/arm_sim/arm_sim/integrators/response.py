@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from arm_dynamics import ArmModel, Dynamics
 from arm_dynamics.actuation import StateKind
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import spring
 from arm_dynamics.model import ConstraintRows
 from arm_dynamics.model.sampling import postures
@@ -77,6 +78,7 @@ class Response:
         return max(pushes, key=pushes.__getitem__), int(abs(shape[n : 2 * n]).argmax())
 
 
+@one_at_a_time
 def responses(plant: Plant) -> list[Response]:
     """Responses of a scene, away from its compliant stops and pressed against them.
 

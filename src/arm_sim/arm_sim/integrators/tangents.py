@@ -19,6 +19,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators.implicit_tangents import implicit_tangent
 from arm_sim.integrators.methods import Method, Scaled, build_step, weighed_sum
 from arm_sim.integrators.tableaux import Tableau
@@ -28,6 +29,7 @@ Pair = tuple[ca.Function, ca.Function]
 """Function (x, u, p, h) -> (x at the end, c), and function (c, dx, dw, dh) -> dx at the end."""
 
 
+@one_at_a_time
 def build_tangent(
     method: Method,
     rhs: ca.Function,

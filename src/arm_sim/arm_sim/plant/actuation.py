@@ -12,6 +12,7 @@ import numpy as np
 from arm_dynamics import ArmModel
 from arm_dynamics.actuation.command_map import CommandMap, gravity_compensated
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.computed_torque import expression, held_gains
 from arm_dynamics.equations.tree import constant
 from arm_dynamics.trajectory.reference import Reference
@@ -31,6 +32,7 @@ class CompiledControl:
     reference: Callable[[Array], Array]
 
 
+@one_at_a_time
 def computed_torque(
     model: ArmModel,
     sample: Callable[[float], Reference],

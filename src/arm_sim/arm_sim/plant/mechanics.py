@@ -8,12 +8,13 @@ plant.
 from __future__ import annotations
 
 import logging
-from functools import cached_property, partial
+from functools import partial
 
 import casadi as ca
 
 from arm_dynamics import ArmModel
 from arm_dynamics.codegen.kernel import operations
+from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST, algorithms
 from arm_sim.plant.bilateral import Bilateral
 from arm_sim.plant.contact import ContactFunctions, contact_functions
@@ -94,7 +95,7 @@ class Mechanics:
             pressures = (_pressures(s, joints),) if pressed else ()
             self.of_joints = (self.strike, *pressures)
 
-    @cached_property
+    @built_once
     def strike(self) -> ca.Function:
         """CasADi function of an impact in a scene with events, see ``Plant.strike``."""
         return self._strike()

@@ -18,6 +18,7 @@ from arm_dynamics import ArmModel
 from arm_dynamics.actuation.internal_state import Ensemble
 from arm_dynamics.actuation.joint_laws import laws_of
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations.contact import ContactPoint
 from arm_dynamics.equations.derivatives import inverse_derivatives
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
@@ -60,6 +61,7 @@ class Plant:
             the links; None where the command acts directly.
     """
 
+    @one_at_a_time
     def __init__(self, model: ArmModel, stops: bool = True) -> None:
         """Build the equations; without ``stops``, those of ``free``."""
         self.model = model
@@ -76,7 +78,8 @@ class Plant:
         self.constrained = bool(model.scene.bilateral)
         leaves = not (model.has_dry_friction or touches)
         self.free = Plant(model, stops=False) if (self.stops or switches) and leaves else None
-        self._mechanics = cache(partial(Mechanics, model, self.parameters, stops, modes))
+        mechanics = partial(Mechanics, model, self.parameters, stops, modes)
+        self._mechanics = cache(one_at_a_time(mechanics))
         self._switching = switches
         self._compose(Ensemble(laws, model.n) if laws else None)
 
@@ -113,7 +116,8 @@ class Plant:
             moded = tuple(self._drives.get(law, law) for law in laws.laws)
             laws = replace(laws, laws=moded)
         self._moded = laws
-        self._equations = cache(partial(_composed, self._mechanics, laws, powers))
+        equations = partial(_composed, self._mechanics, laws, powers)
+        self._equations = cache(one_at_a_time(equations))
 
     @property
     def acceleration(self) -> ca.Function:
@@ -156,6 +160,7 @@ class Plant:
         """
         return self._equations()[1] if self.eventful else ()
 
+    @one_at_a_time
     def scaled_jacobian(self) -> ca.Function | None:
         """The Jacobian of x' = (v, g) by x = (q, w), scaled to preserve a tree's sparsity.
 

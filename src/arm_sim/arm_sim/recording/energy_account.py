@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from arm_dynamics import Dynamics
 from arm_dynamics.actuation.internal_state import Ensemble, Flow
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.equations import spring
 from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.integrators.selection import Choice
@@ -277,21 +277,18 @@ class EnergyAccount:
                 flows[k] = [*trace[0, nx:], stepper.report.impact_loss - before]
         return flows
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def _stored(self) -> ca.Function:
         x, n = ca.SX.sym("x", self._plant.nx), self._plant.model.n
         flow = self._laws.equations(*split(x, n), ca.SX(n, 1))
         return ca.Function("stored", [x], [flow.stored])
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def stepper(self) -> Stepper:
         """A stepper of the scene, to evaluate recorded states."""
         return Stepper(self._plant, self.choice, self._backend, acted=True)
 
-    @cached_property
-    @one_at_a_time
+    @built_once
     def _ledger(self) -> Stepper:
         ledger = Ledger(self._laws.laws, self._plant.model.n)
         powers = friction_heat(self._plant), outside_work(self._plant)

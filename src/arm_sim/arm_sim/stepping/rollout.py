@@ -19,6 +19,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, all_finite, real_array, vector
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import generate
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.inputs import whole
 from arm_sim.integrators.methods import build_tick
@@ -304,6 +305,7 @@ def of_lanes(code: str, width: int) -> str:
     return f'#define LANES {width}\n#include "lanes.hpp"\n' + code
 
 
+@one_at_a_time
 def built_of_lanes(
     write: Callable[[int], str], width: int, name: str, types: Sequence[type]
 ) -> ctypes.CDLL | None:

@@ -24,6 +24,7 @@ from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.codegen.known_kernels import digest_of
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.dynamics.verify import check_constrained, check_forward, sliding
 from arm_dynamics.equations.contact import AT_REST
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
@@ -85,6 +86,7 @@ class Stepper:
             with Pinocchio.
     """
 
+    @one_at_a_time
     def __init__(
         self,
         plant: Plant,

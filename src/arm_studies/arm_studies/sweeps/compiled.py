@@ -12,6 +12,7 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.computed_torque import expression, held_gains
 from arm_dynamics.control.factory import Settings
 from arm_dynamics.control.joint_space import tuned
@@ -90,6 +91,7 @@ def is_compiled(name: str, settings: Settings) -> bool:
     )
 
 
+@one_at_a_time
 def law(name: str, model: ArmModel, dt: float) -> ca.Function:
     """A controller for ``CompiledControl``.
 

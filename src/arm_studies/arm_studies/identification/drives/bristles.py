@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import friction, lugre
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_studies.identification.drives.evenly import even_table
@@ -76,6 +77,7 @@ class SmallMotion:
         return np.gradient(self.position, self.dt)
 
 
+@one_at_a_time
 def identify_bristles(
     records: list[SmallMotion], guess: Mapping[str, float] | None = None
 ) -> Match:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import transmission
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification.drives.evenly import even_table
@@ -68,6 +69,7 @@ class JointTest:
         return cls(t, **columns, name=name)
 
 
+@one_at_a_time
 def identify_joint(record: JointTest) -> Match:
     """Identify stiffness, damping and inertias of a flexible joint.
 

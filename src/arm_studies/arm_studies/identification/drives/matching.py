@@ -19,6 +19,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.codegen import Call, Kernel
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import InvalidInput
 
 _MOST = 512  # steps between two samples
@@ -242,6 +243,7 @@ class _Problem:
         return np.concatenate(rows), np.vstack(columns)
 
 
+@one_at_a_time
 def _rolled(trial: Trial, steps: int) -> ca.Function:
     """Outputs and derivatives at every sample, from state and sensitivities at the start on."""
     law, h = trial.law, trial.dt / steps

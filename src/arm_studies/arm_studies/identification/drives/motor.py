@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import motor
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification.drives.evenly import even_table
@@ -130,6 +131,7 @@ def identify_motor(records: Sequence[MotorRecord]) -> Match:
     return match([_trial(record, apart) for record in records], guess)
 
 
+@one_at_a_time
 def _trial(record: MotorRecord, apart: bool) -> Trial:
     """The trial of a record: its model, inputs and outputs."""
     R, L, Kt, Ke, J, B, C = (ca.SX.sym(name) for name in UNITS)

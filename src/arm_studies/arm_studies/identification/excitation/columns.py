@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.tree import Link, Tree, constant
 from arm_dynamics.model import ArmModel, gravity_of, tree_of
@@ -21,6 +22,7 @@ from arm_dynamics.model import ArmModel, gravity_of, tree_of
 _DEPENDENT = 1e-9  # singular values, relative to the largest, that are zero but for rounding
 
 
+@one_at_a_time
 def regressor(model: ArmModel, turning: Array) -> ca.Function:
     """W of standard parameters as a function of q, v and a, each of shape (n,).
 
@@ -59,6 +61,7 @@ def _symbolic(link: Link) -> tuple[Link, ca.SX]:
     return Link(link.parent, False, link.R, link.p, ca.SX(0), h, inertia), x
 
 
+@one_at_a_time
 def distinct(W: ca.Function, states: Array, weight: Array) -> ca.Function:
     """Independent combinations of the columns, of similar size at random states.
 

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.tree import Tree, regrouped
 from arm_dynamics.model import ArmModel, gravity_of, tree_of
@@ -27,6 +28,7 @@ _TOTAL = 1e-4  # of the total mass, likewise: it is weighed
 _FREE = 1e-3  # prior precision of armature and friction, in SI units
 
 
+@one_at_a_time
 def densities(model: ArmModel, turning: Array) -> ca.Function:
     """Columns of friction, and of the torques of nominal bodies by their densities.
 
@@ -91,6 +93,7 @@ def _before(model: ArmModel, others: int) -> Array:
     return found
 
 
+@one_at_a_time
 def _deviations(size: int, last: int) -> ca.Function:
     """Standard deviations of the last parameters from the information matrix.
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers, positive_limits, read_only, vector
+from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations.frame import placement, relative
 from arm_dynamics.equations.rigid_body import placements
@@ -127,7 +128,7 @@ class Room:
         off = _INSIDE * (upper - lower)
         return read_only(np.clip(self.model.q0, lower + off, upper - off))
 
-    @cached_property
+    @built_once
     def gaps(self) -> tuple[ca.Function, tuple[str, ...]]:
         """Distances in [m] that must not be negative, as a function of q, and their names."""
         model = self.model

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array, positive, read_only
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model import gravity_of, tree_of
@@ -133,6 +134,7 @@ def excite(
 class _Search:
     """The problem in the coefficients y of the Fourier series, shape (n, 2 (N - 1))."""
 
+    @one_at_a_time
     def __init__(self, room: Room, period: float, harmonics: int, aim: str) -> None:
         self.room, self.period, self.harmonics = room, period, harmonics
         model, limits, omega = room.model, room.limits, 2.0 * np.pi / period
