@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import Dynamics
-from benchmarks.identification import coverage
+from benchmarks.identification import coverage, imperfect
 
 
 @pytest.mark.parametrize("name", coverage.ARMS)
@@ -37,3 +37,32 @@ def test_the_truth_of_a_sum_of_parameters() -> None:
     truth = {"a.m": 2.0, "a.mx": 0.5, "b.Izz": 1.0}
     assert coverage.combined("b.Izz - 0.4 a.mx + a.m", truth) == pytest.approx(2.8)
     assert coverage.combined("b.coulomb_skew", truth) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("5 % of the positions missing", "'elbow': no position in 599 rows (0.245 s, "),
+        ("efforts frozen for 2 s", "'elbow': effort frozen in 399 rows (8.005 to 9.995 s"),
+        ("efforts 0 for 2 s", "'elbow': effort frozen in 399 rows (8.005 to 9.995 s"),
+        ("efforts ahead by 12 ms", "'elbow': its efforts are ahead of the motion by 1"),
+        ("efforts times 0.5", "'elbow': its efforts are scaled by about 0.55 ("),
+    ],
+)
+def test_faults_that_are_told(fault: str, said: str) -> None:
+    error, notes = imperfect.outcome(imperfect.FAULTS[fault])
+    assert error is not None and error < 0.03
+    assert any(note.startswith(said) for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("efforts late by 100 ms", "'elbow': its efforts are late by 100 ms"),
+        ("efforts times 1000", "efforts over nominal torques: elbow 1.1e+03 ("),
+        ("columns of efforts swapped", "the effort of 'shoulder' is that of 'elbow'"),
+    ],
+)
+def test_faults_that_are_refused(fault: str, said: str) -> None:
+    error, refusal = imperfect.outcome(imperfect.FAULTS[fault])
+    assert error is None and refusal[0].startswith(said)

@@ -89,6 +89,7 @@ def test_a_payload_alone(table, tmp_path):
     a = np.gradient(v, t, axis=0)
     loaded = Dynamics({**known, "payloads": [held]}).inverse(q, v, a)
     record[:, 3:] += loaded - Dynamics(known).inverse(q, v, a)
+    record[500:600, 4] = np.nan
     heavier = tmp_path / "held.csv"
     head = table.read_text().splitlines()[0]
     np.savetxt(heavier, record, delimiter=",", header=head, comments="")
@@ -96,6 +97,7 @@ def test_a_payload_alone(table, tmp_path):
     done = typed(heavier, "--scene", lighter, "--payload", "tip", "--out", out)
     assert done.exit_code == 0, done.output
     assert "centre of mass" in done.output
+    assert "note: 'elbow': no effort in 100 rows (5.000 to 5.990 s" in done.output
     (found,) = load_scene(out).payloads
     assert found.mass == pytest.approx(0.5, rel=0.02)
     assert found.com[0] == pytest.approx(0.1, rel=0.05)

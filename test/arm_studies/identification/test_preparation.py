@@ -65,7 +65,8 @@ def test_uneven_times_become_even():
 def test_a_gap_makes_two_stretches_and_nothing_is_used_near_it():
     there = (T < 4.0) | (T > 4.5)
     made = prepare(record().rows(there), band=20.0)
-    assert len(made.stretches) == 2 and "1 gaps" in made.notes
+    assert len(made.stretches) == 2
+    assert any("gaps (3.998 to 4.502 s after the start)" in note for note in made.notes)
     assert not made.valid[abs(made.time - 4.25) < 0.25 + 0.04].any()
     _, v, _ = motion(made.time)
     inside = made.valid.all(axis=1)
@@ -80,6 +81,90 @@ def test_holes_and_saturation_of_the_effort_are_masked():
     assert not made.valid[100:110, 0].any() and made.valid[100:110, 1].all()
     assert not made.valid[effort[:, 1] == 0.9, 1].any()
     assert any("'b': effort saturated" in note for note in made.notes)
+
+
+def without(x, rows, joint=1):
+    """The same values without some of a joint's."""
+    found = x.copy()
+    found[rows, joint] = np.nan
+    return found
+
+
+def test_rows_that_lack_an_effort_are_left_out_alone():
+    """Between short holes everything is used; near a long one the filter has not settled."""
+    rng = np.random.default_rng(5)
+    effort = rng.normal(size=(len(T), 2))
+    few = rng.random(len(T)) < 0.05
+    plain = prepare(record(effort=effort), band=20.0)
+    made = prepare(record(effort=without(effort, few)), band=20.0)
+    np.testing.assert_array_equal(made.valid[:, 0], plain.valid[:, 0])
+    np.testing.assert_array_equal(made.valid[:, 1], plain.valid[:, 1] & ~few)
+    long = (T >= 3.0) & (T < 3.2)
+    made = prepare(record(effort=without(effort, long)), band=20.0)
+    assert not made.valid[abs(T - 3.1) < 0.1 + 0.04, 1].any()
+    assert made.valid[(abs(T - 3.1) > 0.4) & plain.valid[:, 1], 1].all()
+    told = "'b': no effort in 100 rows (3.000 to 3.198 s after the start); its efforts there"
+    assert f"{told} are not used" in made.notes
+
+
+def test_rows_that_lack_a_position_are_left_out_alone():
+    few = np.arange(len(T)) % 50 == 25
+    made = prepare(record(q=without(motion()[0], few)), band=20.0)
+    plain = prepare(record(), band=20.0)
+    np.testing.assert_array_equal(made.valid, plain.valid & ~few[:, None])
+    np.testing.assert_allclose(made.v[made.valid[:, 0]], plain.v[made.valid[:, 0]], atol=1e-4)
+    told = "'b': no position in 100 rows (0.050 s, 0.150 s, 0.250 s and 97 times more, after"
+    assert any(note.startswith(told) for note in made.notes)
+
+
+@pytest.mark.parametrize("lost", ["v", "a"])
+def test_computed_recordings_keep_their_values_where_rows_lack_some(lost):
+    parts = dict(zip("qva", motion(), strict=True))
+    few = np.arange(len(T)) % 50 == 25
+    made = prepare(record(**parts | {lost: without(parts[lost], few)}))
+    assert np.isinf(made.band)
+    assert not made.valid[few].any() and made.valid[1:-1][~few[1:-1]].all()
+    for key, array in parts.items():
+        np.testing.assert_allclose(getattr(made, key)[~few], array[~few], atol=1e-12)
+    word = {"v": "velocity", "a": "acceleration"}[lost]
+    assert any(note.startswith(f"'b': no {word} in 100 rows (0.050 s") for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "value"),
+    [(3.0, 3.2, None), (9.5, 11.0, None), (3.0, 3.2, 0.0), (3.0, 3.0 + np.pi, None)],
+)
+def test_efforts_that_freeze_while_the_joint_moves(start, end, value):
+    """For a moment, to the end, at zero, and until the effort is what it was."""
+    rng, at = np.random.default_rng(6), (T >= start) & (T < end)
+    effort = np.sin(np.outer(T, [1.0, 2.0])) + 0.5 + 0.01 * rng.normal(size=(len(T), 2))
+    effort[at, 1] = effort[at, 1][0] if value is None else value
+    made = prepare(record(effort=effort), band=20.0)
+    assert made.valid[abs(T - 8.0) < 1.0].all() and made.valid[abs(T - 3.1) < 0.1, 0].all()
+    assert not made.valid[at, 1][1:].any()
+    (note,) = made.notes
+    assert note.startswith(f"'b': effort frozen in {np.count_nonzero(at) - 1} rows (")
+
+
+def test_what_only_looks_frozen():
+    """Coarse sensors, slow ones, constant commands, and joints at rest or in uniform motion."""
+    wave = 0.9 * np.sin(np.outer(T, [1.0, 2.0]))
+    steps = np.sign(wave)
+    trapezoid = np.clip(3.0 * np.sin(2.0 * T), -1.0, 1.0)
+    still = np.column_stack([motion()[0][:, 0], np.full(len(T), 0.3)])
+    uniform = np.column_stack([motion()[0][:, 0], np.cumsum(trapezoid) / RATE])
+    held = wave.copy()
+    held[(T > 3.0) & (T < 4.0), 1] = 0.3
+    constant = np.where(abs(trapezoid) == 1.0, 0.5 * trapezoid, wave[:, 1])
+    bounded = np.column_stack([wave[:, 0], constant])
+    for q, effort in (
+        (motion()[0], np.round(wave, 1)),
+        (motion()[0], np.repeat(wave[::50], 50, axis=0)),
+        (motion()[0], steps),
+        (still, held),
+        (uniform, bounded),
+    ):
+        assert not any("frozen" in note for note in prepare(record(q=q, effort=effort)).notes)
 
 
 def test_given_accelerations_are_used_unchanged():

@@ -263,6 +263,70 @@ def test_efforts_of_another_sign_or_joint_are_named():
     assert result.error[0] < 0.01
 
 
+def shifted(tau, by, joint=1):
+    found = tau.copy()
+    found[:, joint] = np.roll(tau[:, joint], by)
+    return found
+
+
+def test_late_efforts_are_named_or_refused():
+    """In steps of 10 ms: a small delay is told, and a scene written; a large one spoils it."""
+    tau = two_link()[5]
+    result = identify(*spoilt(tau=shifted(tau, 1)))
+    (told,) = [note for note in result.notes if "late" in note]
+    assert told.startswith("'elbow': its efforts are late by 10 ms, which causes most of")
+    assert "shift the column" in told
+    for by, said in (
+        (10, "^'elbow': its efforts are late by (100|99.9) ms"),
+        (-10, "'elbow': its efforts are ahead of the motion by (100|99.9) ms"),
+        (55, "'elbow': its efforts are late by 500 ms or more"),
+    ):
+        with pytest.raises(InvalidInput, match=f"{said}.*shift the column"):
+            identify(*spoilt(tau=shifted(tau, by)))
+
+
+def test_scaled_efforts_are_named_with_both_explanations():
+    """Bodies of another density explain a scale as well, so that a scene is written."""
+    tau = two_link()[5]
+    result = identify(*spoilt(tau=tau * 0.4))
+    told = [note for note in result.notes if "scaled" in note]
+    assert [note.partition(":")[0] for note in told] == ["'shoulder'", "'elbow'"]
+    for note in told:
+        assert "either their gain or unit" in note and "or the nominal scene lacks" in note
+    assert not [note for note in identify(*spoilt()).notes if "scaled" in note]
+    for factors, said in (
+        ([1.0, 1e3], r"nominal torques: elbow [\d.]+e\+0[23] \(.*: they are not in N m"),
+        ([1e-3, 1.0], r"nominal torques: shoulder 0.001\d* \("),
+        ([8.0, 8.0], "would have .* times their nominal mass.*; efforts over nominal torques: sh"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            identify(*spoilt(tau=tau * factors))
+
+
+def test_rows_that_lack_something_cost_only_themselves():
+    _, t, q, _, _, tau = two_link()
+    rng = np.random.default_rng(8)
+    few = rng.random(len(t)) < 0.05
+    tau = tau + 0.02 * tau.std(axis=0) * rng.normal(size=tau.shape)
+    whole = identify(*spoilt(tau=tau))
+    for key, values in (("tau", tau), ("q", q)):
+        holed = values.copy()
+        holed[few, 1] = np.nan
+        result = identify(*spoilt(**{"tau": tau, key: holed}))
+        assert result.error[0] < 1.3 * whole.error[0]
+        measured = [np.isfinite(each.torques.measured).mean() for each in (result, whole)]
+        assert measured[0] > 0.94 * measured[1]
+        lost = f"in {np.count_nonzero(few)} rows"
+        assert any(note.startswith("'elbow': no") and lost in note for note in result.notes)
+
+
+def test_a_refusal_says_where_efforts_are_missing():
+    tau = two_link()[5].copy()
+    tau[100:1900, 1] = np.nan
+    with pytest.raises(InvalidInput, match=r"'elbow': no effort in 1800 rows \(1.000 to 18.990 s"):
+        identify(*spoilt(tau=tau))
+
+
 def at_rest_from(start, joints):
     """Joints that come to rest, as after the end of a motion that does not repeat."""
     model, regressor, theta, numbers = truth("two_link")

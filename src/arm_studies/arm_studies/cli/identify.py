@@ -109,7 +109,10 @@ def _carried(
 
     arm = load_scene(scene)
     with progress_on_stderr():
-        found = identify_payload(arm, records, frame, band=band, names=names)
+        found = identify_payload(
+            arm, records, frame, band=band, names=names,
+            told=lambda text: click.echo(f"note: {text}", err=True),
+        )  # fmt: skip
     files = write_scene(arm.model_copy(update={"payloads": (*arm.payloads, found)}), out)
     if as_json:
         result = {"files": [str(path) for path in files], "payload": found.model_dump(mode="json")}

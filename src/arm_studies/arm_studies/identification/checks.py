@@ -14,7 +14,7 @@ from arm_dynamics.scene.friction import STATEFUL
 from arm_studies.identification.data import JointRecord, MeasuredMotion
 from arm_studies.identification.described import REPLACED
 from arm_studies.identification.regression.estimation import Belief, Mask
-from arm_studies.identification.regression.matching import mismatched
+from arm_studies.identification.regression.matching import LATEST, delayed, mismatched, scaled
 from arm_studies.identification.regression.rows import Rows
 
 BEYOND = 0.2
@@ -25,10 +25,13 @@ UNEXPLAINED = 0.6
 """Largest residual of a fit relative to the torques; above it the model is of another robot."""
 OUT_OF_SCALE = 5.0
 """Largest factor between identified and nominal masses, in the median."""
+OTHER_UNIT = 20.0
+"""Factor between efforts and the torques of nominal bodies that only another unit explains."""
 SLOWEST = 0.2
 """Largest sampling interval in [s] from which a motion can be identified."""
-CHANCE = 1.1
-"""Ratio of two errors of prediction that noise alone may cause."""
+WORSE = 2.5
+"""Standard errors by which a scene must predict worse than the nominal one to be refused; chance
+alone makes more once in 160 recordings."""
 ROUNDING = 1e-6
 """Relative residual below which a prediction is exact."""
 LEAST_ROWS = 50
@@ -112,8 +115,13 @@ def moved(motions: Sequence[MeasuredMotion]) -> Array:
     return np.asarray(ranges)
 
 
-def check_rows(rows: Rows, names: Sequence[str]) -> None:
+def check_rows(rows: Rows, names: Sequence[str], notes: Sequence[str]) -> None:
     """Refuse recordings that are too short, or saturated most of the time.
+
+    Args:
+        rows: The regression's rows.
+        names: Joint names.
+        notes: Irregularities of the recordings, of which those of the joint are told.
 
     Raises:
         InvalidInput: With the joint.
@@ -121,21 +129,25 @@ def check_rows(rows: Rows, names: Sequence[str]) -> None:
     counts = rows.valid[rows.train].sum(axis=0) * rows.independent
     for name, count, share in zip(names, counts, rows.valid.mean(axis=0), strict=True):
         if count < LEAST_ROWS:
+            known = "".join(f"; {note}" for note in notes if note.startswith(f"'{name}'"))
             raise InvalidInput(
                 f"joint '{name}': {share:.0%} of the samples can be used, which is {count:.0f} "
                 f"independent measurements; at least {LEAST_ROWS} are expected (its effort is "
-                "saturated or missing, or the recording is too short)"
+                f"saturated, missing or frozen, or the recording is too short){known}"
             )
 
 
-def check_columns(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -> None:
-    """Refuse efforts that another sign, or another joint's motion, explains far better.
+def check_columns(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -> list[str]:
+    """Refuse efforts that another sign, another joint's motion or a delay explains far better.
 
     Args:
         rows: The regression's rows.
         use: Rows that are used, shape (k, n).
         belief: Prior of the bodies alone.
         names: Joint names.
+
+    Returns:
+        Notes of delays that matter less.
 
     Raises:
         InvalidInput: With the joints, and how to correct their efforts.
@@ -150,6 +162,65 @@ def check_columns(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -
             f"{'; '.join(told)}: exchange the columns of joints that are swapped, and give the "
             "torque per unit of effort, negative for a joint whose sign is reversed (per unit)"
         )
+    late = delayed(rows, use)
+    told = [
+        f"'{names[x.joint]}': its efforts are {_late(x.late)}, which causes most of what bodies "
+        f"and friction do not explain (residual {x.before:.1%}, without the delay {x.after:.1%}); "
+        "shift the column of its efforts by that time"
+        for x in late
+    ]
+    if gross := [text for x, text in zip(late, told, strict=True) if x.gross]:
+        raise InvalidInput("; ".join(gross))
+    return told
+
+
+def _late(seconds: float) -> str:
+    """A delay of efforts in words."""
+    more = " or more" if abs(seconds) > 0.99 * LATEST else ""
+    way = "late by" if seconds > 0.0 else "ahead of the motion by"
+    return f"{way} {1e3 * abs(seconds):.3g} ms{more}"
+
+
+def check_scales(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -> list[str]:
+    """Refuse efforts that are so many times the torque, or so few, that no bodies explain it.
+
+    Torques alone do not tell a scale from a density: less of it is noted, with both explanations.
+
+    Args:
+        rows: The regression's rows.
+        use: Rows that are used, shape (k, n).
+        belief: Prior of the bodies alone: how far they may be from the nominal ones.
+        names: Joint names.
+
+    Returns:
+        Notes of the joints.
+
+    Raises:
+        InvalidInput: With the joints, and how to correct their efforts.
+    """
+    found = [
+        (scale, f"{scale.factor:.2g} ({scale.low:.2g} to {scale.high:.2g})")
+        for scale in scaled(rows, use, belief)
+    ]
+    gross = [
+        f"{names[scale.joint]} {span}"
+        for scale, span in found
+        if scale.low > OTHER_UNIT or scale.high < 1.0 / OTHER_UNIT
+    ]
+    if gross:
+        raise InvalidInput(
+            f"efforts over nominal torques: {known_names(gross)}; allowed: "
+            f"{1.0 / OTHER_UNIT:g} to {OTHER_UNIT:g}: they are not in N m, but for example in "
+            "N mm or per mille of a rated torque; give the torque per unit of effort (per unit), "
+            "or let scales be identified (effort scale)"
+        )
+    return [
+        f"'{names[scale.joint]}': its efforts are scaled by about {span} against the torques of "
+        "the nominal bodies: either their gain or unit is another (then give the torque per unit "
+        f"of effort, about {1.0 / scale.factor:.2g}, or let scales be identified: per unit, "
+        "effort scale), or the nominal scene lacks a payload or has other masses"
+        for scale, span in found
+    ]
 
 
 def check_explained(error: float, nominal: float, names: Sequence[str], scales: Array) -> None:
@@ -166,54 +237,63 @@ def check_explained(error: float, nominal: float, names: Sequence[str], scales: 
     """
     if error < UNEXPLAINED:
         return
-    odd = [f"{n} {s:.3g}" for n, s in zip(names, scales, strict=True) if not 0.2 < s < 5.0]
-    hint = f"; efforts over nominal torques: {known_names(odd)}" if odd else ""
     raise InvalidInput(
         f"the best fit leaves {error:.0%} of the torques held out unexplained (the nominal scene "
         f"{nominal:.0%}); allowed: at most {UNEXPLAINED:.0%} (another robot, wrong joint names, "
-        f"efforts that are not torques, or contact?){hint}"
+        f"efforts that are not torques, or contact?){_odd(names, scales)}"
     )
 
 
-def check_better(error: float, nominal: float) -> None:
-    """Refuse a scene that predicts the part held out worse than the one it comes from.
+def _odd(names: Sequence[str], scales: Array) -> str:
+    """Joints whose efforts are far from the torques of the nominal scene, for messages."""
+    odd = [
+        f"{name} {scale:.3g}"
+        for name, scale in zip(names, scales, strict=True)
+        if not 1.0 / OUT_OF_SCALE < scale < OUT_OF_SCALE
+    ]
+    return f"; efforts over nominal torques: {known_names(odd)}" if odd else ""
 
-    Noise alone makes a difference of some percent where the nominal scene is right already.
+
+def check_better(error: float, nominal: float, excess: float) -> None:
+    """Refuse a scene that predicts the part held out worse than the one it comes from.
 
     Args:
         error: Relative residual of the held-out torques; NaN if it is unknown.
         nominal: That of the nominal scene.
+        excess: By how many standard errors it is worse, see ``held_out.excess``.
 
     Raises:
         InvalidInput: With both.
     """
-    if not error > max(CHANCE * nominal, ROUNDING):
+    if not (error > max(nominal, ROUNDING) and excess > WORSE):
         return
     raise InvalidInput(
         f"the identified scene leaves {error:.3%} of the torques held out, more than the nominal "
-        f"scene, {nominal:.3%}: use the nominal scene, record a longer motion of all joints, or "
-        "accept the identified scene nevertheless (accept worse)"
+        f"scene, {nominal:.3%}, and more than noise explains ({excess:.1f} standard errors; "
+        f"allowed: up to {WORSE:g}): use the nominal scene, record a longer motion of all joints, "
+        "or accept the identified scene nevertheless (accept worse)"
     )
 
 
-def check_masses(found: Array, nominal: Array, scaled: bool) -> None:
+def check_masses(found: Array, nominal: Array, names: Sequence[str], scales: Array) -> None:
     """Refuse bodies many times heavier or lighter than the nominal ones.
 
     Args:
         found: Masses in [kg], shape (bodies,).
         nominal: Those of the nominal scene.
-        scaled: Whether scales of the efforts were identified, so that their unit is unknown.
+        names: Joint names.
+        scales: Efforts over the torques of the nominal scene, by joint; 1 where unknown.
 
     Raises:
         InvalidInput: With possible causes.
     """
     there = nominal > 0.0
     ratio = float(np.median(found[there] / nominal[there])) if there.any() else 1.0
-    if scaled or 1.0 / OUT_OF_SCALE < ratio < OUT_OF_SCALE:
+    if 1.0 / OUT_OF_SCALE < ratio < OUT_OF_SCALE:
         return
     raise InvalidInput(
         f"the links would have {ratio:.3g} times their nominal mass (median); allowed: "
         f"{1.0 / OUT_OF_SCALE:g} to {OUT_OF_SCALE:g}: the efforts are not in N m, but for example "
         "in amperes or per mille of a rated torque; give the torque per unit of each joint, or "
-        "let scales be identified (effort scale)"
+        f"let scales be identified (effort scale){_odd(names, scales)}"
     )

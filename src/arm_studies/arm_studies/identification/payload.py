@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ matched with joints."""
 
 def identify_payload(
     scene: Any, recordings: Any, frame: str, *, band: float | None = None,
-    names: Mapping[str, str] | None = None,
+    names: Mapping[str, str] | None = None, told: Callable[[str], None] | None = None,
 ) -> Payload:  # fmt: skip
     """Identify the payload of an arm whose own inertias and friction are known.
 
@@ -49,6 +49,7 @@ def identify_payload(
         frame: The frame that carries the payload and in which the result is expressed.
         band: Cut-off frequency of the low-pass filter in [Hz]; None: chosen from the noise.
         names: Joint names of the recordings by those of the scene, where they cannot be matched.
+        told: Called with each irregularity of the recordings, such as rows that are left out.
 
     Returns:
         The payload, for ``payloads`` of a scene; physically consistent.
@@ -66,10 +67,14 @@ def identify_payload(
     motions = [prepare(record, band) for record in records]
     checks.moved(motions)
     rows = Rows(RigidRegressor(model), motions, held_out=0.0)
-    checks.check_rows(rows, model.joint_names)
+    notes = [note for motion in motions for note in motion.notes]
+    checks.check_rows(rows, model.joint_names, notes)
     nominal = rows.regressor.nominal
     near = belief_of(nominal, len(nominal), *DOUBT)
-    checks.check_columns(rows, rows.use, near, model.joint_names)
+    notes += checks.check_columns(rows, rows.use, near, model.joint_names)
+    say = told or (lambda text: None)
+    for note in dict.fromkeys(notes):
+        say(note)
     known = rows.rigid @ rows.regressor.nominal + rows.known + rows.inertia * model.armature
     left = rows.effort - known - steady_friction(rows, known)
     columns = rows.rigid[:, :, rows.regressor.places(carrier)] @ _moved(place)

@@ -18,7 +18,10 @@ from arm_studies.identification.data import JointRecord, MeasuredMotion
 from arm_studies.identification.filtering import WIDEST, ZeroPhase, chosen_band, decimated
 
 GAP = 4.5
-"""Steps without a sample that split a recording; shorter holes are interpolated."""
+"""Steps without a sample that split a recording; over shorter holes the filter gets interpolated
+values, and only the samples that are missing are left out."""
+NEAR = 0.5
+"""Steps from a sample up to which an effort is known."""
 SHORTEST = 100
 """Smallest number of samples of a stretch."""
 PER_BAND = 10.0
@@ -27,6 +30,16 @@ UNEVEN = 1e-3
 """Fraction of a step by which samples may be off an even grid without being interpolated."""
 SATURATED = 8
 """Number of consecutive samples at the same extreme effort that indicate saturation."""
+BENT = 1e-3
+"""Departure of a position from uniform motion in [rad] or [m] from which an effort that does not
+change is frozen: in uniform motion it may be constant."""
+JUMP, COARSE = 3.0, 3.0
+"""Change after which an effort was frozen, over its typical change, if that is less than
+``COARSE`` times its small ones: those of a coarse sensor are all alike, and its long runs end with
+one of them."""
+SPANS = 3
+"""Stretches that a note lists."""
+WORDS = {"q": "position", "v": "velocity", "a": "acceleration", "effort": "effort"}
 
 
 @dataclass(frozen=True)
@@ -81,8 +94,9 @@ def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
     """Resample a recording at a constant rate, filter it with zero phase and differentiate it.
 
     Velocities and accelerations are derived from positions, since those that robots report are
-    filtered with a lag. If a recording has accelerations, as from a computation, its positions,
-    velocities and accelerations are used unchanged.
+    filtered with a lag. If most rows of a recording have accelerations, as from a computation, its
+    positions, velocities and accelerations are used unchanged. Rows that lack one of these, and
+    efforts that are missing or frozen, are left out; notes say where.
 
     Args:
         record: Joint states.
@@ -104,24 +118,16 @@ def resampled(record: JointRecord) -> EvenRecord:
     Raises:
         InvalidInput: If positions are missing, or no stretch is long enough.
     """
-    whole = np.isfinite(record.q).all(axis=1)
+    needed, start = _needed(record), record.time[0]
+    whole = np.hstack([np.isfinite(getattr(record, key)) for key in needed]).all(axis=1)
     if not whole.any():
         raise InvalidInput(f"{record.name}: no row has a position of every joint")
-    record = without_repeats(record.rows(whole))
-    notes = list(record.notes)
-    if not whole.all():
-        notes.append(f"{np.count_nonzero(~whole)} rows lack a position of some joint")
+    holes = [note for key in (*needed, "effort") for note in _missing(record, key)]
+    record, stuck = _without_frozen(without_repeats(record.rows(whole)), start)
+    notes = [*record.notes, *holes, *stuck]
     step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else np.inf
-    pieces, short = _pieces(record, step)
-    if short:
-        notes.append(f"{short} rows in stretches of fewer than {SHORTEST} samples are not used")
-    if not pieces:
-        raise InvalidInput(
-            f"{record.name}: no stretch of {SHORTEST} samples without a gap of more than "
-            f"{GAP * step:.3g} s; it has {len(record.time)} samples, {step:.3g} s apart"
-        )
-    if len(pieces) > 1:
-        notes.append(f"{len(pieces) - 1} gaps")
+    pieces, told = _pieces(record, step, start)
+    notes += told
     pieces = [repaired(piece) for piece in pieces]
     notes += [note for piece in pieces for note in piece.notes if note not in notes]
     step = _exact_step(pieces, step)
@@ -129,6 +135,75 @@ def resampled(record: JointRecord) -> EvenRecord:
     for stretch in stretches:
         notes += _saturation(stretch)
     return EvenRecord(stretches, step, tuple(notes))
+
+
+def _needed(record: JointRecord) -> tuple[str, ...]:
+    """What every row must have: all of the motion in computed recordings, else positions."""
+    computed = (np.isfinite(record.v) & np.isfinite(record.a)).all(axis=1)
+    return ("q", "v", "a") if computed.mean() > 0.5 else ("q",)
+
+
+def _missing(record: JointRecord, key: str) -> list[str]:
+    """Notes of joints without a position, velocity, acceleration or effort in some rows."""
+    left_out = "its efforts there" if key == "effort" else "these rows"
+    lost = ~np.isfinite(getattr(record, key))
+    return [
+        f"'{name}': no {WORDS[key]} in {_places(column, record.time - record.time[0])}; "
+        f"{left_out} are not used"
+        for name, column in zip(record.joint_names, lost.T, strict=True)
+        if column.any() and not column.all()
+    ]
+
+
+def _places(where: NDArray[np.bool_], time: Array) -> str:
+    """How often and when a condition holds, in words."""
+    count = np.count_nonzero(where)
+    rows = "1 row" if count == 1 else f"{count} rows"
+    return f"{rows} ({_listed(time[_runs(where) - [0, 1]])})"
+
+
+def _listed(spans: Array) -> str:
+    """Spans of time in [s] from the start, shape (m, 2), in words."""
+    texts = [f"{a:.3f} s" if a == b else f"{a:.3f} to {b:.3f} s" for a, b in spans[:SPANS]]
+    more = f" and {len(spans) - SPANS} times more," if len(spans) > SPANS else ""
+    return f"{', '.join(texts)}{more} after the start"
+
+
+def _runs(where: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """First row and end of each stretch in which a condition holds, shape (m, 2)."""
+    return np.flatnonzero(np.diff(where.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+
+
+def _without_frozen(record: JointRecord, start: float) -> tuple[JointRecord, list[str]]:
+    """The record without efforts that did not change while the joint's speed did, and notes."""
+    effort, notes = np.array(record.effort), []
+    for j, name in enumerate(record.joint_names):
+        stale = _frozen(record.q[:, j], effort[:, j])
+        if stale.any():
+            effort[stale, j] = np.nan
+            notes.append(
+                f"'{name}': effort frozen in {_places(stale, record.time - start)} while the "
+                "joint moves; its efforts there are not used (a sensor or a driver that stopped?)"
+            )
+    return replace(record, effort=read_only(effort)), notes
+
+
+def _frozen(q: Array, effort: Array) -> NDArray[np.bool_]:
+    """Samples that repeat the one before in long runs that the motion does not explain, (k,)."""
+    found, change = np.zeros(len(q), bool), abs(np.diff(effort, append=np.nan))
+    changed = np.flatnonzero(change > 0.0)
+    if changed.size < 2:
+        return found  # a constant effort is refused in ``checks``
+    usual = float(np.median(np.diff(changed)))  # more than one if it is measured more slowly
+    small, typical = np.quantile(change[changed], [0.05, 0.5])
+    least = JUMP * typical if typical < COARSE * small else 0.0
+    for start, last in _runs(change == 0.0):
+        length = last - start + 1
+        bent = abs(q[start : last + 1] - np.linspace(q[start], q[last], length)).max() > BENT
+        # At the end of the recording, or before a hole, no change is known.
+        if length >= SATURATED * usual and bent and not change[last] <= least:
+            found[start + 1 : last + 1] = True
+    return found
 
 
 def _saturation(stretch: JointRecord) -> list[str]:
@@ -181,20 +256,34 @@ def joined(motions: Sequence[MeasuredMotion], notes: Sequence[str] = ()) -> Meas
     return replace(first, **parts, valid=valid, stretches=stretches, notes=tuple(notes))
 
 
-def _pieces(record: JointRecord, step: float) -> tuple[list[JointRecord], int]:
-    """Stretches without a gap, and the number of rows in those that are too short."""
-    cuts = np.flatnonzero(np.diff(record.time) > GAP * step) + 1
+def _pieces(record: JointRecord, step: float, start: float) -> tuple[list[JointRecord], list[str]]:
+    """Stretches without a gap that are long enough, and notes of the gaps.
+
+    Raises:
+        InvalidInput: If there is none.
+    """
+    cuts, notes = np.flatnonzero(np.diff(record.time) > GAP * step) + 1, []
+    if cuts.size:
+        gaps = np.column_stack([record.time[cuts - 1], record.time[cuts]]) - start
+        notes.append(f"the motion has gaps ({_listed(gaps)}); nothing is used near them")
     edges = [0, *cuts.tolist(), len(record.time)]
     spans = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
     long = [s for s in spans if s.stop - s.start >= SHORTEST]
-    short = len(record.time) - sum(s.stop - s.start for s in long)
-    return [record.rows(s) for s in long], short
+    if short := len(record.time) - sum(s.stop - s.start for s in long):
+        notes.append(f"{short} rows in stretches of fewer than {SHORTEST} samples are not used")
+    if not long:
+        raise InvalidInput(
+            f"{record.name}: no stretch of {SHORTEST} samples without a gap of more than "
+            f"{GAP * step:.3g} s; it has {len(record.time)} samples, {step:.3g} s apart"
+        )
+    return [record.rows(s) for s in long], notes
 
 
 def _exact_step(pieces: Sequence[JointRecord], step: float) -> float:
     """The mean step where times are even, so that no drift adds up; else the median."""
     longest = max(pieces, key=lambda piece: len(piece.time))
-    mean = float(longest.time[-1] - longest.time[0]) / (len(longest.time) - 1)
+    steps = float(np.rint(np.diff(longest.time) / step).sum())  # also over rows that are missing
+    mean = float(longest.time[-1] - longest.time[0]) / max(steps, 1.0)
     return mean if abs(mean - step) < 0.02 * step else step
 
 
@@ -205,11 +294,14 @@ def _even(piece: JointRecord, step: float) -> JointRecord:
     if len(time) == len(piece.time) and abs(time - piece.time).max() < UNEVEN * step:
         return replace(piece, time=read_only(time))
     time = time[time <= piece.time[-1]]
+    after = np.clip(np.searchsorted(piece.time, time), 1, len(piece.time) - 1)
+    far = np.minimum(time - piece.time[after - 1], piece.time[after] - time) > NEAR * step
     slopes = np.gradient(piece.q, piece.time, axis=0)
     parts = {"q": cubic(time, piece.time, piece.q, slopes)}
     for key in ("effort", "v", "a"):
         columns = [np.interp(time, piece.time, column) for column in getattr(piece, key).T]
         parts[key] = np.column_stack(columns)
+    parts["effort"][far] = np.nan
     arrays: dict[str, Any] = {key: read_only(array) for key, array in parts.items()}
     return replace(piece, time=read_only(time), **arrays)
 
@@ -229,10 +321,10 @@ def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:
 
 def _motion(grid: JointRecord, low_pass: ZeroPhase) -> MeasuredMotion:
     """Filter one even stretch."""
-    valid = np.isfinite(grid.effort) & ~saturated(grid.effort)
+    known = np.isfinite(grid.effort) & ~saturated(grid.effort)
     effort = _filled(grid.effort, np.isfinite(grid.effort))
     margin = low_pass.margin(len(grid.time))
-    valid = _eroded(valid, margin)
+    valid = known & _eroded(_bridged(known), margin)
     valid[:margin] = valid[-margin:] = False
     if np.isfinite(low_pass.band):
         q, v, a = (low_pass(grid.q, derivative) for derivative in range(3))
@@ -250,12 +342,19 @@ def saturated(effort: Array) -> NDArray[np.bool_]:
     found = np.zeros(effort.shape, bool)
     for i, column in enumerate(effort.T):
         for extreme in (np.nanmin(column, initial=np.inf), np.nanmax(column, initial=-np.inf)):
-            at = column == extreme
-            edges = np.flatnonzero(np.diff(at.astype(np.int8), prepend=0, append=0))
-            for start, end in edges.reshape(-1, 2):
+            for start, end in _runs(column == extreme):
                 found[start:end, i] |= end - start >= SATURATED
         if np.nanmin(column, initial=np.inf) >= np.nanmax(column, initial=-np.inf):
             found[:, i] = False  # a constant effort is refused in ``checks``
+    return found
+
+
+def _bridged(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Samples that are known or in a hole so short that it is interpolated, shape (k, n)."""
+    found = known.copy()
+    for j, column in enumerate(known.T):
+        for start, end in _runs(~column):
+            found[start:end, j] = end - start < GAP - 1.0
     return found
 
 

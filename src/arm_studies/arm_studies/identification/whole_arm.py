@@ -37,6 +37,7 @@ from arm_studies.identification.regression.friction_columns import (
     VISCOUS,
     JointFit,
 )
+from arm_studies.identification.regression.held_out import excess
 from arm_studies.identification.regression.intervals import CERTAIN, estimated
 from arm_studies.identification.regression.regressor import EACH, RigidRegressor
 from arm_studies.identification.regression.rows import HELD_OUT, Rows, steady_friction
@@ -126,7 +127,7 @@ def identify(
     run = _Run(model, sampled, band, effort == "scale", total_mass, masses or {}, held_out, say)
     found = run.done()
     if not accept_worse:
-        checks.check_better(*found.error)
+        checks.check_better(*found.error, run.excess)
     return found
 
 
@@ -170,12 +171,15 @@ class _Run:
         self.notes = list(dict.fromkeys(n for each in recordings for n in each.notes))
         self._filter(_common_band(recordings) if band is None else band)
         self.ranges = checks.moved(self.motions)
-        checks.check_rows(self.rows, self.names)
+        checks.check_rows(self.rows, self.names, self.notes)
         nominal = self.regressor.nominal
         near = belief_of(nominal, len(nominal), *DOUBT)
-        checks.check_columns(self.rows, self._train(), near, self.names)
+        self.notes += checks.check_columns(self.rows, self._train(), near, self.names)
+        if not scaled:
+            self.notes += checks.check_scales(self.rows, self._train(), near, self.names)
         self.known_masses = self._mass_rows(total_mass, masses)
         self.sigmas = (MASSES[3], SHAPES[4])
+        self.excess = 0.0
 
     def _filter(self, band: float, effort_band: float | None = None) -> None:
         """Filter all recordings at a band."""
@@ -423,10 +427,13 @@ class _Run:
         error, each = _relative(rows.effort, predicted, test)
         before, each_before = _relative(rows.effort, nominal, test)
         shown = test if test.any() else self._train()
+        ratios = self._ratios(nominal)
         checks.check_explained(
             _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
-            self.names, self._ratios(nominal),
+            self.names, ratios,
         )  # fmt: skip
+        self.excess = excess(rows, test, trial, nominal, self.belief)
+        self._tell_no_better(error, before)
         known = self._parameters(final, used)
         friction: list[JointFit | None] = [
             f if self.ranges[j] > checks.MOVED else None for j, f in enumerate(final.friction)
@@ -441,7 +448,8 @@ class _Run:
         self._tell_tilt(trial)
         theta = final.x[: final.bodies]
         masses = self.regressor.nominal[::EACH]
-        checks.check_masses(theta[::EACH], masses, self.scaled or bool(self.known_masses))
+        if not (self.scaled or self.known_masses):  # else the unit of efforts is not the cause
+            checks.check_masses(theta[::EACH], masses, self.names, ratios)
         scene = scene_with(self.model, theta, armature, friction, self.notes)
         self._check(scene, theta)
         if final.changed:
@@ -517,6 +525,15 @@ class _Run:
             for j, u in enumerate((rows.use & rows.train[:, None]).T)
         ]
         return np.array([a / b if b > 0.0 else 1.0 for a, b in sums])
+
+    def _tell_no_better(self, error: float, nominal: float) -> None:
+        """Note a nominal scene that predicts better."""
+        if error > max(nominal, checks.ROUNDING):
+            self.notes.append(
+                f"the nominal scene leaves less of the part held out, {nominal:.3%} against "
+                f"{error:.3%}; beyond what noise in the estimates explains, that is "
+                f"{self.excess:.1f} standard errors"
+            )
 
     def _tell_bandwidth(self) -> None:
         if self.rows.effort_band is not None:

@@ -7,13 +7,13 @@ import pytest
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
 from arm_studies.identification.regression.estimation import belief_of
-from arm_studies.identification.regression.matching import Match, mismatched
+from arm_studies.identification.regression.matching import Match, delayed, mismatched, scaled
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
 
 
-def matched(scene: str, heavier: float, change, moving=None):
-    """What is found of an arm with much friction whose last body is ``heavier`` than nominal."""
+def recorded(scene: str, heavier: float, change, moving=None):
+    """Rows of an arm with much friction whose last body is ``heavier`` than nominal; its prior."""
     model, t = ArmModel(load_scene(scene)), np.arange(0.0, 12.0, 0.01)
     regressor, n = RigidRegressor(model), model.n
     rng = np.random.default_rng(4)
@@ -30,7 +30,12 @@ def matched(scene: str, heavier: float, change, moving=None):
     tau += 0.05 * tau.std(axis=0) * rng.normal(size=tau.shape)
     record = JointRecord.of(model.joint_names, t, q, change(tau), v, a)
     rows = Rows(regressor, [prepare(record, np.inf)])
-    return mismatched(rows, rows.use, belief_of(regressor.nominal, theta.size, 0.12, 0.2))
+    return rows, belief_of(regressor.nominal, theta.size, 0.12, 0.2)
+
+
+def matched(scene: str, heavier: float, change, moving=None):
+    rows, belief = recorded(scene, heavier, change, moving)
+    return mismatched(rows, rows.use, belief)
 
 
 def swapped(tau):
@@ -57,3 +62,48 @@ def test_units_do_not_matter():
 
 def test_nothing_is_said_of_a_joint_that_does_not_move():
     assert matched("two_link", 1.0, lambda tau: tau, moving=[1.0, 0.0]) == []
+
+
+def late(by: int, joint: int = 1):
+    """A change of torques, of which one joint's come some samples of 10 ms late."""
+
+    def change(tau):
+        found = tau.copy()
+        found[:, joint] = np.roll(tau[:, joint], by)
+        return found
+
+    return change
+
+
+@pytest.mark.parametrize("scene", ["two_link", "panda"])
+@pytest.mark.parametrize("heavier", [0.3, 1.0, 5.0])
+@pytest.mark.parametrize("by", [-12, 7, 40])
+def test_delays_whatever_the_bodies(scene, heavier, by):
+    rows, _ = recorded(scene, heavier, late(by))
+    (found,) = delayed(rows, rows.use)
+    assert found.joint == 1
+    assert found.late == pytest.approx(0.01 * by, abs=2e-3)
+    assert found.after == pytest.approx(0.05, abs=0.02)  # the noise
+
+
+@pytest.mark.parametrize("scene", ["two_link", "panda"])
+@pytest.mark.parametrize("heavier", [0.3, 1.0, 5.0])
+def test_no_delay_is_told_where_there_is_none(scene, heavier):
+    rows, _ = recorded(scene, heavier, lambda tau: tau)
+    assert delayed(rows, rows.use) == []
+
+
+@pytest.mark.parametrize("factor", [1e-3, 0.4, 3.0, 1e3])
+def test_scales_whose_interval_has_the_truth(factor):
+    rows, belief = recorded("panda", 1.0, lambda tau: tau * [1, factor, 1, 1, 1, 1, 1])
+    (found,) = scaled(rows, rows.use, belief)
+    assert found.joint == 1
+    assert found.low < factor < found.high
+    assert found.factor == pytest.approx(factor, rel=0.2)
+
+
+def test_no_scale_is_told_of_bodies_within_their_prior_or_where_friction_dominates():
+    rows, belief = recorded("panda", 1.2, lambda tau: tau)
+    assert scaled(rows, rows.use, belief) == []
+    rows, belief = recorded("panda", 1.0, lambda tau: tau * [1, 1, 1, 1, 1, 1, 3])
+    assert scaled(rows, rows.use, belief) == []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which joint's motion explains which efforts: columns that are reversed or swapped."""
+"""What explains efforts better: another sign, joint, time or scale of their columns."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from arm_studies.identification.regression.friction_columns import (
     VISCOUS,
     JointFit,
 )
+from arm_studies.identification.regression.intervals import CERTAIN
 from arm_studies.identification.regression.rows import Rows
 
 SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))
@@ -26,6 +27,18 @@ POOR, FAIR = 0.2, 0.5
 another does."""
 BETTER = 0.3
 """Smallest improvement by which another is believed: the ratio of the two residuals."""
+LATEST, SHIFTS = 0.5, 50
+"""Largest delay that is looked for in [s], and number of delays that are tried up to it."""
+CAUSED, FELT, GROSS = 0.5, 0.003, 0.05
+"""Fraction of the power of a residual that a delay must cause, and smallest relative residual, for
+it to be told; relative residual that it causes from which it spoils friction and bodies."""
+SINGULAR = 1e-7
+"""Singular values relative to the largest below which columns are dependent."""
+FACTOR, LIKELY = 1.4, 1.5
+"""Factor, and standard deviations of its logarithm, from which a scale is told: rather too often
+than too seldom, since bodies may be the cause as well."""
+VAGUE = 0.7
+"""Largest standard deviation of the logarithm of a scale that is told."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +54,45 @@ class Match:
     column: int
     joint: int
     sign: int
+
+
+@dataclass(frozen=True)
+class Delay:
+    """Efforts that fit the motion of another time.
+
+    Attributes:
+        joint: Joint whose column of efforts it is.
+        late: By how much in [s]; negative if efforts are ahead of the motion.
+        before: Relative residual of the efforts as they are.
+        after: That of efforts without the delay.
+    """
+
+    joint: int
+    late: float
+    before: float
+    after: float
+
+    @property
+    def gross(self) -> bool:
+        """Whether the delay spoils what is identified."""
+        return self.before**2 - self.after**2 > GROSS**2
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Efforts over the torques that a joint's nominal bodies need.
+
+    Attributes:
+        joint: The joint.
+        factor: Efforts over torques.
+        low: Lower end of its 95 % interval, given the doubt in the bodies.
+        high: Upper end.
+    """
+
+    joint: int
+    factor: float
+    low: float
+    high: float
 
 
 def mismatched(rows: Rows, use: Mask, belief: Belief) -> list[Match]:
@@ -65,6 +117,82 @@ def mismatched(rows: Rows, use: Mask, belief: Belief) -> list[Match]:
     return found
 
 
+def delayed(rows: Rows, use: Mask) -> list[Delay]:
+    """Columns of efforts whose residual a constant delay causes for the most part.
+
+    Each column is fitted by its joint's own motion with bodies that are free, at each of a grid of
+    delays, and the square of the residual is interpolated around its minimum. Nothing is assumed
+    of the bodies: none of them makes a torque late.
+
+    Args:
+        rows: The regression's rows.
+        use: Rows that are used, shape (k, n).
+    """
+    dt = rows.motions[0].dt
+    step = max(1, round(LATEST / (SHIFTS * dt)))
+    shifts = step * np.arange(-SHIFTS, SHIFTS + 1)
+    shifts = shifts[abs(shifts) * dt < LATEST + 0.5 * step * dt]
+    found = []
+    for j in range(rows.n):
+        shifted = [rows.ahead(j, int(by)) for by in shifts]
+        there = use[:, j] & np.all([known for _, known in shifted], axis=0)
+        if not there.any():
+            continue
+        left = _left(_free(rows, j)[there], np.column_stack([y[there] for y, _ in shifted]))
+        before, at = left[len(shifts) // 2], int(np.argmin(left))
+        after = left[at]
+        if before > FELT**2 and after < (1.0 - CAUSED) * before:
+            late = step * dt * (at - len(shifts) // 2 + _vertex(left, at))
+            found.append(Delay(j, late, float(np.sqrt(before)), float(np.sqrt(after))))
+    return found
+
+
+def _free(rows: Rows, j: int) -> Array:
+    """Columns of a joint's own motion: bodies, rotor, friction and known torques."""
+    friction = rows.friction(SIMPLE, j, np.zeros(len(rows.effort)))
+    parts = (rows.rigid[:, j], rows.inertia[:, j : j + 1], friction, rows.known[:, j : j + 1])
+    return np.hstack(parts)
+
+
+def _left(columns: Array, y: Array) -> Array:
+    """Fractions of the power of each y of shape (k, m) that columns do not explain, shape (m,)."""
+    size = np.linalg.norm(columns, axis=0)
+    U, singular, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    U = U[:, singular > SINGULAR * singular[0]]
+    power = np.maximum((y**2).sum(axis=0), 1e-300)
+    return np.asarray(((y - U @ (U.T @ y)) ** 2).sum(axis=0) / power)
+
+
+def _vertex(values: Array, at: int) -> float:
+    """Place of the minimum of a parabola through a smallest value and its neighbours, from it."""
+    if not 0 < at < len(values) - 1:
+        return 0.0
+    before, least, after = values[at - 1 : at + 2]
+    return float(0.5 * (before - after) / (before - 2.0 * least + after))
+
+
+def scaled(rows: Rows, use: Mask, belief: Belief) -> list[Scale]:
+    """Columns of efforts that are many times the torques of bodies near the nominal ones, or few.
+
+    Where friction makes most of an effort, its scale is uncertain, and nothing is said.
+
+    Args:
+        rows: The regression's rows.
+        use: Rows that are used, shape (k, n).
+        belief: Prior of the bodies alone.
+    """
+    found = []
+    for j in np.flatnonzero(use.any(axis=0)):
+        R = _triangle(rows, use[:, j] & rows.valid[:, j], int(j), np.array([j]))
+        gain, deviation, _ = _fitted(R[:, :-2], R[:, -2], R[:, -1], belief)
+        if gain <= 0.0 or deviation > VAGUE:
+            continue
+        if abs(np.log(gain)) > max(LIKELY * deviation, np.log(FACTOR)):
+            wide = np.exp(CERTAIN * deviation)
+            found.append(Scale(int(j), 1.0 / gain, 1.0 / gain / wide, wide / gain))
+    return found
+
+
 def _residuals(rows: Rows, use: NDArray[np.bool_], belief: Belief, j: int) -> Array:
     """Relative residuals of all columns, as they are and reversed, by the motion of joint j.
 
@@ -75,46 +203,62 @@ def _residuals(rows: Rows, use: NDArray[np.bool_], belief: Belief, j: int) -> Ar
     masks = use[:, None] & rows.valid
     for mask in np.unique(masks, axis=1).T:
         columns = np.flatnonzero((masks == mask[:, None]).all(axis=0))
-        own = rows.friction(SIMPLE, j, np.zeros(len(use)))[:, ::-1]  # the first may be negative
-        parts = (rows.rigid[:, j], own[:, :1], rows.inertia[:, j : j + 1], own[:, 1:])
-        motion = np.column_stack([*parts, rows.known[:, j], rows.effort[:, columns]])[mask]
-        R = np.linalg.qr(motion, mode="r")
+        R = _triangle(rows, mask, j, columns)
         for k, i in enumerate(columns, R.shape[1] - len(columns)):
             for turned, sign in enumerate((1.0, -1.0)):
                 y = sign * R[:, k]
-                found[turned, i] = _residual(R[:, : -len(columns) - 1], R[:, -len(columns) - 1],
-                                             y, belief)  # fmt: skip
+                found[turned, i] = _fitted(R[:, : -len(columns) - 1], R[:, -len(columns) - 1],
+                                           y, belief)[2]  # fmt: skip
     return found
 
 
-def _residual(A: Array, known: Array, y: Array, belief: Belief) -> float:
-    """Relative residual of efforts y, whose factor g is an unknown: A x + known = g y.
+def _triangle(rows: Rows, mask: NDArray[np.bool_], j: int, columns: NDArray[np.int_]) -> Array:
+    """Triangle of the motion of joint j, of its known torques, and of columns of efforts."""
+    own = rows.friction(SIMPLE, j, np.zeros(len(mask)))[:, ::-1]  # the first may be negative
+    parts = (rows.rigid[:, j], own[:, :1], rows.inertia[:, j : j + 1], own[:, 1:])
+    motion = np.column_stack([*parts, rows.known[:, j], rows.effort[:, columns]])[mask]
+    return np.asarray(np.linalg.qr(motion, mode="r"))
+
+
+def _fitted(A: Array, known: Array, y: Array, belief: Belief) -> tuple[float, float, float]:
+    """Factor g of efforts y, an unknown as well: A x + known = g y.
 
     Args:
         A: Columns of the bodies, of a constant torque, of the armature and of friction.
         known: Torques of payloads and springs.
         y: Efforts in the same rows.
         belief: Prior of the bodies.
+
+    Returns:
+        The factor, the standard deviation of its logarithm, and the relative residual.
     """
     bodies = len(belief.x0)
     size = EXACT * float(np.linalg.norm(A[:, :bodies] @ belief.x0 + known))
     length = float(np.linalg.norm(y))
     if size == 0.0 or length == 0.0:
-        return np.inf
+        return 0.0, np.inf, np.inf
     A = np.insert(A, bodies + 1, -y / length, axis=1)
     prior = np.hstack([belief.rows, np.zeros((len(belief.rows), A.shape[1] - bodies))])
-    x = _partly_positive(
-        np.vstack([A / size, prior]),
-        np.concatenate([-known / size, belief.rows @ belief.x0]), bodies + 1,
-    )  # fmt: skip
-    gain = x[bodies + 1]
-    return float(np.linalg.norm(A @ x + known) / gain) if gain > 0.0 else np.inf
+    R = np.vstack([A / size, prior])
+    z = np.concatenate([-known / size, belief.rows @ belief.x0])
+    x, kept = _partly_positive(R, z, bodies + 1)
+    gain = float(x[bodies + 1])
+    if gain <= 0.0:
+        return 0.0, np.inf, np.inf
+    others = np.delete(R[:, kept], kept[: bodies + 1].sum(), axis=1)
+    alone = np.sqrt(_left(others, R[:, bodies + 1 : bodies + 2])[0])
+    sure = alone * float(np.linalg.norm(R[:, bodies + 1]))
+    deviation = max(1.0, float(np.linalg.norm(R @ x - z))) / max(sure, 1e-300) / gain
+    return gain / length, deviation, float(np.linalg.norm(A @ x + known)) / gain
 
 
-def _partly_positive(R: Array, z: Array, first: int) -> Array:
+def _partly_positive(R: Array, z: Array, first: int) -> tuple[Array, NDArray[np.bool_]]:
     """The x that minimizes ‖R x - z‖ without negative unknowns from ``first`` on.
 
     Those that come out negative are set to zero, the most negative first.
+
+    Returns:
+        x, and which unknowns were not set to zero.
     """
     kept = np.ones(R.shape[1], bool)
     while True:
@@ -124,5 +268,5 @@ def _partly_positive(R: Array, z: Array, first: int) -> Array:
         x[kept] = np.linalg.lstsq(R[:, kept] / size, z, rcond=1e-12)[0] / size
         negative = np.where(x[first:] < 0.0, x[first:] * np.linalg.norm(R[:, first:], axis=0), 0.0)
         if not negative.any():
-            return x
+            return x, kept
         kept[first + int(np.argmin(negative))] = False

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from functools import cached_property, partial
 
@@ -126,14 +126,29 @@ class Rows:
             vars(other).pop(name, None)
         return other
 
-    def narrowed(self, columns: Array, band: float) -> Array:
-        """Low-pass filter columns once more, at a band of its own, shape (k, …)."""
-        low_pass, found, start = ZeroPhase(band, self.motions[0].dt), np.empty_like(columns), 0
+    def ahead(self, joint: int, by: int) -> tuple[Array, NDArray[np.bool_]]:
+        """A joint's efforts some rows later, in the same stretch, and which are known, (k,)."""
+        effort, known = np.zeros(len(self.effort)), np.zeros(len(self.valid), bool)
+        for s in self._stretches():
+            to = slice(max(s.start, s.start - by), min(s.stop, s.stop - by))
+            if to.stop > to.start:
+                of = slice(to.start + by, to.stop + by)
+                effort[to], known[to] = self.effort[of, joint], self.valid[of, joint]
+        return effort, known
+
+    def _stretches(self) -> Iterator[slice]:
+        """The rows of each stretch of each motion."""
+        start = 0
         for motion in self.motions:
             for stretch in motion.stretches:
-                span = slice(start + stretch.start, start + stretch.stop)
-                found[span] = low_pass(columns[span])
+                yield slice(start + stretch.start, start + stretch.stop)
             start += len(motion.time)
+
+    def narrowed(self, columns: Array, band: float) -> Array:
+        """Low-pass filter columns once more, at a band of its own, shape (k, …)."""
+        low_pass, found = ZeroPhase(band, self.motions[0].dt), np.empty_like(columns)
+        for span in self._stretches():
+            found[span] = low_pass(columns[span])
         return found
 
     def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
