@@ -39,6 +39,18 @@ def test_the_payload_comes_out(record):
     np.testing.assert_allclose(found.inertia, BODY["inertia"], atol=1e-7)
 
 
+def test_it_comes_out_on_an_arm_of_point_masses():
+    carried = {"frame": "bob", "mass": 0.7, "com": (0.0, 0.0, -0.1)}
+    arm = load_scene("pendulum").model_dump(exclude_unset=True, mode="json")
+    dynamics = Dynamics(arm | {"payloads": [carried]})
+    t = np.arange(0.0, 8.0, 0.01)[:, None]
+    q, v, a = np.sin(2.0 * t), 2.0 * np.cos(2.0 * t), -4.0 * np.sin(2.0 * t)
+    record = JointRecord.of(dynamics.joint_names, t[:, 0], q, dynamics.inverse(q, v, a), v, a)
+    found = identify_payload(arm, record, "bob")
+    again = Dynamics(arm | {"payloads": [found.model_dump()]})
+    np.testing.assert_allclose(again.inverse(q, v, a), record.effort, atol=1e-4)
+
+
 def test_under_noise_it_is_still_a_body(record):
     noise = np.random.default_rng(1).standard_normal(record.effort.shape)
     noisy = JointRecord.of(

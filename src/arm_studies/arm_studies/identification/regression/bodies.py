@@ -73,23 +73,34 @@ def metric(theta: Array) -> Array:
     on the frame (Lee, Wensing, Park, "Geometric robot dynamic identification: a convex programming
     approach", IEEE Trans. Robotics 36(2), 2020). A body of 1 + ε times the density is at 2 ε².
     """
-    parts = np.linalg.solve(pseudo_inertia(theta), BASIS)
-    return np.asarray(0.5 * np.einsum("kab,lba->kl", parts, parts))
+    rows = _distance(theta)
+    return np.asarray(rows.T @ rows)
+
+
+def _distance(theta: Array) -> Array:
+    """F with Q = Fᵀ F of ``metric``: F δ are the entries of C⁻¹ δJ C⁻ᵀ / √2, with J = C Cᵀ."""
+    C = np.linalg.cholesky(pseudo_inertia(theta))
+    half = np.linalg.solve(C, BASIS)
+    both = np.linalg.solve(C, np.swapaxes(half, 1, 2))
+    return np.asarray(both.reshape(len(BASIS), -1).T / np.sqrt(2.0))
 
 
 def prior(theta: Array, mass: float, shape: float) -> Array:
-    """Precision of the prior that a body is near this one, shape (10, 10).
+    """The prior that a body is near this one: R whose Rᵀ R is its precision, shape (10, 10).
+
+    Built without the precision, in which the digits of a body without thickness would be lost.
 
     Args:
         theta: Ten inertial parameters of a body.
         mass: Relative standard deviation of its density.
         shape: That of all else, as a distance; see ``metric``.
     """
-    Q = metric(theta)
-    along = Q @ theta
-    size = float(theta @ along)
-    scaled = np.outer(along, along) / size
-    return (Q - scaled) / shape**2 + scaled / (size * mass**2)
+    F = _distance(theta)
+    along = F @ theta
+    size = float(np.linalg.norm(along))
+    denser = along / size @ F
+    others = F - np.outer(along / size, denser)
+    return np.linalg.qr(np.vstack([others / shape, denser / (size * mass)]), mode="r")
 
 
 def log_det(theta: Array) -> tuple[float, Array, Array]:

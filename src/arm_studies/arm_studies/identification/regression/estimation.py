@@ -185,7 +185,7 @@ def belief_of(nominal: Array, size: int, mass: float, shape: float) -> Belief:
         if nominal[i] > 1e-9:
             body = bodies.nearest(nominal[i : i + EACH])
             x0[i : i + EACH] = body
-            part[:, i : i + EACH] = np.linalg.cholesky(bodies.prior(body, mass, shape)).T
+            part[:, i : i + EACH] = bodies.prior(body, mass, shape)
         else:
             part[:, i : i + EACH] = 1e9 * np.eye(EACH)
         rows.append(part)
