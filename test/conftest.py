@@ -40,6 +40,23 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return len(os.sched_getaffinity(0)) if any(map(os.path.isdir, config.args)) else 0
 
 
+# Files whose tests take long each and share nothing: they are shared out one by one.
+ONE_BY_ONE = ("test/docs/test_pages_run.py", "test/docs/test_examples.py")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """The tests of a file share what they have built and stay in one process, except some."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::", 1)[0]
+            return nodeid if file in ONE_BY_ONE else file
+
+    return ByFile(config, log)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip tests of a group of packages that is not installed; CI installs it and runs them."""

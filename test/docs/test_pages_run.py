@@ -62,7 +62,7 @@ ELSEWHERE = yaml.safe_load((Path(__file__).parent / "lines_elsewhere.yaml").read
 HELP: dict[str, str] = {}  # what programs print about themselves
 DRAWN = re.compile(r"arm view .*--(?:png|gif|mp4)\b")
 # What needs a group of packages that ./arm installs only when asked for.
-GROUPS = {"view": r"arm view\b|\.show\(\)", "sweep": r"arm sweep\b", "jax": r"^import jax$"}
+GROUPS = {"view": r"arm view\b|^from arm_sim\.view\b", "sweep": r"arm sweep\b", "jax": r"^import jax$"}
 # Numbers that differ from run to run: times, sizes, errors of a motion.
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 MEASURED = re.compile(r"\([\d.]+ m?s\)|[\d.]+ MB|(?<=error )\S+ at \w+|(?<=in )[\d.]+(?= s)")
@@ -83,7 +83,7 @@ def shelf(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("shelf")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")  # pages are shared out one by one
 def forge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with forging(tmp_path_factory.mktemp("forge")) as made:
         yield made
@@ -187,7 +187,7 @@ def test_the_list_holds_nothing_else(entry: dict[str, str]) -> None:
     [
         ("README", {"view"}),
         ("how-to/autodiff", {"jax"}),
-        ("how-to/install", {"view"}),  # by a recording's show()
+        ("how-to/install", {"view"}),  # by an import
         ("how-to/shell", set()),
         ("tutorials/sweep", {"sweep"}),
     ],
