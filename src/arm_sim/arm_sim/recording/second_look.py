@@ -4,7 +4,8 @@
 A closed energy account does not show that every event was seen: a motion that passes one over may
 keep its energy. A tick that is made again from its recorded start, in two halves and under a
 tolerance a hundred times smaller, evaluates all guards at other instants; where the ends differ by
-more than the method allows, one of the two is wrong.
+more than the method allows, one of the two is wrong. Steps of fixed length between two events
+within a tick are halved, too.
 
 Half of the ticks are those at which velocities change most abruptly, which is where events are;
 the others are drawn at random, by a seed of their own, so that the same motion gets the same look.

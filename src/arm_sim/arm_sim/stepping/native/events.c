@@ -265,7 +265,7 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
   }
 #endif
   long long work = 0;
-  segment_t segment = {.u = u, .control = control, .work = &work};
+  segment_t segment = {.u = u, .control = control, .work = &work, .halves = report->halves};
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
   report->trouble = tick_with_events(x, &segment, h, report, 0, after);
   return report->trouble == NONE;

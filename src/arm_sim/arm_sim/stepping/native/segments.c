@@ -81,7 +81,7 @@ static int anything_held(const segment_t* segment) {
 #ifdef ADAPTIVE
 #define MOST_STEPS MOST_SUBSTEPS
 #else
-#define MOST_STEPS 1
+#define MOST_STEPS 2 /* the second only if a segment is made in halves */
 #endif
 
 /* Event functions, which must not be positive: of contacts gaps, or normal and tangential forces; of joints friction, and
@@ -397,8 +397,36 @@ static double end_at_event(search_t* search, double known, limits_t* limits, rea
   return piece->length;
 }
 
+/* A time in a piece of length h, whose end may be out of reach, at which a mode is violated; 0 if all are satisfied. */
+static double find_violation(const search_t* search, double h, int reached, limits_t* limits) {
+  limits_t peak;
+  if (!reached) fill(limits, INFINITY);
+  if (!reached || disobedience(search->piece.end, search->segment, search->ground, search->piece.from + h, limits) > 0.0)
+    return h;
+  const double known = find_excursion(search, limits, &peak);
+  if (known > 0.0) *limits = peak;
+  return known;
+}
+
+#ifndef ADAPTIVE
+/* Length of the first step of a motion: all of it, or half of what one step covers until a mode ends. Halved ticks alone
+ * would not test a motion that begins and ends within a tick, as the contact with a stiff stop does.
+ */
+static double first_length(const search_t* begun, double reach) {
+  limits_t limits;
+  real error[2];
+  if (!begun->segment->halves) return reach;
+  search_t search = *begun;
+  *search.segment->work += COST_STEP;
+  const int reached = make_step(search.segment, reach, &search.piece, error);
+  const double known = find_violation(&search, reach, reached, &limits);
+  const double length = known == 0.0 ? reach : end_at_event(&search, known, &limits, error);
+  return length > 0.0 ? 0.5 * length : reach;
+}
+#endif
+
 /* Motion to the end of the modes, at most over `reach`: its length, -1 if it cannot be computed. Every step is watched: of
- * fixed length the only one, under error control each that is accepted.
+ * fixed length the only one or two, under error control each that is accepted.
  */
 static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
   search_t search = {.segment = segment, .piece = {.from = 0.0}};
@@ -412,6 +440,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
 #ifdef ADAPTIVE
   substeps_t at = first_substep(reach, control->step);
 #else
+  const double first = first_length(&search, reach);
   (void)control;
 #endif
   for (long long k = 0; k < MOST_STEPS; ++k) {
@@ -428,16 +457,11 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     if (verdict == REJECTED) continue;
     last = verdict == ENDED;
 #else
-    const double h = reach;
+    const double h = k ? reach - first : first;
+    last = k || first == reach;
     const int reached = make_step(segment, h, piece, error);
 #endif
-    double known = h;
-    if (!reached) fill(&limits, INFINITY);
-    else if (!(disobedience(piece->end, segment, search.ground, piece->from + h, &limits) > 0.0)) {
-      limits_t peak;
-      known = find_excursion(&search, &limits, &peak);
-      limits = peak;
-    }
+    const double known = find_violation(&search, h, reached, &limits);
     *calm = known == 0.0;
     const double length = *calm ? h : end_at_event(&search, known, &limits, error);
     if (length < 0.0) return -1.0;
