@@ -408,7 +408,18 @@ static double find_violation(const search_t* search, double h, int reached, limi
   return known;
 }
 
-#ifndef ADAPTIVE
+#ifdef ADAPTIVE
+/* Whether an accepted attempt that an event cuts to `length` is accurate, with its error `size` then: an attempt that passes
+ * over what happens close to the event may not notice it. If not, a shorter one is to be tried from the same beginning.
+ */
+static int is_accurate_cut(substeps_t* at, double h, double length, double size) {
+  if (size <= 1.0 || length < 1e-12 * h) return 1;
+  const double factor = 0.9 * pow(size, -1.0 / ORDER);
+  at->done -= at->trial;
+  at->step = length * (factor > 0.2 ? factor : 0.2);
+  return 0;
+}
+#else
 /* Length of the first step of a motion: all of it, or half of what one step covers until a mode ends. Halved ticks alone
  * would not test a motion that begins and ends within a tick, as the contact with a stiff stop does.
  */
@@ -466,6 +477,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     const double length = *calm ? h : end_at_event(&search, known, &limits, error);
     if (length < 0.0) return -1.0;
 #ifdef ADAPTIVE
+    if (!*calm && !is_accurate_cut(&at, reach, length, error[0] / control->tolerance)) continue;
     control->error += error[1];
     control->step = at.step;
 #endif
