@@ -23,6 +23,7 @@ from benchmarks.missed_events.judge import (
     OUTCOMES,
     REFUSED,
     RIGHT,
+    SAME,
     UNSTEADY,
     Result,
     examine,
@@ -30,6 +31,7 @@ from benchmarks.missed_events.judge import (
 from benchmarks.reporting.progress import Bar
 
 ROOT = Path(__file__).parents[2]
+OTHERS = (RIGHT, UNSTEADY, REFUSED, SAME)  # than wrong runs
 EXAMPLES = """\b
 Examples:
   ./arm python -m benchmarks.missed_events                     five hundred random scenes
@@ -76,7 +78,7 @@ def main(runs: int, seed: int, blind: bool, share: float, workers: int, out: Pat
     count = Counter(result.outcome for result in found)
     _show(found, count)
     if blind:
-        judged = [result for result in found if result.outcome not in (RIGHT, UNSTEADY, REFUSED)]
+        judged = [result for result in found if result.outcome not in OTHERS]
         part = count[MISSED] / max(1, len(judged))
         click.echo(f"not noticed: {count[MISSED]} of {len(judged)} wrong runs, {part:.2%}")
     click.echo(f"report: {path}")

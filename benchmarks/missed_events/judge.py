@@ -23,8 +23,8 @@ FINER, FINE_TOLERANCE = 100, 1e-11
 NUDGE, STEADY = 1e-9, 1e4  # a start moved by so much moves the end by at most so many times more
 FACTOR, FIXED = 10.0, 1e-6  # error allowed, in tolerances; and without error control
 RIGHT, SHOWN, UNSTEADY, REFUSED, MISSED = "right", "shown", "not steady", "refused", "missed"
-MAGNIFIED = "magnified"
-OUTCOMES = (RIGHT, SHOWN, MISSED, MAGNIFIED, UNSTEADY, REFUSED)
+MAGNIFIED, SAME = "magnified", "the same"
+OUTCOMES = (RIGHT, SHOWN, MISSED, MAGNIFIED, UNSTEADY, REFUSED, SAME)
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ class Result:
         label: its features.
         way: method, tick and tolerance.
         outcome: one of ``OUTCOMES``; ``magnified`` if the error is allowed at the beginning and
-            the motion itself makes it too large later.
+            the motion itself makes it too large later, ``the same`` if the guard that was
+            switched off had nothing to see.
         error: largest error of q, relative to 1 + |q|, against either truth.
         allowed: error that needs no word.
         growth: error at the end over a nudge of the start, at least 1.
@@ -68,12 +69,12 @@ def examine(seed: int, blinded: bool = False, share: float = 0.0) -> Result:
         share: of the cases in which the second truth is asked, too.
     """
     case = draw(seed)
-    blind = switched_off(seed) if blinded else nullcontext("")
+    blind = switched_off(seed, case.label) if blinded else nullcontext("")
     try:
         with blind as name:
-            sim = Simulator(case.scene, case.method, case.dt, case.tolerance)
-            start = _started(sim, case)
-            run = sim.run(len(case.command) * case.dt, case.command)
+            sim, start, run = _made(case)
+        if blinded and np.array_equal(_made(case)[2].x, run.x):
+            return Result(seed, case.label, f"{case.method}", SAME, blind=name)
     except ArmError as error:
         return Result(seed, case.label, f"{case.method}", REFUSED, told=f"{error}"[:160])
     choice = sim.choice
@@ -123,6 +124,13 @@ def _told(run: Recording, error: float, controlled: bool) -> Iterator[str]:
     stated = run.error[-1] if controlled else 0.0
     if FACTOR * max(stated, run.second_look.error) >= error:
         yield "stated error"
+
+
+def _made(case: Case) -> tuple[Simulator, tuple[np.ndarray, np.ndarray], Recording]:
+    """The simulator of a case, the start, and the run."""
+    sim = Simulator(case.scene, case.method, case.dt, case.tolerance)
+    start = _started(sim, case)
+    return sim, start, sim.run(len(case.command) * case.dt, case.command)
 
 
 def _started(sim: Simulator, case: Case) -> tuple[np.ndarray, np.ndarray]:

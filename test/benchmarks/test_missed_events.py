@@ -25,7 +25,7 @@ def test_an_engine_without_a_guard_passes_its_event_over() -> None:
     seed = next(k for k in range(100) if _blinded(k) == "upper stop")
     limits = {"lower": -1.0, "upper": 0.05}
     scene = rotor(0.1) | {"joints": {"axle": {"limits": limits}}}
-    with switched_off(seed):
+    with switched_off(seed, "rigid stop"):
         blind = Simulator(scene, dt=0.1)
     for sim, stops in ((blind, False), (Simulator(scene, dt=0.1), True)):
         sim.reset(v=[1.0])
@@ -53,5 +53,5 @@ def test_commands_of_the_second_truth_are_those_of_the_ticks() -> None:
 
 
 def _blinded(seed: int) -> str:
-    with switched_off(seed) as name:
+    with switched_off(seed, "rigid stop") as name:
         return name
