@@ -175,6 +175,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
       note_end(segment->record, now, left, 1);
       return NONE;
     }
+    segment->later = left < h;
     const double reach = fmin(left, find_reach(now, segment, h)), length = advance(now, segment, reach, after, &calm);
     if (length < 0.0) return NUMBERS;
     note_end(segment->record, after, length, calm);

@@ -81,7 +81,7 @@ static int anything_held(const segment_t* segment) {
 #ifdef ADAPTIVE
 #define MOST_STEPS MOST_SUBSTEPS
 #else
-#define MOST_STEPS 2 /* the second only if a segment is made in halves */
+#define MOST_STEPS 3 /* the others only if a segment is made again in halves */
 #endif
 
 /* Event functions, which must not be positive: of contacts gaps, or normal and tangential forces; of joints friction, and
@@ -419,25 +419,12 @@ static int is_accurate_cut(substeps_t* at, double h, double length, double size)
   at->step = length * (factor > 0.2 ? factor : 0.2);
   return 0;
 }
-#else
-/* Length of the first step of a motion: all of it, or half of what one step covers until a mode ends. Halved ticks alone
- * would not test a motion that begins and ends within a tick, as the contact with a stiff stop does.
- */
-static double first_length(const search_t* begun, double reach) {
-  limits_t limits;
-  real error[2];
-  if (!begun->segment->halves) return reach;
-  search_t search = *begun;
-  *search.segment->work += COST_STEP;
-  const int reached = make_step(search.segment, reach, &search.piece, error);
-  const double known = find_violation(&search, reach, reached, &limits);
-  const double length = known == 0.0 ? reach : end_at_event(&search, known, &limits, error);
-  return length > 0.0 ? 0.5 * length : reach;
-}
 #endif
 
 /* Motion to the end of the modes, at most over `reach`: its length, -1 if it cannot be computed. Every step is watched: of
- * fixed length the only one or two, under error control each that is accepted.
+ * fixed length the only one, under error control each that is accepted. For a second look, fixed steps that begin or end
+ * with an event are halved: ticks of half the length would not test a motion that begins and ends within them, as the
+ * contact with a stiff stop does.
  */
 static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
   search_t search = {.segment = segment, .piece = {.from = 0.0}};
@@ -451,7 +438,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
 #ifdef ADAPTIVE
   substeps_t at = first_substep(reach, control->step);
 #else
-  const double first = first_length(&search, reach);
+  double first = reach;
   (void)control;
 #endif
   for (long long k = 0; k < MOST_STEPS; ++k) {
@@ -468,8 +455,8 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     if (verdict == REJECTED) continue;
     last = verdict == ENDED;
 #else
-    const double h = k ? reach - first : first;
-    last = k || first == reach;
+    const double h = k < 2 ? first : reach - first;
+    last = k == 2 || first == reach;
     const int reached = make_step(segment, h, piece, error);
 #endif
     const double known = find_violation(&search, h, reached, &limits);
@@ -480,6 +467,11 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     if (!*calm && !is_accurate_cut(&at, reach, length, error[0] / control->tolerance)) continue;
     control->error += error[1];
     control->step = at.step;
+#else
+    if (k == 0 && segment->halves && (!*calm || segment->later)) {
+      first = 0.5 * length;
+      continue;
+    }
 #endif
     piece->from += length;
     memcpy(piece->begin, piece->end, sizeof piece->begin);
