@@ -39,12 +39,29 @@ GUARDS = {
     ),
 }
 """Guards of ``native/segments.c``, and what replaces each."""
+FEATURES = {
+    "sliding joint": {"dry friction"},
+    "held joint": {"dry friction"},
+    "lower stop": {"rigid stop"},
+    "upper stop": {"rigid stop"},
+    "compliant stop": {"compliant stop"},
+    "contact that closes": {"contact"},
+    "contact that opens": {"contact"},
+    "drive or cord": {"cord", "backlash", "current limit"},
+}
+"""Features of a scene, one of which it must have for a guard to see anything."""
 
 
 @contextmanager
-def switched_off(seed: int) -> Iterator[str]:
-    """Simulators that are built within have no guard of a kind, drawn by a seed; its name."""
-    name = str(np.random.default_rng(seed).choice(list(GUARDS)))
+def switched_off(seed: int, label: str) -> Iterator[str]:
+    """Simulators that are built within have no guard of a kind; its name.
+
+    Args:
+        seed: it is drawn by this ...
+        label: ... from those that see the features of a scene, see ``Case.label``.
+    """
+    own = [name for name in GUARDS if FEATURES[name] & set(label.split(", "))]
+    name = str(np.random.default_rng(seed).choice(own or list(GUARDS)))
     whole, instead = GUARDS[name]
     source = stepper.source
 

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run against the motion of ticks a hundred times shorter, and what it says of itself."""
+"""One run against two truths, and what it says of itself.
+
+The truths are the motion of ticks a hundred times shorter, and where it can and is asked, that of
+a simulator which shares no line with the suite.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,12 +17,14 @@ from arm_dynamics import ArmError
 from arm_sim import Recording, Simulator
 from benchmarks.missed_events.blind import switched_off
 from benchmarks.missed_events.cases import Case, draw
+from benchmarks.missed_events.second_truth import solve
 
 FINER, FINE_TOLERANCE = 100, 1e-11
 NUDGE, STEADY = 1e-9, 1e4  # a start moved by so much moves the end by at most so many times more
 FACTOR, FIXED = 10.0, 1e-6  # error allowed, in tolerances; and without error control
 RIGHT, SHOWN, UNSTEADY, REFUSED, MISSED = "right", "shown", "not steady", "refused", "missed"
-OUTCOMES = (RIGHT, SHOWN, MISSED, UNSTEADY, REFUSED)
+MAGNIFIED, SAME = "magnified", "the same"
+OUTCOMES = (RIGHT, SHOWN, MISSED, MAGNIFIED, UNSTEADY, REFUSED, SAME)
 
 
 @dataclass(frozen=True)
@@ -29,9 +35,14 @@ class Result:
         seed: of the case.
         label: its features.
         way: method, tick and tolerance.
-        outcome: one of ``OUTCOMES``.
-        error: largest error of q, relative to 1 + |q|.
+        outcome: one of ``OUTCOMES``; ``magnified`` if the error is allowed at the beginning and
+            the motion itself makes it too large later, ``the same`` if the guard that was
+            switched off had nothing to see.
+        error: largest error of q, relative to 1 + |q|, against either truth.
         allowed: error that needs no word.
+        growth: error at the end over a nudge of the start, at least 1.
+        apart: difference of the two truths; NaN without the second.
+        alone: why there is no second truth.
         told: what told of an error.
         blind: the guard that was switched off.
     """
@@ -42,19 +53,28 @@ class Result:
     outcome: str
     error: float = np.nan
     allowed: float = np.nan
+    growth: float = np.nan
+    apart: float = np.nan
+    alone: str = ""
     told: str = ""
     blind: str = ""
 
 
-def examine(seed: int, blinded: bool = False) -> Result:
-    """Run a case."""
+def examine(seed: int, blinded: bool = False, share: float = 0.0) -> Result:
+    """Run a case.
+
+    Args:
+        seed: of the case.
+        blinded: whether one of the engine's guards is switched off.
+        share: of the cases in which the second truth is asked, too.
+    """
     case = draw(seed)
-    blind = switched_off(seed) if blinded else nullcontext("")
+    blind = switched_off(seed, case.label) if blinded else nullcontext("")
     try:
         with blind as name:
-            sim = Simulator(case.scene, case.method, case.dt, case.tolerance)
-            start = _started(sim, case)
-            run = sim.run(len(case.command) * case.dt, case.command)
+            sim, start, run = _made(case)
+        if blinded and np.array_equal(_made(case)[2].x, run.x):
+            return Result(seed, case.label, f"{case.method}", SAME, blind=name)
     except ArmError as error:
         return Result(seed, case.label, f"{case.method}", REFUSED, told=f"{error}"[:160])
     choice = sim.choice
@@ -62,13 +82,36 @@ def examine(seed: int, blinded: bool = False) -> Result:
         "" if choice.tolerance is None else f", tolerance {choice.tolerance:.1g}"
     )
     found = Result(seed, case.label, way, UNSTEADY, blind=name)
-    if (true := _truth(case, start)) is None:
+    if (truth := _truth(case, start)) is None:
         return found
-    error = float(np.max(abs(run.q - true) / (1 + abs(true))))
-    allowed = FIXED if choice.tolerance is None else max(FACTOR * choice.tolerance, 1e-12)
-    told = "; ".join(_told(run, error, controlled=choice.tolerance is not None))
+    asked = np.random.default_rng([seed, 1]).random() < share
+    second = solve(case, start) if asked else "not asked"
+    return _judged(found, run, choice.tolerance, truth, second)
+
+
+def _judged(
+    found: Result, run: Recording, tolerance: float | None, truth: tuple[np.ndarray, float],
+    second: np.ndarray | str,
+) -> Result:  # fmt: skip
+    true, growth = truth
+    alone = second if isinstance(second, str) else ""
+    apart = np.nan if isinstance(second, str) else _error(second, true)
+    error = _error(run.q, true)
+    if apart > NUDGE * growth:  # else rounding
+        error = max(error, _error(run.q, np.asarray(second)))
+    allowed = FIXED if tolerance is None else max(FACTOR * tolerance, 1e-12)
+    told = "; ".join(_told(run, error, controlled=tolerance is not None))
     outcome = RIGHT if error <= allowed else SHOWN if told else MISSED
-    return Result(seed, case.label, way, outcome, error, allowed, told, name)
+    if outcome == MISSED and error <= growth * allowed:
+        outcome = MAGNIFIED
+    return replace(
+        found, outcome=outcome, error=error, allowed=allowed, growth=growth, apart=apart,
+        alone=alone, told=told,
+    )  # fmt: skip
+
+
+def _error(q: np.ndarray, true: np.ndarray) -> float:
+    return float(np.max(abs(q - true) / (1 + abs(true))))
 
 
 def _told(run: Recording, error: float, controlled: bool) -> Iterator[str]:
@@ -83,6 +126,13 @@ def _told(run: Recording, error: float, controlled: bool) -> Iterator[str]:
         yield "stated error"
 
 
+def _made(case: Case) -> tuple[Simulator, tuple[np.ndarray, np.ndarray], Recording]:
+    """The simulator of a case, the start, and the run."""
+    sim = Simulator(case.scene, case.method, case.dt, case.tolerance)
+    start = _started(sim, case)
+    return sim, start, sim.run(len(case.command) * case.dt, case.command)
+
+
 def _started(sim: Simulator, case: Case) -> tuple[np.ndarray, np.ndarray]:
     try:
         state = sim.reset(case.q, case.v)
@@ -91,8 +141,8 @@ def _started(sim: Simulator, case: Case) -> tuple[np.ndarray, np.ndarray]:
     return np.array(state.q), np.array(state.v)
 
 
-def _truth(case: Case, start: tuple[np.ndarray, np.ndarray]) -> np.ndarray | None:
-    """Positions at every tick; None where a nudge of the start changes the end a lot."""
+def _truth(case: Case, start: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, float] | None:
+    """Positions at every tick, and the growth of a nudge of the start; None if it is large."""
     q, v = start
     fine = Simulator(case.scene, "dop853", case.dt / FINER, FINE_TOLERANCE)
     sign = np.where(np.arange(len(q)) % 2, 1.0, -1.0)
@@ -105,4 +155,6 @@ def _truth(case: Case, start: tuple[np.ndarray, np.ndarray]) -> np.ndarray | Non
             return None
     true = np.asarray(ends[0].q[::FINER])
     moved = max(float(np.max(abs(end.q[::FINER] - true))) for end in ends[1:])
-    return true if moved <= STEADY * NUDGE and not ends[0].time_stepped[-1] else None
+    if moved > STEADY * NUDGE or ends[0].time_stepped[-1]:
+        return None
+    return true, max(1.0, moved / NUDGE)

@@ -211,6 +211,17 @@ def test_springs_in_a_closed_chain() -> None:
     assert_close(seen, a, MULTIPLIER)
 
 
+def test_a_cord_of_constant_length_does_nothing() -> None:
+    """Tied to the hinge of a pendulum, it is always slack, or always taut."""
+    hinge = {"frames": ["bob", "world"], "points": [[0, 0, 0], [0, 0, 1.0]]}
+    cord = {**hinge, "stiffness": 100.0, "tension_only": True}
+    start = {"position": {"swing": 0.5}}
+    free = Simulator({"robot": PENDULUM, "initial": start}, "rk4").run(0.1)
+    for length in (0.5, 2.0):
+        scene = {"robot": PENDULUM, "springs": [cord | {"rest_length": length}], "initial": start}
+        assert_close(Simulator(scene, "rk4").run(0.1).q, free.q, PINOCCHIO)
+
+
 CORD = {**BETWEEN, "tension_only": True}
 BACKLASH = {
     "actuator": {"rotor_inertia": 1e-3},

@@ -135,6 +135,43 @@ def test_the_range_of_the_urdf_has_stops_by_default() -> None:
     assert [kind for _, kind, _ in run.log] == ["leaves", "leaves", "hit", "holds"]
 
 
+def test_a_soft_stop_pushes_and_never_pulls() -> None:
+    """Half a damped oscillation, cut off where spring and damper together would pull."""
+    k, d, m = 800.0, 16.0, 2.0
+    limits = {"lower": -1.0, "upper": 0.1, "stop": {"stiffness": k, "damping": d}}
+    start = {"velocity": {"x": 1.0}}
+    run = moved("x", joints={"x": {"limits": limits}}, initial=start)
+    decay, omega = d / (2 * m), np.sqrt(k / m - (d / (2 * m)) ** 2)
+    ends = np.arctan2(2 * decay * omega, decay**2 - omega**2) % np.pi / omega
+    leaves = np.exp(-decay * ends) * (np.cos(omega * ends) - decay / omega * np.sin(omega * ends))
+    depth = np.exp(-decay * ends) * np.sin(omega * ends) / omega
+    later = TIMES > 0.1 + ends
+    close(run.v[later, 0], leaves)
+    close(run.q[later, 0], 0.1 + depth + leaves * (TIMES[later] - 0.1 - ends))
+
+
+def test_a_cord_pulls_once_and_is_slack() -> None:
+    """Half a period, and away as fast as it came."""
+    cord = {"frames": ["body", "world"], "points": [[0, 0, 0], [2.0, 0, 0]]}
+    cord |= {"stiffness": 800.0, "rest_length": 2.1, "tension_only": True}
+    run = moved("x", springs=[cord], initial={"velocity": {"x": -1.0}})
+    half = np.pi / 20.0
+    later = TIMES > 0.1 + half
+    close(run.q[later, 0], TIMES[later] - half - 0.2)
+
+
+def test_a_command_between_every_two_times() -> None:
+    """1 N, then none, then held by friction under less than it can hold."""
+    commands = np.repeat([[1.0], [0.0], [0.25]], [5, 10, 5], axis=0)
+    scene = {"robot": {"urdf": rails("x")}, "joints": {"x": {"friction": {"coulomb": 0.5}}}}
+    run = simulate(scene, commands, TIMES)
+    t, pushed = TIMES, 0.25
+    fast = np.minimum(t, pushed)
+    slow = np.clip(t - pushed, 0.0, 0.25)
+    close(run.q[:, 0], 0.125 * fast**2 + 0.0625 * slow - 0.125 * slow**2)
+    close(run.v[TIMES > 0.51], 0.0, 1e-15)
+
+
 def test_springs_of_joints_and_of_points() -> None:
     spring = {"stiffness": 18.0, "rest": 0.2}
     run = moved("x", joints={"x": {"spring": spring}})

@@ -44,9 +44,10 @@ def test_a_tick_that_ends_elsewhere_is_named(
     assert wrong.trust(second_look=False) == (wrong.energy_error <= 1e-3)
 
 
-def test_the_error_of_fixed_steps_is_estimated() -> None:
-    """Of a wheel that friction stops, by Heun; against error control."""
-    scene = rotor(0.1, viscous=2.0, coulomb=0.5)
+@pytest.mark.parametrize("coulomb", [0.5, 0.0], ids=["stops", "smooth"])
+def test_the_error_of_fixed_steps_is_estimated(coulomb: float) -> None:
+    """Of a wheel that friction stops, or only slows, by Heun; against error control."""
+    scene = rotor(0.1, viscous=2.0, coulomb=coulomb)
     sim = Simulator(scene, integrator="heun", dt=2e-3)
     sim.reset(v=[3.0])
     run = sim.run(0.2, [0.0])
@@ -54,6 +55,21 @@ def test_the_error_of_fixed_steps_is_estimated() -> None:
     sim.reset(v=[3.0])
     error = abs(run.q - sim.run(0.2, [0.0]).q).max()
     assert error < run.second_look.error < 100.0 * error
+
+
+def test_a_blow_in_one_step_is_noticed(caplog: pytest.LogCaptureFixture) -> None:
+    """A mass of 1 kg leaves an undamped stop as fast as it came: half a period later.
+
+    That is much less than a tick, so that half a tick contains all of it, too.
+    """
+    stop = {"limits": {"lower": -1.0, "upper": 0.5, "stop": {"stiffness": 1e6}}}
+    scene = rotor(1.0) | {"joints": {"axle": stop}}
+    sim = Simulator(scene, integrator="dop853", dt=1e-2)
+    sim.reset(q=[0.4], v=[2.0])
+    run = sim.run(0.2)
+    assert abs(run.v[-1, 0] + 2.0) > 1e-3  # one step for half a period
+    assert run.trust(second_look=False)
+    assert not run.trusted and "tick at 0.05 s" in caplog.text
 
 
 def test_what_is_drawn() -> None:

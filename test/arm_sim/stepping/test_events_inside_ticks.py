@@ -101,3 +101,18 @@ def test_current_that_reaches_its_limit_within_a_tick() -> None:
     np.testing.assert_allclose(recording.z.max(), limit, rtol=1e-12)
     A, B = sim.linearize(sim.state, [voltage])
     assert_close(B[2], [0.0], CLOSED_FORM)  # what is held at its limit ignores the voltage
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
+def test_a_step_that_an_event_cuts_short_is_as_accurate_as_others(tolerance: float) -> None:
+    """Friction rises from the sliding to the static level just before a wheel turns back.
+
+    A step across the reversal passes that over; cut at the reversal, it ends at the peak.
+    """
+    friction = {"coulomb": 0.1, "static": 0.15, "stribeck_velocity": 0.05}
+    scene = rotor(0.01, **friction)
+    scene["joints"]["axle"] |= {"spring": {"stiffness": 1000.0}}
+    start = [0.05], [-0.5]
+    exact = ended(scene, start, [0.0], 0.1, dt=5e-3, integrator="implicit", tolerance=1e-13)
+    found = ended(scene, start, [0.0], 0.1, dt=5e-3, integrator="dop853", tolerance=tolerance)
+    np.testing.assert_allclose(found.q, exact.q, rtol=0, atol=10 * tolerance)

@@ -60,45 +60,63 @@ class Motion:
 
 def simulate(
     scene: Mapping[str, Any],
-    command: Mapping[str, float],
+    command: Mapping[str, float] | Array,
     times: Array,
     payloads: list[dict[str, Any]] | None = None,
+    most_rates: float = np.inf,
 ) -> Motion:
-    """The motion of a scene under a constant command.
+    """The motion of a scene under a command that is constant, or so between two times.
 
     Args:
         scene: As a scene file, the URDF as text.
-        command: By joint; zero for the others.
+        command: By joint, zero for the others; or of all joints between every two times, shape
+            (k-1, n).
         times: At which the motion is wanted, from 0 on, increasing.
         payloads: In place of the scene's, if given.
+        most_rates: How often the rates of the state may be computed.
 
     Raises:
         NotImplementedError: If the scene says something that is not known here.
-        RuntimeError: If no way on is found.
+        RuntimeError: If no way on is found, or it takes too long.
     """
     given = dict(scene) | ({"payloads": payloads} if payloads is not None else {})
     with np.errstate(over="ignore", invalid="ignore"):  # of steps that SciPy tries and rejects
-        return _Run(System(given, command), np.asarray(times, dtype=float)).motion()
+        at = np.asarray(times, dtype=float)
+        if isinstance(command, Mapping):
+            return _Run(System(given, command), at, at[[0, -1]], most_rates).motion()
+        return _Run(System(given, {}), at, at, most_rates, np.asarray(command)).motion()
 
 
 class _Run:
-    def __init__(self, system: System, times: Array) -> None:
-        self.system, self.times = system, times
+    def __init__(
+        self, system: System, times: Array, held: Array, most_rates: float,
+        commands: Array | None = None,
+    ) -> None:  # fmt: skip
+        self.system, self.times, self.held, self.most_rates = system, times, held, most_rates
+        self.commands = system.u[None] if commands is None else commands
         self.log: list[tuple[float, str, int]] = []
         self.rates = 0
         self.found = np.full((len(times), len(system.start())), np.nan)
 
     def motion(self) -> Motion:
         s, t, y = self.system, 0.0, self._closed(self.system.start())
-        self.found[0] = y
+        self.found[0], s.u = y, self.commands[0]
         signs = self._signs(y, None)
         y = self._after_impact(t, y, signs)
         mode = decide(s, y, signs)
         self._note(t, None, mode)
-        while t < self.times[-1]:
-            t, y, cause = self._segment(t, y, mode, signs)
+        ends = iter(self.held[1:])
+        commands, end = iter(self.commands[1:]), next(ends)
+        while True:
+            t, y, cause = self._segment(t, end, y, mode, signs)
             if cause is None:
-                break
+                if t >= self.times[-1]:
+                    break
+                s.u, end = next(commands), next(ends)
+                signs = self._signs(y, None)
+                before, mode = mode, decide(s, y, signs)
+                self._note(t, before, mode)
+                continue
             if len(self.log) > MOST_EVENTS:
                 raise RuntimeError(f"too many events until {t}: {self.log[-8:]}")
             kind, k = cause
@@ -140,10 +158,10 @@ class _Run:
         return again
 
     def _segment(
-        self, t: float, y: Array, mode: Mode, signs: Array
+        self, t: float, end: float, y: Array, mode: Mode, signs: Array
     ) -> tuple[float, Array, tuple[str, int] | None]:
         """Up to the next event: when, the state, and what it is."""
-        rate, end = self._rate(mode, signs), self.times[-1]
+        rate = self._rate(mode, signs)
         watch = self._watch(mode, signs)
         hop = self._hop(t, y, mode, signs)
         solver = DOP853(
@@ -224,6 +242,8 @@ class _Run:
 
         def rate(_: float, y: Array) -> Array:
             self.rates += 1
+            if self.rates > self.most_rates:
+                raise RuntimeError(f"more than {self.most_rates:g} rates of the state")
             try:
                 now = s.look(y, signs)
                 answer = s.answer(y, signs, mode, now)

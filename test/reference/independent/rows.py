@@ -136,6 +136,8 @@ def stops(joint: int, n: int, limits: Mapping[str, Any]) -> list[Stop]:
     if said is False:
         return []
     said = {} if said is True else said
+    if "stiffness" in said:
+        return []  # soft: a law, and no row
     only(said, "stop", "restitution")
     ends = [("lower", 1), ("upper", -1)]
     e = said.get("restitution", 0.0)

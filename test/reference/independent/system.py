@@ -16,7 +16,7 @@ from .drives import drive, rotor_at_joint
 from .dry import Dry
 from .flow import Law
 from .rows import Contact, Coupling, Rod, Stop, Touch, stops
-from .springs import JointSpring, PointSpring
+from .springs import JointSpring, PointSpring, soft_stops
 from .tree import Tree
 
 Array = np.ndarray
@@ -117,6 +117,7 @@ class System:
             self.dry += [dry] if dry.exists else []
             self.laws += [Bristles(i, own["friction"])] if "lugre" in own["friction"] else []
             self.laws += [JointSpring(i, own["spring"])] if own.get("spring") else []
+            self.laws += soft_stops(i, own.get("limits", {}))
             limits += stops(i, self.n, own.get("limits", {}))
         self.springs = [PointSpring(self.tree, one) for one in scene.get("springs", ())]
         given = scene.get("initial", {})
@@ -161,6 +162,10 @@ class System:
         found = []
         for law, part in zip(self.laws, self._slices, strict=True):
             found += law.kinks(q[law.joint], v[law.joint], z[part])
+        if any(spring.cord for spring in self.springs):
+            self.tree.move(q, v)
+        for spring in self.springs:
+            found += spring.kinks(v)
         geared = [dry.joint for dry in self.dry if dry.geared]
         if geared:
             loads = self._flows(y, np.ones(len(found)))[1]
@@ -191,8 +196,10 @@ class System:
         lost = lost + float(self.viscous @ v**2)
         if self.springs or self.touching or self.loops:
             self.tree.move(q, v)
+        at = sum(self._counts)
         for spring in self.springs:
-            torque, energy, heat = spring.act(v)
+            torque, energy, heat = spring.act(v, signs[at:])
+            at += 2 * spring.cord if spring.d else spring.cord
             push, stored, lost = push + torque, stored + energy, lost + heat
         rows = [loop.at(q, v) for loop in self.loops]
         loops = (

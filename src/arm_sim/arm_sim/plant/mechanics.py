@@ -20,7 +20,7 @@ from arm_sim.plant.bilateral import Bilateral
 from arm_sim.plant.contact import ContactFunctions, contact_functions
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.response import AnyResponse, Response, response_of
-from arm_sim.plant.symbols import Joints, Symbols, dense_function
+from arm_sim.plant.symbols import Joints, Symbols, dense_function, has_cords
 
 _log = logging.getLogger(__name__)
 
@@ -73,7 +73,7 @@ class Mechanics:
             self.acceleration, push = self.contact.acceleration, self.contact.push
             reaction = self.contact.reaction
             self.loads = self.contact.loads, self.contact.inertia
-        elif directed or pressed or joints.switches.numel():
+        elif directed or pressed or joints.switches.numel() or (stops and has_cords(model)):
             response = held or response_of(model, s, joints)
             self.method = _method(response.algorithm, model)
             self.acceleration, loads, reaction = _stick_slip(model, s, joints, response)

@@ -254,7 +254,10 @@ class EnergyAccount:
     def _finer(self) -> Stepper:
         tolerance = self.choice.tolerance
         finer = None if tolerance is None else FINER * tolerance
-        return self._ledger.twin(replace(self.choice, dt=0.5 * self.choice.dt, tolerance=finer))
+        half = replace(self.choice, dt=0.5 * self.choice.dt, tolerance=finer)
+        twin = self._ledger.twin(half)
+        twin.report.halves = 1
+        return twin
 
     def _parts(self, x: Array) -> list[Array]:
         """q, v and z of states."""

@@ -321,8 +321,8 @@ class Recording(Contents):
 
     @cached_property
     def second_look(self) -> SecondLook:
-        """Some ticks of a motion with events or error control, made again with half the step."""
-        usable = np.full(max(len(self) - 1, 0), self._made_again)
+        """Some ticks of the motion, made again with half the step."""
+        usable = np.ones(max(len(self) - 1, 0), dtype=bool)
         usable &= np.diff(self.time_stepped) == 0
         usable[[row - 1 for row in self.gaps]] = False
         if self.hold is not None:

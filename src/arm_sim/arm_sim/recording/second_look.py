@@ -4,7 +4,8 @@
 A closed energy account does not show that every event was seen: a motion that passes one over may
 keep its energy. A tick that is made again from its recorded start, in two halves and under a
 tolerance a hundred times smaller, evaluates all guards at other instants; where the ends differ by
-more than the method allows, one of the two is wrong.
+more than the method allows, one of the two is wrong. Steps of fixed length between two events
+within a tick are halved, too.
 
 Half of the ticks are those at which velocities change most abruptly, which is where events are;
 the others are drawn at random, by a seed of their own, so that the same motion gets the same look.
@@ -62,8 +63,9 @@ class SecondLook:
 
     Attributes:
         ticks: Their indices, shape (m,).
-        difference: Difference of the two ends of each, shape (m,): the largest of |Δq| and of |Δv|
-            over a tick, relative to 1 + |q|; NaN where the second tick cannot be computed.
+        difference: Difference of the two ends of each, relative to 1 + |q|, shape (m,): the
+            largest of |Δq| and of |Δv| over a tick, with steps of fixed length of |Δq| + |Δv| for
+            as long as it lasts; NaN where the second tick cannot be computed.
         joint: Index of the joint with that difference, shape (m,).
         allowed: Largest difference that is trusted, shape (m,).
         error: Estimated error of q over the whole motion, relative to 1 + |q|: the differences of
@@ -109,11 +111,12 @@ def second_look(
     size = 1.0 + abs(some.after[:, :n])
     change = abs(made_finer(some) - some.after)
     of_q, of_v = change[:, :n] / size, choice.dt * change[:, n : 2 * n] / size
-    ways = np.maximum(of_q, of_v)
+    lasts = np.minimum(len(motion.u) - rows, CARRIED)[:, None]
+    carried = of_q + lasts * of_v
+    ways = carried if choice.tolerance is None else np.maximum(of_q, of_v)
     least = ALLOWED_FIXED if choice.tolerance is None else ALLOWED * choice.tolerance
     allowed = np.maximum(least, ALLOWED * some.error)
-    lasts = np.minimum(len(motion.u) - rows, CARRIED)
-    each = (of_q + lasts[:, None] * of_v).max(axis=1)
+    each = carried.max(axis=1)
     rest = len(able) - len(abrupt)
     error = each[: len(abrupt)].sum() + rest * (each[len(abrupt) :].mean() if len(random) else 0.0)
     return SecondLook(rows, ways.max(axis=1), ways.argmax(axis=1), allowed, float(error))

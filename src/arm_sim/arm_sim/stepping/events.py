@@ -39,6 +39,7 @@ class EventReport(ctypes.Structure):
         impacts: Number of impacts.
         trouble: Why the last tick failed, see ``Trouble``.
         time_stepped: Number of ticks in which events accumulated.
+        halves: Whether fixed steps between events are halved, for a second look; kept by restarts.
     """
 
     _fields_ = [
@@ -46,6 +47,7 @@ class EventReport(ctypes.Structure):
         ("impacts", ctypes.c_longlong),
         ("trouble", ctypes.c_longlong),
         ("time_stepped", ctypes.c_longlong),
+        ("halves", ctypes.c_longlong),
     ]
 
     def restart(self) -> None:

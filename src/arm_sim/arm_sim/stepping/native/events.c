@@ -175,6 +175,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
       note_end(segment->record, now, left, 1);
       return NONE;
     }
+    segment->later = left < h;
     const double reach = fmin(left, find_reach(now, segment, h)), length = advance(now, segment, reach, after, &calm);
     if (length < 0.0) return NUMBERS;
     note_end(segment->record, after, length, calm);
@@ -265,7 +266,7 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
   }
 #endif
   long long work = 0;
-  segment_t segment = {.u = u, .control = control, .work = &work};
+  segment_t segment = {.u = u, .control = control, .work = &work, .halves = report->halves};
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
   report->trouble = tick_with_events(x, &segment, h, report, 0, after);
   return report->trouble == NONE;

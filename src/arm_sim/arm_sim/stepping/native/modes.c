@@ -55,6 +55,7 @@ typedef struct {
   long long impacts;
   long long trouble;      /* reason of the last failure */
   long long time_stepped; /* number of time-stepped ticks */
+  long long halves;       /* given: whether fixed steps that begin or end with an event are halved, see advance */
 } report_t;
 
 /* Entries of p for a contact, as numbers for the generated functions. Python: ContactMode; equations/contact.py: Mode. */
@@ -108,6 +109,8 @@ typedef struct {
   long long* work; /* operations of the generated functions in the tick */
   double step;     /* length of the steps if the tick is time-stepped, else 0 */
   int yields;      /* whether what holds together has just reached its limits */
+  long long halves; /* whether steps of fixed length that begin or end with an event are halved ... */
+  int later;        /* ... and whether this segment begins with one */
   const foreseen_t* foreseen; /* answers that are known beforehand, or null */
   record_t* record; /* record of this segment, if the tick is traced */
 } segment_t;

@@ -81,7 +81,7 @@ static int anything_held(const segment_t* segment) {
 #ifdef ADAPTIVE
 #define MOST_STEPS MOST_SUBSTEPS
 #else
-#define MOST_STEPS 1
+#define MOST_STEPS 3 /* the others only if a segment is made again in halves */
 #endif
 
 /* Event functions, which must not be positive: of contacts gaps, or normal and tangential forces; of joints friction, and
@@ -397,8 +397,34 @@ static double end_at_event(search_t* search, double known, limits_t* limits, rea
   return piece->length;
 }
 
+/* A time in a piece of length h, whose end may be out of reach, at which a mode is violated; 0 if all are satisfied. */
+static double find_violation(const search_t* search, double h, int reached, limits_t* limits) {
+  limits_t peak;
+  if (!reached) fill(limits, INFINITY);
+  if (!reached || disobedience(search->piece.end, search->segment, search->ground, search->piece.from + h, limits) > 0.0)
+    return h;
+  const double known = find_excursion(search, limits, &peak);
+  if (known > 0.0) *limits = peak;
+  return known;
+}
+
+#ifdef ADAPTIVE
+/* Whether an accepted attempt that an event cuts to `length` is accurate, with its error `size` then: an attempt that passes
+ * over what happens close to the event may not notice it. If not, a shorter one is to be tried from the same beginning.
+ */
+static int is_accurate_cut(substeps_t* at, double h, double length, double size) {
+  if (size <= 1.0 || length < 1e-12 * h) return 1;
+  const double factor = 0.9 * pow(size, -1.0 / ORDER);
+  at->done -= at->trial;
+  at->step = length * (factor > 0.2 ? factor : 0.2);
+  return 0;
+}
+#endif
+
 /* Motion to the end of the modes, at most over `reach`: its length, -1 if it cannot be computed. Every step is watched: of
- * fixed length the only one, under error control each that is accepted.
+ * fixed length the only one, under error control each that is accepted. For a second look, fixed steps that begin or end
+ * with an event are halved: ticks of half the length would not test a motion that begins and ends within them, as the
+ * contact with a stiff stop does.
  */
 static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
   search_t search = {.segment = segment, .piece = {.from = 0.0}};
@@ -412,6 +438,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
 #ifdef ADAPTIVE
   substeps_t at = first_substep(reach, control->step);
 #else
+  double first = reach;
   (void)control;
 #endif
   for (long long k = 0; k < MOST_STEPS; ++k) {
@@ -428,22 +455,23 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     if (verdict == REJECTED) continue;
     last = verdict == ENDED;
 #else
-    const double h = reach;
+    const double h = k < 2 ? first : reach - first;
+    last = k == 2 || first == reach;
     const int reached = make_step(segment, h, piece, error);
 #endif
-    double known = h;
-    if (!reached) fill(&limits, INFINITY);
-    else if (!(disobedience(piece->end, segment, search.ground, piece->from + h, &limits) > 0.0)) {
-      limits_t peak;
-      known = find_excursion(&search, &limits, &peak);
-      limits = peak;
-    }
+    const double known = find_violation(&search, h, reached, &limits);
     *calm = known == 0.0;
     const double length = *calm ? h : end_at_event(&search, known, &limits, error);
     if (length < 0.0) return -1.0;
 #ifdef ADAPTIVE
+    if (!*calm && !is_accurate_cut(&at, reach, length, error[0] / control->tolerance)) continue;
     control->error += error[1];
     control->step = at.step;
+#else
+    if (k == 0 && segment->halves && (!*calm || segment->later)) {
+      first = 0.5 * length;
+      continue;
+    }
 #endif
     piece->from += length;
     memcpy(piece->begin, piece->end, sizeof piece->begin);
