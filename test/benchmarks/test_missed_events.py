@@ -17,7 +17,7 @@ from models.rotor import rotor
 
 @pytest.mark.parametrize("name", GUARDS)
 def test_every_guard_stands_once_in_the_engine(name: str) -> None:
-    assert stepper.source({}, "segments.c").count(GUARDS[name][0]) == 1
+    assert stepper.source({}, "segments.h").count(GUARDS[name][0]) == 1
 
 
 def test_an_engine_without_a_guard_passes_its_event_over() -> None:

@@ -62,7 +62,11 @@ ELSEWHERE = yaml.safe_load((Path(__file__).parent / "lines_elsewhere.yaml").read
 HELP: dict[str, str] = {}  # what programs print about themselves
 DRAWN = re.compile(r"arm view .*--(?:png|gif|mp4)\b")
 # What needs a group of packages that ./arm installs only when asked for.
-GROUPS = {"view": r"arm view\b|^from arm_sim\.view\b", "sweep": r"arm sweep\b", "jax": r"^import jax$"}
+GROUPS = {
+    "view": r"arm view\b|^from arm_sim\.view\b",
+    "sweep": r"arm sweep\b",
+    "jax": r"^import jax$",
+}
 # Numbers that differ from run to run: times, sizes, errors of a motion.
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 MEASURED = re.compile(r"\([\d.]+ m?s\)|[\d.]+ MB|(?<=error )\S+ at \w+|(?<=in )[\d.]+(?= s)")

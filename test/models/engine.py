@@ -162,7 +162,7 @@ def solve_cones(
 ) -> Answer:
     """Forces of several contacts; ``given`` are directions of those that slide already."""
     nc = len(mu)
-    library = _library(source({"NC": str(nc)}, "cone.c") + _CONES)
+    library = _library(source({"NC": str(nc)}, "cone.h") + _CONES)
     given = given or [None] * nc
     slides = np.array([d is not None for d in given], np.int32)
     directions = np.array([np.zeros(2) if d is None else d for d in given], float)
@@ -178,7 +178,7 @@ def solve_cone(
     W: np.ndarray, c: np.ndarray, mu: float, given: np.ndarray | None = None
 ) -> tuple[int, np.ndarray]:
     """State and force of one contact, shape (3,)."""
-    library, force = _library(source({"NC": "1"}, "cone.c") + _CONES), np.zeros(3)
+    library, force = _library(source({"NC": "1"}, "cone.h") + _CONES), np.zeros(3)
     direction = None if given is None else _address(np.array(given, float))
     arrays = np.asfortranarray(W), np.array(c, float)
     state = library.solve_cone(
@@ -201,7 +201,7 @@ def locate(
     nothing: float = 0.0,
 ) -> Located:
     """Where a function, or the first of some, becomes positive on (0, h], by the engine."""
-    library, asked = _library(source({}, "search.c") + _SEARCH), list[float]()
+    library, asked = _library(source({}, "search.h") + _SEARCH), list[float]()
     functions = [functions] if callable(functions) else functions
 
     def values_at(_: object, t: float, values: Any) -> None:
@@ -222,7 +222,7 @@ def decay(x: np.ndarray, rate: float, h: float, control: SubstepControl) -> np.n
     The error of a sub-step is that of Euler's method. None if it gives up.
     """
     sizes = {"LARGEST": repr(LARGEST), "ADAPTIVE": "1", "ORDER": "2", "MOST_SUBSTEPS": "2000"}
-    library = _library(_DECAY + source(sizes, "substeps.c", "flow.c") + _FLOW)
+    library = _library(_DECAY + source(sizes, "flow.h") + _FLOW)
     u, after = np.array([rate]), np.zeros(2)
     done = library.decay(
         _address(x), _address(u), ctypes.c_double(h), ctypes.byref(control), _address(after)

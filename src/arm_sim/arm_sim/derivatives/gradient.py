@@ -299,8 +299,8 @@ class Gradients:
         return build_tick(step, act), adjoint, acting, limit
 
     def _source(self, width: int) -> str:
-        functions, (stops, parts) = list(self._functions), stop_defines(self._smooth)
+        functions, stops = list(self._functions), stop_defines(self._smooth)
         defines = sizes(self._smooth, functions) | {"TICK": "tick"} | stops
         return of_lanes(generate(functions), width) + source(
-            defines, *parts, "arms.c", "gradient.c"
+            defines, "gradient.c", () if stops else ("stops.h",)
         )

@@ -19,7 +19,7 @@ MOST_SEGMENTS = 1000
 
 
 def segment_type(plant: Plant) -> np.dtype[np.void]:
-    """Fields of a segment, all doubles, as ``record_t`` in ``native/modes.c``."""
+    """Fields of a segment, all doubles, as ``record_t`` in ``native/modes.h``."""
     nx, n, nc, modes = plant.nx, plant.model.n, len(plant.points), plant.rhs.numel_in(2)
     sizes = {
         "before": nx, "begin": nx, "end": nx, "p": modes, "limit": nc, "length": None,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rate at which friction turns the direction of sliding contacts.
 
-The engine limits the length of parts of a tick by it (``find_reach`` in ``native/segments.c``), so
+The engine limits the length of parts of a tick by it (``find_reach`` in ``native/segments.h``), so
 their length depends on the state.
 """
 

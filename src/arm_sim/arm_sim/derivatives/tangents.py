@@ -262,7 +262,7 @@ class Tangents:
             "NA": str(self._acting.size1_out(1)),
             "NT": str(self._held - self.plant.model.n),
         }
-        stops, parts = stop_defines(self.plant)
+        stops = stop_defines(self.plant)
         columns = [self._carry, self._limit, *self._back]
         if lanes == 1:
             defines["STRETCH"] = "1"
@@ -273,7 +273,7 @@ class Tangents:
             + source(defines | stops)
             + '\n#include "columns.h"\n'
             + text
-            + source({}, *parts, "arms.c", "tangents.c")
+            + source({}, "tangents.c", () if stops else ("stops.h",))
         )
 
 

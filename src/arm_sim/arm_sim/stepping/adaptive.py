@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Error control inside a tick: its state, and the loop for CasADi's virtual machine.
 
-Compiled code has its own loop in ``native/flow.c``.
+Compiled code has its own loop in ``native/flow.h``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LARGEST = 1e150
 
 
 class SubstepControl(ctypes.Structure):
-    """State of the error control between sub-steps; ``control_t`` in ``native/flow.c``.
+    """State of the error control between sub-steps; ``control_t`` in ``native/flow.h``.
 
     Attributes:
         tolerance: Largest scaled error of a sub-step.

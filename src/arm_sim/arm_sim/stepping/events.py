@@ -18,11 +18,11 @@ from arm_sim.plant.plant import Plant
 CONTACT_MODE = np.dtype(
     [("closed", float), ("sticks", float), ("along", float, (2,)), ("fixed", float)]
 )
-"""Mode of a contact, as ``contact_mode_t`` in ``native/modes.c``."""
+"""Mode of a contact, as ``contact_mode_t`` in ``native/modes.h``."""
 
 
 class Trouble(IntEnum):
-    """Why a tick could not be computed; ``enum trouble`` in ``native/modes.c``."""
+    """Why a tick could not be computed; ``enum trouble`` in ``native/modes.h``."""
 
     NONE = 0
     NUMBERS = 1
@@ -32,7 +32,7 @@ class Trouble(IntEnum):
 
 
 class EventReport(ctypes.Structure):
-    """Sums over ticks; ``report_t`` in ``native/modes.c``.
+    """Sums over ticks; ``report_t`` in ``native/modes.h``.
 
     Attributes:
         impact_loss: Energy lost in impacts in [J].

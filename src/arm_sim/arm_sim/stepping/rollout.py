@@ -6,7 +6,7 @@ from __future__ import annotations
 import ctypes
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import compress
@@ -48,7 +48,7 @@ WIDTHS = (8, 4, 2, 1)
 # Ticks of all arms from which code for error control or events side by side saves more time than
 # its compilation takes: up to ten seconds for implicit methods.
 MANY_TICKS = 100_000
-# Functions of events that ticks without events ask for, see native/foresight.c.
+# Functions of events that ticks without events ask for, see native/foresight.h.
 FORESEEN = ("loads", "contact_geometry", "contact_inertia", "contact_close")
 # How CasADi writes choices; C++ has no such operator for many arms at a time.
 _SIGN = "x<0 ? -1 : x>0 ? 1 : x"
@@ -78,7 +78,7 @@ class Batch:
 
 
 class Engine(ctypes.Structure):
-    """Functions of the compiled engine of one arm; ``engine_t`` in ``native/foreseen.c``."""
+    """Functions of the compiled engine of one arm; ``engine_t`` in ``native/foreseen.h``."""
 
     _fields_ = [("foresee", ctypes.c_void_p), ("tick_as_foreseen", ctypes.c_void_p)]
 
@@ -257,7 +257,7 @@ class Rollouts:
     def _of_ticks(self, width: int) -> str:
         plant = self._smooth
         tick = build_tick(smooth_motion(plant, self._choice), actuation(plant, self._control))
-        return self._source(width, [tick], {"TICK": "tick"}, "rollout.c")
+        return self._source(width, [tick], {"TICK": "tick"}, "rollout.c", {"foresight.h"})
 
     def _of_events(self, width: int) -> str:
         plant, choice = self._plant, self._choice
@@ -265,22 +265,29 @@ class Rollouts:
         asked = [function for function in plant.events if function.name() in FORESEEN]
         functions = [plant.rhs, step, actuate, *asked]
         more = {"EVENTS": "1"} | mode_sizes(plant)
-        return self._source(width, functions, more, "foreseen.c", "foresight.c", "rollout.c")
+        return self._source(width, functions, more, "rollout.c")
 
     def _of_attempts(self, width: int) -> str:
         plant, choice = self._smooth, self._choice
         functions = [smooth_motion(plant, choice), actuation(plant, self._control)]
         more = error_control(plant, choice) | {"TOLERANCE": repr(choice.tolerance)}
-        return self._source(width, functions, more, "substeps.c", "controlled_rollout.c")
+        return self._source(width, functions, more, "controlled_rollout.c")
 
     def _source(
-        self, width: int, functions: list[ca.Function], more: dict[str, str], *files: str
+        self,
+        width: int,
+        functions: list[ca.Function],
+        more: dict[str, str],
+        file: str,
+        without: Collection[str] = (),
     ) -> str:
-        stops, parts = ({}, []) if self._smooth.eventful else stop_defines(self._smooth)
+        stops = {} if self._smooth.eventful else stop_defines(self._smooth)
         defines = sizes(self._smooth, functions) | more | stops
         if self._control is not None:
             defines["NR"] = str(self._control.law.size1_in(1))
-        return of_lanes(generate(functions), width) + source(defines, *parts, "arms.c", *files)
+        if not stops:
+            without = {"stops.h", *without}
+        return of_lanes(generate(functions), width) + source(defines, file, without)
 
 
 def alike(plant: Plant, choice: Choice) -> bool:
@@ -290,11 +297,9 @@ def alike(plant: Plant, choice: Choice) -> bool:
     return choice.tolerance is None and not (plant.free or plant).eventful
 
 
-def stop_defines(plant: Plant) -> tuple[dict[str, str], list[str]]:
-    """Definitions of a plant's stops for drivers of many arms, and the file that they need."""
-    if not plant.model.stops:
-        return {}, []
-    return stop_places(plant) | {"STOPS": "1"}, ["stops.c"]
+def stop_defines(plant: Plant) -> dict[str, str]:
+    """Definitions of a plant's stops for drivers of many arms; without any, they leave stops.h."""
+    return stop_places(plant) | {"STOPS": "1"} if plant.model.stops else {}
 
 
 def of_lanes(code: str, width: int) -> str:

@@ -9,8 +9,9 @@ also runs on CasADi's virtual machine.
 from __future__ import annotations
 
 import ctypes
+import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
 from functools import partial
 from pathlib import Path
@@ -56,13 +57,10 @@ WEIGHTS = {
     ca.OP_EXP: 20, ca.OP_LOG: 20, ca.OP_POW: 50, ca.OP_TANH: 30, ca.OP_SQRT: 5, ca.OP_DIV: 4
 }  # fmt: skip
 """Operations that take as long as several additions."""
-WITH_EVENTS = (
-    "foreseen.c", "stops.c", "cone.c", "conic.c", "together.c", "search.c", "modes.c", "impact.c",
-    "segments.c", "events.c",
-)  # fmt: skip
-"""Parts of the engine that only scenes with events need, in their order."""
-TOGETHER = ("conic.c", "together.c")
-"""Those that only scenes need in which parts may hold together."""
+
+
+FOR_EDITORS = ("scene.h", "scene_columns.h")
+"""Files of ``native`` that stand for the definitions and the generated functions of a scene."""
 
 
 class Stepper:
@@ -308,19 +306,22 @@ def engine_source(
 
     ``smooth`` is the function that advances over a tick without events.
     """
-    defines, parts = sizes(plant, functions), ["flow.c"]
-    if choice.tolerance is not None:
+    defines, without = sizes(plant, functions), set[str]()
+    if choice.tolerance is None:
+        without.add("substeps.h")
+    else:
         defines |= {"ADAPTIVE": "1"} | error_control(plant, choice)
-        parts.insert(0, "substeps.c")
     if plant.eventful:
         defines |= _event_sizes(plant) | _work(choice, functions, smooth)
-        together = "TOGETHER" in defines
-        parts += [part for part in WITH_EVENTS if together or part not in TOGETHER]
-    return source(defines, *parts, "roll.c")
+    else:
+        without.add("events.h")
+    if "TOGETHER" not in defines:
+        without.add("together.h")
+    return source(defines, "roll.c", without)
 
 
 def error_control(plant: Plant, choice: Choice) -> dict[str, str]:
-    """Definitions for ``native/substeps.c`` and the loops that use it."""
+    """Definitions for ``native/substeps.h`` and the loops that use it."""
     most = MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS
     return {"ORDER": str(choice.method.order), "MOST_SUBSTEPS": str(most)}
 
@@ -347,15 +348,38 @@ def mode_sizes(plant: Plant) -> dict[str, str]:
 
 
 def stop_places(plant: Plant) -> dict[str, str]:
-    """Positions of rigid and compliant stops, for ``native/stops.c``."""
+    """Positions of rigid and compliant stops, for ``native/stops.h``."""
     lower, upper = np.clip(plant.model.stops.place, -NOWHERE, NOWHERE)
     return {"LOWEST": _braces(lower), "HIGHEST": _braces(upper)}
 
 
-def source(defines: dict[str, str], *files: str) -> str:
-    """Definitions, followed by files of ``native``."""
+def source(defines: dict[str, str], file: str = "", without: Collection[str] = ()) -> str:
+    """Definitions, followed by a file of ``native`` and the files that it includes, each once.
+
+    The definitions take the place of ``FOR_EDITORS``.
+
+    Args:
+        defines: Values of names.
+        file: The file; empty for none.
+        without: Files that are not needed, nor what only they include.
+    """
     lines = [f"#define {name} {value}" for name, value in defines.items()]
-    return "\n".join(["", *lines, *((NATIVE / file).read_text() for file in files)])
+    return "\n".join(["", *lines, *_included(file, {*FOR_EDITORS, *without})])
+
+
+_INCLUDES = re.compile(r'(?:#pragma once\n)?((?:#include "\w+\.h"\n)+)\n')
+
+
+def _included(file: str, done: set[str]) -> Iterator[str]:
+    """The texts of the files that a file includes, and its own, without their includes."""
+    if not file or file in done:
+        return
+    done.add(file)
+    text = (NATIVE / file).read_text()
+    found = _INCLUDES.search(text)
+    for other in re.findall(r'"(\w+\.h)"', found[1] if found else ""):
+        yield from _included(other, done)
+    yield _INCLUDES.sub("", text, count=1)
 
 
 def pointer(array: Array) -> ctypes.c_void_p:
@@ -424,7 +448,7 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
 
 
 def _together_sizes(plant: Plant) -> dict[str, str]:
-    """Definitions for ``native/together.c``; empty where nothing can hold together."""
+    """Definitions for ``native/together.h``; empty where nothing can hold together."""
     for function in plant.events:
         if function.name() == "statics":
             return {"TOGETHER": "1", "NM": str(function.size1_out(3))}

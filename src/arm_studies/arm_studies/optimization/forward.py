@@ -129,7 +129,8 @@ class Forward:
         method, scaled = self._choice.method, plant.scaled_jacobian
         step = build_step(method, plant.rhs, plant.model.n, plant.project, scaled)
         tick = build_tick(step, actuation(plant))
-        stops, parts = stop_defines(plant)
+        stops = stop_defines(plant)
         defines = sizes(plant, [tick]) | {"TICK": "tick"} | stops
-        code = of_lanes(generate([tick]), width) + source(defines, *parts, "arms.c")
+        code = of_lanes(generate([tick]), width)
+        code += source(defines, "arms.h", () if stops else ("stops.h",))
         return code + (NATIVE / "forward.c").read_text()

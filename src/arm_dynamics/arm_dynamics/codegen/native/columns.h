@@ -6,6 +6,9 @@
  *
  * Required definitions: `real` and LANES.
  */
+#ifndef LANES /* read alone, as editors do */
+#include "scalar.h"
+#endif
 #if LANES == 1
 #define WIDTH 4
 typedef double column __attribute__((vector_size(8 * WIDTH)));

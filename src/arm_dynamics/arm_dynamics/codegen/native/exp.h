@@ -8,6 +8,9 @@
  * Argument reduction: Cody and Waite, Software Manual for the Elementary Functions, 1980: ln 2 in two parts, the first of
  * 32 bits, so that k * LN2_HIGH is exact. Polynomial: Taylor's, whose next term is 4e-18 at ln(2)/2, by Estrin's scheme.
  */
+#ifndef LANES /* read alone, as editors do */
+#include "scalar.h"
+#else
 #ifndef ARM_EXP_H
 #define ARM_EXP_H
 
@@ -36,4 +39,5 @@ static inline real arm_exp(real x) {
   return (LEAST_EXPONENT <= x) * (whole * AS_REAL(power) * 2.0);
 }
 
+#endif
 #endif

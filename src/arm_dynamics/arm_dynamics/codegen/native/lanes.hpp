@@ -5,6 +5,9 @@
  * Required definitions: LANES, the number of doubles in a register.
  */
 #include <math.h>
+#ifndef LANES /* read alone, as editors do */
+#define LANES 4
+#endif
 
 /* CasADi's fmin and fmax call the library functions, overloaded below, only if C99 is declared. */
 #define __STDC_VERSION__ 201112L

@@ -5,6 +5,19 @@
  * Required definitions: POINT (name of the generated function), ARGUMENTS (number of its vectors), RESULTS (number of its
  * results), SIZES (numbers in each of these), SZ_ARG, SZ_RES, SZ_IW, SZ_W (its work space).
  */
+#ifndef POINT /* read alone, as editors do */
+#include "scalar.h"
+#define casadi_int long long
+#define POINT point
+#define ARGUMENTS 3
+#define RESULTS 1
+#define SIZES 7
+#define SZ_ARG 8
+#define SZ_RES 8
+#define SZ_IW 8
+#define SZ_W 64
+int point(const real** arg, real** res, casadi_int* iw, real* w, int mem);
+#endif
 
 /* Evaluate `rows` points: vector i of point k begins at given[i] + k * steps[i], result i at made[i] + k * its size; it is
  * omitted where made[i] is NULL. */

@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#define LANES 1
+#define LANE(x, i) (x)
 typedef double real;
 typedef long long bits;
 typedef unsigned long long ubits;
@@ -34,5 +36,3 @@ static inline real arm_hypot(real x, real y) { return sqrt(x * x + y * y); }
 #define cos arm_cos
 #define exp arm_exp
 #define hypot arm_hypot
-#define LANES 1
-#define LANE(x, i) (x)

@@ -11,6 +11,9 @@
  * of 33 bits, so that k * PIO2_HIGH is exact for |k| < 2^20. Polynomials: minimax by Remez exchange with 60 digits
  * (tools/sincos_coefficients.py), relative error 3.4e-18 for sine and 4.7e-20 for cosine on [-pi/4, pi/4].
  */
+#ifndef LANES /* read alone, as editors do */
+#include "scalar.h"
+#else
 #ifndef ARM_SINCOS_H
 #define ARM_SINCOS_H
 
@@ -52,4 +55,5 @@ static inline real sin_shifted(real x, const long long quarters) {
   return AS_REAL(((s & ~odd) | (c & odd)) ^ sign);
 }
 
+#endif
 #endif

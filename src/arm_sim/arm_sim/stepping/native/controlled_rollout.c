@@ -3,9 +3,12 @@
  * Many arms under error control, LANES at a time. Only attempts are made side by side: every lane has ticks and sub-steps
  * of its own, and takes the next arm when it is done with one.
  *
- * Before this file: arms.c, substeps.c, NP, SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.c), the generated `attempt` and
+ * Before this file: arms.h, substeps.h, NP, SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `attempt` and
  * `actuate`, MOST_SUBSTEPS, TOLERANCE.
  */
+
+#include "arms.h"
+#include "substeps.h"
 
 /* The arguments of `rollout`. */
 typedef struct {

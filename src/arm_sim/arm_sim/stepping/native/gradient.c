@@ -6,6 +6,8 @@
  * Required definitions: as for rollout.c, and the generated `acting` (x, r) -> u, `adjoint` (x, u, p, h, weight) ->
  * gradients by x, u, p, and `limit_adjoint` (x, r, weight) -> gradients by x and r.
  */
+#include "arms.h"
+
 #include <string.h>
 
 /* The arms first … last-1.

@@ -2,8 +2,11 @@
  *
  * Many ticks in one call. The torque is constant within a tick.
  *
- * Required definitions: flow.c and the generated `actuate`; in a scene with events also events.c, which defines EVENTS.
+ * Required definitions: flow.h and the generated `actuate`; in a scene with events also events.h, which defines EVENTS.
  */
+
+#include "flow.h"
+#include "events.h"
 
 #ifndef EVENTS
 typedef void report_t;

@@ -2,9 +2,12 @@
  *
  * Many arms, LANES at a time.
  *
- * Required definitions: arms.c, and as for roll.c; NP (length of the parameters); in a scene with events also foresight.c,
+ * Required definitions: arms.h, and as for roll.c; NP (length of the parameters); in a scene with events also foresight.h,
  * and EVENTS.
  */
+
+#include "arms.h"
+#include "foresight.h"
 
 /* Advance the arms first … last-1.
  *

@@ -9,8 +9,11 @@
  * `advance` (x, u, p, h) -> x and those ND, `carry` (columns dx, dw -> dx, where dw is du and below it the change of
  * parameters), `back_q` and `back_rest` (of the coefficients of the limits, then those of the step: columns λ -> the
  * derivatives of λ · q, or of λ · the other states, after the tick by x, command and parameters, one below the other); with
- * STRETCH also `stretch` (columns dx, dw, dh -> dx); arms.c; where joints have stops stops.c, and STOPS.
+ * STRETCH also `stretch` (columns dx, dw, dh -> dx); arms.h; where joints have stops stops.h, and STOPS.
  */
+
+#include "scene_columns.h"
+#include "arms.h"
 
 #include <string.h>
 

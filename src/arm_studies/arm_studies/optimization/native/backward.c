@@ -8,6 +8,10 @@
 #include <math.h>
 #include <string.h>
 
+#ifndef NX /* read alone, as editors do */
+#define NX 4
+#define NU 2
+#endif
 #define NS (NX + NU)
 #define EXPORTED __attribute__((visibility("default")))
 enum { MOST_TURNS = 20 + 4 * NU, MOST_HALVINGS = 40 };

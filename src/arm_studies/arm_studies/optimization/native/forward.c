@@ -4,6 +4,9 @@
  *
  * Required definitions: as for rollout.c, of which this is the variant with feedback.
  */
+#ifndef NX /* read alone, as editors do */
+#include "../../../../arm_sim/arm_sim/stepping/native/arms.h"
+#endif
 
 /* Simulate arms over `nodes` ticks under u + size k + K (x' - x), within limits.
  *

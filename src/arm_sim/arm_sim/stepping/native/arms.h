@@ -3,9 +3,12 @@
  * Arms in SIMD lanes: assignment of arms to lanes, loading of their data, and what is asked of each. C where `real` is a
  * double, C++ where it is a vector of them.
  *
- * Required definitions: NX, NU, LARGEST (as for flow.c); where joints have stops also stops.c, and STOPS. With a controller
+ * Required definitions: NX, NU, LARGEST (as for flow.h); where joints have stops also stops.h, and STOPS. With a controller
  * in the tick also NR, the length of its references, which then replace torques.
  */
+
+#pragma once
+#include "stops.h"
 
 #ifdef __cplusplus
 #define EXPORTED extern "C" __attribute__((visibility("default")))

@@ -13,6 +13,10 @@
  * Required definitions: NU (joints), NC (contacts), NM (rows of bilateral constraints).
  */
 
+#pragma once
+#include "cone.h"
+#include "conic.h"
+
 #define PARTS (NU + NC)         /* joints, then contacts */
 #define FORCES (MC + NU)        /* reactions: those of contacts, then those of joints */
 #define SHARES (NM + FORCES)    /* forces of constraints, and reactions */

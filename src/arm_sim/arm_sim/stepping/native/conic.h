@@ -9,6 +9,9 @@
  * which no iterate leaves. The problems are small, and the normal equations dense.
  */
 
+#pragma once
+#include "scene.h"
+
 #include <math.h>
 #include <string.h>
 

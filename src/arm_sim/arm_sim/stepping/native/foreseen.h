@@ -5,8 +5,11 @@
  * The engine of one arm looks its questions up here and computes those that are not answered, such as all that follow from
  * an event. Answers are those of the same functions for the same bits: the motion does not depend on what is foreseen.
  *
- * Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.c).
+ * Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.h).
  */
+
+#pragma once
+#include "scene.h"
 
 #if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
 #define contact_geometry(arg, res, iw, w, mem)

@@ -3,10 +3,13 @@
  * Smooth motion: one step of fixed length, or sub-steps under error control where ADAPTIVE is defined.
  *
  * Required definitions: NX, NU (lengths of state and command), LARGEST (number of a state), SZ_ARG, SZ_RES, SZ_IW, SZ_W
- * (work space of the generated functions), the generated `step`, or with ADAPTIVE the generated `attempt`, substeps.c and
+ * (work space of the generated functions), the generated `step`, or with ADAPTIVE the generated `attempt`, substeps.h and
  * MOST_SUBSTEPS (a tick may try).
  * With FREE also `free_step` or `free_attempt`: the same while no joint is at a stop, with tunable numbers alone in p.
  */
+
+#pragma once
+#include "substeps.h"
 
 #include <math.h>
 

@@ -21,6 +21,9 @@
  * Required definitions: NC (contacts).
  */
 
+#pragma once
+#include "scene.h"
+
 #include <math.h>
 
 #define MC (3 * NC)

@@ -3,6 +3,9 @@
  * Location of an event in time, to rounding.
  */
 
+#pragma once
+#include "scene.h"
+
 #include <math.h>
 #include <string.h>
 

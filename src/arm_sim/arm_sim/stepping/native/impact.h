@@ -8,8 +8,11 @@
  * impulse is found is treated as adding energy. The stops that take part in an impact are found by pivoting, like modes: a
  * stop that would have to pull does not take part, one that its joint would pass does.
  *
- * Required definitions: modes.c.
+ * Required definitions: modes.h.
  */
+
+#pragma once
+#include "modes.h"
 
 #define REBOUND_HALVINGS 60 /* bisections to find the largest rebound that adds no energy */
 #define BLOW_PIVOTS (3 * NU + (1 << (NU < 12 ? NU : 12))) /* changes of the stops that take part in an impact ... */

@@ -6,6 +6,9 @@
  * Before this file: ORDER (of the error estimate plus one).
  */
 
+#pragma once
+#include "scene.h"
+
 #include <math.h>
 
 typedef struct {

@@ -6,6 +6,9 @@
  * is none).
  */
 
+#pragma once
+#include "scene.h"
+
 static const double stop_place[2][NU] = {LOWEST, HIGHEST};
 
 /* Whether a joint may meet a stop in a motion from q, v to q_end, v_end. The cubic with these ends goes no farther than half of

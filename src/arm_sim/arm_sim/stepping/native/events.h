@@ -12,9 +12,12 @@
  * are corrected at its end, without rebound, as in Moreau's scheme (Jean, "The non-smooth contact dynamics method", Comput.
  * Methods Appl. Mech. Eng. 177, 1999). That is of first order, and reported.
  *
- * Required definitions: impact.c, segments.c; DEEP (penetration up to which a point is treated as touching),
+ * Required definitions: impact.h, segments.h; DEEP (penetration up to which a point is treated as touching),
  * MOST_WORK (operations of the generated functions in a tick above which it is time-stepped).
  */
+
+#pragma once
+#include "segments.h"
 
 #define EVENTS
 #define CATCHES 10   /* corrections of penetrations, or of contacts that set joints in motion */

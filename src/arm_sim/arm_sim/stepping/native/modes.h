@@ -7,18 +7,26 @@
  * pushes. A contact touches where its gap is zero to rounding. Which of them stick, slide, transmit forces or separate is a
  * complementarity problem in the metric of M, solved by pivoting: the entry with the largest violation changes its mode
  * until there is none. If that cycles, the first violation is chosen for joints alone, a rule that cannot cycle (Murty,
- * Linear Complementarity, Linear and Nonlinear Programming, 1988, section 4.1), and contacts are solved together by cone.c.
+ * Linear Complementarity, Linear and Nonlinear Programming, 1988, section 4.1), and contacts are solved together by cone.h.
  *
- * Where statics does not determine the reactions of what is held, the parts hold together: see together.c. A set that does not
+ * Where statics does not determine the reactions of what is held, the parts hold together: see together.h. A set that does not
  * hold is released in the motion in which it gives way, and pivoting goes on from there.
  *
- * Required definitions: flow.c, cone.c, foreseen.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
+ * Required definitions: flow.h, cone.h, foreseen.h; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
  * HOLDING, RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`,
  * `contact_inertia`; RIGID where joints have rigid stops: at LOWER and UPPER, with LOWER_REBOUND and UPPER_REBOUND, and the
  * generated `strike`; NK (switches of drives and cords) and with them the generated `switches`; NQ (joints with compliant stops: NU or 0), with SOFT_LOWER and SOFT_UPPER and the generated
  * `pressures`; SLOWEST (tangential speed up to which a contact is at rest); NB (whether there are bilateral constraints) and
  * with them the generated `bilateral`.
  */
+
+#pragma once
+#include "flow.h"
+#include "foreseen.h"
+#include "stops.h"
+#include "cone.h"
+#include "together.h"
+#include "search.h"
 
 #define GAP_ROUNDING (4 * 2.220446049250313e-16) /* rounding of a gap, as a multiple of the lengths that add up to it ... */
 #define HOP (64 * 2.220446049250313e-16)         /* ... and the threshold of an opening gap */

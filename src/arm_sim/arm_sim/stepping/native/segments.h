@@ -2,8 +2,11 @@
  *
  * Smooth segments between events: how long the modes remain valid, and corrections at the ends.
  *
- * Required definitions: modes.c, search.c, stops.c; the generated `contact_close`.
+ * Required definitions: modes.h, search.h, stops.h; the generated `contact_close`.
  */
+
+#pragma once
+#include "impact.h"
 
 #define TURNING_BACK 1e-13 /* relative speed in the wrong direction tolerated of a joint that begins to slide */
 #define SUDDEN_STOP 1e-6   /* speed tolerated of a joint that is found to stop, relative to the fastest joint */
@@ -17,7 +20,7 @@
 #define NOTHING 1e-15       /* violation treated as rounding */
 #define SURELY 1.2          /* time at which a mode has certainly ended, as a multiple of the predicted one ... */
 #define FARTHER 4.0         /* ... and the next trial if no mode has ended by then */
-#define SAMPLES 5           /* states of a step, both ends included, at which modes are looked at where one may end inside */
+#define LOOKS 5             /* states of a step, both ends included, at which modes are looked at where one may end inside */
 #define NEAR 0.1            /* distance to a limit at which it may be reached within a step, relative to the limit ... */
 #define SLOWED 0.25         /* ... and ratio of the speeds of a sliding contact at its ends */
 #define PEAK_MARGIN 0.6     /* error of the largest sample of a guard, relative to the second difference of samples ... */
@@ -316,18 +319,18 @@ static double peak_of(const search_t* search, int guard, double* t, double* f, l
  */
 static double find_excursion(const search_t* search, const limits_t* end, limits_t* limits) {
   const piece_t* piece = &search->piece;
-  double samples[SAMPLES][LIMITS];
+  double samples[LOOKS][LIMITS];
   real x[NX];
   if (!may_stray(search, end)) return 0.0;
-  for (int k = 0; k < SAMPLES - 1; ++k) {
-    const double part = (double)k / (SAMPLES - 1);
+  for (int k = 0; k < LOOKS - 1; ++k) {
+    const double part = (double)k / (LOOKS - 1);
     state_inside(piece, part, x);
     disobedience(x, search->segment, search->ground, piece->from + part * piece->length, (limits_t*)samples[k]);
   }
-  memcpy(samples[SAMPLES - 1], end, sizeof *end);
-  for (int k = 1; k < SAMPLES - 1; ++k)
+  memcpy(samples[LOOKS - 1], end, sizeof *end);
+  for (int k = 1; k < LOOKS - 1; ++k)
     for (int guard = 0; guard < LIMITS; ++guard) {
-      const double step = piece->length / (SAMPLES - 1);
+      const double step = piece->length / (LOOKS - 1);
       double t[3] = {(k - 1) * step, k * step, (k + 1) * step}, f[3];
       for (int i = 0; i < 3; ++i) f[i] = samples[k - 1 + i][guard];
       const double way = vertex_of(t, f), bend = 2.0 * f[1] - f[0] - f[2];

@@ -3,9 +3,13 @@
  * Ticks with events of LANES arms: functions of the motion without events are evaluated side by side, the logic of events
  * runs arm by arm.
  *
- * Before this file: arms.c, foreseen.c; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.c), the generated `actuate`, `step`, `rhs`
+ * Before this file: arms.h, foreseen.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `actuate`, `step`, `rhs`
  * and `loads`, and with contacts `contact_geometry`, `contact_inertia` and `contact_close`.
  */
+
+#pragma once
+#include "arms.h"
+#include "foreseen.h"
 
 #define MC (3 * NC)
 
