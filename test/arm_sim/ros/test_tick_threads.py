@@ -11,9 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from arm_dynamics.ros.joint_state import native
-from arm_sim.ros.ordinary.ticks import SOURCE
-from arm_sim.ros.record import RECORD
+from arm_sim.ros import code
 
 THREADS = Path(__file__).parents[2] / "support/tick_threads.c"
 ORDERS = 100
@@ -30,8 +28,7 @@ class Done(Structure):
 
 @pytest.mark.parametrize("period", [0, 20_000], ids=["as fast as it can", "by the clock"])
 def test_orders_diagnostics_and_the_recording_go_on_beside_ticks(period: int) -> None:
-    library = native(RECORD, SOURCE, THREADS)
-    assert library is not None
+    library = code.library(THREADS)
     done = Done()
     library.run_threads.restype = None
     library.run_threads(c_int64(ORDERS), c_int64(period), byref(done))

@@ -13,10 +13,9 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from ctypes import Structure, addressof, byref, c_double, c_int64, c_void_p
+from ctypes import Structure, addressof, byref, c_void_p
 from dataclasses import dataclass
 from functools import cache, partial
-from pathlib import Path
 from threading import Thread
 
 import numpy as np
@@ -29,24 +28,19 @@ from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
 from arm_dynamics.control.wrappers import AnyController, Switch
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.common.executor import guarded
+from arm_dynamics.ros.common.rcl_code import code_of_nodes
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
-from arm_dynamics.ros.controller.tracking import TrackingTopic
+from arm_dynamics.ros.controller.tracking import HEADER, SOURCE, TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import (
-    FAILED,
-    CompiledReader,
-    JointStateReader,
-    JointStateSink,
-    address,
-    native,
-)
+from arm_dynamics.ros.joint_state import FAILED, CompiledReader, JointStateSink, address
+from arm_dynamics.ros.joint_state import HEADER as JOINT_STATE
+from arm_dynamics.ros.joint_state import SOURCE as JOINT_STATE_SOURCE
 from arm_dynamics.trajectory.reference import Motion, Trajectory
 
-SOURCE = Path(__file__).with_name("native") / "answers.c"
-_ENDED = -1  # as in answers.c
+_ENDED = HEADER.constants["ENDED"]
 _ROOM = 4096  # bytes of a state; longer ones are passed to Python
 _NEVER = 2**63 - 1
 # Fast DDS's listeners may take and write; others hold locks meanwhile that taking needs.
@@ -54,25 +48,9 @@ _TAKE_IN_CALLBACKS = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
 
 class Answers(Structure):
-    """``answers_t`` of answers.c, where the fields are explained."""
+    """``answers_t`` of answers.h, where the fields are explained."""
 
-    _fields_ = (
-        ("active", c_int64), ("interrupt", c_int64),
-        ("source", c_void_p), ("reader", c_void_p), ("sink", c_void_p),
-        ("joints", c_int64), ("until", c_int64),
-        ("report", c_void_p),
-        ("law", c_void_p), ("input", c_void_p), ("torque", c_void_p), ("limit", c_void_p),
-        ("memory", c_void_p), ("next_memory", c_void_p), ("remembered", c_int64),
-        ("gain", c_void_p), ("back_emf", c_void_p), ("command", c_void_p),
-        ("start", c_int64), ("segments", c_int64),
-        ("knots", c_void_p), ("polynomials", c_void_p), ("ends", c_void_p),
-        ("begin", c_int64), ("position_tolerance", c_void_p), ("velocity_tolerance", c_void_p),
-        ("turning", c_void_p),
-        ("gap", c_double), ("jump", c_double),
-        ("stamp", c_int64), ("q", c_void_p), ("v", c_void_p), ("tau", c_void_p),
-        ("raw", c_void_p), ("length", c_int64), ("room", c_int64),
-        ("count", c_int64), ("last", c_int64), ("busy", c_int64), ("longest", c_int64),
-    )  # fmt: skip
+    _fields_ = HEADER.fields("answers_t")
 
 
 @dataclass(frozen=True)
@@ -92,7 +70,7 @@ class Parts:
         log: Remembers the last answer.
     """
 
-    reader: JointStateReader
+    reader: CompiledReader
     sink: JointStateSink
     command: Array
     report: TrackingTopic
@@ -105,15 +83,13 @@ class Parts:
 
 
 @cache
-def _library() -> ctypes.CDLL | None:
-    """The compiled functions; None without a compiler or ROS's headers."""
-    if (library := native(SOURCE)) is None:
-        return None
-    library.receiver.argtypes, library.receiver.restype = [c_void_p], c_void_p
-    library.serve.argtypes, library.serve.restype = [c_void_p, c_void_p, c_int64], c_int64
-    for function in (library.lock, library.unlock, library.end, library.destroy):
-        function.argtypes, function.restype = [c_void_p], None
-    return library
+def library() -> ctypes.CDLL:
+    """The compiled functions.
+
+    Raises:
+        KernelError: If they are not available.
+    """
+    return code_of_nodes(JOINT_STATE_SOURCE, SOURCE, headers=(JOINT_STATE, HEADER))
 
 
 class OrdinaryAnswers:
@@ -161,13 +137,10 @@ class OrdinaryAnswers:
         Returns:
             Whether it was started; if not, ``obstacle`` says why.
         """
-        library, reader = _library(), parts.reader
-        self.obstacle = "no compiler, or no headers of ROS"
-        if library is None or not isinstance(reader, CompiledReader):
-            return False
-        self._native, self._reader, self._parts = library, reader, parts
+        reader = parts.reader
+        self._native, self._reader, self._parts = library(), reader, parts
         self._newest = Newest(node, JOINT_STATES)
-        self._receiver = c_void_p(library.receiver(self._newest.pointer))
+        self._receiver = c_void_p(self._native.receiver(self._newest.pointer))
         if not self._receiver:
             self.obstacle = "the middleware does not report new messages"
             self._newest.close()

@@ -5,33 +5,35 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from ctypes import Structure, c_double, c_int64, c_void_p
+from ctypes import Structure
+from pathlib import Path
 
 import numpy as np
 from arm_msgs.msg import TrackingState
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.header import Header
+from arm_dynamics.codegen.kernel import ENTRY
 from arm_dynamics.control.computed_torque import Moving
 from arm_dynamics.ros.common.cdr import CdrReader, as_bytes
 from arm_dynamics.ros.common.convert import to_array, to_time
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.interfaces import CONTROLLER_STATE
+from arm_dynamics.ros.joint_state import HEADER as JOINT_STATE
 from arm_dynamics.ros.joint_state import address
 from arm_dynamics.trajectory.reference import Reference
 
-_ARRAYS = 8  # in a TrackingState; the number ``remaining`` follows
+SOURCE = Path(__file__).with_name("native") / "answers.c"
+HEADER = Header(SOURCE.with_suffix(".h"), ENTRY, JOINT_STATE)
+_ARRAYS = HEADER.constants["ARRAYS"]  # in a TrackingState; the number ``remaining`` follows
 
 
 class _Report(Structure):
-    """``report_t`` of answers.c, where the fields are explained."""
+    """``report_t`` of answers.h, where the fields are explained."""
 
-    _fields_ = (
-        ("publisher", c_void_p), ("due", c_int64), ("period", c_int64),
-        ("raw", c_void_p), ("size", c_int64), ("at", c_int64 * (_ARRAYS + 1)),
-        ("start", c_int64), ("duration", c_double),
-    )  # fmt: skip
+    _fields_ = HEADER.fields("report_t")
 
 
 class TrackingTopic:

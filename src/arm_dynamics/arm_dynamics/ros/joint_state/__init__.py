@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Serialized JointStates: written into a template; received and read in a single C call.
 
-Depends on the interfaces, ``common`` and the core's compiler, and on none of the nodes. Without a
-compiler, ROS's own deserializer reads them.
+Depends on the interfaces, ``common`` and the core's compiler, and on none of the nodes.
 """
 
 from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter, Numbers
 from arm_dynamics.ros.joint_state.topics import (
     FAILED,
+    HEADER,
     SOURCE,
     CompiledReader,
     JointStateSink,
@@ -15,11 +15,11 @@ from arm_dynamics.ros.joint_state.topics import (
     Sink,
     address,
     make_reader,
-    native,
 )
 
 __all__ = [
     "FAILED",
+    "HEADER",
     "SOURCE",
     "CompiledReader",
     "JointStateReader",
@@ -30,5 +30,4 @@ __all__ = [
     "Sink",
     "address",
     "make_reader",
-    "native",
 ]

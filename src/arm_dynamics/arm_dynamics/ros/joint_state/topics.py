@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JointStates of a topic, each in a single C call if a compiler and ROS's headers are available.
+"""JointStates of a topic, each in a single C call.
 
 In a loop that wakes up a thousand times a second the processor's caches are cold, and every line
 of Python costs several times what it costs in a benchmark. Messages that C does not support, or
@@ -21,9 +21,11 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.header import Header
+from arm_dynamics.codegen.kernel import ENTRY
 from arm_dynamics.ros.common.cdr import NATIVE
 from arm_dynamics.ros.common.direct import Newest, advertise
-from arm_dynamics.ros.common.rcl_code import find_with_rcl
+from arm_dynamics.ros.common.rcl_code import code_of_nodes
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
@@ -35,52 +37,33 @@ from arm_dynamics.ros.joint_state.serialization import (
     parsed,
 )
 
-NONE, KNOWN, BEYOND, OTHER, FAILED = range(5)  # as in joint_state.c
-_KINDS = 4  # likewise
 SOURCE = Path(__file__).with_name("native") / "joint_state.c"
-
-
-class _Kind(ctypes.Structure):
-    """``kind_t`` of joint_state.c."""
-
-    _fields_ = (
-        ("fixed", ctypes.c_char_p), ("expected", ctypes.c_char_p), ("size", c_int64),
-        ("at", c_int64 * 3), ("place", c_void_p),
-    )  # fmt: skip
+HEADER = Header(SOURCE.with_suffix(".h"), ENTRY)
+_OUTCOMES = ("NONE", "KNOWN", "BEYOND", "OTHER", "FAILED")
+NONE, KNOWN, BEYOND, OTHER, FAILED = (HEADER.constants[name] for name in _OUTCOMES)
+_KINDS = HEADER.constants["KINDS"]
 
 
 class _State(ctypes.Structure):
-    """``joint_state_t`` of joint_state.c."""
+    """``joint_state_t`` of joint_state.h."""
 
-    _fields_ = (
-        ("kinds", _Kind * _KINDS), ("fields", c_int64), ("joints", c_int64),
-        ("limit", c_void_p), ("found", c_void_p), ("raw", c_void_p), ("length", c_int64),
-        ("gaps", c_int64),
-    )  # fmt: skip
+    _fields_ = HEADER.fields("joint_state_t")
 
 
 class Sink(ctypes.Structure):
-    """``sink_t`` of joint_state.c."""
+    """``sink_t`` of joint_state.h."""
 
-    _fields_ = (
-        ("raw", c_void_p), ("size", c_int64), ("fields", c_int64), ("joints", c_int64),
-        ("at", c_int64 * 3), ("numbers", c_void_p * 3), ("publisher", c_void_p),
-    )  # fmt: skip
+    _fields_ = HEADER.fields("sink_t")
 
 
 @cache
-def native(*others: Path) -> ctypes.CDLL | None:
-    """The compiled functions, with those of other files; None if they are not available."""
-    if (library := find_with_rcl(SOURCE, after=others)) is None:
-        return None
-    library.look.argtypes = [c_void_p, ctypes.c_char_p, c_int64]
-    library.take.argtypes = [c_void_p, c_void_p]
-    library.source.argtypes, library.source.restype = [c_void_p], c_void_p
-    library.release.argtypes, library.release.restype = [c_void_p], None
-    library.send.argtypes = [c_void_p, c_int64]
-    for function in (library.look, library.take, library.send):
-        function.restype = c_int64
-    return library
+def native() -> ctypes.CDLL:
+    """The compiled functions.
+
+    Raises:
+        KernelError: If they are not available.
+    """
+    return code_of_nodes(SOURCE, headers=(HEADER,))
 
 
 class CompiledReader(JointStateReader):
@@ -104,7 +87,7 @@ class CompiledReader(JointStateReader):
             fields=count, joints=n, found=address(self._found),
             limit=self._limits.ctypes.data if self._limit else None, gaps=self._gaps,
         )  # fmt: skip
-        # For each kind its source, the joints that it names, and the array that C uses.
+        # For each kind its source, the joints that it names, and what C uses.
         self._kinds: list[tuple[str, frozenset[int], Any]] = []
         self._learned = 0
         self.left, self._memory = NONE, c_void_p(None)
@@ -198,10 +181,13 @@ class CompiledReader(JointStateReader):
         layout = layout_of(source, message.name, [len(getattr(message, f)) for f in FIELDS])
         order = np.array([-1 if place is None else place for place in places], np.int64)
         oldest, joints = self._learned % _KINDS, frozenset(np.flatnonzero(order >= 0).tolist())
-        self._kinds[oldest : oldest + 1] = [(source, joints, order)]
+        self._kinds[oldest : oldest + 1] = [(source, joints, (order, layout))]
         self._learned += 1
         kind = self._state.kinds[oldest]
-        kind.size, kind.fixed, kind.expected = len(layout.fixed), layout.fixed, layout.expected
+        kind.size = len(layout.fixed)
+        kind.fixed, kind.expected = (
+            ctypes.cast(part, c_void_p).value for part in (layout.fixed, layout.expected)
+        )
         kind.at[: len(self._fields)] = [
             layout.places[FIELDS.index(f)] if getattr(message, f) else -1 for f in self._fields
         ]
@@ -212,19 +198,15 @@ class CompiledReader(JointStateReader):
 class JointStateSource:
     """JointStates of a topic for a loop that polls; no executor is needed.
 
-    With a ``CompiledReader`` a message is received and read in one call.
-
     Attributes:
         tap: Called with the bytes of every message, if set.
     """
 
-    def __init__(self, node: Node, topic: Topic, reader: JointStateReader) -> None:
+    def __init__(self, node: Node, topic: Topic, reader: CompiledReader) -> None:
         """Subscribe; ``close`` before the node is destroyed."""
         self._newest, self._reader = Newest(node, topic), reader
         self.tap: Callable[[bytes], None] | None = None
-        self._compiled = reader if isinstance(reader, CompiledReader) else None
-        if self._compiled is not None:
-            self._compiled.open(self._newest.pointer)
+        reader.open(self._newest.pointer)
 
     def take(self) -> tuple[int, Read] | None:
         """Receive the next message; None if there is none.
@@ -235,10 +217,10 @@ class JointStateSource:
         Raises:
             InvalidInput: As ``JointStateReader.read``.
         """
-        if self._compiled is not None and (outcome := self._compiled.next()) != FAILED:
+        if (outcome := self._reader.next()) != FAILED:
             if self.tap is not None and outcome != NONE:
-                self.tap(self._compiled.raw)
-            return self._compiled.taken(outcome)
+                self.tap(self._reader.raw)
+            return self._reader.taken(outcome)
         taken = self._newest.take()  # after a failure: gives the reason
         if self.tap is not None and taken is not None:
             self.tap(taken[0])
@@ -246,8 +228,7 @@ class JointStateSource:
 
     def close(self) -> None:
         """End the subscription."""
-        if self._compiled is not None:
-            self._compiled.close()
+        self._reader.close()
         self._newest.close()
 
 
@@ -256,10 +237,8 @@ class JointStateSink:
 
     Attributes:
         raw: The message that was sent last.
-        place: Address of ``sink_t``, for other compiled code; 0 without a compiler.
+        place: Address of ``sink_t``, for other compiled code.
     """
-
-    place = 0
 
     def __init__(
         self, node: Node, topic: Topic, writer: JointStateWriter, arrays: Sequence[Array]
@@ -276,8 +255,14 @@ class JointStateSink:
         """
         self._handle = advertise(node, topic).handle
         self._writer, self._arrays, self.raw = writer, tuple(arrays), writer.raw
-        compiled = native()
-        self._compiled = None if compiled is None else self._in_c(compiled.send)
+        self._sink = sink = Sink(
+            raw=address(writer.raw), size=len(writer.raw), fields=len(writer.places),
+            joints=self._arrays[0].size, publisher=self._handle.pointer,
+        )  # fmt: skip
+        for k, (place, array) in enumerate(zip(writer.places, self._arrays, strict=True)):
+            sink.at[k], sink.numbers[k] = place, array.ctypes.data
+        self.place = ctypes.addressof(sink)
+        self._send = partial(native().send, c_void_p(self.place))
 
     @property
     def heard(self) -> bool:
@@ -290,27 +275,13 @@ class JointStateSink:
 
     def send(self, stamp: int) -> None:
         """Publish the current content of the arrays, with this time in [ns]."""
-        if self._compiled is None or self._compiled(stamp):  # after a failure: gives the reason
+        if self._send(stamp):  # after a failure: gives the reason
             self._handle.publish_raw(self._writer.write(stamp, *self._arrays))
 
-    def _in_c(self, send: Callable[[c_void_p, int], int]) -> Callable[[int], int]:
-        """A function that writes and publishes in one call, and returns zero on success."""
-        writer = self._writer
-        self._sink = sink = Sink(
-            raw=address(writer.raw), size=len(writer.raw), fields=len(writer.places),
-            joints=self._arrays[0].size, publisher=self._handle.pointer,
-        )  # fmt: skip
-        for k, (place, array) in enumerate(zip(writer.places, self._arrays, strict=True)):
-            sink.at[k], sink.numbers[k] = place, array.ctypes.data
-        self.place = ctypes.addressof(sink)
-        return partial(send, c_void_p(self.place))
 
-
-def make_reader(names: Sequence[str], fields: Sequence[str], **options: Any) -> JointStateReader:
-    """The fastest available reader, see ``JointStateReader``."""
-    if (compiled := native()) is None:
-        return JointStateReader(names, fields, **options)
-    return CompiledReader(compiled, names, fields, **options)
+def make_reader(names: Sequence[str], fields: Sequence[str], **options: Any) -> CompiledReader:
+    """A reader in C, see ``JointStateReader``."""
+    return CompiledReader(native(), names, fields, **options)
 
 
 def address(buffer: bytearray) -> int:

@@ -2,78 +2,28 @@
  *
  * Ordinary answers of the controller: read a state, evaluate the reference and a compiled controller, publish the
  * command. Any other state is passed to Python unchanged, which alone decides on it. See ordinary_answers.py for the callers.
- *
- * Compiled after joint_state.c, in the same unit.
  */
+#include "answers.h"
+
+#include <math.h>
 #include <pthread.h>
+#include <rcutils/error_handling.h>
 #include <semaphore.h>
 #include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 #define FULL_TURN 6.283185307179586 /* 2 π */
 
-enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state that Python must answer */
-
-/* tracking._Report: the tracking state, a message in which only the stamp and the numbers change. */
-enum { ARRAYS = 8 };
-typedef struct {
-  const rcl_publisher_t* publisher;
-  int64_t due, period; /* stamp from which the next one is due, and time between two in [ns] */
-  uint8_t* raw;
-  int64_t size, at[ARRAYS + 1]; /* offsets of the arrays and of the remaining time */
-  /* The motion that was accepted last: stamp at which it begins, and duration in [s]. */
-  int64_t start;
-  double duration;
-} report_t;
-
-/* ordinary_answers.Answers */
-typedef struct {
-  int64_t active;    /* whether C may answer; false after every change in Python */
-  int64_t interrupt; /* nonzero: Python answers the next state */
-  source_t* source;
-  joint_state_t* reader;
-  sink_t* sink;
-  int64_t joints;
-  int64_t until; /* stamp from which Python answers states */
-  report_t* report;
-  /* The controller: its input (q, v and the reference's q, v, a), output and limit (NULL: none). */
-  const entry_t* law;
-  double* input;
-  const double *torque, *limit;
-  /* What it remembers: before and after a call, and how many numbers. */
-  double* memory;
-  const double* next_memory;
-  int64_t remembered;
-  /* Commands: gain times torque plus back_emf times velocity; NULL: the torque itself. */
-  const double *gain, *back_emf;
-  double* command;
-  /* The motion: stamp at which it begins, number of segments, positions before and after them. */
-  int64_t start, segments;
-  const double *knots, *polynomials, *ends;
-  /* Path tolerances and the stamp from which they apply; NULL: none. */
-  int64_t begin;
-  const double *position_tolerance, *velocity_tolerance;
-  const int64_t* turning; /* nonzero for joints without position limits, whose errors are modulo a full turn */
-  /* Largest time [s] and distance from one state to the next; 0: any. */
-  double gap, jump;
-  /* The last state, its torque, and its bytes; length 0: the sink no longer holds its answer. */
-  int64_t stamp;
-  double *q, *v, *tau;
-  uint8_t* raw;
-  int64_t length, room;
-  /* Answers so far, time of the last one, total and longest time of an answer in [ns]. */
-  int64_t count, last, busy, longest;
-} answers_t;
-
-/* Passes states from ROS to the thread that answers them. */
-typedef struct {
+struct receiver {
   pthread_mutex_t lock; /* held while a state is answered, or while Python uses the parts of the controller */
   sem_t calls;          /* posted for every state left to `serve`, and at the end */
   atomic_bool ended;
   answers_t* at_once; /* answers of states on the thread that brings them; NULL: `serve` answers all */
   int64_t left;       /* outcome for a state that was taken on that thread and is left to Python; NONE: none */
   const rcl_subscription_t* subscription;
-} receiver_t;
+};
 
 static int64_t now(void) {
   struct timespec t;
@@ -209,9 +159,9 @@ static int answer(answers_t* a, int64_t began) {
   return 1;
 }
 
-/* Locks for Python; they may be nested. */
-EXPORT void lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
-EXPORT void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
+void lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
+
+void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 
 /* Take a state and answer it; the outcome of `take` if Python must answer it, else NONE. */
 static int64_t take_and_answer(answers_t* a) {
@@ -219,10 +169,7 @@ static int64_t take_and_answer(answers_t* a) {
   return outcome == KNOWN && answer(a, began) ? NONE : outcome;
 }
 
-/* Answer states until Python must answer one; returns the outcome of `take` for it, or ENDED after `end`. Called by one
- * thread, which holds the lock before and after, but not while it waits. With `direct`, the thread of the middleware
- * that brings a state answers it at once where possible. */
-EXPORT int64_t serve(receiver_t* r, answers_t* a, int64_t direct) {
+int64_t serve(receiver_t* r, answers_t* a, int64_t direct) {
   r->at_once = direct ? a : NULL;
   for (;;) {
     unlock(r);
@@ -253,22 +200,19 @@ static void note(const void* receiver, size_t count) {
   if (!answer_at_once(r)) sem_post(&r->calls);
 }
 
-/* Let `serve` return. */
-EXPORT void end(receiver_t* r) {
+void end(receiver_t* r) {
   r->ended = 1;
   sem_post(&r->calls);
 }
 
-/* Free the memory; nothing may be using it. */
-EXPORT void destroy(receiver_t* r) {
+void destroy(receiver_t* r) {
   if (rcl_subscription_set_on_new_message_callback(r->subscription, NULL, NULL) != RCL_RET_OK) rcutils_reset_error();
   sem_destroy(&r->calls);
   pthread_mutex_destroy(&r->lock);
   free(r);
 }
 
-/* A receiver of the messages of a subscription; NULL: out of memory, or ROS does not report new messages. */
-EXPORT receiver_t* receiver(const rcl_subscription_t* subscription) {
+receiver_t* receiver(const rcl_subscription_t* subscription) {
   pthread_mutexattr_t kind;
   receiver_t* r = calloc(1, sizeof *r);
   if (!r) return NULL;

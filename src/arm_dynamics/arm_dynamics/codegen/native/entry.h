@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A generated function for other compiled code. Python reads this header, see header.py.
+ */
+#pragma once
+
+#define EXPORT __attribute__((visibility("default")))
+
+/* A function with the signature of CasADi's C functions, and the memory it is bound to: pointers to its inputs and
+ * outputs, and its workspace. */
+typedef struct {
+  int (*function)(const double**, double**, long long*, double*, int);
+  const double** arguments;
+  double** results;
+  long long* integers;
+  double* reals;
+} entry_t;

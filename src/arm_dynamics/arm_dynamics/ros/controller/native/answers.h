@@ -1,0 +1,79 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Ordinary answers of the controller. Python reads this header, see ordinary_answers.py and tracking.py.
+ */
+#pragma once
+#include "joint_state.h"
+
+enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state that Python must answer */
+
+/* The tracking state, a message in which only the stamp and the numbers change. */
+enum { ARRAYS = 8 };
+typedef struct {
+  const rcl_publisher_t* publisher;
+  int64_t due, period; /* stamp from which the next one is due, and time between two in [ns] */
+  uint8_t* raw;
+  int64_t size, at[ARRAYS + 1]; /* offsets of the arrays and of the remaining time */
+  /* The motion that was accepted last: stamp at which it begins, and duration in [s]. */
+  int64_t start;
+  double duration;
+} report_t;
+
+typedef struct {
+  int64_t active;    /* whether C may answer; false after every change in Python */
+  int64_t interrupt; /* nonzero: Python answers the next state */
+  source_t* source;
+  joint_state_t* reader;
+  sink_t* sink;
+  int64_t joints;
+  int64_t until; /* stamp from which Python answers states */
+  report_t* report;
+  /* The controller: its input (q, v and the reference's q, v, a), output and limit (NULL: none). */
+  const entry_t* law;
+  double* input;
+  const double *torque, *limit;
+  /* What it remembers: before and after a call, and how many numbers. */
+  double* memory;
+  const double* next_memory;
+  int64_t remembered;
+  /* Commands: gain times torque plus back_emf times velocity; NULL: the torque itself. */
+  const double *gain, *back_emf;
+  double* command;
+  /* The motion: stamp at which it begins, number of segments, positions before and after them. */
+  int64_t start, segments;
+  const double *knots, *polynomials, *ends;
+  /* Path tolerances and the stamp from which they apply; NULL: none. */
+  int64_t begin;
+  const double *position_tolerance, *velocity_tolerance;
+  const int64_t* turning; /* nonzero for joints without position limits, whose errors are modulo a full turn */
+  /* Largest time [s] and distance from one state to the next; 0: any. */
+  double gap, jump;
+  /* The last state, its torque, and its bytes; length 0: the sink no longer holds its answer. */
+  int64_t stamp;
+  double *q, *v, *tau;
+  uint8_t* raw;
+  int64_t length, room;
+  /* Answers so far, time of the last one, total and longest time of an answer in [ns]. */
+  int64_t count, last, busy, longest;
+} answers_t;
+
+/* Passes states from ROS to the thread that answers them. */
+typedef struct receiver receiver_t;
+
+/* A receiver of the messages of a subscription; NULL: out of memory, or ROS does not report new messages. */
+EXPORT receiver_t* receiver(const rcl_subscription_t* subscription);
+
+/* Answer states until Python must answer one; returns the outcome of `take` for it, or ENDED after `end`. Called by one
+ * thread, which holds the lock before and after, but not while it waits. With `direct`, the thread of the middleware
+ * that brings a state answers it at once where possible. */
+EXPORT int64_t serve(receiver_t* r, answers_t* a, int64_t direct);
+
+/* Let `serve` return. */
+EXPORT void end(receiver_t* r);
+
+/* Locks for Python; they may be nested. */
+EXPORT void lock(receiver_t* r);
+EXPORT void unlock(receiver_t* r);
+
+/* Free the memory; nothing may be using it. */
+EXPORT void destroy(receiver_t* r);
