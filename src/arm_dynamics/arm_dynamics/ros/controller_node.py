@@ -162,7 +162,7 @@ class ControllerNode(Node):
         if self.on_joint_states(raw) is None or self._cut():
             return
         params = self.params
-        self.answers.resume(raw, params.state_period, params.gap_limit, params.jump_limit)
+        self.answers.resume(params.state_period, params.gap_limit, params.jump_limit)
         if self._builder.ready or self.goals.planner.ready:
             self.answers.interrupt()
 

@@ -11,11 +11,10 @@ stops answering at every change, and resumes after the next answer by Python.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 from ctypes import Structure, addressof, byref, c_void_p
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from threading import Thread
 
 import numpy as np
@@ -28,20 +27,17 @@ from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
 from arm_dynamics.control.wrappers import AnyController, Switch
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.common.executor import guarded
-from arm_dynamics.ros.common.rcl_code import code_of_nodes
 from arm_dynamics.ros.controller.answer_log import AnswerLog
+from arm_dynamics.ros.controller.code import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
-from arm_dynamics.ros.controller.tracking import HEADER, SOURCE, TrackingTopic
+from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import FAILED, CompiledReader, JointStateSink, address
-from arm_dynamics.ros.joint_state import HEADER as JOINT_STATE
-from arm_dynamics.ros.joint_state import SOURCE as JOINT_STATE_SOURCE
+from arm_dynamics.ros.joint_state import FAILED, CompiledReader, JointStateSink
 from arm_dynamics.trajectory.reference import Motion, Trajectory
 
 _ENDED = HEADER.constants["ENDED"]
-_ROOM = 4096  # bytes of a state; longer ones are passed to Python
 _NEVER = 2**63 - 1
 # Fast DDS's listeners may take and write; others hold locks meanwhile that taking needs.
 _TAKE_IN_CALLBACKS = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
@@ -80,16 +76,6 @@ class Parts:
     action: TrajectoryAction
     jumps: Jumps
     log: AnswerLog
-
-
-@cache
-def library() -> ctypes.CDLL:
-    """The compiled functions.
-
-    Raises:
-        KernelError: If they are not available.
-    """
-    return code_of_nodes(JOINT_STATE_SOURCE, SOURCE, headers=(JOINT_STATE, HEADER))
 
 
 class OrdinaryAnswers:
@@ -194,11 +180,10 @@ class OrdinaryAnswers:
         answers.busy = answers.longest = 0
         return values
 
-    def resume(self, raw: bytes, period: float, gap: float, jump: float) -> None:
+    def resume(self, period: float, gap: float, jump: float) -> None:
         """Let C answer the next states, if possible. Call it locked, after an answer by Python.
 
         Args:
-            raw: The state that was answered.
             period: Parameter ``state_period``.
             gap: Parameter ``gap_limit``.
             jump: Parameter ``jump_limit``.
@@ -206,7 +191,7 @@ class OrdinaryAnswers:
         answers, parts, follower = self._answers, self._parts, self._parts.goals.follower
         start, motion = follower.active
         factors = parts.command_map.factors
-        self.obstacle = self._find_obstacle(raw, motion, factors)
+        self.obstacle = self._find_obstacle(motion, factors)
         if self.obstacle or self._law is None or not isinstance(motion, Trajectory):
             return
         answers.interrupt = 0
@@ -215,8 +200,7 @@ class OrdinaryAnswers:
         next_begin = follower.next_begin
         answers.start, answers.until = start, _NEVER if next_begin is None else next_begin
         answers.gain, answers.back_emf = map(_place, factors or (None, None))
-        answers.stamp, answers.length = parts.goals.stamp, len(raw)
-        self._raw[: len(raw)] = raw
+        answers.stamp = parts.goals.stamp
         self._last[:2] = parts.jumps.last
         self._used = (factors, *self._use_law(self._law), *self._use_motion(motion))
         self._used += self._use_tolerances()
@@ -224,17 +208,17 @@ class OrdinaryAnswers:
 
     def _bind(self, parts: Parts) -> None:
         """Set the constant fields."""
-        n, raw = parts.command.size, bytearray(_ROOM)
-        self._raw, self._last = raw, np.zeros((3, n))  # q, v and torque
+        n = parts.command.size
+        self._last = np.zeros((3, n))  # q, v and torque
         source, reader = self._reader.places
         self._answers = Answers(
             source=source, reader=reader, sink=parts.sink.place, joints=n,
             report=parts.report.place, command=parts.command.ctypes.data,
             q=self._last[0].ctypes.data, v=self._last[1].ctypes.data,
-            tau=self._last[2].ctypes.data, raw=address(raw), room=_ROOM,
+            tau=self._last[2].ctypes.data, last=parts.log.place,
         )  # fmt: skip
 
-    def _find_obstacle(self, raw: bytes, motion: Motion, factors: object) -> str:
+    def _find_obstacle(self, motion: Motion, factors: object) -> str:
         """Reason why C cannot answer the next state; empty if it can."""
         control = self._parts.control
         if control.active is not self._control:
@@ -245,9 +229,7 @@ class OrdinaryAnswers:
             return "controllers are being switched"
         if factors is None:
             return "commands depend on positions"
-        if not isinstance(motion, Trajectory):
-            return "the motion is a Cartesian path"
-        return "" if len(raw) <= _ROOM else f"states have more than {_ROOM} bytes"
+        return "" if isinstance(motion, Trajectory) else "the motion is a Cartesian path"
 
     def _use_law(self, law: CompiledLaw) -> tuple[object, ...]:
         """Pass the controller to C; returns what must be kept alive."""
@@ -271,17 +253,16 @@ class OrdinaryAnswers:
     def _use_tolerances(self) -> tuple[object, ...]:
         """Pass the tolerances of the action's goal to C; returns what must be kept alive."""
         answers, checks = self._answers, self._parts.action.checks
-        answers.position_tolerance = None
+        answers.path = None
         if checks is None:
             return ()
         answers.until, answers.begin = min(answers.until, checks.until), checks.begin
-        path, turning = checks.tolerances.path, np.zeros(answers.joints, np.int64)
+        path = checks.tolerances.path
         if path.is_none:
             return ()
-        turning[list(checks.tolerances.turning)] = 1
-        used = np.array(path.position), np.array(path.velocity), turning
-        answers.position_tolerance, answers.velocity_tolerance, answers.turning = map(_place, used)
-        return used
+        allowed = checks.tolerances.allowed(path)
+        answers.path = addressof(allowed)
+        return (allowed,)
 
     def _stop(self) -> None:
         """Stop C from answering and update the parts with its results."""
@@ -295,8 +276,7 @@ class OrdinaryAnswers:
         parts.goals.stamp = answers.stamp
         parts.control.note(tau)
         parts.jumps.note(answers.stamp, q, v)
-        raw = bytes(self._raw[: answers.length])
-        parts.log.add(count, 1e-9 * answers.last, raw, bytes(parts.sink.raw))
+        parts.log.add(count, 1e-9 * answers.seen, bytes(parts.sink.raw))
 
     def _end(self) -> None:
         if self._receiver:

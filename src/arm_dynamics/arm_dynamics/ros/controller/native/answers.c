@@ -31,9 +31,13 @@ static int64_t now(void) {
   return GIGA * t.tv_sec + t.tv_nsec;
 }
 
-/* AnswerLog.again */
-static int is_repeated(const answers_t* a, const joint_state_t* s) {
-  return s->length == a->length && !memcmp(s->raw, a->raw, s->length);
+int64_t is_repeated(const last_t* last, const uint8_t* raw, int64_t length) {
+  return length && length == last->length && !memcmp(raw, last->raw, length);
+}
+
+void remember(last_t* last, const uint8_t* raw, int64_t length) {
+  memcpy(last->raw, raw, length);
+  last->length = length;
 }
 
 /* Whether time or the arm may have jumped; Jumps.look decides, which also considers the speeds. */
@@ -71,16 +75,26 @@ static void sample(const answers_t* a, double t, double* reference) {
     for (int64_t i = 0; i < size; ++i) reference[i] = reference[i] * s + c[k * size + i];
 }
 
-/* Tolerances.verdict before the end of the motion. */
-static int within_path_tolerances(const answers_t* a, int64_t stamp) {
-  const int64_t n = a->joints;
-  const double *q = a->input, *v = q + n, *desired = v + n;
-  if (!a->position_tolerance || stamp < a->begin) return 1;
+static double position_error(const double* motion, int64_t n, const int64_t* turning, int64_t joint) {
+  const double error = motion[2 * n + joint] - motion[joint];
+  return turning[joint] ? remainder(error, FULL_TURN) : error;
+}
+
+static double velocity_error(const double* motion, int64_t n, int64_t joint) {
+  return motion[3 * n + joint] - motion[n + joint];
+}
+
+void find_errors(const double* motion, int64_t n, const int64_t* turning, double* errors) {
   for (int64_t i = 0; i < n; ++i) {
-    double error = desired[i] - q[i];
-    if (a->turning[i]) error = remainder(error, FULL_TURN);
-    if (fabs(error) > a->position_tolerance[i]) return 0;
-    if (fabs(desired[n + i] - v[i]) > a->velocity_tolerance[i]) return 0;
+    errors[i] = position_error(motion, n, turning, i);
+    errors[n + i] = velocity_error(motion, n, i);
+  }
+}
+
+int64_t is_within(const double* motion, int64_t n, const tolerance_t* allowed) {
+  for (int64_t i = 0; i < n; ++i) {
+    if (fabs(position_error(motion, n, allowed->turning, i)) > allowed->position[i]) return 0;
+    if (fabs(velocity_error(motion, n, i)) > allowed->velocity[i]) return 0;
   }
   return 1;
 }
@@ -98,16 +112,14 @@ static int compute(answers_t* a) {
   return 1;
 }
 
-/* TrackingTopic.publish; Python tries again, and says why, if it fails. */
-static void report(answers_t* a, int64_t stamp) {
-  report_t* r = a->report;
-  const int64_t n = a->joints;
-  const double *q = a->input, *v = q + n, *reference = v + n;
-  const double* parts[ARRAYS] = {reference, reference + n, reference + 2 * n, q, v, NULL, NULL, a->torque};
+int64_t report(report_t* r, int64_t stamp, int64_t n, const double* motion, const double* torque) {
+  const double *q = motion, *v = q + n, *reference = v + n;
+  const double* parts[ARRAYS] = {reference, reference + n, reference + 2 * n, q, v, NULL, NULL, torque};
   size_t subscribers = 0;
+  if (stamp < r->due) return 0;
   rcl_ret_t done = rcl_publisher_get_subscription_count(r->publisher, &subscribers);
   r->due = stamp + r->period;
-  if (done == RCL_RET_OK && !subscribers) return;
+  if (done == RCL_RET_OK && !subscribers) return 0;
   for (int k = 0; k < ARRAYS; ++k)
     if (parts[k]) memcpy(r->raw + r->at[k], parts[k], 8 * n);
   for (int64_t i = 0; i < 2 * n; ++i) {
@@ -116,23 +128,22 @@ static void report(answers_t* a, int64_t stamp) {
   }
   const double left = r->duration - 1e-9 * (double)(stamp - r->start), remaining = left > 0.0 ? left : 0.0;
   memcpy(r->raw + r->at[ARRAYS], &remaining, 8);
-  if (publish(r->publisher, r->raw, r->size, stamp)) {
-    r->due = stamp;
-    __atomic_store_n(&a->interrupt, 1, __ATOMIC_RELEASE);
-  }
+  done = publish(r->publisher, r->raw, r->size, stamp);
+  if (done != RCL_RET_OK) r->due = stamp;
+  return done;
 }
 
-static void remember(answers_t* a, const joint_state_t* s, int64_t stamp, int64_t began) {
+/* Register the answer to a state. */
+static void note_answer(answers_t* a, const joint_state_t* s, int64_t stamp, int64_t began) {
   const int64_t n = a->joints;
   a->stamp = stamp;
   memcpy(a->q, a->input, 8 * n);
   memcpy(a->v, a->input + n, 8 * n);
   memcpy(a->tau, a->torque, 8 * n);
   memcpy(a->memory, a->next_memory, 8 * a->remembered);
-  memcpy(a->raw, s->raw, s->length);
-  a->length = s->length;
-  a->last = now();
-  const int64_t duration = a->last - began;
+  remember(a->last, s->raw, s->length);
+  a->seen = now();
+  const int64_t duration = a->seen - began;
   a->busy += duration;
   if (duration > a->longest) a->longest = duration;
   ++a->count;
@@ -146,16 +157,18 @@ static int answer(answers_t* a, int64_t began) {
   if (!a->active || __atomic_load_n(&a->interrupt, __ATOMIC_ACQUIRE)) return 0;
   memcpy(&stamp, s->found, 8);
   memcpy(a->input, s->found + 24, 16 * n);
-  if (stamp >= a->until || s->length > a->room || is_repeated(a, s)) return 0;
+  if (stamp >= a->until || s->length > a->last->room || is_repeated(a->last, s->raw, s->length)) return 0;
   if (may_have_jumped(a, stamp, a->input)) return 0;
   sample(a, 1e-9 * (double)(stamp - a->start), a->input + 2 * n);
-  if (!within_path_tolerances(a, stamp) || !compute(a)) return 0;
+  if (a->path && stamp >= a->begin && !is_within(a->input, n, a->path)) return 0;
+  if (!compute(a)) return 0;
   if (send(a->sink, stamp)) {
-    a->length = 0;
+    a->last->length = 0; /* the sink no longer holds its answer */
     return 0;
   }
-  if (a->report->due <= stamp) report(a, stamp);
-  remember(a, s, stamp, began);
+  /* Python tries again, and says why, if it fails. */
+  if (report(a->report, stamp, n, a->input, a->torque)) __atomic_store_n(&a->interrupt, 1, __ATOMIC_RELEASE);
+  note_answer(a, s, stamp, began);
   return 1;
 }
 

@@ -7,6 +7,30 @@
 
 enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state that Python must answer */
 
+/* The state that was answered last, byte for byte; length 0: its answer cannot be repeated. */
+typedef struct {
+  uint8_t* raw;
+  int64_t length, room;
+} last_t;
+
+/* Whether a state is that one. */
+EXPORT int64_t is_repeated(const last_t* last, const uint8_t* raw, int64_t length);
+
+/* Remember a state, for which there is room. */
+EXPORT void remember(last_t* last, const uint8_t* raw, int64_t length);
+
+/* Largest errors of the joints. */
+typedef struct {
+  const double *position, *velocity;
+  const int64_t* turning; /* nonzero for joints without position limits, whose errors are the shortest rotations */
+} tolerance_t;
+
+/* Errors of n positions and n velocities, reference less measured. `motion`: q and v, and the reference's q and v. */
+EXPORT void find_errors(const double* motion, int64_t n, const int64_t* turning, double* errors);
+
+/* Whether these errors are within tolerances. */
+EXPORT int64_t is_within(const double* motion, int64_t n, const tolerance_t* allowed);
+
 /* The tracking state, a message in which only the stamp and the numbers change. */
 enum { ARRAYS = 8 };
 typedef struct {
@@ -18,6 +42,10 @@ typedef struct {
   int64_t start;
   double duration;
 } report_t;
+
+/* Publish the tracking state, if that is due and someone listens; returns 0 or an error code, and then the next state is
+ * due. `motion`: q and v, and the reference's q, v and a. */
+EXPORT int64_t report(report_t* r, int64_t stamp, int64_t n, const double* motion, const double* torque);
 
 typedef struct {
   int64_t active;    /* whether C may answer; false after every change in Python */
@@ -44,17 +72,15 @@ typedef struct {
   const double *knots, *polynomials, *ends;
   /* Path tolerances and the stamp from which they apply; NULL: none. */
   int64_t begin;
-  const double *position_tolerance, *velocity_tolerance;
-  const int64_t* turning; /* nonzero for joints without position limits, whose errors are modulo a full turn */
+  const tolerance_t* path;
   /* Largest time [s] and distance from one state to the next; 0: any. */
   double gap, jump;
-  /* The last state, its torque, and its bytes; length 0: the sink no longer holds its answer. */
+  /* The last state, its torque, and its bytes. */
   int64_t stamp;
   double *q, *v, *tau;
-  uint8_t* raw;
-  int64_t length, room;
+  last_t* last;
   /* Answers so far, time of the last one, total and longest time of an answer in [ns]. */
-  int64_t count, last, busy, longest;
+  int64_t count, seen, busy, longest;
 } answers_t;
 
 /* Passes states from ROS to the thread that answers them. */
