@@ -16,9 +16,9 @@ from sensor_msgs.msg import JointState
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES
-from arm_dynamics.ros.joint_state import topics as compiled
-from arm_dynamics.ros.joint_state.serialization import JointStateWriter, Read
-from arm_dynamics.ros.joint_state.topics import JointStateSink, JointStateSource
+from arm_dynamics.ros.joint_state import JointStateReader, JointStateSink, JointStateSource
+from arm_dynamics.ros.joint_state.reader import Read
+from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 
 pytestmark = pytest.mark.ros
 
@@ -48,7 +48,7 @@ def test_what_is_published_arrives(ros: Ros) -> None:
     arrays = [np.zeros(2) for _ in range(3)]
     writer = JointStateWriter(JOINTS, frame_id="here")
     sink = JointStateSink(node, JOINT_STATES, writer, arrays)
-    reader = compiled.make_reader(JOINTS, ("position", "effort"), partial=False, extra=False)
+    reader = JointStateReader(JOINTS, ("position", "effort"), partial=False, extra=False)
     source, bytes_of = JointStateSource(node, JOINT_STATES, reader), Newest(node, JOINT_STATES)
     matched(node, JOINT_STATES.name)
     assert source.take() is None
@@ -75,7 +75,7 @@ def test_what_is_published_arrives(ros: Ros) -> None:
 def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> None:
     node = ros.add(Node, "both")
     publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
-    reader = compiled.make_reader(JOINTS, ("effort",), partial=False, extra=False)
+    reader = JointStateReader(JOINTS, ("effort",), partial=False, extra=False)
     source = JointStateSource(node, JOINT_COMMANDS, reader)
     matched(node, JOINT_COMMANDS.name)
     for _ in range(2):
@@ -107,7 +107,7 @@ class Source(ctypes.Structure):
 def test_memory_of_a_giant_message_is_given_back(ros: Ros) -> None:
     node = ros.add(Node, "both")
     publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
-    reader = compiled.make_reader(JOINTS, ("effort",), partial=False, extra=False)
+    reader = JointStateReader(JOINTS, ("effort",), partial=False, extra=False)
     source = JointStateSource(node, JOINT_COMMANDS, reader)
     matched(node, JOINT_COMMANDS.name)
     room = []

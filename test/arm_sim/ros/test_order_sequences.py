@@ -57,7 +57,10 @@ def library(monkeypatch: pytest.MonkeyPatch) -> CDLL:
     """The native code of the nodes, whose messages come by ``wire.c``."""
     made = code.library(Path(__file__).parents[2] / "support/wire.c")
     made.left_on_wire.argtypes, made.left_on_wire.restype = [c_void_p], c_int64
-    for user in "arm_dynamics.ros.joint_state.topics.native", "arm_sim.ros.ordinary.ticks.library":
+    for user in (
+        "arm_dynamics.ros.joint_state.reader.library",
+        "arm_sim.ros.ordinary.ticks.library",
+    ):
         monkeypatch.setattr(user, lambda: made)
     return made
 

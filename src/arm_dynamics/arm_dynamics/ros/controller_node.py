@@ -49,7 +49,7 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter, make_reader
+from arm_dynamics.ros.joint_state import JointStateReader, JointStateSink, JointStateWriter
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Reference
@@ -119,7 +119,7 @@ class ControllerNode(Node):
         self.action = TrajectoryAction(
             self, self.goals, model, limits, self._obstacle, self.answers
         )
-        self._reader = make_reader(names, ("position", "velocity"), partial=False, extra=True)
+        self._reader = JointStateReader(names, ("position", "velocity"), partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
         self._log, self._jumps = AnswerLog(), Jumps(names)

@@ -208,11 +208,11 @@ def _of_all_nodes() -> Iterator[tuple[str, Callable[[], object]]]:
     """Loops and messages of the nodes, which are the same for all scenes."""
     from arm_dynamics.ros.controller import code as controller
     from arm_dynamics.ros.dynamics import compiled_services
-    from arm_dynamics.ros.joint_state import topics
+    from arm_dynamics.ros.joint_state import code as messages
     from arm_sim.ros import code as sim
 
     # Uncached: what this process has loaded is not necessarily in the folder.
-    yield "messages", topics.native.__wrapped__
+    yield "messages", messages.library.__wrapped__
     yield "controller", controller.library.__wrapped__
     yield "sim", sim.library.__wrapped__
     yield "services", compiled_services.native.__wrapped__

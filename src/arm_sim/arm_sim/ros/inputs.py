@@ -18,7 +18,7 @@ from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
 from arm_dynamics.ros.common.executor import THROTTLE
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
-from arm_dynamics.ros.joint_state import JointStateSource, Numbers, make_reader
+from arm_dynamics.ros.joint_state import JointStateReader, JointStateSource, Numbers
 from arm_sim.inputs import clipped
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
@@ -47,8 +47,8 @@ class Inputs:
         self._joints = JointCommands(self._model, engine.arbiter.admit, self._warn)
         ways = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
         names, every = self._model.joint_names, ("effort", "position", "velocity")
-        references = make_reader(names, every, gaps=True, admit=self._joints.note, **ways)
-        self.reader = make_reader(
+        references = JointStateReader(names, every, gaps=True, admit=self._joints.note, **ways)
+        self.reader = JointStateReader(
             names, ("effort",), other=references, admit=self._joints.admit, **ways
         )
         self.source: JointStateSource | None = None

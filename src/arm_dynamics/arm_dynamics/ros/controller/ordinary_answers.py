@@ -34,7 +34,7 @@ from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import FAILED, CompiledReader, JointStateSink
+from arm_dynamics.ros.joint_state import FAILED, JointStateReader, JointStateSink
 from arm_dynamics.trajectory.reference import Motion, Trajectory
 
 _ENDED = HEADER.constants["ENDED"]
@@ -66,7 +66,7 @@ class Parts:
         log: Remembers the last answer.
     """
 
-    reader: CompiledReader
+    reader: JointStateReader
     sink: JointStateSink
     command: Array
     report: TrackingTopic

@@ -4,30 +4,12 @@
 Depends on the interfaces, ``common`` and the core's compiler, and on none of the nodes.
 """
 
-from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter, Numbers
-from arm_dynamics.ros.joint_state.topics import (
-    FAILED,
-    HEADER,
-    SOURCE,
-    CompiledReader,
-    JointStateSink,
-    JointStateSource,
-    Sink,
-    address,
-    make_reader,
-)
+from arm_dynamics.ros.joint_state.code import HEADER, SOURCE, address
+from arm_dynamics.ros.joint_state.reader import FAILED, JointStateReader, Numbers
+from arm_dynamics.ros.joint_state.serialization import JointStateWriter
+from arm_dynamics.ros.joint_state.topics import JointStateSink, JointStateSource, Sink
 
 __all__ = [
-    "FAILED",
-    "HEADER",
-    "SOURCE",
-    "CompiledReader",
-    "JointStateReader",
-    "JointStateSink",
-    "JointStateSource",
-    "JointStateWriter",
-    "Numbers",
-    "Sink",
-    "address",
-    "make_reader",
-]
+    "FAILED", "HEADER", "SOURCE", "JointStateReader", "JointStateSink", "JointStateSource",
+    "JointStateWriter", "Numbers", "Sink", "address",
+]  # fmt: skip
