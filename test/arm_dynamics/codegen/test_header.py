@@ -95,6 +95,14 @@ def test_a_header_uses_types_of_another(tmp_path: Path) -> None:
     assert (name, kind._length_) == ("one", 4)
 
 
+def test_one_structure_of_a_file_with_other_code(tmp_path: Path) -> None:
+    code = "static int zero(void) { return 0; }\ntypedef struct { int64_t a; } a_t;\n"
+    path = written(tmp_path, code + "typedef struct { double b; /* why; */ } b_t; int x = zero();")
+    assert Header(path, only="b_t").fields("b_t") == [("b", c_double)]
+    with pytest.raises(ValueError, match="there is no structure 'c_t'"):
+        Header(path, only="c_t")
+
+
 @pytest.mark.parametrize(
     "text, refused",
     [

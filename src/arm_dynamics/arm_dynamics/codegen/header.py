@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What C headers declare, for ctypes: fields of structures, constants, types of functions.
 
-A structure that Python and C share is declared in a header and nowhere else. Only the C that the
+A structure that Python and C share is declared in C and nowhere else. Only the C that the
 suite's own headers use is read; anything else is an error, so nothing is misread silently.
 """
 
@@ -47,15 +47,16 @@ class Header:
         >>> LOOP.bind(library)
     """
 
-    def __init__(self, path: Path, *uses: Header) -> None:
+    def __init__(self, path: Path, *uses: Header, only: str = "") -> None:
         """Read a header.
 
         Args:
             path: The file.
             uses: Headers that it includes and whose types and constants it uses.
+            only: The only structure to read, for a file that contains other code; empty: all.
 
         Raises:
-            ValueError: If it contains a declaration of another kind.
+            ValueError: If it contains a declaration of another kind, or not that structure.
         """
         self._path, self.folder = path, path.parent
         self._functions = dict[str, tuple[Any, list[Any]]]()
@@ -67,7 +68,10 @@ class Header:
             self._structures |= other._structures
             self._pointers |= other._pointers
         text = _SPACE.sub(" ", _QUALIFIERS.sub("", _COMMENTS.sub("", path.read_text())))
-        for declaration in _DECLARATION.findall(text):
+        declarations = re.findall(rf"(typedef struct \{{[^{{}}]*\}} {only});", text)
+        if only and not declarations:
+            raise ValueError(f"{path}: there is no structure '{only}'")
+        for declaration in declarations if only else _DECLARATION.findall(text):
             self._read(declaration.strip())
 
     def fields(self, structure: str) -> list[tuple[str, Any]]:

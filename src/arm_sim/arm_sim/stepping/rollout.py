@@ -18,6 +18,7 @@ import numpy as np
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, all_finite, real_array, vector
 from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.inputs import whole
@@ -27,6 +28,7 @@ from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import (
+    NATIVE,
     Stepper,
     address,
     error_control,
@@ -77,9 +79,9 @@ class Batch:
 
 
 class Engine(ctypes.Structure):
-    """Functions of the compiled engine of one arm; ``engine_t`` in ``native/foreseen.c``."""
+    """Functions of the compiled engine of one arm: ``engine_t`` of ``native/foreseen.c``."""
 
-    _fields_ = [("foresee", ctypes.c_void_p), ("tick_as_foreseen", ctypes.c_void_p)]
+    _fields_ = Header(NATIVE / "foreseen.c", only="engine_t").fields("engine_t")
 
     @classmethod
     def of(cls, stepper: Stepper) -> Engine:
