@@ -218,7 +218,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   full = -1;
   memset(lateness_bins, 0, sizeof lateness_bins);
   memset(&done, 0, sizeof done);
-  for (int i = 0; i < 2; ++i) chunks[i] = (chunk_t){chunk_raw[i], places[i]};
+  for (int i = 0; i < 2; ++i) chunks[i] = (chunk_t){chunk_raw[i], places[i], .size = CHUNK, .oldest = GIGA};
   histogram_t lateness = {lateness_bins}, trips = {trip_bins};
   trip_t trip = {0, 0, stamps, times, &trips};
   stream_t stream = {0};
@@ -232,7 +232,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
       .bell = &bell, .source = &from, .reader = &reader, .at_once = 2, .leads = {1}, .patience = 1000, .stream = &stream, .timeout = NEWS,
       .newest = newest, .step = &step, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100, .state = &state,
       .trail = kept_states, .acted = kept_efforts, .room = ROWS,
-      .trip = &trip, .chunk = chunks, .copy = &copy, .size = CHUNK, .oldest = GIGA, .commands = 3};
+      .trip = &trip, .chunk = chunks, .copy = &copy, .commands = 3};
   due_t due = {.deadline = time_of(CLOCK_MONOTONIC), .period = period, .give_up = 1000 * GIGA, .lateness = &lateness};
   loop_t loop = {&ticks, &due};
   pthread_t threads[4];

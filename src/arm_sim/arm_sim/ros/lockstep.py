@@ -97,10 +97,7 @@ class Lockstep:
     def _take(self, raw: bytes) -> None:
         """Tick to the next published state if the command answers the current one."""
         stamp = self._inputs.on_joint_commands(raw, time.time_ns())
-        if stamp is None:
-            return
-        if stamp != self._waiting.stamp:
-            self._waiting.ignored += 1
+        if stamp is None or not library().is_answer(byref(self._waiting), stamp):
             return
         if self.gone:
             self.gone = False

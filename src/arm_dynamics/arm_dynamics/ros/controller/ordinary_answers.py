@@ -3,7 +3,8 @@
 
 A thread waits for states in C. Most are ordinary: time, arm and reference have advanced by one
 step. C answers those with bitwise the same result as Python. All other states are passed to Python
-unchanged, which alone decides on them, so the rules are implemented once.
+unchanged, which alone decides on them. Jumps, tolerances, repeated states and the tracking state
+are matters of C for both.
 
 Python changes the parts of the controller under a lock that C holds while it answers a state. C
 stops answering at every change, and resumes after the next answer by Python.
@@ -196,12 +197,10 @@ class OrdinaryAnswers:
             return
         answers.interrupt = 0
         parts.report.prepare(period, parts.goals)
-        answers.gap, answers.jump = gap, jump
+        answers.gap, answers.far = gap, jump
         next_begin = follower.next_begin
         answers.start, answers.until = start, _NEVER if next_begin is None else next_begin
         answers.gain, answers.back_emf = map(_place, factors or (None, None))
-        answers.stamp = parts.goals.stamp
-        self._last[:2] = parts.jumps.last
         self._used = (factors, *self._use_law(self._law), *self._use_motion(motion))
         self._used += self._use_tolerances()
         answers.active = 1
@@ -209,13 +208,12 @@ class OrdinaryAnswers:
     def _bind(self, parts: Parts) -> None:
         """Set the constant fields."""
         n = parts.command.size
-        self._last = np.zeros((3, n))  # q, v and torque
+        self._tau = np.zeros(n)
         source, reader = self._reader.places
         self._answers = Answers(
             source=source, reader=reader, sink=parts.sink.place, joints=n,
             report=parts.report.place, command=parts.command.ctypes.data,
-            q=self._last[0].ctypes.data, v=self._last[1].ctypes.data,
-            tau=self._last[2].ctypes.data, last=parts.log.place,
+            before=parts.jumps.place, tau=self._tau.ctypes.data, last=parts.log.place,
         )  # fmt: skip
 
     def _find_obstacle(self, motion: Motion, factors: object) -> str:
@@ -272,10 +270,8 @@ class OrdinaryAnswers:
         if not count:
             return
         self.count += count
-        q, v, tau = self._last.copy()
-        parts.goals.stamp = answers.stamp
-        parts.control.note(tau)
-        parts.jumps.note(answers.stamp, q, v)
+        parts.goals.stamp = parts.jumps.stamp
+        parts.control.note(self._tau.copy())
         parts.log.add(count, 1e-9 * answers.seen, bytes(parts.sink.raw))
 
     def _end(self) -> None:

@@ -129,6 +129,12 @@ void await_answer(waiting_t* w, int64_t stamp) {
   w->asked = w->first = time_of(CLOCK_MONOTONIC);
 }
 
+int64_t is_answer(waiting_t* w, int64_t stamp) {
+  if (stamp == w->stamp) return 1;
+  ++w->ignored;
+  return 0;
+}
+
 int64_t is_expected(const waiting_t* w) { return time_of(CLOCK_MONOTONIC) - w->asked < w->soon; }
 
 int64_t is_remembered(const stream_t* s, double now, int64_t patience) { return now - s->heard <= patience; }

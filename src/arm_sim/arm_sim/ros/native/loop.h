@@ -103,6 +103,9 @@ typedef struct {
 /* The state of this stamp has been published. */
 EXPORT void await_answer(waiting_t* w, int64_t stamp);
 
+/* Whether a command with this stamp answers that state; else it is counted. */
+EXPORT int64_t is_answer(waiting_t* w, int64_t stamp);
+
 /* Whether an answer may still come soon. */
 EXPORT int64_t is_expected(const waiting_t* w);
 

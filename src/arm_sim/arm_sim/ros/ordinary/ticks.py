@@ -16,7 +16,6 @@ from arm_sim.ros.lockstep import Ahead, Waiting
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.realtime_loop import Due
 from arm_sim.ros.record import TickRecorder
-from arm_sim.ros.record.chunks import PERIOD_NS, SIZE
 from arm_sim.ros.stamps import NodeTime
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -66,7 +65,7 @@ class OrdinaryTicks:
             every=outputs.every, state=outputs.states.place,
             clock=None if outputs.clock is None else addressof(outputs.clock.sink),
             times=addressof(stamps) if isinstance(stamps, NodeTime) else None,
-            trip=addressof(inputs.round_trip), size=SIZE, oldest=PERIOD_NS,
+            trip=addressof(inputs.round_trip),
         )  # fmt: skip
         if recorder is not None:
             self._ticks.copy, self._ticks.commands = recorder.place, recorder.channel(commands)

@@ -40,8 +40,15 @@ class Chunk(Structure):
     def __init__(self) -> None:
         """Allocate ``SIZE`` bytes, and offsets of as many messages as fit."""
         self._memory, self._starts = bytearray(SIZE), np.zeros(SIZE // HEAD, np.int64)
-        super().__init__(raw=address(self._memory), places=self._starts.ctypes.data)
+        super().__init__(
+            raw=address(self._memory), places=self._starts.ctypes.data, size=SIZE,
+            oldest=PERIOD_NS,
+        )  # fmt: skip
         self.address = c_void_p(addressof(self))
+
+    def fits(self, now: int, size: int) -> bool:
+        """Whether there is room for so many bytes, and it is not too old, at the time in [ns]."""
+        return bool(library().has_room(self.address, now, size))
 
     def put(self, channel: int, log: int, publish: int, data: bytes | bytearray) -> None:
         """Copy a message that fits, with its times in [ns]."""
@@ -125,11 +132,7 @@ class ChunkThread:
         """
         if self._closed:
             return None
-        chunk = self._chunk
-        at = chunk.at
-        if (at + size > SIZE or (at and log - chunk.since > PERIOD_NS)) and (
-            size > SIZE or not self._exchange()
-        ):
+        if not self._chunk.fits(log, size) and (size > SIZE or not self._exchange()):
             self.lost += count
             return None
         return self._chunk
@@ -184,8 +187,7 @@ class ChunkThread:
         if not self.lock.acquire(blocking=False):
             return  # wakes up when messages arrive
         try:
-            chunk = self._chunk
-            if chunk.at and time.time_ns() - chunk.since > PERIOD_NS:
+            if not self._chunk.fits(time.time_ns(), 0):
                 self._exchange()
         finally:
             self.lock.release()

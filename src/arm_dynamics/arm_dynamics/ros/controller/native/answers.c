@@ -14,6 +14,7 @@
 #include <string.h>
 #include <time.h>
 
+#define FASTER 2.0 /* largest ratio of the speed of a displacement to the speeds before and after it */
 #define FULL_TURN 6.283185307179586 /* 2 π */
 
 struct receiver {
@@ -40,13 +41,22 @@ void remember(last_t* last, const uint8_t* raw, int64_t length) {
   last->length = length;
 }
 
-/* Whether time or the arm may have jumped; Jumps.look decides, which also considers the speeds. */
-static int may_have_jumped(const answers_t* a, int64_t stamp, const double* q) {
-  const double gap = 1e-9 * (double)(stamp - a->stamp);
-  if (gap < 0.0 || (a->gap > 0.0 && a->gap < gap)) return 1;
-  for (int64_t i = 0; i < a->joints; ++i)
-    if (a->jump != 0.0 && fabs(q[i] - a->q[i]) > a->jump) return 1;
-  return 0;
+int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap,
+                  double far) {
+  if (!b->known) return STEADY;
+  const double passed = 1e-9 * (double)(stamp - b->stamp);
+  if (passed < 0.0) return BACKWARDS;
+  if (gap > 0.0 && passed > gap) return PAUSED;
+  for (int64_t i = 0; far > 0.0 && i < n; ++i)
+    if (fabs(q[i] - b->q[i]) > far + FASTER * passed * fmax(fabs(b->v[i]), fabs(v[i]))) return MOVED + i;
+  return STEADY;
+}
+
+void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const double* v) {
+  b->known = 1;
+  b->stamp = stamp;
+  memcpy(b->q, q, 8 * n);
+  memcpy(b->v, v, 8 * n);
 }
 
 /* The reference before (0) or after (1) the motion. */
@@ -136,9 +146,7 @@ int64_t report(report_t* r, int64_t stamp, int64_t n, const double* motion, cons
 /* Register the answer to a state. */
 static void note_answer(answers_t* a, const joint_state_t* s, int64_t stamp, int64_t began) {
   const int64_t n = a->joints;
-  a->stamp = stamp;
-  memcpy(a->q, a->input, 8 * n);
-  memcpy(a->v, a->input + n, 8 * n);
+  note_state(a->before, n, stamp, a->input, a->input + n);
   memcpy(a->tau, a->torque, 8 * n);
   memcpy(a->memory, a->next_memory, 8 * a->remembered);
   remember(a->last, s->raw, s->length);
@@ -158,7 +166,7 @@ static int answer(answers_t* a, int64_t began) {
   memcpy(&stamp, s->found, 8);
   memcpy(a->input, s->found + 24, 16 * n);
   if (stamp >= a->until || s->length > a->last->room || is_repeated(a->last, s->raw, s->length)) return 0;
-  if (may_have_jumped(a, stamp, a->input)) return 0;
+  if (find_jump(a->before, n, stamp, a->input, a->input + n, a->gap, a->far) != STEADY) return 0;
   sample(a, 1e-9 * (double)(stamp - a->start), a->input + 2 * n);
   if (a->path && stamp >= a->begin && !is_within(a->input, n, a->path)) return 0;
   if (!compute(a)) return 0;

@@ -7,6 +7,24 @@
 
 enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state that Python must answer */
 
+/* The last state; `known` 0: there is none. */
+typedef struct {
+  int64_t known, stamp;
+  double *q, *v;
+} before_t;
+
+/* What happened between two states: time or the arm moved on, or jumped. */
+enum { STEADY, BACKWARDS, PAUSED, MOVED };
+
+/* Compare a state of n joints with the last one. A jump is time that goes backwards, or advances by more than `gap` in
+ * [s] (PAUSED), or a joint that moves farther than `far` beyond twice the distance that its speeds explain; 0: any time,
+ * any distance. Returns one of these, or MOVED plus the index of the joint. */
+EXPORT int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap,
+                         double far);
+
+/* Make a state the last one. */
+EXPORT void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const double* v);
+
 /* The state that was answered last, byte for byte; length 0: its answer cannot be repeated. */
 typedef struct {
   uint8_t* raw;
@@ -74,10 +92,10 @@ typedef struct {
   int64_t begin;
   const tolerance_t* path;
   /* Largest time [s] and distance from one state to the next; 0: any. */
-  double gap, jump;
+  double gap, far;
   /* The last state, its torque, and its bytes. */
-  int64_t stamp;
-  double *q, *v, *tau;
+  before_t* before;
+  double* tau;
   last_t* last;
   /* Answers so far, time of the last one, total and longest time of an answer in [ns]. */
   int64_t count, seen, busy, longest;

@@ -98,7 +98,7 @@ static int ready(const ticks_t* t) {
   if (t->room && t->kept - __atomic_load_n(&t->noted, __ATOMIC_ACQUIRE) >= t->room) return 0;
   if (!c) return 1;
   const int64_t most = (t->at_once + 1) * (ROOMY + 31) + t->state->size + t->copy->size + 62;
-  return c->at + most <= t->size && !(c->at && time_of(CLOCK_REALTIME) - c->since > t->oldest);
+  return has_room(c, time_of(CLOCK_REALTIME), most);
 }
 
 /* Execute a tick with the newest command. */
@@ -142,10 +142,7 @@ int64_t in_lockstep(ticks_t* t, waiting_t* w) {
       return LEFT;
     }
     accept(t, t->now);
-    if (stamp_of(t->reader) != w->stamp) {
-      ++w->ignored;
-      continue;
-    }
+    if (!is_answer(w, stamp_of(t->reader))) continue;
     int made;
     do made = ready(t) ? tick(t) : LEFT;
     while (made == DONE && t->ticks % t->every);

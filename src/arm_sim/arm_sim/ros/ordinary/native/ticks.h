@@ -47,7 +47,6 @@ typedef struct {
   /* The recording; NULL: there is none. */
   chunk_t* chunk;
   tick_t* copy;
-  int64_t size, oldest; /* limits of a chunk: bytes, and age in [ns] */
   int64_t commands;     /* number of the channel of commands */
   int64_t recorded;
 } ticks_t;

@@ -6,6 +6,10 @@
 
 #include <string.h>
 
+int64_t has_room(const chunk_t* c, int64_t now, int64_t size) {
+  return c->at + size <= c->size && !(c->at && now - c->since > c->oldest);
+}
+
 void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish, const uint8_t* data, int64_t size) {
   uint8_t* to = c->raw + c->at;
   const uint64_t length = size + 22, times[2] = {log, publish};

@@ -14,7 +14,11 @@ typedef struct {
   int64_t* places;   /* offset of each record */
   int64_t at, count; /* number of bytes and records so far */
   int64_t since;     /* time of the first record in [ns] */
+  int64_t size, oldest; /* limits: bytes, and age in [ns] */
 } chunk_t;
+
+/* Whether records of this many bytes, which arrive now, fit; not in a chunk that is too old. */
+EXPORT int64_t has_room(const chunk_t* c, int64_t now, int64_t size);
 
 /* The data copied with every tick. */
 typedef struct {
