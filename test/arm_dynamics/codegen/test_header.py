@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ctypes
+from _ctypes import FUNCFLAG_PYTHONAPI
 from ctypes import Structure, c_char, c_double, c_int64, c_longlong, c_uint8, c_void_p
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ TEXT = """
 #pragma once
 #include <stdint.h>
 #define EXPORT __attribute__((visibility("default")))
+#define QUICK EXPORT
 enum { FEW = 3, SOME, LESS = -1 };
 typedef struct opaque opaque_t;
 typedef double (*function_t)(const double* x, int64_t n);
@@ -38,7 +40,7 @@ typedef struct outer {
 } outer_t;
 EXPORT int64_t count(const outer_t* outer, double x, long long y);
 EXPORT outer_t* find(void);
-EXPORT void forget(opaque_t* other);
+QUICK void forget(opaque_t* other);
 int hidden(int64_t x);
 """
 LAYOUT = """
@@ -78,14 +80,32 @@ def test_types_of_fields_and_values_of_constants(tmp_path: Path) -> None:
     assert header.constants == {"FEW": 3, "SOME": 4, "LESS": -1}
 
 
-def test_functions_get_their_types(tmp_path: Path) -> None:
-    class Library:
-        count, find, forget = (type("Function", (), {})() for _ in range(3))
+CODE = """
+#include "given.h"
+int64_t count(const outer_t* outer, double x, long long y) { return outer ? y : (int64_t)x; }
+outer_t* find(void) { return 0; }
+void forget(opaque_t* other) { (void)other; }
+"""
 
-    Header(written(tmp_path, TEXT)).bind(Library)  # type: ignore[arg-type]
-    assert Library.count.argtypes == [c_void_p, c_double, c_longlong]
-    assert (Library.count.restype, Library.find.restype) == (c_int64, c_void_p)
-    assert (Library.find.argtypes, Library.forget.restype) == ([], None)
+
+def test_functions_get_their_types(tmp_path: Path) -> None:
+    header = Header(written(tmp_path, TEXT))
+    library = build(CODE, "c", FLAGS, (f"-I{tmp_path}",)).library
+    header.bind(library)
+    assert library.count.argtypes == [c_void_p, c_double, c_longlong]
+    assert (library.count.restype, library.find.restype) == (c_int64, c_void_p)
+    assert (library.find.argtypes, library.forget.restype) == ([], None)
+    assert library.count(None, 3.5, 0) == 3 and library.find() is None
+
+
+def test_quick_functions_are_called_with_the_interpreter_lock(tmp_path: Path) -> None:
+    header = Header(written(tmp_path, TEXT))
+    library = build(CODE, "c", FLAGS, (f"-I{tmp_path}",)).library
+    header.bind(library)
+    with_lock = ctypes.PyDLL._func_flags_ & FUNCFLAG_PYTHONAPI
+    assert with_lock
+    assert type(library.forget)._flags_ & with_lock
+    assert not type(library.count)._flags_ & with_lock
 
 
 def test_a_header_uses_types_of_another(tmp_path: Path) -> None:

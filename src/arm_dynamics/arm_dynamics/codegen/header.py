@@ -27,7 +27,7 @@ _ENUM = re.compile(r"enum \{(.*)\}$")
 _STRUCT = re.compile(r"typedef struct(?: \w+)? \{(.*)\} (\w+)$")
 _OPAQUE = re.compile(r"typedef struct \w+ \w+$")
 _POINTER_TYPE = re.compile(r"typedef [\w *]+\(\*(\w+)\) ?\(.*\)$")
-_FUNCTION = re.compile(r"(EXPORT )?(.*?[ *])(\w+) ?\((.*)\)$")
+_FUNCTION = re.compile(r"(EXPORT |QUICK )?(.*?[ *])(\w+) ?\((.*)\)$")
 _POINTER_FIELD = re.compile(r"[\w *]+\(\*(\w+)\) ?\(.*\)$")
 _FIELDS = re.compile(r"(long long|\w+)((?:\*| ).*)$")
 _NAME = re.compile(r"([* ]*)(\w+) ?(?:\[([\w +]+)\])?$")
@@ -59,7 +59,7 @@ class Header:
             ValueError: If it contains a declaration of another kind, or not that structure.
         """
         self._path, self.folder = path, path.parent
-        self._functions = dict[str, tuple[Any, list[Any]]]()
+        self._functions = dict[str, tuple[Any, list[Any], bool]]()
         self.constants = dict[str, int]()
         self._structures = dict[str, list[tuple[str, Any]]]()
         self._pointers = set[str]()
@@ -79,10 +79,15 @@ class Header:
         return list(self._structures[structure])
 
     def bind(self, library: ctypes.CDLL) -> None:
-        """Set the types of a library's functions to those marked EXPORT here."""
-        for name, (result, arguments) in self._functions.items():
-            function = getattr(library, name)
+        """Set the types of a library's functions to those marked EXPORT or QUICK here.
+
+        Those that are QUICK are called with the interpreter lock.
+        """
+        locked = ctypes.PyDLL(library._name, handle=library._handle)
+        for name, (result, arguments, quick) in self._functions.items():
+            function = getattr(locked if quick else library, name)
             function.restype, function.argtypes = result, arguments
+            setattr(library, name, function)
 
     def _read(self, text: str) -> None:
         if found := _ENUM.match(text):
@@ -93,7 +98,8 @@ class Header:
             self._pointers.add(found[1])
         elif not text.startswith("typedef") and (found := _FUNCTION.match(text)):
             if found[1]:
-                self._functions[found[3]] = self._signature(found[2], found[4])
+                quick = found[1].strip() == "QUICK"
+                self._functions[found[3]] = *self._signature(found[2], found[4]), quick
         elif not _OPAQUE.match(text):
             raise ValueError(f"{self._path}: cannot read '{text}'")
 

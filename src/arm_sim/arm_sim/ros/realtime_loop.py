@@ -94,6 +94,7 @@ class RealtimeLoop:
         clock: Any = time,
     ) -> None:
         self._tick, self._prepare, self._clock = tick, prepare, clock
+        self._native = library()  # compiled here if need be, not while ticks are due
         self._ahead = ahead or self._wait
         nanoseconds = round(1e9 * period)
         closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
@@ -155,11 +156,11 @@ class RealtimeLoop:
 
     def _wait(self, due: Due) -> bool:
         """Wait for a tick, and begin it; see ``ahead``."""
-        begin, now = library().next_start(byref(due)), self._clock.monotonic_ns()
+        begin, now = self._native.next_start(byref(due)), self._clock.monotonic_ns()
         if now < begin:
             self._clock.sleep(1e-9 * (begin - now))
             now = self._clock.monotonic_ns()
-        library().begin_tick(byref(due), now)
+        self._native.begin_tick(byref(due), now)
         return False
 
 

@@ -4,7 +4,10 @@
  */
 #pragma once
 
+/* Functions that Python calls: without the interpreter lock, and with it, since they take less time than others would
+ * that were let run meanwhile. */
 #define EXPORT __attribute__((visibility("default")))
+#define QUICK EXPORT
 
 /* A function with the signature of CasADi's C functions, and the memory it is bound to: pointers to its inputs and
  * outputs, and its workspace. */

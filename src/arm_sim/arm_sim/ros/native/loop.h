@@ -33,14 +33,14 @@ typedef struct {
   histogram_t* trips;
 } trip_t;
 
-EXPORT void count_duration(histogram_t* h, int64_t duration);
+QUICK void count_duration(histogram_t* h, int64_t duration);
 
 /* Register that the state of this stamp is published now. */
-EXPORT void sent(trip_t* t, int64_t stamp);
+QUICK void sent(trip_t* t, int64_t stamp);
 
 /* Register that a command for the state of this stamp arrived at this time of the system; only the first one counts.
  * Returns whether that state is the newest. */
-EXPORT int64_t answered(trip_t* t, int64_t stamp, int64_t arrival);
+QUICK int64_t answered(trip_t* t, int64_t stamp, int64_t arrival);
 
 /* --- stamps.NodeTime, where the rules are explained --------------------------------------------------------------- */
 
@@ -56,11 +56,11 @@ typedef struct {
   const int64_t* due;  /* time of the monotonic clock when the current tick was due; 0: unknown */
 } times_t;
 
-EXPORT void start_stamps(times_t* t, int64_t tick);
+QUICK void start_stamps(times_t* t, int64_t tick);
 
 /* The stamp of a state from its simulated time, and times of the node's and of the monotonic clock, read in this
  * order: if the thread is stopped between the two, no stamp is later than it should be. */
-EXPORT int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady);
+QUICK int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady);
 
 /* --- realtime_loop.RealtimeLoop, where the rules are explained ---------------------------------------------------- */
 
@@ -81,10 +81,10 @@ typedef struct {
 } due_t;
 
 /* When the next tick may begin. */
-EXPORT int64_t next_start(const due_t* d);
+QUICK int64_t next_start(const due_t* d);
 
 /* A tick begins now: count its lateness, and set the next deadline. */
-EXPORT void begin_tick(due_t* d, int64_t now);
+QUICK void begin_tick(due_t* d, int64_t now);
 
 /* Sleep until the next tick, and begin it. */
 EXPORT void await_tick(due_t* d);
@@ -101,13 +101,13 @@ typedef struct {
 } waiting_t;
 
 /* The state of this stamp has been published. */
-EXPORT void await_answer(waiting_t* w, int64_t stamp);
+QUICK void await_answer(waiting_t* w, int64_t stamp);
 
 /* Whether a command with this stamp answers that state; else it is counted. */
-EXPORT int64_t is_answer(waiting_t* w, int64_t stamp);
+QUICK int64_t is_answer(waiting_t* w, int64_t stamp);
 
 /* Whether an answer may still come soon. */
-EXPORT int64_t is_expected(const waiting_t* w);
+QUICK int64_t is_expected(const waiting_t* w);
 
 /* --- commands: arbiter.Arbiter, latest.LatestCommand; times and ages are in ticks --------------------------------- */
 
@@ -118,13 +118,13 @@ typedef struct {
 } stream_t;
 
 /* Whether a source has commanded within the last `patience` ticks. */
-EXPORT int64_t is_remembered(const stream_t* s, double now, int64_t patience);
+QUICK int64_t is_remembered(const stream_t* s, double now, int64_t patience);
 
 /* Count a command of a source. */
-EXPORT void hear(stream_t* s, double now, int64_t patience);
+QUICK void hear(stream_t* s, double now, int64_t patience);
 
 /* Whether a command of this age is too old for a tick, or the part of one, that makes it older; timeout 0: never. */
-EXPORT int64_t is_stale(double age, double share, int64_t timeout);
+QUICK int64_t is_stale(double age, double share, int64_t timeout);
 
 /* --- for ticks.c -------------------------------------------------------------------------------------------------- */
 

@@ -19,11 +19,11 @@ enum { STEADY, BACKWARDS, PAUSED, MOVED };
 /* Compare a state of n joints with the last one. A jump is time that goes backwards, or advances by more than `gap` in
  * [s] (PAUSED), or a joint that moves farther than `far` beyond twice the distance that its speeds explain; 0: any time,
  * any distance. Returns one of these, or MOVED plus the index of the joint. */
-EXPORT int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap,
+QUICK int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap,
                          double far);
 
 /* Make a state the last one. */
-EXPORT void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const double* v);
+QUICK void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const double* v);
 
 /* The state that was answered last, byte for byte; length 0: its answer cannot be repeated. */
 typedef struct {
@@ -32,10 +32,10 @@ typedef struct {
 } last_t;
 
 /* Whether a state is that one. */
-EXPORT int64_t is_repeated(const last_t* last, const uint8_t* raw, int64_t length);
+QUICK int64_t is_repeated(const last_t* last, const uint8_t* raw, int64_t length);
 
 /* Remember a state, for which there is room. */
-EXPORT void remember(last_t* last, const uint8_t* raw, int64_t length);
+QUICK void remember(last_t* last, const uint8_t* raw, int64_t length);
 
 /* Largest errors of the joints. */
 typedef struct {
@@ -44,10 +44,10 @@ typedef struct {
 } tolerance_t;
 
 /* Errors of n positions and n velocities, reference less measured. `motion`: q and v, and the reference's q and v. */
-EXPORT void find_errors(const double* motion, int64_t n, const int64_t* turning, double* errors);
+QUICK void find_errors(const double* motion, int64_t n, const int64_t* turning, double* errors);
 
 /* Whether these errors are within tolerances. */
-EXPORT int64_t is_within(const double* motion, int64_t n, const tolerance_t* allowed);
+QUICK int64_t is_within(const double* motion, int64_t n, const tolerance_t* allowed);
 
 /* The tracking state, a message in which only the stamp and the numbers change. */
 enum { ARRAYS = 8 };

@@ -48,7 +48,7 @@ EXPORT void use(server_t* s, int64_t k, const answer_t* answer);
 EXPORT void respond(server_t* s, int64_t k, void* response);
 
 /* Sums over all services; for any thread. */
-EXPORT void counts(server_t* s, counts_t* sums);
+QUICK void counts(server_t* s, counts_t* sums);
 
 /* Let `serve` return. */
 EXPORT void end(server_t* s);
