@@ -42,6 +42,7 @@ from arm_dynamics.ros.controller import (
     TrackingTopic,
     TrajectoryAction,
 )
+from arm_dynamics.ros.controller.code import prepare
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,
@@ -103,6 +104,7 @@ class ControllerNode(Node):
             ArmError: If there is no scene, or a scene or parameter that cannot be used.
         """
         super().__init__("controller", **node_kwargs)
+        prepare()  # now, not while a state waits
         self.params = declare(self, ControllerParams)
         chosen, _ = scene_for(self, scene, self.params.scene, self.params)
         self.dynamics = Dynamics(rigid_twin(chosen))

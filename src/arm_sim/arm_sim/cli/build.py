@@ -209,10 +209,12 @@ def _of_all_nodes() -> Iterator[tuple[str, Callable[[], object]]]:
     from arm_dynamics.ros.controller import code as controller
     from arm_dynamics.ros.dynamics import compiled_services
     from arm_dynamics.ros.joint_state import code as messages
+    from arm_dynamics.trajectory import code as trajectory
     from arm_sim.ros import code as sim
 
     # Uncached: what this process has loaded is not necessarily in the folder.
     yield "messages", messages.library.__wrapped__
     yield "controller", controller.library.__wrapped__
+    yield "trajectories", trajectory.compiled
     yield "sim", sim.library.__wrapped__
     yield "services", compiled_services.native.__wrapped__

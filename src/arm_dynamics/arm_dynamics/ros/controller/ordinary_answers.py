@@ -3,8 +3,8 @@
 
 A thread waits for states in C. Most are ordinary: time, arm and reference have advanced by one
 step. C answers those with bitwise the same result as Python. All other states are passed to Python
-unchanged, which alone decides on them. Jumps, tolerances, repeated states and the tracking state
-are matters of C for both.
+unchanged, which alone decides on them. Jumps, references, tolerances, repeated states and the
+tracking state are matters of C for both.
 
 Python changes the parts of the controller under a lock that C holds while it answers a state. C
 stops answering at every change, and resumes after the next answer by Python.
@@ -242,7 +242,7 @@ class OrdinaryAnswers:
 
     def _use_motion(self, motion: Trajectory) -> tuple[object, ...]:
         """Pass the motion to C; returns what must be kept alive."""
-        used = tuple(map(np.ascontiguousarray, (motion.times, motion.polynomials, motion.ends)))
+        used = motion.times, motion.polynomials, motion.ends
         answers = self._answers
         answers.segments = len(motion.times) - 1
         answers.knots, answers.polynomials, answers.ends = map(_place, used)

@@ -5,6 +5,8 @@
  */
 #include "answers.h"
 
+#include "sample.h"
+
 #include <math.h>
 #include <pthread.h>
 #include <rcutils/error_handling.h>
@@ -57,32 +59,6 @@ void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const do
   b->stamp = stamp;
   memcpy(b->q, q, 8 * n);
   memcpy(b->v, v, 8 * n);
-}
-
-/* The reference before (0) or after (1) the motion. */
-static void rest(const answers_t* a, int64_t end, double* reference) {
-  const int64_t n = a->joints;
-  memcpy(reference, a->ends + end * n, 8 * n);
-  memset(reference + n, 0, 16 * n);
-}
-
-/* Trajectory.sample */
-static void sample(const answers_t* a, double t, double* reference) {
-  const double* knots = a->knots;
-  int64_t low = 0, high = a->segments;
-  if (t >= knots[high]) return rest(a, 1, reference);
-  if (t < 0.0) return rest(a, 0, reference);
-  while (high - low > 1) {
-    const int64_t middle = (low + high) / 2;
-    if (knots[middle] <= t) low = middle;
-    else high = middle;
-  }
-  const double s = (t - knots[low]) / (knots[low + 1] - knots[low]);
-  const int64_t size = 3 * a->joints;
-  const double* c = a->polynomials + 6 * size * low;
-  for (int64_t i = 0; i < size; ++i) reference[i] = c[5 * size + i];
-  for (int k = 4; k >= 0; --k)
-    for (int64_t i = 0; i < size; ++i) reference[i] = reference[i] * s + c[k * size + i];
 }
 
 static double position_error(const double* motion, int64_t n, const int64_t* turning, int64_t joint) {
@@ -167,7 +143,8 @@ static int answer(answers_t* a, int64_t began) {
   memcpy(a->input, s->found + 24, 16 * n);
   if (stamp >= a->until || s->length > a->last->room || is_repeated(a->last, s->raw, s->length)) return 0;
   if (find_jump(a->before, n, stamp, a->input, a->input + n, a->gap, a->far) != STEADY) return 0;
-  sample(a, 1e-9 * (double)(stamp - a->start), a->input + 2 * n);
+  const double t = 1e-9 * (double)(stamp - a->start);
+  sample(n, a->segments, a->knots, a->polynomials, a->ends, t, a->input + 2 * n);
   if (a->path && stamp >= a->begin && !is_within(a->input, n, a->path)) return 0;
   if (!compute(a)) return 0;
   if (send(a->sink, stamp)) {
