@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from ctypes import CDLL, Structure, addressof, byref, c_int64, c_uint8, c_void_p
+from ctypes import CDLL, Structure, addressof, byref, c_int64, c_void_p
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from sim_by_hand import NAMES, by_hand
 from std_msgs.msg import Float64MultiArray
 
 import models
+from arm_dynamics.codegen.header import Header
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.joint_state import address
@@ -39,23 +40,20 @@ from arm_sim.ros.sim_node import SimNode
 pytestmark = pytest.mark.ros
 
 TIMEOUT = 5  # ticks that a command acts
+WIRE = Path(__file__).parents[2] / "support/wire.c"
 PATIENCE = 60  # ticks between two orders, at most
 
 
 class Wire(Structure):
     """``wire_t`` of wire.c."""
 
-    _fields_ = (
-        ("to", c_void_p), ("raw", c_void_p), ("ends", c_void_p),
-        ("count", c_int64), ("taken", c_int64), ("bell", c_void_p), ("state", c_void_p),
-        ("stamp", c_uint8 * 8),
-    )  # fmt: skip
+    _fields_ = Header(WIRE, only="wire_t").fields("wire_t")
 
 
 @pytest.fixture
 def library(monkeypatch: pytest.MonkeyPatch) -> CDLL:
     """The native code of the nodes, whose messages come by ``wire.c``."""
-    made = code.library(Path(__file__).parents[2] / "support/wire.c")
+    made = code.library(WIRE)
     made.left_on_wire.argtypes, made.left_on_wire.restype = [c_void_p], c_int64
     for user in (
         "arm_dynamics.ros.joint_state.reader.library",

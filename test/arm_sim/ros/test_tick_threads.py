@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from arm_dynamics.codegen.header import Header
 from arm_sim.ros import code
 
 THREADS = Path(__file__).parents[2] / "support/tick_threads.c"
@@ -20,10 +21,7 @@ ORDERS = 100
 class Done(Structure):
     """``done_t`` of tick_threads.c."""
 
-    _fields_ = tuple(
-        (name, c_int64)
-        for name in "orders ticks in_c recorded written counted looks noted".split()
-    )
+    _fields_ = Header(THREADS, only="done_t").fields("done_t")
 
 
 @pytest.mark.parametrize("period", [0, 20_000], ids=["as fast as it can", "by the clock"])
