@@ -130,6 +130,7 @@ def test_one_structure_of_a_file_with_other_code(tmp_path: Path) -> None:
         ("typedef struct { int64_t a : 3; } s_t;", "cannot read 'int64_t a : 3'"),
         ("typedef union { int64_t a; } u_t;", "cannot read 'typedef union"),
         ("static const int64_t x = 3;", "cannot read 'static"),
+        ("typedef struct { int64_t a[MANY + 1]; } s_t;", "unknown length 'MANY'"),
         ("EXPORT int64_t f(other_t x);", "unknown type 'other_t'"),
     ],
 )

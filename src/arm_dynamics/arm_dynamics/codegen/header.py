@@ -145,8 +145,12 @@ class Header:
         return _NUMBERS[name]
 
     def _length(self, text: str) -> int:
-        parts = (part.strip() for part in text.split("+"))
-        return sum(int(part) if part.isdigit() else self.constants[part] for part in parts)
+        length = 0
+        for part in map(str.strip, text.split("+")):
+            if not part.isdigit() and part not in self.constants:
+                raise ValueError(f"{self._path}: unknown length '{part}'")
+            length += self.constants[part] if part in self.constants else int(part)
+        return length
 
 
 @cache
