@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.joint_state import JointStateWriter, make_reader
+from arm_dynamics.ros.joint_state import JointStateReader, JointStateWriter
 from arm_sim import Simulator
 
 _TICKS = 5  # at once
@@ -35,7 +35,7 @@ class Rig:
         self.node = ControllerNode(scene, context=context)
         names = self.simulator.joint_names
         self._writer = JointStateWriter(names, ("position", "velocity"))
-        self._reader = make_reader(names, ("effort",), partial=False, extra=False)
+        self._reader = JointStateReader(names, ("effort",), partial=False, extra=False)
         self._state = b""
         self._tick()
 

@@ -39,7 +39,7 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter
+from arm_dynamics.ros.joint_state import JointStateReader, JointStateWriter
 from arm_dynamics.task_space import TaskSpace, quaternions
 from arm_sim.cli.demo.processes import Processes, free_domain
 

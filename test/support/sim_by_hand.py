@@ -12,7 +12,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 import models
-from arm_dynamics.ros.joint_state.serialization import Read
+from arm_dynamics.ros.joint_state.reader import Read
 from arm_sim.ros.sim_node import SimNode
 
 NAMES = list(models.dynamics("two_link").joint_names)

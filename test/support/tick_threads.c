@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The threads of a sim node, all in C, so that a sanitizer sees every access of each. What Python does in the node is
- * done here in the same order and under the same locks; in place of the middleware there is a wire. Compiled after
- * joint_state.c, record.c and ticks.c, which are those of the node.
+ * done here in the same order and under the same locks; in place of the middleware there is a wire. Compiled after the
+ * code of the node.
  *
  *   ticking   RealtimeLoop with OrdinaryTicks and TickEngine.tick    ordering   a service: TickQueue.run
  *   leading   a controller that answers states                       looking    SimDiagnostics, EnergyTopic
@@ -195,7 +195,7 @@ static int64_t ordinary(ticks_t* t, due_t* due) {
 }
 
 /* TickEngine.tick, in which everything that waits is done. */
-static void by_python(ticks_t* t, due_t* due) {
+static void by_python(ticks_t* t) {
   __atomic_store_n(&bell, 0, __ATOMIC_RELAXED);
   pthread_mutex_lock(&queue);
   const int64_t orders = ordered - fulfilled;
@@ -204,8 +204,6 @@ static void by_python(ticks_t* t, due_t* due) {
   pthread_cond_broadcast(&served);
   pthread_mutex_unlock(&queue);
   done.orders += orders;
-  count_one(due->lateness, 0);
-  due->deadline += due->period;
   t->age = 0;
   ++t->ticks;
   ++t->now;
@@ -220,9 +218,10 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   full = -1;
   memset(lateness_bins, 0, sizeof lateness_bins);
   memset(&done, 0, sizeof done);
-  for (int i = 0; i < 2; ++i) chunks[i] = (chunk_t){chunk_raw[i], places[i]};
+  for (int i = 0; i < 2; ++i) chunks[i] = (chunk_t){chunk_raw[i], places[i], .size = CHUNK, .oldest = GIGA};
   histogram_t lateness = {lateness_bins}, trips = {trip_bins};
   trip_t trip = {0, 0, stamps, times, &trips};
+  stream_t stream = {0};
   joint_state_t reader = {{{any, any, MESSAGE, {HEAD}, joints}}, 1, JOINTS, NULL, found};
   source_t from = {0};
   const uint8_t* numbers = (uint8_t*)x;
@@ -230,10 +229,10 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   step_t step = {move, x, next_command, 0, NULL, 1e-3, 1, NULL, acted};
   tick_t copy = {tick_raw, MESSAGE, 0, 8, {HEAD}, {numbers, numbers, numbers}, {8 * JOINTS}, 1, 2};
   ticks_t ticks = {
-      .bell = &bell, .source = &from, .reader = &reader, .at_once = 2, .leads = {1}, .patience = 1000, .timeout = NEWS,
+      .bell = &bell, .source = &from, .reader = &reader, .at_once = 2, .leads = {1}, .patience = 1000, .stream = &stream, .timeout = NEWS,
       .newest = newest, .step = &step, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100, .state = &state,
       .trail = kept_states, .acted = kept_efforts, .room = ROWS,
-      .trip = &trip, .chunk = chunks, .copy = &copy, .size = CHUNK, .oldest = GIGA, .commands = 3};
+      .trip = &trip, .chunk = chunks, .copy = &copy, .commands = 3};
   due_t due = {.deadline = time_of(CLOCK_MONOTONIC), .period = period, .give_up = 1000 * GIGA, .lateness = &lateness};
   loop_t loop = {&ticks, &due};
   pthread_t threads[4];
@@ -242,7 +241,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   pthread_create(threads + 2, NULL, looking, &loop);
   pthread_create(threads + 3, NULL, ordering, &count);
   while (!is_over())
-    if (ordinary(&ticks, &due) == LEFT) by_python(&ticks, &due);
+    if (ordinary(&ticks, &due) == LEFT) by_python(&ticks);
   pthread_mutex_lock(&wire);
   pthread_cond_broadcast(&moved);
   pthread_mutex_unlock(&wire);

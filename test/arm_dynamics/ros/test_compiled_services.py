@@ -15,6 +15,7 @@ from std_msgs.msg import String
 import models
 from arm_dynamics import Dynamics, Term, load_scene
 from arm_dynamics.codegen.compiler import find_compiler
+from arm_dynamics.exceptions import KernelError
 from arm_dynamics.ros import dynamics_node
 from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, compiled_services
 from arm_dynamics.ros.dynamics_node import DynamicsNode
@@ -218,7 +219,10 @@ def test_another_arm_is_answered_for_at_once(ros: Ros, ask: Ask) -> None:
 def test_without_headers_python_answers(
     ros: Ros, ask: Ask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dynamics_node, "native", lambda: None)
+    def missing() -> None:
+        raise KernelError("no headers")
+
+    monkeypatch.setattr(dynamics_node, "native", missing)
     node = ros.add(DynamicsNode, STICKY)
     assert node._compiled is None
     assert ask(INVERSE_DYNAMICS, position=[0.1, 0.2]).success

@@ -14,7 +14,7 @@ from bent_messages import bent
 from controller_pair import MS, Pair, side_by_side
 from harness import Ros
 from rclpy.serialization import serialize_message
-from readers import said
+from readers import PlainReader, said
 from sensor_msgs.msg import JointState
 
 import models
@@ -22,8 +22,7 @@ from arm_dynamics import load_scene
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.ros.dynamics import COMPILED, compiled_services
 from arm_dynamics.ros.dynamics_node import DynamicsNode
-from arm_dynamics.ros.joint_state.serialization import JointStateReader
-from arm_dynamics.ros.joint_state.topics import CompiledReader, make_reader
+from arm_dynamics.ros.joint_state import JointStateReader
 from tolerances import PINOCCHIO, assert_close
 
 pytestmark = [
@@ -40,9 +39,8 @@ ROOM = 0.3  # of requests that C may answer
 def test_bent_joint_states(rng: np.random.Generator, fuzz: int, gaps: bool) -> None:
     options: dict[str, Any] = {"partial": gaps, "extra": gaps, "gaps": gaps}
     fields = ("position", "velocity", "effort")
-    python = JointStateReader(NAMES, fields, **options)
-    compiled = make_reader(NAMES, fields, **options)
-    assert isinstance(compiled, CompiledReader)
+    python = PlainReader(NAMES, fields, **options)
+    compiled = JointStateReader(NAMES, fields, **options)
     message = JointState(name=NAMES)
     message.position, message.velocity, message.effort = rng.normal(size=(3, 3)).tolist()
     whole = bytes(serialize_message(message))

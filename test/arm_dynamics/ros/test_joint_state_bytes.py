@@ -10,20 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from readers import said
+from readers import PlainReader, said
 from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state import topics
+from arm_dynamics.ros.joint_state import JointStateReader
+from arm_dynamics.ros.joint_state import reader as reading
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
-    JointStateReader,
     JointStateWriter,
     Layout,
     layout_of,
     parsed,
 )
-from arm_dynamics.ros.joint_state.topics import CompiledReader, make_reader
 
 pytestmark = pytest.mark.ros
 
@@ -49,17 +48,13 @@ def state(**fields: list[float]) -> JointState:
     return JointState(name=NAMES, **fields)
 
 
-@pytest.fixture(params=["Python", "C"])
-def reader(request: pytest.FixtureRequest) -> Readers:
-    """Makes a reader of positions and velocities, in Python or in C."""
+@pytest.fixture
+def reader() -> Readers:
+    """Makes a reader of positions and velocities."""
 
     def make(**options: Any) -> JointStateReader:
         options = {"partial": False, "extra": False, **options}
-        if request.param == "Python":
-            return JointStateReader(NAMES, ("position", "velocity"), **options)
-        made = make_reader(NAMES, ("position", "velocity"), **options)
-        assert isinstance(made, CompiledReader)  # here there is a compiler, and ROS's headers
-        return made
+        return JointStateReader(NAMES, ("position", "velocity"), **options)
 
     return make
 
@@ -187,9 +182,9 @@ def test_reads_what_was_serialized(rng: np.random.Generator, reader: Readers) ->
 def test_c_knows_what_came_once_in_any_order_of_joints(
     names: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read = make_reader(NAMES, ("position", "velocity"), partial=False, extra=True)
+    read = JointStateReader(NAMES, ("position", "velocity"), partial=False, extra=True)
     long_ways: list[bytes] = []
-    monkeypatch.setattr(topics, "parsed", lambda raw: long_ways.append(raw) or parsed(raw))
+    monkeypatch.setattr(reading, "parsed", lambda raw: long_ways.append(raw) or parsed(raw))
     for k in range(5):
         position = {name: float(k + i) for i, name in enumerate(names)}
         velocity = {name: -number for name, number in position.items()}
@@ -227,20 +222,20 @@ def test_several_publishers_are_all_known(
     reader: Readers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read, long_ways = reader(), list[bytes]()
-    monkeypatch.setattr(topics, "parsed", lambda raw: long_ways.append(raw) or parsed(raw))
+    monkeypatch.setattr(reading, "parsed", lambda raw: long_ways.append(raw) or parsed(raw))
     orders = [NAMES, NAMES[::-1], [NAMES[1], NAMES[0], NAMES[2]]]
     for _ in range(3):
         for names in orders:
             position = [float(NAMES.index(name)) for name in names]
             message = JointState(name=names, position=position, velocity=[0.0] * 3)
             np.testing.assert_array_equal(read.read(serialize_message(message))[1][0], [0, 1, 2])
-    assert len(long_ways) == (len(orders) if isinstance(read, CompiledReader) else 0)
+    assert len(long_ways) == len(orders)
 
 
 def test_publishers_of_some_joints_in_turn_are_read_alike_by_both() -> None:
     options: Any = {"partial": True, "extra": True, "limit": [2.0] * 3}
     options["beyond"] = lambda numbers: tuple(min(x, 2.0) for x in numbers)
-    readers = [kind(NAMES, ("position",), **options) for kind in (JointStateReader, make_reader)]
+    readers = [kind(NAMES, ("position",), **options) for kind in (PlainReader, JointStateReader)]
     orders = [NAMES[:1], NAMES[1:], NAMES[::-1], ["hand", NAMES[2]], NAMES[2:], NAMES[:2]]
     for k in range(40):
         names = orders[k % 3] if k < 20 else orders[k % 6]  # more kinds than are known at once
@@ -335,10 +330,9 @@ def test_the_two_readers_read_and_refuse_alike(rng: np.random.Generator) -> None
         message.position, message.velocity = numbers
         if not message.name:
             continue
-        python = JointStateReader(
-            message.name, ("position", "velocity"), partial=True, extra=False
-        )
-        compiled = make_reader(message.name, ("position", "velocity"), partial=True, extra=False)
+        names, fields = message.name, ("position", "velocity")
+        python = PlainReader(names, fields, partial=True, extra=False)
+        compiled = JointStateReader(names, fields, partial=True, extra=False)
         raw = bytes(serialize_message(message))
         for _ in range(2):  # C knows what came twice
             assert said(python, raw) == said(compiled, raw)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JointStates published and taken in one call of C each, against the same in Python."""
+"""JointStates published and taken in one call of C each."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from harness import Ros
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from sim_by_hand import NAMES, TAU, by_hand, command, motion, ticks
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES
-from arm_dynamics.ros.joint_state import topics as compiled
-from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter, Read
-from arm_dynamics.ros.joint_state.topics import JointStateSink, JointStateSource
+from arm_dynamics.ros.joint_state import JointStateReader, JointStateSink, JointStateSource
+from arm_dynamics.ros.joint_state.reader import Read
+from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 
 pytestmark = pytest.mark.ros
 
@@ -44,25 +43,12 @@ def matched(node: Node, topic: str) -> None:
     time.sleep(0.2)
 
 
-@pytest.mark.parametrize("publishes", ["Python", "C"])
-@pytest.mark.parametrize("takes", ["Python", "C"])
-def test_what_is_published_arrives(
-    ros: Ros, publishes: str, takes: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_published_arrives(ros: Ros) -> None:
     node = ros.add(Node, "both")
     arrays = [np.zeros(2) for _ in range(3)]
     writer = JointStateWriter(JOINTS, frame_id="here")
-    with monkeypatch.context() as patch:
-        if publishes == "Python":
-            patch.setattr(compiled, "native", lambda: None)
-        sink = JointStateSink(node, JOINT_STATES, writer, arrays)
-    with monkeypatch.context() as patch:
-        if takes == "Python":
-            patch.setattr(compiled, "native", lambda: None)
-        fields = ("position", "effort")
-        reader = compiled.make_reader(JOINTS, fields, partial=False, extra=False)
-    assert (sink._compiled is not None) == (publishes == "C")
-    assert (type(reader) is not JointStateReader) == (takes == "C")
+    sink = JointStateSink(node, JOINT_STATES, writer, arrays)
+    reader = JointStateReader(JOINTS, ("position", "effort"), partial=False, extra=False)
     source, bytes_of = JointStateSource(node, JOINT_STATES, reader), Newest(node, JOINT_STATES)
     matched(node, JOINT_STATES.name)
     assert source.take() is None
@@ -89,7 +75,7 @@ def test_what_is_published_arrives(
 def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> None:
     node = ros.add(Node, "both")
     publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
-    reader = compiled.make_reader(JOINTS, ("effort",), partial=False, extra=False)
+    reader = JointStateReader(JOINTS, ("effort",), partial=False, extra=False)
     source = JointStateSource(node, JOINT_COMMANDS, reader)
     matched(node, JOINT_COMMANDS.name)
     for _ in range(2):
@@ -121,8 +107,7 @@ class Source(ctypes.Structure):
 def test_memory_of_a_giant_message_is_given_back(ros: Ros) -> None:
     node = ros.add(Node, "both")
     publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
-    reader = compiled.make_reader(JOINTS, ("effort",), partial=False, extra=False)
-    assert isinstance(reader, compiled.CompiledReader)
+    reader = JointStateReader(JOINTS, ("effort",), partial=False, extra=False)
     source = JointStateSource(node, JOINT_COMMANDS, reader)
     matched(node, JOINT_COMMANDS.name)
     room = []
@@ -135,18 +120,6 @@ def test_memory_of_a_giant_message_is_given_back(ros: Ros) -> None:
     source.close()
     assert room[2] >= 200_000
     assert max(room[:2] + room[3:]) < 1000
-
-
-def test_without_a_compiler_the_node_moves_the_arm_to_the_same_bits(
-    ros: Ros, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    nodes = [by_hand(ros)]
-    monkeypatch.setattr(compiled, "native", lambda: None)
-    nodes.append(by_hand(ros))
-    for node in nodes:
-        node.inputs.on_joint_commands(command(name=NAMES, effort=TAU))
-        ticks(node, 50)
-    assert motion(nodes[0]).tobytes() == motion(nodes[1]).tobytes()
 
 
 def test_who_can_no_longer_publish_is_told_why(ros: Ros) -> None:

@@ -21,7 +21,6 @@ from two_link_control import NAMES, point, state, still, trajectory
 import models
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.control import NAMES as CONTROLLERS
-from arm_dynamics.ros.controller import ordinary_answers
 from arm_dynamics.ros.controller_node import ControllerNode
 
 pytestmark = [
@@ -281,16 +280,6 @@ def test_diagnostics_say_who_answers(ros: Ros, rng: np.random.Generator) -> None
         assert values["rate [Hz]"] > 0.0 and values["last state [s]"] < 5.0
         by_hand = pair.slow.diagnostics()[0].values
         assert by_hand["answered in Python"] == "the executor answers"
-
-
-def test_without_headers_the_executor_answers(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ordinary_answers, "_library", lambda: None)
-    node = ros.adopt(ControllerNode(TWO_LINK, own_thread=True, context=ros.context))
-    heard = ros.listen(JointState, "/joint_commands")
-    publisher = ros.publisher(JointState, "/joint_states")
-    publisher.publish(deserialize_message(state(0), JointState))
-    ros.spin_until(lambda: heard)
-    assert "no compiler" in node.diagnostics()[0].values["answered in Python"]
 
 
 def test_who_shuts_down_ends_the_thread(ros: Ros) -> None:

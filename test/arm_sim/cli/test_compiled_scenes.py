@@ -209,6 +209,22 @@ def test_loops_of_the_nodes_are_compiled_on_request(name: str, tmp_path: Path) -
     assert not list(nothing.rglob("*.so"))
 
 
+@pytest.mark.ros
+@pytest.mark.parametrize("node", ["sim", "controller"])
+def test_a_node_without_compiled_code_says_how_to_get_it(
+    node: str, scene: Path, compiled: Path
+) -> None:
+    environment = surroundings()
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "arm_sim.cli", node, str(scene)], capture_output=True,
+        text=True, timeout=60, env=environment, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    (said,) = (line for line in done.stderr.splitlines() if line.startswith("error: "))
+    for word in ("nodes need compiled code", str(compiled), "apt install gcc", "--nodes"):
+        assert word in said
+
+
 def test_other_folders_of_the_list_are_searched(
     scene: Path, compiled: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

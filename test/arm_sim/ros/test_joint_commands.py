@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from harness import Ros
 from rclpy.serialization import serialize_message
+from readers import PlainReader
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, by_hand, command, ticks
 
 import models
 from arm_dynamics.ros.interfaces import STEP
-from arm_dynamics.ros.joint_state import make_reader
-from arm_dynamics.ros.joint_state.serialization import JointStateReader
+from arm_dynamics.ros.joint_state import JointStateReader
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -164,7 +164,7 @@ MESSAGES = (
 def test_in_c_messages_mean_what_they_mean_in_python() -> None:
     """Each kind twice: the first goes the long way, the second is known."""
     readers = []
-    for make in (make_reader, JointStateReader):
+    for make in (JointStateReader, PlainReader):
         ways = {"partial": True, "extra": False}
         other = make(NAMES, FIELDS, gaps=True, **ways)
         readers.append(make(NAMES, ("effort",), other=other, **ways))

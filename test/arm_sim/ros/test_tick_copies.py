@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""C copies ticks into the buffer for messages as Python does."""
+"""Ticks and joint states in the buffer for messages are records of the file's format."""
 
 from __future__ import annotations
 
@@ -7,42 +7,41 @@ import numpy as np
 import pytest
 from recorded_engine import engine_of, run, scene
 
+from arm_dynamics.cdr import GIGA, TIME
+from arm_sim.recording.files import MESSAGE
 from arm_sim.recording.files.messages import TickWriter
-from arm_sim.ros.record import copying
 from arm_sim.ros.record.chunks import HEAD, Chunk
-from arm_sim.ros.record.copying import CopyInC, CopyInPython, State, tick_copy
+from arm_sim.ros.record.copying import State, TickCopy
 
 TICK, STATE = 7, 300
+TIMES = (1_700_000_000_000_000_001, 1_700_000_000_001_000_002)
+OPCODE = 5
 
 
 @pytest.mark.parametrize("state", [None, (3_999_999_999, bytearray(range(213)))])
-def test_both_copies_are_the_same_bytes(state: State | None) -> None:
-    compiled = copying.native()
-    assert compiled is not None
+def test_a_tick_follows_the_joint_state_published_for_it(state: State | None) -> None:
     engine = engine_of(scene())
     run(engine, 20)
-    simulator = engine.simulator
-    nx, n = simulator.plant.nx, simulator.n
-    copies = (
-        CopyInPython(TickWriter(nx, n), simulator, TICK, STATE),
-        CopyInC(compiled.record, TickWriter(nx, n), simulator, TICK, STATE),
-    )
-    seen = list[tuple[bytes, list[int], int]]()
-    for copy in copies:
-        chunk = Chunk()
-        for now, hold in (1_700_000_000_000_000_001, 0), (1_700_000_000_001_000_002, 2):
-            copy(chunk, now, 2**40 + now % 10, hold, state)
-        seen.append((chunk.data, chunk.starts.tolist(), chunk.since))
-    assert seen[0] == seen[1]
-    data, starts, since = seen[0]
-    size = copies[0].size + (0 if state is None else HEAD + len(state[1]))
-    assert len(data) == 2 * size and len(starts) == (2 if state is None else 4)
-    assert since == 1_700_000_000_000_000_001
-    assert np.frombuffer(data[-len(TickWriter(nx, n).raw) :], np.uint8)[-1] == 2, "what held it"
-
-
-def test_without_a_compiler_python_copies(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(copying, "native", lambda: None)
-    simulator = engine_of(scene()).simulator
+    simulator, chunk = engine.simulator, Chunk()
     writer = TickWriter(simulator.plant.nx, simulator.n)
-    assert isinstance(tick_copy(writer, simulator, TICK, STATE), CopyInPython)
+    copy = TickCopy(writer, simulator, TICK, STATE)
+    wanted = list[tuple[int, int, int, bytes]]()
+    for now, hold in zip(TIMES, (0, 2), strict=True):
+        stamp = 2**40 + now % 10
+        copy(chunk, now, stamp, hold, state)
+        if state is not None:
+            wanted.append((STATE, now, state[0], bytes(state[1])))
+        wanted.append((TICK, now, stamp, bytes(writer.raw)))
+        assert writer.raw[writer.hold] == hold
+        assert TIME.unpack_from(writer.raw, writer.stamp) == divmod(stamp, GIGA)
+    assert np.frombuffer(writer.state).tolist() == simulator.x.tolist()
+    assert np.frombuffer(writer.command).tolist() == simulator.acted.tolist()
+    found, at = list[tuple[int, int, int, bytes]](), 0
+    for start in chunk.starts.tolist():
+        opcode, length, channel, _, log, publish = MESSAGE.unpack_from(chunk.data, start)
+        data = chunk.data[start + HEAD : start + 9 + length]
+        assert (opcode, start) == (OPCODE, at)
+        at = start + 9 + length
+        found.append((channel, log, publish, data))
+    assert found == wanted and at == chunk.at
+    assert chunk.since == TIMES[0]

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from arm_dynamics.ros.joint_state import native
-from arm_sim.ros.ordinary.ticks import SOURCE
-from arm_sim.ros.record import RECORD
+from arm_dynamics.codegen.header import Header
+from arm_sim.ros import code
 
 THREADS = Path(__file__).parents[2] / "support/tick_threads.c"
 ORDERS = 100
@@ -22,16 +21,12 @@ ORDERS = 100
 class Done(Structure):
     """``done_t`` of tick_threads.c."""
 
-    _fields_ = tuple(
-        (name, c_int64)
-        for name in "orders ticks in_c recorded written counted looks noted".split()
-    )
+    _fields_ = Header(THREADS, only="done_t").fields("done_t")
 
 
 @pytest.mark.parametrize("period", [0, 20_000], ids=["as fast as it can", "by the clock"])
 def test_orders_diagnostics_and_the_recording_go_on_beside_ticks(period: int) -> None:
-    library = native(RECORD, SOURCE, THREADS)
-    assert library is not None
+    library = code.library(THREADS)
     done = Done()
     library.run_threads.restype = None
     library.run_threads(c_int64(ORDERS), c_int64(period), byref(done))

@@ -19,29 +19,20 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler, known_kernels
 from arm_dynamics.codegen.compiled_scenes import Code
+from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.known_kernels import Signature
 from arm_dynamics.codegen.split_functions import divided
 from arm_dynamics.exceptions import CompilerMissing, InvalidInput, KernelError, choices
 
+ENTRY = Header(compiler.NATIVE / "entry.h")
 BACKENDS = ("auto", "native", "vm")
 _log = logging.getLogger(__name__)
 
 
 class Entry(ctypes.Structure):
-    """A compiled function and the memory it is bound to, for other compiled code.
+    """``entry_t`` of entry.h: a compiled function and its memory, for other compiled code."""
 
-    Attributes:
-        function: Address of the function, with the signature of CasADi's C functions.
-        arguments: Pointers to the inputs.
-        results: Pointers to the outputs.
-        integers: Integer workspace.
-        reals: Floating-point workspace.
-    """
-
-    _fields_ = tuple(
-        (name, ctypes.c_void_p)
-        for name in ("function", "arguments", "results", "integers", "reals")
-    )
+    _fields_ = ENTRY.fields("entry_t")
 
 
 @dataclass(frozen=True)

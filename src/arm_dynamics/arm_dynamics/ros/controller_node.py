@@ -42,6 +42,7 @@ from arm_dynamics.ros.controller import (
     TrackingTopic,
     TrajectoryAction,
 )
+from arm_dynamics.ros.controller.code import prepare
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,
@@ -49,7 +50,7 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter, make_reader
+from arm_dynamics.ros.joint_state import JointStateReader, JointStateSink, JointStateWriter
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Reference
@@ -103,6 +104,7 @@ class ControllerNode(Node):
             ArmError: If there is no scene, or a scene or parameter that cannot be used.
         """
         super().__init__("controller", **node_kwargs)
+        prepare()  # now, not while a state waits
         self.params = declare(self, ControllerParams)
         chosen, _ = scene_for(self, scene, self.params.scene, self.params)
         self.dynamics = Dynamics(rigid_twin(chosen))
@@ -119,7 +121,7 @@ class ControllerNode(Node):
         self.action = TrajectoryAction(
             self, self.goals, model, limits, self._obstacle, self.answers
         )
-        self._reader = make_reader(names, ("position", "velocity"), partial=False, extra=True)
+        self._reader = JointStateReader(names, ("position", "velocity"), partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
         self._log, self._jumps = AnswerLog(), Jumps(names)
@@ -162,7 +164,7 @@ class ControllerNode(Node):
         if self.on_joint_states(raw) is None or self._cut():
             return
         params = self.params
-        self.answers.resume(raw, params.state_period, params.gap_limit, params.jump_limit)
+        self.answers.resume(params.state_period, params.gap_limit, params.jump_limit)
         if self._builder.ready or self.goals.planner.ready:
             self.answers.interrupt()
 

@@ -76,12 +76,11 @@ class DynamicsNode(Node):
         answers = {
             service: self._counts.counted(partial(self.answer, service)) for service in ANSWERS
         }
-        if (library := native()) is not None:
-            with suppress(KernelError):
-                self._compiled = CompiledServices(
-                    self, library, lambda service, *said: answers[service](*said),
-                    lambda: self._dynamics, self._lock,
-                )  # fmt: skip
+        with suppress(KernelError):  # without compiled code
+            self._compiled = CompiledServices(
+                self, native(), lambda service, *said: answers[service](*said),
+                lambda: self._dynamics, self._lock,
+            )  # fmt: skip
         in_c = [service for service, *_ in COMPILED] if self._compiled else []
         for service, callback in answers.items():
             if service not in in_c:

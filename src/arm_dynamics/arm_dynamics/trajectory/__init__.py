@@ -22,13 +22,12 @@ from arm_dynamics.trajectory.reference import (
 from arm_dynamics.trajectory.spline import spline, stretched_spline
 from arm_dynamics.trajectory.time_optimal import retimed
 from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
-from arm_dynamics.trajectory.tolerances import StateTolerance, Tolerances, Verdict
 from arm_dynamics.trajectory.waypoints import quintic, quintic_through, stop
 
 __all__ = [
     "Bounds", "CartesianGoals", "CartesianTrajectory", "Follower", "JointPath",
-    "JointTrajectory", "Limits", "Motion", "Pace", "Quintic", "Reference", "StateTolerance",
-    "TaskReference", "Timing", "Tolerances", "Trajectory", "Trapezoid", "Verdict", "Waypoint",
+    "JointTrajectory", "Limits", "Motion", "Pace", "Quintic", "Reference", "TaskReference",
+    "Timing", "Trajectory", "Trapezoid", "Waypoint",
     "circle", "hold", "joint_path", "line", "paced", "quintic", "quintic_through", "retimed",
     "spline", "stop", "stretched_spline", "timed",
 ]  # fmt: skip

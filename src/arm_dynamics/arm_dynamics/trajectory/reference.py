@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.trajectory.code import library
 from arm_dynamics.trajectory.quintic import knot_derivatives, segment_coefficients
 
 
@@ -162,8 +162,6 @@ class Trajectory:
     ends: Array
     stretch: float = 1.0
     polynomials: Array = field(init=False, repr=False, compare=False)
-    _knots: list[float] = field(init=False, repr=False, compare=False)
-    _rest: tuple[Reference, Reference] = field(init=False, repr=False, compare=False)
 
     @classmethod
     def through(
@@ -190,19 +188,16 @@ class Trajectory:
         stacked[:, 0] = c
         stacked[:, 1, :, :5] = (c * k)[..., 1:] / h
         stacked[:, 2, :, :4] = (c * k * (k - 1))[..., 2:] / h**2
-        polynomials = np.ascontiguousarray(np.moveaxis(stacked, 3, 1))
-        still = np.zeros(self.ends.shape[1])
-        for array in (self.times, self.coefficients, self.ends, polynomials, still):
+        object.__setattr__(self, "polynomials", np.moveaxis(stacked, 3, 1))
+        for name in ("times", "coefficients", "ends", "polynomials"):
+            array = np.ascontiguousarray(getattr(self, name), dtype=float)
             array.setflags(write=False)
-        object.__setattr__(self, "polynomials", polynomials)
-        object.__setattr__(self, "_knots", self.times.tolist())
-        rest = tuple(Reference(q, still, still) for q in self.ends)
-        object.__setattr__(self, "_rest", rest)
+            object.__setattr__(self, name, array)
 
     @property
     def duration(self) -> float:
         """Time from the first to the last knot in [s]."""
-        return self._knots[-1]
+        return float(self.times[-1])
 
     def sample(self, t: float) -> Reference:
         """Evaluate the trajectory.
@@ -213,25 +208,23 @@ class Trajectory:
         Returns:
             Position, velocity and acceleration; read-only arrays of shape (n,).
         """
-        knots = self._knots
-        if t >= knots[-1]:
-            return self._rest[1]
-        if t < 0.0:
-            return self._rest[0]
-        i = bisect_right(knots, t) - 1
-        s = (t - knots[i]) / (knots[i + 1] - knots[i])
-        motion = _evaluated(self.polynomials[i], s)
+        if (code := library()) is None:
+            motion = self.at(np.array([t], float))[:, 0]
+        else:
+            motion = np.empty((3, self.ends.shape[1]))
+            used = (x.ctypes.data for x in (self.times, self.polynomials, self.ends))
+            code.sample(motion.shape[1], len(self.times) - 1, *used, t, motion.ctypes.data)
         motion.setflags(write=False)
         return Reference(motion[0], motion[1], motion[2])
 
     def at(self, times: Array) -> Array:
         """Positions, velocities and accelerations at times in [s], shape (3, k, n)."""
-        i = np.clip(np.searchsorted(self.times, times, "right") - 1, 0, len(self.times) - 2)
-        s = ((times - self.times[i]) / np.diff(self.times)[i])[:, None, None]
-        motion = _evaluated(np.moveaxis(self.polynomials[i], 1, 0), s)
-        resting = (times < 0.0) | (times >= self.times[-1])
-        motion[resting] = 0.0
-        motion[resting, 0] = self.ends[(times[resting] > 0.0).astype(int)]
+        moves = (times >= 0.0) & (times < self.times[-1])
+        i = np.searchsorted(self.times, times[moves], "right") - 1
+        s = ((times[moves] - self.times[i]) / np.diff(self.times)[i])[:, None, None]
+        motion = np.zeros((len(times), 3, self.ends.shape[1]))
+        motion[moves] = _evaluated(np.moveaxis(self.polynomials[i], 1, 0), s)
+        motion[~moves, 0] = self.ends[(times[~moves] >= self.times[-1]).astype(int)]
         return np.moveaxis(motion, 1, 0)
 
     def at_shares(self, shares: Array) -> Array:
@@ -255,11 +248,11 @@ class Trajectory:
         return times, q, v, a
 
 
-def _evaluated(polynomials: Array, s: float | Array) -> Array:
-    """Polynomials of shape (6, …) at s, a number or an array, by Horner's rule.
+def _evaluated(polynomials: Array, s: Array) -> Array:
+    """Polynomials of shape (6, …) at s, by Horner's rule.
 
     Every product and every sum is rounded, so every processor gives the same bits, and so does
-    compiled code (``answers.c``). A matrix product would not.
+    compiled code (``sample.c``). A matrix product would not.
     """
     value: Array = polynomials[5] * s + polynomials[4]
     for coefficients in polynomials[3::-1]:

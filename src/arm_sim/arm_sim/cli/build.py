@@ -34,7 +34,7 @@ FURTHER: list[Callable[[Simulator], Iterator[tuple[str, Callable[[], object]]]]]
         "./arm build one.yaml other.yaml --out compiled --dt 0.0005 --batches",
         "./arm build panda --out compiled --controllers --task-frame panda_hand",
         "./arm build panda --out compiled --nodes",
-        "ARM_CACHE=compiled ./arm sim my_scene.yaml",
+        "ARM_CACHE=compiled ./arm sim panda",
     )
 )
 @click.argument("scenes", metavar="SCENE...", type=SCENE, nargs=-1, required=True)
@@ -53,7 +53,7 @@ FURTHER: list[Callable[[Simulator], Iterator[tuple[str, Callable[[], object]]]]]
 @click.option("--batches", is_flag=True, help="Also compile batches and rollouts of many arms.")
 @click.option("--derivatives", is_flag=True, help="Also compile derivatives and optimization.")
 @click.option("--nodes", is_flag=True,
-              help="Also compile the loops of the nodes, which else run in Python.")  # fmt: skip
+              help="Also compile the nodes, which do not run without.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON at the end.")
 def build(
     scenes: tuple[str, ...],
@@ -202,16 +202,15 @@ def _of_nodes(simulator: Simulator, wanted: bool) -> Iterator[tuple[str, Callabl
 
 def _of_all_nodes() -> Iterator[tuple[str, Callable[[], object]]]:
     """Loops and messages of the nodes, which are the same for all scenes."""
-    from arm_dynamics.codegen.compiler import build
-    from arm_dynamics.ros.common.rcl_code import build_with_rcl
-    from arm_dynamics.ros.controller import ordinary_answers
+    from arm_dynamics.ros.controller import code as controller
     from arm_dynamics.ros.dynamics import compiled_services
-    from arm_dynamics.ros.joint_state import SOURCE
-    from arm_sim.ros.ordinary import ticks
-    from arm_sim.ros.record import RECORD
+    from arm_dynamics.ros.joint_state import code as messages
+    from arm_dynamics.trajectory import code as trajectory
+    from arm_sim.ros import code as sim
 
-    yield "messages", lambda: build_with_rcl(SOURCE)
-    yield "controller", lambda: build_with_rcl(SOURCE, after=[ordinary_answers.SOURCE])
-    yield "sim", lambda: build_with_rcl(SOURCE, after=[RECORD, ticks.SOURCE])
-    yield "recorder", lambda: build(RECORD.read_text())
-    yield "services", lambda: build_with_rcl(compiled_services.SOURCE, "arm_msgs")
+    # Uncached: what this process has loaded is not necessarily in the folder.
+    yield "messages", messages.library.__wrapped__
+    yield "controller", controller.library.__wrapped__
+    yield "trajectories", trajectory.compiled
+    yield "sim", sim.library.__wrapped__
+    yield "services", compiled_services.native.__wrapped__

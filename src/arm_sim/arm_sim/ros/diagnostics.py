@@ -12,7 +12,6 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_dynamics.ros.joint_state import native
 from arm_sim.recording.energy_account import TRUSTED
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
@@ -60,7 +59,7 @@ class SimDiagnostics:
             "realtime factor": params.realtime_factor, "overrun": params.overrun,
             "driven by": params.tick_source,
             "executor": "none" if executor is None else type(executor).__name__,
-            "messages": "in C" if native() is not None else "in Python",
+            "messages": "in C",
             "ticks made": self._tick_execution(),
         }  # fmt: skip
         self.growth.warn(found, report.missed, "ticks began after the next one was due")

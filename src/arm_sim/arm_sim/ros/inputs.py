@@ -18,12 +18,7 @@ from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
 from arm_dynamics.ros.common.executor import THROTTLE
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
-from arm_dynamics.ros.joint_state import (
-    CompiledReader,
-    JointStateSource,
-    Numbers,
-    make_reader,
-)
+from arm_dynamics.ros.joint_state import JointStateReader, JointStateSource, Numbers
 from arm_sim.inputs import clipped
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
@@ -52,8 +47,8 @@ class Inputs:
         self._joints = JointCommands(self._model, engine.arbiter.admit, self._warn)
         ways = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
         names, every = self._model.joint_names, ("effort", "position", "velocity")
-        references = make_reader(names, every, gaps=True, admit=self._joints.note, **ways)
-        self.reader = make_reader(
+        references = JointStateReader(names, every, gaps=True, admit=self._joints.note, **ways)
+        self.reader = JointStateReader(
             names, ("effort",), other=references, admit=self._joints.admit, **ways
         )
         self.source: JointStateSource | None = None
@@ -69,18 +64,16 @@ class Inputs:
     def follow(self, efforts: Numbers) -> None:
         """Register efforts of all joints that were read elsewhere."""
         self._joints.follow(efforts)
-        if isinstance(self.reader, CompiledReader):
-            self.reader.keep(efforts)
+        self.reader.keep(efforts)
 
     def read_from(self, subscription: int) -> None:
         """Let compiled code read the messages of an ``rcl_subscription_t``."""
-        if isinstance(self.reader, CompiledReader):
-            self.reader.open(subscription)
+        self.reader.open(subscription)
 
     def left(self) -> bytes | None:
         """The message that compiled code has received but not processed, if there is one."""
         reader = self.reader
-        if not isinstance(reader, CompiledReader) or not reader.left:
+        if not reader.left:
             return None
         reader.next()
         return reader.raw
@@ -93,8 +86,7 @@ class Inputs:
 
     def close(self) -> None:
         """End the subscription."""
-        if isinstance(self.reader, CompiledReader):
-            self.reader.close()
+        self.reader.close()
         if self.source is not None:
             self.source.close()
             self.source = None
@@ -119,8 +111,7 @@ class Inputs:
             except InvalidInput as error:
                 self._refuse(error)
                 continue
-            self.round_trip.answered(stamp, arrival)
-            if stamp and stamp == self.round_trip.newest and self._engine.arbiter.alone:
+            if self.round_trip.answered(stamp, arrival) and self._engine.arbiter.alone:
                 return
 
     def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:

@@ -3,18 +3,15 @@
 
 from __future__ import annotations
 
-import math
-import time
 from array import array
-from ctypes import Structure, addressof, c_int64, c_void_p
+from ctypes import Structure, addressof, byref
 from dataclasses import dataclass
 
 import numpy as np
 
-_FINE = 20_000  # bins of 1 µs
-_COARSE = 512  # bins beyond, each longer than the one before by the factor 2 ** (1 / 32)
-_STEPS = 32
-_REMEMBERED = 256  # number of states; answers to older ones are not counted
+from arm_sim.ros.code import LOOP, library
+
+_FINE, _COARSE, _STEPS, _SENT = (LOOP.constants[n] for n in ("FINE", "COARSE", "STEPS", "SENT"))
 
 
 @dataclass(frozen=True)
@@ -35,12 +32,10 @@ class Percentiles:
 class Histogram(Structure):
     """Durations: exact to a microsecond up to 20 ms, to two percent up to 20 minutes.
 
-    Attributes:
-        bins: Address of the counts.
-        longest: The longest duration in [ns].
+    ``histogram_t`` of loop.h; ``longest`` is the longest duration in [ns].
     """
 
-    _fields_ = (("bins", c_void_p), ("longest", c_int64))
+    _fields_ = LOOP.fields("histogram_t")
 
     def __init__(self) -> None:
         self._counts = array("q", bytes(8 * (_FINE + _COARSE)))
@@ -52,12 +47,7 @@ class Histogram(Structure):
 
     def add(self, nanoseconds: int) -> None:
         """Count one duration in [ns]."""
-        micro = nanoseconds // 1000
-        if micro >= _FINE:
-            micro = _FINE + min(int(_STEPS * math.log2(micro / _FINE)), _COARSE - 1)
-        self._counts[micro if micro > 0 else 0] += 1
-        if nanoseconds > self.longest:
-            self.longest = nanoseconds
+        library().count_duration(byref(self), nanoseconds)
 
     def percentiles(self) -> Percentiles:
         """Summarize the durations so far; for one thread at a time."""
@@ -82,21 +72,13 @@ def _seconds(bin_: int) -> float:
 class RoundTrip(Structure):
     """Time from a joint state to the command with its stamp.
 
-    Attributes:
-        newest: Stamp of the state published last, in [ns].
-        next: Index of the next state in the ring buffer.
-        stamps: Address of the stamps in [ns], -1: answered.
-        times: Address of the system times of publication, in [ns].
-        trips: Address of the histogram.
+    ``trip_t`` of loop.h; ``newest`` is the stamp of the state published last, in [ns].
     """
 
-    _fields_ = (
-        ("newest", c_int64), ("next", c_int64),
-        ("stamps", c_void_p), ("times", c_void_p), ("trips", c_void_p),
-    )  # fmt: skip
+    _fields_ = LOOP.fields("trip_t")
 
     def __init__(self) -> None:
-        self._stamps, self._times = array("q", [-1] * _REMEMBERED), array("q", [0] * _REMEMBERED)
+        self._stamps, self._times = array("q", [-1] * _SENT), array("q", [0] * _SENT)
         places = (numbers.buffer_info()[0] for numbers in (self._stamps, self._times))
         super().__init__(0, 0, *places)
         self.reset()
@@ -108,24 +90,19 @@ class RoundTrip(Structure):
 
     def sent(self, stamp: int) -> None:
         """Register that the state of ``stamp`` in [ns] is published now."""
-        place = self.next
-        self._stamps[place], self._times[place] = stamp, time.time_ns()
-        self.newest, self.next = stamp, (place + 1) % _REMEMBERED
+        library().sent(byref(self), stamp)
 
-    def answered(self, stamp: int, arrival: int) -> None:
+    def answered(self, stamp: int, arrival: int) -> bool:
         """Register that a command for the state of ``stamp`` arrived; only the first one counts.
 
         Args:
             stamp: Time of the state in [ns].
             arrival: System time of arrival in [ns].
+
+        Returns:
+            Whether that state is the newest.
         """
-        if stamp not in self._stamps:
-            return
-        place = self.next
-        while self._stamps[place := (place - 1) % _REMEMBERED] != stamp:
-            pass  # the newest of that stamp: time may have been reset
-        self._stamps[place] = -1
-        self._histogram.add(arrival - self._times[place])
+        return bool(library().answered(byref(self), stamp, arrival))
 
     def percentiles(self) -> Percentiles:
         """Summary of the answers so far."""

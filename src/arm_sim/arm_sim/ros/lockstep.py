@@ -6,13 +6,14 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
-from ctypes import Structure, c_int64
+from ctypes import Structure, byref
 from enum import IntEnum
 
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.executor import steady_timer, subscribe
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
+from arm_sim.ros.code import LOOP, TICKS, library
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams
@@ -23,28 +24,21 @@ _STRETCH = 20_000_000  # [ns] after which other callbacks get their turn
 
 
 class Ahead(IntEnum):
-    """Outcome of processing answers in compiled code; as in ticks.c.
+    """Outcome of processing answers in compiled code, see ticks.h.
 
-    It cannot continue; a tick was executed and published; no answer arrived soon, or others have
-    their turn; an answer arrived, and its tick is due.
+    It cannot continue; a tick was executed, and its state must be published; no answer arrived
+    soon, or others have their turn; an answer arrived, and its tick is due.
     """
 
-    CANNOT, TOLD, NOTHING_CAME, ANSWERED = range(4)
+    CANNOT, TOLD, NOTHING_CAME, ANSWERED = (
+        TICKS.constants[name] for name in ("LEFT", "MADE", "DONE", "ANSWERED")
+    )
 
 
 class Waiting(Structure):
-    """The state whose answer is awaited.
+    """The state whose answer is awaited: ``waiting_t`` of loop.h, which explains the fields."""
 
-    Attributes:
-        stamp: Its stamp in [ns]; -1: none.
-        asked: When it was published last, in [ns] of the monotonic clock.
-        first: When it was published first.
-        ignored: Number of commands that did not answer a waiting state.
-        soon: Time in [ns] within which busy-waiting for an answer pays.
-        end: When other callbacks get their turn.
-    """
-
-    _fields_ = tuple((name, c_int64) for name in "stamp asked first ignored soon end".split())
+    _fields_ = LOOP.fields("waiting_t")
 
 
 class Lockstep:
@@ -72,8 +66,8 @@ class Lockstep:
         self._glance = 0.5 * params.lockstep_retry
         self.asked_again = 0
         self.gone = False
-        now = time.monotonic_ns()
-        self._waiting = Waiting(stamp=-1, asked=now, first=now, soon=_SOON)
+        self._waiting = Waiting(soon=_SOON)
+        library().await_answer(byref(self._waiting), -1)
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
         inputs.read_from(self._subscription.handle.pointer)
         self.ahead: Callable[[Waiting], int] = lambda waiting: Ahead.CANNOT
@@ -103,10 +97,7 @@ class Lockstep:
     def _take(self, raw: bytes) -> None:
         """Tick to the next published state if the command answers the current one."""
         stamp = self._inputs.on_joint_commands(raw, time.time_ns())
-        if stamp is None:
-            return
-        if stamp != self._waiting.stamp:
-            self._waiting.ignored += 1
+        if stamp is None or not library().is_answer(byref(self._waiting), stamp):
             return
         if self.gone:
             self.gone = False
@@ -143,8 +134,8 @@ class Lockstep:
         """A command that arrives within ``_SOON``; meanwhile other threads may run."""
         if (left := self._inputs.left()) is not None:
             return left
-        waiting = self._waiting
-        while waiting.stamp >= 0 and time.monotonic_ns() - waiting.asked < waiting.soon:
+        waiting, is_expected = self._waiting, library().is_expected
+        while waiting.stamp >= 0 and is_expected(byref(waiting)):
             taken = self._subscription.handle.take_message(self._subscription.msg_type, True)
             if taken is not None:
                 return bytes(taken[0])
@@ -153,9 +144,8 @@ class Lockstep:
 
     def wait(self) -> None:
         """Wait for the answer to the state published last, or for nothing while paused."""
-        waiting = self._waiting
-        waiting.stamp = -1 if self._engine.paused else self._engine.stamp
-        waiting.asked = waiting.first = time.monotonic_ns()
+        stamp = -1 if self._engine.paused else self._engine.stamp
+        library().await_answer(byref(self._waiting), stamp)
 
     def look(self) -> None:
         """Publish the state again, or report the partner gone, when it is time."""

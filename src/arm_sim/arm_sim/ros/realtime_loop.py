@@ -7,11 +7,12 @@ import ctypes
 import threading
 import time
 from collections.abc import Callable
-from ctypes import Structure, addressof, c_double, c_int64, c_void_p
+from ctypes import Structure, addressof, byref, c_int64
 from dataclasses import dataclass
 from typing import Any
 
 from arm_dynamics.ros.common.privileges import shorten_slice
+from arm_sim.ros.code import LOOP, library
 from arm_sim.ros.latency import Histogram, Percentiles
 
 CATCH_UP, SKIP, SLOW_DOWN = "catch_up", "skip", "slow_down"
@@ -44,30 +45,9 @@ class LoopReport:
 
 
 class Due(Structure):
-    """Deadlines of ticks, in [ns].
+    """Deadlines of ticks, in [ns]: ``due_t`` of loop.h, where the fields are explained."""
 
-    Attributes:
-        deadline: Deadline of the next tick.
-        earliest: Earliest start of the next tick.
-        period: Time between deadlines; 0: there are none.
-        closest: Shortest time between ticks.
-        give_up: Lag beyond which deadlines are dropped, skipped or shifted.
-        slow_down: Whether they are shifted.
-        missed: Ticks that began after the next one was due.
-        dropped: Deadlines that were dropped, skipped or shifted.
-        ended: Nonzero: no more ticks.
-        current: Deadline of the tick that was begun last; 0: there is none.
-        began: When it began.
-        share: Part of a period by which it made time pass, see ``RealtimeLoop.share``.
-        lateness: Address of the histogram of the delays of ticks after their deadlines.
-    """
-
-    _fields_ = (
-        ("deadline", c_int64), ("earliest", c_int64), ("period", c_int64), ("closest", c_int64),
-        ("give_up", c_int64), ("slow_down", c_int64), ("missed", c_int64), ("dropped", c_int64),
-        ("ended", c_int64), ("current", c_int64), ("began", c_int64), ("share", c_double),
-        ("lateness", c_void_p),
-    )  # fmt: skip
+    _fields_ = LOOP.fields("due_t")
 
 
 class RealtimeLoop:
@@ -90,8 +70,8 @@ class RealtimeLoop:
         closest: Shortest time between ticks while catching up, as a fraction of the period.
         give_up: Lag in [s] beyond which deadlines are dropped while catching up.
         prepare: Called once by the thread, before its first tick.
-        ahead: Executes due ticks until one is left to ``tick`` or ``Due.ended``; returns whether
-            none is left yet.
+        ahead: Waits for ticks, begins them and executes them until one that it has begun is left
+            to ``tick``, or ``Due.ended``; returns whether none is left. None: waits for one.
         clock: Clock with sleep; the module ``time`` or an equivalent.
 
     Attributes:
@@ -110,15 +90,17 @@ class RealtimeLoop:
         closest: float = 0.1,
         give_up: float = 1.0,
         prepare: Callable[[], None] = lambda: None,
-        ahead: Callable[[Due], bool] = lambda due: False,
+        ahead: Callable[[Due], bool] | None = None,
         clock: Any = time,
     ) -> None:
-        self._tick, self._prepare, self._clock, self._ahead = tick, prepare, clock, ahead
-        self._period = round(1e9 * period)
+        self._tick, self._prepare, self._clock = tick, prepare, clock
+        self._native = library()  # compiled here if need be, not while ticks are due
+        self._ahead = ahead or self._wait
+        nanoseconds = round(1e9 * period)
         closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
-        give_up = round(1e9 * give_up) if overrun == CATCH_UP else self._period
+        give_up = round(1e9 * give_up) if overrun == CATCH_UP else nanoseconds
         self._due = Due(
-            period=self._period, closest=closest, give_up=give_up, slow_down=overrun == SLOW_DOWN,
+            period=nanoseconds, closest=closest, give_up=give_up, slow_down=overrun == SLOW_DOWN,
             share=1.0,
         )  # fmt: skip
         self.current = c_int64.from_buffer(self._due, Due.current.offset)
@@ -167,41 +149,19 @@ class RealtimeLoop:
         shorten_slice()
         self._prepare()
         self.reset()
-        once = self._by_the_clock if self._period else self._at_once
         self._due.deadline = self._due.earliest = self._clock.monotonic_ns()
         while not self._due.ended:
             if not self._ahead(self._due):
-                once()
+                self._tick()
 
-    def _at_once(self) -> None:
-        self.lateness.add(0)
-        self._tick()
-
-    def _by_the_clock(self) -> None:
-        due = self._due
-        wake = max(due.deadline, due.earliest)
-        now = self._clock.monotonic_ns()
-        if now < wake:
-            self._clock.sleep(1e-9 * (wake - now))
+    def _wait(self, due: Due) -> bool:
+        """Wait for a tick, and begin it; see ``ahead``."""
+        begin, now = self._native.next_start(byref(due)), self._clock.monotonic_ns()
+        if now < begin:
+            self._clock.sleep(1e-9 * (begin - now))
             now = self._clock.monotonic_ns()
-        late = now - due.deadline
-        self.lateness.add(late)
-        due.missed += late > self._period
-        due.share = min(1.0, (now - due.began) / self._period) if late > self._period else 1.0
-        due.current, due.began, due.earliest = due.deadline, now, now + due.closest
-        self._tick()
-        due.deadline += self._period
-        if late > due.give_up:
-            due.deadline += self._shift(late)
-
-    def _shift(self, late: int) -> int:
-        """Shift of the next deadline."""
-        if self._due.slow_down:
-            self._due.dropped += late // self._period
-            return late
-        dropped = -(-(late - self._due.give_up) // self._period)
-        self._due.dropped += dropped
-        return dropped * self._period
+        self._native.begin_tick(byref(due), now)
+        return False
 
 
 def _ask_for_exact_timers() -> None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from ctypes import Structure, addressof, c_int64, c_void_p
+from ctypes import Structure, addressof, byref, c_int64
 from typing import Any
+
+from arm_sim.ros.code import LOOP, library
 
 AUTO, ROS, SIM = "auto", "ros", "sim"
 CHOICES = (AUTO, ROS, SIM)
-_WINDOW = 1_000_000_000  # [ns] over which the smallest lag is determined
-_NEVER = 1 << 62
-_NUMBERS = ("tick", "even", "free", "simulated", "last", "offset", "least", "look", "owed")
 
 
 class SimulatedTime:
@@ -54,28 +53,16 @@ class NodeTime(Structure):
       back by more than a second.
 
     If ticks are not due at even times, or the clock is another node's simulated time, stamps are
-    the time of the clock.
+    the time of the clock. It is ``times_t`` of loop.h, where the fields are explained.
 
     Args:
         clock: The node's ``rclpy.clock.Clock``.
         tick: Length of a tick in [ns] if ticks are due at even times, else 0.
         system: Time of the system in [ns].
         steady: Time of the monotonic clock in [ns].
-
-    Attributes:
-        tick: As above.
-        even: Whether stamps are simulated time plus an offset.
-        free: Whether the next stamp is the time when its tick is due, whatever the offset was.
-        simulated: Simulated time of the last stamp in [ns].
-        last: The last stamp in [ns].
-        offset: Stamp of simulated time zero in [ns].
-        least: Smallest lag since the last check in [ns].
-        look: Time of the next check, in [ns].
-        owed: Lag that remains to be recovered in [ns].
-        due: Address of the time when the current tick was due, see ``follow``.
     """
 
-    _fields_ = (*((name, c_int64) for name in _NUMBERS), ("due", c_void_p))
+    _fields_ = LOOP.fields("times_t")
     name = ROS
 
     def __init__(
@@ -85,7 +72,8 @@ class NodeTime(Structure):
         system: Callable[[], int] = time.time_ns,
         steady: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        super().__init__(tick=tick, simulated=-1, least=_NEVER, free=True)
+        super().__init__()
+        library().start_stamps(byref(self), tick)
         self._clock, self._system, self._steady = clock, system, steady
         self.follow(c_int64())
         self.see()
@@ -103,39 +91,11 @@ class NodeTime(Structure):
 
     def at(self, simulated: int) -> int:
         """The stamp of a state, in [ns], from its simulated time; time that stands still stays."""
-        passed = simulated - self.simulated
-        free, self.free = self.free or passed < 0, False
-        if passed == 0 and not free:
-            return self.last
-        now = self._now()
-        due, stamp = now - self._lateness(), now
-        if self.even:
-            stamp = self._first(due, passed) if free else self._next(now, simulated)
-            if stamp < self.last < stamp + _WINDOW:
-                stamp = self.last
-        self.last, self.simulated, self.offset = stamp, simulated, stamp - simulated
-        self._watch(now, due - stamp)
-        return stamp
-
-    def _first(self, due: int, passed: int) -> int:
-        """The stamp after time stood still or began anew; before its tick, a tick older."""
-        self.owed = 0
-        return due if passed > 0 else due - self.tick
-
-    def _next(self, now: int, simulated: int) -> int:
-        """The stamp after another one, ahead by a part of what is owed."""
-        more = min(self.owed, (simulated - self.simulated) // 2)
-        self.owed -= more
-        return min(now, simulated + self.offset + more)
-
-    def _lateness(self) -> int:
-        """Time since the current tick was due in [ns].
-
-        Read after the system's clock: if the thread is stopped between the two, no stamp is later
-        than it should be.
-        """
-        due = self._due.value
-        return self._steady() - due if self.even and due else 0
+        look, now = self.look, self._now()
+        stamp = library().stamp_at(byref(self), simulated, now, self._steady())
+        if self.look != look:  # once a second
+            self.see()
+        return int(stamp)
 
     def near(self, simulated: int) -> int:
         """As ``at``, for a time close to that of the last stamp, in any thread."""
@@ -144,16 +104,6 @@ class NodeTime(Structure):
     def _now(self) -> int:
         # The node's clock is the system's unless use_sim_time is set; asking rclpy takes 6 µs.
         return int(self._clock.now().nanoseconds) if self._foreign else self._system()
-
-    def _watch(self, now: int, lag: int) -> None:
-        if lag < self.least:
-            self.least = lag
-        if now >= self.look:
-            behind = self.least if self.tick < self.least < _NEVER else 0
-            jumps = behind > _WINDOW
-            self.offset, self.owed = self.offset + behind * jumps, behind * (not jumps)
-            self.least, self.look = _NEVER, now + _WINDOW
-            self.see()
 
     def see(self) -> None:
         """Determine the source of the node's clock."""

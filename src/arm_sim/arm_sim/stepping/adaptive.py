@@ -7,9 +7,13 @@ Compiled code has its own loop in ``native/flow.h``.
 from __future__ import annotations
 
 import ctypes
+from pathlib import Path
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.kernel import Call
+
+_NATIVE = Path(__file__).with_name("native")
 
 # A tick that needs more sub-steps than this is stiff or singular: better an error than a program
 # that hangs.
@@ -23,23 +27,12 @@ LARGEST = 1e150
 
 
 class SubstepControl(ctypes.Structure):
-    """State of the error control between sub-steps; ``control_t`` in ``native/flow.h``.
+    """State of the error control between sub-steps: ``control_t`` of ``native/flow.h``.
 
-    Attributes:
-        tolerance: Largest scaled error of a sub-step.
-        step: Length to try next in [s]; 0 if it is not known yet.
-        error: Sum of the estimated errors of q in [rad] or [m].
-        attempts: Sub-steps tried so far.
-        reached: Time at which the last motion that could not be computed got stuck in [s].
+    The fields are explained there; times are in [s], errors in [rad] or [m].
     """
 
-    _fields_ = [
-        ("tolerance", ctypes.c_double),
-        ("step", ctypes.c_double),
-        ("error", ctypes.c_double),
-        ("attempts", ctypes.c_longlong),
-        ("reached", ctypes.c_double),
-    ]
+    _fields_ = Header(_NATIVE / "flow.h", only="control_t").fields("control_t")
 
     def __init__(self, tolerance: float, order: int) -> None:
         super().__init__(tolerance, 0.0, 0.0, 0, 0.0)

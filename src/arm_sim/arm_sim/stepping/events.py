@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import ctypes
 from enum import IntEnum
+from pathlib import Path
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.header import Header
 from arm_sim.plant.plant import Plant
 
+_NATIVE = Path(__file__).with_name("native")
 CONTACT_MODE = np.dtype(
     [("closed", float), ("sticks", float), ("along", float, (2,)), ("fixed", float)]
 )
@@ -32,23 +35,9 @@ class Trouble(IntEnum):
 
 
 class EventReport(ctypes.Structure):
-    """Sums over ticks; ``report_t`` in ``native/modes.h``.
+    """Sums over ticks: ``report_t`` of ``native/modes.h``, where the fields are explained."""
 
-    Attributes:
-        impact_loss: Energy lost in impacts in [J].
-        impacts: Number of impacts.
-        trouble: Why the last tick failed, see ``Trouble``.
-        time_stepped: Number of ticks in which events accumulated.
-        halves: Whether fixed steps between events are halved, for a second look; kept by restarts.
-    """
-
-    _fields_ = [
-        ("impact_loss", ctypes.c_double),
-        ("impacts", ctypes.c_longlong),
-        ("trouble", ctypes.c_longlong),
-        ("time_stepped", ctypes.c_longlong),
-        ("halves", ctypes.c_longlong),
-    ]
+    _fields_ = Header(_NATIVE / "modes.h", only="report_t").fields("report_t")
 
     def restart(self) -> None:
         """Start afresh, as after a reset."""

@@ -4,19 +4,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from ctypes import Structure, addressof, c_double, c_longlong, c_void_p, cast
+from ctypes import Structure, addressof, c_void_p, cast
 from functools import partial
+from pathlib import Path
 from typing import Any
+
+from arm_dynamics.codegen.header import Header
+
+STEP = Header(Path(__file__).with_name("native") / "step.h")
 
 
 class Roll(Structure):
-    """The function ``roll`` of native/roll.c, and its arguments in their order."""
+    """``step_t`` of step.h: the function ``roll``, and its arguments in their order."""
 
-    _fields_ = (
-        ("function", c_void_p), ("x", c_void_p), ("command", c_void_p), ("stride", c_longlong),
-        ("p", c_void_p), ("dt", c_double), ("ticks", c_longlong), ("trace", c_void_p),
-        ("effort", c_void_p), ("notes", c_void_p), ("control", c_void_p), ("report", c_void_p),
-    )  # fmt: skip
+    _fields_ = STEP.fields("step_t")
 
     @classmethod
     def of(cls, tick: Callable[[], int]) -> Roll | None:

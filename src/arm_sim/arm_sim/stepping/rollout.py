@@ -18,6 +18,7 @@ import numpy as np
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, all_finite, real_array, vector
 from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
@@ -28,6 +29,7 @@ from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import (
+    NATIVE,
     Stepper,
     address,
     error_control,
@@ -78,9 +80,9 @@ class Batch:
 
 
 class Engine(ctypes.Structure):
-    """Functions of the compiled engine of one arm; ``engine_t`` in ``native/foreseen.h``."""
+    """Functions of the compiled engine of one arm: ``engine_t`` of ``native/foreseen.h``."""
 
-    _fields_ = [("foresee", ctypes.c_void_p), ("tick_as_foreseen", ctypes.c_void_p)]
+    _fields_ = Header(NATIVE / "foreseen.h", only="engine_t").fields("engine_t")
 
     @classmethod
     def of(cls, stepper: Stepper) -> Engine:

@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 import ctypes
-import logging
 from collections.abc import Sequence
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
-from arm_dynamics.codegen.compiler import FLAGS, build, may_build
-from arm_dynamics.exceptions import KernelError
+from arm_dynamics.codegen.compiler import FLAGS, build
+from arm_dynamics.codegen.header import Header
+from arm_dynamics.exceptions import CompilerMissing, KernelError
 
 # Packages whose headers are included by those of rcl.
 _HEADERS = (
@@ -20,38 +20,46 @@ _HEADERS = (
     "service_msgs", "builtin_interfaces",
 )  # fmt: skip
 _CALLED = ("rcl", "rcutils", "rosidl_runtime_c")
-_log = logging.getLogger(__name__)
+_REMEDY = (
+    "install a compiler (apt install gcc), or compile the nodes on another machine "
+    "(./arm build SCENE --nodes --out DIR) and set ARM_CACHE=DIR"
+)
 
 
-def build_with_rcl(source: Path, *packages: str, after: Sequence[Path] = ()) -> ctypes.CDLL:
-    """Compile a file that calls rcl.
+def code_of_nodes(
+    *files: Path,
+    headers: Sequence[Header],
+    packages: Sequence[str] = (),
+    folders: Sequence[Path] = (),
+) -> ctypes.CDLL:
+    """Compile C files that call rcl, as one unit.
 
     Args:
-        source: The file.
-        packages: Further packages whose headers it includes.
-        after: Files that are appended to it.
+        files: The files.
+        headers: Those that declare the functions that Python calls.
+        packages: Further packages whose headers they include.
+        folders: Further folders with headers, besides those of the files.
 
     Returns:
-        The loaded library.
+        The loaded library, with the types of its functions.
 
     Raises:
-        KernelError: If there is no compiler, or it refuses the code.
-        PackageNotFoundError: If a package is not installed.
+        KernelError: If there is neither a compiler nor code compiled elsewhere, a package is not
+            installed, or the compiler refuses the code.
     """
-    names = (*_HEADERS, *packages)
-    prefixes = {name: Path(get_package_prefix(name)) for name in names}
-    folders = (f"-I{prefix / 'include' / name}" for name, prefix in prefixes.items())
-    called = (str(prefixes[name] / f"lib/lib{name}.so") for name in _CALLED)
-    text = "\n".join(path.read_text() for path in (source, *after))
-    return build(text, flags=(*FLAGS, "-Wl,--no-as-needed"), local=(*folders, *called)).library
-
-
-def find_with_rcl(source: Path, *packages: str, after: Sequence[Path] = ()) -> ctypes.CDLL | None:
-    """As ``build_with_rcl``; None if the code cannot be compiled."""
-    if not may_build():
-        return None
     try:
-        return build_with_rcl(source, *packages, after=after)
-    except (KernelError, PackageNotFoundError, OSError) as error:
-        _log.debug("%s cannot be compiled, Python is used instead: %s", source.name, error)
-        return None
+        prefixes = {name: Path(get_package_prefix(name)) for name in (*_HEADERS, *packages)}
+    except PackageNotFoundError as error:
+        raise KernelError(f"nodes need the headers of ROS: {error}") from error
+    places = [prefix / "include" / name for name, prefix in prefixes.items()]
+    places += [*dict.fromkeys(file.parent for file in files), *folders]
+    called = (str(prefixes[name] / f"lib/lib{name}.so") for name in _CALLED)
+    flags = (*FLAGS, "-Wl,--no-as-needed")
+    local = (*(f"-I{place}" for place in places), *called)
+    try:
+        library = build("\n".join(file.read_text() for file in files), "c", flags, local).library
+    except CompilerMissing as error:
+        raise CompilerMissing(f"nodes need compiled code: {error}; {_REMEDY}") from error
+    for header in headers:
+        header.bind(library)
+    return library

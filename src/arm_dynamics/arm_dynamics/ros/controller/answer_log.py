@@ -4,12 +4,22 @@
 from __future__ import annotations
 
 import time
+from ctypes import Structure, addressof, byref
 
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
+from arm_dynamics.ros.controller.code import HEADER, library
+from arm_dynamics.ros.joint_state import address
 
+_ROOM = 4096  # bytes of a state at first
 SILENCE = 1.0  # [s] without a joint state after which it is reported
+
+
+class _Last(Structure):
+    """``last_t`` of answers.h, where the fields are explained."""
+
+    _fields_ = HEADER.fields("last_t")
 
 
 class AnswerLog:
@@ -25,7 +35,8 @@ class AnswerLog:
     """
 
     def __init__(self) -> None:
-        self._raw, self._command = b"", b""
+        self._last, self._command = _Last(), b""
+        self._make_room(_ROOM)
         self._seen = self._since = time.monotonic()
         self._answers = self.passed_over = self.jumps = 0
         self.failure = ""
@@ -34,29 +45,41 @@ class AnswerLog:
     def again(self, raw: bytes) -> bytes | None:
         """The answer to this state if it is the last one, else None."""
         self._seen = time.monotonic()
-        return self._command if raw == self._raw else None
+        repeated = library().is_repeated(byref(self._last), raw, len(raw))
+        return self._command if repeated else None
 
     def note(self, raw: bytes, command: bytes) -> None:
         """Store an answer."""
-        self._raw, self._command = raw, command
+        if len(raw) > self._last.room:
+            self._make_room(2 * len(raw))
+        library().remember(byref(self._last), raw, len(raw))
+        self._command = command
         self._answers += 1
         self.failure = ""
 
-    def add(self, count: int, seen: float, raw: bytes, command: bytes) -> None:
+    @property
+    def place(self) -> int:
+        """Address of ``last_t``, in which C remembers the states that it answers."""
+        return addressof(self._last)
+
+    def _make_room(self, size: int) -> None:
+        self._memory = bytearray(size)
+        self._last.raw, self._last.room = address(self._memory), size
+
+    def add(self, count: int, seen: float, command: bytes) -> None:
         """Log answers given by C.
 
         Args:
             count: Their number.
             seen: Time of the last one in [s], of the monotonic clock.
-            raw: The state it answered.
             command: The last answer.
         """
         self._answers += count
-        self._seen, self._raw, self._command = seen, raw, command
+        self._seen, self._command = seen, command
 
     def forget(self) -> None:
         """Compute the answer to the next state even if it repeats the last one."""
-        self._raw = b""
+        self._last.length = 0
 
     def finding(
         self,

@@ -4,12 +4,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from operator import sub
+from ctypes import Structure, addressof, byref
 
-from arm_dynamics.arrays import Array
+import numpy as np
+
 from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.ros.controller.code import HEADER, library
 
-_FASTER = 2.0  # largest ratio of the speed of a displacement to the speeds before and after it
+_STEADY, _BACKWARDS, _PAUSED, _MOVED = (
+    HEADER.constants[name] for name in ("STEADY", "BACKWARDS", "PAUSED", "MOVED")
+)
+
+
+class _Before(Structure):
+    """``before_t`` of answers.h: the last state."""
+
+    _fields_ = HEADER.fields("before_t")
 
 
 class Jumps:
@@ -21,16 +31,18 @@ class Jumps:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
-        self._before: tuple[int, list[float], list[float]] | None = None
+        self._q, self._v = np.zeros((2, len(names)))
+        self._before = _Before(q=self._q.ctypes.data, v=self._v.ctypes.data)
 
     @property
-    def last(self) -> tuple[list[float], list[float]]:
-        """Positions and velocities of the last state; empty before the first state."""
-        return ([], []) if self._before is None else self._before[1:]
+    def place(self) -> int:
+        """Address of ``before_t``, which C compares and updates as well."""
+        return addressof(self._before)
 
-    def note(self, stamp: int, q: Array, v: Array) -> None:
-        """Set the last state: its stamp in [ns], and positions and velocities of shape (n,)."""
-        self._before = (stamp, q.tolist(), v.tolist())
+    @property
+    def stamp(self) -> int:
+        """Stamp of the last state in [ns]."""
+        return int(self._before.stamp)
 
     def look(self, stamp: int, state: Measured, longest: float, farthest: float) -> str:
         """Describe a jump of time or of the arm since the last state; empty if there is none.
@@ -42,31 +54,19 @@ class Jumps:
             farthest: Largest displacement of a joint beyond that by its velocity in [rad] or [m];
                 0: any.
         """
-        q, v = state.q.tolist(), state.v.tolist()  # a few numbers: faster than NumPy
-        before, self._before = self._before, (stamp, q, v)
-        if before is None:
-            return ""
-        gap = 1e-9 * (stamp - before[0])
-        if gap < 0.0:
-            return "time went backwards"
-        if 0.0 < longest < gap:
-            return f"time advanced by {gap:.3g} s between two states"
-        if farthest and max(map(abs, map(sub, q, before[1]))) > farthest:
-            return self._put(before, q, v, gap, farthest)
-        return ""
+        q, v = np.ascontiguousarray(state.q), np.ascontiguousarray(state.v)
+        compared = byref(self._before), len(q), stamp, q.ctypes.data, v.ctypes.data
+        found = library().find_jump(*compared, longest, farthest)
+        said = "" if found == _STEADY else self._put(found, 1e-9 * (stamp - self.stamp), state)
+        library().note_state(*compared)
+        return said
 
-    def _put(
-        self,
-        before: tuple[int, list[float], list[float]],
-        q: list[float],
-        v: list[float],
-        gap: float,
-        farthest: float,
-    ) -> str:
-        """The joint whose displacement its velocity does not explain, as text."""
-        _, q0, v0 = before
-        for joint, name in enumerate(self._names):
-            moved = abs(q[joint] - q0[joint])
-            if moved > farthest + _FASTER * gap * max(abs(v0[joint]), abs(v[joint])):
-                return f"joint '{name}' moved by {moved:.3g} in {gap:.3g} s"
-        return ""
+    def _put(self, found: int, gap: float, state: Measured) -> str:
+        """A jump as text."""
+        if found == _BACKWARDS:
+            return "time went backwards"
+        if found == _PAUSED:
+            return f"time advanced by {gap:.3g} s between two states"
+        joint = found - _MOVED
+        moved = abs(state.q[joint] - self._q[joint])
+        return f"joint '{self._names[joint]}' moved by {moved:.3g} in {gap:.3g} s"

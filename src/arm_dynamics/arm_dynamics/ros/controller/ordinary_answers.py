@@ -3,7 +3,8 @@
 
 A thread waits for states in C. Most are ordinary: time, arm and reference have advanced by one
 step. C answers those with bitwise the same result as Python. All other states are passed to Python
-unchanged, which alone decides on them, so the rules are implemented once.
+unchanged, which alone decides on them. Jumps, references, tolerances, repeated states and the
+tracking state are matters of C for both.
 
 Python changes the parts of the controller under a lock that C holds while it answers a state. C
 stops answering at every change, and resumes after the next answer by Python.
@@ -11,12 +12,10 @@ stops answering at every change, and resumes after the next answer by Python.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
-from ctypes import Structure, addressof, byref, c_double, c_int64, c_void_p
+from ctypes import Structure, addressof, byref, c_void_p
 from dataclasses import dataclass
-from functools import cache, partial
-from pathlib import Path
+from functools import partial
 from threading import Thread
 
 import numpy as np
@@ -30,49 +29,25 @@ from arm_dynamics.control.wrappers import AnyController, Switch
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.common.executor import guarded
 from arm_dynamics.ros.controller.answer_log import AnswerLog
+from arm_dynamics.ros.controller.code import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import (
-    FAILED,
-    CompiledReader,
-    JointStateReader,
-    JointStateSink,
-    address,
-    native,
-)
+from arm_dynamics.ros.joint_state import FAILED, JointStateReader, JointStateSink
 from arm_dynamics.trajectory.reference import Motion, Trajectory
 
-SOURCE = Path(__file__).with_name("native") / "answers.c"
-_ENDED = -1  # as in answers.c
-_ROOM = 4096  # bytes of a state; longer ones are passed to Python
+_ENDED = HEADER.constants["ENDED"]
 _NEVER = 2**63 - 1
 # Fast DDS's listeners may take and write; others hold locks meanwhile that taking needs.
 _TAKE_IN_CALLBACKS = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
 
 class Answers(Structure):
-    """``answers_t`` of answers.c, where the fields are explained."""
+    """``answers_t`` of answers.h, where the fields are explained."""
 
-    _fields_ = (
-        ("active", c_int64), ("interrupt", c_int64),
-        ("source", c_void_p), ("reader", c_void_p), ("sink", c_void_p),
-        ("joints", c_int64), ("until", c_int64),
-        ("report", c_void_p),
-        ("law", c_void_p), ("input", c_void_p), ("torque", c_void_p), ("limit", c_void_p),
-        ("memory", c_void_p), ("next_memory", c_void_p), ("remembered", c_int64),
-        ("gain", c_void_p), ("back_emf", c_void_p), ("command", c_void_p),
-        ("start", c_int64), ("segments", c_int64),
-        ("knots", c_void_p), ("polynomials", c_void_p), ("ends", c_void_p),
-        ("begin", c_int64), ("position_tolerance", c_void_p), ("velocity_tolerance", c_void_p),
-        ("turning", c_void_p),
-        ("gap", c_double), ("jump", c_double),
-        ("stamp", c_int64), ("q", c_void_p), ("v", c_void_p), ("tau", c_void_p),
-        ("raw", c_void_p), ("length", c_int64), ("room", c_int64),
-        ("count", c_int64), ("last", c_int64), ("busy", c_int64), ("longest", c_int64),
-    )  # fmt: skip
+    _fields_ = HEADER.fields("answers_t")
 
 
 @dataclass(frozen=True)
@@ -102,18 +77,6 @@ class Parts:
     action: TrajectoryAction
     jumps: Jumps
     log: AnswerLog
-
-
-@cache
-def _library() -> ctypes.CDLL | None:
-    """The compiled functions; None without a compiler or ROS's headers."""
-    if (library := native(SOURCE)) is None:
-        return None
-    library.receiver.argtypes, library.receiver.restype = [c_void_p], c_void_p
-    library.serve.argtypes, library.serve.restype = [c_void_p, c_void_p, c_int64], c_int64
-    for function in (library.lock, library.unlock, library.end, library.destroy):
-        function.argtypes, function.restype = [c_void_p], None
-    return library
 
 
 class OrdinaryAnswers:
@@ -161,13 +124,10 @@ class OrdinaryAnswers:
         Returns:
             Whether it was started; if not, ``obstacle`` says why.
         """
-        library, reader = _library(), parts.reader
-        self.obstacle = "no compiler, or no headers of ROS"
-        if library is None or not isinstance(reader, CompiledReader):
-            return False
-        self._native, self._reader, self._parts = library, reader, parts
+        reader = parts.reader
+        self._native, self._reader, self._parts = library(), reader, parts
         self._newest = Newest(node, JOINT_STATES)
-        self._receiver = c_void_p(library.receiver(self._newest.pointer))
+        self._receiver = c_void_p(self._native.receiver(self._newest.pointer))
         if not self._receiver:
             self.obstacle = "the middleware does not report new messages"
             self._newest.close()
@@ -221,11 +181,10 @@ class OrdinaryAnswers:
         answers.busy = answers.longest = 0
         return values
 
-    def resume(self, raw: bytes, period: float, gap: float, jump: float) -> None:
+    def resume(self, period: float, gap: float, jump: float) -> None:
         """Let C answer the next states, if possible. Call it locked, after an answer by Python.
 
         Args:
-            raw: The state that was answered.
             period: Parameter ``state_period``.
             gap: Parameter ``gap_limit``.
             jump: Parameter ``jump_limit``.
@@ -233,35 +192,31 @@ class OrdinaryAnswers:
         answers, parts, follower = self._answers, self._parts, self._parts.goals.follower
         start, motion = follower.active
         factors = parts.command_map.factors
-        self.obstacle = self._find_obstacle(raw, motion, factors)
+        self.obstacle = self._find_obstacle(motion, factors)
         if self.obstacle or self._law is None or not isinstance(motion, Trajectory):
             return
         answers.interrupt = 0
         parts.report.prepare(period, parts.goals)
-        answers.gap, answers.jump = gap, jump
+        answers.gap, answers.far = gap, jump
         next_begin = follower.next_begin
         answers.start, answers.until = start, _NEVER if next_begin is None else next_begin
         answers.gain, answers.back_emf = map(_place, factors or (None, None))
-        answers.stamp, answers.length = parts.goals.stamp, len(raw)
-        self._raw[: len(raw)] = raw
-        self._last[:2] = parts.jumps.last
         self._used = (factors, *self._use_law(self._law), *self._use_motion(motion))
         self._used += self._use_tolerances()
         answers.active = 1
 
     def _bind(self, parts: Parts) -> None:
         """Set the constant fields."""
-        n, raw = parts.command.size, bytearray(_ROOM)
-        self._raw, self._last = raw, np.zeros((3, n))  # q, v and torque
+        n = parts.command.size
+        self._tau = np.zeros(n)
         source, reader = self._reader.places
         self._answers = Answers(
             source=source, reader=reader, sink=parts.sink.place, joints=n,
             report=parts.report.place, command=parts.command.ctypes.data,
-            q=self._last[0].ctypes.data, v=self._last[1].ctypes.data,
-            tau=self._last[2].ctypes.data, raw=address(raw), room=_ROOM,
+            before=parts.jumps.place, tau=self._tau.ctypes.data, last=parts.log.place,
         )  # fmt: skip
 
-    def _find_obstacle(self, raw: bytes, motion: Motion, factors: object) -> str:
+    def _find_obstacle(self, motion: Motion, factors: object) -> str:
         """Reason why C cannot answer the next state; empty if it can."""
         control = self._parts.control
         if control.active is not self._control:
@@ -272,9 +227,7 @@ class OrdinaryAnswers:
             return "controllers are being switched"
         if factors is None:
             return "commands depend on positions"
-        if not isinstance(motion, Trajectory):
-            return "the motion is a Cartesian path"
-        return "" if len(raw) <= _ROOM else f"states have more than {_ROOM} bytes"
+        return "" if isinstance(motion, Trajectory) else "the motion is a Cartesian path"
 
     def _use_law(self, law: CompiledLaw) -> tuple[object, ...]:
         """Pass the controller to C; returns what must be kept alive."""
@@ -289,7 +242,7 @@ class OrdinaryAnswers:
 
     def _use_motion(self, motion: Trajectory) -> tuple[object, ...]:
         """Pass the motion to C; returns what must be kept alive."""
-        used = tuple(map(np.ascontiguousarray, (motion.times, motion.polynomials, motion.ends)))
+        used = motion.times, motion.polynomials, motion.ends
         answers = self._answers
         answers.segments = len(motion.times) - 1
         answers.knots, answers.polynomials, answers.ends = map(_place, used)
@@ -298,17 +251,16 @@ class OrdinaryAnswers:
     def _use_tolerances(self) -> tuple[object, ...]:
         """Pass the tolerances of the action's goal to C; returns what must be kept alive."""
         answers, checks = self._answers, self._parts.action.checks
-        answers.position_tolerance = None
+        answers.path = None
         if checks is None:
             return ()
         answers.until, answers.begin = min(answers.until, checks.until), checks.begin
-        path, turning = checks.tolerances.path, np.zeros(answers.joints, np.int64)
+        path = checks.tolerances.path
         if path.is_none:
             return ()
-        turning[list(checks.tolerances.turning)] = 1
-        used = np.array(path.position), np.array(path.velocity), turning
-        answers.position_tolerance, answers.velocity_tolerance, answers.turning = map(_place, used)
-        return used
+        allowed = checks.tolerances.allowed(path)
+        answers.path = addressof(allowed)
+        return (allowed,)
 
     def _stop(self) -> None:
         """Stop C from answering and update the parts with its results."""
@@ -318,12 +270,9 @@ class OrdinaryAnswers:
         if not count:
             return
         self.count += count
-        q, v, tau = self._last.copy()
-        parts.goals.stamp = answers.stamp
-        parts.control.note(tau)
-        parts.jumps.note(answers.stamp, q, v)
-        raw = bytes(self._raw[: answers.length])
-        parts.log.add(count, 1e-9 * answers.last, raw, bytes(parts.sink.raw))
+        parts.goals.stamp = parts.jumps.stamp
+        parts.control.note(self._tau.copy())
+        parts.log.add(count, 1e-9 * answers.seen, bytes(parts.sink.raw))
 
     def _end(self) -> None:
         if self._receiver:

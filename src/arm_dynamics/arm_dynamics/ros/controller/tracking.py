@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
-from ctypes import Structure, c_double, c_int64, c_void_p
+from ctypes import Structure, addressof, byref
 
 import numpy as np
 from arm_msgs.msg import TrackingState
@@ -14,31 +13,32 @@ from rclpy.node import Node
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Moving
 from arm_dynamics.ros.common.cdr import CdrReader, as_bytes
-from arm_dynamics.ros.common.convert import to_array, to_time
+from arm_dynamics.ros.common.convert import to_array
 from arm_dynamics.ros.common.direct import advertise
+from arm_dynamics.ros.controller.code import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
+from arm_dynamics.ros.controller.tolerances import joined
 from arm_dynamics.ros.interfaces import CONTROLLER_STATE
 from arm_dynamics.ros.joint_state import address
 from arm_dynamics.trajectory.reference import Reference
 
-_ARRAYS = 8  # in a TrackingState; the number ``remaining`` follows
+_FIELDS = (
+    "reference_position", "reference_velocity", "reference_acceleration", "feedback_position",
+    "feedback_velocity", "position_error", "velocity_error", "effort",
+)  # fmt: skip
+_ARRAYS = HEADER.constants["ARRAYS"]  # in a TrackingState; the number ``remaining`` follows
 
 
 class _Report(Structure):
-    """``report_t`` of answers.c, where the fields are explained."""
+    """``report_t`` of answers.h, where the fields are explained."""
 
-    _fields_ = (
-        ("publisher", c_void_p), ("due", c_int64), ("period", c_int64),
-        ("raw", c_void_p), ("size", c_int64), ("at", c_int64 * (_ARRAYS + 1)),
-        ("start", c_int64), ("duration", c_double),
-    )  # fmt: skip
+    _fields_ = HEADER.fields("report_t")
 
 
 class TrackingTopic:
     """Publishes the tracking state every few ticks while it has subscribers.
 
-    Both Python and C do that, each for the states that it answers; they share the stamp from which
-    the next message is due.
+    Python and C do that by the same function, each for the states that it answers.
     """
 
     def __init__(self, node: Node, names: Sequence[str]) -> None:
@@ -50,7 +50,7 @@ class TrackingTopic:
     @property
     def place(self) -> int:
         """Address of ``report_t``."""
-        return ctypes.addressof(self._shared)
+        return addressof(self._shared)
 
     def restart(self) -> None:
         """Publish at the next state."""
@@ -70,14 +70,11 @@ class TrackingTopic:
             state: Its positions and velocities.
             tau: The answer in [N m, N], shape (n,).
         """
-        if stamp < self._shared.due:
-            return
-        self._shared.due = stamp + round(1e9 * period)
-        if self._publisher.get_subscription_count():
-            message = tracking_state(stamp, self._names, reference, state, tau)
-            message.goal = goals.outcome
-            message.remaining = goals.follower.remaining(stamp)
-            self._publisher.publish(message)
+        self.prepare(period, goals)
+        motion = joined(state, reference)
+        given = byref(self._shared), stamp, tau.size, motion.ctypes.data
+        if library().report(*given, np.ascontiguousarray(tau).ctypes.data):
+            self._publisher.publish(bytes(self._raw))  # again: it gives the reason
 
     def prepare(self, period: float, goals: Goals) -> None:
         """Let C publish the next messages; arguments as of ``publish``."""
@@ -90,10 +87,9 @@ class TrackingTopic:
 
     def _lay_out(self) -> None:
         """Serialize a message for C, and find its numbers."""
-        none = np.zeros(len(self._names))
-        nothing = Reference(none, none, none)
-        message = tracking_state(0, self._names, nothing, nothing, none)
-        message.goal = self._outcome
+        message = TrackingState(joint_names=self._names, goal=self._outcome)
+        for name in _FIELDS:
+            setattr(message, name, to_array(np.zeros(len(self._names))))
         raw, shared = as_bytes(message), self._shared
         cdr = CdrReader(raw)
         cdr.nanoseconds()
@@ -105,20 +101,3 @@ class TrackingTopic:
         shared.at[_ARRAYS] = cdr.skip(8, 8)
         self._raw = bytearray(raw)
         shared.raw, shared.size = address(self._raw), len(raw)
-
-
-def tracking_state(
-    stamp: int, names: Sequence[str], reference: Reference, state: Moving, tau: Array
-) -> TrackingState:
-    """Compose a message without goal; ``stamp`` in [ns], ``tau`` in [N m, N]."""
-    message = TrackingState(joint_names=list(names))
-    message.header.stamp = to_time(stamp)
-    message.reference_position = to_array(reference.q)
-    message.reference_velocity = to_array(reference.v)
-    message.reference_acceleration = to_array(reference.a)
-    message.feedback_position = to_array(state.q)
-    message.feedback_velocity = to_array(state.v)
-    message.position_error = to_array(reference.q - state.q)
-    message.velocity_error = to_array(reference.v - state.v)
-    message.effort = to_array(tau)
-    return message

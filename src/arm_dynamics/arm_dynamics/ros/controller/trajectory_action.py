@@ -32,12 +32,12 @@ from arm_dynamics.ros.controller.action_goal import (
 )
 from arm_dynamics.ros.controller.goals import PLANNED_AT_ONCE, Goal, Goals
 from arm_dynamics.ros.controller.messages import waypoints
+from arm_dynamics.ros.controller.tolerances import Tolerances, Verdict
 from arm_dynamics.ros.interfaces import FOLLOW_JOINT_TRAJECTORY as ACTION
 from arm_dynamics.trajectory.excess import Bounds
 from arm_dynamics.trajectory.follower import Follower, Outset
 from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Waypoint, hold
 from arm_dynamics.trajectory.spline import spline, stretched_spline
-from arm_dynamics.trajectory.tolerances import Tolerances, Verdict
 
 _KIND = "action goal"
 _KEPT = 60  # [s] for which results are kept for late clients
@@ -214,7 +214,7 @@ class TrajectoryAction:
 
     def _judge(self, active: _Active, stamp: int, reference: Reference, state: Moving) -> None:
         late = 1e-9 * (stamp - active.begin) - active.motion.duration
-        verdict = active.tolerances.verdict(-late, reference, state.q, state.v)
+        verdict = active.tolerances.verdict(-late, reference, state)
         if stamp >= active.next_feedback or verdict is not None:
             active.note(stamp + round(1e9 / self.params.action_monitor_rate))
             active.handle.publish_feedback(self._feedback(active, stamp, reference, state))
@@ -222,7 +222,7 @@ class TrajectoryAction:
             self._end("succeed", "SUCCESSFUL", "Goal successfully reached!")
         elif verdict is not None:
             names = self._model.joint_names
-            self._log.warning(active.tolerances.worst(verdict, names, reference, state.q, state.v))
+            self._log.warning(active.tolerances.worst(verdict, names, reference, state))
             self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q)))
             self._failed(verdict, late)
 
@@ -237,7 +237,7 @@ class TrajectoryAction:
     def _feedback(self, active: _Active, stamp: int, reference: Reference, state: Moving) -> Any:
         message = ACTION.type.Feedback(joint_names=list(self._model.joint_names))
         message.header.stamp = to_time(stamp)
-        errors = active.tolerances.errors(reference, state.q, state.v)
+        errors = active.tolerances.errors(reference, state)
         message.desired = _point(reference.q, reference.v, reference.a)
         message.actual, message.error = _point(state.q, state.v), _point(*errors)
         since = to_time(stamp - active.start)

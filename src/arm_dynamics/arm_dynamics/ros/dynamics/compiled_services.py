@@ -11,7 +11,7 @@ from __future__ import annotations
 import ctypes
 from collections import Counter
 from collections.abc import Callable
-from ctypes import POINTER, c_char_p, c_int64, c_void_p
+from ctypes import c_char_p, c_void_p
 from functools import cache
 from pathlib import Path
 from threading import RLock, Thread
@@ -23,6 +23,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_services_default
 from rclpy.type_support import check_for_type_support
 
+from arm_dynamics.codegen.header import Header
 from arm_dynamics.dynamics import point_answers
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.point_answers import PointAnswer, compiled_answer
@@ -30,7 +31,7 @@ from arm_dynamics.exceptions import KernelError, plain
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.c_message import CMessage
 from arm_dynamics.ros.common.executor import THROTTLE
-from arm_dynamics.ros.common.rcl_code import find_with_rcl
+from arm_dynamics.ros.common.rcl_code import code_of_nodes
 from arm_dynamics.ros.dynamics.request_counts import InC
 from arm_dynamics.ros.interfaces import (
     DYNAMICS_TERMS,
@@ -48,49 +49,31 @@ COMPILED: tuple[tuple[Service, PointAnswer, int], ...] = (
 )
 """Services in the order of services.c, their functions, and their largest numbers of points."""
 WORTH = 20  # number of requests after which compiling a service is worth the time
-_ENDED = -1  # as in services.c
 SOURCE = Path(__file__).with_name("native") / "services.c"
+HEADER = Header(SOURCE.with_suffix(".h"))
+_ENDED = HEADER.constants["ENDED"]
 
 
 class _Answer(ctypes.Structure):
-    """``answer_t`` of services.c."""
+    """``answer_t`` of services.h, where the fields are explained."""
 
-    _fields_ = (
-        ("rows", c_void_p), ("response", c_void_p), ("names", POINTER(c_char_p)),
-        ("joints", c_int64), ("most", c_int64), ("level", c_void_p), ("gravity", c_void_p),
-        ("zeros", c_void_p),
-    )  # fmt: skip
+    _fields_ = HEADER.fields("answer_t")
 
 
-class _Header(ctypes.Structure):
-    """``rmw_request_id_t``."""
+class _Counts(ctypes.Structure):
+    """``counts_t`` of services.h."""
 
-    _fields_ = (("writer_guid", ctypes.c_int8 * 16), ("sequence_number", c_int64))
-
-
-class _Service(ctypes.Structure):
-    """``service_t`` of services.c."""
-
-    _fields_ = (
-        ("service", c_void_p), ("request", c_void_p), ("kind", c_int64), ("answer", _Answer),
-        ("header", _Header), ("answered", c_int64), ("busy", c_int64), ("lost", c_int64),
-        ("called", ctypes.c_bool), ("server", c_void_p),
-    )  # fmt: skip
+    _fields_ = HEADER.fields("counts_t")
 
 
 @cache
-def native() -> ctypes.CDLL | None:
-    """The compiled functions; None if they are not available."""
-    if (library := find_with_rcl(SOURCE, "arm_msgs")) is None:
-        return None
-    library.server.argtypes, library.server.restype = [c_void_p] * 2, c_void_p
-    library.serve.argtypes, library.serve.restype = [c_void_p], c_int64
-    library.use.argtypes, library.use.restype = [c_void_p, c_int64, c_void_p], None
-    library.respond.argtypes = [c_void_p, c_int64, c_void_p, c_void_p]
-    library.respond.restype = None
-    for function in (library.end, library.release):
-        function.argtypes, function.restype = [c_void_p], None
-    return library
+def native() -> ctypes.CDLL:
+    """The compiled functions.
+
+    Raises:
+        KernelError: If they are not available.
+    """
+    return code_of_nodes(SOURCE, headers=(HEADER,), packages=("arm_msgs",))
 
 
 class _Known:
@@ -102,9 +85,10 @@ class _Known:
         self._gravity = np.array(dynamics.model.scene.gravity, float)
         said = service.type.Response(success=True, joint_names=names)
         self._response = CMessage.of(said)
+        self._names = (c_char_p * len(names))(*(name.encode() for name in names))
         self.answer = _Answer(
             rows=ctypes.cast(rows, c_void_p), response=self._response.place,
-            names=(c_char_p * len(names))(*(name.encode() for name in names)),
+            names=ctypes.addressof(self._names),
             joints=len(names), most=most, gravity=self._gravity.ctypes.data,
             level=self._level.ctypes.data if friction.has_dry else None,
             zeros=self._zeros.ctypes.data,
@@ -151,7 +135,6 @@ class CompiledServices:
         if not self._server:
             self._give_back()
             raise KernelError("this ROS does not signal service calls")
-        self._services = (_Service * len(COMPILED)).from_address(self._server.value or 0)
         node.context.on_shutdown(self._end)
         self._thread = Thread(target=self._serve, name="services", daemon=True)
         self._thread.start()
@@ -159,8 +142,10 @@ class CompiledServices:
     @property
     def counts(self) -> InC:
         """Counts of requests that C answered."""
-        counted = [(each.answered, each.lost, 1e-9 * each.busy) for each in self._services]
-        return InC(*map(sum, zip(*counted, strict=True)))
+        counts = _Counts()
+        if self._server:
+            self._native.counts(self._server, ctypes.byref(counts))
+        return InC(counts.answered, counts.lost, 1e-9 * counts.busy)
 
     @property
     def compiled(self) -> list[Service]:
@@ -211,10 +196,9 @@ class CompiledServices:
     def _by_python(self, k: int) -> None:
         """Answer the request that C has passed on."""
         service, *_ = COMPILED[k]
-        header = _Header.from_buffer_copy(self._services[k].header)
         request = self._requests[k].read()
         response = CMessage.of(self._answer(service, request, service.type.Response()))
-        self._native.respond(self._server, k, ctypes.byref(header), response.place)
+        self._native.respond(self._server, k, response.place)
         response.close()
         with self._lock:
             self._builder.deliver()

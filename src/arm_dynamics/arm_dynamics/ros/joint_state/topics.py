@@ -1,218 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JointStates of a topic, each in a single C call if a compiler and ROS's headers are available.
+"""JointStates of a topic, each in a single C call.
 
 In a loop that wakes up a thousand times a second the processor's caches are cold, and every line
-of Python costs several times what it costs in a benchmark. Messages that C does not support, or
-finds invalid, are read by ``serialization``, which alone rejects messages.
+of Python costs several times what it costs in a benchmark.
 """
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from ctypes import c_int64, c_void_p
-from functools import cache, partial
-from pathlib import Path
-from struct import Struct
-from typing import Any
+from ctypes import c_void_p
+from functools import partial
 
-import numpy as np
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.ros.common.cdr import NATIVE
 from arm_dynamics.ros.common.direct import Newest, advertise
-from arm_dynamics.ros.common.rcl_code import find_with_rcl
 from arm_dynamics.ros.interfaces import Topic
-from arm_dynamics.ros.joint_state.serialization import (
-    FIELDS,
-    JointStateReader,
-    JointStateWriter,
-    Numbers,
-    Read,
-    layout_of,
-    parsed,
-)
-
-NONE, KNOWN, BEYOND, OTHER, FAILED = range(5)  # as in joint_state.c
-_KINDS = 4  # likewise
-SOURCE = Path(__file__).with_name("native") / "joint_state.c"
-
-
-class _Kind(ctypes.Structure):
-    """``kind_t`` of joint_state.c."""
-
-    _fields_ = (
-        ("fixed", ctypes.c_char_p), ("expected", ctypes.c_char_p), ("size", c_int64),
-        ("at", c_int64 * 3), ("place", c_void_p),
-    )  # fmt: skip
-
-
-class _State(ctypes.Structure):
-    """``joint_state_t`` of joint_state.c."""
-
-    _fields_ = (
-        ("kinds", _Kind * _KINDS), ("fields", c_int64), ("joints", c_int64),
-        ("limit", c_void_p), ("found", c_void_p), ("raw", c_void_p), ("length", c_int64),
-        ("gaps", c_int64),
-    )  # fmt: skip
+from arm_dynamics.ros.joint_state.code import HEADER, address, library
+from arm_dynamics.ros.joint_state.reader import FAILED, NONE, JointStateReader, Read
+from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 
 
 class Sink(ctypes.Structure):
-    """``sink_t`` of joint_state.c."""
+    """``sink_t`` of joint_state.h."""
 
-    _fields_ = (
-        ("raw", c_void_p), ("size", c_int64), ("fields", c_int64), ("joints", c_int64),
-        ("at", c_int64 * 3), ("numbers", c_void_p * 3), ("publisher", c_void_p),
-    )  # fmt: skip
-
-
-@cache
-def native(*others: Path) -> ctypes.CDLL | None:
-    """The compiled functions, with those of other files; None if they are not available."""
-    if (library := find_with_rcl(SOURCE, after=others)) is None:
-        return None
-    library.look.argtypes = [c_void_p, ctypes.c_char_p, c_int64]
-    library.take.argtypes = [c_void_p, c_void_p]
-    library.source.argtypes, library.source.restype = [c_void_p], c_void_p
-    library.release.argtypes, library.release.restype = [c_void_p], None
-    library.send.argtypes = [c_void_p, c_int64]
-    for function in (library.look, library.take, library.send):
-        function.restype = c_int64
-    return library
-
-
-class CompiledReader(JointStateReader):
-    """A ``JointStateReader`` that reads messages of known layouts in C.
-
-    Attributes:
-        left: Outcome of ``take`` for a message that other compiled code has received and that has
-            not been read yet; ``NONE`` if there is none.
-    """
-
-    def __init__(
-        self, native: ctypes.CDLL, names: Sequence[str], fields: Sequence[str], **options: Any
-    ) -> None:
-        super().__init__(names, fields, **options)
-        n, count = len(names), len(fields)
-        self._found = bytearray(24 + 8 * n * count)
-        self._unpack = Struct(f"=qqq{n * count}d").unpack_from
-        self._numbers = [slice(3 + n * k, 3 + n * (k + 1)) for k in range(count)]
-        self._limits = np.array(self._limit)
-        self._state = _State(
-            fields=count, joints=n, found=address(self._found),
-            limit=self._limits.ctypes.data if self._limit else None, gaps=self._gaps,
-        )  # fmt: skip
-        # For each kind its source, the joints that it names, and the array that C uses.
-        self._kinds: list[tuple[str, frozenset[int], Any]] = []
-        self._learned = 0
-        self.left, self._memory = NONE, c_void_p(None)
-        self._native, self._place = native, c_void_p(ctypes.addressof(self._state))
-        self._look = partial(native.look, self._place)
-
-    def read(self, raw: bytes) -> Read:
-        """See ``JointStateReader.read``."""
-        if (outcome := self._look(raw, len(raw))) <= BEYOND:
-            return self._accepted(outcome)[1]
-        return self._learn(raw)
-
-    def open(self, subscription: int) -> None:
-        """Prepare to receive from an ``rcl_subscription_t``; ``close`` before it is destroyed."""
-        self._memory = c_void_p(self._native.source(subscription))
-        self.take = partial(self._native.take, self._memory, self._place)
-
-    def next(self) -> int:
-        """Outcome of ``take``, or of the pending message."""
-        left, self.left = self.left, NONE
-        return left or self.take()
-
-    def close(self) -> None:
-        """Free the memory for messages."""
-        self.take = partial(int, NONE)
-        if self._memory:
-            self._native.release(self._memory)
-            self._memory = c_void_p(None)
-
-    @property
-    def places(self) -> tuple[int, int]:
-        """Addresses of ``source_t`` and ``joint_state_t``, for other compiled code."""
-        return self._memory.value or 0, ctypes.addressof(self._state)
-
-    def whole_from(self, source: str) -> list[bool]:
-        """The known kinds that come from a source and name all joints."""
-        n = len(self._names)
-        return [name == source and len(joints) == n for name, joints, _ in self._kinds]
-
-    def keep(self, numbers: Numbers) -> None:
-        """Store the only field of a message that was read elsewhere."""
-        self._values = [numbers]
-
-    @property
-    def raw(self) -> bytes:
-        """The message that was received last."""
-        return ctypes.string_at(self._state.raw, self._state.length)
-
-    def taken(self, outcome: int) -> tuple[int, Read] | None:
-        """Arrival in [ns] and content of a message, after ``take`` with that outcome."""
-        if outcome == NONE:
-            return None
-        if outcome == OTHER:
-            return self._unpack(self._found)[1], self._learn(self.raw)
-        return self._accepted(outcome)
-
-    def _accepted(self, outcome: int) -> tuple[int, Read]:
-        """Arrival in [ns], and the values that C has read with that outcome."""
-        found = self._unpack(self._found)
-        source, joints, _ = self._kinds[found[2]]
-        self._admit(source, joints)
-        values: list[Numbers] = [found[place] for place in self._numbers]
-        if len(joints) < len(self._names):
-            values = [
-                tuple(new[i] if i in joints else old for i, old in enumerate(before))
-                for new, before in zip(values, self._values, strict=True)
-            ]
-        if not self._gaps:
-            self._values = values
-        if outcome == BEYOND:
-            values[0] = self._beyond(values[0])
-        return found[1], (found[0], values)
-
-    def _learn(self, raw: bytes) -> Read:
-        """Read a message in Python; C reads the next one of its kind."""
-        other = self._other
-        if isinstance(other, CompiledReader) and (found := other._look(raw, len(raw))) <= BEYOND:
-            return other._accepted(found)[1]
-        message = parsed(raw)
-        reader = self._reader_of(message)
-        if isinstance(reader, CompiledReader):
-            return reader._take_in(message, raw)
-        return reader._checked(message)
-
-    def _take_in(self, message: JointState, raw: bytes) -> Read:
-        """Read a message of an unknown kind, and register the kind for C."""
-        read = self._checked(message)
-        if not raw.startswith(NATIVE):
-            return read
-        source, places = message.header.frame_id, self._places(message)
-        layout = layout_of(source, message.name, [len(getattr(message, f)) for f in FIELDS])
-        order = np.array([-1 if place is None else place for place in places], np.int64)
-        oldest, joints = self._learned % _KINDS, frozenset(np.flatnonzero(order >= 0).tolist())
-        self._kinds[oldest : oldest + 1] = [(source, joints, order)]
-        self._learned += 1
-        kind = self._state.kinds[oldest]
-        kind.size, kind.fixed, kind.expected = len(layout.fixed), layout.fixed, layout.expected
-        kind.at[: len(self._fields)] = [
-            layout.places[FIELDS.index(f)] if getattr(message, f) else -1 for f in self._fields
-        ]
-        kind.place = order.ctypes.data
-        return read
+    _fields_ = HEADER.fields("sink_t")
 
 
 class JointStateSource:
     """JointStates of a topic for a loop that polls; no executor is needed.
-
-    With a ``CompiledReader`` a message is received and read in one call.
 
     Attributes:
         tap: Called with the bytes of every message, if set.
@@ -222,9 +39,7 @@ class JointStateSource:
         """Subscribe; ``close`` before the node is destroyed."""
         self._newest, self._reader = Newest(node, topic), reader
         self.tap: Callable[[bytes], None] | None = None
-        self._compiled = reader if isinstance(reader, CompiledReader) else None
-        if self._compiled is not None:
-            self._compiled.open(self._newest.pointer)
+        reader.open(self._newest.pointer)
 
     def take(self) -> tuple[int, Read] | None:
         """Receive the next message; None if there is none.
@@ -235,10 +50,10 @@ class JointStateSource:
         Raises:
             InvalidInput: As ``JointStateReader.read``.
         """
-        if self._compiled is not None and (outcome := self._compiled.next()) != FAILED:
+        if (outcome := self._reader.next()) != FAILED:
             if self.tap is not None and outcome != NONE:
-                self.tap(self._compiled.raw)
-            return self._compiled.taken(outcome)
+                self.tap(self._reader.raw)
+            return self._reader.taken(outcome)
         taken = self._newest.take()  # after a failure: gives the reason
         if self.tap is not None and taken is not None:
             self.tap(taken[0])
@@ -246,8 +61,7 @@ class JointStateSource:
 
     def close(self) -> None:
         """End the subscription."""
-        if self._compiled is not None:
-            self._compiled.close()
+        self._reader.close()
         self._newest.close()
 
 
@@ -256,10 +70,8 @@ class JointStateSink:
 
     Attributes:
         raw: The message that was sent last.
-        place: Address of ``sink_t``, for other compiled code; 0 without a compiler.
+        place: Address of ``sink_t``, for other compiled code.
     """
-
-    place = 0
 
     def __init__(
         self, node: Node, topic: Topic, writer: JointStateWriter, arrays: Sequence[Array]
@@ -276,8 +88,14 @@ class JointStateSink:
         """
         self._handle = advertise(node, topic).handle
         self._writer, self._arrays, self.raw = writer, tuple(arrays), writer.raw
-        compiled = native()
-        self._compiled = None if compiled is None else self._in_c(compiled.send)
+        self._sink = sink = Sink(
+            raw=address(writer.raw), size=len(writer.raw), fields=len(writer.places),
+            joints=self._arrays[0].size, publisher=self._handle.pointer,
+        )  # fmt: skip
+        for k, (place, array) in enumerate(zip(writer.places, self._arrays, strict=True)):
+            sink.at[k], sink.numbers[k] = place, array.ctypes.data
+        self.place = ctypes.addressof(sink)
+        self._send = partial(library().send, c_void_p(self.place))
 
     @property
     def heard(self) -> bool:
@@ -290,29 +108,5 @@ class JointStateSink:
 
     def send(self, stamp: int) -> None:
         """Publish the current content of the arrays, with this time in [ns]."""
-        if self._compiled is None or self._compiled(stamp):  # after a failure: gives the reason
+        if self._send(stamp):  # after a failure: gives the reason
             self._handle.publish_raw(self._writer.write(stamp, *self._arrays))
-
-    def _in_c(self, send: Callable[[c_void_p, int], int]) -> Callable[[int], int]:
-        """A function that writes and publishes in one call, and returns zero on success."""
-        writer = self._writer
-        self._sink = sink = Sink(
-            raw=address(writer.raw), size=len(writer.raw), fields=len(writer.places),
-            joints=self._arrays[0].size, publisher=self._handle.pointer,
-        )  # fmt: skip
-        for k, (place, array) in enumerate(zip(writer.places, self._arrays, strict=True)):
-            sink.at[k], sink.numbers[k] = place, array.ctypes.data
-        self.place = ctypes.addressof(sink)
-        return partial(send, c_void_p(self.place))
-
-
-def make_reader(names: Sequence[str], fields: Sequence[str], **options: Any) -> JointStateReader:
-    """The fastest available reader, see ``JointStateReader``."""
-    if (compiled := native()) is None:
-        return JointStateReader(names, fields, **options)
-    return CompiledReader(compiled, names, fields, **options)
-
-
-def address(buffer: bytearray) -> int:
-    """Address of the bytes of a buffer."""
-    return ctypes.addressof(ctypes.c_char.from_buffer(buffer))

@@ -3,21 +3,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from ctypes import Structure, byref
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.exceptions import plain
+from arm_sim.ros.code import LOOP, library
 
 STREAM = 10  # commands without a long pause that form a stream
 
 
-@dataclass
-class Source:
-    """A source of commands: its joints, the tick of its last command, and its commands so far."""
+class Source(Structure):
+    """A source of commands: ``stream_t`` of loop.h, where the fields are explained.
 
-    joints: frozenset[int]
-    at: float
-    count: int = 1
+    Attributes:
+        joints: The joints that it commanded last.
+    """
+
+    _fields_ = LOOP.fields("stream_t")
+    joints: frozenset[int] = frozenset()
 
 
 class Arbiter:
@@ -76,11 +79,9 @@ class Arbiter:
         """
         if not self.alone or source not in self._heard:
             self._contest(source, joints)
-        heard = self._heard.get(source)
-        if heard is None or not self._fresh(heard):
-            self._heard[source] = Source(joints, self.now)
-        else:
-            heard.joints, heard.at, heard.count = joints, self.now, heard.count + 1
+        heard = self._heard.setdefault(source, Source())
+        heard.joints = joints
+        library().hear(byref(heard), self.now, self.patience)
 
     def _contest(self, source: str, joints: frozenset[int]) -> None:
         self._heard = {s: heard for s, heard in self._heard.items() if self._fresh(heard)}
@@ -95,7 +96,7 @@ class Arbiter:
                 raise InvalidInput(f"{self.last_refusal}; allowed: one stream for each joint")
 
     def _fresh(self, heard: Source) -> bool:
-        return self.now - heard.at <= self.patience
+        return bool(library().is_remembered(byref(heard), self.now, self.patience))
 
     def forget(self) -> None:
         """Forget all sources."""

@@ -11,6 +11,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_sim.imperfections import Line
+from arm_sim.ros.code import library
 from arm_sim.servo import JointCommand
 
 BRAKE, SERVO, ZERO, HOLD, GRAVITY = "brake", "servo", "zero", "hold", "gravity"
@@ -126,8 +127,9 @@ class LatestCommand:
         if newest is not self._used:
             self._used, self.age, self.stale = newest, 0.0, False
             self._lasting = isinstance(newest, JointCommand) and newest.stays
+        stale = not self._lasting and library().is_stale(self.age, share, self.timeout)
         self.age += share
-        if self._lasting or not self.timeout or self.age <= self.timeout:
+        if not stale:
             return newest
         self.stale_count += not self.stale
         self.stale = True

@@ -3,50 +3,30 @@
 
 from __future__ import annotations
 
-from ctypes import Structure, addressof, byref, c_double, c_int64, c_void_p
-from pathlib import Path
+from ctypes import Structure, addressof, byref
 from threading import Lock
+from typing import Any
 
 import numpy as np
 
-from arm_dynamics.ros.joint_state import CompiledReader, native
 from arm_sim.imperfections import command_line
+from arm_sim.ros.code import TICKS, library
 from arm_sim.ros.inputs import AT_ONCE, Inputs
 from arm_sim.ros.lockstep import Ahead, Waiting
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.realtime_loop import Due
-from arm_sim.ros.record import RECORD, TickRecorder
-from arm_sim.ros.record.chunks import PERIOD_NS, SIZE
+from arm_sim.ros.record import TickRecorder
 from arm_sim.ros.stamps import NodeTime
 from arm_sim.ros.tick_engine import TickEngine
 
-SOURCE = Path(__file__).with_name("native") / "ticks.c"
-_KINDS = 4  # as in joint_state.c
-_FUNCTIONS = ("by_the_clock", "in_lockstep")
-_LEFT, _MADE = range(2)  # as in ticks.c
+_LEFT, _MADE = TICKS.constants["LEFT"], TICKS.constants["MADE"]
 _ROWS = 8192  # ticks stored for the energy account, which is evaluated every second
 
 
 class Ticks(Structure):
-    """``ticks_t`` of ticks.c, where the fields are explained."""
+    """``ticks_t`` of ticks.h, where the fields are explained."""
 
-    _fields_ = (
-        ("bell", c_void_p),
-        ("source", c_void_p), ("reader", c_void_p), ("at_once", c_int64),
-        ("leads", c_int64 * _KINDS),
-        ("share", c_double),
-        ("now", c_double), ("patience", c_int64), ("heard", c_double), ("count", c_int64),
-        ("age", c_double), ("timeout", c_int64), ("newest", c_void_p), ("fresh", c_int64),
-        ("pending", c_int64),
-        ("step", c_void_p), ("joints", c_int64), ("states", c_int64), ("ticks", c_int64),
-        ("notice", c_int64), ("drives", c_void_p),
-        ("trail", c_void_p), ("acted", c_void_p), ("room", c_int64), ("kept", c_int64),
-        ("noted", c_int64),
-        ("every", c_int64), ("seldom", c_int64), ("state", c_void_p), ("clock", c_void_p),
-        ("times", c_void_p), ("trip", c_void_p),
-        ("chunk", c_void_p), ("copy", c_void_p), ("size", c_int64), ("oldest", c_int64),
-        ("commands", c_int64), ("recorded", c_int64),
-    )  # fmt: skip
+    _fields_ = TICKS.fields("ticks_t")
 
 
 class OrdinaryTicks:
@@ -68,14 +48,10 @@ class OrdinaryTicks:
         """Check whether C can execute the scene's ticks; ``commands`` is their resolved topic."""
         self._engine, self._inputs, self._outputs = engine, inputs, outputs
         self._recorder, self._listeners, self.count = recorder, len(engine.on_tick), 0
+        self._native, self._reader = library(), inputs.reader
         self.refusal = self._why_not()
-        library = None if self.refusal else native(RECORD, SOURCE)
-        if library is None:
-            self.refusal = self.refusal or "no compiler, or no headers of ROS"
+        if self.refusal:
             return
-        self._functions = {name: getattr(library, name) for name in _FUNCTIONS}
-        for function in self._functions.values():
-            function.restype = c_int64
         simulator, stamps = engine.simulator, outputs.stamps
         n, nx = simulator.n, simulator.plant.nx
         self._newest = np.zeros(n)
@@ -89,16 +65,13 @@ class OrdinaryTicks:
             every=outputs.every, state=outputs.states.place,
             clock=None if outputs.clock is None else addressof(outputs.clock.sink),
             times=addressof(stamps) if isinstance(stamps, NodeTime) else None,
-            trip=addressof(inputs.round_trip), size=SIZE, oldest=PERIOD_NS,
+            trip=addressof(inputs.round_trip),
         )  # fmt: skip
         if recorder is not None:
             self._ticks.copy, self._ticks.commands = recorder.place, recorder.channel(commands)
 
     def _why_not(self) -> str:
-        simulator, reader = self._engine.simulator, self._inputs.reader
-        if not isinstance(reader, CompiledReader):
-            return "no compiler, or no headers of ROS"
-        self._reader = reader
+        simulator = self._engine.simulator
         if simulator.pointers is None:
             return "the scene runs on CasADi's virtual machine"
         if simulator.sensors is not None or command_line(simulator.model.scene, simulator.dt):
@@ -108,28 +81,32 @@ class OrdinaryTicks:
         return ""
 
     def by_the_clock(self, due: Due) -> bool:
-        """Execute the ticks that are due until one is not ordinary.
+        """Begin the ticks that are due, and execute them until one is not ordinary.
 
         Returns:
-            Whether no tick is left to ``TickEngine.tick`` yet.
+            Whether no tick that has begun is left to ``TickEngine.tick``.
         """
-        return self._made_by("by_the_clock", due) != _LEFT
+        why = self._made_by(self._native.by_the_clock, due)
+        if why is None:
+            self._native.await_tick(byref(due))
+        return why not in (None, _LEFT)
 
     def in_lockstep(self, waiting: Waiting) -> Ahead:
         """Execute ticks triggered by answers, as long as these arrive soon and are ordinary."""
-        return Ahead(self._made_by("in_lockstep", waiting))
+        why = self._made_by(self._native.in_lockstep, waiting)
+        return Ahead.CANNOT if why is None else Ahead(why)
 
-    def _made_by(self, function: str, what: Structure) -> int:
-        """Execute ticks; return the reason for the end."""
+    def _made_by(self, function: Any, what: Structure) -> int | None:
+        """Execute ticks; return the reason for the end, or None if none may be ordinary."""
         if self.refusal or not self._begin():
-            return _LEFT
+            return None
         recorder, chunk = self._recorder, None
         if recorder is not None:
             if (chunk := recorder.lend()) is None:
-                return _LEFT
+                return None
             self._ticks.chunk = chunk.address
         try:
-            why = int(self._functions[function](byref(self._ticks), byref(what)))
+            why = int(function(byref(self._ticks), byref(what)))
         finally:
             if recorder is not None:
                 recorder.take_back(self._ticks.recorded)
@@ -148,14 +125,14 @@ class OrdinaryTicks:
         name, heard = only
         if len(heard.joints) < simulator.n or len(engine.on_tick) != self._listeners:
             return False
-        self._before, self._heard = efforts, heard
+        self._before, self._heard = efforts, heard  # kept alive for C
         self._ahead = simulator.step_count - ticks.kept
         self._newest[:] = efforts
         ticks.source, ticks.reader = reader.places
         leads = reader.whole_from(name)
         ticks.leads[: len(leads)] = leads
         ticks.now, ticks.patience = arbiter.now, arbiter.patience
-        ticks.heard, ticks.count = heard.at, heard.count
+        ticks.stream = addressof(heard)
         ticks.age, ticks.timeout = slot.age, slot.timeout
         ticks.step, ticks.ticks = addressof(simulator.pointers), simulator.step_count
         ticks.notice, ticks.room = simulator.notices_cuts, _ROWS if engine.accounted else 0
@@ -166,8 +143,7 @@ class OrdinaryTicks:
     def _end(self) -> None:
         """Update the parts of the node with the executed ticks."""
         engine, ticks = self._engine, self._ticks
-        arbiter = engine.arbiter
-        arbiter.now, self._heard.at, self._heard.count = ticks.now, ticks.heard, ticks.count
+        engine.arbiter.now = ticks.now
         efforts = self._before
         if ticks.fresh:
             efforts = tuple(self._newest.tolist())

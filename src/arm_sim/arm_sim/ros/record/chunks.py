@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Buffering of messages for a file that a background thread writes.
 
-Adding a message never waits for the disk. It is copied into a chunk in the format of the file, by
-Python or, for ticks, by C (``native/record.c``); the thread compresses and writes whole chunks,
-mostly without the interpreter lock. The number of chunks is fixed: when the disk is too slow,
+Adding a message never waits for the disk. It is copied into a chunk in the format of the file
+(``native/record.c``); the thread compresses and writes whole chunks, mostly without the
+interpreter lock. The number of chunks is fixed: when the disk is too slow,
 messages are dropped and counted.
 """
 
@@ -14,53 +14,46 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from ctypes import Structure, addressof, c_char, c_int64, c_void_p
+from ctypes import Structure, addressof, c_void_p
 from queue import Empty, SimpleQueue
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files import MESSAGE, McapWriter
+from arm_sim.ros.code import RECORD, library
 
 PERIOD = 0.5  # [s] after which a chunk is written, even if not full
 SIZE = 1 << 20  # bytes per chunk
 COUNT = 8  # number of chunks
-_OPCODE, _EXTRA = 5, 22  # bytes of a message's head, and the part that its length includes
-HEAD, _pack = MESSAGE.size, MESSAGE.pack_into
+HEAD = MESSAGE.size  # bytes of a message's head
 PERIOD_NS = round(1e9 * PERIOD)
 _NICE = 10  # priority of the thread, below those with deadlines
 
 
 class Chunk(Structure):
-    """A buffer for messages: ``chunk_t`` of record.c.
+    """A buffer for messages: ``chunk_t`` of record.h, where the fields are explained."""
 
-    Attributes:
-        at: Number of bytes so far.
-        count: Number of messages so far.
-        since: Time of the first message in [ns].
-    """
-
-    _fields_ = (
-        ("raw", c_void_p), ("places", c_void_p),
-        ("at", c_int64), ("count", c_int64), ("since", c_int64),
-    )  # fmt: skip
+    _fields_ = RECORD.fields("chunk_t")
 
     def __init__(self) -> None:
         """Allocate ``SIZE`` bytes, and offsets of as many messages as fit."""
         self._memory, self._starts = bytearray(SIZE), np.zeros(SIZE // HEAD, np.int64)
-        raw = addressof(c_char.from_buffer(self._memory))
-        super().__init__(raw=raw, places=self._starts.ctypes.data)
+        super().__init__(
+            raw=address(self._memory), places=self._starts.ctypes.data, size=SIZE,
+            oldest=PERIOD_NS,
+        )  # fmt: skip
         self.address = c_void_p(addressof(self))
 
+    def fits(self, now: int, size: int) -> bool:
+        """Whether there is room for so many bytes, and it is not too old, at the time in [ns]."""
+        return bool(library().has_room(self.address, now, size))
+
     def put(self, channel: int, log: int, publish: int, data: bytes | bytearray) -> None:
-        """Copy a message that fits; as ``put_record`` of record.c."""
-        at, size = self.at, len(data)
-        if not at:
-            self.since = log
-        _pack(self._memory, at, _OPCODE, size + _EXTRA, channel, 0, log, publish)
-        self._memory[at + HEAD : at + HEAD + size] = data
-        self._starts[self.count] = at
-        self.count, self.at = self.count + 1, at + HEAD + size
+        """Copy a message that fits, with its times in [ns]."""
+        place = data if isinstance(data, bytes) else address(data)
+        library().put_record(self.address, channel, log, publish, place, len(data))
 
     @property
     def data(self) -> bytes:
@@ -139,11 +132,7 @@ class ChunkThread:
         """
         if self._closed:
             return None
-        chunk = self._chunk
-        at = chunk.at
-        if (at + size > SIZE or (at and log - chunk.since > PERIOD_NS)) and (
-            size > SIZE or not self._exchange()
-        ):
+        if not self._chunk.fits(log, size) and (size > SIZE or not self._exchange()):
             self.lost += count
             return None
         return self._chunk
@@ -198,8 +187,7 @@ class ChunkThread:
         if not self.lock.acquire(blocking=False):
             return  # wakes up when messages arrive
         try:
-            chunk = self._chunk
-            if chunk.at and time.time_ns() - chunk.since > PERIOD_NS:
+            if not self._chunk.fits(time.time_ns(), 0):
                 self._exchange()
         finally:
             self.lock.release()

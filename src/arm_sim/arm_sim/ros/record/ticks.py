@@ -19,7 +19,7 @@ from arm_sim.recording.files import TickFile, bag_metadata, where
 from arm_sim.recording.files.messages import Change, TickWriter, log_message
 from arm_sim.recording.files.ticks import UNCHANGED, tunable_names
 from arm_sim.ros.record.chunks import HEAD, Chunk, ChunkThread
-from arm_sim.ros.record.copying import CopyInC, TickCopy, tick_copy
+from arm_sim.ros.record.copying import TickCopy
 from arm_sim.ros.tick_engine import TickEngine
 
 INFO, ERROR = 20, 40
@@ -71,9 +71,7 @@ class TickRecorder:
         self._channels[states] = self.file.states
         self.thread = ChunkThread(self.file.mcap, tell)
         self._writer = TickWriter(simulator.plant.nx, simulator.n)
-        self._copy: TickCopy = tick_copy(
-            self._writer, simulator, self.file.ticks, self.file.states
-        )
+        self._copy = TickCopy(self._writer, simulator, self.file.ticks, self.file.states)
         self._published: tuple[int, bytearray] | None = None
         self._waiting = deque[tuple[int, int, bytes]]()
         self._whole = True  # whether the file contains every tick so far
@@ -148,7 +146,7 @@ class TickRecorder:
     @property
     def place(self) -> Any:
         """Address of ``tick_t``, for other compiled code."""
-        return self._copy.place if isinstance(self._copy, CopyInC) else None
+        return self._copy.place
 
     def published(self, stamp: int, message: bytearray) -> None:
         """Record a joint state with its stamp in [ns]; its bytes stay valid until the next one."""

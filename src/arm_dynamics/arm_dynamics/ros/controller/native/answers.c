@@ -2,78 +2,31 @@
  *
  * Ordinary answers of the controller: read a state, evaluate the reference and a compiled controller, publish the
  * command. Any other state is passed to Python unchanged, which alone decides on it. See ordinary_answers.py for the callers.
- *
- * Compiled after joint_state.c, in the same unit.
  */
+#include "answers.h"
+
+#include "sample.h"
+
+#include <math.h>
 #include <pthread.h>
+#include <rcutils/error_handling.h>
 #include <semaphore.h>
 #include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
+#define FASTER 2.0 /* largest ratio of the speed of a displacement to the speeds before and after it */
 #define FULL_TURN 6.283185307179586 /* 2 π */
 
-enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state that Python must answer */
-
-/* tracking._Report: the tracking state, a message in which only the stamp and the numbers change. */
-enum { ARRAYS = 8 };
-typedef struct {
-  const rcl_publisher_t* publisher;
-  int64_t due, period; /* stamp from which the next one is due, and time between two in [ns] */
-  uint8_t* raw;
-  int64_t size, at[ARRAYS + 1]; /* offsets of the arrays and of the remaining time */
-  /* The motion that was accepted last: stamp at which it begins, and duration in [s]. */
-  int64_t start;
-  double duration;
-} report_t;
-
-/* ordinary_answers.Answers */
-typedef struct {
-  int64_t active;    /* whether C may answer; false after every change in Python */
-  int64_t interrupt; /* nonzero: Python answers the next state */
-  source_t* source;
-  joint_state_t* reader;
-  sink_t* sink;
-  int64_t joints;
-  int64_t until; /* stamp from which Python answers states */
-  report_t* report;
-  /* The controller: its input (q, v and the reference's q, v, a), output and limit (NULL: none). */
-  const entry_t* law;
-  double* input;
-  const double *torque, *limit;
-  /* What it remembers: before and after a call, and how many numbers. */
-  double* memory;
-  const double* next_memory;
-  int64_t remembered;
-  /* Commands: gain times torque plus back_emf times velocity; NULL: the torque itself. */
-  const double *gain, *back_emf;
-  double* command;
-  /* The motion: stamp at which it begins, number of segments, positions before and after them. */
-  int64_t start, segments;
-  const double *knots, *polynomials, *ends;
-  /* Path tolerances and the stamp from which they apply; NULL: none. */
-  int64_t begin;
-  const double *position_tolerance, *velocity_tolerance;
-  const int64_t* turning; /* nonzero for joints without position limits, whose errors are modulo a full turn */
-  /* Largest time [s] and distance from one state to the next; 0: any. */
-  double gap, jump;
-  /* The last state, its torque, and its bytes; length 0: the sink no longer holds its answer. */
-  int64_t stamp;
-  double *q, *v, *tau;
-  uint8_t* raw;
-  int64_t length, room;
-  /* Answers so far, time of the last one, total and longest time of an answer in [ns]. */
-  int64_t count, last, busy, longest;
-} answers_t;
-
-/* Passes states from ROS to the thread that answers them. */
-typedef struct {
+struct receiver {
   pthread_mutex_t lock; /* held while a state is answered, or while Python uses the parts of the controller */
   sem_t calls;          /* posted for every state left to `serve`, and at the end */
   atomic_bool ended;
   answers_t* at_once; /* answers of states on the thread that brings them; NULL: `serve` answers all */
   int64_t left;       /* outcome for a state that was taken on that thread and is left to Python; NONE: none */
   const rcl_subscription_t* subscription;
-} receiver_t;
+};
 
 static int64_t now(void) {
   struct timespec t;
@@ -81,56 +34,53 @@ static int64_t now(void) {
   return GIGA * t.tv_sec + t.tv_nsec;
 }
 
-/* AnswerLog.again */
-static int is_repeated(const answers_t* a, const joint_state_t* s) {
-  return s->length == a->length && !memcmp(s->raw, a->raw, s->length);
+int64_t is_repeated(const last_t* last, const uint8_t* raw, int64_t length) {
+  return length && length == last->length && !memcmp(raw, last->raw, length);
 }
 
-/* Whether time or the arm may have jumped; Jumps.look decides, which also considers the speeds. */
-static int may_have_jumped(const answers_t* a, int64_t stamp, const double* q) {
-  const double gap = 1e-9 * (double)(stamp - a->stamp);
-  if (gap < 0.0 || (a->gap > 0.0 && a->gap < gap)) return 1;
-  for (int64_t i = 0; i < a->joints; ++i)
-    if (a->jump != 0.0 && fabs(q[i] - a->q[i]) > a->jump) return 1;
-  return 0;
+void remember(last_t* last, const uint8_t* raw, int64_t length) {
+  memcpy(last->raw, raw, length);
+  last->length = length;
 }
 
-/* The reference before (0) or after (1) the motion. */
-static void rest(const answers_t* a, int64_t end, double* reference) {
-  const int64_t n = a->joints;
-  memcpy(reference, a->ends + end * n, 8 * n);
-  memset(reference + n, 0, 16 * n);
+int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap,
+                  double far) {
+  if (!b->known) return STEADY;
+  const double passed = 1e-9 * (double)(stamp - b->stamp);
+  if (passed < 0.0) return BACKWARDS;
+  if (gap > 0.0 && passed > gap) return PAUSED;
+  for (int64_t i = 0; far > 0.0 && i < n; ++i)
+    if (fabs(q[i] - b->q[i]) > far + FASTER * passed * fmax(fabs(b->v[i]), fabs(v[i]))) return MOVED + i;
+  return STEADY;
 }
 
-/* Trajectory.sample */
-static void sample(const answers_t* a, double t, double* reference) {
-  const double* knots = a->knots;
-  int64_t low = 0, high = a->segments;
-  if (t >= knots[high]) return rest(a, 1, reference);
-  if (t < 0.0) return rest(a, 0, reference);
-  while (high - low > 1) {
-    const int64_t middle = (low + high) / 2;
-    if (knots[middle] <= t) low = middle;
-    else high = middle;
-  }
-  const double s = (t - knots[low]) / (knots[low + 1] - knots[low]);
-  const int64_t size = 3 * a->joints;
-  const double* c = a->polynomials + 6 * size * low;
-  for (int64_t i = 0; i < size; ++i) reference[i] = c[5 * size + i];
-  for (int k = 4; k >= 0; --k)
-    for (int64_t i = 0; i < size; ++i) reference[i] = reference[i] * s + c[k * size + i];
+void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const double* v) {
+  b->known = 1;
+  b->stamp = stamp;
+  memcpy(b->q, q, 8 * n);
+  memcpy(b->v, v, 8 * n);
 }
 
-/* Tolerances.verdict before the end of the motion. */
-static int within_path_tolerances(const answers_t* a, int64_t stamp) {
-  const int64_t n = a->joints;
-  const double *q = a->input, *v = q + n, *desired = v + n;
-  if (!a->position_tolerance || stamp < a->begin) return 1;
+static double position_error(const double* motion, int64_t n, const int64_t* turning, int64_t joint) {
+  const double error = motion[2 * n + joint] - motion[joint];
+  return turning[joint] ? remainder(error, FULL_TURN) : error;
+}
+
+static double velocity_error(const double* motion, int64_t n, int64_t joint) {
+  return motion[3 * n + joint] - motion[n + joint];
+}
+
+void find_errors(const double* motion, int64_t n, const int64_t* turning, double* errors) {
   for (int64_t i = 0; i < n; ++i) {
-    double error = desired[i] - q[i];
-    if (a->turning[i]) error = remainder(error, FULL_TURN);
-    if (fabs(error) > a->position_tolerance[i]) return 0;
-    if (fabs(desired[n + i] - v[i]) > a->velocity_tolerance[i]) return 0;
+    errors[i] = position_error(motion, n, turning, i);
+    errors[n + i] = velocity_error(motion, n, i);
+  }
+}
+
+int64_t is_within(const double* motion, int64_t n, const tolerance_t* allowed) {
+  for (int64_t i = 0; i < n; ++i) {
+    if (fabs(position_error(motion, n, allowed->turning, i)) > allowed->position[i]) return 0;
+    if (fabs(velocity_error(motion, n, i)) > allowed->velocity[i]) return 0;
   }
   return 1;
 }
@@ -148,16 +98,14 @@ static int compute(answers_t* a) {
   return 1;
 }
 
-/* TrackingTopic.publish; Python tries again, and says why, if it fails. */
-static void report(answers_t* a, int64_t stamp) {
-  report_t* r = a->report;
-  const int64_t n = a->joints;
-  const double *q = a->input, *v = q + n, *reference = v + n;
-  const double* parts[ARRAYS] = {reference, reference + n, reference + 2 * n, q, v, NULL, NULL, a->torque};
+int64_t report(report_t* r, int64_t stamp, int64_t n, const double* motion, const double* torque) {
+  const double *q = motion, *v = q + n, *reference = v + n;
+  const double* parts[ARRAYS] = {reference, reference + n, reference + 2 * n, q, v, NULL, NULL, torque};
   size_t subscribers = 0;
+  if (stamp < r->due) return 0;
   rcl_ret_t done = rcl_publisher_get_subscription_count(r->publisher, &subscribers);
   r->due = stamp + r->period;
-  if (done == RCL_RET_OK && !subscribers) return;
+  if (done == RCL_RET_OK && !subscribers) return 0;
   for (int k = 0; k < ARRAYS; ++k)
     if (parts[k]) memcpy(r->raw + r->at[k], parts[k], 8 * n);
   for (int64_t i = 0; i < 2 * n; ++i) {
@@ -166,23 +114,20 @@ static void report(answers_t* a, int64_t stamp) {
   }
   const double left = r->duration - 1e-9 * (double)(stamp - r->start), remaining = left > 0.0 ? left : 0.0;
   memcpy(r->raw + r->at[ARRAYS], &remaining, 8);
-  if (publish(r->publisher, r->raw, r->size, stamp)) {
-    r->due = stamp;
-    __atomic_store_n(&a->interrupt, 1, __ATOMIC_RELEASE);
-  }
+  done = publish(r->publisher, r->raw, r->size, stamp);
+  if (done != RCL_RET_OK) r->due = stamp;
+  return done;
 }
 
-static void remember(answers_t* a, const joint_state_t* s, int64_t stamp, int64_t began) {
+/* Register the answer to a state. */
+static void note_answer(answers_t* a, const joint_state_t* s, int64_t stamp, int64_t began) {
   const int64_t n = a->joints;
-  a->stamp = stamp;
-  memcpy(a->q, a->input, 8 * n);
-  memcpy(a->v, a->input + n, 8 * n);
+  note_state(a->before, n, stamp, a->input, a->input + n);
   memcpy(a->tau, a->torque, 8 * n);
   memcpy(a->memory, a->next_memory, 8 * a->remembered);
-  memcpy(a->raw, s->raw, s->length);
-  a->length = s->length;
-  a->last = now();
-  const int64_t duration = a->last - began;
+  remember(a->last, s->raw, s->length);
+  a->seen = now();
+  const int64_t duration = a->seen - began;
   a->busy += duration;
   if (duration > a->longest) a->longest = duration;
   ++a->count;
@@ -196,22 +141,25 @@ static int answer(answers_t* a, int64_t began) {
   if (!a->active || __atomic_load_n(&a->interrupt, __ATOMIC_ACQUIRE)) return 0;
   memcpy(&stamp, s->found, 8);
   memcpy(a->input, s->found + 24, 16 * n);
-  if (stamp >= a->until || s->length > a->room || is_repeated(a, s)) return 0;
-  if (may_have_jumped(a, stamp, a->input)) return 0;
-  sample(a, 1e-9 * (double)(stamp - a->start), a->input + 2 * n);
-  if (!within_path_tolerances(a, stamp) || !compute(a)) return 0;
+  if (stamp >= a->until || s->length > a->last->room || is_repeated(a->last, s->raw, s->length)) return 0;
+  if (find_jump(a->before, n, stamp, a->input, a->input + n, a->gap, a->far) != STEADY) return 0;
+  const double t = 1e-9 * (double)(stamp - a->start);
+  sample(n, a->segments, a->knots, a->polynomials, a->ends, t, a->input + 2 * n);
+  if (a->path && stamp >= a->begin && !is_within(a->input, n, a->path)) return 0;
+  if (!compute(a)) return 0;
   if (send(a->sink, stamp)) {
-    a->length = 0;
+    a->last->length = 0; /* the sink no longer holds its answer */
     return 0;
   }
-  if (a->report->due <= stamp) report(a, stamp);
-  remember(a, s, stamp, began);
+  /* Python tries again, and says why, if it fails. */
+  if (report(a->report, stamp, n, a->input, a->torque)) __atomic_store_n(&a->interrupt, 1, __ATOMIC_RELEASE);
+  note_answer(a, s, stamp, began);
   return 1;
 }
 
-/* Locks for Python; they may be nested. */
-EXPORT void lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
-EXPORT void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
+void lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
+
+void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 
 /* Take a state and answer it; the outcome of `take` if Python must answer it, else NONE. */
 static int64_t take_and_answer(answers_t* a) {
@@ -219,10 +167,7 @@ static int64_t take_and_answer(answers_t* a) {
   return outcome == KNOWN && answer(a, began) ? NONE : outcome;
 }
 
-/* Answer states until Python must answer one; returns the outcome of `take` for it, or ENDED after `end`. Called by one
- * thread, which holds the lock before and after, but not while it waits. With `direct`, the thread of the middleware
- * that brings a state answers it at once where possible. */
-EXPORT int64_t serve(receiver_t* r, answers_t* a, int64_t direct) {
+int64_t serve(receiver_t* r, answers_t* a, int64_t direct) {
   r->at_once = direct ? a : NULL;
   for (;;) {
     unlock(r);
@@ -253,22 +198,19 @@ static void note(const void* receiver, size_t count) {
   if (!answer_at_once(r)) sem_post(&r->calls);
 }
 
-/* Let `serve` return. */
-EXPORT void end(receiver_t* r) {
+void end(receiver_t* r) {
   r->ended = 1;
   sem_post(&r->calls);
 }
 
-/* Free the memory; nothing may be using it. */
-EXPORT void destroy(receiver_t* r) {
+void destroy(receiver_t* r) {
   if (rcl_subscription_set_on_new_message_callback(r->subscription, NULL, NULL) != RCL_RET_OK) rcutils_reset_error();
   sem_destroy(&r->calls);
   pthread_mutex_destroy(&r->lock);
   free(r);
 }
 
-/* A receiver of the messages of a subscription; NULL: out of memory, or ROS does not report new messages. */
-EXPORT receiver_t* receiver(const rcl_subscription_t* subscription) {
+receiver_t* receiver(const rcl_subscription_t* subscription) {
   pthread_mutexattr_t kind;
   receiver_t* r = calloc(1, sizeof *r);
   if (!r) return NULL;

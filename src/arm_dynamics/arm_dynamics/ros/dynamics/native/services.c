@@ -3,13 +3,14 @@
  * Services that run without Python, from the request to the response. Unsupported or invalid requests are passed to
  * Python, which answers or rejects them. See compiled_services.py for the callers.
  */
+#include "services.h"
+
 #include <float.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -17,12 +18,9 @@
 #include <arm_msgs/srv/detail/dynamics_terms__struct.h>
 #include <arm_msgs/srv/detail/forward_dynamics__struct.h>
 #include <arm_msgs/srv/detail/inverse_dynamics__struct.h>
-#include <rcl/service.h>
 #include <rcutils/error_handling.h>
 #include <rosidl_runtime_c/primitives_sequence_functions.h>
 
-#define EXPORT __attribute__((visibility("default")))
-#define SERVICES 3
 #define GIVEN 3 /* largest number of vectors of a request */
 #define MADE 7  /* largest number of vectors of a response */
 #define TERMS 5
@@ -30,9 +28,7 @@
 #define LARGE 1e100 /* beyond it, overflow depends on the order of operations; Python decides */
 #define ROOM 65536  /* capacity in numbers that is kept between requests */
 
-enum { INVERSE, FORWARD, ALL_TERMS };
 enum { NONE, ANSWERED, FOR_PYTHON };
-enum { ENDED = -1 }; /* else the index of a service that Python must answer */
 
 typedef rosidl_runtime_c__double__Sequence doubles_t;
 typedef rosidl_runtime_c__String__Sequence strings_t;
@@ -63,22 +59,6 @@ static const layout_t LAYOUTS[SERVICES] = {
 };
 static const size_t NAMES[SERVICES] = {OF(InverseDynamics, Request, joint_names), OF(ForwardDynamics, Request, joint_names),
                                        OF(DynamicsTerms, Request, joint_names)};
-
-/* A generated function of many points, see rows.c. */
-typedef void (*rows_t)(const double* const* given, const long long* steps, long long rows, double* const* made);
-
-/* The function that computes a service's response, and its data. */
-typedef struct {
-  rows_t rows;           /* NULL: none; Python answers */
-  void* response;        /* with all fields that are constant across requests */
-  const char* const* names;
-  int64_t joints, most;  /* largest number of points of a request */
-  const double* level;   /* positive for joints that may stick at rest; NULL: none may */
-  const double* gravity; /* gravity of inverse dynamics in [m/s²] */
-  const double* zeros;   /* in place of absent vectors */
-} answer_t;
-
-typedef struct server server_t;
 
 typedef struct {
   const rcl_service_t* service;
@@ -250,9 +230,7 @@ static int64_t next(server_t* s, int64_t last) {
   return found;
 }
 
-/* Run services until Python must answer a request, which stays pending until the next call; returns its index, or ENDED once
- * `end` has been called. One thread at a time. */
-EXPORT int64_t serve(server_t* s) {
+int64_t serve(server_t* s) {
   for (int64_t k = SERVICES - 1; (k = next(s, k)) != ENDED;) {
     pthread_mutex_lock(&s->lock);
     int done = attend(s->services + k);
@@ -263,29 +241,34 @@ EXPORT int64_t serve(server_t* s) {
   return ENDED;
 }
 
-/* Exchange the function of a service. */
-EXPORT void use(server_t* s, int64_t k, const answer_t* answer) {
+void use(server_t* s, int64_t k, const answer_t* answer) {
   pthread_mutex_lock(&s->lock);
   s->services[k].answer = *answer;
   pthread_mutex_unlock(&s->lock);
 }
 
-/* Send a response computed by Python. */
-EXPORT void respond(server_t* s, int64_t k, const rmw_request_id_t* header, void* response) {
-  rmw_request_id_t to = *header;
-  send(s->services + k, &to, response);
+void respond(server_t* s, int64_t k, void* response) {
+  service_t* service = s->services + k;
+  send(service, &service->header, response);
 }
 
-/* Let `serve` return. */
-EXPORT void end(server_t* s) {
+void counts(server_t* s, counts_t* sums) {
+  *sums = (counts_t){0};
+  for (int k = 0; k < SERVICES; ++k) {
+    sums->answered += s->services[k].answered;
+    sums->lost += s->services[k].lost;
+    sums->busy += s->services[k].busy;
+  }
+}
+
+void end(server_t* s) {
   pthread_mutex_lock(&s->calls);
   s->ended = true;
   pthread_cond_signal(&s->call);
   pthread_mutex_unlock(&s->calls);
 }
 
-/* Unregister from calls and free all memory; nothing may be using it. */
-EXPORT void release(server_t* s) {
+void release(server_t* s) {
   for (int k = 0; k < SERVICES; ++k)
     if (rcl_service_set_on_new_request_callback(s->services[k].service, NULL, NULL) != RCL_RET_OK) rcutils_reset_error();
   pthread_cond_destroy(&s->call);
@@ -294,9 +277,7 @@ EXPORT void release(server_t* s) {
   free(s);
 }
 
-/* A server of services, in the order of the enumeration, with memory for one request of each; NULL: out of memory, or
- * ROS does not report calls. */
-EXPORT server_t* server(const rcl_service_t* const* services, void* const* requests) {
+server_t* server(const rcl_service_t* const* services, void* const* requests) {
   server_t* s = calloc(1, sizeof *s);
   if (!s) return NULL;
   pthread_mutex_init(&s->lock, NULL);

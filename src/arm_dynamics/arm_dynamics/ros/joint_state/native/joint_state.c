@@ -3,50 +3,19 @@
  * Reception and publication of JointStates, each in a single call, for loops at 1 kHz. The offsets of numbers, and the
  * bytes that are constant in all messages of a kind, are set by topics.py.
  */
+#include "joint_state.h"
+
 #include <math.h>
-#include <stdint.h>
+#include <rcutils/error_handling.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <rcl/publisher.h>
-#include <rcl/subscription.h>
-#include <rcutils/error_handling.h>
-
-#define EXPORT __attribute__((visibility("default")))
 #define ROOM 65536 /* bytes kept for messages; the memory of a larger one is freed before the next is taken */
-#define GIGA 1000000000LL
-#define KINDS 4 /* number of known kinds, for several publishers on one topic */
-#define STAMP 4 /* offset of the stamp, after the header */
 
-enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
-
-/* kernel.Entry: a generated function and the memory it is bound to. */
-typedef struct {
-  int (*function)(const double**, double**, long long*, double*, int);
-  const double** arguments;
-  double** results;
-  long long* integers;
-  double* reals;
-} entry_t;
-
-/* A kind of message: those of one sender that name the same joints. */
-typedef struct {
-  const uint8_t *fixed, *expected; /* mask of the bits that are constant in this kind, and their values */
-  int64_t size;                    /* bytes up to the last number; 0: unused */
-  int64_t at[3];                   /* offsets of the arrays to be read; negative: absent */
-  const int64_t* place;            /* index of each joint in them; negative: absent */
-} kind_t;
-
-/* The known kinds, and the newest message. */
-typedef struct {
-  kind_t kinds[KINDS];
-  int64_t fields, joints; /* number of arrays to be read, and of numbers in each */
-  const double* limit;    /* largest magnitudes of the first array; NULL: unlimited */
-  uint8_t* found;         /* receives stamp and arrival in [ns] and the index of the kind, then the numbers */
-  const uint8_t* raw;     /* the serialized message, and its length */
-  int64_t length;
-  int64_t gaps; /* whether numbers and arrays may be missing (read as NaN) */
-} joint_state_t;
+struct source {
+  const rcl_subscription_t* subscription;
+  rcl_serialized_message_t message;
+};
 
 static void put(joint_state_t* s, int64_t place, int64_t value) { memcpy(s->found + 8 * place, &value, 8); }
 
@@ -57,9 +26,7 @@ static int is_of(const kind_t* kind, const uint8_t* raw, int64_t length) {
   return !differs;
 }
 
-/* Read the pending message. KNOWN: its kind is known, its numbers are finite, and `found` has been written; BEYOND: likewise,
- * and a number exceeds its limit; else OTHER. */
-EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
+int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
   const kind_t* kind = s->kinds;
   while (!is_of(kind, raw, length))
     if (++kind == s->kinds + KINDS) return OTHER;
@@ -82,13 +49,7 @@ EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
   return beyond ? BEYOND : KNOWN;
 }
 
-typedef struct {
-  const rcl_subscription_t* subscription;
-  rcl_serialized_message_t message;
-} source_t;
-
-/* Memory for messages of a subscription; NULL: out of memory. `release` frees it. */
-EXPORT source_t* source(const rcl_subscription_t* subscription) {
+source_t* source(const rcl_subscription_t* subscription) {
   source_t* s = calloc(1, sizeof *s);
   if (!s) return NULL;
   s->subscription = subscription;
@@ -96,13 +57,12 @@ EXPORT source_t* source(const rcl_subscription_t* subscription) {
   return s;
 }
 
-EXPORT void release(source_t* s) {
+void release(source_t* s) {
   s->message.allocator.deallocate(s->message.buffer, s->message.allocator.state);
   free(s);
 }
 
-/* Take the next message, if there is one, and read it. OTHER: `raw` must be evaluated before the next call. */
-EXPORT int64_t take(source_t* from, joint_state_t* s) {
+int64_t take(source_t* from, joint_state_t* s) {
   rcl_serialized_message_t* m = &from->message;
   rmw_message_info_t about;
   if (m->buffer_capacity > ROOM) {
@@ -122,16 +82,7 @@ EXPORT int64_t take(source_t* from, joint_state_t* s) {
   return look(s, m->buffer, m->buffer_length);
 }
 
-/* A message in which only the stamp and some arrays change. */
-typedef struct {
-  uint8_t* raw;
-  int64_t size, fields, joints, at[3];
-  const uint8_t* numbers[3]; /* sources of the arrays */
-  const rcl_publisher_t* publisher;
-} sink_t;
-
-/* Publish a serialized message, whose header gets this stamp in [ns]; returns 0 or an error code. */
-static rcl_ret_t publish(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, int64_t stamp) {
+rcl_ret_t publish(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, int64_t stamp) {
   int64_t rest = (stamp % GIGA + GIGA) % GIGA;
   int32_t seconds = (int32_t)((stamp - rest) / GIGA);
   uint32_t nanoseconds = (uint32_t)rest;
@@ -143,8 +94,7 @@ static rcl_ret_t publish(const rcl_publisher_t* publisher, uint8_t* raw, int64_t
   return done;
 }
 
-/* Publish the message with this stamp in [ns] and the current numbers; returns 0 or an error code. */
-EXPORT int64_t send(sink_t* s, int64_t stamp) {
+int64_t send(sink_t* s, int64_t stamp) {
   for (int64_t f = 0; f < s->fields; ++f) memcpy(s->raw + s->at[f], s->numbers[f], 8 * s->joints);
   return publish(s->publisher, s->raw, s->size, stamp);
 }

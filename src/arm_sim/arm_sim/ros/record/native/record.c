@@ -1,29 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Copies a tick, and the joint state published for it, into a message buffer in a single call. The format of the records
- * is defined in recording/files/container.py; chunks.py checks that there is room.
+ * Copies a tick, and the joint state published for it, into a message buffer in a single call.
  */
-#include <stdint.h>
+#include "record.h"
+
 #include <string.h>
 
-/* A buffer for records in the format of the file. */
-typedef struct {
-  uint8_t* raw;
-  int64_t* places;   /* offset of each record */
-  int64_t at, count; /* number of bytes and records so far */
-  int64_t since;     /* time of the first record in [ns] */
-} chunk_t;
+int64_t has_room(const chunk_t* c, int64_t now, int64_t size) {
+  return c->at + size <= c->size && !(c->at && now - c->since > c->oldest);
+}
 
-/* The data copied with every tick. */
-typedef struct {
-  uint8_t* raw; /* a serialized arm_msgs/Tick, and the offsets of its variable parts */
-  int64_t size, stamp, hold, at[3];
-  const uint8_t* numbers[3]; /* state, effective command, and notes */
-  int64_t sizes[3];          /* in bytes */
-  int64_t tick, state;       /* numbers of the channels */
-} tick_t;
-
-static void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish, const uint8_t* data, int64_t size) {
+void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish, const uint8_t* data, int64_t size) {
   uint8_t* to = c->raw + c->at;
   const uint64_t length = size + 22, times[2] = {log, publish};
   const uint16_t number = channel;
@@ -38,9 +25,8 @@ static void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish
   c->at += 31 + size;
 }
 
-/* Copy the tick of this stamp in [ns], executed at `now`; before it the published joint state, if `size` is not 0. */
-__attribute__((visibility("default"))) void record(chunk_t* c, tick_t* t, int64_t now, int64_t stamp, int64_t hold,
-                                                   const uint8_t* state, int64_t size, int64_t state_stamp) {
+void record(chunk_t* c, tick_t* t, int64_t now, int64_t stamp, int64_t hold, const uint8_t* state, int64_t size,
+            int64_t state_stamp) {
   const int32_t seconds = stamp / 1000000000;
   const uint32_t nanoseconds = stamp % 1000000000;
   memcpy(t->raw + t->stamp, &seconds, 4);

@@ -8,9 +8,18 @@ import math
 import numpy as np
 import pytest
 
+from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.trajectory import Reference, StateTolerance, Tolerances, Verdict
-from arm_dynamics.trajectory.tolerances import NONE, resolved
+from arm_dynamics.ros.controller.tolerances import (
+    NONE,
+    StateTolerance,
+    Tolerances,
+    Verdict,
+    resolved,
+)
+from arm_dynamics.trajectory import Reference
+
+pytestmark = pytest.mark.ros
 
 ANY = StateTolerance.none(2)
 PATH = StateTolerance((0.1, 0.2), (NONE, NONE))
@@ -19,7 +28,7 @@ THERE = Reference(np.array([1.0, 2.0]), np.zeros(2), np.zeros(2))
 
 
 def verdict(rules: Tolerances, left: float, off: list[float], speed: float = 0.0) -> object:
-    return rules.verdict(left, THERE, THERE.q - off, np.array([speed, 0.0]))
+    return rules.verdict(left, THERE, Measured(THERE.q - off, np.array([speed, 0.0])))
 
 
 @pytest.mark.parametrize(
@@ -65,7 +74,9 @@ def test_a_joint_that_turns_without_end_takes_the_shorter_way() -> None:
 
 def test_the_worst_joint_is_named() -> None:
     rules, names = Tolerances(PATH, GOAL), ("shoulder", "elbow")
-    said = rules.worst(Verdict.LEFT_PATH, names, THERE, THERE.q - [0.11, 0.5], np.zeros(2))
+    state = Measured(THERE.q - [0.11, 0.5], np.zeros(2))
+    said = rules.worst(Verdict.LEFT_PATH, names, THERE, state)
     assert said == "position of joint 'elbow' is off by 0.5; allowed: 0.2"
-    said = rules.worst(Verdict.MISSED_GOAL, names, THERE, THERE.q, np.array([0.0, -0.3]))
+    state = Measured(THERE.q, np.array([0.0, -0.3]))
+    said = rules.worst(Verdict.MISSED_GOAL, names, THERE, state)
     assert said == "velocity of joint 'elbow' is off by 0.3; allowed: 0.05"

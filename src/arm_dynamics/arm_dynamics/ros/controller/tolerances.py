@@ -10,14 +10,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from ctypes import Structure, byref
 from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cached_property
 
 import numpy as np
 
-from arm_dynamics.arrays import Array, any_beyond
+from arm_dynamics.arrays import Array
+from arm_dynamics.control.computed_torque import Moving
 from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.ros.controller.code import HEADER, library
 from arm_dynamics.trajectory.reference import Reference
 
 NONE = math.inf  # tolerance that is never exceeded
@@ -46,6 +49,22 @@ def resolved(what: str, asked: float, default: float) -> float:
     raise InvalidInput(f"{what} is {asked}; allowed: 0 (default), -1 (none) and positive ones")
 
 
+class Allowed(Structure):
+    """``tolerance_t`` of answers.h, where the fields are explained."""
+
+    _fields_ = HEADER.fields("tolerance_t")
+
+    def __init__(self, position: Array, velocity: Array, turning: Array) -> None:
+        """Keep the arrays, each of shape (n,)."""
+        self._arrays = position, velocity, turning
+        super().__init__(*(array.ctypes.data for array in self._arrays))
+
+
+def joined(state: Moving, reference: Reference) -> Array:
+    """A state and its reference as C reads them: q, v, and the reference's q, v, a; (5n,)."""
+    return np.concatenate((state.q, state.v, reference.q, reference.v, reference.a))
+
+
 @dataclass(frozen=True)
 class StateTolerance:
     """Largest errors of the joints; inf for any.
@@ -66,17 +85,7 @@ class StateTolerance:
     @cached_property
     def is_none(self) -> bool:
         """Whether nothing can exceed it."""
-        return not (self.of_position or self.of_velocity)
-
-    @cached_property
-    def of_position(self) -> bool:
-        """Whether a position can exceed it."""
-        return min(self.position) < NONE
-
-    @cached_property
-    def of_velocity(self) -> bool:
-        """Whether a velocity can exceed it."""
-        return min(self.velocity) < NONE
+        return min(*self.position, *self.velocity) == NONE
 
 
 class Verdict(Enum):
@@ -103,50 +112,56 @@ class Tolerances:
     goal_time: float = NONE
     turning: tuple[int, ...] = ()
 
-    def errors(self, reference: Reference, q: Array, v: Array) -> tuple[list[float], list[float]]:
+    @cached_property
+    def turns(self) -> Array:
+        """Nonzero for the continuous joints, shape (n,)."""
+        turning = np.zeros(len(self.path.position), np.int64)
+        turning[list(self.turning)] = 1
+        return turning
+
+    def allowed(self, tolerance: StateTolerance) -> Allowed:
+        """One of the two for C."""
+        return Allowed(np.array(tolerance.position), np.array(tolerance.velocity), self.turns)
+
+    def errors(self, reference: Reference, state: Moving) -> tuple[list[float], list[float]]:
         """Errors of positions and velocities, reference less measured, each of shape (n,)."""
-        return self._far(reference, q), (reference.v - v).tolist()
+        motion, n = joined(state, reference), len(state.q)
+        found = np.zeros(2 * n)
+        places = self.turns.ctypes.data, found.ctypes.data
+        library().find_errors(motion.ctypes.data, n, *places)
+        return found[:n].tolist(), found[n:].tolist()
 
-    def _far(self, reference: Reference, q: Array) -> list[float]:
-        position: list[float] = (reference.q - q).tolist()
-        for joint in self.turning:
-            position[joint] = math.remainder(position[joint], math.tau)
-        return position
-
-    def verdict(self, left: float, reference: Reference, q: Array, v: Array) -> Verdict | None:
+    def verdict(self, left: float, reference: Reference, state: Moving) -> Verdict | None:
         """Check one state.
 
         Args:
             left: Time in [s] until the last point; negative after it.
             reference: Desired state of the joints.
-            q: Joint positions, shape (n,).
-            v: Joint velocities, shape (n,).
+            state: Measured positions and velocities.
 
         Returns:
             The outcome; None while the trajectory is being followed.
         """
         tolerance = self.path if left > 0.0 else self.goal
-        within = tolerance.is_none or self._within(tolerance, reference, q, v)
+        within = tolerance.is_none or self._within(tolerance, joined(state, reference))
         if left > 0.0:
             return None if within else Verdict.LEFT_PATH
         if within:
             return Verdict.REACHED
         return Verdict.MISSED_GOAL if -left > self.goal_time else None
 
-    def _within(self, tolerance: StateTolerance, reference: Reference, q: Array, v: Array) -> bool:
-        """Whether errors are within tolerances; plain Python is faster for a few numbers."""
-        if tolerance.of_position and any_beyond(self._far(reference, q), tolerance.position):
-            return False
-        fast = tolerance.of_velocity
-        return not (fast and any_beyond((reference.v - v).tolist(), tolerance.velocity))
+    def _within(self, tolerance: StateTolerance, motion: Array) -> bool:
+        """Whether errors are within tolerances."""
+        n, allowed = len(tolerance.position), self.allowed(tolerance)
+        return bool(library().is_within(motion.ctypes.data, n, byref(allowed)))
 
     def worst(
-        self, verdict: Verdict, names: Sequence[str], reference: Reference, q: Array, v: Array
+        self, verdict: Verdict, names: Sequence[str], reference: Reference, state: Moving
     ) -> str:
-        """Message about the joint that is farthest outside, its error and tolerance; (n,)."""
+        """Message about the joint that is farthest outside, its error and tolerance."""
         tolerance = self.path if verdict is Verdict.LEFT_PATH else self.goal
         allowed = np.array((tolerance.position, tolerance.velocity))
-        found = np.array(self.errors(reference, q, v))
+        found = np.array(self.errors(reference, state))
         kind, joint = divmod(int(np.argmax(np.abs(found) / allowed)), len(names))
         return (
             f"{('position', 'velocity')[kind]} of joint '{names[joint]}' is off by "

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The C code that receives, reads and publishes JointStates."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from pathlib import Path
+
+from arm_dynamics.codegen.header import Header
+from arm_dynamics.codegen.kernel import ENTRY
+from arm_dynamics.ros.common.rcl_code import code_of_nodes
+
+SOURCE = Path(__file__).with_name("native") / "joint_state.c"
+HEADER = Header(SOURCE.with_suffix(".h"), ENTRY)
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """The compiled functions.
+
+    Raises:
+        KernelError: If they are not available.
+    """
+    return code_of_nodes(SOURCE, headers=(HEADER,))
+
+
+def address(buffer: bytearray) -> int:
+    """Address of the bytes of a buffer, whose size is fixed from now on."""
+    return ctypes.addressof(ctypes.c_char.from_buffer(buffer))

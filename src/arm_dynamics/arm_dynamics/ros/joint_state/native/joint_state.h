@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * JointStates that are received and published in C. Python reads this header (topics.py), and sets the offsets of
+ * numbers and the bytes that are constant in all messages of a kind.
+ */
+#pragma once
+#include <rcl/publisher.h>
+#include <rcl/subscription.h>
+#include <stdint.h>
+
+#include "entry.h"
+
+#define GIGA 1000000000LL
+
+enum {
+  KINDS = 4, /* number of known kinds, for several publishers on one topic */
+  STAMP = 4  /* offset of the stamp, after the header */
+};
+
+/* Outcome of reading a message. */
+enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
+
+/* A kind of message: those of one sender that name the same joints. */
+typedef struct {
+  const uint8_t *fixed, *expected; /* mask of the bits that are constant in this kind, and their values */
+  int64_t size;                    /* bytes up to the last number; 0: unused */
+  int64_t at[3];                   /* offsets of the arrays to be read; negative: absent */
+  const int64_t* place;            /* index of each joint in them; negative: absent */
+} kind_t;
+
+/* The known kinds, and the newest message. */
+typedef struct {
+  kind_t kinds[KINDS];
+  int64_t fields, joints; /* number of arrays to be read, and of numbers in each */
+  const double* limit;    /* largest magnitudes of the first array; NULL: unlimited */
+  uint8_t* found;         /* receives stamp and arrival in [ns] and the index of the kind, then the numbers */
+  const uint8_t* raw;     /* the serialized message, and its length */
+  int64_t length;
+  int64_t gaps; /* whether numbers and arrays may be missing (read as NaN) */
+} joint_state_t;
+
+/* Memory for the messages of a subscription. */
+typedef struct source source_t;
+
+/* A message in which only the stamp and some arrays change. */
+typedef struct {
+  uint8_t* raw;
+  int64_t size, fields, joints, at[3];
+  const uint8_t* numbers[3]; /* sources of the arrays */
+  const rcl_publisher_t* publisher;
+} sink_t;
+
+/* Read a message. KNOWN: its kind is known, its numbers are finite, and `found` has been written; BEYOND: likewise, and
+ * a number exceeds its limit; else OTHER. */
+EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length);
+
+/* Memory for messages of a subscription; NULL: out of memory. `release` frees it. */
+EXPORT source_t* source(const rcl_subscription_t* subscription);
+EXPORT void release(source_t* s);
+
+/* Take the next message, if there is one, and read it. OTHER: `raw` must be evaluated before the next call. */
+EXPORT int64_t take(source_t* from, joint_state_t* s);
+
+/* Publish the message with this stamp in [ns] and the current numbers; returns 0 or an error code. */
+EXPORT int64_t send(sink_t* s, int64_t stamp);
+
+/* Publish a serialized message, whose header gets this stamp in [ns]; returns 0 or an error code. */
+rcl_ret_t publish(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, int64_t stamp);

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The C code that evaluates trajectories, for Python and for the controller node."""
+
+from __future__ import annotations
+
+import logging
+from ctypes import CDLL
+from functools import cache
+from pathlib import Path
+
+from arm_dynamics.codegen.compiler import build, may_build
+from arm_dynamics.codegen.header import Header
+from arm_dynamics.exceptions import KernelError
+
+SOURCE = Path(__file__).with_name("native") / "sample.c"
+HEADER = Header(SOURCE.with_suffix(".h"))
+_log = logging.getLogger(__name__)
+
+
+@cache
+def library() -> CDLL | None:
+    """The compiled function; None if it is not available."""
+    if not may_build():
+        return None
+    try:
+        return compiled()
+    except (KernelError, OSError) as error:
+        _log.debug("trajectories are evaluated by NumPy: %s", error)
+        return None
+
+
+def compiled() -> CDLL:
+    """Compile the function.
+
+    Raises:
+        KernelError: If there is no compiler, or it refuses the code.
+    """
+    library = build(SOURCE.read_text(), local=(f"-I{HEADER.folder}",)).library
+    HEADER.bind(library)
+    return library

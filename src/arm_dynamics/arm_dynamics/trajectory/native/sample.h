@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Evaluation of a trajectory. Python reads this header, see code.py.
+ */
+#pragma once
+#include <stdint.h>
+
+#include "entry.h"
+
+/* Evaluate a trajectory of quintic segments, at rest before and after them.
+ *
+ * n            number of joints
+ * knots        times of the segments + 1 knots in [s] from 0
+ * polynomials  of every segment, coefficients of τ⁰ to τ⁵ of position, velocity and acceleration of n joints
+ * ends         positions before and after the motion
+ * t            time in [s] from the start
+ * motion       receives positions, velocities and accelerations */
+QUICK void sample(int64_t n, int64_t segments, const double* knots, const double* polynomials, const double* ends,
+                  double t, double* motion);

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The C code of the sim node: rules of the loop, recording, ordinary ticks."""
+
+from __future__ import annotations
+
+from ctypes import CDLL
+from functools import cache
+from pathlib import Path
+
+from arm_dynamics.codegen.header import Header
+from arm_dynamics.codegen.kernel import ENTRY
+from arm_dynamics.ros.common.rcl_code import code_of_nodes
+from arm_dynamics.ros.joint_state import HEADER as JOINT_STATE
+from arm_dynamics.ros.joint_state import SOURCE as JOINT_STATE_SOURCE
+from arm_sim.stepping.roll import STEP
+
+_HERE = Path(__file__).parent
+_FILES = tuple(
+    _HERE / name for name in ("native/loop", "record/native/record", "ordinary/native/ticks")
+)
+LOOP, RECORD = (Header(file.with_suffix(".h"), ENTRY) for file in _FILES[:2])
+TICKS = Header(_FILES[2].with_suffix(".h"), JOINT_STATE, LOOP, RECORD, STEP)
+
+
+@cache
+def library(*others: Path) -> CDLL:
+    """The compiled functions, with those of other files.
+
+    Raises:
+        KernelError: If they are not available.
+    """
+    files = (JOINT_STATE_SOURCE, *(file.with_suffix(".c") for file in _FILES), *others)
+    return code_of_nodes(
+        *files, headers=(JOINT_STATE, LOOP, RECORD, TICKS), folders=(STEP.folder,)
+    )

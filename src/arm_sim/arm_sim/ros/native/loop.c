@@ -1,0 +1,147 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "loop.h"
+
+#include <math.h>
+
+#define NEVER (1LL << 62)
+
+int64_t time_of(clockid_t clock) {
+  struct timespec now;
+  clock_gettime(clock, &now);
+  return SECOND * now.tv_sec + now.tv_nsec;
+}
+
+void show(int64_t* number, int64_t value) { __atomic_store_n(number, value, __ATOMIC_RELAXED); }
+
+void count_duration(histogram_t* h, int64_t duration) {
+  int64_t bin = duration / 1000;
+  if (bin >= FINE) {
+    bin = (int64_t)(STEPS * log2((double)bin / FINE));
+    bin = FINE + (bin < COARSE - 1 ? bin : COARSE - 1);
+  }
+  if (bin < 0) bin = 0;
+  show(h->bins + bin, h->bins[bin] + 1);
+  if (duration > h->longest) show(&h->longest, duration);
+}
+
+void sent(trip_t* t, int64_t stamp) {
+  t->newest = stamp;
+  t->stamps[t->next] = stamp;
+  t->times[t->next] = time_of(CLOCK_REALTIME);
+  t->next = (t->next + 1) % SENT;
+}
+
+/* Searches from the newest state, which is usually the answered one; of those with the same stamp, it counts: time may
+ * have been reset. */
+int64_t answered(trip_t* t, int64_t stamp, int64_t arrival) {
+  for (int64_t i = 1; i <= SENT; ++i) {
+    const int64_t k = (t->next + SENT - i) % SENT;
+    if (t->stamps[k] != stamp) continue;
+    t->stamps[k] = -1;
+    count_duration(t->trips, arrival - t->times[k]);
+    break;
+  }
+  return stamp && stamp == t->newest;
+}
+
+void start_stamps(times_t* t, int64_t tick) {
+  *t = (times_t){.tick = tick, .simulated = -1, .least = NEVER, .free = 1};
+}
+
+/* Look once a second whether stamps lag: they then advance faster, or jump. */
+static void watch(times_t* t, int64_t now, int64_t lag) {
+  if (lag < t->least) t->least = lag;
+  if (now < t->look) return;
+  const int64_t behind = t->tick < t->least && t->least < NEVER ? t->least : 0, jumps = behind > SECOND;
+  if (jumps) t->offset += behind;
+  t->owed = jumps ? 0 : behind;
+  t->least = NEVER;
+  t->look = now + SECOND;
+}
+
+/* The stamp after another one, ahead by a part of what is owed. */
+static int64_t next_stamp(times_t* t, int64_t simulated, int64_t now) {
+  const int64_t half = (simulated - t->simulated) / 2, more = t->owed < half ? t->owed : half;
+  const int64_t stamp = simulated + t->offset + more;
+  t->owed -= more;
+  return stamp < now ? stamp : now;
+}
+
+/* The stamp after time stood still or began anew; before its tick, a tick older. */
+static int64_t first_stamp(times_t* t, int64_t passed, int64_t due) {
+  t->owed = 0;
+  return passed > 0 ? due : due - t->tick;
+}
+
+int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady) {
+  const int64_t passed = simulated - t->simulated, is_free = t->free || passed < 0;
+  t->free = 0;
+  if (passed == 0 && !is_free) return t->last;
+  const int64_t due = now - (t->even && *t->due ? steady - *t->due : 0);
+  int64_t stamp = now;
+  if (t->even) {
+    stamp = is_free ? first_stamp(t, passed, due) : next_stamp(t, simulated, now);
+    if (stamp < t->last && t->last < stamp + SECOND) stamp = t->last; /* else the clock was set back */
+  }
+  t->last = stamp;
+  t->simulated = simulated;
+  t->offset = stamp - simulated;
+  watch(t, now, due - stamp);
+  return stamp;
+}
+
+int64_t next_start(const due_t* d) { return d->deadline > d->earliest ? d->deadline : d->earliest; }
+
+static double share_of(const due_t* d, int64_t now, int64_t late) {
+  const double passed = late > d->period ? (double)(now - d->began) / d->period : 1.0;
+  return passed < 1.0 ? passed : 1.0;
+}
+
+/* Shift of the next deadline. */
+static int64_t shift(due_t* d, int64_t late) {
+  const int64_t beyond = d->slow_down ? late : late - d->give_up + d->period - 1, dropped = beyond / d->period;
+  show(&d->dropped, d->dropped + dropped);
+  return d->slow_down ? late : dropped * d->period;
+}
+
+void begin_tick(due_t* d, int64_t now) {
+  const int64_t late = d->period ? now - d->deadline : 0;
+  count_duration(d->lateness, late);
+  if (late > d->period) show(&d->missed, d->missed + 1);
+  d->share = share_of(d, now, late);
+  d->current = d->period ? d->deadline : 0;
+  d->began = now;
+  d->earliest = now + d->closest;
+  d->deadline += d->period;
+  if (late > d->give_up) d->deadline += shift(d, late);
+}
+
+void await_tick(due_t* d) {
+  const int64_t start = next_start(d);
+  const struct timespec at = {start / SECOND, start % SECOND};
+  int64_t now;
+  while ((now = time_of(CLOCK_MONOTONIC)) < start) clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, NULL);
+  begin_tick(d, now);
+}
+
+void await_answer(waiting_t* w, int64_t stamp) {
+  w->stamp = stamp;
+  w->asked = w->first = time_of(CLOCK_MONOTONIC);
+}
+
+int64_t is_answer(waiting_t* w, int64_t stamp) {
+  if (stamp == w->stamp) return 1;
+  ++w->ignored;
+  return 0;
+}
+
+int64_t is_expected(const waiting_t* w) { return time_of(CLOCK_MONOTONIC) - w->asked < w->soon; }
+
+int64_t is_remembered(const stream_t* s, double now, int64_t patience) { return now - s->heard <= patience; }
+
+void hear(stream_t* s, double now, int64_t patience) {
+  s->count = is_remembered(s, now, patience) ? s->count + 1 : 1;
+  s->heard = now;
+}
+
+int64_t is_stale(double age, double share, int64_t timeout) { return timeout && age + share > timeout; }

@@ -1,0 +1,134 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The rules by which a sim node ticks: deadlines, latencies, stamps, sources and age of commands. Python reads this
+ * header (code.py); its own ticks and those in C follow these functions. All times are in [ns].
+ */
+#pragma once
+#include <stdint.h>
+#include <time.h>
+
+#include "entry.h"
+
+#define SECOND 1000000000LL
+
+/* --- latency.Histogram, latency.RoundTrip ------------------------------------------------------------------------- */
+
+enum {
+  FINE = 20000, /* bins of a microsecond */
+  COARSE = 512, /* bins beyond, of increasing width */
+  STEPS = 32,   /* of them per factor of two */
+  SENT = 256    /* number of states whose answers are awaited; answers to older ones are not counted */
+};
+
+/* Durations: exact to a microsecond up to 20 ms, to two percent up to 20 minutes. */
+typedef struct {
+  int64_t* bins;
+  int64_t longest;
+} histogram_t;
+
+/* Time from a joint state to the command with its stamp. */
+typedef struct {
+  int64_t newest, next; /* stamp of the state published last, and index of the next state in the ring buffer */
+  int64_t *stamps, *times; /* stamps, -1: answered; system times of publication */
+  histogram_t* trips;
+} trip_t;
+
+QUICK void count_duration(histogram_t* h, int64_t duration);
+
+/* Register that the state of this stamp is published now. */
+QUICK void sent(trip_t* t, int64_t stamp);
+
+/* Register that a command for the state of this stamp arrived at this time of the system; only the first one counts.
+ * Returns whether that state is the newest. */
+QUICK int64_t answered(trip_t* t, int64_t stamp, int64_t arrival);
+
+/* --- stamps.NodeTime, where the rules are explained --------------------------------------------------------------- */
+
+typedef struct {
+  int64_t tick;        /* length of a tick if ticks are due at even times, else 0 */
+  int64_t even;        /* whether stamps are simulated time plus an offset */
+  int64_t free;        /* whether the next stamp is the time when its tick is due, whatever the offset was */
+  int64_t simulated;   /* simulated time of the last stamp */
+  int64_t last;        /* the last stamp */
+  int64_t offset;      /* stamp of simulated time zero */
+  int64_t least, look; /* smallest lag since the last check, and time of the next one */
+  int64_t owed;        /* lag that remains to be recovered */
+  const int64_t* due;  /* time of the monotonic clock when the current tick was due; 0: unknown */
+} times_t;
+
+QUICK void start_stamps(times_t* t, int64_t tick);
+
+/* The stamp of a state from its simulated time, and times of the node's and of the monotonic clock, read in this
+ * order: if the thread is stopped between the two, no stamp is later than it should be. */
+QUICK int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady);
+
+/* --- realtime_loop.RealtimeLoop, where the rules are explained ---------------------------------------------------- */
+
+typedef struct {
+  int64_t deadline;  /* of the next tick */
+  int64_t earliest;  /* start of the next tick */
+  int64_t period;    /* time between deadlines; 0: there are none */
+  int64_t closest;   /* shortest time between ticks */
+  int64_t give_up;   /* lag beyond which deadlines are dropped, skipped or shifted */
+  int64_t slow_down; /* whether they are shifted */
+  int64_t missed;    /* ticks that began after the next one was due */
+  int64_t dropped;   /* deadlines that were dropped, skipped or shifted */
+  int64_t ended;     /* nonzero: no more ticks */
+  int64_t current;   /* deadline of the tick that was begun last; 0: there is none */
+  int64_t began;     /* when it began */
+  double share;      /* part of a period by which it made time pass */
+  histogram_t* lateness; /* delays of ticks after their deadlines */
+} due_t;
+
+/* When the next tick may begin. */
+QUICK int64_t next_start(const due_t* d);
+
+/* A tick begins now: count its lateness, and set the next deadline. */
+QUICK void begin_tick(due_t* d, int64_t now);
+
+/* Sleep until the next tick, and begin it. */
+EXPORT void await_tick(due_t* d);
+
+/* --- lockstep.Lockstep -------------------------------------------------------------------------------------------- */
+
+/* The state whose answer is awaited. */
+typedef struct {
+  int64_t stamp;        /* its stamp; -1: none */
+  int64_t asked, first; /* when it was published last and first, in time of the monotonic clock */
+  int64_t ignored;      /* number of commands that did not answer a waiting state */
+  int64_t soon;         /* time within which busy-waiting for an answer pays */
+  int64_t end;          /* when other callbacks get their turn */
+} waiting_t;
+
+/* The state of this stamp has been published. */
+QUICK void await_answer(waiting_t* w, int64_t stamp);
+
+/* Whether a command with this stamp answers that state; else it is counted. */
+QUICK int64_t is_answer(waiting_t* w, int64_t stamp);
+
+/* Whether an answer may still come soon. */
+QUICK int64_t is_expected(const waiting_t* w);
+
+/* --- commands: arbiter.Arbiter, latest.LatestCommand; times and ages are in ticks --------------------------------- */
+
+/* A source of commands: time of the last command, and number of commands without a silence. */
+typedef struct {
+  double heard;
+  int64_t count;
+} stream_t;
+
+/* Whether a source has commanded within the last `patience` ticks. */
+QUICK int64_t is_remembered(const stream_t* s, double now, int64_t patience);
+
+/* Count a command of a source. */
+QUICK void hear(stream_t* s, double now, int64_t patience);
+
+/* Whether a command of this age is too old for a tick, or the part of one, that makes it older; timeout 0: never. */
+QUICK int64_t is_stale(double age, double share, int64_t timeout);
+
+/* --- for ticks.c -------------------------------------------------------------------------------------------------- */
+
+int64_t time_of(clockid_t clock);
+
+/* Set a number that other threads read at any time, for diagnostics; only the ticking thread writes it. */
+void show(int64_t* number, int64_t value);

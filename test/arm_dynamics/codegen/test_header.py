@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Structures that Python reads from headers are those that the compiler sees."""
+
+from __future__ import annotations
+
+import ctypes
+from _ctypes import FUNCFLAG_PYTHONAPI
+from ctypes import Structure, c_char, c_double, c_int64, c_longlong, c_uint8, c_void_p
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from arm_dynamics.codegen.compiler import FLAGS, build
+from arm_dynamics.codegen.header import Header
+
+TEXT = """
+/* A comment; with a semicolon. */
+#pragma once
+#include <stdint.h>
+#define EXPORT __attribute__((visibility("default")))
+#define QUICK EXPORT
+enum { FEW = 3, SOME, LESS = -1 };
+typedef struct opaque opaque_t;
+typedef double (*function_t)(const double* x, int64_t n);
+// one that is part of another
+typedef struct {
+  uint8_t flag; /* first */
+  double number;
+} inner_t;
+typedef struct outer {
+  inner_t inner, more[FEW + 1];
+  int64_t a, *b, c[2];
+  const char* const* names;
+  opaque_t* other;
+  int (*call)(const double**, double**, long long*, double*, int);
+  function_t function;
+  long long big;
+  char letter;
+} outer_t;
+EXPORT int64_t count(const outer_t* outer, double x, long long y);
+EXPORT outer_t* find(void);
+QUICK void forget(opaque_t* other);
+int hidden(int64_t x);
+"""
+LAYOUT = """
+#include "given.h"
+#include <stddef.h>
+#define AT(field) offsetof(outer_t, field)
+EXPORT int64_t layout[] = {AT(inner), AT(more), AT(a), AT(b), AT(c), AT(names),
+                           AT(other), AT(call), AT(function), AT(big), AT(letter),
+                           sizeof(outer_t)};
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "given.h"
+    path.write_text(text)
+    return path
+
+
+def test_the_layout_is_that_of_the_compiler(tmp_path: Path) -> None:
+    fields = Header(written(tmp_path, TEXT)).fields("outer_t")
+    outer: Any = type("Outer", (Structure,), {"_fields_": fields})
+    places = [getattr(outer, name).offset for name, *_ in fields]
+    library = build(LAYOUT, "c", FLAGS, (f"-I{tmp_path}",)).library
+    wanted = (c_int64 * (len(fields) + 1)).in_dll(library, "layout")
+    assert [*places, ctypes.sizeof(outer)] == list(wanted)
+
+
+def test_types_of_fields_and_values_of_constants(tmp_path: Path) -> None:
+    header = Header(written(tmp_path, TEXT))
+    kinds = dict(header.fields("outer_t"))
+    assert dict(header.fields("inner_t")) == {"flag": c_uint8, "number": c_double}
+    assert (kinds["a"], kinds["b"], kinds["big"], kinds["letter"]) == (
+        c_int64, c_void_p, c_longlong, c_char,
+    )  # fmt: skip
+    assert (kinds["call"], kinds["function"], kinds["other"]) == (c_void_p,) * 3
+    assert kinds["c"] == c_int64 * 2 and kinds["more"]._length_ == 4
+    assert header.constants == {"FEW": 3, "SOME": 4, "LESS": -1}
+
+
+CODE = """
+#include "given.h"
+int64_t count(const outer_t* outer, double x, long long y) { return outer ? y : (int64_t)x; }
+outer_t* find(void) { return 0; }
+void forget(opaque_t* other) { (void)other; }
+"""
+
+
+def test_functions_get_their_types(tmp_path: Path) -> None:
+    header = Header(written(tmp_path, TEXT))
+    library = build(CODE, "c", FLAGS, (f"-I{tmp_path}",)).library
+    header.bind(library)
+    assert library.count.argtypes == [c_void_p, c_double, c_longlong]
+    assert (library.count.restype, library.find.restype) == (c_int64, c_void_p)
+    assert (library.find.argtypes, library.forget.restype) == ([], None)
+    assert library.count(None, 3.5, 0) == 3 and library.find() is None
+
+
+def test_quick_functions_are_called_with_the_interpreter_lock(tmp_path: Path) -> None:
+    header = Header(written(tmp_path, TEXT))
+    library = build(CODE, "c", FLAGS, (f"-I{tmp_path}",)).library
+    header.bind(library)
+    with_lock = ctypes.PyDLL._func_flags_ & FUNCFLAG_PYTHONAPI
+    assert with_lock
+    assert type(library.forget)._flags_ & with_lock
+    assert not type(library.count)._flags_ & with_lock
+
+
+def test_a_header_uses_types_of_another(tmp_path: Path) -> None:
+    (tmp_path / "more").mkdir()
+    more = written(tmp_path / "more", "typedef struct { inner_t one[SOME]; } pair_t;")
+    ((name, kind),) = Header(more, Header(written(tmp_path, TEXT))).fields("pair_t")
+    assert (name, kind._length_) == ("one", 4)
+
+
+def test_one_structure_of_a_file_with_other_code(tmp_path: Path) -> None:
+    code = "static int zero(void) { return 0; }\ntypedef struct { int64_t a; } a_t;\n"
+    path = written(tmp_path, code + "typedef struct { double b; /* why; */ } b_t; int x = zero();")
+    assert Header(path, only="b_t").fields("b_t") == [("b", c_double)]
+    with pytest.raises(ValueError, match="there is no structure 'c_t'"):
+        Header(path, only="c_t")
+
+
+@pytest.mark.parametrize(
+    "text, refused",
+    [
+        ("typedef struct { unsigned a; } s_t;", "unknown type 'unsigned'"),
+        ("typedef struct { int64_t a : 3; } s_t;", "cannot read 'int64_t a : 3'"),
+        ("typedef union { int64_t a; } u_t;", "cannot read 'typedef union"),
+        ("static const int64_t x = 3;", "cannot read 'static"),
+        ("typedef struct { int64_t a[MANY + 1]; } s_t;", "unknown length 'MANY'"),
+        ("EXPORT int64_t f(other_t x);", "unknown type 'other_t'"),
+    ],
+)
+def test_what_is_not_understood_is_refused(tmp_path: Path, text: str, refused: str) -> None:
+    with pytest.raises(ValueError, match=f"given.h: {refused}"):
+        Header(written(tmp_path, text))
