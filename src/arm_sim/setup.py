@@ -14,6 +14,7 @@ HERE = Path(__file__).resolve().parent  # colcon may run a link to this file
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
 PACKAGE, VERSION = MANIFEST.findtext("name"), MANIFEST.findtext("version")
 CODE = ("**/*.c", "**/*.h", "**/*.cpp", "**/*.hpp")
+DATA = ("**/*.srv", "scenes/**/*.yaml", "scenes/**/*.urdf")
 SHARED = ("config", "launch", "rviz")
 
 setup(
@@ -35,7 +36,7 @@ setup(
     ],
     extras_require={"test": ["pytest"]},
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={"": [*CODE, "py.typed", "*.html", "scenes/**/*.yaml", "scenes/**/*.urdf"]},
+    package_data={"": [*CODE, *DATA, "py.typed", "*.html"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

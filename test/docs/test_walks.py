@@ -25,7 +25,8 @@ MOST_FILES = {
 
 def applied(walk: str, root: Path) -> Path:
     """A copy of src with the code of a walk."""
-    shutil.copytree(ROOT / "src", root / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    skipped = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "src", root / "src", symlinks=True, ignore=skipped)
     for language, block in re.findall(r"\n```(\w*)\n(.*?)```", WALKS[walk], re.DOTALL):
         first, _, text = block.partition("\n")
         path = root / first.split()[-1]
@@ -178,5 +179,28 @@ M = sim.dynamics.mass_matrix(motion.q)
 energy = np.einsum("ki,kij,kj->k", s, M, s)
 assert np.all(np.diff(energy) <= 1e-3 * energy[:-1])  # passivity, but for torques that are held
 np.testing.assert_allclose(motion.q[-1], goal.q, atol=1e-6)
+""",
+    )
+
+
+def test_service_is_a_command_with_options_and_tables(tmp_path: Path) -> None:
+    run(
+        applied("A service", tmp_path),
+        """
+from types import SimpleNamespace
+import click
+from click.testing import CliRunner
+from arm_sim.cli.call import answers, call, services
+from arm_sim.cli.vectors import parse
+
+said = CliRunner().invoke(call, ["forward-kinematics", "--help"]).output
+for words in ("Poses of a frame in the world", "--frame TEXT", "--position NUMBERS", "--joints"):
+    assert words in said, said
+(service,) = (x for x in services.SERVICES if x.command == "forward_kinematics")
+given = {x: parse("[[0, 1], [2, 3]]") for x in service.request if x.name == "position"}
+poses = SimpleNamespace(pose=[*range(14)])
+answer = answers.Answer(service, poses, given, {"a": "revolute", "b": "revolute"})
+said = CliRunner().invoke(click.Command("shown", callback=answer.print)).output
+assert "point: pose (position [m] and quaternion x y z w)" in said and "13" in said, said
 """,
     )

@@ -143,7 +143,7 @@ def test_the_command_shows_motion_and_forces(arm: Typist) -> None:
     assert re.search(r"effort \[N m\] +acceleration \[rad/s²\]", shown)
     assert re.search(rf"knee +\S+ +-0\.2 +{re.escape(f'{a[1]:.6g}')} ", shown)
     assert re.search(rf"loop 1 +{re.escape(f'{lam[0]:.6g}')} ", shown)
-    assert "force [N, N m]" in shown
+    assert "multipliers [N, N m]" in shown
 
 
 def test_the_command_answers_torques(arm: Typist) -> None:
@@ -157,13 +157,15 @@ def test_the_command_answers_torques(arm: Typist) -> None:
     work = [(gap(Q0 + step) - gap(Q0 - step)) @ [1.0, 5.0, 2.0] / 2e-6 for step in steps]
     assert_close(push - stay, work, FINITE_DIFF)
     assert np.abs(work).max() > 0.1
-    assert "point: torque [N m]" in arm(*words).output
+    assert "point: effort [N m]" in arm(*words).output
 
 
 def test_the_command_says_when_there_are_no_constraints(arm: Typist) -> None:
     shown = arm("constrained-dynamics", "--node", OPEN, "--position", "elbow=-2")
     assert shown.exit_code == 0
-    assert "the scene has no constraints" in shown.output
+    assert "multipliers [N, N m]: none" in shown.output
+    batch = arm("constrained-dynamics", "--node", OPEN, "--position", "[[0, 1], [1, 0]]").output
+    assert "multipliers [N, N m]: none" in batch and "point: acceleration [rad/s²]" in batch
 
 
 @pytest.mark.parametrize(
@@ -177,6 +179,14 @@ def test_the_command_says_when_there_are_no_constraints(arm: Typist) -> None:
         (
             ("constrained-dynamics", "--position", "elbow=1", "--inverse", "--multipliers", "a=1"),
             "--multipliers: numbers without names are expected",
+        ),
+        (
+            ("constrained-dynamics", "--position", "elbow=1", "--inverse", "--effort", "1 0"),
+            "refused: effort is given, which is computed where inverse is true",
+        ),
+        (
+            ("constrained-dynamics", "--position", "elbow=1", "--acceleration", "1 0"),
+            "refused: acceleration is given, which is computed where inverse is false",
         ),
     ],
 )

@@ -155,7 +155,7 @@ def test_the_command_finds_positions(arm: Typist) -> None:
     table = arm(*words, json.dumps(wanted.tolist()), "--seed", "panda_joint4=-2").output
     assert re.search(r"joint +seed \[rad\] +position \[rad\]", table)
     assert re.search(r"panda_joint4 +-2 +-[12]\.\d+", table)
-    assert re.search(r"reached: yes, off by \S+ m and \S+ rad", table)
+    assert re.search(r"reached: yes .*\n +distance \[m\]: \S+\n +angle \[rad\]: \S+", table)
 
 
 def test_the_command_shows_which_poses_are_out_of_reach(arm: Typist) -> None:
@@ -178,7 +178,7 @@ def test_the_command_shows_which_poses_are_out_of_reach(arm: Typist) -> None:
     ("words", "said"),
     [
         ((*FIND, "paw", "--pose", "0 0 0 0 0 0 1"), "refused: frame 'paw' does not exist"),
-        ((*FIND, FRAME, "--pose", "0 0 0"), "pose has shape (3,)"),
+        ((*FIND, FRAME, "--pose", "0 0 0"), "refused: pose has 3 numbers; allowed: 7 for each"),
         ((*FIND, FRAME, "--pose", "x=1"), "--pose: numbers without names are expected"),
         ((*FIND, FRAME, "--pose", "0 0 0 0 0 0 1", "--seed", "wrist=1"), "unknown joint 'wrist'"),
     ],

@@ -39,14 +39,14 @@ def arm(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixtu
 
 def test_inverse_dynamics(arm: Any) -> None:
     dynamics = models.dynamics("two_link")
-    q, v, a = [0.3, -0.7], [1.0, 0.5], [0.0, 2.0]
-    words = ("--position", "0.3 -0.7", "--velocity", "[1, 0.5]", "--acceleration", "elbow=2")
+    q, v, a = [-0.3, 0.7], [1.0, 0.5], [0.0, 2.0]
+    words = ("--position", "-0.3 0.7", "--velocity", "[1, 0.5]", "--acceleration", "elbow=2")
     said = answer(arm("inverse-dynamics", *words, "--json"))
     assert said["joint_names"] == NAMES
     np.testing.assert_allclose(said["effort"], dynamics.inverse(q, v, a), atol=1e-12)
     table = arm("inverse-dynamics", *words).output
-    assert re.search(r"elbow +-0\.7 +0\.5 +2 ", table)
-    assert "torque [N m]" in table
+    assert re.search(r"elbow +0\.7 +0\.5 +2 ", table)
+    assert "effort [N m]" in table
 
 
 def test_points_order_and_terms(arm: Any) -> None:
@@ -64,7 +64,7 @@ def test_forward_dynamics_terms_and_model(arm: Any) -> None:
     np.testing.assert_allclose(said["acceleration"], expected, atol=1e-12)
     terms = answer(arm("dynamics-terms", "--position", "0.3 -0.7", "--json"))
     np.testing.assert_allclose(terms["mass_matrix"], dynamics.mass_matrix([0.3, -0.7]), atol=1e-12)
-    assert "kinetic energy: 0 J" in arm("dynamics-terms", "--position", "0.3 -0.7").output
+    assert "kinetic energy [J]: 0" in arm("dynamics-terms", "--position", "0.3 -0.7").output
     info = answer(arm("model-info", "--json"))
     assert info["effort_limits"] == [60.0, 25.0]
     assert re.search(r"shoulder +revolute +-3\.1 +3\.1 +6 +60", arm("model-info").output)
@@ -88,7 +88,7 @@ def test_task_space(arm: Any) -> None:
     assert "near a singularity" in shown.split("point 1")[1]
     assert "near a singularity" not in shown.split("point 1")[0]
     mass = task.effective_mass(q[0], [1, 0]).mass
-    assert f"mass along the direction: {mass:.6g}" in shown
+    assert f"effective mass [kg, kg m²]: {mass:.6g}" in shown
 
 
 @pytest.mark.parametrize(
@@ -107,11 +107,16 @@ def test_task_space(arm: Any) -> None:
         ),
         (
             ("task-space", "--frame", "tip", "--direction", "x=1", "--position", "1 2"),
-            "--direction: one row of numbers is expected",
+            "--direction: numbers without names are expected",
         ),
         (("step",), "refused: the simulation is running"),
+        (("step", "0"), "refused: steps = 0; allowed: 1 to"),
+        (("set-joint-state", "--position", "1", "--joints", "elbow elbow"), "are elbow, elbow; "),
+        (("set-payload", "--mass", "1", "--com", "0 0"), "com has 2 numbers; expected 3"),
+        (("set-payload", "--mass", "-1"), "refused: 'payload' is not tunable"),
+        (("inverse-dynamics", "--position", "1 2 3 4"), "4 numbers in a row; allowed: 2"),
         (("set-joint-state", "--position", "elbow=nan"), "refused: "),
-        (("set-joint-state", "--position", "[[1, 2], [3, 4]]"), "one state is expected"),
+        (("set-joint-state", "--position", "[[1, 2], [3, 4]]"), "--position: one row is expected"),
         (
             ("set-joint-state", "--position", "elbow=1", "--velocity", "shoulder=1"),
             "joints shoulder and elbow; allowed: the same joints in every vector",
@@ -130,6 +135,8 @@ def test_simulation_is_paused_stepped_set_and_reset(arm: Any) -> None:
     before = answer(arm("step", "--json"))["time"]
     assert answer(arm("step", "10", "--json"))["time"] == pytest.approx(before + 0.01)
     assert arm("set-joint-state", "--position", "elbow=1.0").output == "/sim: elbow set\n"
+    words = ("set-joint-state", "--joints", ",", "--position", "elbow=1 shoulder=2")
+    assert arm(*words).output == "/sim: elbow, shoulder set\n"
     assert arm("reset").exit_code == 0
     assert answer(arm("step", "--json"))["time"] == pytest.approx(0.001)
     assert arm("resume").output == "/sim: running\n"

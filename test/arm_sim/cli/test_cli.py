@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import click
 import numpy as np
@@ -18,7 +19,8 @@ import models
 from arm_dynamics import Dynamics, InvalidInput, load_scene
 from arm_dynamics.scene import Initial
 from arm_sim import Simulator
-from arm_sim.cli.call.asking import readable
+from arm_sim.cli.call.answers import Answer, readable
+from arm_sim.cli.call.services import SERVICES
 from arm_sim.cli.demo.motion import choose_motion
 from arm_sim.cli.nodes import split_words
 from arm_sim.cli.output import limit
@@ -89,18 +91,10 @@ def test_help_loads_no_ros_and_no_plotting() -> None:
         (["demo", "--duration", "0"], "0.0 is not in the range"),
         (["call", "inverse-dynamics"], "Missing option '--position'"),
         (["call", "inverse-dynamics", "--position", "a"], "'a' is not a number"),
-        (["call", "inverse-dynamics", "--position", "0", "--terms", "mass"], "allowed: all, or"),
+        (["call", "inverse-dynamics", "--position", "0", "--terms", "mass"], "allowed: some of"),
         (["call", "set-joint-state"], "nothing to set"),
         (["call", "inverse-kinematics", "--frame", "hand"], "Missing option '--pose'"),
-        (
-            ["call", "constrained-dynamics", "--position", "0", "--inverse", "--effort", "1"],
-            "--effort and --inverse exclude each other",
-        ),
-        (
-            ["call", "constrained-dynamics", "--position", "0", "--multipliers", "1"],
-            "allowed with --inverse only",
-        ),
-        (["call", "step", "0"], "0 is not in the range"),
+        (["call", "step", "4294967296"], "is not in the range 0<=x<=4294967295"),
         (["sim", PANDA, "-p", "paused:=true"], "'-p' is neither the scene nor behind --ros-args"),
     ],
 )
@@ -355,3 +349,35 @@ def test_the_effort_of_a_demo_counts_whatever_its_sign() -> None:
 def test_rounding_is_not_printed_as_a_number() -> None:
     np.testing.assert_array_equal(readable(np.array([2.0, -1e-18, 0.0])), [2.0, 0.0, 0.0])
     np.testing.assert_array_equal(readable(np.array([1e-18, 3e-18])), [1e-18, 3e-18])
+    np.testing.assert_array_equal(readable(np.array([np.inf, 1e-3])), [np.inf, 1e-3])
+
+
+def shown(command: str, position: str, **response: object) -> str:
+    """What ``./arm call`` prints of a response of an arm with a slider, of which this is known."""
+    (service,) = (x for x in SERVICES if x.command == command)
+    given = {x: parse(position) for x in service.request if x.name == "position"}
+    joints = {"slide": "prismatic", "turn": "revolute"}
+    empty = {x.name: [] for x in service.response}
+    every = SimpleNamespace(**empty | {"joint_names": [*joints]} | response)
+    answer = Answer(service, every, given, joints)
+    return CliRunner().invoke(click.Command("shown", callback=answer.print)).output
+
+
+def test_an_answer_has_the_units_of_its_joints() -> None:
+    said = shown("inverse_dynamics", "1 2", effort=[3.0, 4.0])
+    assert re.search(r"joint +position \[rad, m\] +effort \[N m, N\]", said)
+    assert re.search(r"turn +2 +4", said)
+
+
+def test_an_answer_shows_infinite_numbers_and_facts() -> None:
+    said = shown("model_info", "", effort_limits=[5.0, np.inf],
+                 gravity=[0.0, 0.0, -9.81], summary="two joints", total_mass=1.5)  # fmt: skip
+    assert re.search(r"slide +5 *\n turn +inf *\n", said)
+    assert "gravity [m/s²]: 0, 0, -9.81\n  summary: two joints\n" in said
+
+
+def test_a_batch_of_numbers_is_a_table() -> None:
+    said = shown("inverse_kinematics", "", reached=[True], distance=[0.5])
+    assert "reached: yes (to 1e-9 m and 1e-9 rad)\n  distance [m]: 0.5\n" in said
+    said = shown("dynamics_terms", "[[1, 2], [3, 4]]", kinetic_energy=[1.0, 2.0])
+    assert re.search(r"point +kinetic energy \[J\]", said) and re.search(r"\n 1 +2 *\n", said)

@@ -6,14 +6,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from arm_dynamics.exceptions import choices
-
-if TYPE_CHECKING:
-    import numpy as np
 
 HOW = 'e.g. "0, 0.5, -1", "elbow=0.5 wrist=-1", "[[0, 1], [2, 3]]" for two points, or @FILE'
 
@@ -31,12 +28,6 @@ class Vector:
     rows: tuple[tuple[float, ...], ...]
     named: Mapping[str, float]
     batch: bool = False
-
-    def array(self, names: Sequence[str]) -> np.ndarray:
-        """Numbers as a row, or a row for each point of a list; see ``flat``."""
-        import numpy as np
-
-        return np.array(self.rows if self.batch else self.flat(names), float)
 
     def flat(self, names: Sequence[str]) -> list[float]:
         """Numbers point after point, with joints in this order; zero for joints not named."""

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm call``: the services of running nodes, without the ros2 command line.
 
-``asking`` has the common parts of its commands, ``questions`` the commands for a dynamics node and
-``orders`` those for a sim node. The client, and ROS with it, is imported when a command runs.
+``services`` has the table of the commands and reads the service files, ``commands`` makes options
+of the fields of a request, and ``answers`` prints those of a response. ROS is imported when a
+command runs.
 """
 
-from arm_sim.cli.call import orders, questions
-from arm_sim.cli.call.asking import call
+from arm_sim.cli.call.commands import call
 
-__all__ = ["call", "orders", "questions"]
+__all__ = ["call"]

@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands of ``./arm call``, made from the table of services."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Collection, Mapping
+from contextlib import closing
+from functools import partial, reduce
+from operator import or_
+from typing import Any
+
+import click
+
+from arm_dynamics.exceptions import choices
+from arm_sim.cli.call.answers import Answer, print_json
+from arm_sim.cli.call.services import DYNAMICS, MODEL_INFO, SERVICES, Field, Service
+from arm_sim.cli.completion import Commands
+from arm_sim.cli.output import console, examples
+from arm_sim.cli.vectors import HOW, Vector, VectorType
+
+KINDS = {
+    "bool": click.BOOL, "float64": click.FLOAT, "string": click.STRING, "string[]": click.STRING,
+    "uint8": click.IntRange(0, 2**8 - 1), "uint32": click.IntRange(0, 2**32 - 1),
+}  # fmt: skip
+Given = Mapping[Field, Any]
+POINTS = '"[[…], […]]" for two points, or @FILE'
+
+
+class _Bits(click.ParamType):
+    """Names of bits of a number."""
+
+    name = "names"
+
+    def __init__(self, bits: Mapping[str, int]) -> None:
+        self._bits = bits
+
+    def convert(self, value: str, param: Any, ctx: click.Context | None) -> int:
+        """The number with these bits, or a usage error."""
+        chosen = set(_words(value.lower()))
+        unknown = min(chosen - {*self._bits}, default="")
+        if unknown or not chosen:
+            self.fail(f"{value!r}; allowed: some of {choices(unknown, self._bits)}", param, ctx)
+        return reduce(or_, (self._bits[name] for name in chosen))
+
+
+def _words(text: str) -> list[str]:
+    return text.replace(",", " ").split()
+
+
+# --- from fields to options --------------------------------------------------------------------
+
+
+def _made(service: Service) -> click.Command:
+    """The command of a service."""
+    name = service.command.replace("_", "-")
+    lines = (f"./arm call {name} {words}".strip() for words in service.examples.split("\n"))
+    fields = sorted(service.request, key=lambda field: field.name == "joint_names")
+    return click.Command(
+        name, params=[*(_parameter(service, field) for field in fields), *_common(service.node)],
+        callback=partial(_run, service), help=service.help, short_help=service.short_help,
+        epilog=examples(*lines),
+    )  # fmt: skip
+
+
+def _parameter(service: Service, field: Field) -> click.Parameter:
+    """The option of a field; an argument if a number is all that is asked for."""
+    kind, default, about = _kind(service, field), field.default.strip('"'), field.help
+    if isinstance(kind, _Bits):
+        default = next((name for name, bit in service.bits.items() if str(bit) == default), "")
+        about = f"Some of {', '.join(service.bits)}"
+    elif field == next((x for x in service.request if x.shape), None):
+        about += f"; {HOW if 'n' in field.shape else POINTS}"
+    settings: dict[str, Any] = {"type": kind} | ({"default": default} if default else {})
+    if [field] == service.request and isinstance(kind, click.IntRange):
+        return click.Argument([field.name], **settings)
+    if field.type == "bool":
+        settings = {"is_flag": True}
+    return click.Option(
+        [_option(field), field.name], required=field.required, show_default=bool(default),
+        help=f"{about}.", **settings,
+    )  # fmt: skip
+
+
+def _kind(service: Service, field: Field) -> click.ParamType:
+    if field.type.startswith("float64["):
+        return VectorType()
+    if field.type == "uint8" and service.bits:
+        return _Bits(service.bits)
+    return KINDS[field.type]
+
+
+def _option(field: Field) -> str:
+    return "--joints" if field.name == "joint_names" else f"--{field.name.replace('_', '-')}"
+
+
+def _common(node: str) -> list[click.Parameter]:
+    """Options of every command."""
+    return [
+        click.Option(["--node"], default=f"/{node}", show_default=True,
+                     help="Name of the node, with its namespace."),
+        click.Option(["--timeout"], default=5.0, show_default=True, type=click.FloatRange(0.1),
+                     help="How long to wait, in s."),
+        click.Option(["--json", "as_json"], is_flag=True, help="Print JSON."),
+    ]  # fmt: skip
+
+
+# --- a call ------------------------------------------------------------------------------------
+
+
+def _run(service: Service, node: str, timeout: float, as_json: bool, **options: Any) -> None:
+    """Call a service and print the answer; fail if the node does not answer or refuses."""
+    from arm_dynamics.exceptions import NoAnswer, Refused
+    from arm_dynamics.ros.common.caller import Caller
+
+    given = {x: v for x in service.request if (v := options[x.name]) not in (None, "")}
+    _check_any(service, given)
+    try:
+        with closing(Caller(timeout)) as caller:
+            _call(partial(_ask, caller, node), service, given, as_json)
+    except NoAnswer as error:
+        raise click.ClickException(
+            f"{error}\n  start one in another terminal: ./arm {service.node} SCENE"
+            "\n  --node selects another node, --timeout waits longer"
+        ) from None
+    except Refused as error:
+        if as_json:
+            print_json(str(error))
+            raise SystemExit(1) from None
+        raise click.ClickException(f"refused: {error}") from None
+
+
+def _check_any(service: Service, given: Collection[Field]) -> None:
+    options = [x for x in service.request if x.name != "joint_names"]
+    if options and not any(field in given for field in options):
+        names = " or ".join(map(_option, options))
+        raise click.UsageError(f"nothing to set: give {names}")
+
+
+def _call(ask: Callable[..., Any], service: Service, given: Given, as_json: bool) -> None:
+    """Send a request, and print the response."""
+    joints = _joints(ask, service, given)
+    sent = {field.name: _value(field, value, list(joints)) for field, value in given.items()}
+    if any(field.name == "joint_names" for field in service.request):
+        sent["joint_names"] = sent.get("joint_names") or list(joints)
+    response = ask(service, **sent)
+    vectors = {field: value for field, value in given.items() if isinstance(value, Vector)}
+    answer = Answer(service, response, vectors, joints)
+    if as_json:
+        answer.print_json("" if response.success else response.message)
+    elif service.done:
+        _print_done(service, sent, response)
+    else:
+        answer.print()
+    if not response.success:  # a part of the request
+        raise SystemExit(1) if as_json else click.ClickException(response.message)
+
+
+def _ask(caller: Any, node: str, service: Service, **fields: Any) -> Any:
+    """The response of a node; ``Refused`` if it has declined and answered nothing."""
+    from arm_dynamics.exceptions import Refused
+    from arm_dynamics.ros import interfaces
+
+    row = getattr(interfaces, (service.name or service.command).upper())
+    request = row.type.Request(**fields, **service.sends)
+    response = caller.ask(node, row, request, repeatable=not service.once)
+    arrays = (getattr(response, field.name) for field in service.response if field.shape)
+    if not response.success and not any(map(len, arrays)):
+        raise Refused(response.message)
+    return response
+
+
+def _joints(ask: Callable[..., Any], service: Service, given: Given) -> dict[str, str]:
+    """Types of joints by name, in the order of the vectors; of a simulation those named."""
+    names = next((_words(v) for x, v in given.items() if x.name == "joint_names"), [])
+    if service.node == DYNAMICS:
+        facts = ask(MODEL_INFO)
+        kinds = dict(zip(facts.joint_names, facts.joint_types, strict=True))
+        return {name: kinds.get(name, "") for name in names or kinds}
+    for vector in (x for x in given.values() if isinstance(x, Vector) and x.named):
+        if names and set(vector.named) != set(names):
+            raise click.ClickException(
+                f"joints {', '.join(vector.named)} and {', '.join(names)}; allowed: the same "
+                "joints in every vector and in --joints"
+            )
+        names = names or list(vector.named)
+    return dict.fromkeys(names, "")
+
+
+def _value(field: Field, value: Any, joints: list[str]) -> Any:
+    """The value of a field; vectors by name in the order of these joints."""
+    if not isinstance(value, Vector):
+        return _words(value) if field.type == "string[]" else value
+    if value.named and "n" not in field.shape:
+        raise click.ClickException(f"{_option(field)}: numbers without names are expected")
+    if value.batch and "k" not in field.shape:
+        raise click.ClickException(f"{_option(field)}: one row is expected, got several points")
+    numbers = value.flat(joints)
+    size = field.type[len("float64[") : -1]
+    if size and len(numbers) != int(size):
+        raise click.ClickException(f"{field.name} has {len(numbers)} numbers; expected {size}")
+    return numbers if size else array("d", numbers)
+
+
+def _print_done(service: Service, sent: Mapping[str, Any], response: Any) -> None:
+    """Print what a request has changed; numbers that were not sent are zero."""
+    node = click.get_current_context().params["node"].strip("/")
+    facts = {field.name: getattr(response, field.name) for field in service.response}
+    joints = ", ".join(sent.get("joint_names", ())) or "all joints"
+    zeros = {field.name: 0 for field in service.request}
+    done = service.done.format(**zeros | {**sent, **facts}, joints=joints)
+    console().print(f"/{node}: {done}", markup=False)
+
+
+@click.group(
+    cls=Commands,
+    commands={command.name: command for command in map(_made, SERVICES)},
+    epilog=examples(
+        './arm call inverse-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"',
+        './arm call inverse-dynamics --position "panda_joint4=-2.4" --terms gravity',
+        "./arm call model-info --json",
+    ),
+)
+def call() -> None:
+    """Call a service of a running node.
+
+    Vectors are in model order, or by joint name; joints that are not named are zero. Start the
+    nodes with ./arm dynamics SCENE and ./arm sim SCENE.
+    """
