@@ -8,6 +8,7 @@ length of a list of names whose comment says m.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,7 +17,21 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 DYNAMICS, SIM = "dynamics", "sim"  # nodes, and the commands that start them
-FILES = Path(__file__).with_name("srv")  # a link to those of arm_msgs, so that help needs no ROS
+
+
+def _files() -> Path:
+    """The folder of the service files of ``arm_msgs``.
+
+    It is linked and packaged beside this file, so that help needs no ROS. Where a distribution
+    builds each package alone, the link leads nowhere and ``arm_msgs`` is installed.
+    """
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    installed = (Path(prefix) / "share/arm_msgs/srv" for prefix in prefixes if prefix)
+    here = Path(__file__).with_name("srv")
+    return next((folder for folder in (here, *installed) if folder.is_dir()), here)
+
+
+FILES = _files()
 
 _FIELD = re.compile(r"([\w/]+(?:\[\d*\])?) +(\w+)(?: +([^#\s=][^#]*?))? *(?:# *(.*))?")
 _CONSTANT = re.compile(r"uint\d+ +([A-Z]\w*) *= *(\d+)")
