@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The walks of CONTRIBUTING.md work: their code is applied to a copy of src."""
+"""The walks of docs/project/extending.md work: their code is applied to a copy of src."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "CONTRIBUTING.md").read_text()
-WALKS = dict(re.findall(r"\n### ([^\n]+)\n(.*?)(?=\n##)", PAGE, re.DOTALL))
+PAGE = (ROOT / "docs/project/extending.md").read_text()
+WALKS = dict(re.findall(r"\n## ([^\n]+)\n(.*?)(?=\n## |\Z)", PAGE, re.DOTALL))
 MOST_FILES = {
     "A friction law with a state": 4,
     "An integrator": 2,

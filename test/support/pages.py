@@ -56,12 +56,9 @@ def steps(page: Path) -> Iterator[Step]:
     """What a page does, from top to bottom.
 
     In running text and tables, a command with at least one argument is a line; one that shows a
-    form (``…``, ``SCENE``, ``[TOPIC]``) or only names a command or an option is none. The code of
-    CONTRIBUTING.md has tests of its own.
+    form (``…``, ``SCENE``, ``[TOPIC]``) or only names a command or an option is none.
     """
     for part in _PARTS.finditer(page.read_text()):
-        if page.stem == "CONTRIBUTING" and part["kind"] not in {None, "bash"}:
-            continue
         if part["indented"]:
             yield Step("line", _bare(part["indented"]))
         elif part["inline"]:
