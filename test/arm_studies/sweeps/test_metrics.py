@@ -6,18 +6,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm_studies.sweeps.metrics import METRICS, Run, measured
+from arm_studies.sweeps.metrics import METRICS, MeasuredRun, measured
 
 DT = 0.1
 
 
-def run() -> Run:
+def run() -> MeasuredRun:
     """Two joints; the first goes from 0 to 1 and swings over to 1.2, the second stays."""
     q = np.array([[0.0, 3.0], [0.5, 3.0], [1.2, 3.0], [1.0, 3.0]])
     reference = np.array([[0.0, 3.0], [0.5, 3.0], [1.0, 3.0], [1.0, 3.0]])
     torque = np.array([[2.0, -5.0], [1.0, -5.0], [-3.0, -5.0]])
     stops = np.array([[-9.0, -np.inf], [1.2, np.inf]])
-    return Run(DT, q, reference, torque, torque, np.array([3.0, np.inf]), stops)
+    return MeasuredRun(DT, q, reference, torque, torque, np.array([3.0, np.inf]), stops)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_a_joint_may_overshoot_downwards() -> None:
     q = np.array([[1.0, 0.0], [-1.3, 2.2], [-1.0, 2.0]])
     reference = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 2.0]])
     still, none = np.zeros((2, 2)), np.full(2, np.inf)
-    down = Run(DT, q, reference, still, still, none, np.array([-none, none]))
+    down = MeasuredRun(DT, q, reference, still, still, none, np.array([-none, none]))
     found = measured(down, ["overshoot", "overshoot.first"], ("first", "second"))
     assert found == [pytest.approx(0.15, rel=1e-14)] * 2
 

@@ -82,7 +82,7 @@ class OperationalSpace:
         now = self._arm.state(state, reference)
         return np.asarray(self.demanded(now, reference, self.tuning))
 
-    def demanded(self, now: Instant, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+    def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
         """The torque, for numbers and expressions."""
         *arms, kp, kd = tuning
         desired = now.ahead + kd * now.rate + kp * now.error
@@ -131,7 +131,7 @@ class MotionForce:
         now = self._arm.state(state, reference)
         return np.asarray(self.demanded(now, reference, self.tuning))
 
-    def demanded(self, now: Instant, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+    def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
         """The torque, for numbers and expressions."""
         *arms, kp, kd, along, across, brake = tuning
         desired = now.ahead + kd * now.rate + kp * now.error
@@ -190,7 +190,7 @@ class CartesianImpedance:
         now = self._arm.state(state, reference)
         return np.asarray(self.demanded(now, reference, self.tuning))
 
-    def demanded(self, now: Instant, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+    def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
         """The torque, for numbers and expressions."""
         *arms, K, D = tuning
         if self._by_ratio:
@@ -234,7 +234,7 @@ class AlongJoints:
         turn = rotation_vector(reference.rotation @ arm.rotation.T)
         error = ca.vertcat(reference.position - arm.position, turn)[task.rows]
         rate = reference.velocity[task.rows] - arm.velocity
-        now = Instant(q, v, arm, error, rate, reference.acceleration[task.rows])
+        now = TaskInput(q, v, arm, error, rate, reference.acceleration[task.rows])
         tau = control.demanded(now, reference, its)
         return ca.if_else(bound < 1.0 / task.threshold, tau, np.nan), memory
 
@@ -262,7 +262,7 @@ def at_rest(task: TaskSpace, q: ArrayLike, force: float = 0.0) -> TaskReference:
     return replace(task_reference(task, Reference(here, still, still), force), posture=None)
 
 
-class Instant(NamedTuple):
+class TaskInput(NamedTuple):
     """Input of a task controller at one instant, in the task's axes, numbers or expressions.
 
     Attributes:
@@ -299,16 +299,16 @@ class _Arm:
         """What its part of a formula depends on; None where the posture is given."""
         return (self._friction is not None,) if self._posture is None else None
 
-    def state(self, state: Moving, reference: TaskReference) -> Instant:
+    def state(self, state: Moving, reference: TaskReference) -> TaskInput:
         q, v = checked(state, self._task.n)
         arm, rows = self._task.kernel.state(q, v), self._task.rows
         turn = pin.log3(reference.rotation @ arm.rotation.T)
         error = np.concatenate([reference.position - arm.position, turn])
         rate = reference.velocity[rows] - arm.velocity
-        return Instant(q, v, arm, error[rows], rate, reference.acceleration[rows])
+        return TaskInput(q, v, arm, error[rows], rate, reference.acceleration[rows])
 
     def torque(
-        self, now: Instant, reference: TaskReference, desired: Any, tuning: Sequence[Any]
+        self, now: TaskInput, reference: TaskReference, desired: Any, tuning: Sequence[Any]
     ) -> Any:
         """Torque for a desired acceleration of the frame, with the posture in the null space."""
         arm, (kp, kd) = now.arm, tuning

@@ -65,7 +65,7 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionAtRest:
     """Motions that follow from choices of sticking joints.
 
     Attributes:
@@ -126,7 +126,7 @@ class AtRest:
             "no set of sticking joints satisfies the friction laws: the motion is not determined"
         )
 
-    def _released(self, points: Points, motion: Motion, way: Array, excess: Array) -> Array:
+    def _released(self, points: Points, motion: MotionAtRest, way: Array, excess: Array) -> Array:
         """Directions after all that holds together and is beyond its limits has been released.
 
         The violation of joints that hold together becomes zero where they hold, and multipliers
@@ -164,7 +164,7 @@ class AtRest:
         excess: Array = np.where(direction == 0.0, (abs(pull) - level) / level.max(), wrong_way)
         return excess
 
-    def _moved(self, points: Points, direction: Array, held: Flags) -> Motion:
+    def _moved(self, points: Points, direction: Array, held: Flags) -> MotionAtRest:
         """Motions in which ``held`` joints stick and the others slide in ``direction``."""
         sliding, (q, v, tau) = ~held, (points.q, points.v, points.tau)
         load = tau - points.bias - self._friction(v, direction, q, tau)
@@ -177,7 +177,7 @@ class AtRest:
             a, multipliers = np.linalg.solve(M, forces[..., None])[..., 0], points.drift
         a = a * sliding
         reaction = load - times(points.M, a) - times(np.swapaxes(points.A, 1, 2), multipliers)
-        return Motion(a, multipliers, held * reaction)
+        return MotionAtRest(a, multipliers, held * reaction)
 
 
 def _carried(A: Array, drift: Array, v: Array, resting: Flags) -> Flags:

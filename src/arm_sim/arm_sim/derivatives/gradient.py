@@ -71,7 +71,7 @@ class RolloutGradient:
 
 
 @dataclass(frozen=True)
-class Found:
+class ArgumentGradients:
     """Gradients of a batch by initial states, torques and parameters.
 
     Attributes:
@@ -86,7 +86,7 @@ class Found:
 
 
 def gradient_of(
-    plant: Plant, batch: Batch, found: Found, shape: tuple[int, ...]
+    plant: Plant, batch: Batch, found: ArgumentGradients, shape: tuple[int, ...]
 ) -> RolloutGradient:
     """Gradients by the arguments of a rollout, from those by initial states and all torques.
 
@@ -175,7 +175,7 @@ class Gradients:
         threads: int | None,
         lanes: int | None,
         side: int | None = None,
-    ) -> Found:
+    ) -> ArgumentGradients:
         """Gradients of Σ g · states for a batch, see ``Simulator.rollout_gradient``.
 
         Args:
@@ -190,7 +190,7 @@ class Gradients:
             SimulationDiverged: If a tick cannot be computed; likewise.
         """
         arms, ticks, n = len(batch.x0), batch.steps, self._plant.model.n
-        found = Found(
+        found = ArgumentGradients(
             np.zeros(batch.x0.shape), np.zeros((arms, ticks, n)), np.zeros(batch.p.shape)
         )
         width, library = self._library(lanes)
@@ -232,7 +232,7 @@ class Gradients:
         return found.by_x[0], found.by_tau[0].sum(axis=0)
 
     def _side_by_side(
-        self, library: ctypes.CDLL, width: int, batch: Batch, g: Array, found: Found,
+        self, library: ctypes.CDLL, width: int, batch: Batch, g: Array, found: ArgumentGradients,
         threads: int | None,
     ) -> list[int]:  # fmt: skip
         """Gradients of all arms; returns the arms that meet stops or diverge."""
@@ -251,7 +251,7 @@ class Gradients:
         return marked(met)
 
     def _tick_by_tick(
-        self, batch: Batch, g: Array, found: Found, arm: int, side: int | None
+        self, batch: Batch, g: Array, found: ArgumentGradients, arm: int, side: int | None
     ) -> None:
         """The gradient of one arm by the derivatives of each of its ticks."""
         n, nx = self._plant.model.n, self._plant.nx

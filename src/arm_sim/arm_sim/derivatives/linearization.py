@@ -29,7 +29,7 @@ from arm_dynamics.equations.contact import AT_REST
 from arm_sim.derivatives.guards import INSTANT, Guards
 from arm_sim.derivatives.impact import ImpactDerivative
 from arm_sim.derivatives.kinks import Kinks
-from arm_sim.derivatives.one_sided import Place, one_sided
+from arm_sim.derivatives.one_sided import TickPoint, one_sided
 from arm_sim.derivatives.rest_projection import RestProjection
 from arm_sim.derivatives.resting import Resting
 from arm_sim.derivatives.segments import segment_type, trace_tick
@@ -50,7 +50,7 @@ SAME = 1e-9
 
 
 @dataclass
-class Motion:
+class MotionSlope:
     """A motion and its derivatives by the state x at its beginning and by what is held, w.
 
     w is the command u followed by the parameters to differentiate by, nw numbers.
@@ -269,7 +269,7 @@ class Linearizer:
         if choice.tolerance is not None:
             control = SubstepControl(choice.tolerance, choice.method.order)
         for k, r in enumerate(commands):
-            tick, place = _Tick(self, control, begins=k == 0), Place(x, r, p)
+            tick, place = _Tick(self, control, begins=k == 0), TickPoint(x, r, p)
             try:
                 slope = tick.slope(place, strict=True)
             except NotDifferentiable:
@@ -280,7 +280,7 @@ class Linearizer:
             yield slope
 
     def differentiated(
-        self, place: Place, control: SubstepControl | None, strict: bool, begins: bool
+        self, place: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
     ) -> tuple[Array, Array]:
         """State after one tick, and its derivatives by state, command and quantities.
 
@@ -306,7 +306,7 @@ class Linearizer:
         by_x, by_u, by_p = np.split(by, (len(x), len(x) + len(r)), axis=1)
         return after_, np.hstack([by_x + by_u @ u_x, by_u @ u_r, by_p])
 
-    def after(self, place: Place, control: SubstepControl | None) -> Array:
+    def after(self, place: TickPoint, control: SubstepControl | None) -> Array:
         """State after a tick, shape (nx,); the tick changes ``control``."""
         if not self._eventful:
             return self.differentiated(place, control, strict=False, begins=False)[0]
@@ -336,7 +336,7 @@ class Linearizer:
         """State after a tick, and its derivative by (x, w)."""
         segments, after = self._segments(x, u, p, control)
         whole = len(x) + self._held
-        motion = Motion(x, np.eye(len(x), whole), np.zeros(whole))
+        motion = MotionSlope(x, np.eye(len(x), whole), np.zeros(whole))
         if self._eventful and strict:
             self._events.check_ends(segments, u, begins)
         for k, segment in enumerate(segments):
@@ -369,7 +369,7 @@ class Linearizer:
         segment["step"] = control.step if control else 0.0
         return segment, None
 
-    def _advance(self, motion: Motion, segment: np.void, u: Array, last: bool) -> None:
+    def _advance(self, motion: MotionSlope, segment: np.void, u: Array, last: bool) -> None:
         """Advance a motion over a segment, including the events that begin and end it."""
         nx, p = len(motion.x), segment["p"]
         if self._eventful:
@@ -422,16 +422,16 @@ class _Tick:
     ) -> None:
         self._linearizer, self._control, self._begins = linearizer, control, begins
 
-    def slope(self, place: Place, strict: bool) -> Array:
+    def slope(self, place: TickPoint, strict: bool) -> Array:
         """See ``Linearizer.differentiated``."""
         control = self._control and self._control.copy()
         return self._linearizer.differentiated(place, control, strict, self._begins)[1]
 
-    def after(self, place: Place) -> Array:
+    def after(self, place: TickPoint) -> Array:
         """State at the end."""
         return self.ended(place)[0]
 
-    def ended(self, place: Place) -> tuple[Array, SubstepControl | None]:
+    def ended(self, place: TickPoint) -> tuple[Array, SubstepControl | None]:
         """The same, and the error control."""
         control = self._control and self._control.copy()
         return self._linearizer.after(place, control), control

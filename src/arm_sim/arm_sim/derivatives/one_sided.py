@@ -26,7 +26,7 @@ SAME, ROUNDING = 1e-3, 1e-11
 
 
 @dataclass(frozen=True)
-class Place:
+class TickPoint:
     """Where a tick is differentiated.
 
     Attributes:
@@ -39,7 +39,7 @@ class Place:
     r: Array
     p: Array
 
-    def moved(self, entry: int, distance: float, tuned: Sequence[int]) -> Place:
+    def moved(self, entry: int, distance: float, tuned: Sequence[int]) -> TickPoint:
         """The place moved in one entry of (x, r, p[tuned])."""
         parts = {"x": self.x, "r": self.r, "p": self.p}
         for name, size in (("x", len(self.x)), ("r", len(self.r)), ("p", len(tuned))):
@@ -55,10 +55,10 @@ class Place:
 class Tick(Protocol):
     """A tick at a place and its derivatives."""
 
-    def after(self, place: Place) -> Array:
+    def after(self, place: TickPoint) -> Array:
         """State at its end, shape (nx,)."""
 
-    def slope(self, place: Place, strict: bool) -> Array:
+    def slope(self, place: TickPoint, strict: bool) -> Array:
         """Derivatives by (x, r, p[tuned]), shape (nx, nx + n + nt).
 
         Args:
@@ -71,7 +71,7 @@ class Tick(Protocol):
 
 
 def one_sided(
-    tick: Tick, place: Place, side: int, tuned: Sequence[int], names: Sequence[str]
+    tick: Tick, place: TickPoint, side: int, tuned: Sequence[int], names: Sequence[str]
 ) -> Array:
     """One-sided derivatives of a tick.
 
@@ -106,14 +106,14 @@ def one_sided(
     return np.column_stack(columns)
 
 
-def _column(tick: Tick, place: Place, entry: int) -> Array:
+def _column(tick: Tick, place: TickPoint, entry: int) -> Array:
     try:
         return tick.slope(place, strict=True)[:, entry]
     except NotDifferentiable:
         return tick.slope(place, strict=False)[:, entry]
 
 
-def _step(place: Place, near: Place) -> float:
+def _step(place: TickPoint, near: TickPoint) -> float:
     """The distance between two places that differ in one entry."""
     changes = near.x - place.x, near.r - place.r, near.p - place.p
     return float(sum(change.sum() for change in changes))

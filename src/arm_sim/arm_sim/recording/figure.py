@@ -11,7 +11,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_sim.figures import legend_at_right
-from arm_sim.recording.tables import UNITS, Motion, parts
+from arm_sim.recording.tables import UNITS, RecordedMotion, parts
 
 _STYLE = {
     "axes.grid": True, "grid.alpha": 0.3, "axes.spines.top": False, "axes.spines.right": False,
@@ -22,7 +22,7 @@ _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
 
 
-def draw(recordings: Sequence[Motion], joints: Sequence[str]) -> Any:
+def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     """See ``Recording.plot``."""
     import matplotlib as mpl
     from matplotlib import pyplot
@@ -50,7 +50,7 @@ def draw(recordings: Sequence[Motion], joints: Sequence[str]) -> Any:
     return figure
 
 
-def _joints(recordings: Sequence[Motion], asked: Sequence[str]) -> list[str]:
+def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[str]:
     """Joints to draw: the requested ones, else all that every recording has."""
     shared = [
         name for name in recordings[0].joint_names
@@ -66,7 +66,7 @@ def _joints(recordings: Sequence[Motion], asked: Sequence[str]) -> list[str]:
     return list(asked) or shared
 
 
-def _there(recordings: Sequence[Motion], part: str) -> bool:
+def _there(recordings: Sequence[RecordedMotion], part: str) -> bool:
     """Whether any of the recordings has a quantity."""
     return any(np.isfinite(parts(recording)[part]).any() for recording in recordings)
 
@@ -76,7 +76,7 @@ def _cycled(count: int) -> list[str]:
 
 
 def _joint_lines(
-    axis: Any, recording: Motion, part: str, names: list[str], colors: Any, line: str
+    axis: Any, recording: RecordedMotion, part: str, names: list[str], colors: Any, line: str
 ) -> None:
     array = parts(recording)[part]
     for i, name in enumerate(names):
@@ -102,7 +102,7 @@ def _thinned(time: Array, values: Array) -> tuple[Array, Array]:
     return time[kept], values[kept]
 
 
-def _stops(axis: Any, recording: Motion, names: list[str], colors: Any) -> None:
+def _stops(axis: Any, recording: RecordedMotion, names: list[str], colors: Any) -> None:
     """Marks where joints reach their stops."""
     if recording.physics is None:
         return
@@ -114,7 +114,7 @@ def _stops(axis: Any, recording: Motion, names: list[str], colors: Any) -> None:
         axis.plot(recording.time[met], recording.q[met, k], "v", ms=6, color=color)
 
 
-def _energy(axis: Any, recordings: Sequence[Motion]) -> None:
+def _energy(axis: Any, recordings: Sequence[RecordedMotion]) -> None:
     for recording, line in zip(recordings, _cycled(len(recordings)), strict=True):
         if recording.of_robot or recording.origin is None:
             continue
@@ -125,7 +125,7 @@ def _energy(axis: Any, recordings: Sequence[Motion]) -> None:
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, fontsize=8, frameon=False)
 
 
-def _account(recording: Motion) -> list[tuple[str, Array]]:
+def _account(recording: RecordedMotion) -> list[tuple[str, Array]]:
     """Work and heat, if they are cheap to compute; else the stored energies."""
     start = recording.energy[0]
     found = [("kinetic", recording.kinetic), ("total, less the initial", recording.energy - start)]
@@ -138,7 +138,7 @@ def _account(recording: Motion) -> list[tuple[str, Array]]:
 _AGAIN = 60_001  # rows up to which ticks are repeated for a figure
 
 
-def _marks(axis: Any, recording: Motion) -> None:
+def _marks(axis: Any, recording: RecordedMotion) -> None:
     """Lines at changes, and grey areas where ticks are missing."""
     times = [recording.time[jump.row] for jump in recording.jumps]
     times += [event.time for event in recording.events]
@@ -148,7 +148,7 @@ def _marks(axis: Any, recording: Motion) -> None:
         axis.axvspan(recording.time[row - 1], recording.time[row], color="0.85", lw=0)
 
 
-def _unit(recording: Motion, part: str) -> str:
+def _unit(recording: RecordedMotion, part: str) -> str:
     turning, sliding = UNITS[part]
     if recording.physics is None:
         return turning if part == "effort" else f"{turning}, {sliding}"

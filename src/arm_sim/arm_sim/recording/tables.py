@@ -14,7 +14,7 @@ from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.origin import Origin, Physics
 
 
-class Motion(Protocol):
+class RecordedMotion(Protocol):
     """The parts of a ``Recording`` that tables and figures use."""
 
     @property
@@ -65,7 +65,7 @@ UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m
 """Units of revolute and of prismatic joints."""
 
 
-def parts(recording: Motion) -> dict[str, Array]:
+def parts(recording: RecordedMotion) -> dict[str, Array]:
     """Position, velocity, effort, and the command if it is not an effort, shapes (k+1, n)."""
     found = {"position": recording.q, "velocity": recording.v, "effort": recording.tau}
     if not recording.of_robot and recording.plant.torques is not None:
@@ -73,7 +73,7 @@ def parts(recording: Motion) -> dict[str, Array]:
     return found
 
 
-def columns(recording: Motion) -> dict[str, Array]:
+def columns(recording: RecordedMotion) -> dict[str, Array]:
     """See ``Recording.to_dict``."""
     found = {"time": recording.time}
     for part, array in parts(recording).items():
@@ -81,7 +81,7 @@ def columns(recording: Motion) -> dict[str, Array]:
     return found | {f"state.{name}": recording.z[:, i] for i, name in enumerate(_laws(recording))}
 
 
-def to_pandas(recording: Motion) -> Any:
+def to_pandas(recording: RecordedMotion) -> Any:
     """See ``Recording.to_pandas``."""
     try:
         import pandas
@@ -90,7 +90,7 @@ def to_pandas(recording: Motion) -> Any:
     return pandas.DataFrame(columns(recording)).set_index("time")
 
 
-def to_xarray(recording: Motion) -> Any:
+def to_xarray(recording: RecordedMotion) -> Any:
     """See ``Recording.to_xarray``."""
     try:
         import xarray
@@ -112,7 +112,7 @@ def to_xarray(recording: Motion) -> Any:
     )
 
 
-def _laws(recording: Motion) -> tuple[str, ...]:
+def _laws(recording: RecordedMotion) -> tuple[str, ...]:
     if not recording.z.shape[1]:
         return ()
     laws = recording.plant.laws

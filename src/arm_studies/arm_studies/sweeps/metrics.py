@@ -13,7 +13,7 @@ from arm_dynamics.exceptions import choices
 
 
 @dataclass(frozen=True)
-class Run:
+class MeasuredRun:
     """A closed-loop run of k ticks and n joints.
 
     Attributes:
@@ -34,7 +34,7 @@ class Run:
     limit: Array
     stops: Array
 
-    def of(self, joint: int) -> Run:
+    def of(self, joint: int) -> MeasuredRun:
         """The run of one joint alone."""
         one = slice(joint, joint + 1)
         return replace(
@@ -53,16 +53,16 @@ class Metric:
         meaning: Its definition.
     """
 
-    of: Callable[[Run], float]
+    of: Callable[[MeasuredRun], float]
     unit: str
     meaning: str
 
 
-def _error(run: Run) -> Array:
+def _error(run: MeasuredRun) -> Array:
     return run.q - run.reference
 
 
-def _overshoot(run: Run) -> float:
+def _overshoot(run: MeasuredRun) -> float:
     """Largest overshoot relative to the distance, over joints with a goal away from the start."""
     way = run.reference[-1] - run.reference[0]
     moved = way != 0.0
@@ -72,17 +72,17 @@ def _overshoot(run: Run) -> float:
     return float(np.maximum(beyond.max(), 0.0))
 
 
-def _energy(run: Run) -> float:
+def _energy(run: MeasuredRun) -> float:
     """A torque that is constant over a tick does the work τ Δq in it."""
     return float(np.abs(run.torque * np.diff(run.q, axis=0)).sum())
 
 
-def _stop_time(run: Run) -> float:
+def _stop_time(run: MeasuredRun) -> float:
     at = (run.q[1:] <= run.stops[0]) | (run.q[1:] >= run.stops[1])
     return float(run.dt * np.count_nonzero(at.any(axis=1)))
 
 
-def _saturation(run: Run) -> float:
+def _saturation(run: MeasuredRun) -> float:
     if not len(run.command):
         return 0.0
     return float((np.abs(run.command) >= run.limit).any(axis=1).mean())
@@ -153,7 +153,7 @@ def check_joints(names: Sequence[str], joints: Sequence[str]) -> None:
             raise ValueError(f"metric '{name}': allowed joints: {choices(joint, joints)}")
 
 
-def measured(run: Run, names: Sequence[str], joints: Sequence[str]) -> list[float]:
+def measured(run: MeasuredRun, names: Sequence[str], joints: Sequence[str]) -> list[float]:
     """Metrics of a run by name."""
     told = []
     for name in names:

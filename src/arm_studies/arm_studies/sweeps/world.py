@@ -33,7 +33,7 @@ from arm_sim.stepping.rollout import Batch, Rollouts
 from arm_sim.stepping.stepper import Stepper
 from arm_studies.sweeps.compiled import gains, is_compiled, law
 from arm_studies.sweeps.keys import below, tunable, with_values
-from arm_studies.sweeps.metrics import Run, measured
+from arm_studies.sweeps.metrics import MeasuredRun, measured
 from arm_studies.sweeps.study import ControllerChoice, MotionChoice
 
 COMPILED, PYTHON = "compiled", "Python"
@@ -251,7 +251,7 @@ class World:
 
     def _row(self, job: Job, rows: Array, q: Array, torque: Array, command: Array) -> Row:
         simulator, n = self._simulator, len(self.joint_names)
-        run = Run(
+        run = MeasuredRun(
             simulator.dt, q, rows[:, :n], torque, command, simulator.model.command_limit,
             simulator.model.stops.place,
         )  # fmt: skip

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from arm_dynamics import load_scene
 from arm_dynamics.ros.common.transport import as_usual
 from arm_sim.cli.demo.figure import draw
-from arm_sim.cli.demo.motion import Motion, choose_motion
+from arm_sim.cli.demo.motion import DemoMotion, choose_motion
 from arm_sim.cli.demo.observer import Observer, Seen
 from arm_sim.cli.demo.processes import DemoFailed, Processes, free_domain
 from arm_sim.cli.demo.report import Numbers, complaints, numbers, remarks, result_table
@@ -53,7 +53,7 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
 
 
 def _run(
-    motion: Motion,
+    motion: DemoMotion,
     output: Path,
     scratch: Path,
     say: Say,
@@ -136,7 +136,7 @@ def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
         yield say, lambda share: progress.update(task, completed=share, refresh=True)
 
 
-def _report(output: Path, motion: Motion, seen: Seen, n: Numbers, out: Any) -> None:
+def _report(output: Path, motion: DemoMotion, seen: Seen, n: Numbers, out: Any) -> None:
     """Write the figure and the numbers, and print a summary."""
     figure, file, model = output / "demo.png", output / "demo.json", motion.model
     title = (

@@ -25,7 +25,7 @@ SAMPLES_A_SECOND = 100
 
 
 @dataclass(frozen=True)
-class Motion:
+class DemoMotion:
     """Start and waypoints of the arm.
 
     Attributes:
@@ -43,7 +43,7 @@ class Motion:
     speed_share: float
 
 
-def choose_motion(scene: Scene, duration: float) -> Motion:
+def choose_motion(scene: Scene, duration: float) -> DemoMotion:
     """Choose a motion of ``duration`` in [s] for the arm of a scene.
 
     The scene's initial position is kept if it is within the joint limits, the drives can hold the
@@ -70,7 +70,7 @@ def choose_motion(scene: Scene, duration: float) -> Motion:
     )
 
 
-def _around(start: Array, dynamics: Dynamics, duration: float) -> Motion | None:
+def _around(start: Array, dynamics: Dynamics, duration: float) -> DemoMotion | None:
     """The largest motion around ``start`` within all limits; None if there is none."""
     model, limits = dynamics.model, Limits.of(dynamics.model)
     count = max(2, round(duration / SECONDS_A_POINT))
@@ -87,7 +87,7 @@ def _around(start: Array, dynamics: Dynamics, duration: float) -> Motion | None:
             continue  # it exceeds a joint limit between its waypoints
         speed, effort = _shares(dynamics, trajectory)
         if speed <= SPEED_SHARE and effort <= EFFORT_SHARE:
-            return Motion(_starting(model, start), waypoints, trajectory, effort, speed)
+            return DemoMotion(_starting(model, start), waypoints, trajectory, effort, speed)
     return None
 
 

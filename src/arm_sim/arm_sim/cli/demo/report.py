@@ -15,7 +15,7 @@ from arm_sim.cli.output import table, units
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from arm_sim.cli.demo.motion import Motion
+    from arm_sim.cli.demo.motion import DemoMotion
 
 
 # Requirements for a closed loop; a good run is far better than these.
@@ -60,7 +60,7 @@ class Numbers:
     energy_balance: float
 
 
-def numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
+def numbers(motion: DemoMotion, seen: Seen, clock: dict[str, Any]) -> Numbers:
     """Collect the results; ``clock`` is the sim node's own report."""
     model, duration = motion.model, motion.trajectory.duration
     goal = np.asarray(motion.waypoints[-1].q)

@@ -10,20 +10,20 @@ from pathlib import Path
 from urllib.parse import quote
 
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_sim.recording.files.container import Found
+from arm_sim.recording.files.container import FileContents
 
 BAGS = (".mcap", ".db3")
 SQLITE = b"SQLite format 3\0"
 
 
-def read_bag(path: Path, wanted: Callable[[str, str], bool]) -> Found:
+def read_bag(path: Path, wanted: Callable[[str, str], bool]) -> FileContents:
     """Content of a bag; see ``Found.read``."""
     if path.is_dir():
         return _folder(path, wanted)
-    return _sqlite(path, wanted) if path.suffix == ".db3" else Found.read(path, wanted)
+    return _sqlite(path, wanted) if path.suffix == ".db3" else FileContents.read(path, wanted)
 
 
-def _folder(path: Path, wanted: Callable[[str, str], bool]) -> Found:
+def _folder(path: Path, wanted: Callable[[str, str], bool]) -> FileContents:
     """The files of a bag, in the order of their names."""
     files = [file for suffix in BAGS for file in path.glob(f"*{suffix}")]
     if not files:
@@ -35,7 +35,7 @@ def _folder(path: Path, wanted: Callable[[str, str], bool]) -> Found:
     return first
 
 
-def _append(first: Found, other: Found) -> None:
+def _append(first: FileContents, other: FileContents) -> None:
     numbers = {topic: number for number, topic in first.topics.items()}
     for number, topic in other.topics.items():
         here = numbers.setdefault(topic, max(first.topics, default=0) + 1)
@@ -49,12 +49,12 @@ def _append(first: Found, other: Found) -> None:
     first.facts = other.facts | first.facts
 
 
-def _sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Found:
+def _sqlite(path: Path, wanted: Callable[[str, str], bool]) -> FileContents:
     """The layout of rosbag2_storage_sqlite3: tables ``topics`` and ``messages``."""
     with path.open("rb") as file:
         if file.read(len(SQLITE)) != SQLITE:
             raise InvalidInput(f"'{path}' is not an SQLite database; allowed for .db3: a bag")
-    found = Found()
+    found = FileContents()
     try:
         with closing(
             sqlite3.connect(f"file:{quote(str(path))}?mode=ro&immutable=1", uri=True)
@@ -78,6 +78,6 @@ def _sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Found:
     return found
 
 
-def told(found: Found) -> str:
+def told(found: FileContents) -> str:
     """Topics and types of a bag, for an error message."""
     return known_names(f"{topic} ({kind})" for topic, kind in found.topics.values())

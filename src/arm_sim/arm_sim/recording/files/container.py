@@ -217,7 +217,7 @@ class McapWriter:
 
 
 @dataclass
-class Found:
+class FileContents:
     """Content of a file, or of its readable part.
 
     Attributes:

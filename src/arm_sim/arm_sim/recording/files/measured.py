@@ -13,14 +13,14 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.recording.contents import Contents, Event
 from arm_sim.recording.files.bags import told
-from arm_sim.recording.files.container import Found
+from arm_sim.recording.files.container import FileContents
 from arm_sim.recording.files.headers import PARTS, Column, read_header
 from arm_sim.recording.files.messages import JOINT_STATE, JointStates
 
 _SEPARATORS = (",", ";", "\t")
 
 
-def from_bag(found: Found, topic: str | None, where: Path) -> Contents:
+def from_bag(found: FileContents, topic: str | None, where: Path) -> Contents:
     """Joint states of a topic, in chronological order.
 
     Args:

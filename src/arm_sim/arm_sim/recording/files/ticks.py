@@ -22,7 +22,7 @@ from arm_sim.imperfections import Measured
 from arm_sim.plant.placing import held_of
 from arm_sim.recording.changes import Jump
 from arm_sim.recording.contents import FREE, Contents, Event
-from arm_sim.recording.files.container import MESSAGE, Found, McapWriter
+from arm_sim.recording.files.container import MESSAGE, FileContents, McapWriter
 from arm_sim.recording.files.messages import (
     CHANGE,
     JOINT_STATE,
@@ -267,7 +267,7 @@ def _external_place(scene: Scene, p: Array) -> int:
     return len(p) - switches(scene.constraints).size
 
 
-def read(found: Found) -> Contents:
+def read(found: FileContents) -> Contents:
     """A recording from the contents of a file.
 
     Args:
@@ -293,12 +293,12 @@ def read(found: Found) -> Contents:
     return _joined(found, origin, names, changes, ticks)
 
 
-def _only(found: Found, kind: str) -> list[tuple[int, int, bytes]]:
+def _only(found: FileContents, kind: str) -> list[tuple[int, int, bytes]]:
     return [message for messages in found.of(kind).values() for message in messages]
 
 
 def _joined(
-    found: Found, origin: Origin, names: tuple[str, ...], changes: list[tuple[int, Change]],
+    found: FileContents, origin: Origin, names: tuple[str, ...], changes: list[tuple[int, Change]],
     ticks: list[tuple[int, int, bytes]],
 ) -> Contents:  # fmt: skip
     n, nx = len(names), changes[0][1].x.size
@@ -323,7 +323,7 @@ def _joined(
     return run.contents(replace(origin, scene=scene), names, tuple(events))
 
 
-def _events(found: Found, begun: Sequence[int], offsets: Array) -> Iterator[Event]:
+def _events(found: FileContents, begun: Sequence[int], offsets: Array) -> Iterator[Event]:
     """Events by the recording's time, which continues across resets.
 
     Args:
