@@ -31,8 +31,8 @@ static inline real arm_exp(real x) {
   const real tail = (reduced - y) - correction;
   const real z = y * y, z2 = z * z, z4 = z2 * z2;
   const real p = ((1.0 / 2 + y * (1.0 / 6)) + z * (1.0 / 24 + y * (1.0 / 120)))
-    + z2 * ((1.0 / 720 + y * (1.0 / 5040)) + z * (1.0 / 40320 + y * (1.0 / 362880)))
-    + z4 * ((1.0 / 3628800 + y * (1.0 / 39916800)) + z * (1.0 / 479001600 + y * (1.0 / 6227020800.0)));
+                 + z2 * ((1.0 / 720 + y * (1.0 / 5040)) + z * (1.0 / 40320 + y * (1.0 / 362880)))
+                 + z4 * ((1.0 / 3628800 + y * (1.0 / 39916800)) + z * (1.0 / 479001600 + y * (1.0 / 6227020800.0)));
   const real whole = 1.0 + (y + (z * p + tail));
   /* Half of 2^k, in the bits of the exponent: 2^1024 itself does not exist. */
   const bits power = (bits)((ubits)(AS_BITS(shifted) - ROUND_MAGIC_BITS + 1022) << 52);

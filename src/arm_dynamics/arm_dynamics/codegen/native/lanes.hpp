@@ -21,10 +21,22 @@ struct real {
   real() = default;
   real(double x) : v(x - lanes_t{}) {}
   real(lanes_t x) : v(x) {}
-  real& operator+=(real y) { v += y.v; return *this; }
-  real& operator-=(real y) { v -= y.v; return *this; }
-  real& operator*=(real y) { v *= y.v; return *this; }
-  real& operator/=(real y) { v /= y.v; return *this; }
+  real& operator+=(real y) {
+    v += y.v;
+    return *this;
+  }
+  real& operator-=(real y) {
+    v -= y.v;
+    return *this;
+  }
+  real& operator*=(real y) {
+    v *= y.v;
+    return *this;
+  }
+  real& operator/=(real y) {
+    v /= y.v;
+    return *this;
+  }
 };
 
 static inline real operator+(real x, real y) { return x.v + y.v; }

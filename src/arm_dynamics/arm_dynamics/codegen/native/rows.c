@@ -21,8 +21,8 @@ int point(const real** arg, real** res, casadi_int* iw, real* w, int mem);
 
 /* Evaluate `rows` points: vector i of point k begins at given[i] + k * steps[i], result i at made[i] + k * its size; it is
  * omitted where made[i] is NULL. */
-__attribute__((visibility("default")))
-void answer_rows(const double* const* given, const long long* steps, long long rows, double* const* made) {
+__attribute__((visibility("default"))) void answer_rows(const double* const* given, const long long* steps, long long rows,
+                                                        double* const* made) {
   static const long long sizes[RESULTS] = {SIZES};
   casadi_int iw[SZ_IW];
   real w[SZ_W];

@@ -11,8 +11,16 @@ typedef double real;
 typedef long long bits;
 typedef unsigned long long ubits;
 
-static inline bits AS_BITS(real x) { bits b; memcpy(&b, &x, sizeof b); return b; }
-static inline real AS_REAL(bits b) { real x; memcpy(&x, &b, sizeof x); return x; }
+static inline bits AS_BITS(real x) {
+  bits b;
+  memcpy(&b, &x, sizeof b);
+  return b;
+}
+static inline real AS_REAL(bits b) {
+  real x;
+  memcpy(&x, &b, sizeof x);
+  return x;
+}
 #define BEYOND(x, limit) (!(fabs(x) <= (limit)))
 
 #include "sincos.h"

@@ -116,9 +116,9 @@ EXPORTED long long backward(long long nodes, const double* slopes, const double*
   memcpy(v, lx + nodes * NX, sizeof v);
   *promised = 0.0;
   for (long long node = nodes - 1; node >= 0; --node) {
-    const double(*S)[NS] = (const double(*)[NS])(slopes + node * NX * NS);
+    const double (*S)[NS] = (const double (*)[NS])(slopes + node * NX * NS);
     const double *cxx = lxx + node * NX * NX, *cuu = luu + node * NU * NU;
-    double *kn = k + node * NU, (*Kn)[NX] = (double(*)[NX])(K + node * NU * NX);
+    double *kn = k + node * NU, (*Kn)[NX] = (double (*)[NX])(K + node * NU * NX);
     double W[NX][NS], Q[NS][NS], q[NS], H[NU][NU], L[NU][NU], T[NU][NX], t[NU], rows[NU][NX];
     int at[NU] = {0};
     /* Quadratic model of the cost-to-go by (x, u): Q = Sᵀ V S, q = Sᵀ v, plus the node's own cost. */

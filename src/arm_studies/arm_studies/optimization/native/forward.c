@@ -18,9 +18,9 @@
  * used:       receives commands, likewise, of NU numbers.
  * met:        set to 1 for an arm that meets a stop; its states are invalid from there on.
  */
-EXPORTED void follow(const double* x, const double* u, const double* k, const double* K, const double* low,
-                     const double* high, const double* sizes, const double* p, const double* h, long long nodes,
-                     long long arms, double* out, long long out_arm, double* used, long long used_arm, signed char* met) {
+EXPORTED void follow(const double* x, const double* u, const double* k, const double* K, const double* low, const double* high,
+                     const double* sizes, const double* p, const double* h, long long nodes, long long arms, double* out,
+                     long long out_arm, double* used, long long used_arm, signed char* met) {
   const real length = h[0];
   for (long long arm = 0; arm < arms; arm += LANES) {
     real now[NX], next[NX], off[NX], r[NU], acted[NU], par[NP + 1], size[1], w[SZ_W];
@@ -41,8 +41,12 @@ EXPORTED void follow(const double* x, const double* u, const double* k, const do
         for (int j = 0; j < NX; ++j) r[i] = r[i] + off[j] * K[row * NX + j];
         r[i] = fmin(fmax(r[i], bottom), top);
       }
-      arg[0] = now; arg[1] = r; arg[2] = par; arg[3] = &length;
-      res[0] = next; res[1] = acted;
+      arg[0] = now;
+      arg[1] = r;
+      arg[2] = par;
+      arg[3] = &length;
+      res[0] = next;
+      res[1] = acted;
       TICK(arg, res, iw, w, 0);
       for (int j = 0; j < LANES && arm + j < arms; ++j) {
         for (int i = 0; i < NX; ++i) out[(arm + j) * out_arm + (node + 1) * NX + i] = LANE(next[i], j);
