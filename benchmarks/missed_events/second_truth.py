@@ -18,7 +18,7 @@ sys.path[:0] = [path for path in (TEST,) if path not in sys.path]
 
 from reference.independent import simulate  # noqa: E402
 
-MOST_RATES = 30_000  # a quarter of a minute or so
+MOST_LOOKS = 20_000  # ten seconds or so
 
 
 def solve(case: Case, start: tuple[np.ndarray, np.ndarray]) -> np.ndarray | str:
@@ -33,6 +33,6 @@ def solve(case: Case, start: tuple[np.ndarray, np.ndarray]) -> np.ndarray | str:
     scene = case.scene | {"initial": {"position": position, "velocity": velocity}}
     times = case.dt * np.arange(len(case.command) + 1)
     try:
-        return np.asarray(simulate(scene, case.command, times, most_rates=MOST_RATES).q)
+        return np.asarray(simulate(scene, case.command, times, most_looks=MOST_LOOKS).q)
     except (NotImplementedError, RuntimeError) as error:
         return f"{error}"[:160]

@@ -72,6 +72,18 @@ def test_a_blow_in_one_step_is_noticed(caplog: pytest.LogCaptureFixture) -> None
     assert not run.trusted and "tick at 0.05 s" in caplog.text
 
 
+def test_a_step_from_an_event_to_the_end_of_its_tick_is_noticed() -> None:
+    """A mass meets a stop in the second half of a tick, which half a tick leaves whole."""
+    stop = {"limits": {"lower": -1.0, "upper": 0.012, "stop": {"stiffness": 22500.0}}}
+    scene = rotor(1.0) | {"joints": {"axle": stop}}
+    sim = Simulator(scene, integrator="rk4", dt=1e-2)
+    sim.reset(v=[2.0])
+    run = sim.run(1e-2)
+    phase = 150.0 * 0.004
+    assert abs(run.q[-1, 0] - 0.012 - 2.0 / 150.0 * np.sin(phase)) > 1e-6
+    assert not run.second_look.agrees
+
+
 def test_what_is_drawn() -> None:
     """Half are the most abrupt ticks, none twice, and the same for the same motion."""
     change = np.zeros((5000, 2))

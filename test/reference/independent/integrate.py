@@ -63,7 +63,7 @@ def simulate(
     command: Mapping[str, float] | Array,
     times: Array,
     payloads: list[dict[str, Any]] | None = None,
-    most_rates: float = np.inf,
+    most_looks: float = np.inf,
 ) -> Motion:
     """The motion of a scene under a command that is constant, or so between two times.
 
@@ -73,7 +73,7 @@ def simulate(
             (k-1, n).
         times: At which the motion is wanted, from 0 on, increasing.
         payloads: In place of the scene's, if given.
-        most_rates: How often the rates of the state may be computed.
+        most_looks: How often rates and events may be computed at a state.
 
     Raises:
         NotImplementedError: If the scene says something that is not known here.
@@ -83,16 +83,16 @@ def simulate(
     with np.errstate(over="ignore", invalid="ignore"):  # of steps that SciPy tries and rejects
         at = np.asarray(times, dtype=float)
         if isinstance(command, Mapping):
-            return _Run(System(given, command), at, at[[0, -1]], most_rates).motion()
-        return _Run(System(given, {}), at, at, most_rates, np.asarray(command)).motion()
+            return _Run(System(given, command), at, at[[0, -1]], most_looks).motion()
+        return _Run(System(given, {}), at, at, most_looks, np.asarray(command)).motion()
 
 
 class _Run:
     def __init__(
-        self, system: System, times: Array, held: Array, most_rates: float,
+        self, system: System, times: Array, held: Array, most_looks: float,
         commands: Array | None = None,
     ) -> None:  # fmt: skip
-        self.system, self.times, self.held, self.most_rates = system, times, held, most_rates
+        self.system, self.times, self.held, self.looks_left = system, times, held, most_looks
         self.commands = system.u[None] if commands is None else commands
         self.log: list[tuple[float, str, int]] = []
         self.rates = 0
@@ -242,8 +242,7 @@ class _Run:
 
         def rate(_: float, y: Array) -> Array:
             self.rates += 1
-            if self.rates > self.most_rates:
-                raise RuntimeError(f"more than {self.most_rates:g} rates of the state")
+            self._spend()
             try:
                 now = s.look(y, signs)
                 answer = s.answer(y, signs, mode, now)
@@ -262,6 +261,7 @@ class _Run:
         s = self.system
 
         def watch(_: float, y: Array) -> dict[tuple[str, int], float]:
+            self._spend()
             v = s.split(y)[1]
             now = s.look(y, signs)
             answer = s.answer(y, signs, mode, now)
@@ -284,6 +284,11 @@ class _Run:
             return values | {("kink", k): float(x) for k, x in enumerate(kinks)}
 
         return watch
+
+    def _spend(self) -> None:
+        self.looks_left -= 1
+        if self.looks_left < 0:
+            raise RuntimeError("it takes too long")
 
     def _hop(self, t: float, y: Array, mode: Mode, signs: Array) -> float | None:
         """A first step short enough to see a point off the plane that it has just left."""
