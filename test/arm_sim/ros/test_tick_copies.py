@@ -10,7 +10,7 @@ from recorded_engine import engine_of, run, scene
 from arm_dynamics.cdr import GIGA, TIME
 from arm_sim.recording.files import MESSAGE
 from arm_sim.recording.files.messages import TickWriter
-from arm_sim.ros.record.chunks import HEAD, Chunk
+from arm_sim.ros.record.chunks import HEAD, PERIOD_NS, SIZE, Chunk
 from arm_sim.ros.record.copying import State, TickCopy
 
 TICK, STATE = 7, 300
@@ -45,3 +45,13 @@ def test_a_tick_follows_the_joint_state_published_for_it(state: State | None) ->
         found.append((channel, log, publish, data))
     assert found == wanted and at == chunk.at
     assert chunk.since == TIMES[0]
+
+
+def test_a_chunk_takes_what_just_fits_until_it_is_too_old() -> None:
+    chunk, now = Chunk(), TIMES[0]
+    assert chunk.fits(now, SIZE) and not chunk.fits(now, SIZE + 1)
+    chunk.put(TICK, now, 0, b"message")
+    assert chunk.fits(now, SIZE - chunk.at) and not chunk.fits(now, SIZE - chunk.at + 1)
+    assert chunk.fits(now + PERIOD_NS, 0) and not chunk.fits(now + PERIOD_NS + 1, 0)
+    chunk.clear()
+    assert chunk.fits(now + PERIOD_NS + 1, 0), "an empty one has no age"
