@@ -15,5 +15,5 @@
  * ends         positions before and after the motion
  * t            time in [s] from the start
  * motion       receives positions, velocities and accelerations */
-QUICK void sample(int64_t n, int64_t segments, const double* knots, const double* polynomials, const double* ends,
-                  double t, double* motion);
+QUICK void sample(int64_t n, int64_t segments, const double* knots, const double* polynomials, const double* ends, double t,
+                  double* motion);

@@ -44,9 +44,7 @@ int64_t answered(trip_t* t, int64_t stamp, int64_t arrival) {
   return stamp && stamp == t->newest;
 }
 
-void start_stamps(times_t* t, int64_t tick) {
-  *t = (times_t){.tick = tick, .simulated = -1, .least = NEVER, .free = 1};
-}
+void start_stamps(times_t* t, int64_t tick) { *t = (times_t){.tick = tick, .simulated = -1, .least = NEVER, .free = 1}; }
 
 /* Look once a second whether stamps lag: they then advance faster, or jump. */
 static void watch(times_t* t, int64_t now, int64_t lag) {

@@ -261,8 +261,7 @@ static void turning_rows(const cones_t* cones, int k, double rho, double pressed
       if (j == 3 * k + 1 + i) moving[i] += 1.0 - rho * regular[j];
     }
     const double ahead = along[0] * moving[0] + along[1] * moving[1];
-    for (int i = 0; i < 2; ++i)
-      J[3 * k + 1 + i][j] -= mu * along[i] * pressing + part * (moving[i] - along[i] * ahead);
+    for (int i = 0; i < 2; ++i) J[3 * k + 1 + i][j] -= mu * along[i] * pressing + part * (moving[i] - along[i] * ahead);
   }
 }
 
@@ -336,7 +335,7 @@ static int newton(const cones_t* cones, double* r, answer_t* answers) {
   double trial[MC], after[MC], F[MC], J[MC][MC], step[MC], left;
   for (int i = 0; i < MC; ++i) trial[i] = r[i];
   double size = equations(cones, trial, F, J);
-  for (int turn = 0, better = 1; ; ++turn) {
+  for (int turn = 0, better = 1;; ++turn) {
     double length = 1.0, next = size;
     left = lacking(cones, trial, F);
     if (left <= (better ? SOLVED : ROUNDED) || turn == FORCE_STEPS) break;

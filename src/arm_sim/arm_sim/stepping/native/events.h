@@ -199,8 +199,13 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
 static int free_once(const real* x, const real* u, const real* p, double h, real* after, real* error) {
   const real length = h;
   WORKSPACE;
-  arg[0] = x; arg[1] = u; arg[2] = p; arg[3] = &length;
-  res[0] = after; res[1] = error; res[2] = error + 1;
+  arg[0] = x;
+  arg[1] = u;
+  arg[2] = p;
+  arg[3] = &length;
+  res[0] = after;
+  res[1] = error;
+  res[2] = error + 1;
   FREE_SMOOTH(arg, res, iw, w, 0);
   return within_reach(after);
 }

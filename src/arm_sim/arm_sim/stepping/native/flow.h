@@ -13,7 +13,11 @@
 
 #include <math.h>
 
-#define WORKSPACE real w[SZ_W]; casadi_int iw[SZ_IW]; const real* arg[SZ_ARG]; real* res[SZ_RES]
+#define WORKSPACE \
+  real w[SZ_W]; \
+  casadi_int iw[SZ_IW]; \
+  const real* arg[SZ_ARG]; \
+  real* res[SZ_RES]
 #define EXPORTED __attribute__((visibility("default")))
 
 /* State of the error control between sub-steps. Python: SubstepControl. */
@@ -45,8 +49,13 @@ static inline int flow_by(generated_t smooth, const real* x, const real* u, cons
   for (int i = 0; i < NX; ++i) after[i] = x[i];
   for (long long k = 0; k < MOST_SUBSTEPS; ++k) {
     trial = next_length(&at, h);
-    arg[0] = after; arg[1] = u; arg[2] = p; arg[3] = &trial;
-    res[0] = next; res[1] = &error; res[2] = &error_q;
+    arg[0] = after;
+    arg[1] = u;
+    arg[2] = p;
+    arg[3] = &trial;
+    res[0] = next;
+    res[1] = &error;
+    res[2] = &error_q;
     smooth(arg, res, iw, w, 0);
     ++c->attempts;
     const enum verdict verdict = judge(&at, h, error / c->tolerance, within_reach(next));
@@ -54,7 +63,10 @@ static inline int flow_by(generated_t smooth, const real* x, const real* u, cons
     if (verdict == REJECTED) continue;
     for (int i = 0; i < NX; ++i) after[i] = next[i];
     c->error += error_q;
-    if (verdict == ENDED) { c->step = at.step; return 1; }
+    if (verdict == ENDED) {
+      c->step = at.step;
+      return 1;
+    }
   }
   c->reached = at.done;
   return 0;
@@ -68,7 +80,10 @@ static inline int flow_by(generated_t smooth, const real* x, const real* u, cons
   WORKSPACE;
   const real length = h;
   (void)c;
-  arg[0] = x; arg[1] = u; arg[2] = p; arg[3] = &length;
+  arg[0] = x;
+  arg[1] = u;
+  arg[2] = p;
+  arg[3] = &length;
   res[0] = after;
   smooth(arg, res, iw, w, 0);
   return within_reach(after);
@@ -87,8 +102,13 @@ static int flow_once(const real* x, const real* u, const real* p, double h, real
   real error[2];
   WORKSPACE;
   const real length = h;
-  arg[0] = x; arg[1] = u; arg[2] = p; arg[3] = &length;
-  res[0] = after; res[1] = error; res[2] = error + 1;
+  arg[0] = x;
+  arg[1] = u;
+  arg[2] = p;
+  arg[3] = &length;
+  res[0] = after;
+  res[1] = error;
+  res[2] = error + 1;
   SMOOTH(arg, res, iw, w, 0);
   return within_reach(after);
 }

@@ -24,7 +24,9 @@
 #define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
 
 /* Continuous output of a step: derivatives at its ends, and the state in its middle. */
-typedef struct { double slope[2][NX], middle[NX]; } inside_t;
+typedef struct {
+  double slope[2][NX], middle[NX];
+} inside_t;
 
 typedef struct {
   double x[NX], u[NU], p[NP + MODES]; /* beginning of a tick, its command, and its probable modes */

@@ -37,8 +37,8 @@ static void find_loads(const real* x, const real* u, const real* p, real* found)
 
 /* Tick of length h of the first `used` lanes from x with inputs r and parameters `tunable`: the states after it, NaN for an
  * arm that cannot be advanced, and the effective commands. */
-static void tick_of_lanes(const real* x, const real* r, const real* tunable, const real* h, int used,
-                          const engine_t* engine, real* next, real* acted) {
+static void tick_of_lanes(const real* x, const real* r, const real* tunable, const real* h, int used, const engine_t* engine,
+                          real* next, real* acted) {
   const long long stride = sizeof(foreseen_t) / sizeof(double);
   foreseen_t tick[LANES];
   long long of_lane[LANES], rests = 0, slides = 0, closes = 0;
@@ -62,8 +62,13 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
     closes |= tick[j].closes;
   }
   read_arms(p, NP + MODES, tick->p, stride, of_lane);
-  arg[1] = acted; arg[2] = p; arg[3] = h;
-  res[0] = next; res[1] = inside; res[2] = inside + NX; res[3] = inside + 2 * NX;
+  arg[1] = acted;
+  arg[2] = p;
+  arg[3] = h;
+  res[0] = next;
+  res[1] = inside;
+  res[2] = inside + NX;
+  res[3] = inside + 2 * NX;
   step(arg, res, iw, w, 0);
   write_arms(tick->after, stride, next, NX);
   write_arms(tick->inside.slope[0], stride, inside, 3 * NX);
@@ -79,13 +84,17 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
     write_arms(tick->loads_after, stride, load, LOADS);
   }
   if (slides) {
-    res[0] = inertia; res[1] = inertia + MC * MC; res[2] = inertia + MC * MC + MC * NU;
+    res[0] = inertia;
+    res[1] = inertia + MC * MC;
+    res[2] = inertia + MC * MC + MC * NU;
     contact_inertia(arg, res, iw, w, 0);
     write_arms(tick->inertia, stride, inertia, INERTIA);
   }
   if (closes) {
     read_arms(anchor, 2 * NC, tick->anchor, stride, of_lane);
-    arg[0] = next; arg[1] = p; arg[2] = anchor;
+    arg[0] = next;
+    arg[1] = p;
+    arg[2] = anchor;
     res[0] = closed;
     contact_close(arg, res, iw, w, 0);
     write_arms(tick->closed, stride, closed, 2 * NU);

@@ -19,8 +19,7 @@
  */
 EXPORTED void rollout_gradient(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
                                long long p_arm, const double* h, long long ticks, long long first, long long last,
-                               const double* g, double* motion, double* by_x, double* by_tau, double* by_p,
-                               signed char* met) {
+                               const double* g, double* motion, double* by_x, double* by_tau, double* by_p, signed char* met) {
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
     real x[NX], next[NX], r[NU], u[NU], par[NP + 1], sum[NP + 1], weight[NX], back[NX], more[NX], of_u[NU], of_r[NU],
@@ -35,8 +34,12 @@ EXPORTED void rollout_gradient(const double* x0, const double* tau, long long ta
     memcpy(motion, x, sizeof x);
     for (long long k = 0; k < ticks; ++k) {
       read_arms(r, NU, tau + k * tau_tick, tau_arm, of_lane);
-      arg[0] = x; arg[1] = r; arg[2] = par; arg[3] = &length;
-      res[0] = next; res[1] = u;
+      arg[0] = x;
+      arg[1] = r;
+      arg[2] = par;
+      arg[3] = &length;
+      res[0] = next;
+      res[1] = u;
       TICK(arg, res, iw, w, 0);
       for (int j = 0; j < LANES; ++j) met[of_lane[j]] |= meets_any_stop(x, next, h[0], j);
       memcpy(x, next, sizeof x);
@@ -51,14 +54,24 @@ EXPORTED void rollout_gradient(const double* x0, const double* tau, long long ta
       if (k == 0) break;
       memcpy(x, motion + (k - 1) * NX * LANES, sizeof x);
       read_arms(r, NU, tau + (k - 1) * tau_tick, tau_arm, of_lane);
-      arg[0] = x; arg[1] = r;
+      arg[0] = x;
+      arg[1] = r;
       res[0] = u;
       acting(arg, res, iw, w, 0);
-      arg[0] = x; arg[1] = u; arg[2] = par; arg[3] = &length; arg[4] = weight;
-      res[0] = back; res[1] = of_u; res[2] = of_p;
+      arg[0] = x;
+      arg[1] = u;
+      arg[2] = par;
+      arg[3] = &length;
+      arg[4] = weight;
+      res[0] = back;
+      res[1] = of_u;
+      res[2] = of_p;
       adjoint(arg, res, iw, w, 0);
-      arg[0] = x; arg[1] = r; arg[2] = of_u;
-      res[0] = more; res[1] = of_r;
+      arg[0] = x;
+      arg[1] = r;
+      arg[2] = of_u;
+      res[0] = more;
+      res[1] = of_r;
       limit_adjoint(arg, res, iw, w, 0);
       for (int i = 0; i < NX; ++i) weight[i] = back[i] + more[i];
       for (int i = 0; i < NP; ++i) sum[i] += of_p[i];

@@ -31,8 +31,7 @@ typedef struct {
 } blow_t;
 
 /* Impulses of contacts that meet with `before` under the mobility of the other parts: the energy they add. */
-static double find_impulse(const inertia_t* inertia, const real* before, double part, const contact_t* contact,
-                           blow_t* blow) {
+static double find_impulse(const inertia_t* inertia, const real* before, double part, const contact_t* contact, blow_t* blow) {
   double c[MC], gain = 0.0;
   answer_t answers[NC];
   cones_t cones = {.W = inertia->W, .c = c, .friction = friction, .holding = friction};
@@ -64,8 +63,12 @@ static double find_impulse(const inertia_t* inertia, const real* before, double 
 static void find_strike(const real* x, const segment_t* segment, const real* change, const double* impulse, real* after,
                         real* held) {
   WORKSPACE;
-  arg[0] = x; arg[1] = (const real*)&segment->p; arg[2] = change; arg[3] = impulse;
-  res[0] = after; res[1] = held;
+  arg[0] = x;
+  arg[1] = (const real*)&segment->p;
+  arg[2] = change;
+  arg[3] = impulse;
+  res[0] = after;
+  res[1] = held;
   strike(arg, res, iw, w, 0);
   *segment->work += COST_STRIKE;
 }
@@ -166,7 +169,11 @@ static void find_blow(const real* x, segment_t* segment, double part, blow_t* bl
 }
 
 static int find_leaving(const real* x, segment_t* segment, int rebounds, double calm, double* leaves) {
-  (void)x; (void)segment; (void)rebounds; (void)calm; (void)leaves;
+  (void)x;
+  (void)segment;
+  (void)rebounds;
+  (void)calm;
+  (void)leaves;
   return 0;
 }
 

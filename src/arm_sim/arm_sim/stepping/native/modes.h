@@ -105,7 +105,10 @@ typedef struct {
   real leaves[NU];        /* velocities after the impact */
   real rebound[NC], impulse[MC]; /* of contacts: velocities after the impact, impulses */
 } record_t;
-typedef struct { record_t* records; long long most, count; } trace_t;
+typedef struct {
+  record_t* records;
+  long long most, count;
+} trace_t;
 
 /* A smooth segment of a tick: command, and modes of joints and contacts. */
 typedef struct {
@@ -123,9 +126,15 @@ typedef struct {
   record_t* record; /* record of this segment, if the tick is traced */
 } segment_t;
 
-typedef struct { real place[MC], speed[MC], size[NC]; } geometry_t; /* contact points in their planes' axes */
-typedef struct { real load[NU], force[MC], rate[MC], grip[NC]; } loads_t;
-typedef struct { real W[MC * MC], B[NU * MC], free[MC]; } inertia_t;
+typedef struct {
+  real place[MC], speed[MC], size[NC];
+} geometry_t; /* contact points in their planes' axes */
+typedef struct {
+  real load[NU], force[MC], rate[MC], grip[NC];
+} loads_t;
+typedef struct {
+  real W[MC * MC], B[NU * MC], free[MC];
+} inertia_t;
 static const double static_level[NU] = STATIC;
 static const double friction[NC] = FRICTION; /* coefficients of sliding friction ... */
 static const double holding[NC] = HOLDING;   /* ... and of static friction */
@@ -138,7 +147,11 @@ static const double upper_stop[NU] = UPPER;
 static const double rebound_of[2][NU] = {LOWER_REBOUND, UPPER_REBOUND};
 static int at_stop(const real* x, int joint) { return x[joint] <= lower_stop[joint] ? -1 : x[joint] >= upper_stop[joint]; }
 #else
-static int at_stop(const real* x, int joint) { (void)x; (void)joint; return 0; }
+static int at_stop(const real* x, int joint) {
+  (void)x;
+  (void)joint;
+  return 0;
+}
 #endif
 static const double soft_stop[2][NU] = {SOFT_LOWER, SOFT_UPPER};
 
@@ -163,23 +176,29 @@ static void find_geometry(const real* x, const segment_t* segment, geometry_t* g
     return;
   }
   arg[0] = x;
-  res[0] = geometry->place; res[1] = geometry->speed; res[2] = geometry->size;
+  res[0] = geometry->place;
+  res[1] = geometry->speed;
+  res[2] = geometry->size;
   contact_geometry(arg, res, iw, w, 0);
 }
 
 /* Holding torques of sticking joints, relative to their level; forces, accelerations and grips of contacts. */
 static void find_loads(const real* x, const segment_t* segment, loads_t* found) {
   const foreseen_t* known = segment->foreseen;
-  const double* answer =
-    is_foreseen(segment) && known->rests ? answer_at(x, known, NX, known->loads, known->loads_after) : 0;
+  const double* answer = is_foreseen(segment) && known->rests ? answer_at(x, known, NX, known->loads, known->loads_after) : 0;
   WORKSPACE;
   *segment->work += COST_LOADS;
   if (answer) {
     memcpy(found, answer, sizeof *found);
     return;
   }
-  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
-  res[0] = found->load; res[1] = found->force; res[2] = found->rate; res[3] = found->grip;
+  arg[0] = x;
+  arg[1] = segment->u;
+  arg[2] = (const real*)&segment->p;
+  res[0] = found->load;
+  res[1] = found->force;
+  res[2] = found->rate;
+  res[3] = found->grip;
   loads(arg, res, iw, w, 0);
 }
 
@@ -191,8 +210,12 @@ static void find_inertia(const real* x, const segment_t* segment, inertia_t* ine
     memcpy(inertia, known->inertia, sizeof *inertia);
     return;
   }
-  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
-  res[0] = inertia->W; res[1] = inertia->B; res[2] = inertia->free;
+  arg[0] = x;
+  arg[1] = segment->u;
+  arg[2] = (const real*)&segment->p;
+  res[0] = inertia->W;
+  res[1] = inertia->B;
+  res[2] = inertia->free;
   contact_inertia(arg, res, iw, w, 0);
 }
 
@@ -204,7 +227,9 @@ static void find_slope(const real* x, const segment_t* segment, real* slope) {
     memcpy(slope, known->slope, sizeof known->slope);
     return;
   }
-  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
+  arg[0] = x;
+  arg[1] = segment->u;
+  arg[2] = (const real*)&segment->p;
   res[0] = slope;
   rhs(arg, res, iw, w, 0);
 }
@@ -213,8 +238,11 @@ static void find_slope(const real* x, const segment_t* segment, real* slope) {
 static void find_switches(const real* x, const segment_t* segment, real* value, real* size) {
   WORKSPACE;
   if (!NK) return;
-  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
-  res[0] = value; res[1] = size;
+  arg[0] = x;
+  arg[1] = segment->u;
+  arg[2] = (const real*)&segment->p;
+  res[0] = value;
+  res[1] = size;
   switches(arg, res, iw, w, 0);
 }
 
@@ -262,9 +290,7 @@ static void find_pressed(const real* x, segment_t* segment) {
 }
 
 /* Fraction of its normal force up to which a contact sticks: one that creeps has broken away already. */
-static double stick_limit(const segment_t* segment, int k) {
-  return segment->contact[k].slow ? friction[k] : holding[k];
-}
+static double stick_limit(const segment_t* segment, int k) { return segment->contact[k].slow ? friction[k] : holding[k]; }
 
 static int is_sliding(const contact_mode_t* mode) { return mode->closed != 0.0 && mode->sticks == 0.0; }
 
@@ -304,13 +330,13 @@ static void find_hops(const real* x, const segment_t* segment, const geometry_t*
   double fall = 0.0;
   find_inertia(x, segment, &inertia);
   for (int k = 0; k < NC; ++k) fall = fmax(fall, fabs(inertia.free[3 * k]));
-  for (int k = 0; k < NC; ++k) hop[k] = LEAST_REBOUND + sqrt(2.0 * fall * HOP * geometry->size[k]) + 0.5 * fall * segment->step;
+  for (int k = 0; k < NC; ++k)
+    hop[k] = LEAST_REBOUND + sqrt(2.0 * fall * HOP * geometry->size[k]) + 0.5 * fall * segment->step;
 }
 
 /* Contacts whose gap is closed to rounding. */
 static void find_closed_gaps(segment_t* segment, const geometry_t* geometry) {
-  for (int k = 0; k < NC; ++k)
-    segment->contact[k].touching = geometry->place[3 * k] <= 4 * GAP_ROUNDING * geometry->size[k];
+  for (int k = 0; k < NC; ++k) segment->contact[k].touching = geometry->place[3 * k] <= 4 * GAP_ROUNDING * geometry->size[k];
 }
 
 /* Contacts whose gap is closed to rounding and does not open. */
@@ -354,8 +380,8 @@ static void guess(const real* x, segment_t* segment, const geometry_t* geometry)
     contact->slides = !still;
     contact->given[0] = turns ? s[0] / size : 1.0;
     contact->given[1] = turns ? s[1] / size : 0.0;
-    segment->p.contact[k] = (contact_mode_t){contact->touching, contact->touching && still,
-                                             {contact->given[0], contact->given[1]}, still};
+    segment->p.contact[k] =
+        (contact_mode_t){contact->touching, contact->touching && still, {contact->given[0], contact->given[1]}, still};
     begin_as_ended(segment->p.contact + k, contact);
   }
 }
@@ -364,8 +390,13 @@ static void guess(const real* x, segment_t* segment, const geometry_t* geometry)
 static void find_statics(const real* x, const segment_t* segment, statics_t* found) {
   WORKSPACE;
   *segment->work += COST_STATICS;
-  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
-  res[0] = found->push; res[1] = found->reaction; res[2] = found->capacity; res[3] = found->drift;
+  arg[0] = x;
+  arg[1] = segment->u;
+  arg[2] = (const real*)&segment->p;
+  res[0] = found->push;
+  res[1] = found->reaction;
+  res[2] = found->capacity;
+  res[3] = found->drift;
   statics(arg, res, iw, w, 0);
 }
 
@@ -474,7 +505,10 @@ static void guess_turning(const real* x, segment_t* segment) {
   }
 }
 #else
-static void guess_turning(const real* x, segment_t* segment) { (void)x; (void)segment; }
+static void guess_turning(const real* x, segment_t* segment) {
+  (void)x;
+  (void)segment;
+}
 #endif
 
 /* Excess of the torque on a joint at rest over the capacity of friction and its stop: not positive if they hold it. */
@@ -512,9 +546,13 @@ static int anything_beyond(const real* x, const segment_t* segment, const loads_
   return any;
 }
 #else
-typedef struct { int set[NU + NC]; } together_t;
+typedef struct {
+  int set[NU + NC];
+} together_t;
 static double set_excess(const segment_t* segment, const together_t* together, int number) {
-  (void)segment; (void)together; (void)number;
+  (void)segment;
+  (void)together;
+  (void)number;
   return 0.0;
 }
 #endif
@@ -550,8 +588,9 @@ static int find_disobedient(const real* x, const segment_t* segment, const loads
   for (int i = 0; i < ND; ++i) {
     if (!rests(x, i)) continue;
     const int number = together->set[i];
-    const double excess = number ? set_excess(segment, together, number)
-                          : d[i] == 0.0 ? joint_excess(x, found, i) / highest : -d[i] * a[i] / quickest - SLACK;
+    const double excess = number        ? set_excess(segment, together, number)
+                          : d[i] == 0.0 ? joint_excess(x, found, i) / highest
+                                        : -d[i] * a[i] / quickest - SLACK;
     if (excess > most) {
       most = excess;
       worst = NC + i;
@@ -642,8 +681,7 @@ static void solve_together(const real* x, segment_t* segment, int with_static) {
   for (int k = 0; k < NC; ++k) {
     const double *r = answers[k].force, size = hypot(r[1], r[2]);
     /* On the boundary of its cone: where contacts are redundant, the forces of least norm would leave it. */
-    if (answers[k].state == STICKS && size >= (1.0 - EDGE) * limit[k] * r[0] && size > 0.0)
-      let_slip(answers + k, r);
+    if (answers[k].state == STICKS && size >= (1.0 - EDGE) * limit[k] * r[0] && size > 0.0) let_slip(answers + k, r);
     put_mode(segment->p.contact + k, answers + k);
   }
 }
@@ -707,9 +745,7 @@ static int settle(const real* x, segment_t* segment, const geometry_t* geometry)
       find_loads(x, segment, &found);
       int set = 0;
       const int entry = find_disobedient(x, segment, &found, k >= WORST_FIRST, &together, &set);
-      if (entry < 0) {
-        return !any_jams(x, segment, &found);
-      }
+      if (entry < 0) { return !any_jams(x, segment, &found); }
 #ifdef TOGETHER
       if (set) {
         let_go(x, segment, &together, set);

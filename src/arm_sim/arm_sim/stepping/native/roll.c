@@ -31,12 +31,13 @@ static long long time_stepped(const report_t* report) {
  * control: error control, or null.
  * Returns the number of computed ticks; x is the state after the last of them.
  */
-EXPORTED long long roll(real* x, const real* command, long long stride, const real* p, double h, long long ticks,
-                        real* trace, real* effort, real* notes, control_t* control, report_t* report) {
+EXPORTED long long roll(real* x, const real* command, long long stride, const real* p, double h, long long ticks, real* trace,
+                        real* effort, real* notes, control_t* control, report_t* report) {
   real next[NX], acted[NU];
   WORKSPACE;
   for (long long k = 0; k < ticks; ++k) {
-    arg[0] = x; arg[1] = command + k * stride;
+    arg[0] = x;
+    arg[1] = command + k * stride;
     res[0] = acted;
     actuate(arg, res, iw, w, 0);
     if (!tick(x, acted, p, h, control, report, next)) return k;

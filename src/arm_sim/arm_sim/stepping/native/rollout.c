@@ -39,13 +39,16 @@ EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, lo
         for (int j = 0; j < LANES && arm + j < last; ++j)
           for (int i = 0; i < NX; ++i) out[(arm + j) * row + (last_only ? 0 : k * NX) + i] = LANE(x[i], j);
       if (k == ticks) break;
-      if (k == 0 || tau_tick)
-        read_arms(r, NR, tau + k * tau_tick, tau_arm, of_lane);
+      if (k == 0 || tau_tick) read_arms(r, NR, tau + k * tau_tick, tau_arm, of_lane);
 #ifdef EVENTS
       tick_of_lanes(x, r, par, &length, last - arm < LANES ? (int)(last - arm) : LANES, engine, next, acted);
 #else
-      arg[0] = x; arg[1] = r; arg[2] = par; arg[3] = &length;
-      res[0] = next; res[1] = acted;
+      arg[0] = x;
+      arg[1] = r;
+      arg[2] = par;
+      arg[3] = &length;
+      res[0] = next;
+      res[1] = acted;
       TICK(arg, res, iw, w, 0);
 #endif
 #ifdef WITH_CONTROLLER

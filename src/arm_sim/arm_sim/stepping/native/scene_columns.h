@@ -9,5 +9,5 @@
 GENERATED(advance)
 
 #define GENERATED_COLUMNS(name) void name(const real* c, const column* const* arg, column* res);
-GENERATED_COLUMNS(carry) GENERATED_COLUMNS(limit) GENERATED_COLUMNS(back_q) GENERATED_COLUMNS(back_rest)
-GENERATED_COLUMNS(stretch)
+GENERATED_COLUMNS(carry)
+GENERATED_COLUMNS(limit) GENERATED_COLUMNS(back_q) GENERATED_COLUMNS(back_rest) GENERATED_COLUMNS(stretch)

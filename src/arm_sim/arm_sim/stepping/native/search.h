@@ -51,7 +51,10 @@ static double first_positive(void (*values_at)(const void*, double, double*), co
     const int same = (worst > 0.0) == (largest_among(f1, count) > 0.0);
     x3 = same ? x1 : x2;
     memcpy(f3, same ? f1 : f2, size);
-    if (!same) { x2 = x1; memcpy(f2, f1, size); }
+    if (!same) {
+      x2 = x1;
+      memcpy(f2, f1, size);
+    }
     x1 = trial;
     memcpy(f1, value, size);
     const double least = INSTANT * h / fabs(x2 - x1);

@@ -51,14 +51,20 @@ static int make_step(const segment_t* segment, double h, piece_t* piece, real* e
     return within_reach(piece->end);
   }
   real** more = res;
-  arg[0] = piece->begin; arg[1] = segment->u; arg[2] = (const real*)&segment->p; arg[3] = &length;
+  arg[0] = piece->begin;
+  arg[1] = segment->u;
+  arg[2] = (const real*)&segment->p;
+  arg[3] = &length;
   *more++ = piece->end;
 #ifdef ADAPTIVE
-  *more++ = error; *more++ = error + 1;
+  *more++ = error;
+  *more++ = error + 1;
 #else
   (void)error;
 #endif
-  *more++ = piece->inside.slope[0]; *more++ = piece->inside.slope[1]; *more = piece->inside.middle;
+  *more++ = piece->inside.slope[0];
+  *more++ = piece->inside.slope[1];
+  *more = piece->inside.middle;
   SMOOTH(arg, res, iw, w, 0);
   return within_reach(piece->end);
 }
@@ -91,7 +97,9 @@ static int anything_held(const segment_t* segment) {
  * both stops; of the sets that hold together the largest excess, in place of those of their parts. Each is smooth in time
  * while the modes last.
  */
-typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ], switched[NK], together; } limits_t;
+typedef struct {
+  double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ], switched[NK], together;
+} limits_t;
 #define LIMITS ((int)(sizeof(limits_t) / sizeof(double)))
 static void fill(limits_t* limits, double value) {
   for (int i = 0; i < LIMITS; ++i) ((double*)limits)[i] = value;
@@ -222,13 +230,14 @@ static int contact_may_stray(const segment_t* segment, const geometry_t* begin, 
   const contact_mode_t* mode = segment->p.contact + k;
   const real *s0 = begin->speed + 3 * k, *s1 = end->speed + 3 * k;
   if (mode->closed == 0.0) {
-    const double gap[4] = {begin->place[3 * k], begin->place[3 * k] + h / 3.0 * s0[0],
-                           end->place[3 * k] - h / 3.0 * s1[0], end->place[3 * k]};
+    const double gap[4] = {begin->place[3 * k], begin->place[3 * k] + h / 3.0 * s0[0], end->place[3 * k] - h / 3.0 * s1[0],
+                           end->place[3 * k]};
     const double low = fmin(fmin(gap[0], gap[3]), fmin(gap[1], gap[2]));
     return low <= NEAR * (fmax(fmax(gap[0], gap[3]), fmax(gap[1], gap[2])) - low);
   }
   if (mode->sticks != 0.0 || !(holding[k] > 0.0)) return 0;
-  const double ahead0 = mode->along[0] * s0[1] + mode->along[1] * s0[2], ahead1 = mode->along[0] * s1[1] + mode->along[1] * s1[2];
+  const double ahead0 = mode->along[0] * s0[1] + mode->along[1] * s0[2],
+               ahead1 = mode->along[0] * s1[1] + mode->along[1] * s1[2];
   return fmin(ahead0, ahead1) <= SLOWED * fmax(ahead0, ahead1);
 }
 
@@ -263,7 +272,8 @@ static int switch_may_stray(const piece_t* piece, const segment_t* segment, cons
   find_switches(x, segment, middle, size);
   find_switches(piece->begin, segment, value, size);
   for (int k = 0; k < NK; ++k) {
-    const double far = segment->p.switches[k] != 0.0 ? 1.0 : -1.0, a = far * value[k], b = far * middle[k], c = -end->switched[k];
+    const double far = segment->p.switches[k] != 0.0 ? 1.0 : -1.0, a = far * value[k], b = far * middle[k],
+                 c = -end->switched[k];
     if (fmin(fmin(a, b), c) <= 0.5 * (fmax(fmax(a, b), c) - fmin(fmin(a, b), c))) return 1;
   }
   return 0;
@@ -307,7 +317,10 @@ static double peak_of(const search_t* search, int guard, double* t, double* f, l
     const int moved = better ? (later ? 0 : 2) : (later ? 2 : 0); /* the end of the bracket that is replaced */
     t[moved] = better ? t[1] : trial;
     f[moved] = better ? f[1] : value;
-    if (better) { t[1] = trial; f[1] = value; }
+    if (better) {
+      t[1] = trial;
+      f[1] = value;
+    }
   }
   return 0.0;
 }
@@ -510,7 +523,9 @@ static void find_closed(const real* x, const segment_t* segment, const real* anc
     memcpy(after, known->closed, sizeof known->closed);
     return;
   }
-  arg[0] = x; arg[1] = (const real*)&segment->p; arg[2] = anchor;
+  arg[0] = x;
+  arg[1] = (const real*)&segment->p;
+  arg[2] = anchor;
   res[0] = after;
   contact_close(arg, res, iw, w, 0);
 }
@@ -632,8 +647,11 @@ static int rank_of(real* W) {
 static int find_bilateral_rank(const real* x, const segment_t* segment) {
   real rank = 0.0;
   WORKSPACE;
-  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
-  res[0] = &rank; res[1] = 0;
+  arg[0] = x;
+  arg[1] = segment->u;
+  arg[2] = (const real*)&segment->p;
+  res[0] = &rank;
+  res[1] = 0;
   bilateral(arg, res, iw, w, 0);
   return (int)(rank + 0.5);
 }
@@ -694,8 +712,8 @@ static int find_slow(const real* x, segment_t* segment, double tick) {
   for (int k = 0; k < NC; ++k) {
     const real *s = geometry.speed + 3 * k + 1, *a = found.rate + 3 * k + 1, *along = segment->p.contact[k].along;
     const double turn = fabs(along[0] * a[1] - along[1] * a[0]) * tick;
-    segment->contact[k].slow = rate[k] > MOST_PARTS / tick && (along[0] * a[0] + along[1] * a[1] >= 0.0 ||
-                                                                turn > MUCH_TURN * hypot(s[0], s[1]));
+    segment->contact[k].slow =
+        rate[k] > MOST_PARTS / tick && (along[0] * a[0] + along[1] * a[1] >= 0.0 || turn > MUCH_TURN * hypot(s[0], s[1]));
     any |= segment->contact[k].slow;
   }
   return any;

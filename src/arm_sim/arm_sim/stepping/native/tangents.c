@@ -24,7 +24,8 @@ static inline void take(column* to, const double* matrix, const long long* of_la
   for (int i = 0; i < rows; ++i) {
     const double* row = matrix + of_lane[0] * size + i * count + first;
     if (count - first >= WIDTH) memcpy(&to[i], row, sizeof(column));
-    else for (int j = 0; j < WIDTH; ++j) to[i][j] = j < count - first ? row[j] : 0.0;
+    else
+      for (int j = 0; j < WIDTH; ++j) to[i][j] = j < count - first ? row[j] : 0.0;
   }
 }
 
@@ -33,7 +34,8 @@ static inline void put(const column* from, double* matrix, const long long* of_l
   for (int i = 0; i < rows; ++i) {
     double* row = matrix + of_lane[0] * size + i * count + first;
     if (count - first >= WIDTH) memcpy(row, &from[i], sizeof(column));
-    else for (int j = 0; j < count - first; ++j) row[j] = from[i][j];
+    else
+      for (int j = 0; j < count - first; ++j) row[j] = from[i][j];
   }
 }
 #else
@@ -42,7 +44,8 @@ static inline void take(column* to, const double* matrix, const long long* of_la
   for (int i = 0; i < rows; ++i) {
     const double* row = matrix + i * count + first;
     if (!size) to[i] = row[0]; /* the same for all arms */
-    else for (int j = 0; j < LANES; ++j) LANE(to[i], j) = row[of_lane[j] * size];
+    else
+      for (int j = 0; j < LANES; ++j) LANE(to[i], j) = row[of_lane[j] * size];
   }
 }
 
@@ -96,11 +99,17 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
     for (long long k = 0; k < ticks; ++k) {
       double* reached = columns + k * columns_tick;
       read_arms(r, NU, tau + k * tau_tick, tau_arm, of_lane);
-      arg[0] = x; arg[1] = r;
-      res[0] = u; res[1] = limits;
+      arg[0] = x;
+      arg[1] = r;
+      res[0] = u;
+      res[1] = limits;
       acting(arg, res, iw, w, 0);
-      arg[0] = x; arg[1] = u; arg[2] = par; arg[3] = &length;
-      res[0] = next; res[1] = derivatives;
+      arg[0] = x;
+      arg[1] = u;
+      arg[2] = par;
+      arg[3] = &length;
+      res[0] = next;
+      res[1] = derivatives;
       advance(arg, res, iw, w, 0);
       const int by_rows = unit && !k;
       for (int part = 0; by_rows && part < 2; ++part) {
@@ -150,8 +159,12 @@ EXPORTED void carry_step(const double* x, const double* u, const double* p, cons
   real* res[SZ_RES];
   const long long alone[1] = {0};
   const column* parts[3] = {rows, rows + NX, rows + NX + NU + NT};
-  arg[0] = x; arg[1] = u; arg[2] = p; arg[3] = h;
-  res[0] = after; res[1] = derivatives;
+  arg[0] = x;
+  arg[1] = u;
+  arg[2] = p;
+  arg[3] = h;
+  res[0] = after;
+  res[1] = derivatives;
   advance(arg, res, iw, w, 0);
   for (long long c = 0; c < count; c += WIDTH) {
     take(rows, given, alone, 0, NX + NU + NT + 1, count, c);

@@ -43,8 +43,7 @@ void remember(last_t* last, const uint8_t* raw, int64_t length) {
   last->length = length;
 }
 
-int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap,
-                  double far) {
+int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap, double far) {
   if (!b->known) return STEADY;
   const double passed = 1e-9 * (double)(stamp - b->stamp);
   if (passed < 0.0) return BACKWARDS;

@@ -19,8 +19,7 @@ enum { STEADY, BACKWARDS, PAUSED, MOVED };
 /* Compare a state of n joints with the last one. A jump is time that goes backwards, or advances by more than `gap` in
  * [s] (PAUSED), or a joint that moves farther than `far` beyond twice the distance that its speeds explain; 0: any time,
  * any distance. Returns one of these, or MOVED plus the index of the joint. */
-QUICK int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap,
-                         double far);
+QUICK int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, const double* v, double gap, double far);
 
 /* Make a state the last one. */
 QUICK void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const double* v);

@@ -84,8 +84,7 @@ static int tell(ticks_t* t) {
     if (send(t->state, stamp) || (t->clock && send(t->clock, stamp))) return 0;
   }
   if (t->chunk) {
-    record(t->chunk, t->copy, time_of(CLOCK_REALTIME), simulated, 0, t->state->raw, stamp < 0 ? 0 : t->state->size,
-           stamp);
+    record(t->chunk, t->copy, time_of(CLOCK_REALTIME), simulated, 0, t->state->raw, stamp < 0 ? 0 : t->state->size, stamp);
     ++t->recorded;
   }
   return 1;

@@ -34,4 +34,4 @@ QUICK void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish,
 
 /* Copy the tick of this stamp in [ns], executed at `now`; before it the published joint state, if `size` is not 0. */
 QUICK void record(chunk_t* c, tick_t* t, int64_t now, int64_t stamp, int64_t hold, const uint8_t* state, int64_t size,
-                   int64_t state_stamp);
+                  int64_t state_stamp);
