@@ -24,7 +24,7 @@ def test_an_older_pydantic_is_named_with_its_place_and_the_remedy(
 ) -> None:
     (tmp_path / "pydantic.py").write_text(f"VERSION = {version!r}\n")
     done = subprocess.run(
-        [sys.executable, "-P", "-m", "arm_sim.cli", *line.split()],
+        [sys.executable, "-P", "-m", "arm_studies.cli", *line.split()],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
         capture_output=True, text=True, timeout=60,
     )  # fmt: skip

@@ -67,6 +67,7 @@ def computed_torque(
     return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))
 
 
+@one_at_a_time
 def actuation(
     plant: Plant, control: CompiledControl | None = None, *, compensated: bool = True
 ) -> ca.Function:

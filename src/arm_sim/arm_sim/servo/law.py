@@ -14,6 +14,7 @@ from arm_dynamics.actuation import StateKind
 from arm_dynamics.actuation.command_map import CommandMap, rigid_twin
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.computed_torque import held_gains
 from arm_dynamics.equations import rigid_body, spring
 from arm_dynamics.equations.tree import constant
@@ -80,6 +81,7 @@ class Gains:
         )
 
 
+@one_at_a_time
 def inertia(model: ArmModel) -> Array:
     """Joint inertias at the initial position, diag M(q₀) in [kg m²] or [kg], shape (n,)."""
     s = Symbols(model, Parameters(model))
