@@ -121,7 +121,7 @@ def test_a_joint_that_meets_its_stop() -> None:
 
 @pytest.mark.parametrize("much", [1e6, 1e160])
 def test_an_arm_that_diverges_is_named(much: float) -> None:
-    """The second of three: in the course of ticks, or with numbers that are finite all the time."""
+    """The second of three: with numbers that overflow, or that stay finite and are too large."""
     sim = models.simulator("skew_axes", stops=False, integrator="rk4")
     q0, v0, tau, g = start(sim)
     v0[1] *= much

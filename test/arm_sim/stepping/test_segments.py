@@ -198,7 +198,7 @@ def test_sliding_that_turns(
 
 
 def test_friction_opposes_the_new_direction_of_a_creeping_block_that_is_struck() -> None:
-    """Another block of 1 kg passes its speed on to it, early in a tick in which it creeps aside."""
+    """Another block of 1 kg passes its speed on to it, early in a tick in which it creeps."""
     mu, dt, hit, push = 0.4, 1e-2, 1e-4, 9.0
     foot = contact("body", friction=mu)
     face = contact("other", plane={"frame": "body", "normal": [-1, 0, 0]}, restitution=1.0)
