@@ -194,6 +194,18 @@ def test_steady_sliding_by_direction_position_and_load(q: float, v: float) -> No
     assert abs(2e3 * abs(run.z[-1, 0]) - bent[0]) < 1.5 * late + 1e-7
 
 
+@pytest.mark.parametrize("v", [0.02, -0.02])
+def test_only_the_static_level_of_bristles_may_differ_by_direction(v: float) -> None:
+    """A torque that balances viscous friction and the level of its direction keeps the speed."""
+    static = {"positive": 1.5, "negative": 1.3}
+    sim = wheel(coulomb=1.0, static=static, stribeck_velocity=0.05, lugre=BRISTLES)
+    highest = static["positive" if v > 0.0 else "negative"]
+    level = np.sign(v) * (1.0 + (highest - 1.0) * np.exp(-((v / 0.05) ** 2)))
+    assert_close(sim.dynamics.friction([v]), [level + 0.4 * v], ALGEBRA)
+    sim.reset(v=[v], z=[level / 2e3])
+    assert_close(sim.step([level + 0.4 * v]).v, [v], 1e-12)
+
+
 def test_by_direction_position_and_load_against_radau() -> None:
     """Sticking, sliding and reversing over most of a period of the table."""
     J, u = 0.05, np.repeat([0.5, 5.0, -6.0, 0.0, -4.0, 5.0], 150)

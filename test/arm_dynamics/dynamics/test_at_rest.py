@@ -12,7 +12,9 @@ from scipy.optimize import linprog
 
 import models
 from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.dynamics import MANY
+from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.together import held_together
 from arm_sim import Simulator
 from models.touching import rails
@@ -96,6 +98,16 @@ def test_joints_at_rest_are_one_complementarity_problem(rng: np.random.Generator
         assert_close(dyn.forward(q, still, tau), wanted, ALGEBRA)
         moved += wanted.any()
     assert 5 < moved < 40
+
+
+def test_joints_that_would_change_their_modes_in_a_circle_are_settled() -> None:
+    """By the largest violation, this choice of sticking joints comes back to itself for ever."""
+    M = np.array([[4, -4, -4, -2], [-4, 8, -2, 4], [-4, -2, 14, 0], [-2, 4, 0, 7]], dtype=float)
+    tau, still, none = np.array([[-5.0, 6.0, 1.0, -4.0]]), np.zeros((1, 4)), np.zeros((1, 0))
+    model = Dynamics(scene("skew_axes", {"friction": {"coulomb": 1.0}})).model
+    points = Points(still, still, tau, M[None], still, none[:, :, None] * still, none, 0)
+    (a,), _ = AtRest(SteadyFriction.of(model)).motion(points)
+    assert_close(a, brute_force(M, tau[0], np.ones(4)), ALGEBRA)
 
 
 def test_one_joint_at_its_level_by_hand() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_sim import NotDifferentiable, Simulator
+from arm_sim import NotDifferentiable, SimulationDiverged, Simulator
 from models import features
 from tolerances import FINITE_DIFF, assert_close
 
@@ -117,6 +117,18 @@ def test_a_joint_that_meets_its_stop() -> None:
     rates = sim.rollout(q0, v0, np.zeros(2), STEPS)[:, :, 2]
     assert rates[0, 0] > 0.0 and not rates[0, -1].any()
     assert_close(found.v0, difference(L, v0, 1e-6), 1e-6)
+
+
+@pytest.mark.parametrize("much", [1e6, 1e160])
+def test_an_arm_that_diverges_is_named(much: float) -> None:
+    """The second of three: with numbers that overflow, or that stay finite and are too large."""
+    sim = models.simulator("skew_axes", stops=False, integrator="rk4")
+    q0, v0, tau, g = start(sim)
+    v0[1] *= much
+    with pytest.raises(SimulationDiverged, match="^arm 1, tick "):
+        sim.rollout_gradient(q0, v0, tau, STEPS, g)
+    with pytest.raises(SimulationDiverged, match="arm 1"):
+        sim.rollout_jvp(q0, v0, tau, STEPS, dq0=q0, dv0=q0, dtau=tau)
 
 
 def test_by_the_derivatives_of_its_ticks() -> None:

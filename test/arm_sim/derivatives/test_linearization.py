@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_sim import Simulator
+from arm_sim import SimulationDiverged, Simulator
 from tolerances import FINITE_DIFF, assert_close
 
 
@@ -67,6 +68,20 @@ def test_does_not_move_the_simulation() -> None:
     before = sim.step([1.0, 0.5])
     sim.linearize(before, [0.0, 0.0], 3)
     assert sim.state is before
+
+
+@pytest.mark.parametrize("options", [
+    {"integrator": "rk4"}, {"integrator": "rk4", "backend": "vm"}, {"tolerance": 1e-9},
+], ids=str)  # fmt: skip
+def test_a_tick_that_diverges_has_no_derivative(options: dict[str, Any]) -> None:
+    """As it has no state after it, even where its numbers are finite."""
+    sim = models.simulator("gantry", stops=False, **options)
+    for speed, diverges in ((1e140, False), (1e160, True), (1e308, True)):
+        state = sim.reset([0.0, 0.0], [speed, 0.0])
+        with pytest.raises(SimulationDiverged) if diverges else nullcontext():
+            assert np.isfinite(np.hstack(sim.linearize(state, [0.0, 0.0]))).all()
+        with pytest.raises(SimulationDiverged) if diverges else nullcontext():
+            sim.step([0.0, 0.0])
 
 
 def test_beyond_the_limit_torque_has_no_effect() -> None:

@@ -140,6 +140,9 @@ CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
     "loses a compliant stop": (
         lambda: rail(stop={"stiffness": 3000, "damping": 5}), 0.1, ([-0.01], [1.0], [1.0])
     ),
+    "is pressed again before it leaves a compliant stop": (
+        lambda: rail(stop={"stiffness": 3000, "damping": 300}), 0.02, ([-0.01], [0.15], [1.0])
+    ),
     "comes to rest": (
         lambda: rail({"coulomb": 30, "static": 40, "viscous": 0.3}), 0.1, ([0.5], [0.3], [3.0])
     ),

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from recorded_engine import busy, engine_of, run, scene
 
 from arm_dynamics import InvalidInput
@@ -212,6 +213,41 @@ def test_a_disk_that_cannot_follow_costs_ticks_and_no_time(
     assert len(loaded) == 1 + 1800 - recorder.lost + 1, "the state behind the gap is there"
     assert replay(loaded).equal
     assert loaded.energy_error < 1e-6
+
+
+def test_time_goes_on_where_the_reset_itself_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The chunk with the reset is damaged; the state behind it is a tick after the one before."""
+    monkeypatch.setattr("arm_sim.ros.record.chunks.SIZE", 1 << 14)
+    engine, path = engine_of(scene()), tmp_path / "run.mcap"
+    recorder = TickRecorder(path, engine)
+    run(engine, 500)
+    engine.reset()
+    run(engine, 500)
+    recorder.close()
+    raw = bytearray(path.read_bytes())
+    raw[_chunk_of_last_change(path) + 100] ^= 0xFF
+    path.write_bytes(raw)
+    loaded = Recording.load(path)
+    assert len(loaded.gaps) == 1 and len(loaded) < 1001 and not loaded.jumps
+    np.testing.assert_allclose(loaded.time, 1e-3 * np.arange(len(loaded)), atol=1e-12)
+
+
+def _chunk_of_last_change(path: Path) -> int:
+    """Place in the file of the chunk that holds it."""
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        summary, messages = reader.get_summary(), reader.iter_messages(log_time_order=False)
+        changes = [told for schema, _, told in messages if schema and "Change" in schema.name]
+    assert summary is not None
+    last = changes[-1].log_time
+    (chunk,) = (
+        chunk.chunk_start_offset
+        for chunk in summary.chunk_indexes
+        if chunk.message_start_time <= last <= chunk.message_end_time
+    )
+    return chunk
 
 
 def test_an_existing_recording_stays(tmp_path: Path) -> None:

@@ -85,12 +85,15 @@ def test_contacts_of_light_and_of_heavy_bodies_do_not_disturb_one_another(
         assert_close(both.force[2:] / light, alone.force, LAW)
 
 
-def test_contacts_that_slide_already_keep_their_direction(rng: np.random.Generator) -> None:
+@pytest.mark.parametrize(("roughest", "answers"), [(0.5, 190), (2.5, 150)])
+def test_contacts_that_slide_already_keep_their_direction(
+    roughest: float, answers: int, rng: np.random.Generator
+) -> None:
     """Friction lies against the given direction, whatever the acceleration."""
     answered, carried = 0, 0
     for _ in range(200):
         W, c = problem(rng, 3, 10)
-        mu = rng.uniform(0.0, 0.5, 3)
+        mu = rng.uniform(0.0, roughest, 3)
         angle = rng.uniform(0, 2 * np.pi)
         d = np.array([np.cos(angle), np.sin(angle)])
         answer = solve_cones(W, c, mu, given=[None, d, None])
@@ -110,7 +113,7 @@ def test_contacts_that_slide_already_keep_their_direction(rng: np.random.Generat
         rows = np.r_[0:3, 6:9]
         moved = c[rows] + W[np.ix_(rows, [3, 4, 5])] @ r
         assert_obeys(W[np.ix_(rows, rows)], moved, mu[others], rest)
-    assert answered > 190 and carried > 50
+    assert answered > answers and carried > 50
 
 
 def test_contacts_that_may_not_carry_do_not(rng: np.random.Generator) -> None:

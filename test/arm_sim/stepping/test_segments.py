@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import models
 from arm_sim import Simulator
 from models.rotor import rotor
-from models.touching import contact, rails
+from models.touching import beside, contact, rails
 from tolerances import CLOSED_FORM, assert_close
 
 G = 9.81
@@ -195,6 +195,24 @@ def test_sliding_that_turns(
     else:
         rests = (run.v == 0.0).all(axis=1)
         assert rests[-1] and (run.q[rests] == run.q[-1]).all()
+
+
+def test_friction_opposes_the_new_direction_of_a_creeping_block_that_is_struck() -> None:
+    """Another block of 1 kg passes its speed on to it, early in a tick in which it creeps."""
+    mu, dt, hit, push = 0.4, 1e-2, 1e-4, 9.0
+    foot = contact("body", friction=mu)
+    face = contact("other", plane={"frame": "body", "normal": [-1, 0, 0]}, restitution=1.0)
+    scene = rails("xyz", branches=[beside(1.0)]) | {"constraints": [foot, face]}
+    sim = Simulator(scene, integrator="rk4", dt=dt)
+    sim.reset(q=[0, 0, 0, -hit, 0], v=[0, 1e-5, 0, 1.0, 0])
+    struck = sim.step([0, push, 0, 0, 0]).v
+
+    def slope(_: float, v: np.ndarray) -> np.ndarray:
+        return np.array([0.0, push]) - mu * G * v / np.hypot(*v)
+
+    wanted = integral(slope, [1.0, 1e-5 + (push - mu * G) * hit], hit, dt)
+    assert_close(struck[:2], wanted, 1e-6)
+    assert struck[3] == 0.0
 
 
 def test_friction_of_a_turning_slide_takes_what_it_should() -> None:

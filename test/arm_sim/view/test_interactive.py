@@ -12,8 +12,18 @@ import pytest
 from arm_dynamics import InvalidInput
 from arm_sim import Simulator
 from arm_sim.view.draw_loop import DrawLoop
-from arm_sim.view.interactive import NOTHING, SLIDERS, WEIGHT, SimulatedArm
+from arm_sim.view.interactive import (
+    MEMORY,
+    NOTHING,
+    SAMPLED,
+    SLIDERS,
+    WEIGHT,
+    Interactive,
+    SimulatedArm,
+)
 from arm_sim.view.live_account import LiveAccount
+from arm_sim.view.server import close_server, open_server
+from arm_sim.view.stage import DrawnArm
 
 
 def test_a_push_accelerates_as_its_torque_does() -> None:
@@ -134,3 +144,16 @@ def test_requests_are_served_in_turn_by_one_thread_and_refusals_are_reported() -
     loop.stop()
     assert told == ["not allowed"]
     assert served != [threading.current_thread()]
+
+
+@pytest.mark.group("view")
+def test_curves_go_back_by_the_seconds_that_they_promise() -> None:
+    """Of simulated time, however fast it goes."""
+    server, sim = open_server("arm", port=0), Simulator("pendulum", dt=SAMPLED)
+    actor = DrawnArm(server, sim.model, "arm")
+    page = Interactive(server, [SimulatedArm(sim)], [actor])
+    page.step(round(1.2 * MEMORY / SAMPLED))
+    close_server(server)
+    torque, *_ = page._curves()
+    assert np.ptp(torque.time) == pytest.approx(MEMORY, rel=0.01)
+    assert torque.time[-1] == pytest.approx(sim.state.time, abs=2 * SAMPLED)

@@ -32,7 +32,7 @@ from arm_sim.derivatives.kinks import Kinks
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
 from arm_sim.derivatives.rest_projection import RestProjection
 from arm_sim.derivatives.resting import Resting
-from arm_sim.derivatives.segments import segment_type, trace_tick
+from arm_sim.derivatives.segments import diverged, segment_type, trace_tick
 from arm_sim.derivatives.sliding_direction import SlidingDirection
 from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
@@ -40,7 +40,7 @@ from arm_sim.integrators.methods import build_attempt
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.adaptive import SubstepControl, controlled_tick
+from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.stepping.events import Modes
 from arm_sim.stepping.rollout import alike, natural_width, repeated, widths
 from arm_sim.stepping.stepper import Stepper
@@ -341,7 +341,10 @@ class Linearizer:
             self._events.check_ends(segments, u, begins)
         for k, segment in enumerate(segments):
             self._advance(motion, segment, u, last=k == len(segments) - 1)
-        return (motion.x if after is None else after), motion.slope
+        after = motion.x if after is None else after
+        if not within_reach(after):
+            raise diverged(self._choice)
+        return after, motion.slope
 
     @property
     def _eventful(self) -> bool:
@@ -403,7 +406,7 @@ class Linearizer:
         control.step = float(segment["step"])
         x, attempt = segment["begin"].copy(), self._attempt.call("attempt")
         if not controlled_tick(attempt, x, u, segment["p"], length, control, taken):
-            raise SimulationDiverged(f"linearize: the tick cannot be computed{choice.remark}")
+            raise diverged(choice)
         return taken
 
     @built_once

@@ -31,6 +31,11 @@ def segment_type(plant: Plant) -> np.dtype[np.void]:
     )
 
 
+def diverged(choice: Choice) -> SimulationDiverged:
+    """The error of a tick that cannot be computed."""
+    return SimulationDiverged(f"linearize: the tick cannot be computed{choice.remark}")
+
+
 def trace_tick(
     kernel: Kernel, plant: Plant, choice: Choice, x: Array, u: Array, p: Array,
     control: SubstepControl | None,
@@ -67,7 +72,7 @@ def trace_tick(
         ctypes.c_void_p(after.ctypes.data),
     )
     if count < 0:
-        raise SimulationDiverged(f"linearize: the tick cannot be computed{choice.remark}")
+        raise diverged(choice)
     if report.time_stepped or count > len(records):
         raise NotDifferentiable("linearize: events accumulate in the tick: it has no derivative")
     return records[:count], after

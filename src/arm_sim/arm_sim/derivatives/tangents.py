@@ -17,7 +17,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.arrays import Array, all_finite
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.columns import column_function
 from arm_dynamics.codegen.kernel import generate, operations
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
@@ -204,10 +204,7 @@ class Tangents:
             )
 
         share(len(after), width, threads, work)
-        if all_finite(after):
-            return marked(met)
-        lost = np.flatnonzero(~np.isfinite(after).all(axis=1))
-        return sorted({*marked(met), *lost.tolist()})
+        return marked(met)
 
     @cached_property
     def native(self) -> bool:

@@ -77,7 +77,7 @@ static inline void put_rows(const column* from, double* matrix, const long long*
  * unit:    whether those at the beginning, above those of the first tick, are a unit matrix. The first tick is then
  *          differentiated row by row, of which there are fewer.
  * columns: receives columns of x, NX rows; those after tick k of arm i at columns + i * columns_arm + k * columns_tick.
- * met:     set to 1 for an arm that comes near a stop; its results are invalid.
+ * met:     set to 1 for an arm that comes near a stop or diverges; its results are invalid.
  */
 EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
                           long long p_arm, const double* h, long long ticks, long long first, long long last,
@@ -142,10 +142,11 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
         }
       for (int i = 0; i < NX; ++i) x[i] = next[i];
     }
-    for (int j = 0; j < LANES; ++j)
+    for (int j = 0; j < LANES; ++j) {
+      met[of_lane[j]] |= !within_reach(x, j);
       for (int i = 0; i < NX; ++i) after[of_lane[j] * NX + i] = LANE(x[i], j);
+    }
   }
-  (void)met;
 }
 
 #ifdef STRETCH
