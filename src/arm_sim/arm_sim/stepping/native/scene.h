@@ -75,10 +75,24 @@ typedef double real;
 #define SLOWEST 1e-9
 
 /* Generated functions. */
-#define GENERATED(name) int name(const real** arg, real** res, casadi_int* iw, real* w, int mem);
-GENERATED(step)
-GENERATED(free_step) GENERATED(attempt) GENERATED(free_attempt) GENERATED(rhs) GENERATED(actuate) GENERATED(loads)
-    GENERATED(bilateral) GENERATED(stop_torques) GENERATED(pressures) GENERATED(switches) GENERATED(strike) GENERATED(statics)
-        GENERATED(contact_geometry) GENERATED(contact_inertia) GENERATED(contact_close) GENERATED(acting) GENERATED(adjoint)
-            GENERATED(limit_adjoint)
+#define GENERATED(name) int name(const real** arg, real** res, casadi_int* iw, real* w, int mem)
+GENERATED(step);
+GENERATED(free_step);
+GENERATED(attempt);
+GENERATED(free_attempt);
+GENERATED(rhs);
+GENERATED(actuate);
+GENERATED(loads);
+GENERATED(bilateral);
+GENERATED(stop_torques);
+GENERATED(pressures);
+GENERATED(switches);
+GENERATED(strike);
+GENERATED(statics);
+GENERATED(contact_geometry);
+GENERATED(contact_inertia);
+GENERATED(contact_close);
+GENERATED(acting);
+GENERATED(adjoint);
+GENERATED(limit_adjoint);
 #define TICK step

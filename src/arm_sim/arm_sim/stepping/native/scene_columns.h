@@ -6,8 +6,11 @@
 #include "scene.h"
 #include "../../../../arm_dynamics/arm_dynamics/codegen/native/columns.h"
 
-GENERATED(advance)
+GENERATED(advance);
 
-#define GENERATED_COLUMNS(name) void name(const real* c, const column* const* arg, column* res);
-GENERATED_COLUMNS(carry)
-GENERATED_COLUMNS(limit) GENERATED_COLUMNS(back_q) GENERATED_COLUMNS(back_rest) GENERATED_COLUMNS(stretch)
+#define COLUMNS(name) void name(const real* c, const column* const* arg, column* res)
+COLUMNS(carry);
+COLUMNS(limit);
+COLUMNS(back_q);
+COLUMNS(back_rest);
+COLUMNS(stretch);
