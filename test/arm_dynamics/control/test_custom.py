@@ -211,3 +211,121 @@ def test_one_that_cannot_be_restarted_has_failed(dynamics: Dynamics) -> None:
     control.restart()
     with pytest.raises(ControllerFailed, match="raised RuntimeError: cannot begin when restarted"):
         control.torque(STATE, GOAL)
+
+
+class Constant(own_controllers.Pull):
+    """A number of its formula is neither in ``tuning`` nor in ``key``."""
+
+    def __init__(self, dynamics: Dynamics, factor: float):
+        super().__init__(dynamics)
+        self.factor = factor
+
+    def formula(self, *arguments: Any) -> Any:
+        tau, memory = super().formula(*arguments)
+        return self.factor * tau, memory
+
+
+def test_one_that_differs_from_the_code_of_its_class_is_not_answered_by_it(
+    dynamics: Dynamics, caplog: pytest.LogCaptureFixture
+) -> None:
+    once, thrice = (
+        make_controller(lambda dynamics, k=factor: Constant(dynamics, k), dynamics)
+        for factor in (1.0, 3.0)
+    )
+    tau = once.torque(STATE, GOAL)
+    np.testing.assert_allclose(thrice.torque(STATE, GOAL), 3.0 * tau, rtol=1e-12)
+    assert compiled_law(once) is not None and compiled_law(thrice) is None
+    assert "differs from the controller's torque" in caplog.text
+
+
+@pytest.mark.parametrize("settings", [Settings(), Settings(friction=True)])
+@pytest.mark.parametrize("base", [own_controllers.Pull, own_controllers.Springs])
+def test_after_a_failure_a_restart_is_enough_however_it_is_wrapped(
+    dynamics: Dynamics, base: Any, settings: Settings
+) -> None:
+    class Failing(base):  # type: ignore[misc]
+        friction_terms = "all"
+        broken = False
+
+        def __init__(self, dynamics: Dynamics):
+            super().__init__(dynamics)
+
+        def torque(self, state: Any, reference: Any) -> Any:
+            if self.broken:
+                raise OSError("sensor lost")
+            return np.array(super().torque(state, reference)) + 1.0  # so it stays uncompiled
+
+    control = make_controller(Failing, dynamics, settings)
+    good = control.torque(STATE, GOAL)
+    Failing.broken = True
+    with pytest.raises(ControllerFailed, match="sensor lost"):
+        control.torque(STATE, GOAL)
+    Failing.broken = False
+    with pytest.raises(ControllerFailed):
+        control.torque(STATE, GOAL)
+    Switch(control, dt=1e-3).restart()
+    np.testing.assert_array_equal(control.torque(STATE, GOAL), good)
+
+
+def test_a_failure_in_a_posture_of_the_comparison_is_none_on_the_arm(dynamics: Dynamics) -> None:
+    class Careful(own_controllers.Pull):
+        def torque(self, state: Any, reference: Any) -> Any:
+            if not np.array_equal(state.q, STATE.q):
+                raise ValueError("out of range")
+            return super().torque(state, reference)
+
+    expected = Careful(dynamics).torque(STATE, GOAL)
+    np.testing.assert_array_equal(make_controller(Careful, dynamics).torque(STATE, GOAL), expected)
+
+
+def test_its_own_restart_decides_what_it_remembers(dynamics: Dynamics) -> None:
+    class Warm(own_controllers.Pull):
+        def restart(self) -> None:
+            self.memory = (np.full(self._n, 7.0),)
+
+    control, direct = make_controller(Warm, dynamics), Warm(dynamics)
+    for _ in range(2):
+        np.testing.assert_allclose(
+            control.torque(STATE, GOAL), direct.torque(STATE, GOAL), rtol=1e-12
+        )
+        control.restart()
+        direct.restart()
+    assert compiled_law(control) is not None
+
+
+def test_a_memory_that_is_changed_in_place_is_reset(dynamics: Dynamics) -> None:
+    class Adds(own_controllers.Numbers):
+        restart = None  # what it remembers is put back for it
+
+        def formula(self, rigid: Any, q: Any, v: Any, goal: Any, _: Any, memory: Any) -> Any:
+            memory[0][:] += np.array(goal.q - q, dtype=float)
+            return 1.0 * memory[0], memory
+
+    control = make_controller(Adds, dynamics)
+    first = control.torque(STATE, GOAL)
+    assert (control.torque(STATE, GOAL) != first).all()
+    control.restart()
+    np.testing.assert_array_equal(control.torque(STATE, GOAL), first)
+
+
+@pytest.mark.parametrize(
+    ("what", "value", "said"),
+    [
+        ("tuning", (20.0,), r"tuning = \(20.0,\); a tuple of arrays is expected"),
+        ("tuning", np.full(2, 20.0), "tuning = array.*; a tuple of arrays is expected"),
+        ("memory", ([0.0, 0.0],), "memory = .*; a tuple of arrays is expected"),
+        ("key", ([1],), "key of controller Wrong raised TypeError: unhashable type: 'list'"),
+    ],
+)
+def test_numbers_and_keys_that_cannot_be_used_are_refused(
+    dynamics: Dynamics, what: str, value: Any, said: str
+) -> None:
+    class Wrong(own_controllers.Pull):
+        def __init__(self, dynamics: Dynamics):
+            super().__init__(dynamics)
+            vars(type(self)).get(what) or setattr(self, what, value)
+
+    if what == "key":
+        Wrong.key = value  # type: ignore[method-assign, assignment]
+    with pytest.raises(InvalidInput, match=said):
+        make_controller(Wrong, dynamics)

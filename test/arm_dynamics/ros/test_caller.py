@@ -10,7 +10,7 @@ import pytest
 from harness import Ros
 from rclpy.node import Node
 
-from arm_dynamics.exceptions import NoAnswer
+from arm_dynamics.exceptions import InvalidInput, NoAnswer
 from arm_dynamics.ros.common import caller as module
 from arm_dynamics.ros.common.caller import Caller
 from arm_dynamics.ros.interfaces import MODEL_INFO
@@ -199,3 +199,9 @@ def test_a_timeout_states_the_time_and_whether_the_request_may_have_been_execute
     with pytest.raises(NoAnswer, match="did not answer within 12 s") as caught:
         caller.ask("node", MODEL_INFO, None, repeatable)
     assert ("may have been carried out" in str(caught.value)) is not repeatable
+
+
+@pytest.mark.parametrize("name", ["", "/", "bad name", "a//b", "left/1st", "~sim", "{sim}"])
+def test_a_name_that_no_node_can_have_is_refused(caller: Caller, name: str) -> None:
+    with pytest.raises(InvalidInput, match=f"node '{name}'; expected a name such as 'sim'"):
+        caller.ask(name, MODEL_INFO, None)

@@ -168,6 +168,10 @@ def test_a_damaged_chunk_is_a_gap(tmp_path: Path) -> None:
         ("run.csv", b"a,b\n1,2\n", "time"),
         ("run.csv", b"time,position.a\n0,x\n", "not a table of numbers"),
         ("run.csv", b"time,position.a\n1,0\n0,0\n", "does not increase"),
+        ("run.csv", b"", "not a table of numbers: it has no rows below a header"),
+        ("run.csv", b"time,position.a\n", "not a table of numbers: it has no rows"),
+        ("run.csv", b"time,position.a\n\n0\n1\n", "line 3 has 1 columns, the header 2"),
+        ("run.csv", b"time,position.a\n0,0\n1,0,5\n", "line 3 has 3 columns, the header 2"),
         ("run.txt", b"", "allowed"),
     ],
 )

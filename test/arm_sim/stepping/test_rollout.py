@@ -305,6 +305,15 @@ def test_refusals(changes: dict[str, Any]) -> None:
         sim.rollout(**{**good, **changes})
 
 
+def test_no_ticks_leave_the_state_as_it_is(rng: np.random.Generator) -> None:
+    sim = models.simulator("two_link", integrator="rk4")
+    q, v = rng.normal(size=(2, 3, 2))
+    for tau in (np.ones(2), np.ones((3, 2)), np.ones((3, 0, 2))):
+        np.testing.assert_array_equal(sim.rollout(q, v, tau, 0)[:, 0], np.hstack((q, v)))
+    g = np.ones((3, 1, 4))
+    assert sim.rollout_gradient(q, v, np.ones((3, 0, 2)), 0, g).tau.shape == (3, 0, 2)
+
+
 @pytest.mark.parametrize(
     "more",
     [

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+import models
 from arm_sim.exceptions import ViewError
 from arm_sim.view import pictures, show
 from arm_sim.view.access import refusal
@@ -31,6 +32,12 @@ def test_without_the_library_one_line_says_what_to_do(monkeypatch: pytest.Monkey
         ViewError, match=r"cannot find the module 'viser': .*'./arm setup view' installs them"
     ):
         show("two_link")
+
+
+def test_a_simulator_cannot_be_two_arms_of_a_page() -> None:
+    sim = models.simulator("two_link")
+    with pytest.raises(ViewError, match="a simulator is given twice; allowed: one of its own"):
+        show(sim, sim)
 
 
 NAME = socket.gethostname()
@@ -101,6 +108,8 @@ class TestListening:
     def test_an_address_of_another_machine_is_refused(self) -> None:
         with pytest.raises(ViewError, match=r"192\.0\.2\.1"):
             open_server("arm", host="192.0.2.1", port=0)
+        with pytest.raises(ViewError, match=r"port 8080 of 192\.0\.2\.1 cannot be used: .*assign"):
+            open_server("arm", host="192.0.2.1")
 
     def test_nothing_but_the_page_is_served_and_only_here(self) -> None:
         server = open_server("arm", port=0)

@@ -194,6 +194,9 @@ def test_what_is_refused() -> None:
         optimizer.start(sim.x, np.zeros((3, 2)))
     with pytest.raises(InvalidInput, match="x0 has shape"):
         optimizer.start(np.full(4, np.nan), np.zeros((NODES, 2)))
+    for nodes in (1, NODES - 1):
+        with pytest.raises(InvalidInput, match="the cost has x and u of shapes .* needs "):
+            ILQR([Phase(sim, nodes)], cost).solve(sim.x, np.zeros((nodes, 2)))
     with pytest.raises(InvalidInput, match="above zero"):
         QuadraticCost(cost.x, cost.x_weight, cost.u, 0.0 * cost.u)
     with pytest.raises(InvalidInput, match="one more is expected"):

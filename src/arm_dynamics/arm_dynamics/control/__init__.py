@@ -14,6 +14,7 @@ from arm_dynamics.control.computed_torque import (
     ComputedTorque,
     Controller,
     Measured,
+    Restartable,
     gains,
     held_gains,
 )
@@ -43,7 +44,6 @@ from arm_dynamics.control.wrappers import (
     AnyController,
     DisturbanceObserver,
     HalfTickAhead,
-    Restartable,
     Saturated,
     Switch,
 )

@@ -28,6 +28,7 @@ from arm_dynamics.control.computed_torque import (
     Moving,
     Parts,
     checked,
+    restart,
 )
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.verify import compare, random_states
@@ -38,6 +39,7 @@ from arm_dynamics.trajectory.reference import Reference
 
 Job = Callable[[], object]
 _NAME = "control_law"
+_SLOWER = "%s; the controller continues without compiled code, which is slower"
 _log = logging.getLogger(__name__)
 
 
@@ -183,9 +185,12 @@ class Compiled:
         call.inputs[2][:] = _flat(law.memory)
         return tau
 
+    def _kernel(self) -> Kernel | None:
+        return build(self.law, self.model)
+
     @cached_property
     def _call(self) -> Call | None:
-        kernel = build(self.law, self.model)
+        kernel = self._kernel()
         if kernel is None:
             return None
         call = kernel.call(_NAME)
@@ -201,12 +206,30 @@ class CompiledWithMemory(Compiled):
         """Take a controller that has not been used, and the model of its arm."""
         super().__init__(law, model)
         self._start = law.memory
+        law.memory = self._begin()
 
     def restart(self) -> None:
         """Reset the memory."""
-        self.law.memory = self._start
+        self.law.memory = self._begin()
+        restart(self.law)
         if self._call is not None:
-            self._call.inputs[2][:] = _flat(self._start)
+            self._call.inputs[2][:] = _flat(self.law.memory)
+
+    def _begin(self) -> tuple[Array, ...]:
+        """The memory at the start, in arrays of its own: a formula may change them in place."""
+        return tuple(part.copy() for part in self._start)
+
+
+class CompiledOwn(CompiledWithMemory):
+    """A user-defined controller, compiled for the arm.
+
+    It may fail, and is used again after a restart. Its class shares code by a key of the user's,
+    which may be incomplete; so each controller is compared with the code.
+    """
+
+    def _kernel(self) -> Kernel | None:
+        kernel = super()._kernel()
+        return kernel if kernel is not None and _agrees(kernel, self.law, self.model) else None
 
 
 class CompiledComputedTorque(Compiled):
@@ -224,11 +247,13 @@ class CompiledComputedTorque(Compiled):
         super().__init__(law, dynamics.model)
 
 
-def with_code(control: Any, model: ArmModel) -> Any:
-    """The controller, compiled if it can be."""
+def with_code(control: Any, model: ArmModel, own: bool = False) -> Any:
+    """The controller, compiled if it can be; ``own`` if it is, or is around, a user's."""
     law = law_of(control)
     if law is None:
         return control
+    if own:
+        return CompiledOwn(law, model)
     return (CompiledWithMemory if law.memory else Compiled)(law, model)
 
 
@@ -266,11 +291,21 @@ def _compiled(law: Law, model: ArmModel) -> Kernel | None:
     _log.info("building %s of %d joints", _name(law), model.n)
     try:
         kernel = Kernel([_function(law, model)], "native")
-        _check(kernel, law, model)
-    except (ControllerFailed, KernelError, OSError) as error:
-        _log.warning("%s; the controller continues without compiled code, which is slower", error)
+    except (KernelError, OSError) as error:
+        _log.warning(_SLOWER, error)
         return None
-    return kernel
+    return kernel if _agrees(kernel, law, model) else None
+
+
+def _agrees(kernel: Kernel, law: Law, model: ArmModel) -> bool:
+    """Whether code and controller agree; what differs is logged."""
+    try:
+        _check(kernel, law, model)
+    except (ControllerFailed, KernelError) as error:
+        _log.warning(_SLOWER, error)
+        restart(law)  # one that failed in a posture of the comparison has not failed on the arm
+        return False
+    return True
 
 
 def _name(law: object) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -75,6 +75,20 @@ class Controller[Goal](Protocol):
             reference: Desired joint motion: ``q``, ``v`` and ``a``, each of shape (n,), of a
                 ``trajectory.Reference``.
         """
+
+
+@runtime_checkable
+class Restartable(Protocol):
+    """A controller with memory."""
+
+    def restart(self) -> None:
+        """Reset the memory."""
+
+
+def restart(control: object) -> None:
+    """Reset the memory of a controller, if it has one."""
+    if isinstance(control, Restartable):
+        control.restart()
 
 
 class ComputedTorque:

@@ -9,6 +9,7 @@ results never reach an arm unchecked.
 from __future__ import annotations
 
 import inspect
+import reprlib
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
@@ -16,9 +17,15 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array, all_finite, read_only
-from arm_dynamics.control.compiled_law import AroundLaw
-from arm_dynamics.control.computed_torque import Checked, Controller, Moving, Parts, checked
-from arm_dynamics.control.wrappers import restart
+from arm_dynamics.control.compiled_law import AroundLaw, Law
+from arm_dynamics.control.computed_torque import (
+    Checked,
+    Controller,
+    Moving,
+    Parts,
+    checked,
+    restart,
+)
 from arm_dynamics.exceptions import (
     ControllerFailed,
     InvalidInput,
@@ -128,13 +135,15 @@ class Watched(AroundLaw):
         """Take a controller and its name, for an arm of n joints.
 
         Raises:
-            InvalidInput: If it has no method ``torque``.
+            InvalidInput: If it has no method ``torque``, or if it has a formula whose tuning,
+                memory or key cannot be used.
         """
         if not callable(getattr(control, "torque", None)):
             raise InvalidInput(
                 f"controller {name} is of type {type(control).__name__}, which has no method "
                 "torque(state, reference)"
             )
+        _check_parts(control, name)
         super().__init__(control)
         self._control, self.name, self._n = control, name, n
         self._failed: ControllerFailed | None = None
@@ -215,6 +224,24 @@ class Watched(AroundLaw):
 
     def _failure(self, what: str) -> ControllerFailed:
         return ControllerFailed(f"controller {self.name} {what}")
+
+
+def _check_parts(control: object, name: str) -> None:
+    """Refuse a formula whose numbers are not arrays, or whose key cannot be compared."""
+    try:
+        if not isinstance(control, Law):
+            return
+        hash(control.key)
+    except Exception as error:  # user code may raise anything
+        raise InvalidInput(
+            f"the key of controller {name} raised {_cause(error)}; a tuple of strings, numbers "
+            "and the like is expected, or None"
+        ) from error
+    for what, parts in (("tuning", control.tuning), ("memory", control.memory)):
+        if not isinstance(parts, tuple) or not all(isinstance(x, np.ndarray) for x in parts):
+            raise InvalidInput(
+                f"controller {name}: {what} = {reprlib.repr(parts)}; a tuple of arrays is expected"
+            )
 
 
 def _cause(error: Exception) -> str:

@@ -139,11 +139,12 @@ def make_controller(
     """
     settings = settings or Settings()
     control, limit = _plain(name, dynamics, settings), settings.limit
+    own = isinstance(control, custom.Watched)
     if settings.friction and (terms := _lacking(name, control)):
         control = FrictionFeedForward(control, dynamics.model, terms)
     if settings.observer:
         control = DisturbanceObserver(control, dynamics, settings.dt, settings.observer, limit)
-    control = with_code(control, dynamics.model)
+    control = with_code(control, dynamics.model, own)
     return Saturated(control, limit, dynamics.n) if settings.saturate else control
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,8 +18,10 @@ from arm_dynamics.control.computed_torque import (
     Measured,
     Moving,
     Parts,
+    Restartable,
     checked,
     gain,
+    restart,
 )
 from arm_dynamics.control.joint_space import cut
 from arm_dynamics.dynamics.dynamics import Dynamics
@@ -31,14 +33,6 @@ from arm_dynamics.trajectory.reference import Reference
 _TUNING, _SEEN = 3, 4  # parts of the numbers and of the memory of an observer
 AnyController = Controller[Any]
 """A controller for any kind of reference."""
-
-
-@runtime_checkable
-class Restartable(Protocol):
-    """A controller with memory."""
-
-    def restart(self) -> None:
-        """Reset the memory."""
 
 
 class Saturated:
@@ -299,9 +293,3 @@ class Switch:
             self._offset, self._left = offset, self._left - 1
         self._last = tau
         return tau.copy()
-
-
-def restart(control: object) -> None:
-    """Reset the memory of a controller, if it has one."""
-    if isinstance(control, Restartable):
-        control.restart()

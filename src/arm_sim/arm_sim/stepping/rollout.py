@@ -200,6 +200,8 @@ class Rollouts:
             raise InvalidInput(f"{name} has shape {array.shape}; expected {allowed}")
         if not all_finite(array):
             raise InvalidInput(f"{name} has values that are not finite; finite ones are expected")
+        if not array.size:  # of no ticks: nothing acts
+            array = np.zeros(n)
         by_tick = array if array.ndim == 3 else np.atleast_2d(array)[:, None]
         return repeated(by_tick, (arms, max(1, steps), n))
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import socket
 from collections.abc import Iterator
@@ -86,13 +87,15 @@ def _free_port(host: str, port: int | None) -> int:
                 found = int(trial.getsockname()[1])
         except OSError as error:
             trouble = error
-            continue
+            if error.errno == errno.EADDRINUSE:
+                continue
+            break  # the next port has the same trouble
         if found != first and first:
             _log.warning("port %d is taken; the view is at port %d", first, found)
         return found
-    if port is None:
+    if trouble.errno == errno.EADDRINUSE and port is None:
         raise ViewError(f"none of the ports {first} to {first + TRIED - 1} of {host} is free")
-    raise ViewError(f"port {port} of {host} cannot be used: {trouble.strerror or trouble}")
+    raise ViewError(f"port {first} of {host} cannot be used: {trouble.strerror or trouble}")
 
 
 @contextlib.contextmanager

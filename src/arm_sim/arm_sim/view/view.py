@@ -233,8 +233,8 @@ def show(
         The page, which a notebook displays; ``close()`` ends it.
 
     Raises:
-        ViewError: If motions and simulations are mixed, the visualization library is missing, or
-            the address cannot be used.
+        ViewError: If motions and simulations are mixed, a simulator is given twice, the
+            visualization library is missing, or the address cannot be used.
         InvalidInput: If a recording has no scene.
         SceneError: If a scene cannot be used.
     """
@@ -245,6 +245,9 @@ def show(
             f"{len(what)} things to show with {len(names)} names, {sum(moving)} of them motions; "
             "allowed: simulators and scenes, or recordings and films, which alone can lie together"
         )
+    simulators = [thing for thing in what if isinstance(thing, Simulator)]
+    if len(set(map(id, simulators))) < len(simulators):
+        raise ViewError("a simulator is given twice; allowed: one of its own for each arm")
     library()  # before anything is computed
     if moving[0]:
         films = [

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -107,15 +106,10 @@ def _bristles(paths: tuple[Path, ...]) -> tuple[Match, dict[str, str]]:
 
 def _read(path: Path, known: tuple[str, ...], needed: tuple[str, ...] = ()) -> dict[str, Any]:
     """Columns of a table by name, without those that it does not have."""
-    import numpy as np
+    from arm_sim.recording.files.measured import read_table
 
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row]
-        header = [word.strip() for word in rows[0]]
-        values = np.array([[float(word or "nan") for word in row] for row in rows[1:]], float)
-    except (ValueError, IndexError, UnicodeDecodeError, csv.Error) as error:
-        raise click.ClickException(f"'{path}' is not a table of numbers: {error}") from None
+    names, values = read_table(path)
+    header = [name.strip() for name in names]
     if unknown := [name for name in header if name not in ("time", *known)]:
         raise click.ClickException(
             f"'{path}': unknown column '{unknown[0]}'; allowed: time, {', '.join(known)}"
@@ -125,8 +119,6 @@ def _read(path: Path, known: tuple[str, ...], needed: tuple[str, ...] = ()) -> d
             raise click.ClickException(
                 f"'{path}' has no column '{name}'; it has {', '.join(header)}"
             )
-    if values.ndim != 2:
-        raise click.ClickException(f"'{path}' has no rows of numbers")
     return {name: values[:, i] for i, name in enumerate(header)}
 
 

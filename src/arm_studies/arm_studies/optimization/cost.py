@@ -84,7 +84,15 @@ class QuadraticCost:
                                "numbers above zero")  # fmt: skip
 
     def value(self, x: Array, u: Array) -> Array:
-        """See ``Cost``."""
+        """See ``Cost``.
+
+        Raises:
+            InvalidInput: If the trajectories have other shapes than the cost.
+        """
+        shapes, expected = (np.shape(self.x), np.shape(self.u)), (x.shape[1:], u.shape[1:])
+        if shapes != expected:
+            raise InvalidInput(f"the cost has x and u of shapes {shapes}; the trajectory needs "
+                               f"{expected}")  # fmt: skip
         by_state = (self.x_weight * (x - self.x) ** 2).sum(axis=(1, 2))
         return np.asarray(0.5 * (by_state + (self.u_weight * (u - self.u) ** 2).sum(axis=(1, 2))))
 

@@ -11,11 +11,13 @@ from typing import Any
 
 import rclpy
 from rclpy.context import Context
+from rclpy.exceptions import NameValidationException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.validate_namespace import validate_namespace
 
-from arm_dynamics.exceptions import NoAnswer
+from arm_dynamics.exceptions import InvalidInput, NoAnswer
 from arm_dynamics.ros.common.privileges import arrange_middleware_threads
 from arm_dynamics.ros.interfaces import Service
 
@@ -109,6 +111,7 @@ class Caller:
             The response.
 
         Raises:
+            InvalidInput: If no node can have that name.
             NoAnswer: If no node offers the service, or none answers.
         """
         asker = self._asker(node, service)
@@ -137,7 +140,7 @@ class Caller:
     def _asker(self, node: str, service: Service) -> Asker:
         asker = self._askers.get((node, service.name))
         if asker is None:
-            name = service.name.replace("~", "/" + node.strip("/"))
+            name = service.name.replace("~", _full_name(node))
             asker = self._askers[node, service.name] = Asker(self._node, service, name)
         return asker
 
@@ -189,6 +192,21 @@ class Caller:
         domain = self._context.get_domain_id()
         lines.append(f"both sides must have the same ROS_DOMAIN_ID; here it is {domain}")
         return "\n  ".join(lines)
+
+
+def _full_name(node: str) -> str:
+    """A node's name with its namespace, which begins with a slash."""
+    name = "/" + node.strip("/")
+    try:
+        if name != "/":
+            validate_namespace(name)  # of the same form, without the ~ and {} of topics
+            return name
+    except NameValidationException:
+        pass
+    raise InvalidInput(
+        f"node {node!r}; expected a name such as 'sim' or 'left/sim', of letters, digits and _, "
+        "no part of which begins with a digit"
+    )
 
 
 def _until(condition: Callable[[], bool], timeout: float) -> bool:

@@ -91,20 +91,12 @@ def from_table(path: Path) -> Contents:
     Raises:
         InvalidInput: If it is not such a file.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            first = file.readline()
-            between = max(_SEPARATORS, key=first.count)
-            file.seek(0)
-            names, *rows = [row for row in csv.reader(file, delimiter=between) if row]
-        values = np.array([[float(word or "nan") for word in row] for row in rows], float)
-    except (ValueError, UnicodeDecodeError, csv.Error) as error:
-        raise InvalidInput(f"'{path}' is not a table of numbers: {error}") from None
+    names, values = read_table(path)
     header = read_header(names)
-    if header.clock is None or not header.joints or values.ndim != 2 or len(values) < 1:
+    if header.clock is None or not header.joints:
         raise InvalidInput(
             f"'{path}' has columns {known_names(names)}; 'time', 'position.NAME' and, where "
-            "they are known, 'velocity.NAME' and 'effort.NAME' are expected, with numbers"
+            "they are known, 'velocity.NAME' and 'effort.NAME' are expected"
         )
 
     def of(column: Column | None) -> Array:
@@ -122,6 +114,30 @@ def from_table(path: Path) -> Contents:
         for part in PARTS
     ]
     return made(time, header.joints, parts, [])
+
+
+def read_table(path: Path) -> tuple[list[str], Array]:
+    """Read the header and the numbers of a CSV file; empty cells are NaN.
+
+    Raises:
+        InvalidInput: If it has no rows, a row of another length than the header, or words.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            first = file.readline()
+            between = max(_SEPARATORS, key=first.count)
+            file.seek(0)
+            reader = csv.reader(file, delimiter=between)
+            lines = [(reader.line_num, row) for row in reader if row]
+        if len(lines) < 2:
+            raise ValueError("it has no rows below a header")
+        names = lines[0][1]
+        for line, row in lines:
+            if len(row) != len(names):
+                raise ValueError(f"line {line} has {len(row)} columns, the header {len(names)}")
+        return names, np.array([[float(word or "nan") for word in row] for _, row in lines[1:]])
+    except (ValueError, UnicodeDecodeError, csv.Error) as error:
+        raise InvalidInput(f"'{path}' is not a table of numbers: {error}") from None
 
 
 def made(
