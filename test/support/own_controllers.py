@@ -41,6 +41,13 @@ class Pull(JointLaw):
         return rigid.gravity(q) + 0.5 * (pull + memory[0]), (pull,)
 
 
+class Bounded(Pull):
+    """Its spring yields, by a function of NumPy."""
+
+    def formula(self, rigid: Any, q: Any, v: Any, desired: Any, tuning: Any, memory: Any) -> Any:
+        return rigid.gravity(q) + 5.0 * np.tanh(tuning[0] * (desired.q - q)), memory
+
+
 class Numbers(Pull):
     """Its formula takes numbers only."""
 

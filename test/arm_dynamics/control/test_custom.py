@@ -77,6 +77,13 @@ def test_one_with_a_formula_is_compiled_as_ours_are(dynamics: Dynamics) -> None:
         np.testing.assert_allclose(control.torque(STATE, GOAL), expected, rtol=1e-12)
 
 
+def test_a_formula_may_use_functions_of_numpy(dynamics: Dynamics) -> None:
+    control = make_controller(own_controllers.Bounded, dynamics)
+    assert compiled_law(control) is not None
+    expected = own_controllers.Bounded(dynamics).torque(STATE, GOAL)
+    np.testing.assert_allclose(control.torque(STATE, GOAL), expected, rtol=1e-12)
+
+
 @pytest.mark.parametrize("maker", [own_controllers.Numbers, own_controllers.Other])
 def test_one_whose_formula_is_no_expression_or_another_runs_uncompiled(
     dynamics: Dynamics, maker: Any, caplog: pytest.LogCaptureFixture

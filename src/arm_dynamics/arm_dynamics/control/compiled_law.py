@@ -302,7 +302,8 @@ def _agrees(kernel: Kernel, law: Law, model: ArmModel) -> bool:
     try:
         _check(kernel, law, model)
     except (ControllerFailed, KernelError) as error:
-        _log.warning(_SLOWER, error)
+        hint = " (what changes its formula belongs in tuning or key)"
+        _log.warning(_SLOWER, f"{error}{hint if isinstance(error, KernelError) else ''}")
         restart(law)  # one that failed in a posture of the comparison has not failed on the arm
         return False
     return True

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import reprlib
+import warnings
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
@@ -171,7 +172,10 @@ class Watched(AroundLaw):
             KernelError: If it does not take expressions, or its results have wrong shapes.
         """
         try:
-            tau, after = self._law.formula(rigid, q, v, desired, tuning, memory)
+            with warnings.catch_warnings():
+                # CasADi's, of NumPy's functions of expressions: what comes of them is compared.
+                warnings.simplefilter("ignore", FutureWarning)
+                tau, after = self._law.formula(rigid, q, v, desired, tuning, memory)
             shapes = [part.shape for part in (tau, *after)]
         except Exception as error:  # user code may raise anything
             raise KernelError(
