@@ -27,9 +27,10 @@ def test_wheels_hold_what_the_sources_hold(wheels: dict[str, Path]) -> None:
     for library in LIBRARIES:
         root = ROOT / "src" / library
         there = {
-            str(path.relative_to(root))
-            for path in (root / library).rglob("*")
-            if path.is_file() and "__pycache__" not in path.parts
+            os.path.relpath(os.path.join(folder, file), root)
+            for folder, _, names in os.walk(root / library, followlinks=True)  # to service files
+            for file in names
+            if not folder.endswith("__pycache__")
         }
         assert files(wheels[library]) == there
         assert f"{library}/py.typed" in there

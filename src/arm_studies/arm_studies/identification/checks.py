@@ -166,12 +166,15 @@ def check_columns(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -
     told = [
         f"'{names[x.joint]}': its efforts are {_late(x.late)}, which causes most of what bodies "
         f"and friction do not explain (residual {x.before:.1%}, without the delay {x.after:.1%}); "
-        "shift the column of its efforts by that time"
+        f"shift the column of its efforts by that time{'' if x.gross else _UNSURE}"
         for x in late
     ]
     if gross := [text for x, text in zip(late, told, strict=True) if x.gross]:
         raise InvalidInput("; ".join(gross))
     return told
+
+
+_UNSURE = ", if that is so: friction of another shape, such as a Stribeck peak, can look like it"
 
 
 def _late(seconds: float) -> str:

@@ -29,9 +29,12 @@ BETTER = 0.3
 """Smallest improvement by which another is believed: the ratio of the two residuals."""
 LATEST, SHIFTS = 0.5, 50
 """Largest delay that is looked for in [s], and number of delays that are tried up to it."""
-CAUSED, FELT, GROSS = 0.5, 0.003, 0.05
+CAUSED, FELT = 0.5, 0.003
 """Fraction of the power of a residual that a delay must cause, and smallest relative residual, for
-it to be told; relative residual that it causes from which it spoils friction and bodies."""
+it to be told as possible: friction of another shape, such as a Stribeck peak, can look like it."""
+SURELY, GROSS = 0.9, 0.05
+"""Fraction that it must cause to be certain, and relative residual that it causes from which it
+spoils friction and bodies."""
 SINGULAR = 1e-7
 """Singular values relative to the largest below which columns are dependent."""
 FACTOR, LIKELY = 1.4, 1.5
@@ -74,8 +77,10 @@ class Delay:
 
     @property
     def gross(self) -> bool:
-        """Whether the delay spoils what is identified."""
-        return self.before**2 - self.after**2 > GROSS**2
+        """Whether the delay is certain and spoils what is identified."""
+        caused = self.before**2 - self.after**2
+        sure = caused > SURELY * self.before**2 or abs(self.late) > 0.99 * LATEST
+        return sure and caused > GROSS**2
 
 
 @dataclass(frozen=True)
