@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,17 +10,9 @@ import pytest
 
 import models
 from arm_sim.view.follower import MEMORY, SAMPLED, Follower, News
-from arm_sim.view.server import close_server, open_server
 from arm_sim.view.stage import DrawnArm
 
 pytestmark = pytest.mark.group("view")
-
-
-@pytest.fixture
-def server() -> Iterator[Any]:
-    opened = open_server("arm", port=0)
-    yield opened
-    close_server(opened)
 
 
 class Running:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,17 +17,9 @@ from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.interactive import Interactive, SimulatedArm
 from arm_sim.view.marks import Instant, Marker
-from arm_sim.view.server import close_server, open_server
 from arm_sim.view.stage import DrawnArm, lay_ground
 
 pytestmark = pytest.mark.group("view")
-
-
-@pytest.fixture
-def server() -> Iterator[Any]:
-    opened = open_server("arm", port=0)
-    yield opened
-    close_server(opened)
 
 
 @pytest.mark.parametrize("name", ["arm.stl", "arm.dae", "arm.obj"])

@@ -122,7 +122,7 @@ def law_of(control: object) -> Law | None:
 class AroundLaw:
     """A wrapper of a controller that has a formula if the controller has one.
 
-    It adds no numbers of its own to those of the controller's formula.
+    Its numbers are those of the controller's formula; a wrapper with more puts them before these.
     """
 
     def __init__(self, control: object) -> None:

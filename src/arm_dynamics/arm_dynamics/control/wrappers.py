@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits
-from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law, law_of
+from arm_dynamics.control.compiled_law import AroundLaw, CompiledLaw, compiled_law
 from arm_dynamics.control.computed_torque import (
     Controller,
     Measured,
@@ -75,7 +75,7 @@ class Saturated:
         return cut(self._asked, self._limit)
 
 
-class DisturbanceObserver:
+class DisturbanceObserver(AroundLaw):
     """A controller that subtracts the disturbance estimated by a momentum observer.
 
     r = K (p - ∫ (τ + Cᵀ v - G - S - F + r) dt) with p = M v follows the torque that the model does
@@ -103,7 +103,8 @@ class DisturbanceObserver:
         Raises:
             InvalidInput: If a number has a wrong shape or value.
         """
-        self._control, self._n, self._law = control, dynamics.n, law_of(control)
+        super().__init__(control)
+        self._control, self._n = control, dynamics.n
         self._rigid, self._friction = RigidTerms(dynamics.model), dynamics.steady_friction
         each, K = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
         if np.any(K * each >= 1.0):
@@ -132,19 +133,14 @@ class DisturbanceObserver:
         return np.array(tau)
 
     @property
-    def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on besides the model; see ``compiled_law.Law``."""
-        return None if self._law is None else (type(self), self._law.key)
-
-    @property
     def tuning(self) -> tuple[Array, ...]:
         """Numbers of the formula, those of the controller last."""
-        return self._tuning if self._law is None else (*self._tuning, *self._law.tuning)
+        return (*self._tuning, *super().tuning)
 
     @property
     def memory(self) -> tuple[Array, ...]:
         """Memory of the observer, and that of the controller."""
-        return self._seen if self._law is None else (*self._seen, *self._law.memory)
+        return (*self._seen, *super().memory)
 
     @memory.setter
     def memory(self, parts: tuple[Array, ...]) -> None:
@@ -158,8 +154,7 @@ class DisturbanceObserver:
         """Torques and the next memory as expressions; see ``compiled_law.Law``."""
         mine, its = tuning[:_TUNING], tuning[_TUNING:]
         seen, kept = memory[:_SEEN], memory[_SEEN:]
-        law: Any = self._law
-        wanted, after = law.formula(rigid, q, v, desired, its, kept)
+        wanted, after = self._law.formula(rigid, q, v, desired, its, kept)
         tau, seen = self._observed(rigid, q, v, mine, seen, lambda: wanted)
         return tau, (*seen, *after)
 

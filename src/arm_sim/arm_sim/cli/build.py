@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import chain, product
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from arm_dynamics import Dynamics
     from arm_sim import Simulator
 
-FURTHER: list[Callable[[Simulator], Iterator[tuple[str, Callable[[], object]]]]] = []
-"""What else needs derivatives, by name: packages that stand on this one add theirs."""
+    Further = Callable[[Simulator], Iterator[tuple[str, Callable[[], object]]]]
 
 
 @click.command(
@@ -76,7 +75,8 @@ def build(
     compiled code; ARM_CACHE may list several folders, separated by colons. Each SCENE is
     the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
     """
-    of_axes = click.get_current_context().get_parameter_source("task_axes")
+    context = click.get_current_context()
+    of_axes, further = context.get_parameter_source("task_axes"), context.obj or ()
     if not task_frame and of_axes is not ParameterSource.DEFAULT:
         raise click.UsageError("--task-axes is allowed with --task-frame only")
     from arm_dynamics.codegen.compiled_scenes import make_folder
@@ -90,7 +90,7 @@ def build(
         parts = (
             _other_parts(simulator, batches),
             _of_controllers(simulator, controllers, task_frame, task_axes),
-            _of_derivatives(simulator, derivatives),
+            _of_derivatives(simulator, derivatives, further),
             _of_nodes(simulator, nodes),
         )
         for part, work in chain(*parts):
@@ -172,14 +172,14 @@ def _of_controllers(
 
 
 def _of_derivatives(
-    simulator: Simulator, wanted: bool
+    simulator: Simulator, wanted: bool, further: Sequence[Further]
 ) -> Iterator[tuple[str, Callable[[], object]]]:
     if not wanted:
         return
     derivatives = simulator.compiled.derivatives
     yield "derivatives of ticks", derivatives.linearizer().prepare
     yield "gradients of rollouts", derivatives.gradients.prepare
-    for parts in FURTHER:
+    for parts in further:
         yield from parts(simulator)
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import click
@@ -84,14 +84,25 @@ def _explained(error: ModuleNotFoundError) -> Exception:
     )
 
 
-def suite(sections: Mapping[str, Sequence[click.Command]]) -> Suite:
-    """The command ``arm`` with these commands."""
+def suite(
+    sections: Mapping[str, Sequence[click.Command]], compiled: Sequence[Callable[..., Any]] = ()
+) -> Suite:
+    """The command ``arm`` with these commands.
+
+    Args:
+        sections: Commands by subject.
+        compiled: What ``build --derivatives`` compiles besides, as parts of a simulator by name.
+    """
     group = Suite(
         sections,
         name="arm",
         help="Dynamics, simulation and control of robot arms on ROS 2 Jazzy.",
         epilog=examples("./arm demo", "./arm describe panda"),
-        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+        context_settings={
+            "help_option_names": ["-h", "--help"],
+            "max_content_width": 100,
+            "obj": compiled,
+        },
     )
     click.version_option(__version__, message="%(version)s")(group)
     return group

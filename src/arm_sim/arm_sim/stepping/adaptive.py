@@ -35,14 +35,13 @@ class SubstepControl(ctypes.Structure):
     _fields_ = Header(_NATIVE / "flow.h", only="control_t").fields("control_t")
 
     def __init__(self, tolerance: float, order: int) -> None:
-        super().__init__(tolerance, 0.0, 0.0, 0, 0.0)
+        super().__init__(tolerance, 0.0, 0.0, 0)
         self.order = order
 
     def copy(self) -> SubstepControl:
         """Another one in the same state."""
         other = SubstepControl(self.tolerance, self.order)
         other.step, other.error, other.attempts = self.step, self.error, self.attempts
-        other.reached = self.reached
         return other
 
     def restart(self) -> None:

@@ -15,7 +15,7 @@ from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
 from arm_sim.stepping.contact_forces import contact_forces
 from arm_sim.view.charts import Chart
-from arm_sim.view.marks import Instant
+from arm_sim.view.marks import Instant, arrows
 
 LOOKS = 4000  # largest number of instants at which forces are computed
 LONG = 50_000  # largest number of ticks that the energy account repeats for a chart
@@ -94,7 +94,7 @@ def _stills(part: Recording) -> Iterator[Instant]:
             stepper = part.account.stepper
             stepper.p[:] = part.p[k]
             forces = contact_forces(plant, stepper, x[k], part.command[k])
-            contacts = np.array([[force.point, force.force] for force in forces])
+            contacts = arrows(forces)
         yield Instant(time, part.q[k], contacts, multipliers[k], stops[k])
 
 

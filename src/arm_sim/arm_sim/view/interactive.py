@@ -21,7 +21,7 @@ from arm_sim.state import State
 from arm_sim.view.charts import Chart, Charts
 from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.live_account import LiveAccount
-from arm_sim.view.marks import Instant
+from arm_sim.view.marks import Instant, arrows
 from arm_sim.view.stage import DrawnArm
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class SimulatedArm:
         return Instant(
             state.time,
             state.q,
-            np.array([[force.point, force.force] for force in forces]).reshape(-1, 2, 3),
+            arrows(forces),
             simulation.multipliers() if model.scene.bilateral else np.zeros(0),
             simulation.stop_torque
             if model.stops.touched(state.q).any()

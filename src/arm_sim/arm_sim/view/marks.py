@@ -22,6 +22,7 @@ from arm_dynamics.scene.constraint import (
     PlaneConstraint,
     RollingConstraint,
 )
+from arm_sim.stepping.contact_forces import ContactForce
 
 _NONE = np.zeros((0, 2, 3))
 
@@ -43,6 +44,11 @@ class Instant:
     contacts: Array = field(default_factory=_NONE.copy)
     multipliers: Array = field(default_factory=lambda: np.zeros(0))
     stop_torque: Array = field(default_factory=lambda: np.zeros(0))
+
+
+def arrows(forces: Sequence[ContactForce]) -> Array:
+    """Points and forces of contacts as an ``Instant`` has them, shape (k, 2, 3)."""
+    return np.array([[force.point, force.force] for force in forces]).reshape(-1, 2, 3)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,8 @@ from arm_sim.view.stage import DrawnArm, lay_ground
 
 if TYPE_CHECKING:
     import viser
+
+    Begin = Callable[[viser.ViserServer, list[DrawnArm]], Player | Interactive | Follower]
 
 SIZE = 960, 600
 RATE = 25.0  # [Hz] frame rate of a film
@@ -254,15 +256,13 @@ def show(
             thing if isinstance(thing, Film) else film_of(thing, label)
             for thing, label in zip(what, names, strict=True)
         ]
-        server = open_server("arm view", host, port)
-        labels = _different([film.name for film in films])
-        actors = _cast(server, labels, [film.model for film in films], folder, together)
-        return View(server, actors, Player(server, films, actors))
-    rigs = [SimulatedArm(x if isinstance(x, Simulator) else Simulator(x)) for x in what]
-    server = open_server("arm view", host, port)
-    models = [rig.simulation.model for rig in rigs]
-    actors = _cast(server, _different(names), models, folder, False)
-    return View(server, actors, Interactive(server, rigs, actors))
+        names, models = [film.name for film in films], [film.model for film in films]
+        begin: Begin = lambda server, actors: Player(server, films, actors)  # noqa: E731
+    else:
+        arms = [SimulatedArm(x if isinstance(x, Simulator) else Simulator(x)) for x in what]
+        models = [arm.simulation.model for arm in arms]
+        begin = lambda server, actors: Interactive(server, arms, actors)  # noqa: E731
+    return _opened(begin, names, models, host, port, folder, together)
 
 
 def show_followed(
@@ -270,9 +270,19 @@ def show_followed(
     port: int | None = None,
 ) -> View:  # fmt: skip
     """Follow running arms side by side; raises as ``show``."""
+    return _opened(
+        lambda server, actors: Follower(server, told, actors), names, models, host, port
+    )
+
+
+def _opened(
+    begin: Begin, names: Sequence[str], models: Sequence[ArmModel], host: str, port: int | None,
+    folder: Path | None = None, together: bool = False,
+) -> View:  # fmt: skip
+    """A page with these arms, and the source of their motion that ``begin`` makes for them."""
     server = open_server("arm view", host, port)
-    actors = _cast(server, _different(names), models, None, False)
-    return View(server, actors, Follower(server, told, actors))
+    actors = _cast(server, _different(names), models, folder, together)
+    return View(server, actors, begin(server, actors))
 
 
 def _cast(

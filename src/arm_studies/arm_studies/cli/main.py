@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from arm_sim.cli.build import FURTHER
 from arm_sim.cli.main import SECTIONS, suite
 from arm_studies.cli.compare import compare
 from arm_studies.cli.compiling import of_optimization
@@ -17,6 +16,5 @@ _STUDIES = {
     "Identification": (excite, identify, identify_drive, compare),
 }
 
-FURTHER.append(of_optimization)
 *_others, _shell = SECTIONS.items()
-main = suite(dict([*_others, *_STUDIES.items(), _shell]))
+main = suite(dict([*_others, *_STUDIES.items(), _shell]), [of_optimization])

@@ -5,28 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics.arrays import Array, read_only, real_array
 from arm_dynamics.exceptions import InvalidInput, known_names
-
-
-class Recorded(Protocol):
-    """A recording of any source."""
-
-    @property
-    def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102 - see JointRecord, as below
-    @property
-    def time(self) -> Array: ...  # noqa: D102
-    @property
-    def q(self) -> Array: ...  # noqa: D102
-    @property
-    def v(self) -> Array: ...  # noqa: D102
-    @property
-    def tau(self) -> Array: ...  # noqa: D102
+from arm_sim.recording.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -78,7 +64,7 @@ class JointRecord:
         return cls(names, read_only(t), **arrays, name=name, notes=tuple(notes))
 
     @classmethod
-    def from_recording(cls, recording: Recorded, name: str = "recording") -> JointRecord:
+    def from_recording(cls, recording: Recording, name: str = "recording") -> JointRecord:
         """From a recording of a robot or of a simulation.
 
         From a simulation it takes the measurements of its sensors, if it has any; else the state
@@ -88,16 +74,15 @@ class JointRecord:
         Raises:
             InvalidInput: If it has fewer than two rows, or its time does not increase.
         """
-        sensed = getattr(recording, "measured", None)
-        of_robot = getattr(recording, "of_robot", True)
+        sensed, of_robot = recording.measured, recording.of_robot
         q, v, effort = recording.q, recording.v, recording.tau
         if sensed is not None:
             q, v, effort = sensed.q, sensed.v, sensed.effort
         elif not of_robot:
             effort = 0.5 * (effort + np.vstack([effort[:1], effort[:-1]]))
-        if (hold := getattr(recording, "hold", None)) is not None:
-            effort = np.where(hold[:, None] != 0, np.nan, effort)
-        notes = [event.text for event in getattr(recording, "events", ()) if of_robot]
+        if recording.hold is not None:
+            effort = np.where(recording.hold[:, None] != 0, np.nan, effort)
+        notes = [event.text for event in recording.events if of_robot]
         names = recording.joint_names
         return cls.of(names, recording.time, q, effort, v, name=name, notes=notes)
 

@@ -26,7 +26,6 @@ typedef struct {
   double step;      /* next trial length; 0: unknown */
   double error;     /* sum of the estimated errors of q */
   long long attempts;
-  double reached;   /* time at which the last failed motion stopped */
 } control_t;
 
 static int within_reach(const real* x) {
@@ -68,7 +67,6 @@ static inline int flow_by(generated_t smooth, const real* x, const real* u, cons
       return 1;
     }
   }
-  c->reached = at.done;
   return 0;
 }
 #else
@@ -90,31 +88,7 @@ static inline int flow_by(generated_t smooth, const real* x, const real* u, cons
 }
 #endif
 
-/* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. Else
- * `reached` is the length that was computed, and `after` the state there.
- */
+/* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. */
 static int flow(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
   return flow_by(SMOOTH, x, u, p, h, c, after);
 }
-
-/* The same in one step, however large its error. */
-static int flow_once(const real* x, const real* u, const real* p, double h, real* after) {
-  real error[2];
-  WORKSPACE;
-  const real length = h;
-  arg[0] = x;
-  arg[1] = u;
-  arg[2] = p;
-  arg[3] = &length;
-  res[0] = after;
-  res[1] = error;
-  res[2] = error + 1;
-  SMOOTH(arg, res, iw, w, 0);
-  return within_reach(after);
-}
-
-#ifdef FREE
-static int flow_free(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
-  return flow_by(FREE_SMOOTH, x, u, p, h, c, after);
-}
-#endif
