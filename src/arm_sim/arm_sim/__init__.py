@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from arm_sim.plant.actuation import CompiledControl, computed_torque
     from arm_sim.recording.recording import Recording
     from arm_sim.servo import JointCommand
+    from arm_sim.simulated_arm import SimulatedArm
     from arm_sim.simulator import Simulator
     from arm_sim.state import State
 
@@ -28,6 +29,7 @@ __all__ = [
     "NotDifferentiable",
     "Plan",
     "Recording",
+    "SimulatedArm",
     "SimulationDiverged",
     "Simulator",
     "State",
@@ -43,6 +45,7 @@ __getattr__, __dir__ = on_demand(
         "NotDifferentiable": "exceptions",
         "Plan": "plan",
         "Recording": "recording.recording",
+        "SimulatedArm": "simulated_arm",
         "SimulationDiverged": "exceptions",
         "Simulator": "simulator",
         "State": "state",

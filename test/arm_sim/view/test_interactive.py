@@ -39,7 +39,7 @@ def test_a_push_accelerates_as_its_torque_does() -> None:
     for _ in range(5):
         rig.tick()
     assert rig.wrenches.active == ()
-    np.testing.assert_array_equal(sim.plant.parameters.of("external", sim.parameters), 0.0)
+    np.testing.assert_array_equal(sim.arm.plant.parameters.of("external", sim.arm.parameters), 0.0)
 
 
 def test_a_frame_that_never_moves_is_not_pushed() -> None:
@@ -91,7 +91,7 @@ def test_the_energy_account_beside_it_is_that_of_a_recording() -> None:
     commands = []
     for _ in range(200):
         rig.tick()
-        commands.append(sim.command)
+        commands.append(sim.arm.acted.copy())
     account = dict(zip(rig.account.names, rig.account.now().tolist(), strict=True))
     other = Simulator("motor_pendulum")
     other.reset(start.q, start.v, start.z)

@@ -130,8 +130,8 @@ def _other_parts(
     from arm_dynamics.control import make_controller, preparation
     from arm_dynamics.dynamics.rigid import MANY
 
-    if simulator.energy_account.may_make_ticks_again:
-        yield "energy account", simulator.energy_account.prepare
+    if simulator.arm.compiled.energy_account.may_make_ticks_again:
+        yield "energy account", simulator.arm.compiled.energy_account.prepare
     if job := preparation(make_controller("computed_torque", _controlled(simulator))):
         yield "computed torque", job
     if not batches:
@@ -176,7 +176,7 @@ def _of_derivatives(
 ) -> Iterator[tuple[str, Callable[[], object]]]:
     if not wanted:
         return
-    derivatives = simulator.compiled.derivatives
+    derivatives = simulator.arm.compiled.derivatives
     yield "derivatives of ticks", derivatives.linearizer().prepare
     yield "gradients of rollouts", derivatives.gradients.prepare
     for parts in further:
@@ -191,9 +191,9 @@ def _of_nodes(simulator: Simulator, wanted: bool) -> Iterator[tuple[str, Callabl
     from arm_dynamics.ros.dynamics import COMPILED
     from arm_sim.ros.drive_torques import DriveTorques
 
-    yield "servo", lambda: simulator.compiled.servo  # for position commands and stops
-    if simulator.plant.torques is not None:
-        yield "torques of drives", lambda: DriveTorques(simulator)
+    yield "servo", lambda: simulator.arm.compiled.servo  # for position commands and stops
+    if simulator.arm.plant.torques is not None:
+        yield "torques of drives", lambda: DriveTorques(simulator.arm)
     for service, question, _ in COMPILED:
         if question.known(simulator.dynamics):
             work = partial(compiled_answer, question, simulator.dynamics)

@@ -108,7 +108,7 @@ class Lockstep:
     def _finish(self) -> None:
         """Tick until the next published state, and wait for its answer."""
         engine = self._engine
-        while not engine.paused and engine.simulator.step_count % self._every:
+        while not engine.paused and engine.simulator.arm.step_count % self._every:
             engine.tick_unattended()
         self.wait()
 

@@ -65,9 +65,9 @@ class Outputs:
         self._engine, self._round_trip = engine, round_trip
         self._simulator = simulator = engine.simulator
         self.every = params.publish_every
-        n, x = simulator.n, simulator.x
-        self.drives = None if simulator.plant.torques is None else DriveTorques(simulator)
-        effort = simulator.acted if self.drives is None else self.drives.values
+        arm, n, x = simulator.arm, simulator.n, simulator.arm.x
+        self.drives = None if arm.plant.torques is None else DriveTorques(arm)
+        effort = arm.acted if self.drives is None else self.drives.values
         truth = x[:n], x[n : 2 * n], effort
 
         names = simulator.joint_names
@@ -76,7 +76,7 @@ class Outputs:
             writer = JointStateWriter(names, frame_id=params.frame_id)
             return JointStateSink(node, topic, writer, arrays)
 
-        sensors = simulator.sensors
+        sensors = arm.sensors
         self.said = truth if sensors is None else tuple(np.split(sensors.said, 3))
         self._truth = None if sensors is None else sink(GROUND_TRUTH, names, truth)
         self._all = None
@@ -163,7 +163,7 @@ class Outputs:
             self.stamps.release()
 
     def _after_tick(self) -> None:
-        step = self._simulator.step_count
+        step = self._simulator.arm.step_count
         if step % self.every == 0:
             self.publish()
         if step % self.energy.every == 0:

@@ -90,8 +90,8 @@ class SimulatedArm:
         """Apply a force in [N] and moment in [N m], in world axes, to a frame for some ticks."""
         if not self._pushable:
             self.wrenches.push(frame, wrench, 0)  # raises an error if it cannot be pushed
-            simulation = self.simulation
-            self.account.change(lambda: simulation.use(simulation.compiled.pushable()))
+            arm = self.simulation.arm
+            self.account.change(lambda: arm.use(arm.compiled.pushable()))
             self._pushable = True
         self.wrenches.push(frame, wrench, self.simulation.state.step + ticks - 1)
 
@@ -104,7 +104,7 @@ class SimulatedArm:
             torque = self.wrenches.torque(state.q, state.step)
             simulation.set_parameter("external", torque)
             self._pushed = bool(self.wrenches.active)
-        simulation.advance(self._commanded(state).tolist())
+        simulation.arm.advance(self._commanded(state).tolist())
         self._seen = state.step + 1
         self.account.note()
 

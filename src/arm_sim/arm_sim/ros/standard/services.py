@@ -110,7 +110,7 @@ class StandardServices:
     def _state(self) -> int:
         if not self._engine.paused:
             return PLAYING
-        return PAUSED if self._engine.simulator.step_count else STOPPED
+        return PAUSED if self._engine.simulator.arm.step_count else STOPPED
 
     def _get_state(self, request: Any, response: Any) -> None:
         """Whether the simulation is running."""
@@ -148,7 +148,7 @@ class StandardServices:
         if time and state:
             engine.reset()
         elif time:
-            n, x = simulator.n, simulator.x.copy()
+            n, x = simulator.n, simulator.arm.x.copy()
             engine.reset(x[:n], x[n : 2 * n], x[2 * n :])
         else:
             model = simulator.model
@@ -196,7 +196,7 @@ class StandardServices:
         """Update the entities to the current state; return its stamp in [ns]."""
         simulator = self._engine.simulator
         n, (stamp, x) = simulator.n, self._engine.queue.run(
-            lambda: (self._stamp(), simulator.x.copy())
+            lambda: (self._stamp(), simulator.arm.x.copy())
         )  # fmt: skip
         self._entities.place(x[:n], x[n : 2 * n])
         return int(stamp)
