@@ -60,7 +60,7 @@ class TickRecorder:
             InvalidInput: If the path has another suffix, or exists already.
             OSError: If it cannot be written.
         """
-        self._arm = arm = engine.simulator.arm.arm
+        self._arm = arm = engine.simulator.arm
         self._engine, self.path = engine, path
         if path.exists():
             raise InvalidInput(f"'{path}' exists; recordings are not overwritten")
