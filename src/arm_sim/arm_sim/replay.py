@@ -14,6 +14,7 @@ from arm_dynamics import InvalidInput, Scene, load_scene
 from arm_dynamics.arrays import Array, read_only
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.plant.parameters import Parameters
+from arm_sim.recording.changes import Jump
 from arm_sim.recording.contents import BRAKES, FREE
 from arm_sim.recording.files.ticks import EXTERNAL, tunable_names
 from arm_sim.recording.origin import Physics, versions
@@ -267,11 +268,6 @@ class _Run:
         rows = int(ends[-1]) + 1 if len(ends) else 0
         parts = np.split(self._out[:rows], (sim.n, 2 * sim.n), axis=1)
         q, v, z = (read_only(part) for part in parts)
-        jumps = tuple(
-            replace(jump, x=read_only(self._out_ended[jump.row] if jump.row else sim.arm.x))
-            for jump in recording.jumps
-            if jump.row < rows and sim.arm.plant.nx == len(jump.x)
-        )
         arrays = {
             name: getattr(recording, name)[:rows]
             for name in ("time", "command", "error", "time_stepped")
@@ -282,12 +278,21 @@ class _Run:
         origin = replace(
             sim.arm.origin, source=recording.origin.source if recording.origin else ""
         )
-        contents = replace(
-            recording, **arrays, q=q, v=v, z=z, p=read_only(p), jumps=jumps, measured=None,
+        return replace(
+            recording, **arrays, q=q, v=v, z=z, p=read_only(p), jumps=self._jumps_until(rows),
             hold=None if recording.hold is None else recording.hold[:rows], origin=origin,
             gaps=tuple(row for row in recording.gaps if row < rows), physics=Physics(origin),
+            measured=None,
         )  # fmt: skip
-        return contents
+
+    def _jumps_until(self, rows: int) -> tuple[Jump, ...]:
+        """The changes of the recording, with the replayed states before them."""
+        arm = self._sim.arm
+        return tuple(
+            replace(jump, x=read_only(self._out_ended[jump.row] if jump.row else arm.x))
+            for jump in self._recording.jumps
+            if jump.row < rows and arm.plant.nx == len(jump.x)
+        )
 
 
 def _with_tunable(scene: Scene, names: Sequence[str]) -> Scene:

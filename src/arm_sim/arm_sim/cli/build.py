@@ -99,6 +99,11 @@ def build(
     for part, work in _of_all_nodes() if nodes else ():
         with _into(out, "nodes", part, processor):
             work()
+    _show(out, as_json)
+
+
+def _show(out: Path, as_json: bool) -> None:
+    """What is in the folder."""
     entries = list(out.glob("*.so"))
     size = sum(entry.stat().st_size for entry in entries)
     if as_json:

@@ -87,11 +87,7 @@ class SimDiagnostics:
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
-        stopped = self.growth.of("stale", slot.stale_count)
-        if slot.stale:
-            found.complain(WARN, f"commands stopped: the policy '{policy}' acts")
-        elif stopped:
-            found.complain(WARN, "commands stopped, and have resumed")
+        self._check_staleness(found)
         self.growth.warn(found, inputs.refused, "commands ignored")
         self.growth.warn(found, inputs.refused_wrenches, "wrenches ignored")
         if self.growth.of("conflicts", arbiter.refused) or arbiter.conflict:
@@ -99,6 +95,14 @@ class SimDiagnostics:
         elif publishers > 1 and len(arbiter.sources) < 2:
             found.complain(WARN, f"{publishers} publishers on {topic}")
         return found
+
+    def _check_staleness(self, found: Finding) -> None:
+        slot = self.engine.commands
+        stopped = self.growth.of("stale", slot.stale_count)
+        if slot.stale:
+            found.complain(WARN, f"commands stopped: the policy '{self.engine.stale_policy}' acts")
+        elif stopped:
+            found.complain(WARN, "commands stopped, and have resumed")
 
     def _check_simulation(self) -> Finding:
         engine, found = self.engine, Finding("simulation")
@@ -122,14 +126,17 @@ class SimDiagnostics:
             found.complain(ERROR, self.outputs.clock.complaint)
         if engine.failure:
             found.complain(ERROR, engine.failure)
-        if engine.energy_error > TRUSTED:
-            off, dt = engine.energy_error, engine.simulator.dt
+        self._check_energy(found)
+        return found
+
+    def _check_energy(self, found: Finding) -> None:
+        off, dt = self.engine.energy_error, self.engine.simulator.dt
+        if off > TRUSTED:
             found.complain(
                 WARN,
                 f"the energy account is off by {off:.2g} of the energy that moved, more than "
                 f"{TRUSTED:g}: with ticks of {dt:g} s reduce dt or set a tolerance",
             )
-        return found
 
     def _check_recorder(self, recorder: TickRecorder) -> Finding:
         found, thread = Finding("recording"), recorder.thread

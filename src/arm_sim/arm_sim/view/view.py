@@ -19,7 +19,7 @@ from arm_sim.view.charts import with_curves
 from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.film import Film, film_of
 from arm_sim.view.follower import Follower, NewsSource
-from arm_sim.view.interactive import Interactive, SimulatedArm
+from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.player import Player
 from arm_sim.view.server import HERE, address, close_server, library, open_server
 from arm_sim.view.stage import DrawnArm, lay_ground
@@ -259,7 +259,7 @@ def show(
         names, models = [film.name for film in films], [film.model for film in films]
         begin: Begin = lambda server, actors: Player(server, films, actors)  # noqa: E731
     else:
-        arms = [SimulatedArm(x if isinstance(x, Simulator) else Simulator(x)) for x in what]
+        arms = [InteractiveArm(x if isinstance(x, Simulator) else Simulator(x)) for x in what]
         models = [arm.simulation.model for arm in arms]
         begin = lambda server, actors: Interactive(server, arms, actors)  # noqa: E731
     return _opened(begin, names, models, host, port, folder, together)

@@ -67,19 +67,15 @@ def identify(
     """
     if out.suffix not in (".yaml", ".yml"):
         raise InvalidInput(f"--out is '{out}'; a name that ends in .yaml is expected")
-    if payload is not None and (effort != "torque" or units or total_mass or masses):
-        raise InvalidInput(
-            "--payload needs a known arm and efforts in N m; --effort, --per-unit, "
-            "--total-mass and --mass are not allowed with it"
-        )
-    from arm_studies.identification import identify as find
-    from arm_studies.identification.files import read_joint_record
-    from arm_studies.identification.report import write
-
-    records = [read_joint_record(path, topic) for path in recordings]
     if payload is not None:
+        _refuse_for_payload(effort != "torque" or units or total_mass or masses)
+        records = _records(recordings, topic)
         _carried(records, scene, payload, out, band, _pairs("--map", names), as_json)
         return
+    from arm_studies.identification import identify as find
+    from arm_studies.identification.report import write
+
+    records = _records(recordings, topic)
     per_unit = _pairs("--per-unit", units)
     with progress_on_stderr():
         found = find(
@@ -96,6 +92,20 @@ def identify(
     _show(found)
     for path in files:
         console().print(f"{path}", markup=False)
+
+
+def _refuse_for_payload(given: object) -> None:
+    if given:
+        raise InvalidInput(
+            "--payload needs a known arm and efforts in N m; --effort, --per-unit, "
+            "--total-mass and --mass are not allowed with it"
+        )
+
+
+def _records(recordings: tuple[Path, ...], topic: str | None) -> list[JointRecord]:
+    from arm_studies.identification.files import read_joint_record
+
+    return [read_joint_record(path, topic) for path in recordings]
 
 
 def _carried(

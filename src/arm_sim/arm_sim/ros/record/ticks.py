@@ -80,6 +80,9 @@ class TickRecorder:
         channel, robot = self.file.robot()
         self.thread.add(channel, time.time_ns(), 0, robot)
         self._begin("start")
+        self._listen(engine)
+
+    def _listen(self, engine: TickEngine) -> None:
         engine.on_tick.append(self.tick)
         engine.on_idle.append(self._flush)
         engine.on_jump.append(lambda: self._begin("changed"))

@@ -69,7 +69,19 @@ class StandardServices:
         self._entities = Entities(engine.simulator)
         log = node.get_logger()
         node.create_service(srv.GetSimulatorFeatures, "~/get_simulator_features", self._features)
-        for name, answer in {
+        for name, answer in self._answers().items():
+            kind = getattr(srv, name.title().replace("_", ""), None)
+            if kind is not None:
+                node.create_service(kind, f"~/{name}", answered(answer, log))
+                self.offered.append(name)
+        if hasattr(action, "SimulateSteps"):
+            self._steps = SimulateSteps(node, engine, action.SimulateSteps)
+            self.offered.append("simulate_steps")
+        self.offered.append("get_simulator_features")
+
+    def _answers(self) -> dict[str, Callable[[Any, Any], Any]]:
+        """What answers each service, but for that of the features."""
+        return {
             "get_simulation_state": self._get_state,
             "set_simulation_state": self._set_state,
             "reset_simulation": self._reset,
@@ -79,15 +91,7 @@ class StandardServices:
             "get_entity_state": self._get_entity_state,
             "get_entities_states": self._get_entities_states,
             "get_current_world": self._get_world,
-        }.items():
-            kind = getattr(srv, name.title().replace("_", ""), None)
-            if kind is not None:
-                node.create_service(kind, f"~/{name}", answered(answer, log))
-                self.offered.append(name)
-        if hasattr(action, "SimulateSteps"):
-            self._steps = SimulateSteps(node, engine, action.SimulateSteps)
-            self.offered.append("simulate_steps")
-        self.offered.append("get_simulator_features")
+        }
 
     def close(self) -> None:
         """End the action; call before the node is destroyed."""
