@@ -6,8 +6,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import replace
-from functools import wraps
-from typing import Any, Concatenate
+from types import MethodType
+from typing import TYPE_CHECKING, Any, Concatenate
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,14 +15,12 @@ from numpy.typing import ArrayLike
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.control.wrappers import AnyController
 from arm_dynamics.exceptions import choices
 from arm_dynamics.model.arm import arm_model
 from arm_dynamics.scene.constraint import label, switchable
 from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.trajectory.reference import Motion
 from arm_sim.compiled_scene import CompiledScene
-from arm_sim.derivatives import Derivatives
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import delivered
 from arm_sim.inputs import answers, named, tick_count, torque_table
@@ -40,21 +38,33 @@ from arm_sim.stepping.contact_forces import ContactForce, contact_forces
 from arm_sim.stepping.stepper import Stepper
 from arm_sim.trace import Trace
 
+if TYPE_CHECKING:
+    from arm_dynamics.control.wrappers import AnyController
+    from arm_sim.derivatives import Derivatives
+
 Control = Callable[[State], Any]
 
 _log = logging.getLogger(__name__)
 
 
-def _differentiated[**P, R](
-    method: Callable[Concatenate[Derivatives, P], R],
-) -> Callable[Concatenate[Simulator, P], R]:
-    """The same method of a simulator, from its state and scene."""
+class _Derivative[**P, R]:
+    """A method of ``Derivatives`` as one of a simulator, from its state and scene.
 
-    @wraps(method)
-    def derivative(self: Simulator, /, *args: P.args, **options: P.kwargs) -> R:
-        return method(self.arm.compiled.derivatives, *args, **options)
+    It is imported when it is first used, since most runs need no derivatives.
+    """
 
-    return derivative
+    def __init__(self, method: Callable[[], Callable[Concatenate[Derivatives, P], R]]) -> None:
+        self._method = method
+
+    def __get__(self, simulator: Simulator | None, owner: type[Simulator]) -> Callable[P, R]:
+        made: Any = self._method()
+        return made if simulator is None else MethodType(made, simulator.arm.compiled.derivatives)
+
+
+def _derivatives() -> type[Derivatives]:
+    from arm_sim.derivatives import Derivatives
+
+    return Derivatives
 
 
 class Simulator:
@@ -346,12 +356,12 @@ class Simulator:
         batch = replace(batch, tau=delivered(self.model.scene, self.dt, batch.tau))
         return rollouts.run(batch, threads, lanes)
 
-    linearize = _differentiated(Derivatives.linearize)
-    linearize_many = _differentiated(Derivatives.linearize_many)
-    jvp = _differentiated(Derivatives.jvp)
-    vjp = _differentiated(Derivatives.vjp)
-    rollout_jvp = _differentiated(Derivatives.rollout_jvp)
-    rollout_gradient = _differentiated(Derivatives.rollout_gradient)
+    linearize = _Derivative(lambda: _derivatives().linearize)
+    linearize_many = _Derivative(lambda: _derivatives().linearize_many)
+    jvp = _Derivative(lambda: _derivatives().jvp)
+    vjp = _Derivative(lambda: _derivatives().vjp)
+    rollout_jvp = _Derivative(lambda: _derivatives().rollout_jvp)
+    rollout_gradient = _Derivative(lambda: _derivatives().rollout_gradient)
 
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
@@ -19,9 +20,11 @@ from arm_sim.ros.ordinary import OrdinaryTicks
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.realtime_loop import RealtimeLoop
-from arm_sim.ros.record import TickRecorder
 from arm_sim.ros.robot import Display
 from arm_sim.ros.tick_engine import TickEngine
+
+if TYPE_CHECKING:
+    from arm_sim.ros.record import TickRecorder
 
 
 @dataclass

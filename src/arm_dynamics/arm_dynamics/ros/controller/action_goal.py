@@ -18,7 +18,7 @@ from arm_dynamics.ros.common.convert import joint_indices, to_nanoseconds
 from arm_dynamics.ros.common.params import parameter
 from arm_dynamics.ros.controller.tolerances import NONE, StateTolerance, Tolerances, resolved
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
-from arm_dynamics.trajectory.spline import STANDING
+from arm_dynamics.trajectory.splines import STANDING
 
 
 @dataclass(frozen=True)

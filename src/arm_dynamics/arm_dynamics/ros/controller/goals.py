@@ -31,7 +31,7 @@ from arm_dynamics.ros.controller.messages import (
 from arm_dynamics.ros.controller.params import ControllerParams
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower, Outset
-from arm_dynamics.trajectory.joint_path import paced
+from arm_dynamics.trajectory.joint_paths import paced
 from arm_dynamics.trajectory.planner import CartesianGoals, Pace
 from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory, hold
 from arm_dynamics.trajectory.time_optimal import retimed

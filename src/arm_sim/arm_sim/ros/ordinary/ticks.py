@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from ctypes import Structure, addressof, byref
 from threading import Lock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from arm_sim.ros.inputs import AT_ONCE, Inputs
 from arm_sim.ros.lockstep import Ahead, Waiting
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.realtime_loop import Due
-from arm_sim.ros.record import TickRecorder
 from arm_sim.ros.stamps import NodeTime
 from arm_sim.ros.tick_engine import TickEngine
+
+if TYPE_CHECKING:
+    from arm_sim.ros.record import TickRecorder
 
 _LEFT, _MADE = TICKS.constants["LEFT"], TICKS.constants["MADE"]
 _ROWS = 8192  # ticks stored for the energy account, which is evaluated every second
