@@ -31,11 +31,11 @@ from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.joint_state import address
 from arm_sim import Recording
 from arm_sim.replay import replay
-from arm_sim.ros import code
+from arm_sim.ros import node_library
 from arm_sim.ros.commands.latest import POLICIES
-from arm_sim.ros.latency import Histogram
-from arm_sim.ros.realtime_loop import Due
 from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.timing.latency import Histogram
+from arm_sim.ros.timing.realtime_loop import Due
 
 pytestmark = pytest.mark.ros
 
@@ -53,7 +53,7 @@ class Wire(Structure):
 @pytest.fixture
 def library(monkeypatch: pytest.MonkeyPatch) -> CDLL:
     """The native code of the nodes, whose messages come by ``wire.c``."""
-    made = code.library(WIRE)
+    made = node_library.library(WIRE)
     made.left_on_wire.argtypes, made.left_on_wire.restype = [c_void_p], c_int64
     for user in (
         "arm_dynamics.ros.joint_state.reader.library",

@@ -31,9 +31,9 @@ from arm_dynamics.ros.common.convert import to_nanoseconds, to_time
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
-from arm_sim.ros.latency import Histogram
-from arm_sim.ros.realtime_loop import Due
 from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.timing.latency import Histogram
+from arm_sim.ros.timing.realtime_loop import Due
 
 pytestmark = pytest.mark.ros
 

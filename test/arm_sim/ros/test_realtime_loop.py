@@ -12,9 +12,9 @@ import pytest
 
 import models
 from arm_sim import Simulator
-from arm_sim.ros.latency import Histogram, RoundTrip
-from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.latency import Histogram, RoundTrip
+from arm_sim.ros.timing.realtime_loop import RealtimeLoop
 
 pytestmark = pytest.mark.ros
 

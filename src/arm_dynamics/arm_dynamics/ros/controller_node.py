@@ -42,7 +42,7 @@ from arm_dynamics.ros.controller import (
     TrackingTopic,
     TrajectoryAction,
 )
-from arm_dynamics.ros.controller.code import prepare
+from arm_dynamics.ros.controller.controller_library import prepare
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,

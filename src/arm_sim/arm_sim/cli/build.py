@@ -207,11 +207,11 @@ def _of_nodes(simulator: Simulator, wanted: bool) -> Iterator[tuple[str, Callabl
 
 def _of_all_nodes() -> Iterator[tuple[str, Callable[[], object]]]:
     """Loops and messages of the nodes, which are the same for all scenes."""
-    from arm_dynamics.ros.controller import code as controller
+    from arm_dynamics.ros.controller import controller_library as controller
     from arm_dynamics.ros.dynamics import compiled_services
-    from arm_dynamics.ros.joint_state import code as messages
-    from arm_dynamics.trajectory import code as trajectory
-    from arm_sim.ros import code as sim
+    from arm_dynamics.ros.joint_state import joint_state_library as messages
+    from arm_dynamics.trajectory import trajectory_library as trajectory
+    from arm_sim.ros import node_library as sim
 
     # Uncached: what this process has loaded is not necessarily in the folder.
     yield "messages", messages.library.__wrapped__

@@ -18,10 +18,10 @@ from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.ordinary import OrdinaryTicks
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.params import SimParams
-from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.robot import Display
+from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.realtime_loop import RealtimeLoop
 
 if TYPE_CHECKING:
     from arm_sim.ros.record import TickRecorder

@@ -13,10 +13,10 @@ from rclpy.node import Node
 
 from arm_dynamics.ros.common.executor import steady_timer, subscribe
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_sim.ros.code import LOOP, TICKS, library
 from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.node_library import LOOP, TICKS, library
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.params import SimParams
+from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 
 _SOON = 300_000  # [ns] within which busy-waiting for an answer pays

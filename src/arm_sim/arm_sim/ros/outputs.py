@@ -18,15 +18,15 @@ from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
-from arm_sim.ros.clock import SimClock
 from arm_sim.ros.drive_torques import DriveTorques
 from arm_sim.ros.energy import EnergyTopic
 from arm_sim.ros.interfaces import GROUND_TRUTH, MULTIPLIERS
-from arm_sim.ros.latency import RoundTrip
-from arm_sim.ros.params import CLOCK, SimParams
 from arm_sim.ros.robot.all_joints import AllJointStates
-from arm_sim.ros.stamps import SIM, NodeTime, SimulatedTime
+from arm_sim.ros.sim_params import CLOCK, SimParams
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.clock import SimClock
+from arm_sim.ros.timing.latency import RoundTrip
+from arm_sim.ros.timing.stamps import SIM, NodeTime, SimulatedTime
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
 _GLANCE = 0.5  # [s] between checks for subscribers of infrequent topics

@@ -21,12 +21,12 @@ from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.ordinary import OrdinaryTicks
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.params import CLOCK, HAND, SimParams, greeting, simulator_of
-from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.robot import Display, publish_description
 from arm_sim.ros.services import SimServices
+from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting, simulator_of
 from arm_sim.ros.standard import StandardServices
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.realtime_loop import RealtimeLoop
 
 if TYPE_CHECKING:
     from arm_sim.ros.record import TickRecorder

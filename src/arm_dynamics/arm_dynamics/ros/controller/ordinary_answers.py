@@ -29,7 +29,7 @@ from arm_dynamics.control.wrappers import AnyController, Switch
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.common.executor import guarded
 from arm_dynamics.ros.controller.answer_log import AnswerLog
-from arm_dynamics.ros.controller.code import HEADER, library
+from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.ros.controller.tracking import TrackingTopic

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm_sim.ros.code import TICKS, library
 from arm_sim.ros.inputs import AT_ONCE, Inputs
 from arm_sim.ros.lockstep import Ahead, Waiting
+from arm_sim.ros.node_library import TICKS, library
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.realtime_loop import Due
-from arm_sim.ros.stamps import NodeTime
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.realtime_loop import Due
+from arm_sim.ros.timing.stamps import NodeTime
 
 if TYPE_CHECKING:
     from arm_sim.ros.record import TickRecorder

@@ -11,7 +11,7 @@ from ctypes import Structure, addressof, c_void_p
 
 from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files.messages import TickWriter
-from arm_sim.ros.code import RECORD, library
+from arm_sim.ros.node_library import RECORD, library
 from arm_sim.ros.record.chunks import HEAD, Chunk
 from arm_sim.simulated_arm import SimulatedArm
 

@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.convert import to_time
-from arm_sim.ros.params import SimParams
+from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.standard.entities import Entities, Entity
 from arm_sim.ros.standard.results import (
     ALREADY_THERE,
