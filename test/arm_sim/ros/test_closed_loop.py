@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from harness import Ros
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import state_bytes
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -15,7 +16,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 import models
 from arm_dynamics import load_scene
 from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.trajectory import Waypoint
+from arm_sim.closed_loop import ClosedLoop
 from arm_sim.ros.sim_node import SimNode
+from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
 
@@ -82,6 +86,34 @@ def test_two_runs_are_equal_to_the_bit(ros: Ros) -> None:
     first = follow(*pair(ros), 500)
     second = follow(*pair(ros), 500)
     np.testing.assert_array_equal(first, second)
+
+
+def test_the_efforts_of_a_motion_repeat_it_without_feedback(ros: Ros) -> None:
+    """Torques of a controlled motion, sent as efforts of its points, are the motion's own."""
+    scene, ticks = models.scene("panda"), 3000
+    controlled = ClosedLoop(scene)
+    home = controlled.simulator.state.q
+    controlled.follow([Waypoint(1.0 + i, home + goal) for i, goal in enumerate(GOALS)])
+    done = controlled.run(3.0)
+    q, tau = done.q, done.command
+    sim = ros.add(SimNode, scene, realtime=False, integrator="rk4")
+    blind = ros.add(ControllerNode, scene, controller="pd", bandwidth=[0.0])
+    repeated = JointTrajectory(joint_names=list(sim.simulator.joint_names))
+    for k in range(ticks):
+        point = JointTrajectoryPoint(positions=q[k].tolist(), effort=tau[k].tolist())
+        point.time_from_start.sec, point.time_from_start.nanosec = divmod(k * 10**6, 10**9)
+        repeated.points.append(point)
+    blind.on_joint_states(state_bytes(sim))
+    blind.on_joint_trajectory(repeated)
+    while blind.busy:
+        blind.deliver()
+    for k in range(ticks):
+        assert_close(sim.simulator.state.q, q[k], 1e-6)
+        command = blind.on_joint_states(state_bytes(sim))
+        given = deserialize_message(command, JointState).effort
+        assert_close(given, tau[k], ALGEBRA)
+        sim.inputs.on_joint_commands(command)
+        sim.tick()
 
 
 def test_over_topics(ros: Ros) -> None:

@@ -117,14 +117,15 @@ class ControllerNode(Node):
         model = self.dynamics.model
         self._build_ahead(self.params)
         limits = Limits.of(model, self.params.acceleration_limit or float("inf"))
-        self.goals = Goals(model, limits, self.get_logger(), self.answers.interrupt)
+        self._log, self._jumps = AnswerLog(), Jumps(names)
+        interrupt, forget = self.answers.interrupt, self._log.forget
+        self.goals = Goals(model, limits, self.get_logger(), interrupt, forget)
         self.action = TrajectoryAction(
             self, self.goals, model, limits, self._obstacle, self.answers
         )
         self._reader = JointStateReader(names, ("position", "velocity"), partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
-        self._log, self._jumps = AnswerLog(), Jumps(names)
         self._connect()
         watch(self, self.params, self._apply)
         self._diagnosis = Diagnosis(self, self.diagnostics)
