@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 from harness import Ros
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import state_bytes
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -86,6 +87,31 @@ def test_two_runs_are_equal_to_the_bit(ros: Ros) -> None:
     first = follow(*pair(ros), 500)
     second = follow(*pair(ros), 500)
     np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize("sent", [[], [math.nan] * 7], ids=["none", "nan"])
+def test_tracks_a_robot_that_sends_no_velocities(ros: Ros, sent: list[float]) -> None:
+    sim, _ = pair(ros)
+    controller = ros.add(
+        ControllerNode, models.scene("panda"), bandwidth=[20.0], velocities="positions",
+        velocity_cutoff=150.0,
+    )  # fmt: skip
+
+    def answer() -> bytes | None:
+        message = deserialize_message(state_bytes(sim), JointState)
+        message.velocity = sent
+        return controller.on_joint_states(serialize_message(message))
+
+    errors = []
+    for k in range(3500):
+        sim.inputs.on_joint_commands(answer())
+        if k == 0:
+            controller.on_joint_trajectory(trajectory(sim))
+        sim.tick()
+        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
+        errors.append(reference.q - sim.simulator.state.q)
+    assert rms(np.array(errors)) < RMS
+    assert not controller._log.passed_over
 
 
 def test_the_efforts_of_a_motion_repeat_it_without_feedback(ros: Ros) -> None:
