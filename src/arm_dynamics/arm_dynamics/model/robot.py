@@ -103,6 +103,10 @@ class Robot:
         """Frames that a payload, wrench or task may refer to."""
         return tuple(dict.fromkeys(frame.name for frame in self.pin.frames))
 
+    def has_frame(self, name: object) -> bool:
+        """Whether ``world``, a link or a joint has this name."""
+        return isinstance(name, str) and name in self._frames
+
     def frame_index(self, name: str) -> int:
         """Pinocchio's index of ``world``, a link or a joint; the link where both have the name."""
         return self._frames[name]

@@ -188,7 +188,7 @@ class Sim(Part):
 
     Attributes:
         integrator: ``euler``, ``semi_implicit_euler``, ``midpoint``, ``heun``, ``rk4``,
-            ``dopri5``, ``dop853``, ``implicit``, or ``auto``, the default.
+            ``nystrom4``, ``dopri5``, ``dop853``, ``implicit``, or ``auto``, the default.
         dt: Length of a tick in [s], 1e-9 to 10; a command is held for a tick.
         tolerance: Scaled error |e| / (1 + |x|) allowed in each sub-step, 1e-14 to 0.1. Turns on
             error control inside each tick; needs ``dopri5``, ``dop853``, ``implicit`` or ``auto``.
