@@ -222,9 +222,7 @@ class Plant:
         H = ca.diagcat(free @ M @ free + ca.SX.eye(n) - free, ca.SX.eye(z.shape[0]))
         return K_x, K_u, H
 
-    def contact_slopes(
-        self, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX
-    ) -> tuple[ca.SX, ...]:
+    def contact_slopes(self, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> tuple[ca.SX, ...]:
         """Derivatives of the contacts' forces and accelerations, see ``ContactFunctions.slopes``.
 
         Args: as of ``scaled_slopes``.
@@ -235,7 +233,9 @@ class Plant:
         if self._moded:
             tau = _with_modes(self._moded, self._symbols[1], p, q, v, z, u)[0]
         force = next(f for f in self.events if f.name() == "loads")(x, u, p)[1]
-        found = self.contact.slopes()(q, v, tau, p, slope[n : 2 * n], force)
+        contact = self._mechanics().contact
+        assert contact is not None
+        found = contact.slopes()(q, v, tau, p, slope[n : 2 * n], force)
         return tuple(found)
 
     def residual(self, x: ca.SX, u: ca.SX, p: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
