@@ -30,6 +30,7 @@ SAYS = {
         "closed_loop": "arm and controller",
         "replay": "runs a recording again",
         "runtime_changes": "payload, friction, push",
+        "export": "a scene as a C library",
         "simulator": "step, run, reset; the present state",
         "contact_history": "what contacts did in a recording",
         "compiled_scene": "one plant, one method, their compiled ticks",

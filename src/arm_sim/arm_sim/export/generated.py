@@ -15,7 +15,9 @@ import casadi as ca
 
 from arm_dynamics.codegen import generate
 
-_FUNCTION = re.compile(r"\A((?:static )?[^\n]*\()([^()\n]*\bcasadi_real\*\* arg[^()\n]*)(\) ?\{\n)")
+_FUNCTION = re.compile(
+    r"\A((?:static )?[^\n]*\()([^()\n]*\bcasadi_real\*\* arg[^()\n]*)(\) ?\{\n)"
+)
 _EXPORT = "CASADI_SYMBOL_EXPORT "
 _NAME = re.compile(r"(\w+)[(\[]")
 _WORD = re.compile(r"\w+")
