@@ -15,7 +15,7 @@ from arm_sim.cli.output import examples
     epilog=examples(
         "./arm export panda --out panda_c",
         "./arm export my_arm.urdf --out my_arm_c --name my_arm --frame tool",
-        "./arm export my_scene.yaml --out my_arm_c --name my_arm --derivatives",
+        "./arm export my_scene.yaml --out my_arm_c --name my_arm --tick --derivatives",
     )
 )
 @click.argument("scene", type=SCENE)
@@ -24,12 +24,18 @@ from arm_sim.cli.output import examples
 @click.option("--name", metavar="NAME",
               help="Prefix of all functions, a C identifier. [default: from the robot's name]",
               )  # fmt: skip
+@click.option("--tick", is_flag=True, help="Also export the simulator's tick.")
 @click.option("--frame", "frames", multiple=True, metavar="FRAME",
               help="Also export pose and Jacobian of this frame; may be repeated.")  # fmt: skip
 @click.option("--derivatives", is_flag=True,
               help="Also export derivatives of inverse and forward dynamics.")  # fmt: skip
 def export(
-    scene: str, out: Path, name: str | None, frames: tuple[str, ...], derivatives: bool
+    scene: str,
+    out: Path,
+    name: str | None,
+    tick: bool,
+    frames: tuple[str, ...],
+    derivatives: bool,
 ) -> None:
     """Write SCENE as a C library into DIR, which needs nothing of the suite.
 
@@ -41,5 +47,5 @@ def export(
     from arm_sim.export import export as exported
 
     terms = (*TERMS, *DERIVATIVES) if derivatives else TERMS
-    made = exported(scene, out, name, terms, frames)
+    made = exported(scene, out, name, terms, tick, frames)
     click.echo(f"{made.folder}: library '{made.name}', {len(made.files)} files")

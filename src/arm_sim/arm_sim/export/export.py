@@ -18,6 +18,7 @@ from arm_sim.export.expected import Expected, states
 from arm_sim.export.folder import check_folder, put_files
 from arm_sim.export.names import from_title, library_name
 from arm_sim.export.terms import TERMS, chosen, terms_of
+from arm_sim.export.tick import tick_of
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE
 
 _NATIVE = Path(__file__).parent / "native"
@@ -43,6 +44,7 @@ def export(
     out: str | Path,
     name: str | None = None,
     terms: Collection[str] = TERMS,
+    tick: bool = True,
     frames: Sequence[str] = (),
 ) -> Exported:
     """Write a scene as a C library into a folder that needs nothing of the suite.
@@ -53,6 +55,7 @@ def export(
             replaced.
         name: Name of the library, a C identifier; None for one made from the robot's name.
         terms: Names out of ``TERMS`` and ``DERIVATIVES``.
+        tick: Whether to export the simulator's tick, too.
         frames: Frames whose poses and Jacobians are wanted.
 
     Raises:
@@ -67,22 +70,23 @@ def export(
     model = arm_model(scene)
     called = called or from_title(model.pin.name)
     with naming(scene):
-        files = _files(model, called, wanted, frames)
+        files = _files(model, called, wanted, tick, frames)
     put_files(folder, files)
     return Exported(folder, called, tuple(files))
 
 
 def _files(
-    model: ArmModel, name: str, wanted: Collection[str], frames: Sequence[str]
+    model: ArmModel, name: str, wanted: Collection[str], ticks: bool, frames: Sequence[str]
 ) -> dict[str, str]:
     """Texts of all files of a library by name."""
     expected, points = Expected(model, frames), states(model)
     terms = terms_of(model, wanted, frames)
     expected.verify(terms, points)
+    tick = tick_of(model) if ticks else None
     said = about(name, model)
     return {
-        f"{name}.h": library.header(name, said, model, 2 * model.n, terms),
-        f"{name}.c": library.source(name, said, model, terms),
+        f"{name}.h": library.header(name, said, model, terms, tick),
+        f"{name}.c": library.source(name, said, model, terms, tick),
         f"test_{name}.c": check_program(name, said, terms, expected, points),
         "CMakeLists.txt": (_NATIVE / "CMakeLists.txt").read_text().replace("@NAME@", name),
         "README.md": readme(name, model, terms),

@@ -10,51 +10,77 @@ from pathlib import Path
 
 from arm_dynamics import ArmModel
 from arm_dynamics.codegen import compiler
-from arm_sim.export.generated import static_functions
+from arm_sim.export.conditions import decided
+from arm_sim.export.generated import static_functions, without_unused
 from arm_sim.export.terms import Term
+from arm_sim.export.tick import Tick, declarations
 
 _INCLUDE = re.compile(r'#include "(\w+\.h)"\n')
 _FOR_EDITORS = re.compile(
     r"^#ifndef LANES /\* read alone.*?^#else\n(.*)^#endif\n", re.DOTALL | re.MULTILINE
 )
 _COLUMNS = 100
+_PRAGMAS = """\
+/* The same bits under all flags: no fused multiply-add. And no function of a library in the place
+ * of a loop, but memcpy.
+ */
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__GNUC__)
+#pragma GCC optimize("fp-contract=off", "no-tree-loop-distribute-patterns")
+#endif
+"""
 
 
-def header(name: str, about: str, model: ArmModel, states: int, terms: Sequence[Term]) -> str:
+def header(
+    name: str, about: str, model: ArmModel, terms: Sequence[Term], tick: Tick | None
+) -> str:
     """``N.h`` of a library.
 
     Args:
         name: Name of the library.
         about: First comment.
         model: The arm.
-        states: Length of the simulator's state.
         terms: Its functions.
+        tick: Its tick, if any.
     """
-    guard, count = f"{name.upper()}_H", f"{name.upper()}_JOINTS"
+    capitals = name.upper()
+    states = tick.simulator.plant.nx if tick else 2 * model.n
     parts = [
-        f"{comment(about)}#ifndef {guard}\n#define {guard}\n\n#include <stddef.h>\n",
+        f"{comment(about)}#ifndef {capitals}_H\n#define {capitals}_H\n\n#include <stddef.h>\n",
         '#ifdef __cplusplus\nextern "C" {\n#endif\n',
-        f"enum {{ {count} = {model.n}, {name.upper()}_STATES = {states} }};\n",
+        f"enum {{ {capitals}_JOINTS = {model.n}, {capitals}_STATES = {states} }};\n",
         comment("Order of all vectors.")
-        + f"extern const char* const {name}_joint_names[{count}];\n",
+        + f"extern const char* const {name}_joint_names[{capitals}_JOINTS];\n",
         *(comment(term.about) + f"{_signature(name, term)};\n" for term in terms),
+        *([_named(name, declarations())] if tick else []),
         "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
     ]
     return "\n".join(parts)
 
 
-def source(name: str, about: str, model: ArmModel, terms: Sequence[Term]) -> str:
+def source(
+    name: str, about: str, model: ArmModel, terms: Sequence[Term], tick: Tick | None
+) -> str:
     """``N.c`` of a library; arguments as of ``header``."""
     functions = {term.function.name(): term.function for term in terms}
+    functions |= {function.name(): function for function in (tick.functions if tick else ())}
     names = ", ".join(f'"{joint}"' for joint in model.joint_names)
     parts = [
         f'{comment(about)}#include "{name}.h"\n',
+        _PRAGMAS,
         elementary(),
         static_functions(list(functions.values())),
         f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",
         *(_definition(name, term) for term in terms),
+        _named(name, tick.source) if tick else "",
     ]
-    return "\n".join(parts)
+    return without_unused(decided("\n".join(parts)))
+
+
+def _named(name: str, text: str) -> str:
+    """C with the library's name in its place."""
+    return text.replace("library_", f"{name}_").replace("LIBRARY_", f"{name.upper()}_")
 
 
 def comment(text: str) -> str:

@@ -105,7 +105,7 @@ class _Point:
         """CasADi function of the symbols whose names ``of`` lists, with dense results."""
         given, dense = of.split(), [ca.densify(result) for result in results]
         symbols, made = [getattr(self, x) for x in given], [f"o{i}" for i in range(len(dense))]
-        return ca.Function(name, symbols, dense, given, made, {"cse": True})
+        return ca.Function(f"term_{name}", symbols, dense, given, made, {"cse": True})
 
     def known(self, term: compiled_terms.BatchTerm, *given: ca.SX) -> ca.SX:
         """The expression of a term that batches use."""
