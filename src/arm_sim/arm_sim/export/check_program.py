@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from arm_dynamics.arrays import Array
-from arm_sim.export.expected import Expected
+from arm_sim.export.expected import Expected, ran
 from arm_sim.export.library import comment
 from arm_sim.export.terms import Term
+from arm_sim.export.tick import Tick
 
 _NATIVE = Path(__file__).parent / "native"
 
@@ -21,6 +22,7 @@ def check_program(
     terms: Sequence[Term],
     expected: Expected,
     points: Sequence[tuple[Array, Array, Array]],
+    tick: Tick | None,
 ) -> str:
     """``test_N.c`` of a library.
 
@@ -30,12 +32,15 @@ def check_program(
         terms: Its functions.
         expected: Their right results.
         points: q, v, and a or tau at which they are compared.
+        tick: Its tick, if any.
     """
     checks = _Checks(name)
     for k, point in enumerate(points):
         checks.at(k, *point)
         for term in terms:
             checks.compare(k, term, expected.of(term, *point))
+    if tick:
+        checks.run(tick)
     return "\n".join(
         [
             comment(about) + f'#include "{name}.h"\n',
@@ -69,6 +74,32 @@ class _Checks:
             self.tables.append(_table(table, values))
             lines.append(f'wrong += differs("{term.name}", got{i}, {table}, {values.size});')
         self.calls.append("  {\n    " + "\n    ".join(lines) + "\n  }")
+
+    def run(self, tick: Tick) -> None:
+        """Ticks under a few commands, each held for some time, from the scene's initial state."""
+        motion = ran(tick.simulator)
+        name, n = self._name, tick.simulator.n
+        self.tables += [
+            _table("commands", motion.commands.ravel()),
+            _table("last_q", motion.q),
+            _table("last_v", motion.v),
+        ]
+        self.calls.append(
+            "  {\n"
+            f"    double q[{n}], v[{n}];\n"
+            f"    {name}_sim* sim = ({name}_sim*)malloc({name}_sim_size());\n"
+            f"    int code = sim ? {name}_sim_init(sim, NULL, NULL) : -1;\n"
+            f"    for (int k = 0; k < {motion.ticks} && !code; ++k)\n"
+            f"      code = {name}_sim_step(sim, commands + {n} * (k / {motion.held}));\n"
+            f'    if (code) printf("ticks: %s\\n", {name}_error_text(code));\n'
+            f"    wrong += code != 0;\n"
+            f"    if (!code) {name}_sim_state(sim, q, v, NULL);\n"
+            f'    if (!code) wrong += differs("{motion.ticks} ticks, q", q, last_q, {n});\n'
+            f'    if (!code) wrong += differs("{motion.ticks} ticks, v", v, last_v, {n});\n'
+            f'    printf("a simulation takes %lu bytes\\n", (unsigned long){name}_sim_size());\n'
+            "    free(sim);\n"
+            "  }"
+        )
 
 
 def _table(name: str, values: Array) -> str:

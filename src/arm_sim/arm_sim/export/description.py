@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from arm_dynamics import ArmModel
 from arm_sim import __version__
 from arm_sim.export.terms import Term
+from arm_sim.export.tick import Tick
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE, versions
 
 _BUILD = """\
@@ -29,9 +30,30 @@ cc -O1 -ffp-contract=off -c @NAME@.c
 The functions allocate nothing, keep nothing between calls and may run in several threads at once.
 Arrays belong to the caller; results must not overlap arguments.
 
-`-ffp-contract=off` forbids fused multiply-add, which would change last bits where the processor
-has it. With that flag the results have the same bits at any level of optimization short of
-`-Ofast` and `-ffast-math`.
+The results have the same bits at all levels of optimization, for all x86-64 and 64-bit ARM
+processors, short of `-Ofast` and `-ffast-math`: the source itself forbids fused multiply-add, for
+GCC and Clang, as `-ffp-contract=off` does for other compilers. Positions beyond a million radians,
+and powers, ask libm, whose last bits may differ.
+
+`size` prints how long the code is, `-fstack-usage` (GCC) how much stack each function takes.
+"""
+_TICKS = """\
+## Simulation
+
+`@NAME@_sim_step` advances the arm by {dt:g} s ({method}{control}) under a command of each joint in
+{units}: with drives, friction, stops, loops and contacts as the scene has them, to the same bits
+as arm_sim's `Simulator`. The state, {states} numbers, is in memory of the caller:
+
+```c
+@NAME@_sim* sim = aligned_alloc(64, (@NAME@_sim_size() + 63) / 64 * 64);
+int code = @NAME@_sim_init(sim, NULL, NULL); /* or positions and velocities, loops closed */
+while (!code) {{ /* @NAME@_error_text(code) says why */
+  @NAME@_sim_state(sim, q, v, effort);
+  code = @NAME@_sim_step(sim, command);
+}}
+```
+
+A copy of that memory continues to the same bits.
 """
 _LICENCE = """\
 ## Licence
@@ -50,7 +72,7 @@ def about(name: str, model: ArmModel) -> str:
     )
 
 
-def readme(name: str, model: ArmModel, terms: Sequence[Term]) -> str:
+def readme(name: str, model: ArmModel, terms: Sequence[Term], tick: Tick | None) -> str:
     """``README.md`` of a library."""
     gravity = ", ".join(f"{g:g}" for g in model.scene.gravity)
     intro = (
@@ -63,6 +85,7 @@ def readme(name: str, model: ArmModel, terms: Sequence[Term]) -> str:
         intro,
         _joints(model),
         _functions(name, terms),
+        *([_ticks(model, tick)] if tick else []),
         _BUILD,
         _made_by(),
         _LICENCE,
@@ -98,6 +121,21 @@ def _functions(name: str, terms: Sequence[Term]) -> str:
     lines = [f"| `{name}_{term.name}` | {term.about} |\n" for term in terms]
     head = f"## Functions\n\nDeclared in `{name}.h`.\n\n| function | result |\n|---|---|\n"
     return head + "".join(lines)
+
+
+def _ticks(model: ArmModel, tick: Tick) -> str:
+    """About the simulation: commands, method, parameters."""
+    choice, units = tick.simulator.choice, ", ".join(dict.fromkeys(model.command_unit))
+    control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
+    said = _TICKS.format(
+        dt=choice.dt, method=choice.method.name, control=control, units=units,
+        states=tick.simulator.plant.nx,
+    )  # fmt: skip
+    numbers = zip(tick.parameters, tick.simulator.plant.parameters.nominal, strict=False)
+    rows = [f"| `{name}` | {value:.17g} |\n" for name, value in numbers]
+    if not rows:
+        return said
+    return f"{said}\n| parameter of `@NAME@_sim_set` | in the scene |\n|---|---|\n{''.join(rows)}"
 
 
 def _made_by() -> str:

@@ -4,21 +4,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from arm_dynamics import ArmModel, Dynamics
+from arm_dynamics import ArmModel, Dynamics, SceneError
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.verify import compare
 from arm_dynamics.exceptions import ConstraintError
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import FrameMotion
+from arm_sim.exceptions import SimulationDiverged
 from arm_sim.export.terms import Term
+from arm_sim.simulator import Simulator
 
 Answer = Callable[[Dynamics, Array, Array, Array], Array]
 
 STATES = 3
 """Number of random states at which terms are compared."""
+_COMMANDS, _HELD, _MODEST = 5, 20, 50.0  # of ticks: commands, ticks of each, and [N m] at most
 _SPREAD, _CLOSED_SPREAD = 1.0, 0.1  # of positions around the initial ones, in loops the second
 
 _ANSWERS: dict[str, Answer] = {
@@ -88,6 +92,42 @@ class Expected:
             pairs = [(evaluated(term, *p)[0], self.of(term, *p)[0]) for p in points]
             made, right = (np.array(rows) for rows in zip(*pairs, strict=True))
             compare(f"function {term.name}", (made - right, np.maximum(abs(right), 1.0)))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What ticks must give.
+
+    Attributes:
+        commands: Commands, one after another, shape (k, n).
+        held: Ticks for which each is held.
+        q: Positions at the end, shape (n,).
+        v: Velocities at the end, shape (n,).
+    """
+
+    commands: Array
+    held: int
+    q: Array
+    v: Array
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks."""
+        return self.held * len(self.commands)
+
+
+def ran(simulator: Simulator) -> Motion:
+    """Move an arm that is at its initial state, under small random commands, and put it back."""
+    limit = np.minimum(simulator.model.command_limit, _MODEST)
+    ways = np.random.default_rng(0).uniform(-1.0, 1.0, (_COMMANDS, simulator.n))
+    commands = 0.1 * limit * ways
+    try:
+        end = simulator.run(_HELD * _COMMANDS * simulator.dt, np.repeat(commands, _HELD, axis=0))
+    except SimulationDiverged as error:
+        raise SceneError(f"the tick cannot be tested: {error}") from error
+    finally:
+        simulator.reset()
+    return Motion(commands, _HELD, end.q[-1], end.v[-1])
 
 
 def evaluated(term: Term, q: Array, v: Array, a: Array) -> tuple[Array, ...]:

@@ -87,9 +87,9 @@ def _files(
     return {
         f"{name}.h": library.header(name, said, model, terms, tick),
         f"{name}.c": library.source(name, said, model, terms, tick),
-        f"test_{name}.c": check_program(name, said, terms, expected, points),
+        f"test_{name}.c": check_program(name, said, terms, expected, points, tick),
         "CMakeLists.txt": (_NATIVE / "CMakeLists.txt").read_text().replace("@NAME@", name),
-        "README.md": readme(name, model, terms),
+        "README.md": readme(name, model, terms, tick),
         SCENE_FILE: scene_text(model.scene, URDF_FILE),
         URDF_FILE: model.scene.robot.urdf,
     }

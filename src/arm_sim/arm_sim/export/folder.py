@@ -27,8 +27,8 @@ def check_folder(out: Path) -> None:
     if out.is_dir() and any(out.iterdir()) and not (out / LIST).is_file():
         some = ", ".join(sorted(path.name for path in out.iterdir())[:3])
         raise InvalidInput(
-            f"folder '{out}' contains other files ({some}); allowed: a new or empty folder, or one "
-            "that was exported before"
+            f"folder '{out}' contains other files ({some}); allowed: a new or empty folder, or "
+            "one that was exported before"
         )
 
 

@@ -21,13 +21,14 @@ _FOR_EDITORS = re.compile(
 )
 _COLUMNS = 100
 _PRAGMAS = """\
-/* The same bits under all flags: no fused multiply-add. And no function of a library in the place
- * of a loop, but memcpy.
+/* The same bits under all flags: no fused multiply-add, which GCC's vectorizer of straight code
+ * also makes where it is forbidden. And no function of a library in the place of a loop.
  */
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
 #elif defined(__GNUC__)
-#pragma GCC optimize("fp-contract=off", "no-tree-loop-distribute-patterns")
+#pragma GCC optimize("fp-contract=off", "no-tree-slp-vectorize")
+#pragma GCC optimize("no-tree-loop-distribute-patterns")
 #endif
 """
 

@@ -32,7 +32,7 @@ class Tick:
 
     Attributes:
         simulator: The simulator that it equals, in its initial state.
-        parameters: Names of the numbers that may be set.
+        parameters: Names of the numbers that may be set, in the order of p.
         functions: Functions that the source calls.
         source: C source, with ``library`` for the library's name.
     """
@@ -78,13 +78,13 @@ def _refuse(model: ArmModel) -> None:
     """Refuse a scene whose commands or measurements are not those of the arm itself."""
     if model.scene.sensors is not None:
         raise SceneError(
-            "sensors: an exported tick has none, its state is the true one; export a scene without "
-            "this key and put the imperfections into your own program, or leave out the tick"
+            "sensors: an exported tick has none, its state is the true one; export a scene "
+            "without this key and add them in your own program, or leave out the tick"
         )
     if model.scene.commands is not None and not model.scene.commands.perfect:
         raise SceneError(
-            "commands: an exported tick has no delay, jitter or loss; export a scene without them "
-            "and put them into your own program, or leave out the tick"
+            "commands: an exported tick has no delay, jitter or loss; export a scene without "
+            "them and add them in your own program, or leave out the tick"
         )
 
 

@@ -5,6 +5,7 @@
 #pragma once
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 
 #define MOST 1e-12 /* largest difference, relative to the largest of the expected numbers or 1 */
 
