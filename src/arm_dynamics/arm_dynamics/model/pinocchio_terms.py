@@ -238,7 +238,7 @@ _REFERENCES = {
 
 def _frame_index(model: Robot, frame: str) -> int:
     movable = [name for name in model.frame_names if model.frame(name).parentJoint > 0]
-    if frame not in model.frame_names:
+    if not model.has_frame(frame):
         allowed = choices(frame, movable)
         raise InvalidInput(f"frame '{plain(frame, 80)}' does not exist; allowed: {allowed}")
     if model.frame(frame).parentJoint == 0:

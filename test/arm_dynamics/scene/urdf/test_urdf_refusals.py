@@ -32,11 +32,11 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "floating": (
         changed(JOINT2, JOINT2.replace("revolute", "floating")),
-        ("joint2", "floating", "prismatic"),
+        ("joint2", "floating", "prismatic", "'robot.lock: [joint2]' in a scene holds it"),
     ),
     "planar": (
         changed(JOINT2, JOINT2.replace("revolute", "planar")),
-        ("joint2", "planar", "prismatic"),
+        ("joint2", "planar", "prismatic", "'robot.lock: [joint2]' in a scene holds it"),
     ),
     "spherical": (
         changed(JOINT2, JOINT2.replace("revolute", "spherical")),
