@@ -82,19 +82,25 @@ def naming(source: object) -> Iterator[None]:
         yield
 
 
-def scene_from_urdf(text: str) -> Scene:
+def scene_from_urdf(text: str, most_joints: int | None = None) -> Scene:
     """The scene of a bare robot description; ``text`` is never treated as a path.
 
     Args:
         text: URDF as XML.
+        most_joints: Largest number of joints that move; None for any.
 
     Returns:
         The scene.
 
     Raises:
-        ModelError: If the description cannot be used.
+        ModelError: If the description cannot be used, or has more joints than allowed.
     """
     urdf, scene = read_urdf(text), validated({"robot": {"urdf": text}})
+    if most_joints is not None and len(urdf.moving) > most_joints:
+        raise ModelError(
+            f"robot description: {len(urdf.moving)} joints that move; at most {most_joints} are "
+            "allowed here"
+        )
     _check_ranges(scene, urdf)
     _warn_of_description(urdf)
     return scene

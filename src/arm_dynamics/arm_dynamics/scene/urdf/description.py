@@ -38,6 +38,9 @@ _EXPAND = (
     "expand it with 'xacro arm.urdf.xacro > arm.urdf', or give the file itself, ending in .xacro, "
     "where xacro is installed"
 )
+DEEPEST = 1000
+"""Largest number of joints from a root to a link: Pinocchio's parser recurses from link to link,
+and from 2000 to 4000 the stack of a process overflows, which ends it."""
 NEGATIVE_PART = 0.5
 """Largest negative principal moment of a link relative to its largest one.
 
@@ -135,8 +138,9 @@ def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
     if not links:
         xacro = f"; this is xacro source: {_EXPAND}" if "<xacro:" in text else ""
         raise ModelError(f"robot description: no <link> found; at least one is required{xacro}")
+    names = set(links)
     for name, joint in joints.items():
-        _check_joint(name, joint, set(links))
+        _check_joint(name, joint, names)
     faults = {name: _check_inertia(name, link) for name, link in links.items()}
     _check_tree(joints, links)
     kinds = {name: joint.get("type", "") for name, joint in described.items()}
@@ -270,27 +274,47 @@ def _check_tree(
                 "URDF describes trees only"
             )
         parent_of[str(child)] = str(_link_name(joint, "parent"))
-    ringed = [name for name in links if _in_ring(name, parent_of)]
-    if ringed:
+    roots = [name for name in links if name not in parent_of]
+    depths = _depths(roots, parent_of)
+    if lost := [name for name in links if name not in depths]:
+        ring = _ring(lost[0], parent_of)
         raise ModelError(
-            f"robot description: links {known_names(ringed)} form a loop; "
+            f"robot description: links {known_names(x for x in links if x in ring)} form a loop; "
             "URDF describes trees only"
         )
-    roots = [name for name in links if name not in parent_of]
+    deepest = max(depths, key=lambda name: depths[name])
+    if depths[deepest] > DEEPEST:
+        raise ModelError(
+            f"robot description: link '{deepest}' is {depths[deepest]} joints away from its root; "
+            f"at most {DEEPEST} are supported"
+        )
     if len(roots) != 1:
         raise ModelError(
             f"robot description: one root link expected, found {len(roots)}: {known_names(roots)}"
         )
 
 
-def _in_ring(link: str, parent_of: dict[str, str]) -> bool:
-    above, seen = parent_of.get(link), set[str]()
-    while above is not None and above not in seen:
-        if above == link:
-            return True
-        seen.add(above)
-        above = parent_of.get(above)
-    return False
+def _ring(link: str, parent_of: Mapping[str, str]) -> set[str]:
+    """The loop in which the way from a link to its parents ends."""
+    for _ in parent_of:
+        link = parent_of[link]
+    ring = {link}
+    while (link := parent_of[link]) not in ring:
+        ring.add(link)
+    return ring
+
+
+def _depths(roots: Iterable[str], parent_of: Mapping[str, str]) -> dict[str, int]:
+    """Number of joints between the roots and each link that they lead to."""
+    below: dict[str, list[str]] = {}
+    for child, parent in parent_of.items():
+        below.setdefault(parent, []).append(child)
+    depths = dict.fromkeys(roots, 0)
+    waiting = list(depths)
+    for link in waiting:
+        depths |= dict.fromkeys(below.get(link, ()), depths[link] + 1)
+        waiting += below.get(link, ())
+    return depths
 
 
 def _mimics(joints: dict[str, ElementTree.Element], kinds: dict[str, str]) -> dict[str, Mimic]:
