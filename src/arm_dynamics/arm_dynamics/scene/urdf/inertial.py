@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 
 from arm_dynamics.scene.inertia import Body
@@ -33,7 +33,7 @@ def with_bodies(text: str, bodies: Mapping[str, Body]) -> str:
 
 
 def set_inertial(
-    link: ElementTree.Element, mass: float, com: Sequence[float], inertia: Sequence[float]
+    link: ElementTree.Element, mass: float, com: Iterable[float], inertia: Iterable[float]
 ) -> None:
     """Write the inertia of a <link> in place of its own, such that it is read bit for bit.
 
