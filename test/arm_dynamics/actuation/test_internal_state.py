@@ -76,7 +76,9 @@ def test_agrees_with_scipy(build: Build, options: dict[str, Any], L: float) -> N
 
 def test_orders_hold_with_states(build: Build) -> None:
     law = Motor((True, False), L=0.05)
-    for name, order in (("euler", 1), ("semi_implicit_euler", 1), ("midpoint", 2), ("rk4", 4)):
+    for name, order in (
+        ("euler", 1), ("semi_implicit_euler", 1), ("midpoint", 2), ("rk4", 4), ("nystrom4", 4),
+    ):  # fmt: skip
         errors = []
         for dt in (0.004, 0.002):
             sim = build(law, integrator=name, dt=dt)

@@ -21,6 +21,7 @@ ACROSS = 1e-6
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "rk4": {"integrator": "rk4"},
+    "nystrom4": {"integrator": "nystrom4"},
     "euler": {"integrator": "euler"},
     "error control": {"tolerance": 1e-12},
 }

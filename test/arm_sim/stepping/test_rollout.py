@@ -17,7 +17,9 @@ from models.driven import WINDING, wheel
 from tolerances import BACKENDS, assert_close
 
 STEPS = 20
-OPTIONS: list[dict[str, Any]] = [{"integrator": "rk4"}, {"integrator": "euler"}]
+OPTIONS: list[dict[str, Any]] = [
+    {"integrator": "rk4"}, {"integrator": "nystrom4"}, {"integrator": "euler"},
+]  # fmt: skip
 
 
 def batch(sim: Simulator, rng: np.random.Generator, b: int) -> tuple[np.ndarray, ...]:

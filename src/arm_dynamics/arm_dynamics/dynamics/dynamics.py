@@ -290,6 +290,50 @@ class Dynamics:
         kinetic, potential = both[..., 0], both[..., 1]
         return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))
 
+    def pose(self, q: ArrayLike, frame: str) -> Array:
+        """Pose of a frame in the world: T of x_world = T x_frame, (4, 4) or (k, 4, 4).
+
+        The upper left part is the rotation, whose columns are the frame's axes, the last column
+        the position in [m] (Craig, Introduction to Robotics, section 2.3).
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            frame: Name of a link, a joint or another frame of the robot, as in
+                ``model.frame_names``.
+
+        Raises:
+            InvalidInput: If a shape or a value is not allowed, or no frame has the name.
+        """
+        (q,) = vectors(self.joint_names, q=q)
+        return self._rigid.pose(q, frame)
+
+    def jacobian(self, q: ArrayLike, frame: str) -> Array:
+        """Jacobian of a frame: J q̇ is its velocity, (6, n) or (k, 6, n).
+
+        The first three rows give the velocity of its origin in [m/s], the last three its angular
+        velocity in [rad/s], in the axes of the world (Craig, section 5.7). See ``task_space`` for
+        other axes. Arguments and errors as those of ``pose``.
+        """
+        (q,) = vectors(self.joint_names, q=q)
+        return self._rigid.jacobian(q, frame)
+
+    def jacobian_derivative(self, q: ArrayLike, v: ArrayLike, frame: str) -> Array:
+        """Derivative J̇ of the Jacobian by time: J q̈ + J̇ q̇ is the acceleration of the frame.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            v: Joint velocities in [rad/s] or [m/s], likewise.
+            frame: As for ``pose``.
+
+        Returns:
+            Shape (6, n) or (k, 6, n).
+
+        Raises:
+            InvalidInput: As ``pose``.
+        """
+        q, v = vectors(self.joint_names, q=q, v=v)
+        return self._rigid.jacobian_derivative(q, v, frame)
+
 
 def _chosen(terms: Term | int) -> list[bool]:
     """Flags of inertia, Coriolis, gravity, friction and springs."""

@@ -15,8 +15,9 @@ from __future__ import annotations
 import casadi as ca
 
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_sim.integrators.methods import Method, Scaled, build_step, weighed_sum
-from arm_sim.integrators.tableaux import Tableau
+from arm_sim.integrators import nystrom
+from arm_sim.integrators.methods import Method, Scaled, build_step
+from arm_sim.integrators.tableaux import Tableau, weighed_sum
 from arm_sim.integrators.tangents import stages_used
 
 Parts = tuple[ca.MX, ca.MX, ca.MX]
@@ -62,6 +63,10 @@ def build_adjoint(
         by_p = by_p[:tunable]
     elif method.tableau is None:
         by_x, by_u, by_p = _semi_implicit(rhs, pullback, n, x, u, p, h, after_weight)
+    elif method.tableau.positions:
+        by_x, by_u, by_p = nystrom.adjoint(
+            method.tableau, rhs, pullback, n, x, u, p, h, after_weight
+        )
     else:
         by_x, by_u, by_p = _staged(method.tableau, rhs, pullback, x, u, p, h, after_weight)
     results = [by_x + direct, by_u, by_p]

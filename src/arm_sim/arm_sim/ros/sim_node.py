@@ -109,7 +109,7 @@ class SimNode(Node):
             self.lockstep, self._refused_privileges, self.recorder,
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
-        publish_description(self, params, chosen.robot.urdf, source)
+        publish_description(self, params, chosen.description, source)
         watch(self, params, self._apply)
         self._start()
 

@@ -219,6 +219,8 @@ class World:
             choice = MotionChoice.model_validate(with_values({"motion": motion}, own)["motion"])
             motion = self._motion(choice, x0[: len(self.joint_names)])
             times = np.arange(self._ticks + 1) * self._simulator.dt
+            if motion.torques is not None:
+                raise InvalidInput("'motion.file' has efforts; allowed: motions without effort")
             samples = (motion.sample(float(t)) for t in times)
             rows = np.array([np.concatenate((r.q, r.v, r.a)) for r in samples])
             if len(self._remembered) >= _REMEMBERED:

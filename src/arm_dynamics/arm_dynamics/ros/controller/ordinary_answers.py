@@ -242,10 +242,10 @@ class OrdinaryAnswers:
 
     def _use_motion(self, motion: Trajectory) -> tuple[object, ...]:
         """Pass the motion to C; returns what must be kept alive."""
-        used = motion.times, motion.polynomials, motion.ends
+        used = motion.times, motion.polynomials, motion.ends, motion.torques
         answers = self._answers
         answers.segments = len(motion.times) - 1
-        answers.knots, answers.polynomials, answers.ends = map(_place, used)
+        answers.knots, answers.polynomials, answers.ends, answers.torques = map(_place, used)
         return used
 
     def _use_tolerances(self) -> tuple[object, ...]:
