@@ -262,9 +262,8 @@ def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
     return fault(weight, six)
 
 
-def _check_tree(
-    joints: dict[str, ElementTree.Element], links: dict[str, ElementTree.Element]
-) -> None:
+def _parents(joints: dict[str, ElementTree.Element]) -> dict[str, str]:
+    """The parent of each link that has one."""
     parent_of: dict[str, str] = {}
     for name, joint in joints.items():
         child = _link_name(joint, "child")
@@ -274,6 +273,13 @@ def _check_tree(
                 "URDF describes trees only"
             )
         parent_of[str(child)] = str(_link_name(joint, "parent"))
+    return parent_of
+
+
+def _check_tree(
+    joints: dict[str, ElementTree.Element], links: dict[str, ElementTree.Element]
+) -> None:
+    parent_of = _parents(joints)
     roots = [name for name in links if name not in parent_of]
     depths = _depths(roots, parent_of)
     if lost := [name for name in links if name not in depths]:
