@@ -184,19 +184,15 @@ class SimulatedArm:
     def _advance(self, servo: bool = False) -> None:
         if self._tick() != 1:
             raise self.diverged()
-        self.passed(1, servo)
+        self.step_count, self._state, self.hold = self.step_count + 1, None, FREE
+        self._saturation.look(self._command, self._effort, servo)
         if self.sensors is not None:
             self.sensors.look(self.step_count, self._q, self._v, self._driving)
 
-    def passed(self, ticks: int, servo: bool = False) -> None:
-        """Register ticks that other code executed by ``pointers``, as ``advance`` would have.
-
-        Args:
-            ticks: Their number.
-            servo: Whether a servo chose the command.
-        """
+    def passed(self, ticks: int) -> None:
+        """Register ticks that other code executed by ``pointers``, as ``advance`` would have."""
         self.step_count, self._state, self.hold = self.step_count + ticks, None, FREE
-        self._saturation.look(self._command, self._effort, servo)
+        self._saturation.look(self._command, self._effort)
 
     def roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array
