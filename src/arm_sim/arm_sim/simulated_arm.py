@@ -94,7 +94,7 @@ class SimulatedArm:
         state, n = self.state, self.n
         if self.sensors is None:
             return state
-        measured = read_only_view(self.sensors.said.copy())
+        measured = read_only_view(self.sensors.measured.copy())
         return replace(state, q=measured[:n], v=measured[n : 2 * n])
 
     @property
@@ -223,7 +223,7 @@ class SimulatedArm:
     @property
     def notices_cuts(self) -> bool:
         """Whether no command has been clipped at its limit yet, which would be logged."""
-        return not self._saturation.said
+        return not self._saturation.logged
 
     def notice_cuts(self, command: Array, effort: Array) -> None:
         """Log the first command of ticks executed by ``roll`` that was clipped at its limit."""

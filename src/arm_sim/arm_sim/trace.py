@@ -43,7 +43,7 @@ class Trace:
         self._measured: Array | None = None
         if arm.sensors is not None:
             self._measured = np.empty((ticks + 1, 3 * arm.n))
-            self._measured[0] = arm.sensors.said
+            self._measured[0] = arm.sensors.measured
 
     def roll(self, stepper: Stepper, command: Array) -> int:
         """Execute the ticks in one call, see ``Stepper.roll``; return the number of good ones."""
@@ -62,7 +62,7 @@ class Trace:
         effort = arm.plant.joint_torque(trace, command)
         for k, x in enumerate(trace):
             arm.sensors.look(first + k, x[:n], x[n : 2 * n], effort[k])
-            self._measured[k + 1] = arm.sensors.said
+            self._measured[k + 1] = arm.sensors.measured
 
     def begin(self, row: int) -> None:
         """Register what a controller changed before the tick from a row."""
@@ -75,7 +75,7 @@ class Trace:
         if arm.hold != FREE:
             self._changes.held(row, arm.hold)
         if arm.sensors is not None and self._measured is not None:
-            self._measured[row + 1] = arm.sensors.said
+            self._measured[row + 1] = arm.sensors.measured
 
     def recording(self, done: int) -> Recording:
         """The motion over the ticks that were executed."""
