@@ -203,6 +203,10 @@ class SimulatedArm:
             self.step_count += done
             self._effort[0], self._notes[0] = effort[done - 1], notes[done - 1]
             self._state = None
+            if stepper is self._stepper:  # else the command is a controller's reference
+                self._saturation.look(
+                    command[:done] if command.ndim == 2 else command, effort[:done]
+                )
         return done
 
     def lock(self) -> None:
@@ -224,10 +228,6 @@ class SimulatedArm:
     def notices_cuts(self) -> bool:
         """Whether no command has been clipped at its limit yet, which would be logged."""
         return not self._saturation.logged
-
-    def notice_cuts(self, command: Array, effort: Array) -> None:
-        """Log the first command of ticks executed by ``roll`` that was clipped at its limit."""
-        self._saturation.look(command, effort)
 
     @property
     def _driving(self) -> Array:
