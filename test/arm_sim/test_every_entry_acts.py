@@ -51,6 +51,9 @@ SCENES: dict[str, dict[str, Any]] = {
             "frame": "link2", "mass": 0.5, "com": [0.1, 0.02, 0.03],
             "inertia": [2e-3, 1e-4, 0, 3e-3, 0, 1e-3],
         }],
+        "links": {"link1": {
+            "mass": 2.5, "com": [0.2, 0.02, 0.03], "inertia": [2e-3, 1e-4, 0, 3e-3, 0, 1e-3],
+        }},
     },
     "joints": {
         "joints": {

@@ -111,17 +111,18 @@ def robot_of(model: ArmModel) -> dict[str, Any]:
     ]  # fmt: skip
     return {
         "robot": model.pin.name, "mass": model.total_mass, "gravity": list(model.scene.gravity),
-        "locked": list(model.scene.robot.lock), "joints": joints,
+        "locked": list(model.scene.robot.lock),
+        "links": {name: body.mass for name, body in model.scene.links.items()},
+        "placeholders": model.placeholders, "joints": joints,
         "frames": list(model.frame_names),
     }  # fmt: skip
 
 
 def motion_of(simulator: Simulator) -> dict[str, Any]:
     """What computes its motion, likewise."""
-    plan = simulator.plan
+    plan, choice = simulator.plan, simulator.arm.compiled.choice
     return {
-        "dt": simulator.dt, "integrator": simulator.choice.method.name,
-        "tolerance": simulator.choice.tolerance,
+        "dt": choice.dt, "integrator": choice.method.name, "tolerance": choice.tolerance,
         "reason": plan.reason, "algorithm": plan.algorithm, "backend": plan.backend,
         "operations": plan.operations, "nanoseconds": plan.nanoseconds,
         "computed": {part.name: part.why for part in plan.parts if part.on},
@@ -142,6 +143,9 @@ def _show_robot(out: Console, model: ArmModel) -> None:
     )
     if model.scene.robot.lock:
         out.print(f"locked: {', '.join(model.scene.robot.lock)}")
+    if model.scene.links:
+        masses = (f"{name} {body.mass:g} kg" for name, body in model.scene.links.items())
+        out.print(f"inertias from the scene: {', '.join(masses)}")
     for link, trouble in model.doubtful.items():
         out.print(f"link '{link}': {trouble}", style="yellow")
 
@@ -169,6 +173,12 @@ def _show_joints(out: Console, model: ArmModel) -> None:
     if absent:
         out.print(f"all zero: {', '.join(absent)}", style="dim")
     out.print(_units(set(model.joint_types)), style="dim")
+    if model.placeholders:
+        named = ", ".join(f"{name} ({why})" for name, why in model.placeholders.items())
+        out.print(
+            f"[yellow]limits that are probably placeholders:[/] {named}; a scene's "
+            "joints.NAME.limits gives others"
+        )
     _show_drives(out, model)
     _show_springs(out, model)
     _show_outside(out, model)
@@ -256,7 +266,7 @@ def _show_physics(out: Console, simulator: Simulator, details: bool) -> None:
 
 
 def _show_cost(out: Console, simulator: Simulator) -> None:
-    plan, choice = simulator.plan, simulator.choice
+    plan, choice = simulator.plan, simulator.arm.compiled.choice
     method, microseconds = choice.method, plan.nanoseconds / 1e3
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
     step = "sub-step" if choice.tolerance else "tick"

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.control.low_pass import LowPass
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene import imperfections as schema
 from arm_dynamics.scene.imperfections import values
 from arm_sim.imperfections.chance import Chance, Channel, normal
 from arm_sim.imperfections.lines import Line
-from arm_sim.imperfections.low_pass import LowPass
 
 
 @dataclass(frozen=True)

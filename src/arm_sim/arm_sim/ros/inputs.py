@@ -22,8 +22,8 @@ from arm_dynamics.ros.joint_state import JointStateReader, JointStateSource, Num
 from arm_sim.inputs import clipped
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
-from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.latency import RoundTrip
 
 _UNNAMED = "~/commands"  # the source of commands without a header
 AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
