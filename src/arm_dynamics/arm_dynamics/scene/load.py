@@ -115,7 +115,13 @@ def _read(path: Path) -> str:
         return expanded(path)
     try:
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        text = path.read_text(encoding="latin-1")
+        if not _is_urdf(text):
+            raise SceneError(f"scene: cannot read '{path}': {error}") from None
+        _log.warning("'%s' is not UTF-8: read as Latin-1", path)
+        return text
+    except OSError as error:
         raise SceneError(f"scene: cannot read '{path}': {error}") from None
 
 

@@ -109,12 +109,8 @@ class Urdf:
 
     def has_frame(self, name: str) -> bool:
         """Whether a link or joint has this name, with ``LINK`` or ``JOINT`` in front or not."""
-        if name in self.links or name in self.joints:
-            return True
-        links, joints = name.removeprefix(LINK), name.removeprefix(JOINT)
-        return (links != name and links in self.links) or (
-            joints != name and joints in self.joints
-        )
+        links, joints = [LINK + own for own in self.links], [JOINT + own for own in self.joints]
+        return name in (*self.links, *self.joints, *links, *joints)
 
 
 def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
