@@ -46,7 +46,7 @@ def header(
         tick: Its tick, if any.
     """
     capitals = name.upper()
-    states = tick.simulator.plant.nx if tick else 2 * model.n
+    states = tick.simulator.arm.plant.nx if tick else 2 * model.n
     parts = [
         f"{comment(about)}#ifndef {capitals}_H\n#define {capitals}_H\n\n#include <stddef.h>\n",
         '#ifdef __cplusplus\nextern "C" {\n#endif\n',
@@ -54,7 +54,7 @@ def header(
         comment("Order of all vectors.")
         + f"extern const char* const {name}_joint_names[{capitals}_JOINTS];\n",
         *(comment(term.about) + f"{_signature(name, term)};\n" for term in terms),
-        *([_named(name, declarations())] if tick else []),
+        *([named(name, declarations())] if tick else []),
         "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
     ]
     return "\n".join(parts)
@@ -74,12 +74,12 @@ def source(
         static_functions(list(functions.values())),
         f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",
         *(_definition(name, term) for term in terms),
-        _named(name, tick.source) if tick else "",
+        named(name, tick.source) if tick else "",
     ]
     return without_unused(decided("\n".join(parts)))
 
 
-def _named(name: str, text: str) -> str:
+def named(name: str, text: str) -> str:
     """C with the library's name in its place."""
     return text.replace("library_", f"{name}_").replace("LIBRARY_", f"{name.upper()}_")
 
