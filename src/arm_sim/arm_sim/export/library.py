@@ -54,7 +54,7 @@ def header(
         comment("Order of all vectors.")
         + f"extern const char* const {name}_joint_names[{capitals}_JOINTS];\n",
         *(comment(term.about) + f"{_signature(name, term)};\n" for term in terms),
-        *([named(name, declarations())] if tick else []),
+        *(_of_tick(name, tick) if tick else []),
         "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
     ]
     return "\n".join(parts)
@@ -77,6 +77,12 @@ def source(
         named(name, tick.source) if tick else "",
     ]
     return without_unused(decided("\n".join(parts)))
+
+
+def _of_tick(name: str, tick: Tick) -> list[str]:
+    """Declarations of the tick."""
+    period = f"#define {name.upper()}_PERIOD {tick.simulator.dt!r}\n"
+    return [comment("Length of a tick in [s].") + period, named(name, declarations())]
 
 
 def named(name: str, text: str) -> str:
