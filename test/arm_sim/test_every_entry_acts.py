@@ -277,7 +277,7 @@ def measured(scene: Scene, model: ArmModel) -> list[Any]:
         sensors.restart(0, *np.zeros((3, model.n)))
         for tick in range(1, 40):
             sensors.look(tick, *np.sin(0.1 * tick + rng.normal(size=(3, model.n))))
-            found.append(sensors.said.copy())
+            found.append(sensors.measured.copy())
     return found
 
 

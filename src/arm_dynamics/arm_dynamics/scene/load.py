@@ -115,7 +115,13 @@ def _read(path: Path) -> str:
         return expanded(path)
     try:
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        text = path.read_text(encoding="latin-1")
+        if not _is_urdf(text):
+            raise SceneError(f"scene: cannot read '{path}': {error}") from None
+        _log.warning("'%s' is not UTF-8: read as Latin-1", path)
+        return text
+    except OSError as error:
         raise SceneError(f"scene: cannot read '{path}': {error}") from None
 
 
@@ -182,6 +188,15 @@ def _warn_of_units(scene: Scene, urdf: Urdf) -> None:
             )  # fmt: skip
 
 
+def _check_links(scene: Scene, urdf: Urdf) -> None:
+    for name in scene.links:
+        if name not in urdf.links:
+            raise SceneError(
+                f"scene: 'links' names '{name}', which does not exist; "
+                f"allowed: {choices(name, urdf.links)}"
+            )
+
+
 def _check_names(scene: Scene, urdf: Urdf) -> None:
     """Check that all joints and frames of the scene exist."""
     check_joints("robot.lock", scene.robot.lock, urdf.lockable, urdf)
@@ -194,12 +209,7 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
     for name in scene.joints:
         scene.joint(name)  # which refuses what cannot be merged with the entry of "*"
     _check_ranges(scene, urdf)
-    for name in scene.links:
-        if name not in urdf.links:
-            raise SceneError(
-                f"scene: 'links' names '{name}', which does not exist; "
-                f"allowed: {choices(name, urdf.links)}"
-            )
+    _check_links(scene, urdf)
     for i, payload in enumerate(scene.payloads):
         check_frame(f"payloads.{i}.frame", payload.frame, urdf)
     check_constraints(scene.constraints, urdf, set(scene.robot.lock))

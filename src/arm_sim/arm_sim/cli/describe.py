@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from arm_dynamics import ArmModel
+    from arm_dynamics.arrays import Array
     from arm_dynamics.scene.spring import PointSpring
     from arm_sim import Simulator
 
@@ -151,19 +152,7 @@ def _show_robot(out: Console, model: ArmModel) -> None:
 
 
 def _show_joints(out: Console, model: ArmModel) -> None:
-    friction = model.friction
-    columns = {
-        "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
-        "speed\nlimit": model.velocity_limit, "effort\nlimit": model.effort_limit,
-    }  # fmt: skip
-    drives = {
-        "viscous\nfriction": model.viscous, "Coulomb\nfriction": friction.coulomb.mean,
-        "armature": model.armature,
-    }  # fmt: skip
-    if (friction.static.mean != friction.coulomb.mean).any():
-        drives["static\nfriction"] = friction.static.mean
-    absent = [name.replace("\n", " ") for name, values in drives.items() if not values.any()]
-    columns |= {name: values for name, values in drives.items() if values.any()}
+    columns, absent = _joint_columns(model)
     write = {name: limit if name.endswith(("limit", "er")) else number for name in columns}
     rows = [
         (name, model.joint_types[i], *(write[c](values[i], 4) for c, values in columns.items()))
@@ -182,6 +171,23 @@ def _show_joints(out: Console, model: ArmModel) -> None:
     _show_drives(out, model)
     _show_springs(out, model)
     _show_outside(out, model)
+
+
+def _joint_columns(model: ArmModel) -> tuple[dict[str, Array], list[str]]:
+    """Numbers of the joints by heading, and names of those that are all zero."""
+    friction = model.friction
+    columns = {
+        "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
+        "speed\nlimit": model.velocity_limit, "effort\nlimit": model.effort_limit,
+    }  # fmt: skip
+    drives = {
+        "viscous\nfriction": model.viscous, "Coulomb\nfriction": friction.coulomb.mean,
+        "armature": model.armature,
+    }  # fmt: skip
+    if (friction.static.mean != friction.coulomb.mean).any():
+        drives["static\nfriction"] = friction.static.mean
+    absent = [name.replace("\n", " ") for name, values in drives.items() if not values.any()]
+    return columns | {name: values for name, values in drives.items() if values.any()}, absent
 
 
 def _show_drives(out: Console, model: ArmModel) -> None:

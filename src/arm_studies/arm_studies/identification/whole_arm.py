@@ -233,7 +233,7 @@ class _Run:
         whole = train | (rows.use & ~rows.train[:, None])
         whole = without_outliers(self.names, rows, whole, trial)[0]
         final = fitted(rows, whole, self.belief, list(trial.friction), possible=True)
-        return self._told(trial, final, whole)
+        return self._result(trial, final, whole)
 
     def _train(self) -> Mask:
         return np.asarray(self.rows.use & self.rows.train[:, None])
@@ -372,7 +372,7 @@ class _Run:
 
     # --- result --------------------------------------------------------------------------------
 
-    def _told(self, trial: Fit, final: Fit, used: Mask) -> Identification:
+    def _result(self, trial: Fit, final: Fit, used: Mask) -> Identification:
         """The result of a fit of the rows that are not held out, and of one of all rows."""
         rows = self.rows
         predicted, after = (fit.columns.predicted(fit.x) + rows.known for fit in (trial, final))

@@ -109,12 +109,8 @@ class Urdf:
 
     def has_frame(self, name: str) -> bool:
         """Whether a link or joint has this name, with ``LINK`` or ``JOINT`` in front or not."""
-        if name in self.links or name in self.joints:
-            return True
-        links, joints = name.removeprefix(LINK), name.removeprefix(JOINT)
-        return (links != name and links in self.links) or (
-            joints != name and joints in self.joints
-        )
+        links, joints = [LINK + own for own in self.links], [JOINT + own for own in self.joints]
+        return name in (*self.links, *self.joints, *links, *joints)
 
 
 def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
@@ -262,9 +258,8 @@ def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
     return fault(weight, six)
 
 
-def _check_tree(
-    joints: dict[str, ElementTree.Element], links: dict[str, ElementTree.Element]
-) -> None:
+def _parents(joints: dict[str, ElementTree.Element]) -> dict[str, str]:
+    """The parent of each link that has one."""
     parent_of: dict[str, str] = {}
     for name, joint in joints.items():
         child = _link_name(joint, "child")
@@ -274,6 +269,13 @@ def _check_tree(
                 "URDF describes trees only"
             )
         parent_of[str(child)] = str(_link_name(joint, "parent"))
+    return parent_of
+
+
+def _check_tree(
+    joints: dict[str, ElementTree.Element], links: dict[str, ElementTree.Element]
+) -> None:
+    parent_of = _parents(joints)
     roots = [name for name in links if name not in parent_of]
     depths = _depths(roots, parent_of)
     if lost := [name for name in links if name not in depths]:

@@ -11,10 +11,12 @@
 #pragma once
 #include "scene.h"
 
+/* In the place of a function that is not generated, and never called. */
+#define ABSENT(arg, res, iw, w) ((void)(arg), (void)(res), (void)(iw), (void)(w))
 #if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
-#define contact_geometry(arg, res, iw, w, mem)
-#define contact_inertia(arg, res, iw, w, mem)
-#define contact_close(arg, res, iw, w, mem)
+#define contact_geometry(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
+#define contact_inertia(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
+#define contact_close(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
 #endif
 
 /* Numbers in modes_t after the tunable ones, loads_t, geometry_t and inertia_t. */
@@ -28,7 +30,7 @@ typedef struct {
   double slope[2][NX], middle[NX];
 } inside_t;
 
-typedef struct {
+__extension__ typedef struct {
   double x[NX], u[NU], p[NP + MODES]; /* beginning of a tick, its command, and its probable modes */
   double length;                      /* of the tick */
   double geometry[PLACES], anchor[2 * NC]; /* at its beginning */
