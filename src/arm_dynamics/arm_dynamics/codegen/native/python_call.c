@@ -53,11 +53,12 @@ static PyObject* answer(PyObject* capsule, PyObject* const* given, Py_ssize_t co
   Py_RETURN_NONE;
 }
 
-static void release(PyObject* capsule) {
-  bound_t* const bound = PyCapsule_GetPointer(capsule, NULL);
+static void release(bound_t* bound) {
   Py_DECREF(bound->kept);
   PyMem_Free(bound);
 }
+
+static void release_capsule(PyObject* capsule) { release(PyCapsule_GetPointer(capsule, NULL)); }
 
 /* The function `entry` of `arguments` vectors with `size` numbers each; its result has the dimensions of `shape`. */
 EXPORT PyObject* python_function(const entry_t* entry, Py_ssize_t arguments, Py_ssize_t size, int rank, const npy_intp* shape,
@@ -68,8 +69,11 @@ EXPORT PyObject* python_function(const entry_t* entry, Py_ssize_t arguments, Py_
   if (!bound) return PyErr_NoMemory();
   *bound = (bound_t){*entry, arguments, size, rank, {shape[0], shape[rank - 1]}, kept};
   Py_INCREF(kept);
-  PyObject* const capsule = PyCapsule_New(bound, NULL, release);
-  if (!capsule) return NULL;
+  PyObject* const capsule = PyCapsule_New(bound, NULL, release_capsule);
+  if (!capsule) {
+    release(bound);
+    return NULL;
+  }
   PyObject* const function = PyCFunction_New(&method, capsule);
   Py_DECREF(capsule);
   return function;
