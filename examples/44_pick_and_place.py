@@ -36,7 +36,7 @@ def arm(part: float, dt: float = DT) -> Simulator:
 
 
 empty, loaded = arm(0.0), arm(PART)
-n, start = empty.n, empty.x.copy()
+n, start = empty.n, empty.arm.x.copy()
 hand = TaskSpace(empty.dynamics, "panda_hand")
 home = hand.pose(start[:n]).position
 pick, place = home + [0.12, -0.12, -0.17], home + [0.12, 0.13, -0.17]

@@ -22,7 +22,8 @@ PANELS = (
 )  # fmt: skip
 COLOURS = {
     "euler": "#b0b0b0", "semi_implicit_euler": "#7a7a7a", "midpoint": "#e0a458", "heun": "#b5651d",
-    "rk4": "#0b5fa5", "dopri5": "#3a7d44", "dop853": "#7b2d8e", "implicit": "#d1495b",
+    "rk4": "#0b5fa5", "nystrom4": "#33b5c4", "dopri5": "#3a7d44", "dop853": "#7b2d8e",
+    "implicit": "#d1495b",
 }  # fmt: skip
 
 

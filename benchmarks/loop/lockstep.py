@@ -112,9 +112,9 @@ def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     _spin(executor, lambda: time.monotonic() > settled, 10.0)
     engine, simulator = node.engine, node.simulator
     engine.pause(False)
-    began, before = time.perf_counter(), simulator.step_count
-    _spin(executor, lambda: simulator.step_count >= ticks, 1e-2 * ticks + 60.0)
-    rate = (simulator.step_count - before) / (time.perf_counter() - began)
+    began, before = time.perf_counter(), simulator.arm.step_count
+    _spin(executor, lambda: simulator.arm.step_count >= ticks, 1e-2 * ticks + 60.0)
+    rate = (simulator.arm.step_count - before) / (time.perf_counter() - began)
     engine.pause(True)
     asked = node.lockstep.asked_again if node.lockstep else 0
     return {"rate": rate, "asked again": asked}

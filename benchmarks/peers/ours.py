@@ -28,6 +28,7 @@ STEPS = {
     "midpoint": (halvings(8e-3, 3e-5), halvings(TICK, 6e-5)),
     "heun": (halvings(8e-3, 3e-5), halvings(TICK, 6e-5)),
     "rk4": (halvings(8e-3, 6e-5), halvings(TICK, 2.5e-4)),
+    "nystrom4": (halvings(8e-3, 6e-5), halvings(TICK, 2.5e-4)),
     "dopri5": (halvings(20e-3, 3e-4), halvings(TICK, 5e-4)),
     "dop853": (halvings(40e-3, 1.25e-3), halvings(TICK, 5e-4)),
 }

@@ -12,16 +12,12 @@ from setuptools import find_packages, setup
 HERE = Path(__file__).resolve().parent  # colcon may run a link to this file
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
 PACKAGE, VERSION = MANIFEST.findtext("name"), MANIFEST.findtext("version")
+ABOUT = ("name", "version", "description", "license", "maintainer", "author")
 CODE = ("**/*.c", "**/*.h", "**/*.cpp", "**/*.hpp")
 
 setup(
-    name=PACKAGE,
-    version=VERSION,
-    description=MANIFEST.findtext("description"),
-    license=MANIFEST.findtext("license"),
-    maintainer=MANIFEST.findtext("maintainer"),
+    **{key: MANIFEST.findtext(key) for key in ABOUT},
     maintainer_email=MANIFEST.find("maintainer").get("email"),
-    author=MANIFEST.findtext("author"),
     python_requires=">=3.12",
     install_requires=[
         f"arm_sim=={VERSION}",

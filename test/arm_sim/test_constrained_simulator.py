@@ -132,9 +132,9 @@ def test_derivatives_along_the_constraints(name: str, rng: np.random.Generator) 
 
 def test_a_scene_without_constraints_has_none_of_it() -> None:
     sim = models.simulator("two_link")
-    assert sim.plant.project is None
+    assert sim.arm.plant.project is None
     assert [part.on for part in sim.plan.parts if part.name == "constraints"] == [False]
-    assert sim.plant.parameters.names == []
+    assert sim.arm.plant.parameters.names == []
     assert sim.multipliers().shape == (0,)
 
 

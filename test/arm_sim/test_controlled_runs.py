@@ -69,7 +69,7 @@ def test_torques_become_what_the_drives_take() -> None:
     assert motor is not None and motor.resistance and motor.torque_constant
     weight = sim.dynamics.gravity([np.pi / 6])[0]
     volts = motor.resistance * weight / (motor.gear_ratio * motor.torque_constant)
-    assert_close(sim.command, [volts], 1e-9)
+    assert_close(sim.arm.acted, [volts], 1e-9)
 
 
 def test_one_of_ones_own_leads_a_closed_loop_along_trajectories() -> None:
@@ -101,4 +101,4 @@ def test_a_failed_one_reports_it_in_a_closed_loop(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(own_controllers.Fails, "how", "nan")
     with pytest.raises(ControllerFailed, match="controller Fails returned"):
         pair.run(0.01)
-    assert pair.simulator.step_count == 10
+    assert pair.simulator.arm.step_count == 10

@@ -108,11 +108,15 @@ def test_a_push_stays_through_other_changes() -> None:
     external_change(sim)()
     sim.set_parameter("external", [3.0, -1.0])
     waiting()
-    np.testing.assert_array_equal(sim.plant.parameters.of("external", sim.parameters), [3, -1])
-    np.testing.assert_array_equal(sim.plant.parameters.of("friction", sim.parameters), [0.7, 0.7])
-    before = sim.compiled
+    np.testing.assert_array_equal(
+        sim.arm.plant.parameters.of("external", sim.arm.parameters), [3, -1]
+    )
+    np.testing.assert_array_equal(
+        sim.arm.plant.parameters.of("friction", sim.arm.parameters), [0.7, 0.7]
+    )
+    before = sim.arm.compiled
     external_change(sim)()
-    assert sim.compiled is before
+    assert sim.arm.compiled is before
 
 
 @pytest.mark.parametrize(
@@ -135,10 +139,10 @@ def test_what_cannot_be_is_refused(make: Any, error: type[ArmError], said: str) 
 
 def test_one_simulator_has_one_set_of_parameters() -> None:
     sim = Simulator(tunable("friction"), integrator="rk4")
-    before = sim.parameters.copy()
+    before = sim.arm.parameters.copy()
     with pytest.raises(InvalidInput, match=r"friction has shape \(3, 2\); expected one row"):
         sim.set_parameter("friction", np.ones((3, 2)))
-    np.testing.assert_array_equal(sim.parameters, before)
+    np.testing.assert_array_equal(sim.arm.parameters, before)
 
 
 def test_what_is_not_tunable_is_refused() -> None:
@@ -167,7 +171,7 @@ def test_a_push_is_a_torque_that_no_limit_cuts(name: str, rng: np.random.Generat
     other.step(push)
     np.testing.assert_allclose(sim.state.v, other.state.v, rtol=1e-9, atol=1e-9)
     np.testing.assert_array_equal(sim.effort, np.zeros(sim.n))
-    assert sim.step_count == 2
+    assert sim.arm.step_count == 2
 
 
 def test_without_a_push_the_motion_is_the_same_to_the_bit() -> None:

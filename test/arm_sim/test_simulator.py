@@ -27,7 +27,7 @@ def table(rng: np.random.Generator, ticks: int) -> np.ndarray:
 
 def test_starts_where_the_scene_says() -> None:
     sim = models.simulator("two_link")
-    assert (sim.state.time, sim.state.step, sim.step_count) == (0.0, 0, 0)
+    assert (sim.state.time, sim.state.step, sim.arm.step_count) == (0.0, 0, 0)
     np.testing.assert_array_equal(sim.state.q, [-0.5, 0.8])
     np.testing.assert_array_equal(sim.state.v, [0.0, 0.0])
     np.testing.assert_array_equal(sim.effort, [0.0, 0.0])
@@ -45,7 +45,7 @@ def test_time_is_counted_and_never_added_up(sim: Simulator) -> None:
     for _ in range(1000):
         sim.step(np.zeros(3))
         added += 1e-3
-    assert (sim.step_count, sim.state.step) == (1000, 1000)
+    assert (sim.arm.step_count, sim.state.step) == (1000, 1000)
     assert sim.state.time == 1000 * 1e-3 != added
 
 
@@ -98,7 +98,7 @@ def test_reset(sim: Simulator) -> None:
     sim.run(0.05)
     q, v = np.array([0.1, 0.2, 0.3]), np.array([1.0, -1.0, 0.5])
     state = sim.reset(q, v)
-    assert state is sim.state and (state.time, state.step, sim.step_count) == (0.0, 0, 0)
+    assert state is sim.state and (state.time, state.step, sim.arm.step_count) == (0.0, 0, 0)
     np.testing.assert_array_equal(state.q, q)
     np.testing.assert_array_equal(state.v, v)
     np.testing.assert_array_equal(sim.effort, np.zeros(3))
@@ -158,7 +158,7 @@ def test_run_goes_on_where_the_last_one_ended(sim: Simulator) -> None:
 
 def test_run_of_no_time(sim: Simulator) -> None:
     run = sim.run(0.0)
-    assert len(run) == 1 and sim.step_count == 0
+    assert len(run) == 1 and sim.arm.step_count == 0
 
 
 def test_torque_is_cut_at_the_limit(sim: Simulator) -> None:

@@ -117,7 +117,7 @@ def test_controllers_own_error_passes_through(sim: Simulator) -> None:
 
     with pytest.raises(ZeroDivisionError, match="user's code"):
         sim.run(0.01, control)
-    assert sim.step_count == 0
+    assert sim.arm.step_count == 0
 
 
 def test_shape_error_states_given_and_expected_shapes(sim: Simulator) -> None:

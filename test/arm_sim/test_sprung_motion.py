@@ -207,7 +207,7 @@ def test_springs_in_a_closed_chain() -> None:
     assert_close(lam, sim.multipliers(), MULTIPLIER)
     assert_close(dyn.constrained_inverse(state.q, state.v, a, lam), np.zeros(sim.n), MULTIPLIER)
     x = np.concatenate([state.q, state.v])
-    seen = np.array(sim.plant.rhs(x, np.zeros(sim.n), sim.parameters)).ravel()[sim.n :]
+    seen = np.array(sim.arm.plant.rhs(x, np.zeros(sim.n), sim.arm.parameters)).ravel()[sim.n :]
     assert_close(seen, a, MULTIPLIER)
 
 
@@ -283,7 +283,7 @@ def test_a_stiff_spring_gets_error_control(cord: bool) -> None:
         (1e2, "rk4", None), (1e8, "dop853", 1e-10), (1e10, "implicit", 1e-8)
     ):  # fmt: skip
         spring = {**TO_WORLD, "stiffness": stiffness, "rest_length": 2.0, "tension_only": cord}
-        choice = Simulator({"robot": TWO_LINK, "springs": [spring]}).choice
+        choice = Simulator({"robot": TWO_LINK, "springs": [spring]}).arm.compiled.choice
         assert (choice.method.name, choice.tolerance) == (method, tolerance)
 
 

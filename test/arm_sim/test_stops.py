@@ -192,7 +192,7 @@ def test_what_a_follower_may_do_stops_its_leader() -> None:
 
 def test_stops_can_be_left_out() -> None:
     sim = Simulator(rail(False))
-    assert not sim.plant.events
+    assert not sim.arm.plant.events
     assert sim.run(1.0).q[-1, 0] == pytest.approx(DROP - 0.5 * G, abs=1e-9)
 
 

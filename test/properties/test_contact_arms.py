@@ -36,9 +36,9 @@ def test_never_inside_never_pulled_never_more_energy(seed: int) -> None:
     ticks = 10_000
     tau = np.repeat(rng.normal(0.0, [8.0, 3.0], (ticks // 100, 2)), 100, axis=0)
     run = sim.run(ticks * sim.dt, tau)
-    assert sim.plant.contact is not None
+    assert sim.arm.plant.contact is not None
     states = np.hstack([run.q, run.v])[::3]
-    gaps = np.array(sim.plant.contact.geometry(states.T)[0])[::3]
+    gaps = np.array(sim.arm.plant.contact.geometry(states.T)[0])[::3]
     assert gaps.min() > -1e-12 and sim.impacts > 0
     assert np.diff(run.balance).max() < ENERGY_DRIFT * run.kinetic.max()
     sim.reset()
@@ -46,8 +46,9 @@ def test_never_inside_never_pulled_never_more_energy(seed: int) -> None:
     assert (history.force[:, :, 2] >= 0.0).all()
 
 
-def test_order_is_kept_through_touching_sliding_and_bouncing() -> None:
-    """RK4 with events located to rounding: order 4 as without contact."""
+@pytest.mark.parametrize("method", ["rk4", "nystrom4"])
+def test_order_is_kept_through_touching_sliding_and_bouncing(method: str) -> None:
+    """With events located to rounding: order 4 as without contact."""
     scene = {"constraints": [contact("tip", plane={"point": [0, 0, -0.2]}, friction=0.2,
                                      restitution=0.5)]}  # fmt: skip
     exact = Simulator({**TWO_LINK, **START, **scene}, tolerance=1e-13, dt=1e-2)
@@ -55,7 +56,7 @@ def test_order_is_kept_through_touching_sliding_and_bouncing() -> None:
     impacts = exact.impacts
     errors = []
     for dt in (5e-3, 2.5e-3, 1.25e-3):
-        sim = Simulator({**TWO_LINK, **START, **scene}, integrator="rk4", dt=dt)
+        sim = Simulator({**TWO_LINK, **START, **scene}, integrator=method, dt=dt)
         errors.append(np.abs(sim.run(0.7).q[-1] - wanted).max())
         assert sim.impacts == impacts
     assert impacts >= 2

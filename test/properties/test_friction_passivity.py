@@ -68,7 +68,7 @@ def test_friction_never_gives_energy(law: dict[str, Any], rng: np.random.Generat
         assert heat.min() >= -1e-12, heat.min()
         scale = np.abs(run.supplied).max() + run.kinetic[0]
         # With bristles every tick is made again; else nobody says when within one a joint stopped.
-        allowed = 1e-7 + 1e-6 * scale if sim.plant.laws else 1e-3 + 1e-2 * scale
+        allowed = 1e-7 + 1e-6 * scale if sim.arm.plant.laws else 1e-3 + 1e-2 * scale
         assert np.abs(run.balance).max() < allowed
 
 

@@ -118,11 +118,13 @@ class Pair:
                 if job := preparation(make_controller(name, node.dynamics)):
                     job()
 
-    def go(self, *points: tuple[float, Sequence[float] | float]) -> None:
-        """Send both a trajectory of times in [s] and ways from home."""
+    def go(self, *points: tuple[float, Sequence[float] | float], effort: float = 0.0) -> None:
+        """Send both a trajectory of times in [s] and ways from home, perhaps with efforts."""
         message, home = JointTrajectory(joint_names=self.names), self.slow.dynamics.model.q0
         for at, way in points:
             point = JointTrajectoryPoint(positions=(home + np.asarray(way)).tolist())
+            if effort:
+                point.effort = [effort * at] * len(home)
             span = point.time_from_start
             span.sec, span.nanosec = divmod(round(1e9 * at), 10**9)
             message.points.append(point)

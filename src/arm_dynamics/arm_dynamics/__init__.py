@@ -42,10 +42,9 @@ __all__ = [
 __getattr__, __dir__ = on_demand(
     __name__,
     {
-        "Dynamics": "dynamics.dynamics",
-        "Term": "dynamics.dynamics",
-        "ArmModel": "model.arm",
-        "Scene": "scene.schema",
-        "load_scene": "scene.load",
+        "dynamics.dynamics": ("Dynamics", "Term"),
+        "model.arm": ("ArmModel",),
+        "scene.schema": ("Scene",),
+        "scene.load": ("load_scene",),
     },
 )

@@ -11,12 +11,13 @@ from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
     from arm_sim.closed_loop import ClosedLoop
-    from arm_sim.contact_history import contact_history
+    from arm_sim.contact_loads import contact_history
     from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
     from arm_sim.plan import Plan
     from arm_sim.plant.actuation import CompiledControl, computed_torque
     from arm_sim.recording.recording import Recording
     from arm_sim.servo import JointCommand
+    from arm_sim.simulated_arm import SimulatedArm
     from arm_sim.simulator import Simulator
     from arm_sim.state import State
 
@@ -28,6 +29,7 @@ __all__ = [
     "NotDifferentiable",
     "Plan",
     "Recording",
+    "SimulatedArm",
     "SimulationDiverged",
     "Simulator",
     "State",
@@ -37,16 +39,10 @@ __all__ = [
 __getattr__, __dir__ = on_demand(
     __name__,
     {
-        "ClosedLoop": "closed_loop",
-        "CompiledControl": "plant.actuation",
-        "JointCommand": "servo",
-        "NotDifferentiable": "exceptions",
-        "Plan": "plan",
-        "Recording": "recording.recording",
-        "SimulationDiverged": "exceptions",
-        "Simulator": "simulator",
-        "State": "state",
-        "computed_torque": "plant.actuation",
-        "contact_history": "contact_history",
+        "closed_loop": ("ClosedLoop",), "contact_loads": ("contact_history",),
+        "exceptions": ("NotDifferentiable", "SimulationDiverged"), "plan": ("Plan",),
+        "plant.actuation": ("CompiledControl", "computed_torque"),
+        "recording.recording": ("Recording",), "servo": ("JointCommand",),
+        "simulated_arm": ("SimulatedArm",), "simulator": ("Simulator",), "state": ("State",),
     },
-)
+)  # fmt: skip

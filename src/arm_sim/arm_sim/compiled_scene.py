@@ -4,19 +4,22 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from arm_dynamics import ArmModel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
-from arm_sim.derivatives import Derivatives
 from arm_sim.integrators.selection import Choice
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
-from arm_sim.servo import Rest, Servo
 from arm_sim.stepping.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
+
+if TYPE_CHECKING:
+    from arm_sim.derivatives import Derivatives
+    from arm_sim.servo import Rest, Servo
 
 EXTERNAL = "external"
 
@@ -70,11 +73,15 @@ class CompiledScene:
     @built_once
     def servo(self) -> Servo:
         """The servos, for position and velocity commands; built on first use."""
+        from arm_sim.servo import Servo
+
         return Servo(self.plant, self.choice.dt, self.backend)
 
     @built_once
     def rest(self) -> Rest:
         """Whether the servos hold the arm at rest."""
+        from arm_sim.servo import Rest
+
         return Rest(self.plant, self.choice.dt)
 
     @cached_property
@@ -101,5 +108,7 @@ class CompiledScene:
     @cached_property
     def derivatives(self) -> Derivatives:
         """Derivatives of ticks and rollouts."""
+        from arm_sim.derivatives import Derivatives
+
         rollouts = lambda: self.rollouts  # noqa: E731 - built when they are needed
         return Derivatives(self.plant, self.choice, self.stepper, rollouts, self.backend)

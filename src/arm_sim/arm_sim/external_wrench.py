@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array, vector
-from arm_dynamics.task_space.task_space import TaskSpace
+
+if TYPE_CHECKING:
+    from arm_dynamics.task_space.task_space import TaskSpace
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,8 @@ class ExternalWrenches:
         Raises:
             InvalidInput: If the frame is unknown or fixed, or a number is not finite.
         """
+        from arm_dynamics.task_space.task_space import TaskSpace  # most arms are never pushed
+
         task = TaskSpace(self._dynamics, frame, self._reference)
         self._pushes[frame] = _Push(task, vector("wrench", wrench, 6), until)
 

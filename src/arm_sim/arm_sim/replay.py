@@ -14,6 +14,7 @@ from arm_dynamics import InvalidInput, Scene, load_scene
 from arm_dynamics.arrays import Array, read_only
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.plant.parameters import Parameters
+from arm_sim.recording.changes import Jump
 from arm_sim.recording.contents import BRAKES, FREE
 from arm_sim.recording.files.ticks import EXTERNAL, tunable_names
 from arm_sim.recording.origin import Physics, versions
@@ -133,8 +134,8 @@ class _Run:
         self._x, self._ended = recording.x, recording.ended
         self._jumps = {jump.row: i for i, jump in enumerate(recording.jumps)}
         self._there = Parameters(recording.plant.model)
-        self._told = self._quantities()
-        rows, nx = len(recording), sim.plant.nx
+        self._tuned = self._quantities()
+        rows, nx = len(recording), sim.arm.plant.nx
         self._out, self._out_ended = np.full((rows, nx), np.nan), np.full((rows, nx), np.nan)
 
     def _quantities(self) -> list[str]:
@@ -144,7 +145,7 @@ class _Run:
             column = p[:, self._there.place(name)]
             if not (self._same or name == EXTERNAL or np.any(column != column[0])):
                 continue  # the other scene has its own
-            if name != EXTERNAL and name not in self._sim.plant.parameters.names:
+            if name != EXTERNAL and name not in self._sim.arm.plant.parameters.names:
                 raise InvalidInput(
                     f"'{name}' was changed in the recording and is not tunable in the scene"
                 )
@@ -179,14 +180,14 @@ class _Run:
         """Apply changes at a time other than by ticks."""
         recording, sim = self._recording, self._sim
         jump = recording.jumps[self._jumps[row]] if row in self._jumps else None
-        if EXTERNAL in self._tunable_at(row) and EXTERNAL not in sim.plant.parameters.names:
+        if EXTERNAL in self._tunable_at(row) and EXTERNAL not in sim.arm.plant.parameters.names:
             external_change(sim)()
         moved = self._ended[row].tobytes() != self._x[row].tobytes()
         if row == 0 or row in recording.gaps or moved:
             self._place(self._x[row], row, recording.substep if jump is None else jump.substep)
         elif jump is not None or np.any(recording.p[row] != recording.p[row - 1]):
-            self._place(sim.x, row, sim.substep)
-        self._out[row] = sim.x
+            self._place(sim.arm.x, row, sim.arm.substep)
+        self._out[row] = sim.arm.x
 
     def _tunable_at(self, row: int) -> tuple[str, ...]:
         """Names of the quantities that were tunable from a time on."""
@@ -195,14 +196,14 @@ class _Run:
 
     def _place(self, x: Array, row: int, substep: float) -> None:
         """Set the state, with the quantities tuned at a time."""
-        sim, here = self._sim, self._sim.plant.parameters
-        values = {name: self._there.of(name, self._recording.p[row]) for name in self._told}
+        sim, here = self._sim, self._sim.arm.plant.parameters
+        values = {name: self._there.of(name, self._recording.p[row]) for name in self._tuned}
         values = {name: value for name, value in values.items() if name in here.names}
-        if len(x) != sim.plant.nx:  # another scene, with other internal states
+        if len(x) != sim.arm.plant.nx:  # another scene, with other internal states
             q, v = x[: sim.n], x[sim.n : 2 * sim.n]
-            x = np.concatenate([q, v, sim.plant.initial(q, v)])
+            x = np.concatenate([q, v, sim.arm.plant.initial(q, v)])
         step = round(self._recording.time[row] / sim.dt)
-        sim.restore(x.copy(), here.merged(values, here.nominal), step, substep)
+        sim.arm.restore(x.copy(), here.merged(values, here.nominal), step, substep)
 
     def _advance(self, row: int, end: int) -> None:
         """Run the ticks between two edges."""
@@ -227,17 +228,17 @@ class _Run:
         """Run a tick in which the arm was held."""
         sim, n = self._sim, self._sim.n
         if how == BRAKES:  # nothing is computed there: the state is the recorded one
-            self._place(self._ended[row + 1], row, sim.substep)
+            self._place(self._ended[row + 1], row, sim.arm.substep)
         else:
-            place = sim.x[:n].copy()
-            sim.advance(self._recording.command[row].tolist())
-            still = np.concatenate([place, np.zeros(n), sim.x[2 * n :]])
-            self._place(still, row, sim.substep)
-        self._out[row + 1] = self._out_ended[row + 1] = sim.x
+            place = sim.arm.x[:n].copy()
+            sim.arm.advance(self._recording.command[row].tolist())
+            still = np.concatenate([place, np.zeros(n), sim.arm.x[2 * n :]])
+            self._place(still, row, sim.arm.substep)
+        self._out[row + 1] = self._out_ended[row + 1] = sim.arm.x
 
     def _compared(self, failure: str) -> Replay:
         recording, sim = self._recording, self._sim
-        columns = min(self._ended.shape[1], sim.plant.nx) if self._same else 2 * sim.n
+        columns = min(self._ended.shape[1], sim.arm.plant.nx) if self._same else 2 * sim.n
         there, here = self._ended[:, :columns], self._out_ended[:, :columns]
         ticks = np.ones(len(recording), bool)
         ticks[[0, *recording.gaps]] = False
@@ -267,25 +268,31 @@ class _Run:
         rows = int(ends[-1]) + 1 if len(ends) else 0
         parts = np.split(self._out[:rows], (sim.n, 2 * sim.n), axis=1)
         q, v, z = (read_only(part) for part in parts)
-        jumps = tuple(
-            replace(jump, x=read_only(self._out_ended[jump.row] if jump.row else sim.x))
-            for jump in recording.jumps
-            if jump.row < rows and sim.plant.nx == len(jump.x)
-        )
         arrays = {
             name: getattr(recording, name)[:rows]
             for name in ("time", "command", "error", "time_stepped")
         }
         p = recording.p[:rows]
-        if p.shape[1] != len(sim.parameters):
-            p = np.tile(sim.parameters, (rows, 1))
-        origin = replace(sim.origin, source=recording.origin.source if recording.origin else "")
-        contents = replace(
-            recording, **arrays, q=q, v=v, z=z, p=read_only(p), jumps=jumps, measured=None,
+        if p.shape[1] != len(sim.arm.parameters):
+            p = np.tile(sim.arm.parameters, (rows, 1))
+        origin = replace(
+            sim.arm.origin, source=recording.origin.source if recording.origin else ""
+        )
+        return replace(
+            recording, **arrays, q=q, v=v, z=z, p=read_only(p), jumps=self._jumps_until(rows),
             hold=None if recording.hold is None else recording.hold[:rows], origin=origin,
             gaps=tuple(row for row in recording.gaps if row < rows), physics=Physics(origin),
+            measured=None,
         )  # fmt: skip
-        return contents
+
+    def _jumps_until(self, rows: int) -> tuple[Jump, ...]:
+        """The changes of the recording, with the replayed states before them."""
+        arm = self._sim.arm
+        return tuple(
+            replace(jump, x=read_only(self._out_ended[jump.row] if jump.row else arm.x))
+            for jump in self._recording.jumps
+            if jump.row < rows and arm.plant.nx == len(jump.x)
+        )
 
 
 def _with_tunable(scene: Scene, names: Sequence[str]) -> Scene:

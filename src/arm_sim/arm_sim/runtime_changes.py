@@ -72,23 +72,24 @@ def external_change(simulator: Simulator) -> Change:
 
     A simulation without them computes nothing for them; the equations are rebuilt here.
     """
-    compiled = simulator.compiled.pushable()
-    if compiled is simulator.compiled:
+    arm = simulator.arm
+    compiled = arm.compiled.pushable()
+    if compiled is arm.compiled:
         return lambda: None
     compiled.energy_account.prepare()
-    if simulator.compiled.has_servo:
+    if arm.compiled.has_servo:
         compiled.servo  # noqa: B018 - builds what the loop should not have to wait for
-    return lambda: simulator.use(compiled)
+    return lambda: arm.use(compiled)
 
 
 def _demand(simulator: Simulator, name: str) -> None:
     """Reject a quantity that is not tunable."""
-    parameters = simulator.plant.parameters
-    parameters.merged({name: parameters.of(name, simulator.parameters)}, simulator.parameters)
+    parameters, p = simulator.arm.plant.parameters, simulator.arm.parameters
+    parameters.merged({name: parameters.of(name, p)}, p)
 
 
 def _change(simulator: Simulator, name: str, value: Array) -> Change:
-    present, p = simulator.compiled, simulator.parameters
+    present, p = simulator.arm.compiled, simulator.arm.parameters
     present.present.at(present.plant.parameters.merged({name: value}, p))
     present.energy_account.prepare()
     return lambda: simulator.set_parameter(name, value)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from arm_dynamics.arrays import Array
 
 
-def read_only(x: Array) -> Array:
+def read_only_view(x: Array) -> Array:
     """A read-only view of numbers."""
     view = x.view()
     view.setflags(write=False)
@@ -43,6 +43,6 @@ class State:
         cls, x: Array, n: int, step: int, dt: float, error: float, time_stepped: float = 0.0
     ) -> State:
         """From x = (q, v, z), which is copied, after ``step`` ticks of ``dt`` in [s]."""
-        x = read_only(x.copy())
+        x = read_only_view(x.copy())
         q, v, z = x[:n], x[n : 2 * n], x[2 * n :]
         return cls(step * dt, step, q, v, z, error, int(time_stepped))

@@ -55,7 +55,7 @@ def test_command_gives_the_acceleration_it_was_asked_for(
     for _ in range(5):
         q, v, a = models.random_state(rng, 2)
         u = sim.dynamics.command(q, v, a)
-        slope = sim.plant.free.rhs(np.concatenate([q, v]), u, np.zeros(0)).full().ravel()
+        slope = sim.arm.plant.free.rhs(np.concatenate([q, v]), u, np.zeros(0)).full().ravel()
         assert_close(slope[2:], a, INVERSE_PAIR)
 
 

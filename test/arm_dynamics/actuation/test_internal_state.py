@@ -70,13 +70,15 @@ def test_agrees_with_scipy(build: Build, options: dict[str, Any], L: float) -> N
     run = sim.run(0.3, U)
     state = sim.state
     assert_close(np.concatenate([state.q, state.v, state.z]), wanted, 1e-7)
-    assert run.z.shape == (301, sim.plant.nz)
+    assert run.z.shape == (301, sim.arm.plant.nz)
     assert_close(run.command[:, 0], np.full(301, 3.0), 0.0)
 
 
 def test_orders_hold_with_states(build: Build) -> None:
     law = Motor((True, False), L=0.05)
-    for name, order in (("euler", 1), ("semi_implicit_euler", 1), ("midpoint", 2), ("rk4", 4)):
+    for name, order in (
+        ("euler", 1), ("semi_implicit_euler", 1), ("midpoint", 2), ("rk4", 4), ("nystrom4", 4),
+    ):  # fmt: skip
         errors = []
         for dt in (0.004, 0.002):
             sim = build(law, integrator=name, dt=dt)
@@ -177,7 +179,7 @@ def test_replay_to_the_bit(build: Build) -> None:
 
 def test_auto_sees_how_fast_a_coil_is(build: Build) -> None:
     quick = build(Motor((True, False), L=0.01))
-    assert quick.plan.integrator == "dop853" and quick.choice.tolerance
+    assert quick.plan.integrator == "dop853" and quick.arm.compiled.choice.tolerance
     plan = build(Motor((True, False), L=1e-6)).plan
     assert plan.integrator == "implicit" and "its drive" in plan.reason
 

@@ -119,8 +119,18 @@ def test_one_structure_of_a_file_with_other_code(tmp_path: Path) -> None:
     code = "static int zero(void) { return 0; }\ntypedef struct { int64_t a; } a_t;\n"
     path = written(tmp_path, code + "typedef struct { double b; /* why; */ } b_t; int x = zero();")
     assert Header(path, only="b_t").fields("b_t") == [("b", c_double)]
-    with pytest.raises(ValueError, match="there is no structure 'c_t'"):
+    with pytest.raises(ValueError, match="there is no structure or enumeration 'c_t'"):
         Header(path, only="c_t")
+
+
+def test_structures_and_enumerations_by_name_with_lengths_given(tmp_path: Path) -> None:
+    code = "int x; enum kind { LOW, HIGH = 4 };\ntypedef struct { real a[2], b[N]; } inner_t;\n"
+    path = written(tmp_path, code + "typedef struct { inner_t c[N]; double d; } whole_t;")
+    header = Header(path, only="kind inner_t whole_t", lengths={"N": 3})
+    assert header.constants == {"N": 3, "LOW": 0, "HIGH": 4}
+    assert ctypes.sizeof(header.structure("whole_t")) == 8 * (3 * 5 + 1)
+    with pytest.raises(ValueError, match="unknown length 'N'"):
+        Header(path, only="inner_t")
 
 
 @pytest.mark.parametrize(

@@ -30,10 +30,10 @@ BUILDS: dict[str, Callable[[], object]] = {
     "batches": lambda: ARM.inverse(*np.zeros((3, MANY, 2))),
     "task space": lambda: task_space.build(ARM.model, "lower", ("x",)),
     "commands": lambda: CommandMap(COMPENSATED.model),
-    "servo": lambda: SIM.compiled.servo,
+    "servo": lambda: SIM.arm.compiled.servo,
     "plan": lambda: SIM.plan,
-    "derivatives": lambda: SIM.compiled.derivatives.linearizer(),
-    "rollouts": lambda: SIM.compiled.rollouts,
+    "derivatives": lambda: SIM.arm.compiled.derivatives.linearizer(),
+    "rollouts": lambda: SIM.arm.compiled.rollouts,
 }
 
 
@@ -74,7 +74,7 @@ def test_what_is_built_is_found_while_another_thread_builds() -> None:
     lookups = [
         lambda: compiled_law.build(control.law, ARM.model),
         lambda: task_space.build(ARM.model, "lower", ("x",)),
-        lambda: SIM.compiled.derivatives.linearizer(),
+        lambda: SIM.arm.compiled.derivatives.linearizer(),
     ]
     built = [lookup() for lookup in lookups]
     thread.start()

@@ -232,7 +232,7 @@ def test_a_comparison_leaves_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiled_law, "compare", refuse)
     control = make_controller("pid", new("two_link"))
     assert compiled_law.compiled_law(control) is None
-    np.testing.assert_array_equal(control.law.integral, np.zeros(2))
+    np.testing.assert_array_equal(control.law.control.integral, np.zeros(2))
 
 
 def test_an_integral_is_reset_also_within_friction(rng: np.random.Generator) -> None:
@@ -263,8 +263,9 @@ def test_for_other_compiled_code_it_is_the_same_to_the_bit(rng: np.random.Genera
     law = compiled_law.compiled_law(control)
     assert law is not None and law.limit is None and law.call.entry is not None
     for state, reference in states(rng, dynamics.n):
-        moving = np.concatenate((state.q, state.v, reference.q, reference.v, reference.a))
-        law.call.inputs[0][:] = moving
+        still = np.zeros(dynamics.n)
+        moving = (state.q, state.v, reference.q, reference.v, reference.a, still)
+        law.call.inputs[0][:] = np.concatenate(moving)
         law.call.run()
         assert law.call.outputs[0].tobytes() == control.torque(state, reference).tobytes()
 

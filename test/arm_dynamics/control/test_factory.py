@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from arm_dynamics.control import (
 )
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference, Waypoint, quintic
-from tolerances import assert_close
+from tolerances import ALGEBRA, assert_close
 
 
 @pytest.mark.parametrize("observer", [0.0, 30.0])
@@ -214,3 +215,22 @@ def test_a_misspelt_name_is_guessed() -> None:
         InvalidInput, match=r"frame 'tipp' does not exist; .*; did you mean 'tip'\?"
     ):
         make_controller("operational_space", dyn, Settings(frame="tipp"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_torques_of_the_reference_are_added_before_limits(
+    name: str, rng: np.random.Generator
+) -> None:
+    dynamics = models.dynamics("two_link")
+    settings = Settings(frame="tip", axes="x z", observer=10.0)
+    q, v, a = models.random_state(rng, 2)
+    state, added = Measured(q, 0.1 * v), rng.normal(size=2)
+    bounded = replace(settings, saturate=True, limit=30.0)
+    plain, more, cut = (
+        make_controller(name, dynamics, chosen).torque(state, Reference(q, v, a, tau))
+        for tau, chosen in ((None, settings), (added, settings), (added, bounded))
+    )
+    assert_close(more, plain + added, ALGEBRA)
+    assert np.all(abs(cut) <= 30.0)
+    with pytest.raises(InvalidInput, match=r"reference\.tau"):
+        make_controller(name, dynamics, settings).torque(state, Reference(q, v, a, np.ones(3)))

@@ -239,7 +239,7 @@ def test_behind_a_spring_it_holds() -> None:
 
 def test_an_ideal_gear_has_no_dry_friction() -> None:
     sim = Simulator(wheel(LINK, gear_ratio=50.0, efficiency=1.0), backend="vm")
-    assert not sim.model.has_dry_friction and not sim.plant.events
+    assert not sim.model.has_dry_friction and not sim.arm.plant.events
 
 
 @pytest.mark.parametrize("torque", [0.8, -0.8])

@@ -70,7 +70,7 @@ def test_rotor_is_pinocchios_armature(rng: np.random.Generator) -> None:
     wanted = pin.aba(plain, data, q, v, free, pin.Convention.WORLD)
     assert_close(dyn.forward(q, v, tau), wanted, PINOCCHIO)
     sim = Simulator(dyn.model)
-    slope = sim.plant.rhs(np.concatenate([q, v]), tau, np.sign(v))
+    slope = sim.arm.plant.rhs(np.concatenate([q, v]), tau, np.sign(v))
     assert_close(slope.full().ravel()[3:], wanted, ALGEBRA)
 
 

@@ -90,6 +90,25 @@ def test_useless_states_get_no_answer(
     assert node.on_joint_states(state(0)) is not None
 
 
+@pytest.mark.parametrize("v", [(), (float("nan"), 0.0)], ids=["none", "nan"])
+def test_a_robot_without_velocities_is_told_what_helps(
+    node: ControllerNode, v: tuple[float, ...], capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert node.on_joint_states(state(0, v=v)) is None
+    assert "'velocities: positions' derives them" in capfd.readouterr().err
+
+
+def test_a_jump_ends_what_velocities_are_derived_from(ros: Ros) -> None:
+    given = {"velocities": "positions", "velocity_cutoff": 0.0, "bandwidth": [10.0]}
+    node = ros.add(ControllerNode, models.scene("two_link"), **given)
+    effort(node, 0, (0.1, -0.2), ())
+    moving = (0.102, -0.201), (2.0, -1.0)
+    found = effort(node, MS, moving[0], ())
+    assert_close(found, wanted(*moving, still(0.1, -0.2)), 1e-8)
+    there = (1.5, -0.2)
+    assert_close(effort(node, 2 * MS, there, ()), DYNAMICS.gravity(np.array(there)), ALGEBRA)
+
+
 def test_a_torque_that_is_not_finite_is_not_sent(
     node: ControllerNode, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -139,16 +139,25 @@ def test_of_many_refusals_one_is_logged_and_all_are_counted(
     assert node.goals.refused == 20
 
 
-def test_efforts_are_told_to_be_of_no_use(
-    node: ControllerNode, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_efforts_of_points_are_added_to_the_controllers(node: ControllerNode) -> None:
+    """Linear between the points and kept after the last, in the order of the message."""
     effort(node, 0, (0.0, 0.0))
-    for _ in range(3):
-        pushed = point(1.0, 0.2, 0.4, effort=[1.0, 2.0])
-        node.on_joint_trajectory(trajectory(pushed, point(2.0, 0.3, 0.3)))
-    told = capfd.readouterr().err
-    assert told.count("effort is given in 1 of 2 points and is not used") == 1
-    assert_close(reference_of(node, 2000 * MS)[0], [0.3, 0.3], ALGEBRA)
+    pushed = [point(t, 0.2, 0.4, effort=[t, -2.0 * t]) for t in (1.0, 2.0)]
+    node.on_joint_trajectory(trajectory(*pushed, names=NAMES[::-1]))
+    for time, added in ((0.0, 0.0), (0.5, 0.5), (1.2, 1.2), (1.9, 1.9), (2.5, 2.0)):
+        stamp = round(time * 1000) * MS
+        motion = Reference(*reference_of(node, stamp))
+        found = effort(node, stamp, (0.3, 0.1)) - wanted((0.3, 0.1), (0, 0), motion)
+        assert_close(found, [-2.0 * added, added], 1e-8)
+
+
+def test_a_state_that_comes_again_is_answered_for_the_new_motion(node: ControllerNode) -> None:
+    """As in lockstep, where the first state waits until the robot is told to move."""
+    before = effort(node, 0, (0.0, 0.0))
+    assert_close(effort(node, 0, (0.0, 0.0)), before, ALGEBRA)
+    pushed = [point(t, 0.1, 0.1, effort=[3.0, 4.0]) for t in (0.0, 1.0)]
+    node.on_joint_trajectory(trajectory(*pushed))
+    assert_close(effort(node, 0, (0.0, 0.0)) - before, [3.0, 4.0], ALGEBRA)
 
 
 def test_trajectory_over_the_wire(ros: Ros, node: ControllerNode) -> None:

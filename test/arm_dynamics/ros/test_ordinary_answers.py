@@ -70,6 +70,11 @@ def test_commands_are_those_of_python(
         pair.go((0.05, 0.02), (0.12, -0.01), (0.2, 0.0))
         pair.led(250, rng)
         assert pair.in_c > 270
+        pair.go((0.05, 0.02), (0.12, 0.0), effort=3.0)
+        pair.led(150, rng)
+        assert pair.in_c > 410
+        pair.go((0.1, 0.01))  # the efforts fade out
+        pair.led(60, rng)
 
 
 @pytest.mark.parametrize("more", [{}, {"observer": 10.0, "saturate": True}], ids=str)

@@ -16,7 +16,7 @@ from arm_dynamics.control import Settings
 from arm_dynamics.ros.common.params import declare, parameter, watch
 from arm_dynamics.ros.controller import ControllerParams
 from arm_dynamics.ros.dynamics_node import DynamicsParams
-from arm_sim.ros.params import SimParams
+from arm_sim.ros.sim_params import SimParams
 
 pytestmark = pytest.mark.ros
 

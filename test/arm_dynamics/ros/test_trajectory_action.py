@@ -74,6 +74,32 @@ def test_velocities_make_cubics_and_positions_alone_lines(
     assert_close(reference_of(node, 750 * MS)[:2, 0], [0.3, 0.4], ALGEBRA)
 
 
+def test_efforts_are_added_and_kept_at_the_end(node: ControllerNode, client: Client) -> None:
+    plain = effort(node, 0, moved(0.0, 0.0))
+    efforts = [point(t, *moved(0.0, 0.0), effort=[2.0 * t, -t]) for t in (0.5, 1.0)]
+    handle = client.send(goal(trajectory(*efforts)))
+    for ms, share in ((250, 0.25), (750, 0.75), (1000, 1.0), (1500, 1.0)):
+        more = effort(node, ms * MS, moved(0.0, 0.0)) - plain
+        assert_close(more, [2.0 * share, -share], ALGEBRA)
+    assert client.result(handle)[0] == SUCCEEDED
+
+
+@pytest.mark.parametrize("ended", ["cancelled", "violated"])
+def test_an_arm_that_is_stopped_keeps_the_efforts_it_had(
+    node: ControllerNode, client: Client, ended: str
+) -> None:
+    efforts = [point(t, *moved(0.1 * t, 0.0), effort=[2.0, -1.0]) for t in (0.0, 2.0)]
+    handle = client.send(goal(trajectory(*efforts), path_tolerance=[tolerance(NAMES[1], 0.05)]))
+    led(node, 0, 500)
+    if ended == "cancelled":
+        client.cancel(handle)
+    else:
+        led(node, 501, 501, off=lambda _: (0.0, 0.06))
+    client.result(handle)
+    for stamp in (502 * MS, 3000 * MS):
+        assert_close(node.follower.reference(stamp).tau, [2.0, -1.0], ALGEBRA)
+
+
 def test_joints_may_come_in_any_order(node: ControllerNode, client: Client) -> None:
     there = trajectory(point(1.0, 0.5, 0.3), names=NAMES[::-1])
     assert client.send(goal(there)).accepted
@@ -270,7 +296,10 @@ BAD = {
     "positions of point 0, joint 'elbow', is not finite": goal(
         trajectory(point(1.0, 0.1, float("nan")))
     ),
-    "effort of point 0": goal(trajectory(point(1.0, *HERE, effort=[1.0, 1.0]))),
+    "effort of point 0 has 1 numbers": goal(trajectory(point(1.0, *HERE, effort=[1.0]))),
+    "has no torques, others have": goal(
+        trajectory(point(1.0, *HERE, effort=[1.0, 1.0]), point(2.0, *HERE))
+    ),
     "time_from_start of point 1 is 1 s": goal(trajectory(point(1.0, *HERE), point(1.0, *HERE))),
     "time_from_start of point 0 is -1 s": goal(trajectory(point(-1.0, *HERE))),
     "last velocity of joint 'elbow' is 0.1": goal(

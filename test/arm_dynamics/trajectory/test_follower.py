@@ -71,6 +71,54 @@ def test_later_start_lets_the_old_one_go_on_until_then(follower: Follower) -> No
     assert_close(triple(follower.reference(start + SECOND)), np.zeros((3, 2)), ALGEBRA)
 
 
+def torques(follower: Follower, time: float) -> np.ndarray:
+    tau = follower.reference(round(time * SECOND)).tau
+    assert tau is not None
+    return tau
+
+
+def test_torques_are_linear_between_points_and_stay(follower: Follower) -> None:
+    points = [Waypoint(1.0, [0.1, 0.1], tau=[2.0, 0.0]), Waypoint(3.0, [0.2, 0.0], tau=[4.0, 6.0])]
+    follower.follow(points, 0)
+    for time, wanted in ((0.0, [0, 0]), (0.5, [1, 0]), (1.0, [2, 0]), (2.5, [3.5, 4.5])):
+        assert_close(torques(follower, time), wanted, ALGEBRA)
+    assert_close(torques(follower, 99.0), [4, 6], ALGEBRA)
+    follower.hold([0.2, 0.0])
+    assert follower.reference(100 * SECOND).tau is None
+
+
+def test_torques_begin_where_the_points_say(follower: Follower) -> None:
+    points = [Waypoint(t, [0.1 * t, 0.0], tau=[1.0 + t, -t]) for t in (0.0, 1.0, 2.0)]
+    follower.follow(points, now=3 * SECOND)
+    assert_close(torques(follower, 3.0), [1.0, 0.0], ALGEBRA)
+    late = Follower([0.0, 0.0])
+    late.follow(points, now=SECOND // 2, start=0)
+    for time in (0.5, 0.75, 1.5):
+        assert_close(torques(late, time), [1.0 + time, -time], ALGEBRA)
+
+
+def test_torques_fade_out_to_points_that_have_none(follower: Follower) -> None:
+    follower.follow([Waypoint(1.0, [0.1, 0.1], tau=[2.0, 4.0])], 0)
+    follower.follow([Waypoint(2.0, [0.0, 0.0])], SECOND)
+    for time, share in ((1.0, 1.0), (1.5, 0.75), (3.0, 0.0), (9.0, 0.0)):
+        assert_close(torques(follower, time), np.array([2.0, 4.0]) * share, ALGEBRA)
+
+
+def test_torques_of_some_points_only_are_refused(follower: Follower) -> None:
+    points = [Waypoint(1.0, [0.1, 0.1]), Waypoint(2.0, [0.1, 0.1], tau=[1.0, 1.0])]
+    with pytest.raises(InvalidInput, match="waypoint 0 has no torques"):
+        follower.follow(points, 0)
+    with pytest.raises(InvalidInput, match="torque of waypoint 1 has shape"):
+        follower.follow([Waypoint(1.0, [0.1, 0.1], tau=[1.0])], 0)
+
+
+def test_torques_keep_the_times_given() -> None:
+    one = np.ones(2)
+    follower = Follower([0.0, 0.0], Limits(0.1 * one, np.inf * one, -9 * one, 9 * one))
+    with pytest.raises(InvalidInput, match="times slower for its limits"):
+        follower.follow([Waypoint(1.0, [1.0, 1.0], tau=[1.0, 1.0])], 0)
+
+
 def test_points_that_are_over_are_left_out(follower: Follower) -> None:
     points = [Waypoint(1.0, [5.0, 5.0]), Waypoint(3.0, [1.0, 1.0])]
     trajectory = follower.follow(points, now=2 * SECOND, start=0)

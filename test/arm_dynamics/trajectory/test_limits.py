@@ -10,7 +10,7 @@ import models
 from arm_dynamics import ArmModel, Dynamics, Unreachable, load_scene
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Limits
-from arm_dynamics.trajectory.joint_path import check_limits
+from arm_dynamics.trajectory.joint_paths import check_limits
 
 SCARA = str(models.FOLDER / "scara.urdf")
 

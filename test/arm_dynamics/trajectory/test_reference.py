@@ -12,21 +12,23 @@ import pytest
 from arm_dynamics.trajectory import Reference, Trajectory, Waypoint, hold, quintic, reference
 
 
-def motion(rng: np.random.Generator) -> Trajectory:
+def motion(rng: np.random.Generator, torques: bool = False) -> Trajectory:
     times = np.cumsum([0.0, 0.3, 0.5, 0.2, 0.9])
-    points = zip(times, rng.normal(size=(5, 3)), strict=True)
-    return quintic([Waypoint(time, q) for time, q in points])
+    points = zip(times, rng.normal(size=(5, 3)), rng.normal(size=(5, 3)), strict=True)
+    return quintic([Waypoint(time, q, tau=tau if torques else None) for time, q, tau in points])
 
 
 def bits(sampled: Reference) -> bytes:
-    return sampled.q.tobytes() + sampled.v.tobytes() + sampled.a.tobytes()
+    tau = b"" if sampled.tau is None else sampled.tau.tobytes()
+    return sampled.q.tobytes() + sampled.v.tobytes() + sampled.a.tobytes() + tau
 
 
-@pytest.mark.parametrize("kind", ["motion", "hold"])
+@pytest.mark.parametrize("kind", ["motion", "with torques", "hold"])
 def test_without_a_compiler_it_has_the_same_bits(
     kind: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = motion(rng) if kind == "motion" else hold([0.5, -0.3])
+    made = hold([0.5, -0.3]) if kind == "hold" else motion(rng, kind != "motion")
+    assert (made.torques is None) is (kind != "with torques")
     times = [-1.0, -1e-12, *made.times, made.duration + 1.0, *rng.uniform(0.0, 2.0, 200)]
     here = [bits(made.sample(t)) for t in times]
     monkeypatch.setattr(reference, "library", lambda: None)

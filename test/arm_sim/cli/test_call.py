@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from harness import running
 from typist import Typist, answer
@@ -91,6 +92,19 @@ def test_task_space(arm: Any) -> None:
     assert f"effective mass [kg, kg m²]: {mass:.6g}" in shown
 
 
+def test_pose(arm: Any) -> None:
+    words = ("pose", "--frame", "tip", "--position", "[[0.3, -0.7], [0.3, 0.0]]")
+    said = answer(arm(*words, "--json"))
+    assert said.keys() == {"success", "joint_names", "pose"}
+    T = models.dynamics("two_link").pose([[0.3, -0.7], [0.3, 0.0]], "tip")
+    for row, expected in zip(said["pose"], T, strict=True):
+        np.testing.assert_allclose(row[:3], expected[:3, 3], atol=1e-12)
+        rotation = pin.Quaternion(np.array(row[3:])).matrix()
+        np.testing.assert_allclose(rotation, expected[:3, :3], atol=1e-12)
+    shown = arm("pose", "--frame", "tip", "--position", "0.3 -0.7").output
+    assert re.search(r"pose \(.*quaternion x y z w.*\): ", shown)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -101,6 +115,7 @@ def test_task_space(arm: Any) -> None:
             "unknown joint 'wrist'; allowed: ",
         ),
         (("task-space", "--frame", "paw", "--position", "1 2"), "frame 'paw' does not exist"),
+        (("pose", "--frame", "paw", "--position", "1 2"), "frame 'paw' does not exist; allowed: "),
         (
             ("task-space", "--frame", "tip", "--reference", "up", "--position", "1 2"),
             "reference = 'up'; allowed: local, world, local_world_aligned",

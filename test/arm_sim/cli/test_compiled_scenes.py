@@ -163,8 +163,8 @@ def test_derivatives_are_compiled_on_request(
     optimizer = ILQR([Phase(sim, 10)], QuadraticCost(x, np.ones(x.shape), u, np.ones(u.shape)))
     assert optimizer.solve([0.1, 0.0], u).verdict == "converged"
     RecedingHorizon(sim.dynamics)
-    rollouts = sim.compiled.rollouts
-    batch = rollouts.batch(np.zeros((3, 1)), np.ones((3, 1)), [0.0], 5, sim.parameters, False)
+    rollouts = sim.arm.compiled.rollouts
+    batch = rollouts.batch(np.zeros((3, 1)), np.ones((3, 1)), [0.0], 5, sim.arm.parameters, False)
     assert rollouts.side_by_side(batch) == []
     assert not list((tmp_path / "cache").rglob("*.so"))
 

@@ -27,8 +27,10 @@ SLOPE = 1e-11
 
 def tick(sim: Simulator, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
     """One tick at complex numbers, a column for each point."""
-    plant, n, points = sim.plant, sim.n, x.shape[1]
-    step = build_step(sim.choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian)
+    plant, n, points = sim.arm.plant, sim.n, x.shape[1]
+    step = build_step(
+        sim.arm.compiled.choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian
+    )
     if plant.directions:  # held joints are at rest
         place = len(plant.parameters.nominal)
         change = -(1.0 - p[place : place + n] ** 2) * x[n : 2 * n]
@@ -50,17 +52,17 @@ def tick(sim: Simulator, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndar
 
 def check(sim: Simulator, tau: Any, by: tuple[str, ...] = ()) -> Modes:
     """Compare the derivatives of the tick at the present state; returns what joints do there."""
-    tau, x, n = np.array(tau, dtype=float), sim.x.copy(), sim.n
-    modes = sim.compiled.stepper.modes_at(x, tau)
-    p = modes.p if sim.plant.eventful else sim.parameters
+    tau, x, n = np.array(tau, dtype=float), sim.arm.x.copy(), sim.n
+    modes = sim.arm.compiled.stepper.modes_at(x, tau)
+    p = modes.p if sim.arm.plant.eventful else sim.arm.parameters
     end = tick(sim, *seeded([x, tau, p]))
-    places = [i for own in sim.plant.parameters.places(by).values() for i in own]
+    places = [i for own in sim.arm.plant.parameters.places(by).values() for i in own]
     columns = [*range(len(x) + n), *(len(x) + n + i for i in places)]
     A, B, P = sim.linearize(sim.state, tau, by=by)
     assert_close(np.hstack([A, B, *P.values()]), end.imag[:, columns] / EPSILON, SLOPE)
-    sim.restore(x, sim.parameters, 0)
+    sim.arm.restore(x, sim.arm.parameters, 0)
     sim.step(tau)
-    assert_close(sim.x, end[:, 0].real, BACKENDS)
+    assert_close(sim.arm.x, end[:, 0].real, BACKENDS)
     return modes
 
 

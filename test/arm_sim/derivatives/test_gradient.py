@@ -67,7 +67,7 @@ def _at(tau: np.ndarray, some: np.ndarray) -> np.ndarray:
     return whole
 
 
-@pytest.mark.parametrize("method", ["euler", "semi_implicit_euler", "rk4", "dopri5"])
+@pytest.mark.parametrize("method", ["euler", "semi_implicit_euler", "rk4", "nystrom4", "dopri5"])
 def test_methods(method: str) -> None:
     compare(models.simulator("skew_axes", stops=False, integrator=method, dt=0.02))
 

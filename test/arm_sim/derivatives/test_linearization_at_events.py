@@ -21,6 +21,7 @@ ACROSS = 1e-6
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "rk4": {"integrator": "rk4"},
+    "nystrom4": {"integrator": "nystrom4"},
     "euler": {"integrator": "euler"},
     "error control": {"tolerance": 1e-12},
 }
@@ -246,7 +247,7 @@ def test_by_tunable_quantities_across_events(name: str) -> None:
     state = sim.reset(q, v)
     *_, P = sim.linearize(state, tau, by=TUNABLE[name])
     for quantity in TUNABLE[name]:
-        nominal = sim.plant.parameters.of(quantity, sim.parameters).copy()
+        nominal = sim.arm.plant.parameters.of(quantity, sim.arm.parameters).copy()
 
         def after(change: np.ndarray, quantity: str = quantity, at: Any = nominal) -> np.ndarray:
             sim.reset(q, v)
@@ -267,7 +268,7 @@ def test_motor_breaks_a_joint_away() -> None:
     """Its current, a state, grows until static friction is overcome."""
     sim = simulator(motor, 2e-3, "error control")
     assert sim.step([2.0]).v[0] > 0.0
-    compare(sim, [0.0], [0.0], [2.0], free=np.eye(sim.plant.nx)[[0, 2]])
+    compare(sim, [0.0], [0.0], [2.0], free=np.eye(sim.arm.plant.nx)[[0, 2]])
 
 
 def test_link_behind_a_flexible_drive_strikes_its_stop() -> None:

@@ -118,7 +118,7 @@ def test_products_are_those_of_the_same_matrices(name: str, rng: np.random.Gener
     scene, *_, sides = CASES[name]
     sim = Simulator(scene, dt=H)
     start, tau = place(sim, name)
-    dx, du, w = (rng.normal(size=k) for k in (len(sim.x), sim.n, len(sim.x)))
+    dx, du, w = (rng.normal(size=k) for k in (len(sim.arm.x), sim.n, len(sim.arm.x)))
     with pytest.raises(NotDifferentiable):
         sim.jvp(start, tau, dx, du)
     with pytest.raises(NotDifferentiable):

@@ -25,13 +25,13 @@ WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
 
 def slopes(sim: Simulator, x: np.ndarray, tau: np.ndarray, h: float) -> np.ndarray:
     """(A, B) side by side by differences of eighth order, of steps ``h`` of what matters."""
-    p, point = sim.parameters, np.r_[x, tau]
-    size = h * np.r_[sim.plant.scale, np.ones(sim.n)]
+    p, point = sim.arm.parameters, np.r_[x, tau]
+    size = h * np.r_[sim.arm.plant.scale, np.ones(sim.n)]
 
     def after(place: np.ndarray) -> np.ndarray:
-        sim.restore(place[: len(x)], p, 0)
+        sim.arm.restore(place[: len(x)], p, 0)
         sim.step(place[len(x) :])
-        return sim.x.copy()
+        return sim.arm.x.copy()
 
     return np.column_stack([
         sum(w * (after(point + k * e) - after(point - k * e)) / e.max()
@@ -41,7 +41,7 @@ def slopes(sim: Simulator, x: np.ndarray, tau: np.ndarray, h: float) -> np.ndarr
 
 
 def check(sim: Simulator, tau: Any, h: float = 2e-3) -> None:
-    state, x, tau = sim.state, sim.x.copy(), np.array(tau, dtype=float)
+    state, x, tau = sim.state, sim.arm.x.copy(), np.array(tau, dtype=float)
     found = np.hstack(sim.linearize(state, tau))
     assert_close(found, slopes(sim, x, tau, h), SLOPE)
 

@@ -45,9 +45,9 @@ def torques(rng: np.random.Generator, *shape: int) -> np.ndarray:
 
 
 def test_the_code_that_is_generated_does_not_change() -> None:
-    plain, other = (sim.plant.acceleration for sim in (simulator(), imperfect()))
+    plain, other = (sim.arm.plant.acceleration for sim in (simulator(), imperfect()))
     assert generate([plain]) == generate([other])
-    assert simulator().sensors is None
+    assert simulator().arm.sensors is None
 
 
 def test_control_receives_sensor_readings_and_the_recording_keeps_both() -> None:

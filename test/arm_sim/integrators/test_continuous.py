@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from arm_sim.integrators.continuous import middle_weights, needs_slope_at_end
+from arm_sim.integrators.methods import METHODS, build_step
 from arm_sim.integrators.tableaux import (
     DOP853,
     DORMAND_PRINCE,
@@ -37,6 +39,25 @@ def error_in_the_middle(tableau: Tableau, h: float) -> float:
     found = X + h * sum(w * k for w, k in zip(middle_weights(tableau), stages, strict=True))
     solved = solve_ivp(lambda _, x: slope(x), (0, h / 2), X, "DOP853", rtol=1e-13, atol=1e-15)
     return float(abs(found - solved.y[:, -1]).max())
+
+
+def test_order_of_the_middle_of_nystrom4() -> None:
+    """As of RK4, and the slope that its last stage gives for the end is of the same order."""
+    x, none = ca.SX.sym("x", 2), ca.SX.sym("none", 0)
+    rhs = ca.Function("rhs", [x, none, none], [ca.vertcat(x[1], -ca.sin(x[0]) * x[1] - x[0])])
+    step = build_step(METHODS["nystrom4"], rhs, 1, dense=True)
+    errors = []
+    for h in (0.2, 0.1):
+        solved = solve_ivp(
+            lambda _, x: slope(x), (0, h), X, "DOP853", rtol=1e-13, atol=1e-15, t_eval=[h / 2, h]
+        )
+        _, first, last, middle = (np.array(part).ravel() for part in step(X, [], [], h))
+        np.testing.assert_array_equal(first, slope(X))
+        ends = last - slope(solved.y[:, 1]), middle - solved.y[:, 0]
+        errors.append([abs(end).max() for end in ends])
+    orders = np.log2(np.divide(*errors))
+    assert orders[0] > 3 - ORDER
+    assert orders[1] == pytest.approx(4, abs=ORDER)
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_damping_rate_of_a_closed_form(rng: np.random.Generator) -> None:
     viscous = float(rng.uniform(1.0, 1e4))
     scene = models.scene("pendulum").model_dump(exclude_unset=True)
     scene["joints"] = {"*": {"friction": {"viscous": viscous}}}
-    assert_close(fastest_rate(Simulator(scene).plant), viscous, 1e-9 * viscous)
+    assert_close(fastest_rate(Simulator(scene).arm.plant), viscous, 1e-9 * viscous)
 
 
 def test_auto_takes_it_only_where_it_is_needed() -> None:

@@ -64,17 +64,17 @@ BAD = {
 def test_what_no_arm_can_have_is_refused(
     sim: Simulator, name: str, value: list[float], said: str
 ) -> None:
-    before = sim.parameters
+    before = sim.arm.parameters
     with pytest.raises(InvalidInput, match=f"^{said}"):
         sim.set_parameter(name, value)
-    np.testing.assert_array_equal(sim.parameters, before)
+    np.testing.assert_array_equal(sim.arm.parameters, before)
 
 
 @pytest.mark.parametrize(("name", "value", "said"), BAD.values(), ids=BAD)
 def test_likewise_for_one_of_many_arms(
     sim: Simulator, name: str, value: list[float], said: str
 ) -> None:
-    rows = [sim.plant.parameters.of(name, sim.parameters), np.array(value)]
+    rows = [sim.arm.plant.parameters.of(name, sim.arm.parameters), np.array(value)]
     some = np.zeros((2, 2))
     said = said.replace("payload 1", "payload 1 of arm 1").replace(r"\] =", r"\] of arm 1 =")
     with pytest.raises(InvalidInput, match=f"^{said}"):
@@ -93,7 +93,7 @@ def test_likewise_for_one_of_many_arms(
     ],
 )
 def test_what_is_just_possible_is_taken(sim: Simulator, name: str, value: list[float]) -> None:
-    before = sim.plant.parameters.of(name, sim.parameters)
+    before = sim.arm.plant.parameters.of(name, sim.arm.parameters)
     sim.set_parameter(name, value)
-    np.testing.assert_array_equal(sim.plant.parameters.of(name, sim.parameters), value)
+    np.testing.assert_array_equal(sim.arm.plant.parameters.of(name, sim.arm.parameters), value)
     sim.set_parameter(name, before)

@@ -12,8 +12,8 @@ from numpy.polynomial import Polynomial
 import models
 from arm_dynamics import Dynamics
 from arm_sim import Simulator, State
+from arm_sim.energy_meter import EnergyMeter
 from arm_sim.recording.energy_account import dissipated_work, relative_error
-from arm_sim.recording.energy_meter import EnergyMeter
 from arm_sim.runtime_changes import external_change, payload_change
 from models.rotor import rotor
 from tolerances import PINOCCHIO, assert_close
@@ -104,7 +104,7 @@ def test_without_laws_it_is_the_work_of_torques() -> None:
     assert_close(run.supplied[1:], work, 1e-12)
     assert not run.stored.any()
     assert np.abs(run.balance).max() < 1e-6
-    assert not sim.energy_account.makes_ticks_again(np.hstack([run.q, run.v]))
+    assert not sim.arm.compiled.energy_account.makes_ticks_again(np.hstack([run.q, run.v]))
 
 
 def test_energies_of_a_tick_do_not_depend_on_other_ticks(sim: Simulator) -> None:
@@ -145,7 +145,7 @@ def test_the_meter_of_a_running_simulation_says_the_same(sim: Simulator) -> None
     sim.reset()
     recorded = sim.run(0.02, U)
     sim.reset()
-    meter = EnergyMeter(sim)
+    meter = EnergyMeter(sim.arm)
     for _ in range(20):
         sim.step(U)
         meter.note()
@@ -218,7 +218,7 @@ def tuned(request: pytest.FixtureRequest) -> tuple[Simulator, float]:
 
 
 def restart(sim: Simulator) -> None:
-    for item in sim.plant.parameters.items:
+    for item in sim.arm.plant.parameters.items:
         sim.set_parameter(item.name, item.nominal)
     sim.reset([0.5, -0.8], [0.3, -0.2])
 

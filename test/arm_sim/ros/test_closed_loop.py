@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 from harness import Ros
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import state_bytes
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -15,7 +17,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 import models
 from arm_dynamics import load_scene
 from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.trajectory import Waypoint
+from arm_sim.closed_loop import ClosedLoop
 from arm_sim.ros.sim_node import SimNode
+from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
 
@@ -82,6 +87,59 @@ def test_two_runs_are_equal_to_the_bit(ros: Ros) -> None:
     first = follow(*pair(ros), 500)
     second = follow(*pair(ros), 500)
     np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize("sent", [[], [math.nan] * 7], ids=["none", "nan"])
+def test_tracks_a_robot_that_sends_no_velocities(ros: Ros, sent: list[float]) -> None:
+    sim, _ = pair(ros)
+    controller = ros.add(
+        ControllerNode, models.scene("panda"), bandwidth=[20.0], velocities="positions",
+        velocity_cutoff=150.0,
+    )  # fmt: skip
+
+    def answer() -> bytes | None:
+        message = deserialize_message(state_bytes(sim), JointState)
+        message.velocity = sent
+        return controller.on_joint_states(serialize_message(message))
+
+    errors = []
+    for k in range(3500):
+        sim.inputs.on_joint_commands(answer())
+        if k == 0:
+            controller.on_joint_trajectory(trajectory(sim))
+        sim.tick()
+        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
+        errors.append(reference.q - sim.simulator.state.q)
+    assert rms(np.array(errors)) < RMS
+    assert not controller._log.passed_over
+
+
+def test_the_efforts_of_a_motion_repeat_it_without_feedback(ros: Ros) -> None:
+    """Torques of a controlled motion, sent as efforts of its points, are the motion's own."""
+    scene, ticks = models.scene("panda"), 3000
+    controlled = ClosedLoop(scene)
+    home = controlled.simulator.state.q
+    controlled.follow([Waypoint(1.0 + i, home + goal) for i, goal in enumerate(GOALS)])
+    done = controlled.run(3.0)
+    q, tau = done.q, done.command
+    sim = ros.add(SimNode, scene, realtime=False, integrator="rk4")
+    blind = ros.add(ControllerNode, scene, controller="pd", bandwidth=[0.0])
+    repeated = JointTrajectory(joint_names=list(sim.simulator.joint_names))
+    for k in range(ticks):
+        point = JointTrajectoryPoint(positions=q[k].tolist(), effort=tau[k].tolist())
+        point.time_from_start.sec, point.time_from_start.nanosec = divmod(k * 10**6, 10**9)
+        repeated.points.append(point)
+    blind.on_joint_states(state_bytes(sim))
+    blind.on_joint_trajectory(repeated)
+    while blind.busy:
+        blind.deliver()
+    for k in range(ticks):
+        assert_close(sim.simulator.state.q, q[k], 1e-6)
+        command = blind.on_joint_states(state_bytes(sim))
+        given = deserialize_message(command, JointState).effort
+        assert_close(given, tau[k], ALGEBRA)
+        sim.inputs.on_joint_commands(command)
+        sim.tick()
 
 
 def test_over_topics(ros: Ros) -> None:

@@ -54,7 +54,9 @@ def test_sensors_look_at_every_tick_however_seldom_states_are_published(ros: Ros
     for node in (often, seldom):
         node.inputs.on_commands(Float64MultiArray(data=[1.0, 0.25]))
         ticks(node, 21)
-    np.testing.assert_array_equal(often.simulator.sensors.said, seldom.simulator.sensors.said)
+    np.testing.assert_array_equal(
+        often.simulator.arm.sensors.measured, seldom.simulator.arm.sensors.measured
+    )
 
 
 def test_without_sensors_there_is_no_second_topic(ros: Ros) -> None:
@@ -99,7 +101,7 @@ def test_a_held_command_is_lost_once_and_not_again_in_each_tick() -> None:
 def test_time_that_waits_for_a_command_goes_on_when_one_is_on_the_way(ros: Ros) -> None:
     node = node_with(ros, commands={"delay": 0.002}, wait_for_command=True)
     ticks(node, 3)
-    assert node.simulator.step_count == 0
+    assert node.simulator.arm.step_count == 0
     node.inputs.on_commands(Float64MultiArray(data=[0.0, 1.0]))
     assert acting(node, 3) == [0.0, 0.0, 1.0]
 

@@ -21,11 +21,11 @@ from launch_files import Launch, Start
 
 import models
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.ros.controller.params import ControllerParams
+from arm_dynamics.ros.controller.controller_params import ControllerParams
 from arm_dynamics.ros.interfaces import CONTROLLER_STATE
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.urdf import HARDWARE, with_hardware
-from arm_sim.ros.params import SimParams
+from arm_sim.ros.sim_params import SimParams
 
 PACKAGE = Path(__file__).parents[3] / "src/arm_sim"
 FILES = sorted((PACKAGE / "launch").glob("*.launch.xml"))

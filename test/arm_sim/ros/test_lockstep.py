@@ -70,7 +70,7 @@ def watched(sim: SimNode) -> list[np.ndarray]:
 
     def note() -> None:
         states.append(np.concatenate([sim.simulator.state.q, sim.simulator.state.v]))
-        sim.engine.paused = sim.simulator.step_count >= TICKS
+        sim.engine.paused = sim.simulator.arm.step_count >= TICKS
 
     sim.engine.on_tick.append(note)
     return states
@@ -82,7 +82,7 @@ def motion(ros: Ros, sim: SimNode, controller: ControllerNode) -> np.ndarray:
     controller.on_joint_trajectory(trajectory(sim))
     ros.spin_until(lambda: controller.follower.remaining(0) > 0.0)  # planned, if planning waits
     sim.engine.pause(False)
-    ros.spin_until(lambda: sim.simulator.step_count >= TICKS, timeout=60.0)
+    ros.spin_until(lambda: sim.simulator.arm.step_count >= TICKS, timeout=60.0)
     return np.array(states)
 
 
@@ -125,7 +125,7 @@ def test_only_the_answer_to_the_present_state_makes_a_tick(ros: Ros) -> None:
     sim = lockstep(ros)
     for stamp in (5_000_000, 0, 0, 1_000_000, 0, 3_000_000):
         answer(sim, stamp)
-    assert sim.simulator.step_count == 2
+    assert sim.simulator.arm.step_count == 2
     assert sim.lockstep.ignored == 4
 
 
@@ -141,10 +141,10 @@ def test_counters_are_reset(ros: Ros) -> None:
 def test_answers_are_to_states_that_are_published(ros: Ros) -> None:
     sim = lockstep(ros, publish_every=5)
     answer(sim, 0)
-    assert sim.simulator.step_count == 5
+    assert sim.simulator.arm.step_count == 5
     answer(sim, 1_000_000)
     answer(sim, 5_000_000)
-    assert sim.simulator.step_count == 10
+    assert sim.simulator.arm.step_count == 10
 
 
 def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
@@ -160,10 +160,10 @@ def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
     found = {f.part: f for f in sim.diagnostics()}["lockstep"].message(sim)
     assert found.level == b"\x02"
     assert "does not answer" in found.message
-    assert sim.simulator.step_count == 1
+    assert sim.simulator.arm.step_count == 1
     answer(sim, 1_000_000)
     assert not sim.lockstep.gone
-    assert sim.simulator.step_count == 2
+    assert sim.simulator.arm.step_count == 2
 
 
 def test_paused_it_does_not_wait_for_commands(ros: Ros) -> None:
@@ -173,10 +173,10 @@ def test_paused_it_does_not_wait_for_commands(ros: Ros) -> None:
     end = time.monotonic() + 0.2
     ros.spin_until(lambda: time.monotonic() > end)
     assert not sim.lockstep.gone
-    assert sim.simulator.step_count == 0
+    assert sim.simulator.arm.step_count == 0
     assert sim.requests.answer(PAUSE, SetBool.Request(data=False)).success
     answer(sim, 0)
-    assert sim.simulator.step_count == 1
+    assert sim.simulator.arm.step_count == 1
 
 
 def test_after_a_reset_the_first_state_is_answered_again(ros: Ros) -> None:
@@ -185,9 +185,9 @@ def test_after_a_reset_the_first_state_is_answered_again(ros: Ros) -> None:
         answer(sim, stamp)
     assert sim.requests.answer(RESET).success
     answer(sim, 5_000_000)
-    assert sim.simulator.step_count == 0
+    assert sim.simulator.arm.step_count == 0
     answer(sim, 0)
-    assert sim.simulator.step_count == 1
+    assert sim.simulator.arm.step_count == 1
 
 
 def test_privileges_that_are_not_granted_are_reported(

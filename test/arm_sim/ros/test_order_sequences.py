@@ -31,11 +31,11 @@ from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.joint_state import address
 from arm_sim import Recording
 from arm_sim.replay import replay
-from arm_sim.ros import code
+from arm_sim.ros import node_library
 from arm_sim.ros.commands.latest import POLICIES
-from arm_sim.ros.latency import Histogram
-from arm_sim.ros.realtime_loop import Due
 from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.timing.latency import Histogram
+from arm_sim.ros.timing.realtime_loop import Due
 
 pytestmark = pytest.mark.ros
 
@@ -53,7 +53,7 @@ class Wire(Structure):
 @pytest.fixture
 def library(monkeypatch: pytest.MonkeyPatch) -> CDLL:
     """The native code of the nodes, whose messages come by ``wire.c``."""
-    made = code.library(WIRE)
+    made = node_library.library(WIRE)
     made.left_on_wire.argtypes, made.left_on_wire.restype = [c_void_p], c_int64
     for user in (
         "arm_dynamics.ros.joint_state.reader.library",
@@ -96,12 +96,12 @@ class Sim:
         """Make ticks, in C where it can, until all has come or time stands still; their number."""
         node, made = self.node, 0
         while self._library.left_on_wire(self._to) and not (made and node.engine.paused):
-            before = node.simulator.step_count
+            before = node.simulator.arm.step_count
             if not node.ordinary.by_the_clock(self._due):
                 self.left += 1
                 node.tick()
                 made += node.engine.paused
-            made += node.simulator.step_count - before
+            made += node.simulator.arm.step_count - before
         return made
 
     def ticks(self, count: int) -> None:
@@ -116,10 +116,11 @@ class Sim:
         engine, simulator, slot = node.engine, node.simulator, node.engine.commands
         arbiter, inputs = engine.arbiter, node.inputs
         return {
-            "time": simulator.step_count, "state": simulator.x.tobytes(),
-            "acted": simulator.acted.tobytes(), "parameters": simulator.parameters.tobytes(),
+            "time": simulator.arm.step_count, "state": simulator.arm.x.tobytes(),
+            "acted": simulator.arm.acted.tobytes(),
+            "parameters": simulator.arm.parameters.tobytes(),
             "commands": (slot.empty, slot.age, slot.stale, slot.stale_count),
-            "next": str(slot.held(simulator.x[:2])),
+            "next": str(slot.held(simulator.arm.x[:2])),
             "sources": [(k, s.joints, s.heard, s.count) for k, s in arbiter._heard.items()],
             "arbiter": (arbiter.now, arbiter.refused, arbiter.conflict, arbiter.last_refusal),
             "refused": (inputs.refused, inputs.refused_wrenches),

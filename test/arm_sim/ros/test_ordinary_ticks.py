@@ -31,9 +31,9 @@ from arm_dynamics.ros.common.convert import to_nanoseconds, to_time
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
-from arm_sim.ros.latency import Histogram
-from arm_sim.ros.realtime_loop import Due
 from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.timing.latency import Histogram
+from arm_sim.ros.timing.realtime_loop import Due
 
 pytestmark = pytest.mark.ros
 
@@ -87,7 +87,7 @@ class Fast:
     @property
     def made(self) -> int:
         """Ticks so far."""
-        return self.node.simulator.step_count
+        return self.node.simulator.arm.step_count
 
     def led(self, *tau: float) -> bytes:
         """Ticks of one command, made by C; the message."""
@@ -205,7 +205,7 @@ def test_in_lockstep_states_are_those_of_python(ros: Ros, tmp_path: Path, every:
         ros.spin_until(lambda: node.ordinary.count >= 200)
     assert node.recorder is not None and node.lockstep is not None
     node.recorder.close()
-    motion, made = Recording.load(path), node.simulator.step_count
+    motion, made = Recording.load(path), node.simulator.arm.step_count
     assert len(motion) == made + 1 and not motion.gaps
     expected = Simulator(models.scene("two_link"))
     for tick in range(made):
@@ -232,7 +232,7 @@ def test_what_is_wrong_is_refused_by_python(ros: Ros, raw: bytes, refused: str) 
     count = fast.node.inputs.refused
     fast.node.tick()
     assert fast.node.inputs.refused == count + 1
-    assert fast.node.simulator.command.tolist() == [0.0, 0.0], "the old one is too old"
+    assert fast.node.simulator.arm.acted.tolist() == [0.0, 0.0], "the old one is too old"
 
 
 def test_a_command_of_some_joints_is_put_together_by_python(ros: Ros) -> None:
@@ -242,7 +242,7 @@ def test_a_command_of_some_joints_is_put_together_by_python(ros: Ros) -> None:
     told.header.frame_id = "leader"
     fast.refuses(serialize_message(told))
     fast.node.tick()
-    assert fast.node.simulator.command.tolist() == [1.5, -0.5]
+    assert fast.node.simulator.arm.acted.tolist() == [1.5, -0.5]
 
 
 def test_an_order_waits_for_no_more_than_the_tick_under_way(ros: Ros) -> None:
@@ -280,7 +280,7 @@ def test_efforts_in_model_order_act_at_once(ros: Ros) -> None:
     fast.node.inputs.on_commands(Float64MultiArray(data=[2.0, 1.0]))
     assert not fast.node.ordinary.by_the_clock(fast.due)
     fast.node.tick()
-    assert fast.node.simulator.command.tolist() == [2.0, 1.0]
+    assert fast.node.simulator.arm.acted.tolist() == [2.0, 1.0]
 
 
 def test_late_ticks_are_counted_and_made_up_for(ros: Ros) -> None:
@@ -341,5 +341,5 @@ def test_most_ticks_of_a_loop_by_the_clock_are_made_in_c(ros: Ros) -> None:
     assert (np.diff(times) > 0).all() and times[-1] <= time.time_ns()
     assert all(abs(e.balance) < 1e-6 for e in energies)
     last = node.engine.account()
-    assert last is not None and last.step == node.simulator.step_count
+    assert last is not None and last.step == node.simulator.arm.step_count
     assert (last.kinetic, last.potential) == node.simulator.dynamics.energy(*motion(node))

@@ -9,7 +9,7 @@ import pytest
 from harness import Ros
 from sim_by_hand import by_hand
 
-from arm_sim.ros.params import SimParams
+from arm_sim.ros.sim_params import SimParams
 
 pytestmark = pytest.mark.ros
 

@@ -12,9 +12,9 @@ import pytest
 
 import models
 from arm_sim import Simulator
-from arm_sim.ros.latency import Histogram, RoundTrip
-from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.latency import Histogram, RoundTrip
+from arm_sim.ros.timing.realtime_loop import RealtimeLoop
 
 pytestmark = pytest.mark.ros
 
@@ -106,20 +106,20 @@ def test_a_partner_may_be_as_late_as_always_while_the_loop_catches_up() -> None:
     commanded, step = [clock.now], engine.simulator
 
     def tick() -> None:
-        if clock.now - commanded[-1] >= 60_000_000 and step.step_count < 3000:
+        if clock.now - commanded[-1] >= 60_000_000 and step.arm.step_count < 3000:
             commanded.append(clock.now)
             engine.commands.put([0.1, 0.1])
         engine.tick()
-        clock.sleep(0.5 if step.step_count == 1000 else 20e-6)
-        if step.step_count == 3000:
+        clock.sleep(0.5 if step.arm.step_count == 1000 else 20e-6)
+        if step.arm.step_count == 3000:
             told.append(engine.commands.stale_count)
-        if engine.commands.stale or step.step_count == 4000:
+        if engine.commands.stale or step.arm.step_count == 4000:
             loop.stop()
 
     loop, told = RealtimeLoop(tick, 1e-3, clock=clock), list[int]()
     engine.share = lambda: loop.share
     loop.start()
-    while not (engine.commands.stale or step.step_count == 4000):
+    while not (engine.commands.stale or step.arm.step_count == 4000):
         time.sleep(1e-3)
     assert loop.report().missed > 400 and told == [0]
     assert clock.now - commanded[-1] == pytest.approx(101e6, abs=2e6), "then it has ended"

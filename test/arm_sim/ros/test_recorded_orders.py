@@ -17,7 +17,7 @@ from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
 import models
 from arm_dynamics.ros import interfaces
 from arm_sim import Recording
-from arm_sim.recording.energy_meter import Account
+from arm_sim.energy_meter import Account
 from arm_sim.replay import replay
 from arm_sim.ros.commands.latest import POLICIES
 

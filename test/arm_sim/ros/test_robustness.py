@@ -97,7 +97,7 @@ def alive(nodes: Nodes) -> None:
     sim.inputs.on_joint_commands(command())
     sim.tick()
     np.testing.assert_array_equal(sim.simulator.effort, TAU)
-    assert sim.simulator.step_count == 1
+    assert sim.simulator.arm.step_count == 1
     assert np.isfinite(sim.simulator.state.q).all()
 
 
@@ -295,7 +295,7 @@ def test_orders_of_any_content(
         v[joints] = velocity or 0.0
     np.testing.assert_array_equal([simulator.state.q, simulator.state.v], [q, v])
 
-    before = simulator.parameters
+    before = simulator.arm.parameters
     six = (velocity * 6 + [0.0] * 6)[:6]
     load = SetPayload.Request(index=count % 3, mass=mass, com=six[:3], inertia=six)
     answer = requests.answer(SET_PAYLOAD, load)
@@ -304,7 +304,7 @@ def test_orders_of_any_content(
     if answer.success:
         assert simulator.dynamics.model.scene.payloads[0].mass == mass
     else:
-        np.testing.assert_array_equal(simulator.parameters, before)
+        np.testing.assert_array_equal(simulator.arm.parameters, before)
 
     before = simulator.dynamics.model.viscous.copy()
     rub = SetFriction.Request(joint_names=name, viscous=position)
@@ -316,11 +316,11 @@ def test_orders_of_any_content(
     np.testing.assert_array_equal(simulator.dynamics.model.viscous, before)
 
     count = count if count > 10_000 else count % 20
-    was = simulator.step_count
+    was = simulator.arm.step_count
     answer = requests.answer(STEP, Step.Request(steps=count))
     if answer.success:
         assert 1 <= count <= 10_000
-        assert simulator.step_count == was + count
+        assert simulator.arm.step_count == was + count
     else:
         assert count in (0, *range(10_001, 12_001)) or nodes.sim.engine.failure
     assert np.isfinite(simulator.state.q).all()

@@ -214,7 +214,7 @@ def test_the_file_may_change_while_the_simulation_runs(ros: Ros, tmp_path: Path)
     np.testing.assert_array_equal(node.simulator.state.q, first)
     file.unlink()
     node.tick()
-    assert node.simulator.step_count == 2
+    assert node.simulator.arm.step_count == 2
 
 
 def test_sigterm_in_the_middle_of_a_flood_ends_in_order(loop: Loop) -> None:

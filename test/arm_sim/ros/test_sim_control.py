@@ -154,7 +154,7 @@ def test_what_a_payload_puts_in_is_accounted_for(ros: Ros) -> None:
 
 def test_what_cannot_be_set_is_refused(ros: Ros) -> None:
     node = by_hand(ros, scene(tunable=["payload", "friction"]))
-    before = node.simulator.parameters
+    before = node.simulator.arm.parameters
     for request in (
         SetPayload.Request(mass=-1.0), SetPayload.Request(mass=np.nan),
         SetPayload.Request(index=1), SetPayload.Request(mass=1.0, inertia=[-1.0] * 6),
@@ -166,7 +166,7 @@ def test_what_cannot_be_set_is_refused(ros: Ros) -> None:
         SetFriction.Request(viscous=[np.inf, 0.0]),
     ):  # fmt: skip
         assert not node.requests.answer(SET_FRICTION, rub).success
-    np.testing.assert_array_equal(node.simulator.parameters, before)
+    np.testing.assert_array_equal(node.simulator.arm.parameters, before)
 
 
 # --- the first command -------------------------------------------------------------------------
@@ -175,13 +175,13 @@ def test_what_cannot_be_set_is_refused(ros: Ros) -> None:
 def test_time_stands_still_until_the_first_command(ros: Ros) -> None:
     node = by_hand(ros, wait_for_command=True)
     ticks(node, 50)
-    assert node.simulator.step_count == 0
+    assert node.simulator.arm.step_count == 0
     node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 5)
-    assert node.simulator.step_count == 5
+    assert node.simulator.arm.step_count == 5
     node.requests.answer(RESET)
     ticks(node, 5)
-    assert node.simulator.step_count == 0
+    assert node.simulator.arm.step_count == 0
 
 
 # --- diagnostics -------------------------------------------------------------------------------

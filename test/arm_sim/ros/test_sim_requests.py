@@ -45,7 +45,7 @@ def test_pause_stops_and_releases(node: SimNode) -> None:
     np.testing.assert_array_equal(motion(node), before)
     assert node.requests.answer(PAUSE, SetBool.Request(data=False)).success
     ticks(node, 3)
-    assert node.simulator.step_count == 6
+    assert node.simulator.arm.step_count == 6
 
 
 def test_a_paused_arm_is_seen_now_and_then(ros: Ros) -> None:
@@ -73,7 +73,7 @@ def test_step_is_bounded(node: SimNode, steps: int) -> None:
     answer = step(node, steps)
     assert not answer.success
     assert f"allowed: 1 to {MAX_STEPS}" in answer.message
-    assert node.simulator.step_count == 0
+    assert node.simulator.arm.step_count == 0
 
 
 def test_reset_goes_back_to_the_start_without_a_command(ros: Ros, node: SimNode) -> None:
@@ -145,7 +145,7 @@ def test_divergence_pauses_and_keeps_the_last_good_state(
         raise SimulationDiverged("too fast")
 
     with monkeypatch.context() as patch:
-        patch.setattr(node.simulator, "advance", diverge)
+        patch.setattr(node.simulator.arm, "advance", diverge)
         ticks(node, 3)
         assert capfd.readouterr().err.count("too fast") == 1
         answer = step(node, 2)
@@ -155,7 +155,7 @@ def test_divergence_pauses_and_keeps_the_last_good_state(
     np.testing.assert_array_equal(motion(node), good)
     assert node.requests.answer(PAUSE, SetBool.Request(data=False)).success
     ticks(node, 2)
-    assert node.simulator.step_count == 6
+    assert node.simulator.arm.step_count == 6
 
 
 def test_by_the_clock_it_ticks_and_serves(ros: Ros) -> None:
@@ -166,12 +166,12 @@ def test_by_the_clock_it_ticks_and_serves(ros: Ros) -> None:
     assert not running.success
     assert "paused" in running.message
     assert ros.call(SetBool, "/sim/pause", SetBool.Request(data=True)).success
-    count = node.simulator.step_count
+    count = node.simulator.arm.step_count
     answer = ros.call(Step, "/sim/step", Step.Request(steps=7))
     assert answer.success, answer.message
-    assert node.simulator.step_count == count + 7
+    assert node.simulator.arm.step_count == count + 7
     request = SetJointState.Request(position=[0.5, 0.5])
     assert ros.call(SetJointState, "/sim/set_joint_state", request).success
     np.testing.assert_array_equal(motion(node), [[0.5, 0.5], [0.0, 0.0]])
     assert ros.call(Trigger, "/sim/reset", Trigger.Request()).success
-    assert node.simulator.step_count == 0
+    assert node.simulator.arm.step_count == 0

@@ -105,14 +105,14 @@ def test_pauses_plays_and_stops(client: Client, node: SimNode) -> None:
     assert client.state == PLAYING
     assert client.enter(PAUSED) == OK
     node.tick()
-    assert node.simulator.step_count == 1
+    assert node.simulator.arm.step_count == 1
     assert client.state == PAUSED
     assert client.enter(STOPPED) == OK
-    assert node.simulator.step_count == 0
+    assert node.simulator.arm.step_count == 0
     assert client.state == STOPPED
     assert client.enter(PLAYING) == OK
     node.tick()
-    assert node.simulator.step_count == 1
+    assert node.simulator.arm.step_count == 1
 
 
 @pytest.mark.parametrize(
@@ -132,10 +132,10 @@ def test_changes_that_are_none_change_nothing(
     node.tick()
     if before != PLAYING:
         assert client.enter(before) == OK
-    count = node.simulator.step_count
+    count = node.simulator.arm.step_count
     assert client.enter(target) == code
     assert client.state == before
-    assert node.simulator.step_count == count
+    assert node.simulator.arm.step_count == count
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_resets_what_the_scope_names(
     fallen = motion(node)
     assert not np.array_equal(start, fallen)
     assert client("reset_simulation", scope=scope).result.result == OK
-    assert node.simulator.step_count == (0 if time_back else 20)
+    assert node.simulator.arm.step_count == (0 if time_back else 20)
     np.testing.assert_array_equal(motion(node), start if state_back else fallen)
 
 
@@ -162,7 +162,7 @@ def test_what_is_never_spawned_cannot_be_removed(
     result = client("reset_simulation", scope=scope).result
     assert result.result == UNSUPPORTED
     assert f"scope {scope}; allowed:" in result.error_message
-    assert node.simulator.step_count == 5
+    assert node.simulator.arm.step_count == 5
 
 
 def test_steps(client: Client, node: SimNode) -> None:
@@ -179,7 +179,7 @@ def test_steps_out_of_range_are_refused(client: Client, node: SimNode, steps: in
     result = client("step_simulation", steps=steps).result
     assert result.result == FAILED
     assert result.error_message == f"steps = {steps}; allowed: 1 to 10000"
-    assert node.simulator.step_count == 0
+    assert node.simulator.arm.step_count == 0
 
 
 def test_steps_while_it_runs_are_refused(ros: Ros, client: Client) -> None:
@@ -355,7 +355,7 @@ def test_the_action_makes_steps_and_reports_how_many(
 ) -> None:
     mine = stepper()
     assert mine.outcome(mine.send(steps)) == (SUCCEEDED, OK, "")
-    assert node.simulator.step_count == steps
+    assert node.simulator.arm.step_count == steps
     ros.spin_until(lambda: mine.heard and not mine.heard[-1].remaining_steps)
     completed = [told.completed_steps for told in mine.heard]
     assert completed == sorted(completed)
@@ -369,7 +369,7 @@ def test_the_action_ends_when_it_is_cancelled(ros: Ros, stepper: Any, node: SimN
     ros.spin_until(goal.cancel_goal_async().done)
     status, code, said = mine.outcome(goal)
     assert (status, code) == (CANCELED, OK)
-    assert said == f"cancelled after {node.simulator.step_count} of {2**62} steps"
+    assert said == f"cancelled after {node.simulator.arm.step_count} of {2**62} steps"
     assert mine.outcome(mine.send(3))[0] == SUCCEEDED
 
 

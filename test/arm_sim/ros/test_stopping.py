@@ -39,10 +39,10 @@ def place(node: SimNode) -> np.ndarray:
 def test_until_the_first_command_the_arm_stands_to_the_bit(ros: Ros, name: str) -> None:
     """Drives, loops, contacts, springs: whatever pulls, and time goes on."""
     node = braked(ros, name)
-    start = node.simulator.x.copy()
+    start = node.simulator.arm.x.copy()
     ticks(node, 300)
-    np.testing.assert_array_equal(node.simulator.x, start)
-    assert node.simulator.step_count == 300
+    np.testing.assert_array_equal(node.simulator.arm.x, start)
+    assert node.simulator.arm.step_count == 300
     assert node.engine.held == "brakes"
 
 
@@ -57,12 +57,12 @@ def test_an_arm_that_moves_is_stopped_and_then_stands(ros: Ros, name: str) -> No
         node.tick()
     assert abs(sim.state.v).max() > 10 * SLOW
     ticks(node, 10 + round((LONGEST + 0.01) / sim.dt))
-    still = sim.x.copy()
+    still = sim.arm.x.copy()
     assert not sim.state.v.any()
     ticks(node, 100)
-    np.testing.assert_array_equal(sim.x, still)
+    np.testing.assert_array_equal(sim.arm.x, still)
     assert node.engine.held == "brakes"
-    assert not sim.acted.any()
+    assert not sim.arm.acted.any()
 
 
 def test_a_stop_takes_the_way_that_the_servos_need(ros: Ros) -> None:

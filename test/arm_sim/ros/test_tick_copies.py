@@ -23,8 +23,8 @@ def test_a_tick_follows_the_joint_state_published_for_it(state: State | None) ->
     engine = engine_of(scene())
     run(engine, 20)
     simulator, chunk = engine.simulator, Chunk()
-    writer = TickWriter(simulator.plant.nx, simulator.n)
-    copy = TickCopy(writer, simulator, TICK, STATE)
+    writer = TickWriter(simulator.arm.plant.nx, simulator.n)
+    copy = TickCopy(writer, simulator.arm, TICK, STATE)
     wanted = list[tuple[int, int, int, bytes]]()
     for now, hold in zip(TIMES, (0, 2), strict=True):
         stamp = 2**40 + now % 10
@@ -34,8 +34,8 @@ def test_a_tick_follows_the_joint_state_published_for_it(state: State | None) ->
         wanted.append((TICK, now, stamp, bytes(writer.raw)))
         assert writer.raw[writer.hold] == hold
         assert TIME.unpack_from(writer.raw, writer.stamp) == divmod(stamp, GIGA)
-    assert np.frombuffer(writer.state).tolist() == simulator.x.tolist()
-    assert np.frombuffer(writer.command).tolist() == simulator.acted.tolist()
+    assert np.frombuffer(writer.state).tolist() == simulator.arm.x.tolist()
+    assert np.frombuffer(writer.command).tolist() == simulator.arm.acted.tolist()
     found, at = list[tuple[int, int, int, bytes]](), 0
     for start in chunk.starts.tolist():
         opcode, length, channel, _, log, publish = MESSAGE.unpack_from(chunk.data, start)

@@ -95,7 +95,7 @@ def test_reset_goes_back_and_forgets_commands_sources_and_wrenches() -> None:
     assert made.arbiter.sources == ()
     made.arbiter.admit("two", BOTH)  # nothing is kept for the stream of before
     assert made.pushed_frames == ()
-    assert made.simulator.step_count == 0
+    assert made.simulator.arm.step_count == 0
     ticks(made, 5)
     free = models.simulator("two_link")
     for _ in range(5):
@@ -108,10 +108,10 @@ def test_time_waits_for_the_first_command_if_configured() -> None:
     idle: list[int] = []
     made.on_idle.append(lambda: idle.append(1))
     ticks(made, 3)
-    assert (made.simulator.step_count, len(idle)) == (0, 3)
+    assert (made.simulator.arm.step_count, len(idle)) == (0, 3)
     made.commands.put(TAU)
     ticks(made, 2)
-    assert (made.simulator.step_count, len(idle)) == (2, 3)
+    assert (made.simulator.arm.step_count, len(idle)) == (2, 3)
 
 
 def test_commands_are_read_before_the_tick_in_which_they_act() -> None:
@@ -130,7 +130,7 @@ def test_steps_are_bounded(steps: int) -> None:
     made = engine()
     with pytest.raises(InvalidInput, match="allowed: 1 to 10000"):
         made.step(steps)
-    assert made.simulator.step_count == 0
+    assert made.simulator.arm.step_count == 0
 
 
 def test_steps_do_not_age_the_command_and_need_a_pause_where_something_else_ticks() -> None:
@@ -141,7 +141,7 @@ def test_steps_do_not_age_the_command_and_need_a_pause_where_something_else_tick
         made.step(1)
     made.pause(True)
     made.step(50)
-    assert made.simulator.step_count == 50
+    assert made.simulator.arm.step_count == 50
     made.pause(False)
     assert [acting(made) == [*TAU] for _ in range(3)] == [True, True, False]
 
@@ -164,7 +164,7 @@ def test_divergence_pauses_with_the_last_good_state_until_it_is_released() -> No
     assert made.paused  # a reset does not let time go on
     made.pause(False)
     ticks(made, 2)
-    assert made.simulator.step_count == 2
+    assert made.simulator.arm.step_count == 2
 
 
 def test_releasing_time_forgets_the_failure_and_stopping_it_does_not() -> None:
@@ -252,11 +252,11 @@ def test_a_force_along_an_axis_of_the_world_does_work_along_it() -> None:
 
 def test_a_wrench_that_makes_no_sense_is_refused_and_builds_nothing() -> None:
     made = engine()
-    plant = made.simulator.plant
+    plant = made.simulator.arm.plant
     for frame, wrench in (("paw", UP), ("tip", [np.nan] * 6), ("tip", [1.0] * 5)):
         with pytest.raises(InvalidInput):
             made.push(frame, wrench)
-    assert made.simulator.plant is plant
+    assert made.simulator.arm.plant is plant
     assert made.pushed_frames == ()
 
 

@@ -292,7 +292,7 @@ PROGRAM = """
     print("begun", flush=True)
     for _ in range({ticks}):
         run(engine, 100)
-        print(engine.simulator.step_count, time.time(), flush=True)
+        print(engine.simulator.arm.step_count, time.time(), flush=True)
         time.sleep(0.05)
     recorder.close()
     print("said", said, recorder.lost, flush=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from arm_dynamics.codegen.header import Header
-from arm_sim.ros import code
+from arm_sim.ros import node_library
 
 THREADS = Path(__file__).parents[2] / "support/tick_threads.c"
 ORDERS = 100
@@ -26,7 +26,7 @@ class Done(Structure):
 
 @pytest.mark.parametrize("period", [0, 20_000], ids=["as fast as it can", "by the clock"])
 def test_orders_diagnostics_and_the_recording_go_on_beside_ticks(period: int) -> None:
-    library = code.library(THREADS)
+    library = node_library.library(THREADS)
     done = Done()
     library.run_threads.restype = None
     library.run_threads(c_int64(ORDERS), c_int64(period), byref(done))

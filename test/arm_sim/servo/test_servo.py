@@ -232,7 +232,7 @@ def test_names_of_joints_mean_nothing(names: tuple[str, str]) -> None:
         led(sim, 0.05, position=np.array([0.1, -0.2]))
         moving = sim.state.z.copy()
         assert moving.all()
-        sim.lock()
+        sim.arm.lock()
         current, position, velocity, bristle = 0.0, 1.0, 0.0, 1.0  # what brakes leave of each
         left = np.array([current, position, velocity] * 2 + [bristle] * 2)
         np.testing.assert_array_equal(sim.state.z, left * moving)

@@ -15,6 +15,7 @@ OPTIONS: list[dict[str, Any]] = [
     {"integrator": "euler"},
     {"integrator": "semi_implicit_euler"},
     {"integrator": "rk4"},
+    {"integrator": "nystrom4"},
     {"tolerance": 1e-8},
 ]
 TICKS = 20

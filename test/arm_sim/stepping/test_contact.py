@@ -19,6 +19,7 @@ G = 9.81
 OPTIONS: dict[str, dict[str, Any]] = {
     "rk4 1 ms": {"integrator": "rk4", "dt": 1e-3},
     "rk4 10 ms": {"integrator": "rk4", "dt": 1e-2},
+    "nystrom4 10 ms": {"integrator": "nystrom4", "dt": 1e-2},
     "error control": {"tolerance": 1e-10, "dt": 1e-2},
 }
 ALL = pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)

@@ -199,7 +199,7 @@ def test_why_a_tick_failed_is_told_where_contacts_are_to_blame(
     height: float, speed: float, good: int, said: str
 ) -> None:
     sim = Simulator({**rails("z"), "constraints": [contact("body")]})
-    stepper, x = sim.compiled.stepper, np.array([height, speed])
+    stepper, x = sim.arm.compiled.stepper, np.array([height, speed])
     assert trouble(stepper) == ""
     trace, effort, notes = np.zeros((1, 2)), np.zeros((1, 1)), np.zeros((1, 2))
     assert stepper.roll(x, np.zeros(1), trace, effort, notes) == good

@@ -20,6 +20,7 @@ from arm_sim import Simulator
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "rk4": {"integrator": "rk4"},
+    "nystrom4": {"integrator": "nystrom4"},
     "semi-implicit": {"integrator": "semi_implicit_euler"},
     "adaptive": {"tolerance": 1e-9},
     "virtual machine": {"integrator": "rk4", "backend": "vm"},

@@ -20,6 +20,7 @@ J, FC, B = 0.1, 0.5, 0.2
 OPTIONS: dict[str, dict[str, Any]] = {
     "rk4 1 ms": {"integrator": "rk4", "dt": 1e-3},
     "rk4 10 ms": {"integrator": "rk4", "dt": 1e-2},
+    "nystrom4 10 ms": {"integrator": "nystrom4", "dt": 1e-2},
     "euler 1 ms": {"integrator": "euler", "dt": 1e-3},
     "error control": {"tolerance": 1e-10, "dt": 1e-2},
 }

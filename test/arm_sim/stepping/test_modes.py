@@ -84,7 +84,7 @@ class Found:
 
 
 def found(sim: Simulator, x: np.ndarray, u: np.ndarray) -> Found:
-    stepper = sim.compiled.stepper
+    stepper = sim.arm.compiled.stepper
     modes = stepper.modes_at(x, u)
     load, force, rate, _ = (np.array(y) for y in stepper.kernel.call("loads")(x, u, modes.p))
     a = np.array(stepper.kernel.call("rhs")(x, u, modes.p)[0])[sim.n :]
@@ -92,7 +92,7 @@ def found(sim: Simulator, x: np.ndarray, u: np.ndarray) -> Found:
     change = shares.reshape(-1, 3)
     for k, mode in enumerate(modes.contact):
         slides = not mode["sticks"]
-        change[k, 1:] -= slides * sim.plant.points[k].friction * change[k, 0] * mode["along"]
+        change[k, 1:] -= slides * sim.arm.plant.points[k].friction * change[k, 0] * mode["along"]
     load, force = load + torques, force + change.ravel()
     c = modes.contact
     states = modes.direction.copy(), c["closed"].copy(), c["sticks"].copy(), c["along"].copy()
@@ -139,8 +139,8 @@ def test_what_is_found_obeys(
     """Under torques at random, which let some carry, stick, slide and lift off."""
     sim = Simulator(scene)
     sim.reset(v=v)
-    friction = [point.friction for point in sim.plant.points]
-    x, level, seen, unanswered = sim.x.copy(), sim.model.friction.level, set(), 0
+    friction = [point.friction for point in sim.arm.plant.points]
+    x, level, seen, unanswered = sim.arm.x.copy(), sim.model.friction.level, set(), 0
     for _ in range(300):
         u = rng.normal(0.0, push)
         sim.set_state(x[: sim.n], x[sim.n :])
@@ -150,7 +150,7 @@ def test_what_is_found_obeys(
             unanswered += 1
             continue
         f = found(sim, x, u)
-        slips = np.array(sim.plant.contact.geometry(x)[1]).reshape(-1, 3)[:, 1:]  # type: ignore[union-attr]
+        slips = np.array(sim.arm.plant.contact.geometry(x)[1]).reshape(-1, 3)[:, 1:]  # type: ignore[union-attr]
         for k, mu in enumerate(friction):
             assert_contact_obeys(f, k, mu, slips[k])
             seen.add((k, float(f.closed[k]), float(f.sticks[k])))
@@ -217,7 +217,7 @@ def test_what_touches(gap: float, speed: float, closed: bool) -> None:
     start = {"initial": {"position": {"z": 1.0}}}
     sim = Simulator({**rails("z"), **start, "constraints": [floor]})
     x = np.array([1.0 + gap, speed])
-    assert bool(sim.compiled.stepper.modes_at(x, np.zeros(1)).contact["closed"][0]) is closed
+    assert bool(sim.arm.compiled.stepper.modes_at(x, np.zeros(1)).contact["closed"][0]) is closed
 
 
 def test_rank_and_what_is_held() -> None:

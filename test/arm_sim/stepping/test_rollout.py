@@ -17,7 +17,9 @@ from models.driven import WINDING, wheel
 from tolerances import BACKENDS, assert_close
 
 STEPS = 20
-OPTIONS: list[dict[str, Any]] = [{"integrator": "rk4"}, {"integrator": "euler"}]
+OPTIONS: list[dict[str, Any]] = [
+    {"integrator": "rk4"}, {"integrator": "nystrom4"}, {"integrator": "euler"},
+]  # fmt: skip
 
 
 def batch(sim: Simulator, rng: np.random.Generator, b: int) -> tuple[np.ndarray, ...]:
@@ -124,7 +126,7 @@ def test_arms_with_states_of_their_own(options: dict[str, Any], rng: np.random.G
     q, v = rng.normal(size=(2, 5, 1))
     volts = rng.normal(0.0, 5.0, size=(5, STEPS, 1))
     together = sim.rollout(q, v, volts, STEPS)
-    assert together.shape == (5, STEPS + 1, 2) and sim.plant.nz > 0
+    assert together.shape == (5, STEPS + 1, 2) and sim.arm.plant.nz > 0
     for i in range(5):
         assert_close(together[i], alone(sim, q[i], v[i], volts[i]), BACKENDS)
     last = sim.rollout(q, v, volts, STEPS, last_only=True)
@@ -211,8 +213,8 @@ def test_in_registers_arms_slide_stick_and_break_away() -> None:
     q, v = rng.normal(0.0, 0.5, (2, 9, 2))
     tau = np.repeat(rng.normal(0.0, 6.0, (9, 5, 2)), 60, axis=1)
     v[4] = 1e160
-    rollouts = sim.compiled.rollouts
-    batch = rollouts.batch(q, v, tau, 300, sim.plant.parameters.nominal, last_only=False)
+    rollouts = sim.arm.compiled.rollouts
+    batch = rollouts.batch(q, v, tau, 300, sim.arm.plant.parameters.nominal, last_only=False)
     assert rollouts.side_by_side(batch) == [], "no arm is left for the engine of one arm"
     np.testing.assert_array_equal(batch.out, sim.rollout(q, v, tau, 300, lanes=1))
     assert np.isnan(batch.out[4, 1:]).all() and np.isfinite(batch.out[[3, 5]]).all()

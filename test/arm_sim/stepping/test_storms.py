@@ -41,7 +41,9 @@ def test_a_hand_that_rubs_on_a_table_moves_on() -> None:
     weight = sim.dynamics.gravity(q)
     for k in range(300):
         push = 40.0 * np.sin(2.0 * np.pi * k / 250.0)
-        sim.advance(weight + rows.T @ [push * np.cos(3e-3 * k), push * np.sin(3e-3 * k), -30.0])
+        sim.arm.advance(
+            weight + rows.T @ [push * np.cos(3e-3 * k), push * np.sin(3e-3 * k), -30.0]
+        )
     assert sim.impacts > 0
 
 

@@ -19,7 +19,7 @@ from arm_sim.view.interactive import (
     SLIDERS,
     WEIGHT,
     Interactive,
-    SimulatedArm,
+    InteractiveArm,
 )
 from arm_sim.view.live_account import LiveAccount
 from arm_sim.view.server import close_server, open_server
@@ -28,7 +28,7 @@ from arm_sim.view.stage import DrawnArm
 
 def test_a_push_accelerates_as_its_torque_does() -> None:
     sim = Simulator("two_link")
-    rig, before = SimulatedArm(sim), sim.state
+    rig, before = InteractiveArm(sim), sim.state
     rig.push("forearm", np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]), ticks=2)
     free = sim.dynamics.forward(before.q, before.v, np.zeros(2))
     torque = rig.wrenches.torque(before.q, 0)
@@ -39,17 +39,17 @@ def test_a_push_accelerates_as_its_torque_does() -> None:
     for _ in range(5):
         rig.tick()
     assert rig.wrenches.active == ()
-    np.testing.assert_array_equal(sim.plant.parameters.of("external", sim.parameters), 0.0)
+    np.testing.assert_array_equal(sim.arm.plant.parameters.of("external", sim.arm.parameters), 0.0)
 
 
 def test_a_frame_that_never_moves_is_not_pushed() -> None:
     with pytest.raises(InvalidInput, match="base"):
-        SimulatedArm(Simulator("two_link")).push("base", np.ones(6), 1)
+        InteractiveArm(Simulator("two_link")).push("base", np.ones(6), 1)
 
 
 def test_weight_is_carried_and_sliders_are_gone_to() -> None:
     sim = Simulator("panda")
-    rig = SimulatedArm(sim)
+    rig = InteractiveArm(sim)
     rig.choose(WEIGHT)
     for _ in range(200):
         rig.tick()
@@ -68,7 +68,7 @@ def test_weight_is_carried_and_sliders_are_gone_to() -> None:
 
 def test_drives_get_commands_and_not_torques() -> None:
     sim = Simulator("motor_pendulum")
-    rig = SimulatedArm(sim)
+    rig = InteractiveArm(sim)
     rig.place(sim.state.q + 0.7)
     rig.choose(WEIGHT)
     start = sim.state.q
@@ -80,7 +80,7 @@ def test_drives_get_commands_and_not_torques() -> None:
 def test_the_energy_account_beside_it_is_that_of_a_recording() -> None:
     """With a drive that stores, loses and brings in energy; after a push and in another place."""
     sim = Simulator("motor_pendulum")
-    rig = SimulatedArm(sim)
+    rig = InteractiveArm(sim)
     rig.place(sim.state.q + 0.7)
     rig.account.prepare()
     rig.push("bob", np.zeros(6), ticks=1)  # which compiles the scene anew
@@ -91,7 +91,7 @@ def test_the_energy_account_beside_it_is_that_of_a_recording() -> None:
     commands = []
     for _ in range(200):
         rig.tick()
-        commands.append(sim.command)
+        commands.append(sim.arm.acted.copy())
     account = dict(zip(rig.account.names, rig.account.now().tolist(), strict=True))
     other = Simulator("motor_pendulum")
     other.reset(start.q, start.v, start.z)
@@ -108,7 +108,7 @@ def test_the_energy_account_beside_it_is_that_of_a_recording() -> None:
 
 def test_an_account_starts_anew_when_somebody_else_has_moved_the_arm() -> None:
     sim = Simulator("motor_pendulum")
-    rig = SimulatedArm(sim)
+    rig = InteractiveArm(sim)
     rig.account.prepare()
     until_built(rig.account)
     for _ in range(50):
@@ -151,7 +151,7 @@ def test_curves_go_back_by_the_seconds_that_they_promise() -> None:
     """Of simulated time, however fast it goes."""
     server, sim = open_server("arm", port=0), Simulator("pendulum", dt=SAMPLED)
     actor = DrawnArm(server, sim.model, "arm")
-    page = Interactive(server, [SimulatedArm(sim)], [actor])
+    page = Interactive(server, [InteractiveArm(sim)], [actor])
     page.step(round(1.2 * MEMORY / SAMPLED))
     close_server(server)
     torque, *_ = page._curves()

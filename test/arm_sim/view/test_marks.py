@@ -8,7 +8,7 @@ import pytest
 
 import models
 from arm_sim import Simulator
-from arm_sim.view.interactive import SimulatedArm
+from arm_sim.view.interactive import InteractiveArm
 from arm_sim.view.marks import Instant, Marker
 
 
@@ -76,7 +76,7 @@ def test_the_hand_is_the_link_farthest_out() -> None:
 def test_what_a_simulator_shows_are_its_forces() -> None:
     sim = Simulator("panda_table")
     sim.run(0.2)
-    seen = SimulatedArm(sim).look()
+    seen = InteractiveArm(sim).look()
     np.testing.assert_array_equal(seen.q, sim.state.q)
     contact = sim.contact_forces()[0]
     np.testing.assert_array_equal(seen.contacts[0], [contact.point, contact.force])

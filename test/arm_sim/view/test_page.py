@@ -96,7 +96,7 @@ def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
     assert abs(pushed - alone.forward(q, v, np.zeros(7))).max() > 10.0
     np.testing.assert_allclose(panda.state.v / panda.dt, pushed, rtol=5e-2, atol=0.5)
     view.close()
-    outside = panda.plant.parameters.of("external", panda.parameters)
+    outside = panda.arm.plant.parameters.of("external", panda.arm.parameters)
     assert not outside.any()  # a page takes its pushes along
 
 

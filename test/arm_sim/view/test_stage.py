@@ -15,7 +15,7 @@ import pytest
 import models
 from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
-from arm_sim.view.interactive import Interactive, SimulatedArm
+from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.stage import DrawnArm, lay_ground
 
@@ -69,7 +69,7 @@ class Link:
 
 def test_a_dragged_link_is_pulled_at_the_point_that_is_held(server: Any) -> None:
     sim, link = Simulator("two_link"), Link()
-    rig, actor = SimulatedArm(sim), DrawnArm(server, sim.model, "arm", base=(0.0, 2.0, 0.0))
+    rig, actor = InteractiveArm(sim), DrawnArm(server, sim.model, "arm", base=(0.0, 2.0, 0.0))
     actor.links = [("elbow", link)]
     bench = Interactive(server, [rig], [actor])
     marker, h = Marker(sim.model), 1e-6

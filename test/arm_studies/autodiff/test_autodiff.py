@@ -100,7 +100,7 @@ def motion(sim: Simulator) -> tuple[Arrays, np.ndarray]:
     """Arguments of a rollout of some arms, and weights of its states."""
     rng, n = np.random.default_rng(3), sim.n
     q, v = sim.model.q0 + 0.1 * rng.normal(size=(ARMS, n)), 0.3 * rng.normal(size=(ARMS, n))
-    z = np.array([sim.plant.initial(*pair) for pair in zip(q, v, strict=True)])
+    z = np.array([sim.arm.plant.initial(*pair) for pair in zip(q, v, strict=True)])
     x0 = np.hstack([q, v, z.reshape(ARMS, -1)])
     tau = 0.5 * rng.normal(size=(ARMS, TICKS, n))
     return {"x0": x0, "tau": tau}, rng.normal(size=(ARMS, TICKS + 1, x0.shape[1]))
@@ -109,7 +109,7 @@ def motion(sim: Simulator) -> tuple[Arrays, np.ndarray]:
 def test_motions_and_gradients_are_those_of_the_simulator_to_the_bit(library: Any) -> None:
     sim = arm("payload")
     given, g = motion(sim)
-    payload = np.tile(sim.plant.parameters.nominal, (ARMS, 1))
+    payload = np.tile(sim.arm.plant.parameters.nominal, (ARMS, 1))
     payload[:, 0] += [0.0, 0.1, 0.2]
     states, found = library.gradient(
         library.simulator(sim).rollout, g, given | {"parameters": {"payload": payload}}
@@ -128,7 +128,7 @@ def test_gradients_are_those_of_differences(library: Any, chosen: tuple[str, ...
     """States of drives included, which a rollout of the simulator does not take."""
     sim = arm(*chosen)
     given, g = motion(sim)
-    given |= {"parameters": {"payload": np.array(sim.plant.parameters.nominal)}}
+    given |= {"parameters": {"payload": np.array(sim.arm.plant.parameters.nominal)}}
     run = library.simulator(sim).rollout
 
     def L(**changed: Any) -> float:

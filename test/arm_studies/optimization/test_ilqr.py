@@ -28,7 +28,7 @@ def arm(name: str = "two_link", dt: float = DT, **joint: Any) -> Simulator:
 
 
 def to_goal(sim: Simulator, goal: np.ndarray, nodes: int = NODES) -> QuadraticCost:
-    nx, n = sim.plant.nx, sim.n
+    nx, n = sim.arm.plant.nx, sim.n
     weight = np.full((nodes + 1, nx), 1e-3)
     weight[-1, : 2 * n] = 100.0
     x = np.zeros((nodes + 1, nx))
@@ -46,15 +46,15 @@ def gradient(sim: Simulator, cost: QuadraticCost, at: Trajectory) -> np.ndarray:
 
 
 def goal_of(sim: Simulator) -> np.ndarray:
-    return np.r_[sim.x[: sim.n] + 0.5, np.zeros(sim.n)]
+    return np.r_[sim.arm.x[: sim.n] + 0.5, np.zeros(sim.n)]
 
 
 def test_at_the_end_the_gradient_of_the_motion_is_zero() -> None:
     sim = arm()
     cost = to_goal(sim, goal_of(sim))
     optimizer = ILQR([Phase(sim, NODES)], cost, tolerance=1e-13)
-    guess = optimizer.start(sim.x, np.zeros((NODES, sim.n)))
-    best = optimizer.solve(sim.x, guess.u)
+    guess = optimizer.start(sim.arm.x, np.zeros((NODES, sim.n)))
+    best = optimizer.solve(sim.arm.x, guess.u)
     assert best.verdict == "converged" and list(best.costs) == sorted(best.costs, reverse=True)
     left = abs(gradient(sim, cost, best)).max() / abs(gradient(sim, cost, guess)).max()
     assert left < SLOPE
@@ -63,10 +63,10 @@ def test_at_the_end_the_gradient_of_the_motion_is_zero() -> None:
 def test_at_limits_the_gradient_points_out_and_elsewhere_it_is_zero() -> None:
     sim = arm()
     cost = to_goal(sim, goal_of(sim))
-    free = ILQR([Phase(sim, NODES)], cost).solve(sim.x, np.zeros((NODES, sim.n)))
+    free = ILQR([Phase(sim, NODES)], cost).solve(sim.arm.x, np.zeros((NODES, sim.n)))
     most = 0.6 * abs(free.u).max(axis=0)
     optimizer = ILQR([Phase(sim, NODES)], cost, low=-most, high=most, tolerance=1e-13)
-    best = optimizer.solve(sim.x, np.zeros((NODES, sim.n)))
+    best = optimizer.solve(sim.arm.x, np.zeros((NODES, sim.n)))
     slope, scale = gradient(sim, cost, best), abs(gradient(sim, cost, free)).max() + 1.0
     above, below = best.u >= most, best.u <= -most
     assert (above | below).any() and (abs(best.u) <= most).all()
@@ -79,9 +79,9 @@ def test_feedback_stays_within_the_limits_on_both_sides(rng: np.random.Generator
     sim, b = arm(), 5
     low, high = np.full((NODES, sim.n), -3.0), np.full((NODES, sim.n), 2.0)
     k, K = rng.normal(size=(NODES, sim.n)), rng.normal(size=(NODES, sim.n, 2 * sim.n))
-    still = np.tile(sim.x, (NODES, 1))
+    still = np.tile(sim.arm.x, (NODES, 1))
     course = Course(still, np.zeros((NODES, sim.n)), Policy(k, K, 0.0), low, high)
-    x, u = np.tile(sim.x, (b, NODES + 1, 1)), np.empty((b, NODES, sim.n))
+    x, u = np.tile(sim.arm.x, (b, NODES + 1, 1)), np.empty((b, NODES, sim.n))
     size = np.linspace(0.2, 4.0, b)
     Forward(sim).follow(course, size, x, u)
     wanted = size[:, None, None] * k + np.einsum("kij,bkj->bki", K, x[:, :-1] - still)
@@ -96,7 +96,7 @@ def test_a_quadratic_problem_takes_one_improvement() -> None:
     sim = Simulator(scene, integrator="rk4", dt=DT)
     cost = to_goal(sim, np.array([0.3, 0.0]))
     optimizer = ILQR([Phase(sim, NODES)], cost)
-    guess = replace(optimizer.start(sim.x, np.zeros((NODES, 1))), damping=0.0)
+    guess = replace(optimizer.start(sim.arm.x, np.zeros((NODES, 1))), damping=0.0)
     best = optimizer.improve(guess)
     left = abs(gradient(sim, cost, best)).max() / abs(gradient(sim, cost, guess)).max()
     assert left < 1e-9
@@ -108,12 +108,12 @@ def test_states_of_laws_are_part_of_what_is_optimized() -> None:
     swing["friction"], swing["limits"] = {"viscous": 0.05}, {"stop": False}
     swing["actuator"]["efficiency"] = 1.0
     sim = Simulator(scene, integrator="rk4", dt=1e-3)
-    assert sim.plant.nz == 1  # the current
-    cost = to_goal(sim, np.array([sim.x[0] + 2e-3, 0.0]))
+    assert sim.arm.plant.nz == 1  # the current
+    cost = to_goal(sim, np.array([sim.arm.x[0] + 2e-3, 0.0]))
     cost.x_weight[:, 2:] = 0.0
     optimizer = ILQR([Phase(sim, NODES)], cost, tolerance=1e-13)
-    guess = optimizer.start(sim.x, np.zeros((NODES, 1)))
-    best = optimizer.solve(sim.x, guess.u)
+    guess = optimizer.start(sim.arm.x, np.zeros((NODES, 1)))
+    best = optimizer.solve(sim.arm.x, guess.u)
     left = abs(gradient(sim, cost, best)).max() / abs(gradient(sim, cost, guess)).max()
     assert left < SLOPE and abs(best.x[1:, 2]).min() > 0.0
 
@@ -121,7 +121,7 @@ def test_states_of_laws_are_part_of_what_is_optimized() -> None:
 def test_the_motion_is_that_of_the_simulator() -> None:
     sim = arm()
     optimizer = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim)))
-    best = optimizer.solve(sim.x, np.zeros((NODES, sim.n)), iterations=3)
+    best = optimizer.solve(sim.arm.x, np.zeros((NODES, sim.n)), iterations=3)
     played = sim.run(NODES * DT, best.u)
     np.testing.assert_array_equal(best.x, np.hstack([played.q, played.v]))
 
@@ -129,7 +129,7 @@ def test_the_motion_is_that_of_the_simulator() -> None:
 def test_feedback_brings_an_arm_back() -> None:
     sim = arm()
     optimizer = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim)))
-    best = optimizer.solve(sim.x, np.zeros((NODES, sim.n)))
+    best = optimizer.solve(sim.arm.x, np.zeros((NODES, sim.n)))
     beside = best.x[0] + 0.05
     led, left_alone = optimizer.moved(best, beside), optimizer.start(beside, best.u)
     off, without = (abs(t.x[-1] - best.x[-1]).max() for t in (led, left_alone))
@@ -145,23 +145,23 @@ def test_what_an_arm_carries_may_change_between_phases() -> None:
     empty, loaded = (Simulator(s, integrator="rk4", dt=DT) for s in (scene, scene | part))
     phases = [Phase(empty, 15), Phase(loaded, NODES - 15)]
     optimizer = ILQR(phases, to_goal(empty, goal_of(empty)))
-    best = optimizer.solve(empty.x, np.zeros((NODES, 2)))
+    best = optimizer.solve(empty.arm.x, np.zeros((NODES, 2)))
     empty.run(15 * DT, best.u[:15])
-    np.testing.assert_array_equal(empty.x, best.x[15])
-    loaded.reset(empty.x[:2], empty.x[2:])
+    np.testing.assert_array_equal(empty.arm.x, best.x[15])
+    loaded.reset(empty.arm.x[:2], empty.arm.x[2:])
     loaded.run((NODES - 15) * DT, best.u[15:])
-    np.testing.assert_array_equal(loaded.x, best.x[-1])
+    np.testing.assert_array_equal(loaded.arm.x, best.x[-1])
     assert best.verdict == "converged"
 
 
 def test_arms_that_meet_a_stop_are_simulated_with_it() -> None:
     scene = load_scene("two_link").model_dump(exclude_unset=True)
-    q = Simulator(scene).x[:2]
+    q = Simulator(scene).arm.x[:2]
     stops = {"lower": q[0] - 0.2, "upper": q[0] + 0.2, "stop": {"restitution": 0.5}}
     scene["joints"] = {Simulator(scene).joint_names[0]: {"limits": stops}}
     sim = Simulator(scene, integrator="rk4", dt=DT)
     u = np.tile([5.0, 0.0], (NODES, 1))
-    made = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim))).start(sim.x, u)
+    made = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim))).start(sim.arm.x, u)
     played = sim.run(NODES * DT, u)
     np.testing.assert_array_equal(made.x, np.hstack([played.q, played.v]))
     assert made.x[:, 0].max() <= q[0] + 0.2 and sim.impacts > 0
@@ -169,13 +169,13 @@ def test_arms_that_meet_a_stop_are_simulated_with_it() -> None:
 
 def test_a_joint_that_rests_at_its_stop_is_refused_with_a_way_out() -> None:
     scene = load_scene("two_link").model_dump(exclude_unset=True)
-    q = Simulator(scene).x[:2]
+    q = Simulator(scene).arm.x[:2]
     stops = {"lower": q[0], "upper": q[0] + 1.0}
     scene["joints"] = {Simulator(scene).joint_names[0]: {"limits": stops}}
     sim = Simulator(scene, integrator="rk4", dt=DT)
     optimizer = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim)))
     with pytest.raises(NotDifferentiable, match="cannot be improved: .*without stops"):
-        optimizer.solve(sim.x, np.tile([-5.0, 0.0], (NODES, 1)))
+        optimizer.solve(sim.arm.x, np.tile([-5.0, 0.0], (NODES, 1)))
 
 
 def test_what_is_refused() -> None:
@@ -191,12 +191,12 @@ def test_what_is_refused() -> None:
         ILQR([Phase(sim, 5)], cost, high=np.ones(3))
     optimizer = ILQR([Phase(sim, NODES)], cost)
     with pytest.raises(InvalidInput, match=r"u has shape \(3, 2\)"):
-        optimizer.start(sim.x, np.zeros((3, 2)))
+        optimizer.start(sim.arm.x, np.zeros((3, 2)))
     with pytest.raises(InvalidInput, match="x0 has shape"):
         optimizer.start(np.full(4, np.nan), np.zeros((NODES, 2)))
     for nodes in (1, NODES - 1):
         with pytest.raises(InvalidInput, match="the cost has x and u of shapes .* needs "):
-            ILQR([Phase(sim, nodes)], cost).solve(sim.x, np.zeros((nodes, 2)))
+            ILQR([Phase(sim, nodes)], cost).solve(sim.arm.x, np.zeros((nodes, 2)))
     with pytest.raises(InvalidInput, match="above zero"):
         QuadraticCost(cost.x, cost.x_weight, cost.u, 0.0 * cost.u)
     with pytest.raises(InvalidInput, match="one more is expected"):

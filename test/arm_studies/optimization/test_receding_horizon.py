@@ -20,7 +20,7 @@ def scene(**joint: object) -> dict[str, object]:
 
 def test_far_from_limits_errors_fall_as_under_computed_torque() -> None:
     sim = Simulator(scene())
-    dynamics, goal = sim.dynamics, sim.x[:2] + 0.01
+    dynamics, goal = sim.dynamics, sim.arm.x[:2] + 0.01
     made = {}
     for name, control in (
         ("ahead", RecedingHorizon(dynamics, bandwidth=15.0, horizon=0.4, nodes=40)),
@@ -34,7 +34,7 @@ def test_far_from_limits_errors_fall_as_under_computed_torque() -> None:
 
 def test_at_its_limits_the_arm_brakes_in_time() -> None:
     sim = Simulator(scene())
-    dynamics, goal = sim.dynamics, sim.x[:2] + [1.2, 0.0]
+    dynamics, goal = sim.dynamics, sim.arm.x[:2] + [1.2, 0.0]
     weight = abs(dynamics.gravity(np.linspace(-3, 3, 50)[:, None] * [1, 0])).max(axis=0)
     limit = 1.3 * weight + 0.1
     beyond = {}
@@ -63,7 +63,7 @@ def test_by_name_with_motors_that_take_currents() -> None:
         scene(actuator=motor, friction={"viscous": 0.2}),
         "arm_studies.optimization:RecedingHorizon", Settings(bandwidth=20.0),
     )  # fmt: skip
-    goal = pair.simulator.x[:2] + 0.4
+    goal = pair.simulator.arm.x[:2] + 0.4
     pair.follow([Waypoint(0.6, goal)])
     assert abs(pair.run(1.2).q[-1] - goal).max() < 1e-4
 
@@ -71,7 +71,7 @@ def test_by_name_with_motors_that_take_currents() -> None:
 def test_it_begins_afresh() -> None:
     sim = Simulator(scene())
     control = RecedingHorizon(sim.dynamics)
-    goal = hold(sim.x[:2] + 0.3)
+    goal = hold(sim.arm.x[:2] + 0.3)
     first = sim.run(0.05, control, reference=goal).tau
     control.restart()
     sim.reset()

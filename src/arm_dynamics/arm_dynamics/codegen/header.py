@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,13 @@ from typing import Any
 _NUMBERS: dict[str, Any] = {
     "char": ctypes.c_char, "uint8_t": ctypes.c_uint8, "int": ctypes.c_int,
     "int64_t": ctypes.c_int64, "long long": ctypes.c_longlong, "size_t": ctypes.c_size_t,
-    "double": ctypes.c_double,
+    "double": ctypes.c_double, "real": ctypes.c_double,
 }  # fmt: skip
 _COMMENTS = re.compile(r"/\*.*?\*/|//[^\n]*|^[ \t]*#[^\n]*", re.DOTALL | re.MULTILINE)
 _QUALIFIERS = re.compile(r"\bconst\b")
 _SPACE = re.compile(r"\s+")
 _DECLARATION = re.compile(r"((?:[^;{}]|\{[^{}]*\})*);")
-_ENUM = re.compile(r"enum \{(.*)\}$")
+_ENUM = re.compile(r"enum (?:\w+ )?\{(.*)\}$")
 _STRUCT = re.compile(r"typedef struct(?: \w+)? \{(.*)\} (\w+)$")
 _OPAQUE = re.compile(r"typedef struct \w+ \w+$")
 _POINTER_TYPE = re.compile(r"typedef [\w *]+\(\*(\w+)\) ?\(.*\)$")
@@ -47,20 +47,24 @@ class Header:
         >>> LOOP.bind(library)
     """
 
-    def __init__(self, path: Path, *uses: Header, only: str = "") -> None:
+    def __init__(
+        self, path: Path, *uses: Header, only: str = "", lengths: Mapping[str, int] | None = None
+    ) -> None:
         """Read a header.
 
         Args:
             path: The file.
             uses: Headers that it includes and whose types and constants it uses.
-            only: The only structure to read, for a file that contains other code; empty: all.
+            only: The only structures and enumerations to read, in their order, for a file that
+                contains other code; empty: all.
+            lengths: Lengths of arrays that are given elsewhere, by name.
 
         Raises:
-            ValueError: If it contains a declaration of another kind, or not that structure.
+            ValueError: If it contains a declaration of another kind, or not these.
         """
         self._path, self.folder = path, path.parent
         self._functions = dict[str, tuple[Any, list[Any], bool]]()
-        self.constants = dict[str, int]()
+        self.constants = dict(lengths or {})
         self._structures = dict[str, list[tuple[str, Any]]]()
         self._pointers = set[str]()
         for other in uses:
@@ -68,11 +72,13 @@ class Header:
             self._structures |= other._structures
             self._pointers |= other._pointers
         text = _SPACE.sub(" ", _QUALIFIERS.sub("", _COMMENTS.sub("", path.read_text())))
-        declarations = re.findall(rf"(typedef struct \{{[^{{}}]*\}} {only});", text)
-        if only and not declarations:
-            raise ValueError(f"{path}: there is no structure '{only}'")
-        for declaration in declarations if only else _DECLARATION.findall(text):
+        chosen = [_declaration(path, text, name) for name in only.split()]
+        for declaration in chosen or _DECLARATION.findall(text):
             self._read(declaration.strip())
+
+    def structure(self, name: str) -> type[ctypes.Structure]:
+        """A structure without methods."""
+        return _structure(name, tuple(self._structures[name]))
 
     def fields(self, structure: str) -> list[tuple[str, Any]]:
         """Fields of a structure, for ``ctypes.Structure._fields_``."""
@@ -139,7 +145,7 @@ class Header:
         if name in self._pointers:
             return ctypes.c_void_p
         if name in self._structures:
-            return _structure(name, tuple(self._structures[name]))
+            return self.structure(name)
         if name not in _NUMBERS:
             raise ValueError(f"{self._path}: unknown type '{name}' in '{where}'")
         return _NUMBERS[name]
@@ -151,6 +157,14 @@ class Header:
                 raise ValueError(f"{self._path}: unknown length '{part}'")
             length += self.constants[part] if part in self.constants else int(part)
         return length
+
+
+def _declaration(path: Path, text: str, name: str) -> str:
+    """The declaration of a structure or an enumeration in C that also contains other code."""
+    known = re.search(rf"typedef struct \{{[^{{}}]*\}} {name}(?=;)|enum {name} \{{.*?\}}", text)
+    if known is None:
+        raise ValueError(f"{path}: there is no structure or enumeration '{name}'")
+    return known[0]
 
 
 @cache

@@ -27,6 +27,7 @@ from arm_dynamics.control.computed_torque import (
     Measured,
     Moving,
     Parts,
+    added_torques,
     checked,
     restart,
 )
@@ -48,10 +49,10 @@ class CompiledLaw:
     """A controller as a compiled function that returns the same bits.
 
     Attributes:
-        call: Takes q, v and the reference's q, v and a in one array of shape (5n,), tuning, and
-            memory; returns torques of shape (n,), and memory for the next call. It is that of the
-            controller itself: only one of both may run at a time, and who runs it copies the
-            memory from its results to its inputs if the torques are used.
+        call: Takes q, v and the reference's q, v, a and tau in one array of shape (6n,), tuning,
+            and memory; returns torques of shape (n,), and memory for the next call. It is that
+            of the controller itself: only one of both may run at a time, and who runs it copies
+            the memory from its results to its inputs if the torques are used.
         limit: Limits at which the controller cuts torques in [N m] or [N], shape (n,); None if it
             cuts none.
     """
@@ -128,6 +129,7 @@ class AroundLaw:
     def __init__(self, control: object) -> None:
         """Take the controller."""
         self._law: Any = law_of(control)
+        self.name = _name(control)
 
     @property
     def key(self) -> tuple[Any, ...] | None:
@@ -159,6 +161,7 @@ class Compiled:
     def __init__(self, law: Law, model: ArmModel) -> None:
         """Take a controller and the model of its arm."""
         self.law, self.model = law, model
+        self._still = np.zeros(model.n)
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,); see the controller's own."""
@@ -166,7 +169,8 @@ class Compiled:
         if call is None or reference is None:
             return self.law.torque(state, reference)
         q, v = checked(state, self.model.n, reference)
-        np.concatenate((q, v, reference.q, reference.v, reference.a), out=call.inputs[0])
+        tau = self._still if (given := added_torques(reference, self.model.n)) is None else given
+        np.concatenate((q, v, reference.q, reference.v, reference.a, tau), out=call.inputs[0])
         call.run()
         if not all_finite(call.outputs[0]):
             return self._by_numbers(call, state, reference)
@@ -315,7 +319,7 @@ def _name(law: object) -> str:
 
 
 def _function(law: Law, model: ArmModel) -> ca.Function:
-    moving = ca.SX.sym("moving", 5 * model.n)
+    moving = ca.SX.sym("moving", 6 * model.n)
     tuning, memory = (
         ca.SX.sym(name, _flat(parts).size)
         for name, parts in (("tuning", law.tuning), ("memory", law.memory))
@@ -347,7 +351,7 @@ def _pairs(call: Call, law: Law, model: ArmModel) -> Iterator[tuple[Array, Array
     """Torques and memory by the code and by the controller, where the code has an answer."""
     like, rng = law.memory, np.random.default_rng(0)
     call.inputs[1][:] = _flat(law.tuning)
-    for q, v, *desired in np.swapaxes(random_states(model.n, 5), 0, 1):
+    for q, v, *desired in np.swapaxes(random_states(model.n, 6), 0, 1):
         law.memory = tuple(rng.normal(size=part.shape) for part in like)
         call.inputs[0][:] = np.concatenate((q, v, *desired))
         call.inputs[2][:] = _flat(law.memory)

@@ -73,7 +73,7 @@ class Controller[Goal](Protocol):
         Args:
             state: Joint positions ``q`` and velocities ``v``, each of shape (n,), read-only.
             reference: Desired joint motion: ``q``, ``v`` and ``a``, each of shape (n,), of a
-                ``trajectory.Reference``.
+                ``trajectory.Reference``. Its ``tau`` is added by ``make_controller``.
         """
 
 
@@ -274,6 +274,16 @@ def checked(state: Moving, n: int, reference: object = _NONE) -> tuple[Array, Ar
         if vector(name, value, n).ndim != 1:
             raise InvalidInput(f"{name} has shape {np.shape(value)}; ({n},) is expected")
     return np.asarray(q, float), np.asarray(v, float)
+
+
+def added_torques(reference: object, n: int) -> Array | None:
+    """Torques of a reference to add to a controller's, shape (n,); None for none.
+
+    Raises:
+        InvalidInput: If they have another shape, or are not finite.
+    """
+    tau = getattr(reference, "tau", None)
+    return None if tau is None else vector("reference.tau", tau, n)
 
 
 def _check_shapes(reference: object, n: int) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers, positive, unit_vector
 from arm_dynamics.control import computed_torque, custom, joint_space, task_space
+from arm_dynamics.control.added_torques import WithAddedTorques
 from arm_dynamics.control.compiled_law import with_code
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
@@ -123,6 +124,8 @@ def make_controller(
 ) -> AnyController:
     """Make a controller that follows joint references (``trajectory.Reference``).
 
+    Torques of a reference are added to those of the controller, before limits.
+
     Args:
         name: One of ``NAMES``, or a user-defined class (see ``Controller``). It is called with
             those of its arguments that are named ``dynamics``, ``settings``, or as one of
@@ -142,6 +145,7 @@ def make_controller(
     own = isinstance(control, custom.Watched)
     if settings.friction and (terms := _lacking(name, control)):
         control = FrictionFeedForward(control, dynamics.model, terms)
+    control = WithAddedTorques(control, dynamics.n)
     if settings.observer:
         control = DisturbanceObserver(control, dynamics, settings.dt, settings.observer, limit)
     control = with_code(control, dynamics.model, own)

@@ -38,7 +38,28 @@ TaskController = Controller[TaskReference]
 """A controller of a frame of the arm."""
 
 
-class OperationalSpace:
+class _TaskLaw:
+    """A controller by a formula of the task's motion."""
+
+    _arm: _Arm
+    tuning: tuple[Array, ...]
+
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What the formula depends on besides the task; see ``compiled_law.Law``."""
+        return None if self._arm.key is None else (type(self).__name__, *self._arm.key)
+
+    def torque(self, state: Moving, reference: TaskReference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        now = self._arm.state(state, reference)
+        return np.asarray(self.demanded(now, reference, self.tuning))
+
+    def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+        """The torque, for numbers and expressions."""
+        raise NotImplementedError
+
+
+class OperationalSpace(_TaskLaw):
     """Computed torque in the task's axes: ẍ = ẍ_d + K_d ė + K_p e, with posture in the null space.
 
     τ = Jᵀ (Λ (ẍ - J̇ q̇) + µ + p + s) + Nᵀ τ_posture, evaluated as inverse dynamics of the posture's
@@ -72,16 +93,6 @@ class OperationalSpace:
         self._arm = _Arm(task, posture, posture_bandwidth, friction)
         self.tuning = *self._arm.tuning, *gains(bandwidth, damping_ratio, task.m)
 
-    @property
-    def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on besides the task; see ``compiled_law.Law``."""
-        return _key(self, self._arm)
-
-    def torque(self, state: Moving, reference: TaskReference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        now = self._arm.state(state, reference)
-        return np.asarray(self.demanded(now, reference, self.tuning))
-
     def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
         """The torque, for numbers and expressions."""
         *arms, kp, kd = tuning
@@ -89,7 +100,7 @@ class OperationalSpace:
         return self._arm.torque(now, reference, desired, arms)
 
 
-class MotionForce:
+class MotionForce(_TaskLaw):
     """Operational-space motion in all directions but one, and a force along that one.
 
     Along the direction the frame presses with ``reference.force`` and only brakes: at rest in
@@ -121,16 +132,6 @@ class MotionForce:
         across, brake = np.eye(task.m) - square, (kd @ along**2) * square
         self.tuning = *self._arm.tuning, kp, kd, along, across, brake
 
-    @property
-    def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on besides the task; see ``compiled_law.Law``."""
-        return _key(self, self._arm)
-
-    def torque(self, state: Moving, reference: TaskReference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        now = self._arm.state(state, reference)
-        return np.asarray(self.demanded(now, reference, self.tuning))
-
     def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
         """The torque, for numbers and expressions."""
         *arms, kp, kd, along, across, brake = tuning
@@ -140,7 +141,7 @@ class MotionForce:
         return moving + now.arm.J.T @ (reference.force * along)
 
 
-class CartesianImpedance:
+class CartesianImpedance(_TaskLaw):
     """The frame as springs and dampers about its path: Λ ë + D ė + K e = -f_ext.
 
     The arm keeps its own effective inertia, so no force need be measured (Hogan, "Impedance
@@ -181,14 +182,9 @@ class CartesianImpedance:
 
     @property
     def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on besides the task; see ``compiled_law.Law``."""
-        key = _key(self, self._arm)
+        """See ``compiled_law.Law``."""
+        key = super().key
         return None if key is None else (*key, self._by_ratio)
-
-    def torque(self, state: Moving, reference: TaskReference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        now = self._arm.state(state, reference)
-        return np.asarray(self.demanded(now, reference, self.tuning))
 
     def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
         """The torque, for numbers and expressions."""
@@ -322,7 +318,3 @@ class _Arm:
             way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
             tau = tau + ahead(self._friction, way, now.q, tau)
         return tau
-
-
-def _key(control: object, arm: _Arm) -> tuple[Any, ...] | None:
-    return None if arm.key is None else (type(control).__name__, *arm.key)

@@ -16,14 +16,14 @@ import numpy as np
 from arm_dynamics.arrays import Array, each
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.dynamics.verify import torque_size
-from arm_dynamics.equations import constraint, rigid_body, spring
+from arm_dynamics.equations import constraint, frame, rigid_body, spring
 from arm_dynamics.equations.forward_dynamics import algorithms
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.springs import springs_of
-from arm_dynamics.model.tree_builder import gravity_of, linkage_of, tree_of
+from arm_dynamics.model.tree_builder import frame_of, gravity_of, linkage_of, tree_of
 
 Answer = Callable[..., Array]
 Parts = list[tuple[Array, Array]]
@@ -170,6 +170,58 @@ def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
 
     title = f"rows of constraints {known_names(names)}"
     return BatchTerm(title, point, expression, compared, True)
+
+
+@cache
+def pose(name: str) -> BatchTerm:
+    """Homogeneous transformation of a frame; cached by its name, as are the next two."""
+    point = partial(RigidTerms.pose, frame=name)
+
+    def expression(robot: Robot) -> ca.Function:
+        q = ca.SX.sym("q", robot.n)
+        p, R = frame.placement(tree_of(robot), frame_of(robot, name), q)
+        last = ca.SX([[0.0, 0.0, 0.0, 1.0]])
+        return _function([q], ca.vertcat(ca.horzcat(R, p), last).T)
+
+    def compared(points: RigidTerms, answer: Answer, q: Array, *_: Array) -> Parts:
+        T = each(partial(point, points), q)
+        return [(answer(q) - T, T)]
+
+    return BatchTerm(f"pose of frame '{name}'", point, expression, compared, True)
+
+
+@cache
+def jacobian(name: str) -> BatchTerm:
+    """Jacobian of a frame in world axes at its origin, linear rows first."""
+    point = partial(RigidTerms.jacobian, frame=name)
+
+    def expression(robot: Robot) -> ca.Function:
+        q = ca.SX.sym("q", robot.n)
+        return _function([q], frame.jacobian(tree_of(robot), frame_of(robot, name), q).T)
+
+    def compared(points: RigidTerms, answer: Answer, q: Array, *_: Array) -> Parts:
+        J = each(partial(point, points), q)
+        return [(answer(q) - J, J)]
+
+    return BatchTerm(f"Jacobian of frame '{name}'", point, expression, compared, True)
+
+
+@cache
+def jacobian_derivative(name: str) -> BatchTerm:
+    """Derivative by time of the same Jacobian."""
+    point = partial(RigidTerms.jacobian_derivative, frame=name)
+
+    def expression(robot: Robot) -> ca.Function:
+        q, v = (ca.SX.sym(symbol, robot.n) for symbol in "qv")
+        J = frame.jacobian(tree_of(robot), frame_of(robot, name), q)
+        return _function([q, v], frame.derivative(J, q, v).T)
+
+    def compared(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Array) -> Parts:
+        fastest = abs(v).max(axis=1)[:, None, None]
+        size = fastest * each(partial(points.jacobian, frame=name), q)
+        return [(answer(q, v) - each(partial(point, points), q, v), size)]
+
+    return BatchTerm(f"derivative of J of frame '{name}'", point, expression, compared, True)
 
 
 INVERSE = BatchTerm("inverse dynamics", RigidTerms.inverse, _inverse, _inverse_parts)

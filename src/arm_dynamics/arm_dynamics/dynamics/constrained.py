@@ -21,7 +21,7 @@ from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.model.pinocchio_terms import FrameMotion
+from arm_dynamics.model.pinocchio_terms import FrameMotion, check_moving
 from arm_dynamics.scene.constraint import ORIGIN, Touching
 
 AT_ONCE = 4096  # points in memory at once
@@ -213,6 +213,7 @@ def contact_torque(
         raise InvalidInput(
             f"wrench = {wrench!r}: 3 finite numbers, a force, or 6, force and moment, are expected"
         )
+    check_moving(model, name)
     motion = FrameMotion(model, name, "local_world_aligned")
 
     def push(qi: Array, fi: Array) -> Array:

@@ -41,6 +41,8 @@ class Frame:
 
 def placement(tree: Tree, frame: Frame, q: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Position in [m], shape (3,), and rotation, shape (3, 3), of a frame in the world."""
+    if frame.link < 0:
+        return constant(frame.p), constant(frame.R)
     R, p = _placed(tree, q)[frame.link]
     return p + R @ constant(frame.p), R @ constant(frame.R)
 
@@ -79,6 +81,11 @@ def jacobian(tree: Tree, frame: Frame, q: ca.SX) -> ca.SX:
             J[3:, i] = z
         i = link.parent
     return J @ spread_map(tree)
+
+
+def derivative(J: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:
+    """J̇ = Σ ∂J/∂q_i v_i, shape of ``J``."""
+    return ca.reshape(ca.jtimes(ca.vec(J), q, v), *J.shape)
 
 
 def drift(J: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:

@@ -279,6 +279,20 @@ class Given:
     efficiency: float
 
 
+def _dry(joints: Sequence[Given], coulomb: Sided, static: Sided) -> DryFriction:
+    """Dry friction of joints with these levels."""
+    falls = np.array([joint.own.stribeck_velocity or 0.0 for joint in joints])
+    excess = Sided(static.mean - coulomb.mean, static.skew - coulomb.skew)
+    return DryFriction(
+        coulomb=coulomb,
+        static=static,
+        excess=excess.times(falls > 0.0),
+        stribeck_velocity=np.where(falls > 0.0, falls, 1.0),
+        position=tuple(_curve(joint.own.position) for joint in joints),
+        load=tuple(_curve(joint.own.load) for joint in joints),
+    )
+
+
 def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) -> JointFriction:
     """Friction of the independent joints; that of a mimic joint acts on its leader.
 
@@ -303,15 +317,7 @@ def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) 
     )
     fc, fs = (Sided(*(level.T @ abs(followers))) for level in (coulomb, static))
     mine = [next(joint for joint in joints if joint.name == name) for name in free]
-    falls = np.array([joint.own.stribeck_velocity or 0.0 for joint in mine])
-    dry = DryFriction(
-        coulomb=fc,
-        static=fs,
-        excess=Sided(fs.mean - fc.mean, fs.skew - fc.skew).times(falls > 0.0),
-        stribeck_velocity=np.where(falls > 0.0, falls, 1.0),
-        position=tuple(_curve(joint.own.position) for joint in mine),
-        load=tuple(_curve(joint.own.load) for joint in mine),
-    )
+    dry = _dry(mine, fc, fs)
     _check_loads(mine, dry)
     _check_effect(mine, fc, fs)
     lawful = [i for i, joint in enumerate(mine) if joint.own.stateful]

@@ -6,6 +6,7 @@ Arguments are not validated here: controllers call these functions at every tick
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -41,6 +42,7 @@ class RigidTerms:
         self.robot, self._pin = robot, robot.pin
         self._data = robot.pin.createData()
         self._springs = SpringTerms(robot)
+        self._frames = dict[str, FrameMotion]()
 
     def inverse(self, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
         """M a + C v + G in [N m] or [N], shape (n,); ``gravity``: zeros for none."""
@@ -132,6 +134,30 @@ class RigidTerms:
         row = self._rows.stacked(q, v, names)
         return np.column_stack([row.jacobian, row.drift])
 
+    def pose(self, q: Array, frame: str) -> Array:
+        """Homogeneous transformation from a frame's axes to the world's, shape (4, 4).
+
+        Raises:
+            InvalidInput: If there is no such frame; likewise below.
+        """
+        T = np.eye(4)
+        T[:3, 3], T[:3, :3] = self.motion(frame).placement(q)
+        return T
+
+    def jacobian(self, q: Array, frame: str) -> Array:
+        """J of a frame in world axes at its origin, linear rows first, shape (6, n)."""
+        return self.motion(frame).jacobian(q)
+
+    def jacobian_derivative(self, q: Array, v: Array, frame: str) -> Array:
+        """J̇ of the same J, shape (6, n)."""
+        return self.motion(frame).moving(q, v)[3]
+
+    def motion(self, frame: str) -> FrameMotion:
+        """Motion of a frame, in world axes at its origin."""
+        if not isinstance(frame, str) or frame not in self._frames:
+            self._frames[frame] = FrameMotion(self.robot, frame, "local_world_aligned")
+        return self._frames[frame]
+
     @cached_property
     def _weightless(self) -> pin.Model:
         model = self._pin.copy()
@@ -169,17 +195,18 @@ class FrameMotion:
 
     Args:
         model: The model; used from one thread only.
-        frame: Name of a frame that moves.
+        frame: Name of a frame; J of one that does not move is zero.
         reference: ``local``, ``world`` or ``local_world_aligned``, as in Pinocchio.
 
     Raises:
-        InvalidInput: If the frame or reference is unknown, or the frame does not move.
+        InvalidInput: If the frame or reference is unknown.
     """
 
     def __init__(self, model: Robot, frame: str, reference: str) -> None:
         self._model, self._pin = model, model.pin
         self._data = model.pin.createData()
-        self._frame = _frame_index(model, frame)
+        _check_frame(model, frame, model.frame_names)
+        self._frame = model.frame_index(frame)
         if reference not in _REFERENCES:
             allowed = choices(reference, _REFERENCES)
             raise InvalidInput(f"reference = {reference!r}; allowed: {allowed}")
@@ -238,11 +265,19 @@ _REFERENCES = {
 }
 
 
-def _frame_index(model: Robot, frame: str) -> int:
+def check_moving(model: Robot, frame: str) -> None:
+    """Reject a frame that no joint moves.
+
+    Raises:
+        InvalidInput: If the frame is unknown, or does not move.
+    """
     movable = [name for name in model.frame_names if model.frame(name).parentJoint > 0]
-    if frame not in model.frame_names:
-        allowed = choices(frame, movable)
-        raise InvalidInput(f"frame '{plain(frame, 80)}' does not exist; allowed: {allowed}")
+    _check_frame(model, frame, movable)
     if model.frame(frame).parentJoint == 0:
         raise InvalidInput(f"frame '{frame}' does not move; allowed: {known_names(movable)}")
-    return model.frame_index(frame)
+
+
+def _check_frame(model: Robot, frame: str, allowed: Sequence[str]) -> None:
+    if not model.has_frame(frame):
+        names = choices(frame, allowed)
+        raise InvalidInput(f"frame '{plain(frame, 80)}' does not exist; allowed: {names}")

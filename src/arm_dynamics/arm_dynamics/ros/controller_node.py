@@ -17,9 +17,10 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.actuation.command_map import rigid_twin
-from arm_dynamics.arrays import finite_numbers
+from arm_dynamics.arrays import Array, finite_numbers
 from arm_dynamics.control.compiled_law import Job, preparation
 from arm_dynamics.control.computed_torque import Checked, Measured
+from arm_dynamics.control.derived_velocity import DerivedVelocity
 from arm_dynamics.control.factory import IN_TASK_SPACE, Settings, make_controller
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
@@ -42,7 +43,7 @@ from arm_dynamics.ros.controller import (
     TrackingTopic,
     TrajectoryAction,
 )
-from arm_dynamics.ros.controller.code import prepare
+from arm_dynamics.ros.controller.controller_library import prepare
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,
@@ -117,14 +118,17 @@ class ControllerNode(Node):
         model = self.dynamics.model
         self._build_ahead(self.params)
         limits = Limits.of(model, self.params.acceleration_limit or float("inf"))
-        self.goals = Goals(model, limits, self.get_logger(), self.answers.interrupt)
+        self._log, self._jumps = AnswerLog(), Jumps(names)
+        interrupt, forget = self.answers.interrupt, self._log.forget
+        self.goals = Goals(model, limits, self.get_logger(), interrupt, forget)
         self.action = TrajectoryAction(
             self, self.goals, model, limits, self._obstacle, self.answers
         )
-        self._reader = JointStateReader(names, ("position", "velocity"), partial=False, extra=True)
+        self._velocity = self._derived()
+        fields = ("position",) if self._velocity else ("position", "velocity")
+        self._reader = JointStateReader(names, fields, partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
-        self._log, self._jumps = AnswerLog(), Jumps(names)
         self._connect()
         watch(self, self.params, self._apply)
         self._diagnosis = Diagnosis(self, self.diagnostics)
@@ -162,6 +166,9 @@ class ControllerNode(Node):
     def _answer(self, raw: bytes) -> None:
         """Answer a state, and let C answer the following ones where possible."""
         if self.on_joint_states(raw) is None or self._cut():
+            return
+        if self._velocity is not None:
+            self.answers.obstacle = "velocities are derived from positions"
             return
         params = self.params
         self.answers.resume(params.state_period, params.gap_limit, params.jump_limit)
@@ -268,13 +275,12 @@ class ControllerNode(Node):
             self.send(command)
             return command
         try:
-            stamp, (q, v) = self._reader.read(raw)
+            stamp, (q, *v) = self._reader.read(raw)
         except InvalidInput as error:
             self._log.passed_over += 1
-            self._warn(f"joint state ignored: {plain(error)}")
+            self._warn(f"joint state ignored: {plain(error)}{self._way_out(error)}")
             return None
-        state = Checked(np.array(q), np.array(v))
-        reference = self._reference(stamp, state)
+        state, reference = self._motion(stamp, np.array(q), *map(np.array, v))
         try:
             tau = self.control.torque(state, reference)
         except ControllerFailed as error:
@@ -310,12 +316,39 @@ class ControllerNode(Node):
             if jump:
                 self._log.jumps += 1
                 self.control.restart()
+                if self._velocity is not None:
+                    self._velocity.restart()
             self.get_logger().info(
                 f"{why}holding the arm at its position", throttle_duration_sec=THROTTLE
             )
             goals.hold(state.q, jump)
             self._report.restart()
         return goals.reference(stamp)
+
+    def _derived(self) -> DerivedVelocity | None:
+        """What derives velocities from positions; None if the states have them."""
+        if self.params.velocities == "states":
+            return None
+        cutoff, period = self.params.velocity_cutoff, self.params.settings.dt
+        derived = DerivedVelocity(self.dynamics.n, period, cutoff)
+        self.get_logger().info(
+            f"velocities are derived from positions, {1e3 * derived.delay:.3g} ms late"
+        )
+        return derived
+
+    def _motion(self, stamp: int, q: Array, v: Array | None = None) -> tuple[Checked, Reference]:
+        """The state, with velocities if those must be derived, and the reference."""
+        derived = self._velocity
+        if derived is None:
+            state = Checked(q, v)
+            return state, self._reference(stamp, state)
+        reference = self._reference(stamp, Checked(q, derived.last))
+        return Checked(q, derived(stamp, q)), reference
+
+    def _way_out(self, error: InvalidInput) -> str:
+        """What helps against states without velocities."""
+        lacking = str(error).startswith("velocity")
+        return "; 'velocities: positions' derives them" if lacking else ""
 
     def _cut(self) -> list[str]:
         active = self.control.active

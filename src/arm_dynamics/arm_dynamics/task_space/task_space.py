@@ -21,7 +21,7 @@ from arm_dynamics.arrays import Array, each, unit_vector, vectors
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
+from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms, check_moving
 from arm_dynamics.task_space.axes import AXES, chosen_axes, rows_of
 from arm_dynamics.task_space.compiled import TaskKernel
 from arm_dynamics.task_space.inertia import (
@@ -152,6 +152,7 @@ class TaskSpace:
         self.threshold = float(threshold)
         self.rows = rows_of(self.axes)
         self.linear = sum(axis in AXES[:3] for axis in self.axes)
+        check_moving(self.model, frame)
         self.rigid = RigidTerms(self.model)
         self.motion = FrameMotion(self.model, frame, reference)
 

@@ -2,27 +2,33 @@
 """Motions of joints and frames over time, within the limits of an arm.
 
 Depends on the dynamics, for torque limits, and on inverse kinematics, and on no controller.
+Names are imported when they are first used.
 """
 
-from arm_dynamics.trajectory.cartesian import CartesianTrajectory, circle, line, timed
-from arm_dynamics.trajectory.excess import Bounds
-from arm_dynamics.trajectory.files import JointTrajectory
-from arm_dynamics.trajectory.follower import Follower
-from arm_dynamics.trajectory.joint_path import JointPath, joint_path, paced
-from arm_dynamics.trajectory.planner import CartesianGoals, Pace
-from arm_dynamics.trajectory.reference import (
-    Limits,
-    Motion,
-    Reference,
-    TaskReference,
-    Trajectory,
-    Waypoint,
-    hold,
-)
-from arm_dynamics.trajectory.spline import spline, stretched_spline
-from arm_dynamics.trajectory.time_optimal import retimed
-from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
-from arm_dynamics.trajectory.waypoints import quintic, quintic_through, stop
+from typing import TYPE_CHECKING
+
+from arm_dynamics.lazy import on_demand
+
+if TYPE_CHECKING:
+    from arm_dynamics.trajectory.cartesian import CartesianTrajectory, circle, line, timed
+    from arm_dynamics.trajectory.excess import Bounds
+    from arm_dynamics.trajectory.files import JointTrajectory
+    from arm_dynamics.trajectory.follower import Follower
+    from arm_dynamics.trajectory.joint_paths import JointPath, joint_path, paced
+    from arm_dynamics.trajectory.planner import CartesianGoals, Pace
+    from arm_dynamics.trajectory.reference import (
+        Limits,
+        Motion,
+        Reference,
+        TaskReference,
+        Trajectory,
+        Waypoint,
+        hold,
+    )
+    from arm_dynamics.trajectory.splines import spline, stretched_spline
+    from arm_dynamics.trajectory.time_optimal import retimed
+    from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
+    from arm_dynamics.trajectory.waypoints import quintic, quintic_through, stop
 
 __all__ = [
     "Bounds", "CartesianGoals", "CartesianTrajectory", "Follower", "JointPath",
@@ -31,3 +37,15 @@ __all__ = [
     "circle", "hold", "joint_path", "line", "paced", "quintic", "quintic_through", "retimed",
     "spline", "stop", "stretched_spline", "timed",
 ]  # fmt: skip
+__getattr__, __dir__ = on_demand(__name__, {
+    "cartesian": ("CartesianTrajectory", "circle", "line", "timed"), "excess":
+        ("Bounds",),
+    "files": ("JointTrajectory",), "follower": ("Follower",),
+    "joint_paths": ("JointPath", "joint_path", "paced"),
+    "planner": ("CartesianGoals", "Pace"),
+    "reference": ("Limits", "Motion", "Reference", "TaskReference", "Trajectory",
+        "Waypoint", "hold"),
+    "splines": ("spline", "stretched_spline"), "time_optimal": ("retimed",),
+    "timing": ("Quintic", "Timing", "Trapezoid"),
+    "waypoints": ("quintic", "quintic_through", "stop"),
+})  # fmt: skip

@@ -21,7 +21,7 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
 
-_PARTS = {"positions": "q", "velocities": "v", "accelerations": "a"}
+_PARTS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class JointTrajectory:
 
     @classmethod
     def of(cls, motion: Trajectory, joint_names: Sequence[str], turns: int = 1) -> JointTrajectory:
-        """The knots of a motion, with position, velocity and acceleration.
+        """The knots of a motion, with position, velocity, acceleration, and torques if it has any.
 
         Args:
             motion: The motion.
@@ -47,10 +47,11 @@ class JointTrajectory:
         """
         ends = motion.table(np.array([0.0]))
         last = motion.sample(motion.duration)
-        rows = [np.vstack([part, end]) for part, end in
-                zip(ends[1:], (last.q, last.v, last.a), strict=True)]  # fmt: skip
+        q, v, a = (np.vstack([part, end]) for part, end in
+                   zip(ends[1:], (last.q, last.v, last.a), strict=True))  # fmt: skip
+        added = motion.torques if motion.torques is not None else [None] * len(motion.times)
         points = [
-            Waypoint(float(turn * motion.duration + time), *(part[i] for part in rows))
+            Waypoint(float(turn * motion.duration + time), q[i], v[i], a[i], added[i])
             for turn in range(turns)
             for i, time in enumerate(motion.times)
             if i or not turn
@@ -83,7 +84,10 @@ class JointTrajectory:
             return None if row is None else ordered(row)
 
         return quintic(
-            [Waypoint(p.time, ordered(p.q), given(p.v), given(p.a)) for p in self.points]
+            [
+                Waypoint(p.time, ordered(p.q), given(p.v), given(p.a), given(p.tau))
+                for p in self.points
+            ]
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory, Waypoint, hold
-from arm_dynamics.trajectory.waypoints import check_kind, quintic
+from arm_dynamics.trajectory.waypoints import check_kind, have_torques, quintic
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,22 @@ class Outset:
                 f"none of {len(waypoints)} waypoints lies in the future; allowed: times after "
                 f"{late:g} s, as the arm needs time to get there"
             )
-        return [Waypoint(0.0, here.q, here.v, here.a), *ahead]
+        begin, rest = self._with_torques(waypoints, ahead)
+        return [Waypoint(0.0, here.q, here.v, here.a, begin), *rest]
+
+    def _with_torques(
+        self, waypoints: Sequence[Waypoint], ahead: list[Waypoint]
+    ) -> tuple[ArrayLike | None, list[Waypoint]]:
+        """Torques at the beginning, and the remaining waypoints; without any, those fade out."""
+        now, still = self.here.tau, np.zeros_like(self.here.q)
+        if not have_torques(waypoints):
+            return now, ahead if now is None else [replace(w, tau=still) for w in ahead]
+        if len(ahead) < len(waypoints):
+            last, following = waypoints[-len(ahead) - 1], waypoints[-len(ahead)]
+            share = (self.late - last.time) / (following.time - last.time)
+            first, then = np.asarray(last.tau, float), np.asarray(following.tau, float)
+            now = first + share * (then - first)
+        return still if now is None else now, ahead
 
 
 class Follower:

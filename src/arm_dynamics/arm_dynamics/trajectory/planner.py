@@ -14,7 +14,7 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, checked_pose
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, line
-from arm_dynamics.trajectory.joint_path import JointPath, check_limits, joint_path, paced
+from arm_dynamics.trajectory.joint_paths import JointPath, check_limits, joint_path, paced
 from arm_dynamics.trajectory.pose_path import through, way
 from arm_dynamics.trajectory.reference import InTurn, Limits, Motion, Reference, hold
 from arm_dynamics.trajectory.timing import Quintic

@@ -14,7 +14,7 @@ from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import Line, Place, line
-from arm_dynamics.trajectory.joint_path import check_limits, derivatives
+from arm_dynamics.trajectory.joint_paths import check_limits, derivatives
 from arm_dynamics.trajectory.reference import Trajectory
 
 ARM = 0.25

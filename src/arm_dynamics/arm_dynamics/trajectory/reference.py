@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.trajectory.code import library
-from arm_dynamics.trajectory.quintic import knot_derivatives, segment_coefficients
+from arm_dynamics.trajectory.quintics import knot_derivatives, segment_coefficients
+from arm_dynamics.trajectory.trajectory_library import library
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +23,13 @@ class Reference:
         q: Positions in [rad] or [m], shape (n,).
         v: Velocities in [rad/s] or [m/s], shape (n,).
         a: Accelerations in [rad/s²] or [m/s²], shape (n,).
+        tau: Torques in [N m] or [N] to add to the controller's, shape (n,); None for none.
     """
 
     q: Array
     v: Array
     a: Array
+    tau: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,12 +96,15 @@ class Waypoint:
         q: Positions in [rad] or [m], shape (n,).
         v: Velocities there, or None to have them chosen.
         a: Accelerations there, or None to have them chosen.
+        tau: Torques in [N m] or [N] to add to the controller's, or None for none; linear between
+            waypoints and constant after the last.
     """
 
     time: float
     q: ArrayLike
     v: ArrayLike | None = None
     a: ArrayLike | None = None
+    tau: ArrayLike | None = None
 
 
 @dataclass(frozen=True)
@@ -155,12 +160,15 @@ class Trajectory:
         stretch: Factor by which it is slower than requested because of limits; 1 if it is not.
         polynomials: Coefficients of τ⁰ to τ⁵ of position, velocity and acceleration in every
             segment, shape (w − 1, 6, 3, n).
+        torques: Torques in [N m] or [N] to add to a controller's at every knot, linear between
+            them and constant before and after, shape (w, n); None for none.
     """
 
     times: Array
     coefficients: Array
     ends: Array
     stretch: float = 1.0
+    torques: Array | None = None
     polynomials: Array = field(init=False, repr=False, compare=False)
 
     @classmethod
@@ -189,7 +197,9 @@ class Trajectory:
         stacked[:, 1, :, :5] = (c * k)[..., 1:] / h
         stacked[:, 2, :, :4] = (c * k * (k - 1))[..., 2:] / h**2
         object.__setattr__(self, "polynomials", np.moveaxis(stacked, 3, 1))
-        for name in ("times", "coefficients", "ends", "polynomials"):
+        for name in ("times", "coefficients", "ends", "polynomials", "torques"):
+            if getattr(self, name) is None:
+                continue
             array = np.ascontiguousarray(getattr(self, name), dtype=float)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
@@ -206,16 +216,32 @@ class Trajectory:
             t: Time from the start in [s]; before 0 and after the duration it is at rest.
 
         Returns:
-            Position, velocity and acceleration; read-only arrays of shape (n,).
+            Position, velocity, acceleration and torques; read-only arrays of shape (n,).
         """
+        motion = np.empty((4, self.ends.shape[1]))
         if (code := library()) is None:
-            motion = self.at(np.array([t], float))[:, 0]
+            motion[:3] = self.at(np.array([t], float))[:, 0]
+            motion[3] = self._torques_at(t)
         else:
-            motion = np.empty((3, self.ends.shape[1]))
-            used = (x.ctypes.data for x in (self.times, self.polynomials, self.ends))
-            code.sample(motion.shape[1], len(self.times) - 1, *used, t, motion.ctypes.data)
+            used = self.times, self.polynomials, self.ends, self.torques
+            places = (None if x is None else x.ctypes.data for x in used)
+            code.sample(motion.shape[1], len(self.times) - 1, *places, t, motion.ctypes.data)
         motion.setflags(write=False)
-        return Reference(motion[0], motion[1], motion[2])
+        q, v, a, tau = motion
+        return Reference(q, v, a, None if self.torques is None else tau)
+
+    def _torques_at(self, t: float) -> Array | float:
+        """Torques at a time in [s], as ``sample.c`` computes them."""
+        if self.torques is None:
+            return 0.0
+        if not 0.0 <= t < self.times[-1]:
+            outside: Array = self.torques[0 if t < 0.0 else -1]
+            return outside
+        i = int(np.searchsorted(self.times, t, "right")) - 1
+        before, after = self.torques[i : i + 2]
+        s = (t - self.times[i]) / (self.times[i + 1] - self.times[i])
+        torques: Array = before + s * (after - before)
+        return torques
 
     def at(self, times: Array) -> Array:
         """Positions, velocities and accelerations at times in [s], shape (3, k, n)."""
@@ -261,7 +287,8 @@ def _evaluated(polynomials: Array, s: Array) -> Array:
     return value
 
 
-def hold(q: ArrayLike) -> Trajectory:
-    """Hold position ``q`` forever, shape (n,)."""
+def hold(q: ArrayLike, tau: ArrayLike | None = None) -> Trajectory:
+    """Hold position ``q`` forever, and add torques ``tau`` to a controller's; each (n,)."""
     ends = np.stack([numbers("position", q)] * 2)
-    return Trajectory(np.zeros(1), np.empty((0, ends.shape[1], 6)), ends)
+    torques = None if tau is None else numbers("torques", tau)[None]
+    return Trajectory(np.zeros(1), np.empty((0, ends.shape[1], 6)), ends, torques=torques)

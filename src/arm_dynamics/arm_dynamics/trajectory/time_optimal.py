@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, positive_limits
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
-from arm_dynamics.trajectory.joint_path import JointPath
+from arm_dynamics.trajectory.joint_paths import JointPath
 from arm_dynamics.trajectory.reference import Trajectory
 from arm_dynamics.trajectory.time_scaling import (
     BETWEEN,

@@ -10,13 +10,14 @@ Neuroscience 5(7), 1985): where velocity and acceleration are free, jerk and sna
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.exceptions import InvalidInput, plain
-from arm_dynamics.trajectory.quintic import extremes
+from arm_dynamics.trajectory.quintics import extremes
 from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint
 
 MAX_WAYPOINTS = 10_001  # 10 000 after the start
@@ -40,9 +41,14 @@ def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Traj
         The trajectory; its ``stretch`` is the factor by which it was slowed down.
 
     Raises:
-        InvalidInput: If waypoints are malformed, or no factor brings the motion within limits.
+        InvalidInput: If waypoints are malformed, or no factor brings the motion within limits, or
+            one is needed though waypoints have torques, which are right for their times only.
     """
-    knots = _Knots(waypoints)
+    return with_torques(_moved(_Knots(waypoints), limits), waypoints)
+
+
+def _moved(knots: _Knots, limits: Limits | None) -> Trajectory:
+    """The motion through knots, without torques."""
     if limits is None:
         return knots.trajectory(1.0)
     _check_positions(knots.q, knots.q[0], limits)
@@ -105,7 +111,7 @@ def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
     """Decelerate all joints smoothly to rest, wherever that is.
 
     The speed is v (1 - 3 s² + 2 s³), so the distance is v T/2 and the deceleration at most 1.5
-    v/T.
+    v/T. Torques to add stay what they are.
 
     Args:
         here: The motion to end.
@@ -116,8 +122,9 @@ def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
         InvalidInput: If it cannot be ended within limits.
     """
     time = max(least, 1.5 * float(np.max(abs(here.v) / limits.acceleration)))
-    start = Waypoint(0.0, here.q, here.v, here.a)
-    return quintic([start, Waypoint(time, here.q + 0.5 * time * here.v)], limits)
+    start = Waypoint(0.0, here.q, here.v, here.a, here.tau)
+    end = Waypoint(time, here.q + 0.5 * time * here.v, tau=here.tau)
+    return quintic([start, end], limits)
 
 
 class _Knots:
@@ -134,6 +141,39 @@ class _Knots:
         slower[0] = 1.0
         v, a = self.v / slower, self.a / slower**2
         return Trajectory.through(self.times * stretch, self.q, v, a, stretch)
+
+
+def have_torques(waypoints: Sequence[Waypoint]) -> bool:
+    """Whether waypoints have torques to add to a controller's.
+
+    Raises:
+        InvalidInput: If some have and others have not.
+    """
+    lacking = [i for i, w in enumerate(waypoints) if w.tau is None]
+    if lacking and len(lacking) < len(waypoints):
+        raise InvalidInput(
+            f"waypoint {lacking[0]} has no torques, others have; allowed: all or none"
+        )
+    return not lacking
+
+
+def with_torques(motion: Trajectory, waypoints: Sequence[Waypoint]) -> Trajectory:
+    """Add the torques of waypoints, if they have any, to the motion through them.
+
+    Raises:
+        InvalidInput: If only some have torques, one is malformed, or the motion is slower than the
+            waypoints say, so that their torques do not belong to it.
+    """
+    if not have_torques(waypoints):
+        return motion
+    if motion.stretch > 1.0:
+        raise InvalidInput(
+            f"the motion would have to be {motion.stretch:.4g} times slower for its limits, and "
+            "its torques belong to the times given; allowed: times that keep the limits, or "
+            "waypoints without torques"
+        )
+    n = motion.ends.shape[1]
+    return replace(motion, torques=given_rows([w.tau for w in waypoints], n, "torque"))
 
 
 def check_kind(waypoints: Sequence[Waypoint]) -> None:

@@ -99,6 +99,11 @@ def build(
     for part, work in _of_all_nodes() if nodes else ():
         with _into(out, "nodes", part, processor):
             work()
+    _show(out, as_json)
+
+
+def _show(out: Path, as_json: bool) -> None:
+    """What is in the folder."""
     entries = list(out.glob("*.so"))
     size = sum(entry.stat().st_size for entry in entries)
     if as_json:
@@ -130,8 +135,8 @@ def _other_parts(
     from arm_dynamics.control import make_controller, preparation
     from arm_dynamics.dynamics.rigid import MANY
 
-    if simulator.energy_account.may_make_ticks_again:
-        yield "energy account", simulator.energy_account.prepare
+    if simulator.arm.compiled.energy_account.may_make_ticks_again:
+        yield "energy account", simulator.arm.compiled.energy_account.prepare
     if job := preparation(make_controller("computed_torque", _controlled(simulator))):
         yield "computed torque", job
     if not batches:
@@ -176,7 +181,7 @@ def _of_derivatives(
 ) -> Iterator[tuple[str, Callable[[], object]]]:
     if not wanted:
         return
-    derivatives = simulator.compiled.derivatives
+    derivatives = simulator.arm.compiled.derivatives
     yield "derivatives of ticks", derivatives.linearizer().prepare
     yield "gradients of rollouts", derivatives.gradients.prepare
     for parts in further:
@@ -191,9 +196,9 @@ def _of_nodes(simulator: Simulator, wanted: bool) -> Iterator[tuple[str, Callabl
     from arm_dynamics.ros.dynamics import COMPILED
     from arm_sim.ros.drive_torques import DriveTorques
 
-    yield "servo", lambda: simulator.compiled.servo  # for position commands and stops
-    if simulator.plant.torques is not None:
-        yield "torques of drives", lambda: DriveTorques(simulator)
+    yield "servo", lambda: simulator.arm.compiled.servo  # for position commands and stops
+    if simulator.arm.plant.torques is not None:
+        yield "torques of drives", lambda: DriveTorques(simulator.arm)
     for service, question, _ in COMPILED:
         if question.known(simulator.dynamics):
             work = partial(compiled_answer, question, simulator.dynamics)
@@ -202,11 +207,11 @@ def _of_nodes(simulator: Simulator, wanted: bool) -> Iterator[tuple[str, Callabl
 
 def _of_all_nodes() -> Iterator[tuple[str, Callable[[], object]]]:
     """Loops and messages of the nodes, which are the same for all scenes."""
-    from arm_dynamics.ros.controller import code as controller
+    from arm_dynamics.ros.controller import controller_library as controller
     from arm_dynamics.ros.dynamics import compiled_services
-    from arm_dynamics.ros.joint_state import code as messages
-    from arm_dynamics.trajectory import code as trajectory
-    from arm_sim.ros import code as sim
+    from arm_dynamics.ros.joint_state import joint_state_library as messages
+    from arm_dynamics.trajectory import trajectory_library as trajectory
+    from arm_sim.ros import node_library as sim
 
     # Uncached: what this process has loaded is not necessarily in the folder.
     yield "messages", messages.library.__wrapped__

@@ -14,6 +14,7 @@ from arm_sim.cli.output import examples
 @click.command(
     epilog=examples(
         "./arm export panda --out panda_c",
+        "./arm export panda --out panda_fmu --fmu",
         "./arm export my_arm.urdf --out my_arm_c --name my_arm --frame tool",
         "./arm export my_scene.yaml --out my_arm_c --name my_arm --tick --derivatives",
     )
@@ -25,6 +26,8 @@ from arm_sim.cli.output import examples
               help="Prefix of all functions, a C identifier. [default: from the robot's name]",
               )  # fmt: skip
 @click.option("--tick", is_flag=True, help="Also export the simulator's tick.")
+@click.option("--fmu", is_flag=True,
+              help="Also make functional mock-up units, by FMI 3.0 and 2.0.")  # fmt: skip
 @click.option("--frame", "frames", multiple=True, metavar="FRAME",
               help="Also export pose and Jacobian of this frame; may be repeated.")  # fmt: skip
 @click.option("--derivatives", is_flag=True,
@@ -34,6 +37,7 @@ def export(
     out: Path,
     name: str | None,
     tick: bool,
+    fmu: bool,
     frames: tuple[str, ...],
     derivatives: bool,
 ) -> None:
@@ -47,5 +51,5 @@ def export(
     from arm_sim.export import export as exported
 
     terms = (*TERMS, *DERIVATIVES) if derivatives else TERMS
-    made = exported(scene, out, name, terms, tick, frames)
+    made = exported(scene, out, name, terms, tick or fmu, fmu, frames)
     click.echo(f"{made.folder}: library '{made.name}', {len(made.files)} files")

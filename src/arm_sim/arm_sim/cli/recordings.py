@@ -170,20 +170,24 @@ def replay(
             found.recording.save(out)
         click.echo(json.dumps(_facts(loaded, found)))
         sys.exit(0 if found.equal else 1)
+    _show_replay(loaded, found)
+    if out is not None:
+        console().print(str(found.recording.save(out)), markup=False)
+    sys.exit(0 if found.equal else 1)
+
+
+def _show_replay(recording: Recording, found: Replay) -> None:
     screen = console()
-    screen.print(repr(loaded), markup=False)
+    screen.print(repr(recording), markup=False)
     for name in found.other_versions:
         screen.print(f"{name} has another version here; last bits may differ", markup=False)
     if found.equal:
-        screen.print(f"{len(loaded) - 1} ticks replayed, every state bit-identical")
+        screen.print(f"{len(recording) - 1} ticks replayed, every state bit-identical")
     if found.first is not None:
         screen.print(f"first difference: {found.first}", markup=False)
         screen.print(f"positions differ by {_largest(found.apart):.3g} rad or m at most")
     if found.failure:
         screen.print(f"the replay ends early: {found.failure}", markup=False)
-    if out is not None:
-        screen.print(str(found.recording.save(out)), markup=False)
-    sys.exit(0 if found.equal else 1)
 
 
 def _facts(loaded: Recording, found: Replay) -> dict[str, Any]:

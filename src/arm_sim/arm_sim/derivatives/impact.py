@@ -46,20 +46,10 @@ class ImpactDerivative:
         meets = 1 - p[place : place + n] if plant.directions else ca.MX(n, 1)
         v = x[n:]
         after = plant.strike(x, p, -meets * (1 + e) * v, r)[0]
-        laws, speed = [ca.MX(0, 1)], ca.MX(0, 1)
+        law = speed = ca.MX(0, 1)
         if plant.contact:
             met, speed = (plant.contact.geometry(ca.vertcat(x[:n], w))[1] for w in (v, after))
-        for k, point in enumerate(plant.points):
-            normal, tangents = 3 * k, slice(3 * k + 1, 3 * k + 3)
-            obeyed = speed[normal] + f[k] * met[normal]
-            laws.append(ca.if_else(carries[k] > 0, obeyed, r[normal]))
-            slides = r[tangents]
-            if point.friction > 0.0:
-                s = speed[tangents]
-                slides = slides + point.friction * r[normal] * s / ca.norm_2(s)
-            moves = ca.if_else(sticks[k] > 0, speed[tangents], slides)
-            laws.append(ca.if_else(carries[k] > 0, moves, r[tangents]))
-        law = ca.vertcat(*laws)
+            law = _laws(plant, met, speed, f, (carries, sticks), r)
         slopes = list[ca.MX]()
         for y in (after, law):
             slopes.append(ca.horzcat(ca.jacobian(y, x), jacobian_by(y, p, tuned)))
@@ -119,3 +109,37 @@ class ImpactDerivative:
                 f"linearize: the impact at contact '{name}' is on the boundary of stick and slip"
             )
         return carries.astype(float), sticks.astype(float)
+
+
+def _laws(
+    plant: Plant, met: ca.MX, speed: ca.MX, f: ca.MX, modes: tuple[ca.MX, ca.MX], r: ca.MX
+) -> ca.MX:
+    """What is zero in an impact of all contacts, see ``_law``, by velocities before and after."""
+    laws: list[ca.MX] = []
+    for k, point in enumerate(plant.points):
+        here = slice(3 * k, 3 * k + 3)
+        obeyed = speed[here.start] + f[k] * met[here.start]
+        carries, sticks = (mode[k] for mode in modes)
+        laws += _law(speed[here], r[here], obeyed, (carries, sticks), point.friction)
+    return ca.vertcat(*laws)
+
+
+def _law(
+    speed: ca.MX, r: ca.MX, obeyed: ca.MX, modes: tuple[ca.MX, ca.MX], friction: float
+) -> tuple[ca.MX, ca.MX]:
+    """What is zero in an impact of a contact, along the normal and the tangents.
+
+    Args:
+        speed: Its velocity afterwards, shape (3,).
+        r: Its impulse, likewise.
+        obeyed: Zero by the law of restitution.
+        modes: Whether it carries a load, and sticks.
+        friction: Its coefficient.
+    """
+    carries, sticks = modes
+    slides = r[1:]
+    if friction > 0.0:
+        s = speed[1:]
+        slides = slides + friction * r[0] * s / ca.norm_2(s)
+    moves = ca.if_else(sticks > 0, speed[1:], slides)
+    return ca.if_else(carries > 0, obeyed, r[0]), ca.if_else(carries > 0, moves, r[1:])

@@ -13,22 +13,17 @@ from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl
-from arm_sim.stepping.events import EventReport
+from arm_sim.stepping.events import EventReport, layout
 
 MOST_SEGMENTS = 1000
 
 
 def segment_type(plant: Plant) -> np.dtype[np.void]:
-    """Fields of a segment, all doubles, as ``record_t`` in ``native/modes.h``."""
-    nx, n, nc, modes = plant.nx, plant.model.n, len(plant.points), plant.rhs.numel_in(2)
-    sizes = {
-        "before": nx, "begin": nx, "end": nx, "p": modes, "limit": nc, "length": None,
-        "step": None, "calm": None, "hit": None, "part": None, "meets": plant.directions,
-        "leaves": n, "rebound": nc, "impulse": 3 * nc,
-    }  # fmt: skip
-    return np.dtype(
-        [(name, float) if size is None else (name, float, (size,)) for name, size in sizes.items()]
-    )
+    """Fields of a segment, ``record_t`` of ``native/modes.h``; modes are one array ``p``."""
+    fields = layout("record_t", plant)
+    modes = np.dtype((float, (fields["p"].itemsize // 8,)))
+    names = fields.names or ()
+    return np.dtype([(name, modes if name == "p" else fields[name]) for name in names])
 
 
 def diverged(choice: Choice) -> SimulationDiverged:

@@ -124,13 +124,14 @@ def _functions(name: str, terms: Sequence[Term]) -> str:
 
 def _ticks(model: ArmModel, tick: Tick) -> str:
     """About the simulation: commands, method, parameters."""
-    choice, units = tick.simulator.choice, ", ".join(dict.fromkeys(model.command_unit))
+    choice = tick.simulator.arm.compiled.choice
+    units = ", ".join(dict.fromkeys(model.command_unit))
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
     said = _TICKS.format(
         dt=choice.dt, method=choice.method.name, control=control, units=units,
-        states=tick.simulator.plant.nx,
+        states=tick.simulator.arm.plant.nx,
     )  # fmt: skip
-    numbers = zip(tick.parameters, tick.simulator.plant.parameters.nominal, strict=False)
+    numbers = zip(tick.parameters, tick.simulator.arm.plant.parameters.nominal, strict=False)
     rows = [f"| `{name}` | {value:.17g} |\n" for name, value in numbers]
     if not rows:
         return said

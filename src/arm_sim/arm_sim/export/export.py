@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from arm_dynamics import ArmModel
+from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.model.arm import arm_model
 from arm_dynamics.scene import scene_text
 from arm_dynamics.scene.load import SceneSource, naming
@@ -15,6 +15,7 @@ from arm_sim.export import library
 from arm_sim.export.check_program import check_program
 from arm_sim.export.description import about, readme
 from arm_sim.export.expected import Expected, states
+from arm_sim.export.fmu import mockup_of, units
 from arm_sim.export.folder import check_folder, put_files
 from arm_sim.export.names import from_title, library_name
 from arm_sim.export.terms import TERMS, chosen, terms_of
@@ -45,6 +46,7 @@ def export(
     name: str | None = None,
     terms: Collection[str] = TERMS,
     tick: bool = True,
+    fmu: bool = False,
     frames: Sequence[str] = (),
 ) -> Exported:
     """Write a scene as a C library into a folder that needs nothing of the suite.
@@ -56,37 +58,51 @@ def export(
         name: Name of the library, a C identifier; None for one made from the robot's name.
         terms: Names out of ``TERMS`` and ``DERIVATIVES``.
         tick: Whether to export the simulator's tick, too.
+        fmu: Whether to add functional mock-up units for co-simulation, ``N.fmu`` by FMI 3.0 and
+            ``N_fmi2.fmu`` by FMI 2.0, which need the tick.
         frames: Frames whose poses and Jacobians are wanted.
 
     Raises:
         InvalidInput: If an argument is not allowed; nothing is written.
+        CompilerMissing: If units are wanted and there is no C compiler; likewise.
         SceneError: If the scene cannot be used; likewise.
         KernelError: If a function differs from Pinocchio; likewise.
         OSError: If the folder cannot be written; likewise.
     """
     folder, wanted = Path(out), chosen(terms)
+    if fmu and not tick:
+        raise InvalidInput("fmu = True with tick = False; allowed: units with the tick")
     called = None if name is None else library_name(name)
     check_folder(folder)
     model = arm_model(scene)
     called = called or from_title(model.pin.name)
     with naming(scene):
-        files = _files(model, called, wanted, tick, frames)
+        files = _files(model, called, wanted, tick, fmu, frames)
     put_files(folder, files)
     return Exported(folder, called, tuple(files))
 
 
 def _files(
-    model: ArmModel, name: str, wanted: Collection[str], ticks: bool, frames: Sequence[str]
-) -> dict[str, str]:
-    """Texts of all files of a library by name."""
+    model: ArmModel,
+    name: str,
+    wanted: Collection[str],
+    ticks: bool,
+    fmu: bool,
+    frames: Sequence[str],
+) -> dict[str, str | bytes]:
+    """Contents of all files of a library by name."""
     expected, points = Expected(model, frames), states(model)
     terms = terms_of(model, wanted, frames)
     expected.verify(terms, points)
     tick = tick_of(model) if ticks else None
     said = about(name, model)
-    return {
+    code = {
         f"{name}.h": library.header(name, said, model, terms, tick),
         f"{name}.c": library.source(name, said, model, terms, tick),
+    }
+    return {
+        **code,
+        **(units(mockup_of(name, tick, code)) if fmu and tick else {}),
         f"test_{name}.c": check_program(name, said, terms, expected, points, tick),
         "CMakeLists.txt": (_NATIVE / "CMakeLists.txt").read_text().replace("@NAME@", name),
         "README.md": readme(name, model, terms, tick),

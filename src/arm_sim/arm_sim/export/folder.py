@@ -32,7 +32,7 @@ def check_folder(out: Path) -> None:
         )
 
 
-def put_files(out: Path, files: Mapping[str, str]) -> None:
+def put_files(out: Path, files: Mapping[str, str | bytes]) -> None:
     """Write files into a folder that ``check_folder`` accepts; earlier exported ones go.
 
     Raises:
@@ -41,8 +41,9 @@ def put_files(out: Path, files: Mapping[str, str]) -> None:
     out.parent.mkdir(parents=True, exist_ok=True)
     scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     try:
-        for name, text in {**files, LIST: json.dumps(sorted(files), indent=1) + "\n"}.items():
-            (scratch / name).write_text(text, encoding="utf-8")
+        for name, content in {**files, LIST: json.dumps(sorted(files), indent=1) + "\n"}.items():
+            raw = content.encode() if isinstance(content, str) else content
+            (scratch / name).write_bytes(raw)
         if not out.exists():
             scratch.chmod(0o777 & ~_umask())
             scratch.rename(out)

@@ -47,7 +47,7 @@ def header(
         tick: Its tick, if any.
     """
     capitals = name.upper()
-    states = tick.simulator.plant.nx if tick else 2 * model.n
+    states = tick.simulator.arm.plant.nx if tick else 2 * model.n
     parts = [
         f"{comment(about)}#ifndef {capitals}_H\n#define {capitals}_H\n\n#include <stddef.h>\n",
         '#ifdef __cplusplus\nextern "C" {\n#endif\n',
@@ -78,7 +78,7 @@ def source(
         resting,
         f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",
         *(_definition(name, term, bool(resting)) for term in terms),
-        _named(name, tick.source) if tick else "",
+        named(name, tick.source) if tick else "",
     ]
     return without_unused(decided("\n".join(parts)))
 
@@ -86,10 +86,10 @@ def source(
 def _of_tick(name: str, tick: Tick) -> list[str]:
     """Declarations of the tick."""
     period = f"#define {name.upper()}_PERIOD {tick.simulator.dt!r}\n"
-    return [comment("Length of a tick in [s].") + period, _named(name, declarations())]
+    return [comment("Length of a tick in [s].") + period, named(name, declarations())]
 
 
-def _named(name: str, text: str) -> str:
+def named(name: str, text: str) -> str:
     """C with the library's name in its place."""
     return text.replace("library_", f"{name}_").replace("LIBRARY_", f"{name.upper()}_")
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -11,6 +11,7 @@ import casadi as ca
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators import extrapolation as implicit
+from arm_sim.integrators import nystrom
 from arm_sim.integrators.continuous import middle_weights, needs_slope_at_end, stage_at_end
 from arm_sim.integrators.tableaux import (
     DOP853,
@@ -18,8 +19,10 @@ from arm_sim.integrators.tableaux import (
     EULER,
     HEUN,
     MIDPOINT,
+    NYSTROM4,
     RK4,
     Tableau,
+    weighed_sum,
 )
 
 Rhs = Callable[[ca.MX], ca.MX]
@@ -63,6 +66,7 @@ METHODS = {
         _from_tableau("midpoint", MIDPOINT),
         _from_tableau("heun", HEUN),
         _from_tableau("rk4", RK4),
+        _from_tableau("nystrom4", NYSTROM4),
         _from_tableau("dopri5", DORMAND_PRINCE),
         _from_tableau("dop853", DOP853),
         Method("implicit", implicit.ORDER, implicit.SOURCE, adaptive=True),
@@ -177,6 +181,10 @@ def _advance(
         return Step(x, h, after, [estimate], middle=middle)
     if (tableau := method.tableau) is None:
         return Step(x, h, _semi_implicit(lambda y: rhs(y, u, p), x, h, n), [])
+    if tableau.positions:
+        slopes = nystrom.slopes(tableau, rhs, n, x, u, p, h)
+        after = nystrom.stage(tableau, len(slopes), slopes, x, h, n)
+        return Step(x, h, after, [], tableau, slopes)
     slopes = _slopes(tableau, lambda y: rhs(y, u, p), x, h)
     after = x + h * weighed_sum(tableau.b, slopes, x)
     estimates = [h * weighed_sum(weights, slopes, x) for weights in tableau.errors]
@@ -245,17 +253,6 @@ def _slopes(tableau: Tableau, f: Rhs, x: ca.MX, h: ca.MX) -> list[ca.MX]:
     for row in tableau.a:
         slopes.append(f(x + h * weighed_sum(row, slopes, x)) if any(row) else f(x))
     return slopes
-
-
-def weighed_sum(
-    weights: Sequence[float], slopes: Sequence[ca.MX] | Mapping[int, ca.SX], like: ca.MX | ca.SX
-) -> ca.MX | ca.SX:
-    """Σ w_i k_i over the stages that a method uses; zeros of the size of ``like`` if none."""
-    total = type(like)(like.shape[0], 1)
-    for i, weight in enumerate(weights):
-        if weight:
-            total = total + weight * slopes[i]
-    return total
 
 
 def _semi_implicit(f: Rhs, x: ca.MX, h: ca.MX, n: int) -> ca.MX:

@@ -79,16 +79,11 @@ def choose(
     Raises:
         InvalidInput: If one of them is not allowed or they cannot be combined.
     """
-    scene = plant.model.scene
-    name = integrator or scene.sim.integrator or "auto"
+    sim = plant.model.scene.sim
+    name = integrator or sim.integrator or "auto"
     if tolerance is None and integrator is None:
-        tolerance = scene.sim.tolerance
-    dt = _within("dt", scene.sim.dt if dt is None else dt, DT_RANGE, " s")
-    if dt > LONG:
-        _log.warning(
-            "dt = %g s is long for a tick: a torque is held for all of it, and without a tolerance"
-            " it is one step; arms are controlled every 0.001 to 0.01 s", dt,
-        )  # fmt: skip
+        tolerance = sim.tolerance
+    dt = _tick(sim.dt if dt is None else dt)
     tolerance = None if tolerance is None else _within("tolerance", tolerance, TOLERANCE_RANGE, "")
     if name not in ("auto", *METHODS):
         raise InvalidInput(f"integrator = {name!r}; allowed: {choices(name, ('auto', *METHODS))}")
@@ -100,7 +95,23 @@ def choose(
         return Choice(METHODS["implicit"], dt, tolerance or STIFF_LAW, reason)
     if name == "auto":
         return _automatic(plant, dt, tolerance)
-    method = METHODS[name]
+    return _chosen(plant, METHODS[name], dt, tolerance)
+
+
+def _tick(dt: float) -> float:
+    """Check the length of a tick in [s]."""
+    dt = _within("dt", dt, DT_RANGE, " s")
+    if dt > LONG:
+        _log.warning(
+            "dt = %g s is long for a tick: a torque is held for all of it, and without a tolerance"
+            " it is one step; arms are controlled every 0.001 to 0.01 s", dt,
+        )  # fmt: skip
+    return dt
+
+
+def _chosen(plant: Plant, method: Method, dt: float, tolerance: float | None) -> Choice:
+    """The choice of a method by its name."""
+    name = method.name
     if tolerance is not None and not method.adaptive:
         able = ", ".join(m.name for m in METHODS.values() if m.adaptive)
         raise InvalidInput(

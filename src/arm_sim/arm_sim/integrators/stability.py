@@ -3,10 +3,12 @@
 
 In a step h, a Runge-Kutta method multiplies a mode exp(λ t) by R(h λ), with the polynomial
 R(z) = 1 + z bᵀ (1 - z A)⁻¹ 1 of its tableau (Hairer, Wanner, Solving Ordinary Differential
-Equations II, 1996, section IV.2).
+Equations II, 1996, section IV.2). The other methods couple modes: theirs is the matrix of a step.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -40,7 +42,7 @@ def grows(method: Method, response: Response, h: float) -> bool:
 
 def worst(method: Method, response: Response, h: float) -> int:
     """The mode that grows fastest in steps of length ``h`` in [s]."""
-    if method.tableau is None:
+    if _by_mode(method) is None:
         return int(abs(response.modes[0]).argmax())
     return int(_growth(method, response, h).argmax())
 
@@ -59,12 +61,43 @@ def _growth(method: Method, response: Response, h: float) -> Array:
     rates = response.modes[0]
     if method.name == "implicit":
         return np.zeros(len(rates))
-    if method.tableau is not None:
+    if tableau := _by_mode(method):
         z = h * rates
-        factors = np.polynomial.polynomial.polyval(z, polynomial(method.tableau))
+        factors = np.polynomial.polynomial.polyval(z, polynomial(tableau))
         return np.where(z.real > ROUNDING * abs(z), 0.0, abs(factors) - 1.0)
     n = next(iter(response.forces.values())).shape[0]
-    step = np.eye(len(rates)) + h * response.J
-    step[:n] = np.eye(n, len(rates)) + h * step[n : 2 * n]
-    own = np.exp(h * np.where(rates.real > ROUNDING * abs(rates), rates.real, 0.0))
-    return np.asarray(abs(np.linalg.eigvals(step)) - own.max(initial=1.0))
+    step = _nystrom if method.tableau else _semi_implicit
+    with np.errstate(over="ignore"):  # a mode that grows beyond all numbers is its own
+        own = np.exp(h * np.where(rates.real > ROUNDING * abs(rates), rates.real, 0.0))
+    matrix = step(method, response.J, h, n)
+    return np.asarray(abs(np.linalg.eigvals(matrix)) - own.max(initial=1.0))
+
+
+def _by_mode(method: Method) -> Tableau | None:
+    """The tableau of a method that multiplies each mode by R(h λ); None of others."""
+    return None if method.tableau is None or method.tableau.positions else method.tableau
+
+
+def _semi_implicit(_: Method, J: Array, h: float, n: int) -> Array:
+    """Matrix of a step of x' = J x, shape (nx, nx)."""
+    step = np.eye(len(J)) + h * J
+    step[:n] = np.eye(n, len(J)) + h * step[n : 2 * n]
+    return step
+
+
+def _nystrom(method: Method, J: Array, h: float, n: int) -> Array:
+    """The same; see ``nystrom``."""
+    assert method.tableau is not None
+    a, positions = (*method.tableau.a, method.tableau.b), method.tableau.positions
+    x = y = np.eye(len(J))
+    slopes = list[Array]()
+    for row, pushes in zip(a, positions, strict=True):
+        y = x + h * _sum(row, slopes, x)
+        pushed = _sum(pushes, slopes, x)[n : 2 * n]
+        y[:n] = x[:n] + h * (sum(row) * x[n : 2 * n] + h * pushed)
+        slopes.append(J @ y)
+    return y
+
+
+def _sum(weights: Sequence[float], slopes: list[Array], like: Array) -> Array:
+    return sum((w * k for w, k in zip(weights, slopes, strict=False)), 0.0 * like)

@@ -7,7 +7,10 @@ Notation and most tableaux: Hairer, Nørsett, Wanner, Solving Ordinary Different
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import casadi as ca
 
 
 @dataclass(frozen=True)
@@ -22,6 +25,8 @@ class Tableau:
         b: Weights of the result.
         source: Its literature reference.
         errors: Weights of error estimates (b minus the embedded method's), none if it has none.
+        positions: Of Nyström's methods for q'' = f(q, q'), the weights ā of the accelerations in
+            the positions: row i holds those of stages 0 … i-1, the last row those of the result.
     """
 
     order: int
@@ -29,6 +34,18 @@ class Tableau:
     b: tuple[float, ...]
     source: str
     errors: tuple[tuple[float, ...], ...] = ()
+    positions: tuple[tuple[float, ...], ...] = ()
+
+
+def weighed_sum(
+    weights: Sequence[float], slopes: Sequence[ca.MX] | Mapping[int, ca.SX], like: ca.MX | ca.SX
+) -> ca.MX | ca.SX:
+    """Σ w_i k_i over the stages that a method uses; zeros of the size of ``like`` if none."""
+    total = type(like)(like.shape[0], 1)
+    for i, weight in enumerate(weights):
+        if weight:
+            total = total + weight * slopes[i]
+    return total
 
 
 EULER = Tableau(1, ((),), (1.0,), "Euler, Institutiones calculi integralis I, 1768; HNW I.7")
@@ -42,6 +59,15 @@ RK4 = Tableau(
     ((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
     (1 / 6, 1 / 3, 1 / 3, 1 / 6),
     "Kutta, Z. Math. Phys. 46, 1901; HNW II.1",
+)
+
+# Velocities and internal states as RK4; the second and the third stage are at one position.
+NYSTROM4 = Tableau(
+    4,
+    RK4.a,
+    RK4.b,
+    "Nyström, Acta Soc. Sci. Fennicae 50(13), 1925; HNW II.14",
+    positions=((), (1 / 8,), (1 / 8,), (0.0, 0.0, 1 / 2), (1 / 6, 1 / 6, 1 / 6)),
 )
 
 _DP_B = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84, 0.0)

@@ -20,9 +20,10 @@ from collections.abc import Sequence
 import casadi as ca
 
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_sim.integrators import nystrom
 from arm_sim.integrators.implicit_tangents import implicit_tangent
-from arm_sim.integrators.methods import Method, Scaled, build_step, weighed_sum
-from arm_sim.integrators.tableaux import Tableau
+from arm_sim.integrators.methods import Method, Scaled, build_step
+from arm_sim.integrators.tableaux import Tableau, weighed_sum
 from arm_sim.plant.slopes import Kept, Slopes, jacobian_by
 
 Pair = tuple[ca.Function, ca.Function]
@@ -61,7 +62,7 @@ def build_tangent(
     elif method.tableau is None:
         pair = _semi_implicit(slopes, n)
     else:
-        pair = _staged(method.tableau, slopes)
+        pair = _staged(method.tableau, slopes, n)
     return pair if project is None else _projected(pair, project, n, tuned)
 
 
@@ -76,16 +77,16 @@ def _changes(slopes: Slopes) -> tuple[ca.SX, ca.SX, ca.SX]:
     return dx, dw, ca.SX.sym("dh")
 
 
-def _staged(tableau: Tableau, slopes: Slopes) -> Pair:
+def _staged(tableau: Tableau, slopes: Slopes, n: int) -> Pair:
     """Runge-Kutta methods; stages that do not affect the result are omitted."""
     used = stages_used(tableau)
     x, u, p, h = _symbols(slopes)
     k: dict[int, ca.MX] = {}
     c: dict[int, ca.MX] = {}
     for i in used:
-        k[i], c[i] = slopes.coefficients(x + h * weighed_sum(tableau.a[i], k, x), u, p)
+        k[i], c[i] = slopes.coefficients(_state(tableau, i, k, x, h, n), u, p)
     kept = ca.vertcat(h, *(k[i] for i in used), *(c[i] for i in used))
-    after = x + h * weighed_sum(tableau.b, k, x)
+    after = _state(tableau, len(tableau.b), k, x, h, n)
     advance = ca.Function("advance", [x, u, p, h], [after, kept], {"cse": True})
 
     dx, dw, dh = _changes(slopes)
@@ -95,14 +96,25 @@ def _staged(tableau: Tableau, slopes: Slopes) -> Pair:
     ))  # fmt: skip
     slope = {i: s[:, place] for place, i in enumerate(used)}
     dk: dict[int, ca.SX] = {}
+    rows = (*tableau.a, tableau.b)
 
-    def moved(weights: Sequence[float]) -> ca.SX:
+    def moved(i: int) -> ca.SX:
+        weights = rows[i]
+        if tableau.positions:
+            return nystrom.tangent(weights, tableau.positions[i], dk, slope, dx, h, dh, n)
         return dx + h * weighed_sum(weights, dk, dx) + dh * weighed_sum(weights, slope, dx)
 
     for place, i in enumerate(used):
-        dk[i] = slopes.carried(t[:, place], moved(tableau.a[i]), dw)
-    kept = ca.vertcat(h, ca.vec(s), ca.vec(t))
-    return advance, ca.Function("stretch", [kept, dx, dw, dh], [moved(tableau.b)], {"cse": True})
+        dk[i] = slopes.carried(t[:, place], moved(i), dw)
+    kept, change = ca.vertcat(h, ca.vec(s), ca.vec(t)), moved(len(rows) - 1)
+    return advance, ca.Function("stretch", [kept, dx, dw, dh], [change], {"cse": True})
+
+
+def _state(tableau: Tableau, i: int, k: dict[int, ca.MX], x: ca.MX, h: ca.MX, n: int) -> ca.MX:
+    """State of stage i, and after the last one that at the end."""
+    if tableau.positions:
+        return nystrom.stage(tableau, i, list(k.values()), x, h, n)
+    return x + h * weighed_sum((*tableau.a, tableau.b)[i], k, x)
 
 
 def stages_used(tableau: Tableau) -> list[int]:

@@ -15,6 +15,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.computed_torque import expression, held_gains
 from arm_dynamics.equations.tree import constant
+from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.plant.plant import Plant
 
@@ -97,4 +98,6 @@ def actuation(
 
 
 def _row(reference: Reference) -> Array:
+    if reference.tau is not None:
+        raise InvalidInput("the motion has torques; allowed: a motion without them")
     return np.concatenate([reference.q, reference.v, reference.a])

@@ -6,6 +6,7 @@ read and written in ``files``.
 """
 
 from arm_sim.recording.energy_account import EnergyAccount
+from arm_sim.recording.motion import RecordedMotion
 from arm_sim.recording.recording import Recording
 
-__all__ = ["EnergyAccount", "Recording"]
+__all__ = ["EnergyAccount", "RecordedMotion", "Recording"]

@@ -54,7 +54,7 @@ class Contents:
             ``BRAKES`` or ``SERVOS``; None if nothing ever did.
         gaps: Rows before which ticks are missing, because the recorder was too slow or the file
             is damaged.
-        substep: Initial sub-step of the error control, in [s]; see ``Simulator.substep``.
+        substep: Initial sub-step of the error control, in [s]; see ``SimulatedArm.substep``.
         measured: Sensor measurements at each time; None if the scene has no sensors.
         of_robot: Whether it is of a robot or another simulator, not of our own ticks.
     """

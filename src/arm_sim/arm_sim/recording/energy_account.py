@@ -299,6 +299,16 @@ class EnergyAccount:
         return Stepper(plant, self.choice, self._backend, acted=True)
 
 
+def verdict(error: float) -> str:
+    """What an energy error, relative to the energy that moved, says of a motion."""
+    if error <= TRUSTED:
+        return f"energy account closed to {error:.2g} of the energy that moved"
+    return (
+        f"not trustworthy: the energy account is off by {error:.2g} of the energy that "
+        f"moved, more than {TRUSTED:g}"
+    )
+
+
 def relative_error(balance: float, moved: float, size: float) -> float:
     """Unexplained energy relative to the energy that moved.
 

@@ -11,7 +11,8 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_sim.figures import legend_at_right
-from arm_sim.recording.tables import UNITS, RecordedMotion, parts
+from arm_sim.recording.motion import RecordedMotion
+from arm_sim.recording.tables import UNITS, parts
 
 _STYLE = {
     "axes.grid": True, "grid.alpha": 0.3, "axes.spines.top": False, "axes.spines.right": False,

@@ -3,63 +3,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim.plant.plant import Plant
-from arm_sim.recording.changes import Jump
-from arm_sim.recording.contents import Event
-from arm_sim.recording.energy_account import EnergyAccount
-from arm_sim.recording.origin import Origin, Physics
-
-
-class RecordedMotion(Protocol):
-    """The parts of a ``Recording`` that tables and figures use."""
-
-    @property
-    def time(self) -> Array: ...  # noqa: D102 - see Recording, as with all that follow
-    @property
-    def q(self) -> Array: ...  # noqa: D102
-    @property
-    def v(self) -> Array: ...  # noqa: D102
-    @property
-    def z(self) -> Array: ...  # noqa: D102
-    @property
-    def x(self) -> Array: ...  # noqa: D102
-    @property
-    def tau(self) -> Array: ...  # noqa: D102
-    @property
-    def command(self) -> Array: ...  # noqa: D102
-    @property
-    def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def of_robot(self) -> bool: ...  # noqa: D102
-    @property
-    def origin(self) -> Origin | None: ...  # noqa: D102
-    @property
-    def physics(self) -> Physics | None: ...  # noqa: D102
-    @property
-    def plant(self) -> Plant: ...  # noqa: D102
-    @property
-    def account(self) -> EnergyAccount: ...  # noqa: D102
-    @property
-    def jumps(self) -> tuple[Jump, ...]: ...  # noqa: D102
-    @property
-    def events(self) -> tuple[Event, ...]: ...  # noqa: D102
-    @property
-    def gaps(self) -> tuple[int, ...]: ...  # noqa: D102
-    @property
-    def kinetic(self) -> Array: ...  # noqa: D102
-    @property
-    def energy(self) -> Array: ...  # noqa: D102
-    @property
-    def supplied(self) -> Array: ...  # noqa: D102
-    @property
-    def lost(self) -> Array: ...  # noqa: D102
-    @property
-    def balance(self) -> Array: ...  # noqa: D102
-
+from arm_sim.recording.motion import RecordedMotion
 
 UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m", "N")}
 """Units of revolute and of prismatic joints."""

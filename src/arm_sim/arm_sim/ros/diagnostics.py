@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
@@ -17,11 +18,13 @@ from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.ordinary import OrdinaryTicks
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.params import SimParams
-from arm_sim.ros.realtime_loop import RealtimeLoop
-from arm_sim.ros.record import TickRecorder
 from arm_sim.ros.robot import Display
+from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.realtime_loop import RealtimeLoop
+
+if TYPE_CHECKING:
+    from arm_sim.ros.record import TickRecorder
 
 
 @dataclass
@@ -87,11 +90,7 @@ class SimDiagnostics:
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
-        stopped = self.growth.of("stale", slot.stale_count)
-        if slot.stale:
-            found.complain(WARN, f"commands stopped: the policy '{policy}' acts")
-        elif stopped:
-            found.complain(WARN, "commands stopped, and have resumed")
+        self._check_staleness(found)
         self.growth.warn(found, inputs.refused, "commands ignored")
         self.growth.warn(found, inputs.refused_wrenches, "wrenches ignored")
         if self.growth.of("conflicts", arbiter.refused) or arbiter.conflict:
@@ -99,6 +98,14 @@ class SimDiagnostics:
         elif publishers > 1 and len(arbiter.sources) < 2:
             found.complain(WARN, f"{publishers} publishers on {topic}")
         return found
+
+    def _check_staleness(self, found: Finding) -> None:
+        slot = self.engine.commands
+        stopped = self.growth.of("stale", slot.stale_count)
+        if slot.stale:
+            found.complain(WARN, f"commands stopped: the policy '{self.engine.stale_policy}' acts")
+        elif stopped:
+            found.complain(WARN, "commands stopped, and have resumed")
 
     def _check_simulation(self) -> Finding:
         engine, found = self.engine, Finding("simulation")
@@ -110,7 +117,8 @@ class SimDiagnostics:
             "time [s]": state.time, "stamps": self.outputs.stamps.name, "tf": self.display.frames,
             "paused": engine.paused, "diverged": bool(engine.failure),
             "at stops": _at_stops(engine.simulator.joint_names, stops),
-            "method": engine.simulator.choice.method.name, "error estimate": state.error,
+            "method": engine.simulator.arm.compiled.choice.method.name,
+            "error estimate": state.error,
             "time-stepped ticks": state.time_stepped,
             "energy balance [J]": "closed" if account is None else account.balance,
             "energy [J]": "closed" if account is None else account.total,
@@ -121,14 +129,17 @@ class SimDiagnostics:
             found.complain(ERROR, self.outputs.clock.complaint)
         if engine.failure:
             found.complain(ERROR, engine.failure)
-        if engine.energy_error > TRUSTED:
-            off, dt = engine.energy_error, engine.simulator.dt
+        self._check_energy(found)
+        return found
+
+    def _check_energy(self, found: Finding) -> None:
+        off, dt = self.engine.energy_error, self.engine.simulator.dt
+        if off > TRUSTED:
             found.complain(
                 WARN,
                 f"the energy account is off by {off:.2g} of the energy that moved, more than "
                 f"{TRUSTED:g}: with ticks of {dt:g} s reduce dt or set a tolerance",
             )
-        return found
 
     def _check_recorder(self, recorder: TickRecorder) -> Finding:
         found, thread = Finding("recording"), recorder.thread

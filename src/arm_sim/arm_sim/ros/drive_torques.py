@@ -7,7 +7,7 @@ from ctypes import addressof
 
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_sim.simulator import Simulator
+from arm_sim.simulated_arm import SimulatedArm
 
 
 class DriveTorques:
@@ -19,15 +19,15 @@ class DriveTorques:
     """
 
     @one_at_a_time
-    def __init__(self, simulator: Simulator) -> None:
+    def __init__(self, arm: SimulatedArm) -> None:
         """Compile them; for a scene with models with internal states."""
-        torques = simulator.plant.torques
+        torques = arm.plant.torques
         assert torques is not None
-        self._simulator = simulator
-        self._call = Kernel([torques], simulator.compiled.backend).call(torques.name())
+        self._arm = arm
+        self._call = Kernel([torques], arm.compiled.backend).call(torques.name())
         self.values, entry = self._call.outputs[0], self._call.entry
         self.place = None if entry is None else addressof(entry)
 
     def update(self) -> None:
         """Evaluate them."""
-        self._call(self._simulator.x, self._simulator.acted)
+        self._call(self._arm.x, self._arm.acted)

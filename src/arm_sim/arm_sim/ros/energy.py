@@ -13,7 +13,7 @@ from rclpy.node import Node
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.interfaces import Topic
-from arm_sim.recording.energy_meter import Account
+from arm_sim.energy_meter import Account
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -57,7 +57,7 @@ class EnergyTopic:
         self._latest: Account | None = None
         self.every = max(1, round(period / engine.simulator.dt))
         self._publisher = advertise(node, ENERGY)
-        engine.simulator.energy_account.prepare()
+        engine.simulator.arm.compiled.energy_account.prepare()
 
     @property
     def heard(self) -> bool:

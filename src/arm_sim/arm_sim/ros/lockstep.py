@@ -13,10 +13,10 @@ from rclpy.node import Node
 
 from arm_dynamics.ros.common.executor import steady_timer, subscribe
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_sim.ros.code import LOOP, TICKS, library
 from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.node_library import LOOP, TICKS, library
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.params import SimParams
+from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 
 _SOON = 300_000  # [ns] within which busy-waiting for an answer pays
@@ -108,7 +108,7 @@ class Lockstep:
     def _finish(self) -> None:
         """Tick until the next published state, and wait for its answer."""
         engine = self._engine
-        while not engine.paused and engine.simulator.step_count % self._every:
+        while not engine.paused and engine.simulator.arm.step_count % self._every:
             engine.tick_unattended()
         self.wait()
 

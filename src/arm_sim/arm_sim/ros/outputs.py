@@ -18,15 +18,15 @@ from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
-from arm_sim.ros.clock import SimClock
 from arm_sim.ros.drive_torques import DriveTorques
 from arm_sim.ros.energy import EnergyTopic
 from arm_sim.ros.interfaces import GROUND_TRUTH, MULTIPLIERS
-from arm_sim.ros.latency import RoundTrip
-from arm_sim.ros.params import CLOCK, SimParams
 from arm_sim.ros.robot.all_joints import AllJointStates
-from arm_sim.ros.stamps import SIM, NodeTime, SimulatedTime
+from arm_sim.ros.sim_params import CLOCK, SimParams
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.clock import SimClock
+from arm_sim.ros.timing.latency import RoundTrip
+from arm_sim.ros.timing.stamps import SIM, NodeTime, SimulatedTime
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
 _GLANCE = 0.5  # [s] between checks for subscribers of infrequent topics
@@ -39,7 +39,7 @@ class Outputs:
     Used by the ticking thread only; with ticks by the clock, a timer looks for readers.
 
     Attributes:
-        said: Positions, velocities and efforts of joint states, each shape (n,).
+        reported: Positions, velocities and efforts of joint states, each shape (n,).
         states: Publishes joint states.
         every: Ticks between joint states.
         energy: Keeps and publishes the energy account.
@@ -65,9 +65,9 @@ class Outputs:
         self._engine, self._round_trip = engine, round_trip
         self._simulator = simulator = engine.simulator
         self.every = params.publish_every
-        n, x = simulator.n, simulator.x
-        self.drives = None if simulator.plant.torques is None else DriveTorques(simulator)
-        effort = simulator.acted if self.drives is None else self.drives.values
+        arm, n, x = simulator.arm, simulator.n, simulator.arm.x
+        self.drives = None if arm.plant.torques is None else DriveTorques(arm)
+        effort = arm.acted if self.drives is None else self.drives.values
         truth = x[:n], x[n : 2 * n], effort
 
         names = simulator.joint_names
@@ -76,16 +76,16 @@ class Outputs:
             writer = JointStateWriter(names, frame_id=params.frame_id)
             return JointStateSink(node, topic, writer, arrays)
 
-        sensors = simulator.sensors
-        self.said = truth if sensors is None else tuple(np.split(sensors.said, 3))
+        sensors = arm.sensors
+        self.reported = truth if sensors is None else tuple(np.split(sensors.measured, 3))
         self._truth = None if sensors is None else sink(GROUND_TRUTH, names, truth)
         self._all = None
         if params.publish_all_joints:
             joints = AllJoints(simulator.model)
-            self._all = AllJointStates(joints, self.said)
+            self._all = AllJointStates(joints, self.reported)
             self.states = sink(JOINT_STATES, joints.names, self._all.arrays)
         else:
-            self.states = sink(JOINT_STATES, names, self.said)
+            self.states = sink(JOINT_STATES, names, self.reported)
         self.plain = self._all is self._truth is None
         self._multipliers = None
         if simulator.model.scene.bilateral:
@@ -163,7 +163,7 @@ class Outputs:
             self.stamps.release()
 
     def _after_tick(self) -> None:
-        step = self._simulator.step_count
+        step = self._simulator.arm.step_count
         if step % self.every == 0:
             self.publish()
         if step % self.energy.every == 0:

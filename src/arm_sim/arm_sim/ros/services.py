@@ -57,7 +57,7 @@ class SimServices:
             try:
                 self._engine.step(request.steps)
             finally:
-                response.time = self._engine.simulator.step_count * self._engine.simulator.dt
+                response.time = self._engine.simulator.state.time
 
         return action
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
 
@@ -21,13 +21,15 @@ from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.ordinary import OrdinaryTicks
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.params import CLOCK, HAND, SimParams, greeting, simulator_of
-from arm_sim.ros.realtime_loop import RealtimeLoop
-from arm_sim.ros.record import TickRecorder, listen, recorder_of
 from arm_sim.ros.robot import Display, publish_description
 from arm_sim.ros.services import SimServices
+from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting, simulator_of
 from arm_sim.ros.standard import StandardServices
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.realtime_loop import RealtimeLoop
+
+if TYPE_CHECKING:
+    from arm_sim.ros.record import TickRecorder
 
 
 class SimNode(Node):
@@ -70,23 +72,13 @@ class SimNode(Node):
         self.simulator = simulator_of(chosen, params)
         in_background = params.tick_source == CLOCK
         self._background = Background("servos") if in_background else None
-        self.engine = engine = TickEngine(
-            self.simulator,
-            wrench_timeout=params.wrench_timeout,
-            wrench_reference=params.wrench_reference,
-            paused=params.paused,
-            self_running=params.tick_source != HAND,
-            wait_for_command=params.wait_for_command,
-            background=self._background,
-        )
-        engine.on_failure.append(self._report_failure)
-        engine.on_staleness.append(self._report_staleness)
+        self.engine = engine = self._engine_of(params)
         self._apply(params)
         self.inputs = inputs = Inputs(self, engine)
         trip, heard = inputs.round_trip, lambda: self.diagnosis.heard
         self._outputs = Outputs(self, engine, params, trip, account_wanted=heard)
-        self.recorder = recorder_of(self, params.record, engine)
-        self.display = Display(self, engine, params, self._outputs.said, self._outputs.stamp)
+        self.recorder = self._recorder_of(params.record)
+        self.display = Display(self, engine, params, self._outputs.reported, self._outputs.stamp)
         factor = params.realtime_factor
         self.loop = RealtimeLoop(
             engine.tick_unattended,
@@ -103,7 +95,7 @@ class SimNode(Node):
         else:
             inputs.open(self)
         if self.recorder is not None:
-            listen(self.recorder, self, inputs, self._outputs)
+            self._record(self.recorder)
         commands = self.resolve_topic_name(JOINT_COMMANDS.name)
         self.ordinary = OrdinaryTicks(engine, inputs, self._outputs, self.recorder, commands)
         if self.lockstep is not None:
@@ -117,9 +109,36 @@ class SimNode(Node):
             self.lockstep, self._refused_privileges, self.recorder,
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
-        publish_description(self, params, chosen.robot.urdf, source)
+        publish_description(self, params, chosen.description, source)
         watch(self, params, self._apply)
         self._start()
+
+    def _engine_of(self, params: SimParams) -> TickEngine:
+        engine = TickEngine(
+            self.simulator,
+            wrench_timeout=params.wrench_timeout,
+            wrench_reference=params.wrench_reference,
+            paused=params.paused,
+            self_running=params.tick_source != HAND,
+            wait_for_command=params.wait_for_command,
+            background=self._background,
+        )
+        engine.on_failure.append(self._report_failure)
+        engine.on_staleness.append(self._report_staleness)
+        return engine
+
+    def _recorder_of(self, path: str) -> TickRecorder | None:
+        """The recorder, if the parameter names a path; else its modules are not imported."""
+        if not path:
+            return None
+        from arm_sim.ros.record import recorder_of
+
+        return recorder_of(self, path, self.engine)
+
+    def _record(self, recorder: TickRecorder) -> None:
+        from arm_sim.ros.record import listen
+
+        listen(recorder, self, self.inputs, self._outputs)
 
     def _start(self) -> None:
         self.get_logger().info(greeting(self.simulator, self.params))

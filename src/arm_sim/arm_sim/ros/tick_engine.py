@@ -12,10 +12,10 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.background import Background
 from arm_sim.compiled_scene import EXTERNAL
+from arm_sim.energy_meter import Account, EnergyMeter
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
-from arm_sim.recording.energy_meter import Account, EnergyMeter
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand, Stop
 from arm_sim.ros.commands.stopping import Servos, Stopping
@@ -78,14 +78,15 @@ class TickEngine:
             wait_for_command: Whether time stands still until the first command.
             background: Builds functions without blocking the loop; None: in the loop.
         """
-        self.simulator, self._q = simulator, simulator.x[: simulator.n]
+        self.simulator, self._arm = simulator, simulator.arm
+        self._q = self._arm.x[: simulator.n]
         line: Line[Command] | None = command_line(simulator.model.scene, simulator.dt)
         self.commands = LatestCommand(simulator.dynamics, line)
         self.arbiter, self.queue = Arbiter(self.ticks(_SILENCE)), TickQueue()
         self.paused, self.failure, self._was_stale = paused, "", False
         self._self_running, self._wait_for_command = self_running, wait_for_command
-        self._servos = Servos(simulator, background)
-        self.stopping = Stopping(simulator, self._servos)
+        self._servos = Servos(self._arm, background)
+        self.stopping = Stopping(self._arm, self._servos)
         self._wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
         self._wrench_ticks = self.ticks(wrench_timeout)
         self._pushable = self._pushing = False
@@ -116,7 +117,7 @@ class TickEngine:
     @property
     def stamp(self) -> int:
         """Simulated time in [ns]."""
-        return self.time_of(self.simulator.step_count)
+        return self.time_of(self._arm.step_count)
 
     def time_of(self, step: int) -> int:
         """Simulated time after so many ticks in [ns]."""
@@ -138,7 +139,7 @@ class TickEngine:
         if not self.paused:
             self.read_commands()
             if not (self._wait_for_command and self.commands.empty):
-                self.commands.arrive(self.simulator.step_count)
+                self.commands.arrive(self._arm.step_count)
                 self._advance(self.commands.take(self._q, share))
                 if self.commands.stale is not self._was_stale:
                     self._was_stale = self.commands.stale
@@ -195,7 +196,7 @@ class TickEngine:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
         self.read_commands()
         for done in range(steps):
-            self.commands.arrive(self.simulator.step_count)
+            self.commands.arrive(self._arm.step_count)
             command = self.commands.held(self._q)
             if isinstance(command, JointCommand):
                 self._servos.build()  # time waits
@@ -220,13 +221,13 @@ class TickEngine:
 
     def _make(self, command: Command | Stop) -> bool:
         """Execute a tick under a command; return whether the arm was free to move."""
-        simulator, stopping = self.simulator, self.stopping
+        arm, stopping = self._arm, self.stopping
         if isinstance(command, Stop):
             led = stopping.command(command)
             if led is None:
                 self._stand()
                 return False
-            simulator.follow(led)
+            arm.follow(led)
             return True
         if isinstance(command, JointCommand):
             if not self._servos.ready:
@@ -234,11 +235,11 @@ class TickEngine:
                 return False
             if stopping.acts:
                 stopping.release()
-            simulator.follow(command)
+            arm.follow(command)
             return True
         if stopping.acts:
             self._release()
-        simulator.advance(command)
+        arm.advance(command)
         return True
 
     def _release(self) -> None:
@@ -250,9 +251,9 @@ class TickEngine:
     def _stand(self) -> None:
         """Execute a tick in which brakes hold the arm; the energy they absorb is a change."""
         if not self.stopping.locked:
-            self._accounted(self.simulator.lock)
+            self._accounted(self._arm.lock)
             self.stopping.locked = True
-        self.simulator.stand()
+        self._arm.stand()
 
     def _fail(self, why: str) -> None:
         self.paused, self.failure = True, why
@@ -321,12 +322,12 @@ class TickEngine:
             self.queue.run(lambda: self._accounted(pushable))
             self._pushable = True
         last = self._wrench_ticks - 1
-        self.queue.run(lambda: self._wrenches.push(frame, wrench, simulator.step_count + last))
+        self.queue.run(lambda: self._wrenches.push(frame, wrench, self._arm.step_count + last))
 
     def _push(self) -> None:
         """Apply the wrenches in the next tick."""
         if self._wrenches.active or self._pushing:
-            tau = self._wrenches.torque(self._q, self.simulator.step_count)
+            tau = self._wrenches.torque(self._q, self._arm.step_count)
             self.simulator.set_parameter(EXTERNAL, tau)
             self._pushing = bool(self._wrenches.active)
 
@@ -337,7 +338,7 @@ class TickEngine:
         if not wanted:
             self._meter = None
         elif self._meter is None:
-            self._meter = EnergyMeter(self.simulator)
+            self._meter = EnergyMeter(self._arm)
 
     def account(self) -> Account | None:
         """Energies since the account was opened; None while it is closed."""

@@ -3,11 +3,19 @@
 
 Contains the command, the reference that follows from a stream of commands, and the servo that
 computes the commands of the drives. Depends on models, the actuation of drives and the tunable
-quantities; not on integration.
+quantities; not on integration. Names are imported when they are first used.
 """
 
-from arm_sim.servo.command import JointCommand
-from arm_sim.servo.rest import Rest
-from arm_sim.servo.servo import Servo
+from typing import TYPE_CHECKING
+
+from arm_dynamics.lazy import on_demand
+
+if TYPE_CHECKING:
+    from arm_sim.servo.command import JointCommand
+    from arm_sim.servo.rest import Rest
+    from arm_sim.servo.servo import Servo
 
 __all__ = ["JointCommand", "Rest", "Servo"]
+__getattr__, __dir__ = on_demand(
+    __name__, {"command": ("JointCommand",), "rest": ("Rest",), "servo": ("Servo",)}
+)

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import ctypes
 from enum import IntEnum
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,31 +19,48 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.header import Header
 from arm_sim.plant.plant import Plant
 
-_NATIVE = Path(__file__).with_name("native")
-CONTACT_MODE = np.dtype(
-    [("closed", float), ("sticks", float), ("along", float, (2,)), ("fixed", float)]
-)
-"""Mode of a contact, as ``contact_mode_t`` in ``native/modes.h``."""
+_MODES = Path(__file__).with_name("native") / "modes.h"
+_ENGINE = Header(_MODES, only="trouble report_t")
 
 
 class Trouble(IntEnum):
     """Why a tick could not be computed; ``enum trouble`` in ``native/modes.h``."""
 
-    NONE = 0
-    NUMBERS = 1
-    UNDETERMINED = 2
-    INSIDE = 3
-    STOP = 4  # without compiled code
+    NONE = _ENGINE.constants["NONE"]
+    NUMBERS = _ENGINE.constants["NUMBERS"]
+    UNDETERMINED = _ENGINE.constants["UNDETERMINED"]
+    INSIDE = _ENGINE.constants["INSIDE"]
+    STOP = len(_ENGINE.constants)  # without compiled code
 
 
 class EventReport(ctypes.Structure):
     """Sums over ticks: ``report_t`` of ``native/modes.h``, where the fields are explained."""
 
-    _fields_ = Header(_NATIVE / "modes.h", only="report_t").fields("report_t")
+    _fields_ = _ENGINE.fields("report_t")
 
     def restart(self) -> None:
         """Start afresh, as after a reset."""
         self.impact_loss, self.impacts, self.trouble, self.time_stepped = 0.0, 0, 0, 0
+
+
+def lengths(plant: Plant) -> dict[str, int]:
+    """Lengths of the engine's arrays, by their names in ``native/``."""
+    n, contacts = plant.model.n, len(plant.points)
+    return {
+        "NX": plant.nx, "NU": n, "NP": len(plant.parameters.nominal), "NC": contacts,
+        "MC": 3 * contacts, "ND": plant.directions, "NQ": plant.pressed, "NK": plant.switches,
+    }  # fmt: skip
+
+
+def layout(structure: str, plant: Plant) -> np.dtype[Any]:
+    """Fields of a structure of ``native/modes.h``, all doubles."""
+    return _layout(structure, tuple(lengths(plant).items()))
+
+
+@cache
+def _layout(structure: str, lengths: tuple[tuple[str, int], ...]) -> np.dtype[Any]:
+    header = Header(_MODES, only="contact_mode_t modes_t record_t", lengths=dict(lengths))
+    return np.dtype(header.structure(structure))
 
 
 class Modes:
@@ -60,17 +79,8 @@ class Modes:
 
     def __init__(self, plant: Plant, tunable: Array) -> None:
         """Copy the tunable numbers; the modes of joints and contacts are not determined yet."""
-        layout = np.dtype(
-            [
-                ("tunable", float, (len(tunable),)),
-                ("direction", float, (plant.directions,)),
-                ("pressed", float, (plant.pressed,)),
-                ("switches", float, (plant.switches,)),
-                ("contact", CONTACT_MODE, (len(plant.points),)),
-            ]
-        )
-        record = np.zeros(1, dtype=layout)
-        self.p: Array = record.view(float).reshape(-1) if layout.itemsize else np.zeros(0)
+        record = np.zeros(1, layout("modes_t", plant))
+        self.p: Array = record.view(float).reshape(-1) if record.itemsize else np.zeros(0)
         self.tunable: Array = record["tunable"][0]
         self.direction: Array = record["direction"][0]
         self.pressed: Array = record["pressed"][0]

@@ -42,7 +42,7 @@ from arm_sim.stepping.adaptive import (
     controlled_tick,
     within_reach,
 )
-from arm_sim.stepping.events import EventReport, Modes, Trouble
+from arm_sim.stepping.events import EventReport, Modes, Trouble, lengths
 
 NATIVE = Path(__file__).parent / "native"
 FREE = "free_"
@@ -296,9 +296,7 @@ def tick_functions(
 def sizes(plant: Plant, functions: Sequence[ca.Function]) -> dict[str, str]:
     """Sizes of a scene, its functions and its largest numbers, as definitions for C drivers."""
     return {
-        "NX": str(plant.nx),
-        "NU": str(plant.model.n),
-        "NP": str(len(plant.parameters.nominal)),
+        **{name: str(lengths(plant)[name]) for name in ("NX", "NU", "NP")},
         "LARGEST": repr(LARGEST),
         "SZ_ARG": str(max(function.sz_arg() for function in functions) + 8),
         "SZ_RES": str(max(function.sz_res() for function in functions) + 8),
@@ -353,11 +351,7 @@ def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function)
 
 def mode_sizes(plant: Plant) -> dict[str, str]:
     """Numbers of contacts, of joints with directions and compliant stops, and of switches."""
-    counts = {
-        "NC": len(plant.points), "ND": plant.directions, "NQ": plant.pressed,
-        "NK": plant.switches,
-    }  # fmt: skip
-    return {name: str(count) for name, count in counts.items()}
+    return {name: str(lengths(plant)[name]) for name in ("NC", "ND", "NQ", "NK")}
 
 
 def stop_places(plant: Plant) -> dict[str, str]:

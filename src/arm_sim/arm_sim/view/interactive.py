@@ -38,7 +38,7 @@ EAGER = 4.0  # [rad/s] with which references move to the sliders
 UNLIMITED = {"prismatic": 1.0}  # range of a slider without limits in [m]; others: one turn
 
 
-class SimulatedArm:
+class InteractiveArm:
     """A simulation with its controller, external forces and energy account.
 
     Args:
@@ -90,8 +90,8 @@ class SimulatedArm:
         """Apply a force in [N] and moment in [N m], in world axes, to a frame for some ticks."""
         if not self._pushable:
             self.wrenches.push(frame, wrench, 0)  # raises an error if it cannot be pushed
-            simulation = self.simulation
-            self.account.change(lambda: simulation.use(simulation.compiled.pushable()))
+            arm = self.simulation.arm
+            self.account.change(lambda: arm.use(arm.compiled.pushable()))
             self._pushable = True
         self.wrenches.push(frame, wrench, self.simulation.state.step + ticks - 1)
 
@@ -104,7 +104,7 @@ class SimulatedArm:
             torque = self.wrenches.torque(state.q, state.step)
             simulation.set_parameter("external", torque)
             self._pushed = bool(self.wrenches.active)
-        simulation.advance(self._commanded(state).tolist())
+        simulation.arm.advance(self._commanded(state).tolist())
         self._seen = state.step + 1
         self.account.note()
 
@@ -161,22 +161,12 @@ class Interactive:
     """
 
     def __init__(
-        self, server: viser.ViserServer, rigs: Sequence[SimulatedArm], actors: Sequence[DrawnArm]
+        self, server: viser.ViserServer, rigs: Sequence[InteractiveArm], actors: Sequence[DrawnArm]
     ) -> None:
         self._server, self.rigs, self._actors = server, tuple(rigs), tuple(actors)
         self.running, self._owed, self._trouble = False, 0.0, ""
         self.loop = DrawLoop(self._beat, self._complain)
-        gui, order = server.gui, self.loop.order
-        self._run = gui.add_button("Run")
-        self._run.on_click(lambda _: order(lambda: self.run(not self.running)))
-        step = gui.add_button("Step")
-        self._ticks = gui.add_number("ticks of a step", 1, min=1, max=10000, step=1)
-        step.on_click(lambda _: order(lambda: self.step(int(self._ticks.value))))
-        gui.add_button("Reset").on_click(lambda _: order(self.reset))
-        self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
-        control = gui.add_dropdown("controller", CONTROLS, initial_value=NOTHING)
-        control.on_update(self.loop.moved(self._choose))
-        self._status = gui.add_markdown("")
+        self._add_buttons(server.gui)
         self._sliders = [
             self._add_sliders(rig, actor)
             for rig, actor in zip(self.rigs, self._actors, strict=True)
@@ -292,7 +282,21 @@ class Interactive:
             ]
         return charts
 
-    def _add_sliders(self, rig: SimulatedArm, actor: DrawnArm) -> list[Any]:
+    def _add_buttons(self, gui: viser.GuiApi) -> None:
+        """Add what runs and controls all arms."""
+        order = self.loop.order
+        self._run = gui.add_button("Run")
+        self._run.on_click(lambda _: order(lambda: self.run(not self.running)))
+        step = gui.add_button("Step")
+        self._ticks = gui.add_number("ticks of a step", 1, min=1, max=10000, step=1)
+        step.on_click(lambda _: order(lambda: self.step(int(self._ticks.value))))
+        gui.add_button("Reset").on_click(lambda _: order(self.reset))
+        self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
+        control = gui.add_dropdown("controller", CONTROLS, initial_value=NOTHING)
+        control.on_update(self.loop.moved(self._choose))
+        self._status = gui.add_markdown("")
+
+    def _add_sliders(self, rig: InteractiveArm, actor: DrawnArm) -> list[Any]:
         model, q, sliders = rig.simulation.model, rig.simulation.state.q, []
         kinds = zip(model.joint_names, model.joint_types, strict=True)
         with self._server.gui.add_folder(f"Joints of {actor.name}"):
@@ -307,7 +311,7 @@ class Interactive:
                 sliders.append(slider)
         return sliders
 
-    def _slide(self, rig: SimulatedArm, joint: int, value: float) -> None:
+    def _slide(self, rig: InteractiveArm, joint: int, value: float) -> None:
         """Move the arm to the position of a slider, or set it there while paused."""
         if rig.control == SLIDERS:
             rig.target[joint] = value
@@ -317,7 +321,7 @@ class Interactive:
             rig.place(q)
             self.draw()
 
-    def _add_push(self, rig: SimulatedArm, actor: DrawnArm) -> None:
+    def _add_push(self, rig: InteractiveArm, actor: DrawnArm) -> None:
         gui, model = self._server.gui, rig.simulation.model
         frames = [name for name in model.frame_names if model.frame(name).parentJoint > 0]
         hand = actor.marker.hand
@@ -332,7 +336,7 @@ class Interactive:
 
             gui.add_button("Push").on_click(lambda _: self.loop.order(push))
 
-    def _add_pull(self, rig: SimulatedArm, actor: DrawnArm) -> None:
+    def _add_pull(self, rig: InteractiveArm, actor: DrawnArm) -> None:
         """Add a spring force at the point of a link that the mouse drags."""
         stiffness = 2.0 * 9.81 * rig.simulation.model.total_mass / actor.size
         frames = set(rig.simulation.model.frame_names)

@@ -11,7 +11,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ArmError
-from arm_sim.recording.energy_meter import EnergyMeter
+from arm_sim.energy_meter import EnergyMeter
 from arm_sim.simulator import Simulator
 
 _log = logging.getLogger(__name__)
@@ -30,7 +30,7 @@ class LiveAccount:
     """
 
     def __init__(self, simulator: Simulator) -> None:
-        self._simulator, self._stores = simulator, bool(simulator.z_names)
+        self._arm, self._stores = simulator.arm, bool(simulator.z_names)
         self._built: Future[bool] | None = None
         self._meter: EnergyMeter | None = None
         stored: Sequence[str] = ("stored",) if self._stores else ()
@@ -54,7 +54,7 @@ class LiveAccount:
         if self._meter is not None:
             self._meter.note()
         elif self._built is not None and self._built.done() and self._built.result():
-            self._meter = EnergyMeter(self._simulator)
+            self._meter = EnergyMeter(self._arm)
 
     def change(self, action: Callable[[], None]) -> None:
         """Run a change that recompiles the scene; the account continues when it is built."""
@@ -81,7 +81,7 @@ class LiveAccount:
 
     def _try_to_build(self) -> bool:
         try:
-            self._simulator.energy_account.prepare()
+            self._arm.compiled.energy_account.prepare()
         except ArmError as error:
             _log.warning("no energy account is kept: %s", error)
             return False

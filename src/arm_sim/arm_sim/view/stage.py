@@ -43,6 +43,8 @@ CONTACT, TIE, SPRING, STOP, WAY = (
 LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
 FIELD = 0.7  # [rad] vertical field of view of the camera
 KEPT = 300  # points of the path behind a moving hand
+_KINDS = ("contact forces", "constraint forces", "springs", "path")
+_NOTHING = np.zeros((1, 2, 3))
 
 
 class DrawnArm:
@@ -90,31 +92,14 @@ class DrawnArm:
         self.links = self._draw_all(visuals, joints)
         carried = [(visual.joint, corners(visual)) for visual in visuals if visual.joint]
         self.extent = self.base + self.marker.extent(model.q0, carried)
-        thin = {"shaft_radius": 0.006 * self.size, "head_radius": 0.016 * self.size,
-                "head_length": 0.04 * self.size}  # fmt: skip
-        nothing = np.zeros((1, 2, 3))
-        self._arrows = {
-            kind: scene.add_arrows(f"{self._name}/{kind}", nothing, colour, visible=False, **thin)
-            for kind, colour in {"contact forces": CONTACT, "constraint forces": TIE}.items()
-        }
-        self._lines = {
-            kind: scene.add_line_segments(
-                f"{self._name}/{kind}", nothing, colour, thickness=width, visible=False,
-                thickness_units="screen",
-            )
-            for kind, colour, width in (
-                ("springs", SPRING, 4.0), ("path", WAY, 2.5), ("whole path", (150, 150, 150), 1.5)
-            )
-        }  # fmt: skip
+        self._arrows, self._lines = self._hidden_arrows(), self._hidden_lines()
         self._stops = [
             scene.add_icosphere(
                 f"{self._name}/stop {i}", 0.055 * self.size, color=STOP, opacity=0.6, visible=False
             )
             for i in range(model.n)
         ]
-        self._shown = dict.fromkeys(
-            ("contact forces", "constraint forces", "springs", "path"), True
-        )
+        self._shown = dict.fromkeys(_KINDS, True)
 
     def draw(self, instant: Instant) -> Marks:
         """Draw an instant; the caller groups changes that appear together."""
@@ -185,6 +170,29 @@ class DrawnArm:
         if len(points):
             handle.points = points
         handle.visible = on and len(points) > 0
+
+    def _hidden_arrows(self) -> dict[str, Any]:
+        """Arrows of forces by kind."""
+        thin = {"shaft_radius": 0.006 * self.size, "head_radius": 0.016 * self.size,
+                "head_length": 0.04 * self.size}  # fmt: skip
+        return {
+            kind: self._scene.add_arrows(
+                f"{self._name}/{kind}", _NOTHING, colour, visible=False, **thin
+            )
+            for kind, colour in {"contact forces": CONTACT, "constraint forces": TIE}.items()
+        }
+
+    def _hidden_lines(self) -> dict[str, Any]:
+        """Lines by kind."""
+        return {
+            kind: self._scene.add_line_segments(
+                f"{self._name}/{kind}", _NOTHING, colour, thickness=width, visible=False,
+                thickness_units="screen",
+            )
+            for kind, colour, width in (
+                ("springs", SPRING, 4.0), ("path", WAY, 2.5), ("whole path", (150, 150, 150), 1.5)
+            )
+        }  # fmt: skip
 
     def _draw_all(self, visuals: Sequence[Visual], joints: Sequence[str]) -> list[tuple[str, Any]]:
         handles, broken = [], set[int]()

@@ -35,9 +35,9 @@ class Motion:
     """
 
     def __init__(self, simulator: Simulator) -> None:
-        self._compiled, self._known = simulator.compiled, simulator.plant.parameters
-        self.nx, self.n = simulator.plant.nx, simulator.n
-        self._p = simulator.parameters[: len(self._known.nominal)]
+        self._compiled, self._known = simulator.arm.compiled, simulator.arm.plant.parameters
+        self.nx, self.n = simulator.arm.plant.nx, simulator.n
+        self._p = simulator.arm.parameters[: len(self._known.nominal)]
 
     def parameters(self, given: dict[str, Any] | None) -> list[Any]:
         """Numbers of all tunable quantities in order: as given, of shape (…, size), or current.

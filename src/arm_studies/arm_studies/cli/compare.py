@@ -14,6 +14,7 @@ from arm_sim.cli.output import console, examples, number, progress_on_stderr, sh
 
 if TYPE_CHECKING:
     import numpy as np
+    from rich.table import Table
 
     from arm_studies.identification import Comparison
 
@@ -112,11 +113,26 @@ def _show(scenes: list[str], found: list[Comparison]) -> None:
     marks = [""] if len(found) == 1 else ["before ", "after "]
     for mark, name in zip(marks, scenes, strict=True):
         out.print(f"{mark}{name}", markup=False)
-    columns = ["joint", "torque\nrms"]
-    columns += [f"{mark}error\nrms" for mark in marks] + [
-        f"{mark}relative\nerror" for mark in marks
-    ]
-    free = [made.free_run for made in found]
+    show(out, _errors(found, marks))
+    for made, mark in zip(found, marks, strict=True):
+        if made.free_run is None:
+            out.print(f"{mark}no free run: {made.why_not}", markup=False)
+        elif made.free_run.lost:
+            run = made.free_run
+            out.print(f"{mark}{run.lost} of {run.count} windows diverged", markup=False)
+    if first.free_run is not None:
+        out.print(f"free run: {first.free_run.count} windows of {first.free_run.window:.3g} s",
+                  markup=False)  # fmt: skip
+    out.print(f"low-pass filter {first.band:.3g} Hz", markup=False)
+    for note in first.notes:
+        out.print(f"note: {note}", markup=False)
+
+
+def _errors(found: list[Comparison], marks: list[str]) -> Table:
+    """Errors of each joint, and of all."""
+    first, free = found[0], [made.free_run for made in found]
+    columns = ["joint", "torque\nrms", *(f"{mark}error\nrms" for mark in marks)]
+    columns += [f"{mark}relative\nerror" for mark in marks]
     if all(run is not None for run in free):
         columns += ["motion in\na window"] + [f"{mark}free\nrun error" for mark in marks]
     rows = []
@@ -131,19 +147,7 @@ def _show(scenes: list[str], found: list[Comparison]) -> None:
                  *(number(math.hypot(*made.error), 3) for made in found),
                  *(_percent(made.whole) for made in found),
                  *([""] * (len(columns) - 2 - 2 * len(found)))])  # fmt: skip
-    show(out, table(columns, rows))
-    for made, mark in zip(found, marks, strict=True):
-        if made.free_run is None:
-            out.print(f"{mark}no free run: {made.why_not}", markup=False)
-        elif made.free_run.lost:
-            run = made.free_run
-            out.print(f"{mark}{run.lost} of {run.count} windows diverged", markup=False)
-    if first.free_run is not None:
-        out.print(f"free run: {first.free_run.count} windows of {first.free_run.window:.3g} s",
-                  markup=False)  # fmt: skip
-    out.print(f"low-pass filter {first.band:.3g} Hz", markup=False)
-    for note in first.notes:
-        out.print(f"note: {note}", markup=False)
+    return table(columns, rows)
 
 
 def _percent(share: float) -> str:

@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 if TYPE_CHECKING:
+    from arm_dynamics.arrays import Array
     from arm_dynamics.trajectory import Trajectory
     from arm_studies.identification.excitation import Room
 
@@ -22,18 +23,7 @@ def draw(motion: Trajectory, room: Room, path: Path) -> None:
 
     from arm_sim.figures import legend_at_right
 
-    times, q, v, a = motion.table(_POINTS)
-    tau = room.torques(q, v, a)
-    lower, upper = room.limits.lower, room.limits.upper
-    middle, half = (lower + upper) / 2.0, (upper - lower) / 2.0
-    limited = np.isfinite(room.limits.acceleration).all()
-    panels = {
-        "position in its range": (q - middle) / half,
-        "speed / limit": v / _or_largest(room.limits.velocity, v),
-        f"acceleration / {'limit' if limited else 'largest'}": a
-        / _or_largest(room.limits.acceleration, a),
-        "torque / limit": tau / _or_largest(room.effort, tau),
-    }
+    times, panels = _panels(motion, room)
     figure = Figure(figsize=(9.0, 8.0), layout="constrained")
     axes = figure.subplots(4, 1, sharex=True)
     for axis, (name, values) in zip(axes, panels.items(), strict=True):
@@ -48,6 +38,22 @@ def draw(motion: Trajectory, room: Room, path: Path) -> None:
         figure.savefig(path, dpi=130)
     except ValueError as error:
         raise click.ClickException(f"'{path}': {error}") from None
+
+
+def _panels(motion: Trajectory, room: Room) -> tuple[Array, dict[str, Array]]:
+    """Times, and quantities relative to their limits by name."""
+    times, q, v, a = motion.table(_POINTS)
+    tau = room.torques(q, v, a)
+    lower, upper = room.limits.lower, room.limits.upper
+    middle, half = (lower + upper) / 2.0, (upper - lower) / 2.0
+    limited = np.isfinite(room.limits.acceleration).all()
+    return times, {
+        "position in its range": (q - middle) / half,
+        "speed / limit": v / _or_largest(room.limits.velocity, v),
+        f"acceleration / {'limit' if limited else 'largest'}": a
+        / _or_largest(room.limits.acceleration, a),
+        "torque / limit": tau / _or_largest(room.effort, tau),
+    }
 
 
 def _or_largest(limit: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -78,9 +78,7 @@ def excite(
     stays in the box and keeps clear of contact planes. Collisions between links are NOT checked:
     inspect the motion with ./arm view before running it on an arm.
     """
-    out = out or Path("exciting.yaml")
-    if out.suffix not in (".yaml", ".yml"):
-        raise click.UsageError(f"--out: '{out}'; a .yaml file is expected")
+    out = _motion_file(out)
     if bool(frames) != (box is not None):
         raise click.UsageError("--box and --frame must be given together")
     from arm_dynamics import Dynamics
@@ -148,13 +146,8 @@ def _show(best: Excitation, room: Room) -> None:
     ]  # fmt: skip
     out = console()
     show(out, table(columns, rows))
-    moved = [
-        f"{name} {number(q0, 4)} → {number(start, 4)}"
-        for name, q0, start in zip(best.joint_names, room.model.q0, room.start, strict=True)
-        if q0 != start
-    ]
     out.print(facts([
-        ("start", f"not the scene's: {', '.join(moved)}" if moved else "the scene's"),
+        ("start", _start_words(best, room)),
         ("period", f"{best.motion.duration:g} s, from rest to rest"),
         ("parameters", f"{best.parameters} identifiable, including drive inertia, viscous and "
                        "Coulomb friction and an offset of each joint"),
@@ -164,6 +157,22 @@ def _show(best: Excitation, room: Room) -> None:
                      f"{', '.join(f'{x:.4g}' for x in best.attempts)}"),
         ("not checked", "collisions between links"),
     ]))  # fmt: skip
+
+
+def _motion_file(out: Path | None) -> Path:
+    out = out or Path("exciting.yaml")
+    if out.suffix not in (".yaml", ".yml"):
+        raise click.UsageError(f"--out: '{out}'; a .yaml file is expected")
+    return out
+
+
+def _start_words(best: Excitation, room: Room) -> str:
+    moved = [
+        f"{name} {number(q0, 4)} → {number(start, 4)}"
+        for name, q0, start in zip(best.joint_names, room.model.q0, room.start, strict=True)
+        if q0 != start
+    ]
+    return f"not the scene's: {', '.join(moved)}" if moved else "the scene's"
 
 
 def _masses(best: Excitation, room: Room) -> list[tuple[str, str]]:

@@ -67,23 +67,19 @@ def identify(
     """
     if out.suffix not in (".yaml", ".yml"):
         raise InvalidInput(f"--out is '{out}'; a name that ends in .yaml is expected")
-    if payload is not None and (effort != "torque" or units or total_mass or masses):
-        raise InvalidInput(
-            "--payload needs a known arm and efforts in N m; --effort, --per-unit, "
-            "--total-mass and --mass are not allowed with it"
-        )
-    from arm_studies.identification import identify as find
-    from arm_studies.identification.files import read_joint_record
-    from arm_studies.identification.report import write
-
-    records = [read_joint_record(path, topic) for path in recordings]
     if payload is not None:
+        _refuse_for_payload(effort != "torque" or units or total_mass or masses)
+        records = _records(recordings, topic)
         _carried(records, scene, payload, out, band, _pairs("--map", names), as_json)
         return
+    from arm_studies.identification import identify as find
+    from arm_studies.identification.report import write
+
     per_unit = _pairs("--per-unit", units)
     with progress_on_stderr():
         found = find(
-            scene, records, band=band, effort=_numbers("--per-unit", per_unit) or effort,
+            scene, _records(recordings, topic), band=band,
+            effort=_numbers("--per-unit", per_unit) or effort,
             names=_pairs("--map", names), total_mass=total_mass,
             masses=_numbers("--mass", _pairs("--mass", masses)), accept_worse=accept_worse,
             told=lambda text: click.echo(f"{text} …", err=True),
@@ -94,8 +90,26 @@ def identify(
         click.echo(json.dumps(_result(found, files)))
         return
     _show(found)
+    _show_files(files)
+
+
+def _refuse_for_payload(given: object) -> None:
+    if given:
+        raise InvalidInput(
+            "--payload needs a known arm and efforts in N m; --effort, --per-unit, "
+            "--total-mass and --mass are not allowed with it"
+        )
+
+
+def _show_files(files: list[Path]) -> None:
     for path in files:
         console().print(f"{path}", markup=False)
+
+
+def _records(recordings: tuple[Path, ...], topic: str | None) -> list[JointRecord]:
+    from arm_studies.identification.files import read_joint_record
+
+    return [read_joint_record(path, topic) for path in recordings]
 
 
 def _carried(
@@ -124,8 +138,7 @@ def _carried(
         ("inertia", f"{', '.join(f'{x:.3g}' for x in found.inertia)} kg m² about the center of "
                     "mass: xx, xy, xz, yy, yz, zz"),
     ]))  # fmt: skip
-    for path in files:
-        console().print(f"{path}", markup=False)
+    _show_files(files)
 
 
 def _pairs(option: str, given: tuple[str, ...]) -> dict[str, str]:

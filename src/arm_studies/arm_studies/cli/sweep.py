@@ -70,19 +70,21 @@ def sweep(
     _report(done, written)
 
 
+def _losses(done: Sweep) -> Iterator[str]:
+    """Numbers of runs that were not done, by status, and the first of each."""
+    columns = (done.table[name].tolist() for name in ("run", "status", "note"))
+    runs = [run for run in zip(*columns, strict=True) if run[1] != "done"]
+    for kind in dict.fromkeys(status for _, status, _ in runs):
+        lost = [run for run in runs if run[1] == kind]
+        run, _, note = lost[0]
+        yield f"{len(lost)} of {done.plan.runs} runs {kind}; run {run}: {note}"
+
+
 def _report(done: Sweep, written: list[Path]) -> None:
     out, plan = console(), done.plan
     (_show_runs if len(done.table) <= _LISTED else _show_groups)(out, done)
-    lost = [name for name in done.table["status"].tolist() if name != "done"]
-    for kind in dict.fromkeys(lost):
-        first = next(
-            f"run {run}: {note}"
-            for run, status, note in zip(
-                *(done.table[name].tolist() for name in ("run", "status", "note")), strict=True
-            )
-            if status == kind
-        )
-        out.print(f"{lost.count(kind)} of {plan.runs} runs {kind}; {first}", markup=False)
+    for line in _losses(done):
+        out.print(line, markup=False)
     if done.dropped:
         out.print("the last line of the journal was damaged; its run was repeated")
     how = f"{plan.compiled} in compiled code" if plan.compiled else "controllers in Python"

@@ -77,27 +77,36 @@ def check_record(record: JointRecord, model: ArmModel) -> None:
             f"{record.name}: samples are {step:.3g} s apart; allowed: at most {SLOWEST} s (are "
             "the times in milliseconds or nanoseconds?)"
         )
-    for j, name in enumerate(record.joint_names):
-        effort, q = record.effort[:, j], record.q[:, j]
-        known = effort[np.isfinite(effort)]
-        if not known.size:
-            raise InvalidInput(
-                f"{record.name}: no effort of joint '{name}'; masses and friction cannot be "
-                "identified without torques"
-            )
-        if np.ptp(known) == 0.0:
-            raise InvalidInput(
-                f"{record.name}: the effort of joint '{name}' is constantly {known[0]:g}: it is "
-                "not measured, or the drive is off"
-            )
-        reach = q[np.isfinite(q)]
-        lower, upper = model.position_lower[j], model.position_upper[j]
-        if reach.size and (reach.min() < lower - BEYOND or reach.max() > upper + BEYOND):
-            raise InvalidInput(
-                f"{record.name}: positions of joint '{name}' range from {reach.min():.4g} to "
-                f"{reach.max():.4g}, but its limits are {lower:.4g} to {upper:.4g} (another "
-                "robot, or degrees?)"
-            )
+    for j in range(len(record.joint_names)):
+        _check_efforts(record, j)
+        _check_positions(record, j, model.position_lower[j], model.position_upper[j])
+
+
+def _check_efforts(record: JointRecord, j: int) -> None:
+    """Refuse missing or constant efforts of a joint."""
+    name, effort = record.joint_names[j], record.effort[:, j]
+    known = effort[np.isfinite(effort)]
+    if not known.size:
+        raise InvalidInput(
+            f"{record.name}: no effort of joint '{name}'; masses and friction cannot be "
+            "identified without torques"
+        )
+    if np.ptp(known) == 0.0:
+        raise InvalidInput(
+            f"{record.name}: the effort of joint '{name}' is constantly {known[0]:g}: it is "
+            "not measured, or the drive is off"
+        )
+
+
+def _check_positions(record: JointRecord, j: int, lower: float, upper: float) -> None:
+    """Refuse positions of a joint far beyond its limits."""
+    reach = record.q[np.isfinite(record.q[:, j]), j]
+    if reach.size and (reach.min() < lower - BEYOND or reach.max() > upper + BEYOND):
+        raise InvalidInput(
+            f"{record.name}: positions of joint '{record.joint_names[j]}' range from "
+            f"{reach.min():.4g} to {reach.max():.4g}, but its limits are {lower:.4g} to "
+            f"{upper:.4g} (another robot, or degrees?)"
+        )
 
 
 def moved(motions: Sequence[MeasuredMotion]) -> Array:

@@ -116,19 +116,8 @@ def compare(
     positive("window", window)
     if not 0.0 < last <= 1.0:
         raise InvalidInput(f"last = {last}; a fraction above 0 and at most 1 is expected")
-    model = ArmModel(load_scene(scene))
-    if model.scene.bilateral:
-        raise InvalidInput(
-            "the scene has closed loops: its joint torques do not follow from the motion alone; "
-            "an open chain is expected"
-        )
-    record = (
-        recording if isinstance(recording, JointRecord) else JointRecord.from_recording(recording)
-    )
-    record = mapped(record, model.joint_names, names)
-    if not np.any(np.nanmax(record.q, axis=0) - np.nanmin(record.q, axis=0) > _MOVES):
-        raise InvalidInput(f"{record.name}: no joint moves; a motion is expected")
-    motion = prepare(record, band)
+    model = _open_chain(scene)
+    motion = prepare(_moving_record(recording, model, names), band)
     motion = motion.span(slice(round((1.0 - last) * len(motion.time)), len(motion.time)))
     used = _usable(motion)
     dynamics = Dynamics(model)
@@ -147,6 +136,29 @@ def compare(
         band=motion.band,
         notes=motion.notes,
     )
+
+
+def _open_chain(scene: Any) -> ArmModel:
+    model = ArmModel(load_scene(scene))
+    if model.scene.bilateral:
+        raise InvalidInput(
+            "the scene has closed loops: its joint torques do not follow from the motion alone; "
+            "an open chain is expected"
+        )
+    return model
+
+
+def _moving_record(
+    recording: JointRecord | Recording, model: ArmModel, names: Mapping[str, str] | None
+) -> JointRecord:
+    """Joint states of a recording in the model's order."""
+    record = (
+        recording if isinstance(recording, JointRecord) else JointRecord.from_recording(recording)
+    )
+    record = mapped(record, model.joint_names, names)
+    if not np.any(np.nanmax(record.q, axis=0) - np.nanmin(record.q, axis=0) > _MOVES):
+        raise InvalidInput(f"{record.name}: no joint moves; a motion is expected")
+    return record
 
 
 def _rms(values: Array, used: NDArray[np.bool_]) -> Array:

@@ -16,8 +16,9 @@ from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.exceptions import InvalidInput, SceneError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.friction import STEEPEST, largest_slope
+from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Scene, validated
-from arm_dynamics.scene.urdf import xml_root
+from arm_dynamics.scene.urdf import set_inertial, xml_root
 from arm_studies.identification.regression.friction_columns import (
     COULOMB,
     COULOMB_SKEW,
@@ -49,7 +50,7 @@ def urdf_with(model: ArmModel, theta: Array) -> str:
         theta: Ten inertial parameters of each moving body in its joint's frame, shape
             (10 bodies,).
     """
-    root = xml_root(model.scene.robot.urdf)
+    root = xml_root(model.scene.description)
     links = {link.get("name"): link for link in root.findall("link")}
     below: dict[str | None, list[ElementTree.Element]] = {}
     for joint in root.findall("joint"):
@@ -65,7 +66,8 @@ def urdf_with(model: ArmModel, theta: Array) -> str:
         for fixed in _rigidly_behind(link, below, set(moving)):
             for inertial in links[fixed].findall("inertial"):
                 links[fixed].remove(inertial)
-        _set_inertial(links[link], numbers)
+        mass, com, central = central_inertia(numbers)
+        set_inertial(links[link], mass, com, six_of(central))
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -85,18 +87,6 @@ def _rigidly_behind(
             child = _child(joint)
             found += [child, *_rigidly_behind(child, below, moving)]
     return found
-
-
-def _set_inertial(link: ElementTree.Element, numbers: Array) -> None:
-    for old in link.findall("inertial"):
-        link.remove(old)
-    mass, com, central = central_inertia(numbers)
-    inertial = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=" ".join(map(repr, com.tolist())), rpy="0 0 0")
-    ElementTree.SubElement(inertial, "mass", value=repr(mass))
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = central.tolist()
-    six: dict[str, Any] = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
-    ElementTree.SubElement(inertial, "inertia", {key: repr(value) for key, value in six.items()})
 
 
 def central_inertia(numbers: Array) -> tuple[float, Array, Array]:
@@ -126,24 +116,13 @@ def scene_with(
     scene = model.scene
     content = scene.model_dump(exclude_unset=True, mode="json")
     content["robot"]["urdf"] = urdf_with(model, theta)
+    content.pop("links", None)  # which are identified, too
     every = content.setdefault("joints", {}).pop("*", None)
     if every is not None:
         kept = {key: value for key, value in every.items() if key not in ("friction", "armature")}
         content["joints"] |= {"*": kept} if kept else {}
     for j, name in enumerate(model.joint_names):
-        said = scene.joint(name).model_dump(exclude_unset=True, exclude_none=True, mode="json")
-        entry = content["joints"][name] = dict(said)
-        fit = friction[j]
-        if fit is not None:
-            before = said.get("friction", {})
-            kept = {key: value for key, value in before.items() if key not in REPLACED}
-            entry["friction"] = kept | _friction(name, model, j, fit, notes)
-        if np.isfinite(armature[j]):
-            entry["armature"] = max(float(armature[j]) - _of_drive(model, j, "armature"), 0.0)
-        gear = entry.get("actuator", {})
-        if fit is not None and gear.get("efficiency", 1.0) != 1.0:
-            entry["actuator"] = {**gear, "efficiency": 1.0}
-            notes.append(f"'{name}': the identified friction includes the losses of the gear")
+        content["joints"][name] = _joint(model, j, float(armature[j]), friction[j], notes)
     for name in list(model.pin.names)[1:]:
         if name not in model.joint_names:  # a mimic joint: its leader has all of it
             plain = {"friction": {"viscous": 0.0, "coulomb": 0.0}, "armature": 0.0}
@@ -172,34 +151,40 @@ def _of_drive(model: ArmModel, j: int, what: str) -> float:
     return 0.0 if drive is None else float(getattr(drive, what))
 
 
+def _joint(
+    model: ArmModel, j: int, armature: float, fit: JointFit | None, notes: list[str]
+) -> dict[str, Any]:
+    """A joint's entry of the scene with what was identified of it."""
+    name = model.joint_names[j]
+    entry = model.scene.joint(name).model_dump(exclude_unset=True, exclude_none=True, mode="json")
+    if fit is not None:
+        before = entry.get("friction", {})
+        kept = {key: value for key, value in before.items() if key not in REPLACED}
+        entry["friction"] = kept | _friction(name, model, j, fit, notes)
+    if np.isfinite(armature):
+        entry["armature"] = max(armature - _of_drive(model, j, "armature"), 0.0)
+    gear = entry.get("actuator", {})
+    if fit is not None and gear.get("efficiency", 1.0) != 1.0:
+        entry["actuator"] = {**gear, "efficiency": 1.0}
+        notes.append(f"'{name}': the identified friction includes the losses of the gear")
+    return entry
+
+
 def _friction(
     name: str, model: ArmModel, j: int, fit: JointFit, notes: list[str]
 ) -> dict[str, Any]:
     """A joint's identified friction by the keys of a scene, which are among ``REPLACED``."""
-    law = model.scene.joint(name).friction.stateful
     c = {kind: fit.coefficients.get(kind, 0.0) for kind in fit.kinds}
     viscous = max(c.get(VISCOUS, 0.0) - _of_drive(model, j, "viscous"), 0.0)
-    coulomb, offset = c.get(COULOMB, 0.0), c.get(COULOMB_SKEW, 0.0)
-    if abs(offset) > coulomb:
-        notes.append(
-            f"'{name}': a constant torque of {offset:.3g} exceeds its Coulomb friction of "
-            f"{coulomb:.3g} (an offset of the sensor, or gravity?); the scene limits it to that"
-        )
-        offset = float(np.clip(offset, -coulomb, coulomb))
+    coulomb, offset = c.get(COULOMB, 0.0), _offset(name, c, notes)
     highest = coulomb + abs(offset)
     found: dict[str, Any] = {
         "viscous": _sides(viscous, float(np.clip(c.get(VISCOUS_SKEW, 0.0), -viscous, viscous))),
         "coulomb": _sides(coulomb, offset),
     }
-    if c.get(EXCESS, 0.0) < 0.0 and law is not None:
-        notes.append(
-            f"'{name}': dry friction rises with speed, from {coulomb + c[EXCESS]:.3g} to "
-            f"{coulomb:.3g}, which a scene cannot express together with '{law}'"
-        )
-    elif EXCESS in c and fit.shape.stribeck_velocity is not None:
-        level = max(coulomb + c[EXCESS], HELD * coulomb)
-        most = level if c[EXCESS] > 0.0 else (1.0 - HELD) * level
-        skew = float(np.clip(offset, -most, most))
+    static = _static(name, model, c, offset, notes)
+    if static is not None and fit.shape.stribeck_velocity is not None:
+        level, skew = static
         highest = max(highest, level + abs(skew))
         found["static"] = _sides(level, skew)
         found["stribeck_velocity"] = fit.shape.stribeck_velocity
@@ -211,6 +196,37 @@ def _friction(
             f"it; at most {IDENTIFIED} is identified, so its growth is left out"
         )
     return found
+
+
+def _offset(name: str, c: Mapping[str, float], notes: list[str]) -> float:
+    """Skew of the Coulomb friction, at most all of it."""
+    coulomb, offset = c.get(COULOMB, 0.0), c.get(COULOMB_SKEW, 0.0)
+    if abs(offset) <= coulomb:
+        return offset
+    notes.append(
+        f"'{name}': a constant torque of {offset:.3g} exceeds its Coulomb friction of "
+        f"{coulomb:.3g} (an offset of the sensor, or gravity?); the scene limits it to that"
+    )
+    return float(np.clip(offset, -coulomb, coulomb))
+
+
+def _static(
+    name: str, model: ArmModel, c: Mapping[str, float], offset: float, notes: list[str]
+) -> tuple[float, float] | None:
+    """Mean and skew of the static friction; None if a scene has none, or cannot express it."""
+    if EXCESS not in c:
+        return None
+    coulomb, excess = c.get(COULOMB, 0.0), c[EXCESS]
+    law = model.scene.joint(name).friction.stateful
+    if excess < 0.0 and law is not None:
+        notes.append(
+            f"'{name}': dry friction rises with speed, from {coulomb + excess:.3g} to "
+            f"{coulomb:.3g}, which a scene cannot express together with '{law}'"
+        )
+        return None
+    level = max(coulomb + excess, HELD * coulomb)
+    most = level if excess > 0.0 else (1.0 - HELD) * level
+    return level, float(np.clip(offset, -most, most))
 
 
 def _growth(name: str, shape: Shape, highest: float, notes: list[str]) -> dict[str, list[float]]:

@@ -12,6 +12,7 @@ import pinocchio as pin
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Payload
 from arm_studies.identification import checks
@@ -39,7 +40,7 @@ matched with joints."""
 
 def identify_payload(
     scene: Any, recordings: Any, frame: str, *, band: float | None = None,
-    names: Mapping[str, str] | None = None, told: Callable[[str], None] | None = None,
+    names: Mapping[str, str] | None = None, told: Callable[[str], None] = lambda text: None,
 ) -> Payload:  # fmt: skip
     """Identify the payload of an arm whose own inertias and friction are known.
 
@@ -61,6 +62,24 @@ def identify_payload(
     model = ArmModel(load_scene(scene))
     checks.check_model(model)
     place, carrier = _carried(model, frame)
+    rows, notes = _checked_rows(model, recordings, band, names)
+    for note in dict.fromkeys(notes):
+        told(note)
+    R, z = _regression(rows, _moved(place), carrier)
+    belief = belief_of(_ball(), 10, LOOSE, LOOSE)
+    T, z = belief.combined(R, z)
+    x = solved(T, z)
+    if not bodies.possible(x, 1e-9):
+        x = made_possible(T, z, _ball(), _ball(), ())
+    mass, com, inertia = central_inertia(x)
+    six = tuple(six_of(inertia).tolist())
+    return Payload(frame=frame, mass=mass, com=tuple(com.tolist()), inertia=six)
+
+
+def _checked_rows(
+    model: ArmModel, recordings: Any, band: float | None, names: Mapping[str, str] | None
+) -> tuple[Rows, list[str]]:
+    """Rows of all recordings, and irregularities of these."""
     records = [mapped(r, model.joint_names, names) for r in records_of(recordings)]
     for record in records:
         checks.check_record(record, model)
@@ -72,29 +91,31 @@ def identify_payload(
     nominal = rows.regressor.nominal
     near = belief_of(nominal, len(nominal), *DOUBT)
     notes += checks.check_columns(rows, rows.use, near, model.joint_names)
-    say = told or (lambda text: None)
-    for note in dict.fromkeys(notes):
-        say(note)
+    return rows, notes
+
+
+def _regression(rows: Rows, moved: Array, carrier: int) -> tuple[Array, Array]:
+    """Weighted regression of what the arm alone does not explain, as R x = z.
+
+    Args:
+        rows: Of the arm without the payload.
+        moved: The carrier's parameters from those of the payload in its frame, shape (10, 10).
+        carrier: The body that carries it.
+    """
+    model = rows.regressor.model
     known = rows.rigid @ rows.regressor.nominal + rows.known + rows.inertia * model.armature
     left = rows.effort - known - steady_friction(rows, known)
-    columns = rows.rigid[:, :, rows.regressor.places(carrier)] @ _moved(place)
+    columns = rows.rigid[:, :, rows.regressor.places(carrier)] @ moved
     weights = [_weight(columns[:, j], left[:, j], rows.use[:, j]) for j in range(rows.n)]
     A = np.concatenate([w * columns[rows.use[:, j], j] for j, w in enumerate(weights)])
     b = np.concatenate([w * left[rows.use[:, j], j] for j, w in enumerate(weights)])
     R = np.linalg.qr(np.sqrt(rows.independent) * np.column_stack([A, b]), mode="r")
-    belief = belief_of(_ball(), 10, LOOSE, LOOSE)
-    T, z = belief.combined(R[:, :-1], R[:, -1])
-    x = solved(T, z)
-    if not bodies.possible(x, 1e-9):
-        x = made_possible(T, z, _ball(), _ball(), ())
-    mass, com, inertia = central_inertia(x)
-    six = inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    return Payload(frame=frame, mass=mass, com=tuple(com.tolist()), inertia=tuple(six.tolist()))
+    return R[:, :-1], R[:, -1]
 
 
 def _carried(model: ArmModel, frame: str) -> tuple[pin.SE3, int]:
     """The placement of a frame in the body that carries it, and the index of that body."""
-    if frame not in model.frame_names:
+    if not model.has_frame(frame):
         raise InvalidInput(
             f"unknown frame '{frame}'{did_you_mean(frame, model.frame_names)}; the arm has "
             f"{known_names(model.frame_names)}"

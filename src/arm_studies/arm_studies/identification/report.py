@@ -59,6 +59,15 @@ def write_scene(scene: Scene, out: Path, head: str = "") -> list[Path]:
 
 def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequence[Path]) -> str:
     """The report, as Markdown."""
+    lines = [*_summary(found, out, sources), *_joints(found)]
+    lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
+    lines += [*_identified(found), *_not_identified(found), *_bodies(found)]
+    if found.notes:
+        lines += ["## Notes", "", *[f"- {note}" for note in found.notes], ""]
+    return "\n".join(lines)
+
+
+def _summary(found: Identification, out: Path, sources: Sequence[str]) -> list[str]:
     lines = [f"# {out.stem}: identified from {', '.join(sources)}", ""]
     lines += [
         f"Torque error on held-out data: **{share(found.error[0], 2)}**, of the nominal scene "
@@ -68,18 +77,25 @@ def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequ
     ]  # fmt: skip
     if found.effort_band is not None:
         lines += [f"Predictions are low-pass filtered at {found.effort_band:.3g} Hz.", ""]
+    return lines
+
+
+def _joints(found: Identification) -> list[str]:
     rows = [
         [name, share(found.nominal_error[name], 2), share(found.torque_error[name], 2),
          residual(found, name), friction_words(found, j)]
         for j, name in enumerate(found.joint_names)
     ]  # fmt: skip
     columns = ["joint", "nominal error", "error", "residual rms [N m, N]", "friction"]
-    lines += [*_table(columns, rows), ""]
+    lines = [*_table(columns, rows), ""]
     if not np.allclose(found.scales, 1.0):
         pairs = zip(found.joint_names, found.scales, strict=True)
         lines += ["Torque per unit of effort: " + ", ".join(f"{n} {s:.4g}" for n, s in pairs), ""]
-    lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
-    lines += [
+    return lines
+
+
+def _identified(found: Identification) -> list[str]:
+    head = [
         "## Identified parameters", "",
         "In SI units, with 95 % confidence intervals. Values are those of the torques alone; in "
         "the scene, bodies are physically consistent, and near the nominal ones where the torques "
@@ -91,20 +107,23 @@ def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequ
          f"{found.nominal[name]:.5g}" if name in found.nominal else ""]
         for name, value in found.parameters.items() if name not in found.missing
     ]  # fmt: skip
-    lines += [*_table(["parameter", "value", "interval", "scene", "nominal"], rows), ""]
-    lines += ["## Not identified", ""]
+    columns = ["parameter", "value", "interval", "scene", "nominal"]
+    return [*head, *_table(columns, rows), ""]
+
+
+def _not_identified(found: Identification) -> list[str]:
     rows = [[_spoken(name), why] for name, why in found.missing.items()]
-    lines += [*_table(["parameter", "reason"], rows), ""]
-    lines += ["## Bodies", "", "Near the nominal values where the motion does not determine them.",
-              ""]  # fmt: skip
+    return ["## Not identified", "", *_table(["parameter", "reason"], rows), ""]
+
+
+def _bodies(found: Identification) -> list[str]:
+    where = "Near the nominal values where the motion does not determine them."
     rows = [
         [name, f"{body[0]:.4g}", ", ".join(f"{x:.4g}" for x in body[1:4] / max(body[0], 1e-12))]
         for name, body in zip(found.body_names, found.bodies, strict=True)
     ]
-    lines += [*_table(["moved by", "mass [kg]", "centre of mass [m]"], rows), ""]
-    if found.notes:
-        lines += ["## Notes", "", *[f"- {note}" for note in found.notes], ""]
-    return "\n".join(lines)
+    columns = ["moved by", "mass [kg]", "centre of mass [m]"]
+    return ["## Bodies", "", where, "", *_table(columns, rows), ""]
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

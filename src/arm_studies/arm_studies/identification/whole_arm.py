@@ -14,31 +14,31 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.load import load_scene
+from arm_dynamics.scene.schema import Scene
 from arm_studies.identification import checks
 from arm_studies.identification.data import JointRecord, records_of
 from arm_studies.identification.described import scene_with
+from arm_studies.identification.irregularities import drifts, tilts, without_outliers
 from arm_studies.identification.names import mapped, unwrapped
+from arm_studies.identification.parameters import parameters
 from arm_studies.identification.preparation import PER_BAND, EvenRecord, resampled
 from arm_studies.identification.regression.bandwidth import noise_above, with_bandwidth
-from arm_studies.identification.regression.base_parameters import BaseParameters, base_parameters
 from arm_studies.identification.regression.estimation import (
     Belief,
     Mask,
     belief_of,
     common_columns,
     deviations,
-    solved,
 )
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.friction_columns import (
     COULOMB,
     COULOMB_SKEW,
-    EXCESS,
     VISCOUS,
     JointFit,
 )
 from arm_studies.identification.regression.held_out import excess
-from arm_studies.identification.regression.intervals import CERTAIN, estimated
+from arm_studies.identification.regression.intervals import CERTAIN, besides
 from arm_studies.identification.regression.regressor import EACH, RigidRegressor
 from arm_studies.identification.regression.rows import HELD_OUT, Rows, steady_friction
 from arm_studies.identification.regression.selection import Choice
@@ -47,7 +47,6 @@ from arm_studies.identification.result import Identification, Torques
 
 MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
 """Prior deviations of bodies from nominal: of density, of all else; selected by the evidence."""
-NO_FRICTION = "none that opposes the motion was found"
 ROUNDS = 3
 """Largest number of selections of friction laws until the bandwidth of the efforts is stable."""
 MOST_ROWS = 6_000
@@ -63,14 +62,8 @@ fixed, an error of the last bodies would be taken for a scale of their joints.""
 DOUBT = 0.12, 0.2
 """Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
 columns of efforts are matched with joints."""
-TILT, SURELY = 0.01, 5.0
-"""Angle in [rad], and standard deviations, above which a tilt of the base is reported."""
 MOVING = 0.2
 """Fraction of the part held out in which a joint has to move for its prediction to be judged."""
-BLOCKS, DRIFT = 10, 0.1
-"""Blocks of a recording, and relative change of friction, from which a drift is reported."""
-FAR_OFF = 5.0
-"""Robust standard deviations beyond which a residual is an outlier: contact, or stiction."""
 
 
 def identify(
@@ -238,10 +231,9 @@ class _Run:
         rows = self.rows
         trial = fitted(rows, train, self.belief, list(trial.friction), possible=True)
         whole = train | (rows.use & ~rows.train[:, None])
-        if (kept := self._without_outliers(whole, trial, note=False)) is not None:
-            whole = kept
+        whole = without_outliers(self.names, rows, whole, trial)[0]
         final = fitted(rows, whole, self.belief, list(trial.friction), possible=True)
-        return self._told(trial, final, whole)
+        return self._result(trial, final, whole)
 
     def _train(self) -> Mask:
         return np.asarray(self.rows.use & self.rows.train[:, None])
@@ -264,11 +256,14 @@ class _Run:
         for again in range(ROUNDS):
             laws = self._chosen(train, fit)
             fit = fitted(self.rows, train, self.belief, laws)
-            kept = None if again else self._without_outliers(train, fit)
+            kept = train
+            if not again:
+                kept, notes = without_outliers(self.names, self.rows, train, fit)
+                self.notes += notes
             rows, fit = with_bandwidth(self.rows, train, self.belief, fit)
-            if kept is None and rows is self.rows:
+            if np.array_equal(kept, train) and rows is self.rows:
                 break
-            self.rows, train = rows, train if kept is None else kept
+            self.rows, train = rows, kept
         return train, fit
 
     def _chosen(self, train: Mask, fit: Fit) -> list[JointFit]:
@@ -276,28 +271,6 @@ class _Run:
         load = fit.columns.predicted(fit.x) + rows.known
         size = len(self.regressor.nominal) + rows.n
         return Choice(rows, train, common_columns(rows, train), self.belief(size), load).run()
-
-    def _without_outliers(self, use: Mask, fit: Fit, note: bool = True) -> Mask | None:
-        """Rows without outliers; None if there are none."""
-        found, reach = use.copy(), max(1, self.rows.lag // 8)
-        for j, name in enumerate(self.names):
-            mine = use[:, j]
-            if not mine.any():
-                continue
-            size = abs(fit.residual[:, j])
-            typical = 1.4826 * float(np.median(size[mine]))
-            floor = 1e-6 * float(np.sqrt(np.mean(self.rows.effort[mine, j] ** 2)))
-            far = (size > FAR_OFF * max(typical, floor)) & mine
-            wide = np.convolve(far, np.ones(2 * reach + 1), mode="same") > 0.5
-            share = float(wide[mine].mean())
-            if 0.0 < share < 0.2:
-                found[:, j] &= ~wide
-                if note and share > 0.002:
-                    self.notes.append(
-                        f"'{name}': {share:.1%} of the rows are outliers (stiction, contact, or "
-                        "a sensor fault) and are not used in the fit"
-                    )
-        return None if np.array_equal(found, use) else found
 
     def _believe(self, fit: Fit) -> None:
         """Select the prior deviations of bodies from nominal by the evidence of the data.
@@ -336,6 +309,22 @@ class _Run:
         """
         rows, sigmas = self.rows, self.sigmas
         self.sigmas = NEAR
+        shown = self._guess_scales(train, laws)
+        for _ in range(30):
+            rows.effort = self.measured * self.scales
+            fit = fitted(rows, train, self.belief, laws)
+            change = np.where(shown, self._rescaled(fit)[0], 0.0)
+            self.scales *= np.exp(np.clip(change, -0.5, 0.5))
+            if abs(change).max() < 1e-5:
+                break
+        rows.effort, self.sigmas = self.measured * self.scales, DOUBT
+        _, doubt = self._rescaled(fitted(rows, train, self.belief, laws))
+        self.sigmas = sigmas
+        self._tell_scales(shown, doubt)
+
+    def _guess_scales(self, train: Mask, laws: list[JointFit]) -> Mask:
+        """Scales by the nominal bodies; returns which ones can be identified, shape (n,)."""
+        rows = self.rows
         nominal = rows.rigid @ self.regressor.nominal + rows.known
         shown = np.zeros(rows.n, bool)
         for j, name in enumerate(self.names):
@@ -351,17 +340,7 @@ class _Run:
                     f"'{name}': the scale of its efforts cannot be identified, because friction "
                     "dominates them; they are taken as torques"
                 )
-        for _ in range(30):
-            rows.effort = self.measured * self.scales
-            fit = fitted(rows, train, self.belief, laws)
-            change = np.where(shown, self._rescaled(fit)[0], 0.0)
-            self.scales *= np.exp(np.clip(change, -0.5, 0.5))
-            if abs(change).max() < 1e-5:
-                break
-        rows.effort, self.sigmas = self.measured * self.scales, DOUBT
-        _, doubt = self._rescaled(fitted(rows, train, self.belief, laws))
-        self.sigmas = sigmas
-        self._tell_scales(shown, doubt)
+        return shown
 
     def _tell_scales(self, shown: Mask, doubt: Array) -> None:
         """Note intervals of scales.
@@ -388,89 +367,75 @@ class _Run:
         e - A x / k is linear in x and in the change of k.
         """
         predicted = fit.columns.predicted(fit.x) + self.rows.known
-        return self._besides(fit, -predicted[:, :, None] * np.eye(self.rows.n))
-
-    def _besides(self, fit: Fit, more: Array) -> tuple[Array, Array]:
-        """Coefficients of additional columns of a fit, and their standard deviations.
-
-        Args:
-            fit: Its unknowns are all free.
-            more: The columns, shape (k, n, m).
-
-        Returns:
-            Shapes (m,) and (m,); deviations are inf where the data do not determine a column.
-        """
-        rows, columns, new = self.rows, fit.columns, np.arange(more.shape[2])
-        own = [np.column_stack([c, more[:, j]]) for j, c in enumerate(columns.own)]
-        places = [np.append(p, columns.size + new) for p in columns.places]
-        wide = replace(
-            columns, own=tuple(own), places=tuple(places), size=columns.size + len(new)
-        )  # fmt: skip
-        belief = self.belief(wide.size)
-        data = wide.whitened(rows.effort - rows.known, fit.weights, rows.independent)
-        R, z = belief.combined(*data)
-        size = np.linalg.norm(R, axis=0)
-        seen = size > 1e-12 * size.max()
-        inverse = np.linalg.pinv(R[:, seen] / size[seen], rcond=1e-14)
-        doubt = np.full(len(size), np.inf)
-        doubt[seen] = np.linalg.norm(inverse, axis=1) / size[seen]
-        return solved(R, z)[columns.size :], doubt[columns.size :]
+        more = -predicted[:, :, None] * np.eye(self.rows.n)
+        return besides(self.rows, fit, more, self.belief)
 
     # --- result --------------------------------------------------------------------------------
 
-    def _told(self, trial: Fit, final: Fit, used: Mask) -> Identification:
-        rows, n = self.rows, self.rows.n
-        nominal = self._nominal()
-        predicted = trial.columns.predicted(trial.x) + rows.known
-        after = final.columns.predicted(final.x) + rows.known
-        test = self._judging()
-        error, each = _relative(rows.effort, predicted, test)
-        before, each_before = _relative(rows.effort, nominal, test)
-        shown = test if test.any() else self._train()
+    def _result(self, trial: Fit, final: Fit, used: Mask) -> Identification:
+        """The result of a fit of the rows that are not held out, and of one of all rows."""
+        rows = self.rows
+        predicted, after = (fit.columns.predicted(fit.x) + rows.known for fit in (trial, final))
+        nominal, test = self._nominal(), self._judging()
         ratios = self._ratios(nominal)
+        shown = test if test.any() else self._train()
         checks.check_explained(
             _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
             self.names, ratios,
         )  # fmt: skip
         self.excess = excess(rows, test, trial, nominal, self.belief)
-        self._tell_no_better(error, before)
-        known = self._parameters(final, used)
-        friction: list[JointFit | None] = [
-            f if self.ranges[j] > checks.MOVED else None for j, f in enumerate(final.friction)
-        ]
-        armature = np.where(
-            [f"{name}.armature" in known["missing"] and self.ranges[j] < checks.MOVED
-             for j, name in enumerate(self.names)],
-            np.nan, final.x[final.bodies : final.bodies + n],
-        )  # fmt: skip
-        self._tell_bandwidth()
-        self._tell_drift(final, used)
-        self._tell_tilt(trial)
-        theta = final.x[: final.bodies]
-        masses = self.regressor.nominal[::EACH]
-        if not (self.scaled or self.known_masses):  # else the unit of efforts is not the cause
-            checks.check_masses(theta[::EACH], masses, self.names, ratios)
-        scene = scene_with(self.model, theta, armature, friction, self.notes)
-        self._check(scene, theta)
-        if final.changed:
-            self.notes.append(
-                "the unconstrained fit is physically inconsistent; the best consistent one is used"
-            )
+        errors = self._errors(predicted, nominal, test)
+        self._tell_no_better(*errors["error"])
+        known = parameters(self.regressor, rows, final, used, self.ranges)
+        self._tell_irregularities(trial, final, used)
+        scene, friction = self._scene(final, known["missing"], ratios)
         torques = self._torques(
             predicted=np.where(rows.train[:, None], after, predicted), nominal=nominal,
             friction=rows.effort - after + final.columns.own_predicted(final.x),
         )  # fmt: skip
-        names = self.names
-        left = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan)
         return Identification(
-            scene=scene, joint_names=names, torque_error=dict(zip(names, each, strict=True)),
-            nominal_error=dict(zip(names, each_before, strict=True)), error=(error, before),
-            torque_residual=dict(zip(names, left.tolist(), strict=True)),
-            friction=tuple(friction), bodies=theta.reshape(-1, EACH),
-            body_names=self.regressor.bodies, scales=self.scales.copy(),
-            band=self.motions[0].band, effort_band=rows.effort_band,
-            notes=tuple(self.notes), torques=torques, **known,
+            scene=scene, joint_names=self.names, friction=friction,
+            bodies=final.x[: final.bodies].reshape(-1, EACH), body_names=self.regressor.bodies,
+            scales=self.scales.copy(), band=self.motions[0].band, effort_band=rows.effort_band,
+            notes=tuple(self.notes), torques=torques, **errors, **known,
         )  # fmt: skip
+
+    def _errors(self, predicted: Array, nominal: Array, test: Mask) -> dict[str, Any]:
+        """What an ``Identification`` says of its errors on the part held out."""
+        measured = self.rows.effort
+        error, each = _relative(measured, predicted, test)
+        before, each_before = _relative(measured, nominal, test)
+        left = np.where(test.any(axis=0), deviations(measured, predicted, test), np.nan).tolist()
+        torque_error, nominal_error, residual = (
+            dict(zip(self.names, values, strict=True)) for values in (each, each_before, left)
+        )
+        return {
+            "torque_error": torque_error, "nominal_error": nominal_error,
+            "error": (error, before), "torque_residual": residual,
+        }  # fmt: skip
+
+    def _scene(
+        self, fit: Fit, missing: Mapping[str, str], ratios: Array
+    ) -> tuple[Scene, tuple[JointFit | None, ...]]:
+        """The identified scene, and its friction, None of a joint that did not move."""
+        still = self.ranges <= checks.MOVED
+        friction = tuple(
+            None if rests else own for rests, own in zip(still, fit.friction, strict=True)
+        )
+        unknown = [f"{name}.armature" in missing for name in self.names]
+        armature = fit.x[fit.bodies : fit.bodies + self.rows.n]
+        armature = np.where(unknown & (self.ranges < checks.MOVED), np.nan, armature)
+        theta = fit.x[: fit.bodies]
+        if not (self.scaled or self.known_masses):  # else the unit of efforts is not the cause
+            masses = self.regressor.nominal[::EACH]
+            checks.check_masses(theta[::EACH], masses, self.names, ratios)
+        scene = scene_with(self.model, theta, armature, friction, self.notes)
+        self._check(scene, theta)
+        if fit.changed:
+            self.notes.append(
+                "the unconstrained fit is physically inconsistent; the best consistent one is used"
+            )
+        return scene, friction
 
     @property
     def _test(self) -> NDArray[np.bool_]:
@@ -535,121 +500,21 @@ class _Run:
                 f"{self.excess:.1f} standard errors"
             )
 
-    def _tell_bandwidth(self) -> None:
+    def _tell_irregularities(self, trial: Fit, final: Fit, used: Mask) -> None:
         if self.rows.effort_band is not None:
             self.notes.append(
                 f"efforts do not follow the motion above about {self.rows.effort_band:.3g} Hz: "
                 "they were filtered before, or predictions are only position noise there; "
                 "predictions are filtered likewise"
             )
-
-    def _tell_tilt(self, fit: Fit) -> None:
-        """Note a base whose orientation does not agree with the scene's gravity.
-
-        A small rotation of gravity adds components along two perpendicular directions, whose
-        torques are additional columns.
-        """
-        rows, gravity = self.rows, np.array(self.model.scene.gravity)
-        size = float(np.linalg.norm(gravity))
-        if size == 0.0:
-            return
-        across = np.linalg.svd(gravity[None])[2][1:] * size
-        theta, still = fit.x[: fit.bodies] + self.regressor.payload, np.zeros_like(rows.q)
-        turned = [RigidRegressor(self.model.under(g, self.model.scene.payloads)) for g in across]
-        torques = np.stack([each(rows.q, still, still) @ theta for each in turned], axis=2)
-        found, doubt = self._besides(fit, rows.filtered(torques))
-        if (abs(found) < np.maximum(SURELY * doubt, TILT)).all():
-            return
-        better = gravity + found @ across
-        better *= size / np.linalg.norm(better)
-        angle = np.degrees(np.arctan(np.linalg.norm(found)))
-        self.notes.append(
-            f"the base seems to be tilted by about {angle:.1f}°; to check, set gravity to "
-            f"[{', '.join(f'{x:.3g}' for x in better)}] in the nominal scene"
-        )
-
-    def _tell_drift(self, fit: Fit, used: Mask) -> None:
-        """Note joints whose friction changes over the recording, as with temperature.
-
-        It does if the residual along the motion, averaged over each of ``BLOCKS`` blocks, has a
-        slope over time that is significant against its scatter.
-        """
-        rows = self.rows
-        for j, name in enumerate(self.names):
-            mine = np.flatnonzero(used[:, j] & (rows.v[:, j] != 0.0))
-            own = fit.columns.own_predicted(fit.x)[mine, j]
-            size = float(np.mean(abs(own))) if mine.size else 0.0
-            if mine.size < 10 * BLOCKS or size == 0.0:
-                continue
-            along = fit.residual[mine, j] * np.sign(rows.v[mine, j])
-            means = np.array([part.mean() for part in np.array_split(along, BLOCKS)])
-            at = np.linspace(-0.5, 0.5, BLOCKS)
-            slope = float(at @ means / (at @ at))
-            scatter = float(np.std(means - means.mean() - slope * at, ddof=2))
-            if abs(slope) > max(5.0 * scatter / float(np.sqrt(at @ at)), DRIFT * size):
-                self.notes.append(
-                    f"'{name}': friction changes by {slope / size:+.0%} over the recording, as "
-                    "with temperature; the scene has the mean"
-                )
+        self.notes += drifts(self.names, self.rows, final, used)
+        self.notes += tilts(self.regressor, self.rows, trial, self.belief)
 
     def _check(self, scene: Any, theta: Array) -> None:
         """Check that the scene that is returned has the identified bodies."""
         again = RigidRegressor(ArmModel(scene)).nominal
         if not np.allclose(again, theta, rtol=1e-6, atol=1e-9 * abs(theta).max()):
             raise InvalidInput("the identified inertias could not be written into the URDF")
-
-    def _parameters(self, fit: Fit, used: Mask) -> dict[str, Any]:
-        """What an ``Identification`` says of parameters: base parameters and friction."""
-        rows, n, numbers, base = self.rows, self.rows.n, fit.bodies, self._base()
-        order = [*range(numbers, numbers + n), *range(numbers)]  # bodies lead, if any can
-        found = estimated(rows, used, fit, [order[k] for k in base.independent])
-        at_first = np.concatenate([self.model.armature, self.regressor.nominal])
-        values = (base.grouping @ np.stack([at_first, fit.x[order]], axis=1)).T.tolist()
-        nominal, written = (dict(zip(base.names, x, strict=True)) for x in values)
-        for name, own in zip(self.names, fit.friction, strict=True):
-            written |= {f"{name}.{kind}": x for kind, x in own.coefficients.items()}
-        estimates = dict(zip(written, found.linear, strict=True))
-        for (j, name), estimate in found.shapes.items():
-            estimates[f"{self.names[j]}.{name}"] = estimate
-            written[f"{self.names[j]}.{name}"] = getattr(fit.friction[j].shape, name)
-        missing = self._unseen(fit)
-        for name, each in estimates.items():
-            if np.isinf(each.high):
-                missing[name] = "the motion does not determine it"
-            elif not each.significant:
-                span = f"{each.value:.3g} ± {each.high - each.value:.2g}"
-                missing[name] = f"{span}: not significantly different from zero"
-        known = {name: each for name, each in estimates.items() if np.isfinite(each.high)}
-        return {
-            "parameters": {name: each.value for name, each in known.items()},
-            "intervals": {name: (each.low, each.high) for name, each in known.items()},
-            "written": written, "nominal": nominal, "missing": missing,
-            "condition": found.condition,
-        }  # fmt: skip
-
-    def _unseen(self, fit: Fit) -> dict[str, str]:
-        """Friction that was not identified, by name, and why."""
-        missing = dict[str, str]()
-        for joint, own, way in zip(self.names, fit.friction, self.ranges, strict=True):
-            if way <= checks.MOVED:
-                missing[f"{joint}.friction"] = f"it moved only {way:.2g} rad or m"
-            elif not own.kinds:
-                missing[f"{joint}.friction"] = NO_FRICTION
-            else:
-                left = [kind for kind in (VISCOUS, COULOMB) if kind not in own.kinds]
-                missing |= {f"{joint}.{kind}": NO_FRICTION for kind in left}
-                if EXCESS not in own.kinds:
-                    missing[f"{joint}.static"] = "friction does not visibly fall with speed"
-        return missing
-
-    def _base(self) -> BaseParameters:
-        n, regressor = self.rows.n, self.regressor
-
-        def columns(q: Array, v: Array, a: Array) -> Array:
-            return np.concatenate([np.eye(n) * a[:, :, None], regressor(q, v, a)], axis=2)
-
-        armatures = [f"{name}.armature" for name in self.names]
-        return base_parameters(columns, n, [*armatures, *regressor.names()])
 
 
 def _explained(y: Array, columns: Array, more: Array) -> tuple[float, float]:

@@ -55,7 +55,7 @@ class Forward:
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
-        self._plant, self._choice = simulator.plant, simulator.choice
+        self._plant, self._choice = simulator.arm.plant, simulator.arm.compiled.choice
 
     def prepare(self) -> None:
         """Compile what arms side by side need, unless that is done."""
@@ -86,7 +86,7 @@ class Forward:
             np.ascontiguousarray(array)
             for array in (
                 course.x, course.u, policy.k, policy.K, course.low, course.high, size,
-                self._simulator.parameters, np.array([self._choice.dt]),
+                self._simulator.arm.parameters, np.array([self._choice.dt]),
             )
         ]  # fmt: skip
         library.follow(
@@ -99,7 +99,7 @@ class Forward:
         """Simulate an arm tick by tick through its events, x of shape (nodes + 1, nx)."""
         stepper, policy, now = self._stepper, course.policy, x[0].copy()
         stepper.restart()
-        stepper.p[:] = self._simulator.parameters
+        stepper.p[:] = self._simulator.arm.parameters
         trace, effort, notes = np.empty((1, len(now))), np.empty((1, u.shape[1])), np.empty((1, 2))
         x[1:], u[:] = np.nan, np.nan
         for node in range(len(u)):
@@ -113,12 +113,12 @@ class Forward:
 
     @cached_property
     def _stepper(self) -> Stepper:
-        return self._simulator.compiled.stepper.twin()
+        return self._simulator.arm.compiled.stepper.twin()
 
     @cached_property
     def _library(self) -> ctypes.CDLL | None:
         """Compiled code for the widest registers; None where arms are simulated alone."""
-        if self._simulator.backend == "vm" or not alike(self._plant, self._choice):
+        if self._simulator.arm.compiled.backend == "vm" or not alike(self._plant, self._choice):
             return None
         types = [*[ADDRESS] * 9, NUMBER, NUMBER, ADDRESS, NUMBER, ADDRESS, NUMBER, ADDRESS]
         built = (built_of_lanes(self._source, width, "follow", types) for width in widths(None))

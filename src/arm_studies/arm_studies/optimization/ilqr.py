@@ -91,7 +91,7 @@ class ILQR:
 
     Example:
         >>> optimizer = ILQR([Phase(sim, 100)], cost)
-        >>> best = optimizer.solve(sim.x, np.zeros((100, sim.n)))
+        >>> best = optimizer.solve(sim.arm.x, np.zeros((100, sim.n)))
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class ILQR:
         ends = np.cumsum([0, *(phase.nodes for phase in phases)]).tolist()
         self._parts = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
         first = self._phases[0].simulator
-        self._nx, self._n, self._nodes = first.plant.nx, first.n, ends[-1]
+        self._nx, self._n, self._nodes = first.arm.plant.nx, first.n, ends[-1]
         own = [np.tile(p.simulator.model.command_limit, (p.nodes, 1)) for p in phases]
         limit = _INSIDE * np.vstack(own)
         self._low = np.maximum(-limit, self._rows("low", -np.inf if low is None else low))
@@ -123,7 +123,7 @@ class ILQR:
         """Simulate an initial guess.
 
         Args:
-            x0: Initial state, such as ``Simulator.x``, shape (nx,).
+            x0: Initial state, such as ``SimulatedArm.x``, shape (nx,).
             u: Commands, shape (nodes, n); clipped to their limits.
 
         Raises:
@@ -219,7 +219,7 @@ class ILQR:
         """A and B of all nodes side by side, shape (nodes, nx, nx + n)."""
         parts = []
         for phase, part in zip(self._phases, self._parts, strict=True):
-            linearizer = phase.simulator.compiled.derivatives.linearizer()
+            linearizer = phase.simulator.arm.compiled.derivatives.linearizer()
             try:
                 parts.append(linearizer.many(at.x[part], at.u[part], 1, self._threads, None))
             except NotDifferentiable as error:
@@ -266,10 +266,10 @@ def prepare(simulator: Simulator) -> None:
     Raises:
         CompilerMissing: If there is no C compiler.
     """
-    simulator.compiled.derivatives.linearizer().prepare()
+    simulator.arm.compiled.derivatives.linearizer().prepare()
     Forward(simulator).prepare()
     library_of.cache_clear()  # what this process has loaded may not be in the folder to build into
-    library_of(simulator.plant.nx, simulator.n)
+    library_of(simulator.arm.plant.nx, simulator.n)
 
 
 def _check(phases: tuple[Phase, ...]) -> None:
@@ -284,4 +284,4 @@ def _check(phases: tuple[Phase, ...]) -> None:
 
 
 def _size(simulator: Simulator) -> tuple[int, tuple[str, ...]]:
-    return simulator.plant.nx, simulator.joint_names
+    return simulator.arm.plant.nx, simulator.joint_names

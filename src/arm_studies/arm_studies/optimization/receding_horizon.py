@@ -165,14 +165,15 @@ def _smooth_arm(model: ArmModel, dt: float) -> Simulator:
     scene = model.scene.model_copy(
         update={"joints": joints, "sensors": None, "commands": None, "tunable": ()}
     )
-    arm = Simulator(scene, integrator="rk4", dt=dt)
-    if arm.plant.eventful or arm.plant.nz:
-        what = "contacts" if arm.plant.points else "dry friction or internal states"
+    simulator = Simulator(scene, integrator="rk4", dt=dt)
+    plant = simulator.arm.plant
+    if plant.eventful or plant.nz:
+        what = "contacts" if plant.points else "dry friction or internal states"
         raise InvalidInput(
             f"the model has {what}, but a receding horizon requires smooth motion; give the "
             "controller a scene without it"
         )
-    return arm
+    return simulator
 
 
 def _rotor(motor: Actuator) -> Actuator:

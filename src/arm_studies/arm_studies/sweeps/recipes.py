@@ -85,12 +85,7 @@ class Planner:
             content = keys.with_values(base, of_scene)
         tuned = [keys.tunable(key) for key in group.slots]
         content["tunable"] = list(dict.fromkeys([*content.get("tunable", ()), *tuned]))
-        about = {
-            "controller": study.controller.model_dump(mode="json"),
-            "motion": study.motion.model_dump(mode="json"),
-        }
-        with _about("vary"):
-            about = keys.with_values(about, {_spelled(k, v): v for k, v in of_study.items()})
+        about = self._loop(of_study)
         known = about["controller"].pop("scene", None)
         commands = content.get("commands") or {}
         return Recipe(
@@ -114,6 +109,15 @@ class Planner:
             if key not in group.values and key != "scene"
         }
         return Job(point.index, noise_seed(self.study, point.sample), values)
+
+    def _loop(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Controller and motion of the study with values by key."""
+        loop = {
+            "controller": self.study.controller.model_dump(mode="json"),
+            "motion": self.study.motion.model_dump(mode="json"),
+        }
+        with _about("vary"):
+            return keys.with_values(loop, {_spelled(k, v): v for k, v in values.items()})
 
     def content(self, scene: str | dict[str, Any]) -> dict[str, Any]:
         """The content of a scene file with the study's changes merged into it."""

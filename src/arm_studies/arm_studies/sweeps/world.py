@@ -128,7 +128,7 @@ class World:
             )
         self._limits = Limits.of(dynamics.model)
         self._ticks = tick_count(recipe.duration, simulator.dt)
-        self._nominal = simulator.parameters
+        self._nominal = simulator.arm.parameters
         self._slots = {key: list(places) for key, places in recipe.slots}
         self._remembered: dict[bytes, tuple[Array, Array]] = {}
 
@@ -181,7 +181,7 @@ class World:
 
     def _tuned(self, job: Job) -> Array:
         """The vector p of a run, checked."""
-        parameters = self._simulator.plant.parameters
+        parameters = self._simulator.arm.plant.parameters
         named = {name: parameters.of(name, self._nominal).copy() for name in parameters.names}
         for key, places in self._slots.items():
             quantity = tunable(key)
@@ -206,7 +206,7 @@ class World:
         given = {key: value for key, value in job.values.items() if below(key, ("initial",))}
         q, v = self._start(job) if given else (None, None)
         self._simulator.reset(q, v)
-        return self._simulator.x.copy()
+        return self._simulator.arm.x.copy()
 
     def _course(self, job: Job) -> tuple[Array, Array]:
         """Start and references of a run at all its ticks: shapes (nx,) and (ticks + 1, 3n)."""
@@ -219,6 +219,8 @@ class World:
             choice = MotionChoice.model_validate(with_values({"motion": motion}, own)["motion"])
             motion = self._motion(choice, x0[: len(self.joint_names)])
             times = np.arange(self._ticks + 1) * self._simulator.dt
+            if motion.torques is not None:
+                raise InvalidInput("'motion.file' has efforts; allowed: motions without effort")
             samples = (motion.sample(float(t)) for t in times)
             rows = np.array([np.concatenate((r.q, r.v, r.a)) for r in samples])
             if len(self._remembered) >= _REMEMBERED:
@@ -268,7 +270,7 @@ class World:
         if done < self._ticks:
             raise _diverged(done + 1, self._simulator.dt)
         n = len(self.joint_names)
-        torque = self._simulator.plant.joint_torque(trace, effort)
+        torque = self._simulator.arm.plant.joint_torque(trace, effort)
         return np.vstack([x0[:n], trace[:, :n]]), torque, effort
 
     def _inputs(self, job: Job, rows: Array) -> Array:
@@ -287,7 +289,9 @@ class World:
                     alike.setdefault(json.dumps(given), []).append((job, self._tuned(job)))
             except ArmError:
                 continue  # its own run reports the error
-        size = _ROOM // ((self._ticks + 1) * (self._simulator.plant.nx + len(self.joint_names)))
+        size = _ROOM // (
+            (self._ticks + 1) * (self._simulator.arm.plant.nx + len(self.joint_names))
+        )
         found: dict[int, Row] = {}
         for group in alike.values():
             for part in batched(group, max(1, size)):
@@ -311,7 +315,7 @@ class World:
         left = self._rollouts.side_by_side(batch)
         if left is None:
             return {}
-        plant, found = self._simulator.plant, {}
+        plant, found = self._simulator.arm.plant, {}
         for i, job in enumerate(jobs):
             if i not in left and np.isfinite(out[i, -1]).all():
                 torque = plant.joint_torque(out[i, 1:], effort[i])
@@ -327,17 +331,17 @@ class World:
 
     @cached_property
     def _stepper(self) -> Stepper:
-        scene = self._simulator.compiled
+        scene = self._simulator.arm.compiled
         return Stepper(scene.plant, scene.choice, scene.backend, self._control_law)
 
     @cached_property
     def _rollouts(self) -> Rollouts:
-        scene = self._simulator.compiled
+        scene = self._simulator.arm.compiled
         return Rollouts(scene.plant, scene.choice, scene.stepper, scene.backend, self._control_law)
 
     @cached_property
     def _room(self) -> tuple[Array, Array, Array]:
-        n, nx = len(self.joint_names), self._simulator.plant.nx
+        n, nx = len(self.joint_names), self._simulator.arm.plant.nx
         return np.empty((self._ticks, nx)), np.empty((self._ticks, n)), np.empty((self._ticks, 2))
 
     @cached_property
@@ -355,8 +359,8 @@ class World:
     def _stepped(self, job: Job, p: Array, x0: Array, rows: Array) -> tuple[Array, Array, Array]:
         """The same with a controller in Python, as a ``ClosedLoop`` runs it."""
         simulator, control = self._simulator, self._control(job)
-        simulator.imperfect(self._imperfect(job))
-        simulator.restore(x0, p, 0)
+        simulator.arm.imperfect(self._imperfect(job))
+        simulator.arm.restore(x0, p, 0)
         references = [Reference(*np.split(row, 3)) for row in rows]
 
         def answer(state: State) -> Array:

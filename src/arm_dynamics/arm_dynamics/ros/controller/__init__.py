@@ -6,11 +6,11 @@ services of the dynamics node.
 """
 
 from arm_dynamics.ros.controller.answer_log import AnswerLog
+from arm_dynamics.ros.controller.controller_params import ControllerParams
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.ros.controller.loaded import Loaded
 from arm_dynamics.ros.controller.ordinary_answers import OrdinaryAnswers, Parts
-from arm_dynamics.ros.controller.params import ControllerParams
 from arm_dynamics.ros.controller.tracking import TrackingTopic
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 

@@ -18,7 +18,7 @@ from arm_dynamics.ros.common.convert import joint_indices, to_nanoseconds
 from arm_dynamics.ros.common.params import parameter
 from arm_dynamics.ros.controller.tolerances import NONE, StateTolerance, Tolerances, resolved
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
-from arm_dynamics.trajectory.spline import STANDING
+from arm_dynamics.trajectory.splines import STANDING
 
 
 @dataclass(frozen=True)
@@ -106,18 +106,18 @@ class TrajectoryMessage:
         if not 1 <= self.count <= MAX_GOAL_POINTS:
             raise InvalidInput(f"{self.count} points; allowed: 1 to {MAX_GOAL_POINTS}")
 
-    def points(self) -> Iterator[tuple[int, Any, Any, Any]]:
-        """Time from start in [ns], positions, velocities, accelerations of one after another."""
+    def points(self) -> Iterator[tuple[int, Any, Any, Any, Any]]:
+        """Time from start in [ns], positions, velocities, accelerations, efforts of each."""
         for point in self._points:
             time = to_nanoseconds(point.time_from_start)
-            yield time, point.positions, point.velocities, point.accelerations
+            yield time, point.positions, point.velocities, point.accelerations, point.effort
 
     def check_points(self) -> None:
         """Check the points.
 
         Raises:
-            InvalidInput: If times do not increase, numbers are missing or not finite, there are
-                efforts, or the last velocity is not zero.
+            InvalidInput: If times do not increase, numbers are missing or not finite, or the last
+                velocity is not zero.
         """
         before = -1
         for i, point in enumerate(self._points):
@@ -146,15 +146,13 @@ class TrajectoryMessage:
 
     def _check_point(self, i: int, point: Any) -> None:
         n = len(self.joint_names)
-        for what in ("positions", "velocities", "accelerations"):
+        for what in ("positions", "velocities", "accelerations", "effort"):
             values = np.array(getattr(point, what))
             if values.size != n and (values.size or what == "positions"):
                 raise InvalidInput(f"{what} of point {i} has {values.size} numbers; allowed: {n}")
             if not np.isfinite(values).all():
                 joint = self.joint_names[int(np.argmin(np.isfinite(values)))]
                 raise InvalidInput(f"{what} of point {i}, joint '{joint}', is not finite")
-        if len(point.effort):
-            raise InvalidInput(f"effort of point {i} is given; allowed: points without effort")
 
 
 def refuse_what_an_arm_has_not(goal: Any) -> None:

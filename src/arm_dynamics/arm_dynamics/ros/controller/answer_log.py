@@ -9,7 +9,7 @@ from ctypes import Structure, addressof, byref
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
-from arm_dynamics.ros.controller.code import HEADER, library
+from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.joint_state import address
 
 _ROOM = 4096  # bytes of a state at first

@@ -22,16 +22,16 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.convert import in_world
 from arm_dynamics.ros.common.executor import THROTTLE
+from arm_dynamics.ros.controller.controller_params import ControllerParams
 from arm_dynamics.ros.controller.messages import (
     PathBytes,
     TrajectoryBytes,
     path_of,
     waypoints,
 )
-from arm_dynamics.ros.controller.params import ControllerParams
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower, Outset
-from arm_dynamics.trajectory.joint_path import paced
+from arm_dynamics.trajectory.joint_paths import paced
 from arm_dynamics.trajectory.planner import CartesianGoals, Pace
 from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory, hold
 from arm_dynamics.trajectory.time_optimal import retimed
@@ -79,6 +79,7 @@ class Goals:
         limits: Limits,
         log: RcutilsLogger,
         planned: Callable[[], None] = lambda: None,
+        taken: Callable[[], None] = lambda: None,
     ) -> None:
         """Begin.
 
@@ -87,12 +88,14 @@ class Goals:
             limits: Limits of all motions.
             log: Logger for the outcomes of goals.
             planned: Called on the planner's thread when a result is ready to be delivered.
+            taken: Called when a new motion will be followed.
         """
         self.follower: Follower | None = None
         self.stamp = -1
         self.outcome = ""
         self.refused = 0
         self._model, self._limits, self._log = model, limits, log
+        self._taken = taken
         self.planner = Background("planner", planned)
 
     def hold(self, q: Array, why: str = "") -> None:
@@ -124,7 +127,7 @@ class Goals:
         try:
             motion: Motion = stop(here, at_any_speed)
         except InvalidInput:  # would exceed a position limit before it stops
-            motion = hold(np.clip(here.q, self._limits.lower, self._limits.upper))
+            motion = hold(np.clip(here.q, self._limits.lower, self._limits.upper), here.tau)
         self.follower.begin(motion, self.stamp)
 
     def trajectory(self, raw: bytes) -> None:
@@ -135,7 +138,6 @@ class Goals:
 
         def plan(outset: Outset) -> Motion:
             points = waypoints(message, self._model.joint_names, outset.here)
-            self._tell_unused(message)
             motion = outset.through(points, self._limits)
             while points:  # released one by one: releasing all at once would delay the loop
                 points.pop()
@@ -143,14 +145,6 @@ class Goals:
 
         goal = Goal("trajectory", f"{message.count} points", message.stamp or None, plan)
         self.follow(goal, at_once=message.count <= PLANNED_AT_ONCE)
-
-    def _tell_unused(self, message: TrajectoryBytes) -> None:
-        if message.efforts:
-            self._log.warning(
-                f"effort is given in {message.efforts} of {message.count} points and is not used: "
-                "the controller computes it; allowed: points without effort",
-                throttle_duration_sec=THROTTLE,
-            )
 
     def pose(self, message: PoseStamped, params: ControllerParams) -> None:
         """Move the task frame along a straight line to a pose, or report why not."""
@@ -229,6 +223,7 @@ class Goals:
             slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
             self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
             self._log.info(self.outcome, throttle_duration_sec=THROTTLE)
+            self._taken()
             goal.then(motion)
         elif tries < _TRIES:
             self.follow(goal, tries=tries + 1)

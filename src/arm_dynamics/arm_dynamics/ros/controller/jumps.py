@@ -9,7 +9,7 @@ from ctypes import Structure, addressof, byref
 import numpy as np
 
 from arm_dynamics.control.computed_torque import Measured
-from arm_dynamics.ros.controller.code import HEADER, library
+from arm_dynamics.ros.controller.controller_library import HEADER, library
 
 _STEADY, _BACKWARDS, _PAUSED, _MOVED = (
     HEADER.constants[name] for name in ("STEADY", "BACKWARDS", "PAUSED", "MOVED")

@@ -8,7 +8,7 @@ from arm_dynamics.control.factory import NAMES, Settings, make_controller
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, choices
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.ros.controller.params import ControllerParams
+from arm_dynamics.ros.controller.controller_params import ControllerParams
 
 
 class Loaded:

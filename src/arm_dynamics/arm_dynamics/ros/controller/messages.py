@@ -27,7 +27,6 @@ class TrajectoryBytes:
         stamp: Stamp of the header in [ns].
         joint_names: As in the message.
         count: Number of points.
-        efforts: Number of points with efforts among those read last; nothing uses them.
     """
 
     def __init__(self, raw: bytes, most_names: int) -> None:
@@ -47,22 +46,21 @@ class TrajectoryBytes:
         self.joint_names = tuple(cdr.text() for _ in range(named))
         self.count = cdr.count_of("points", MAX_GOAL_POINTS)
         self._raw, self._begin = raw, cdr.at
-        self.efforts = 0
 
-    def points(self) -> Iterator[tuple[int, Array, Array, Array]]:
-        """Read the points one after another, without efforts.
+    def points(self) -> Iterator[tuple[int, Array, Array, Array, Array]]:
+        """Read the points one after another.
 
         Yields:
-            ``time_from_start`` in [ns], positions, velocities and accelerations of any length.
+            ``time_from_start`` in [ns], positions, velocities, accelerations and efforts, of any
+            length each.
 
         Raises:
             InvalidInput: If the message ends too early.
         """
-        cdr, self.efforts = CdrReader(self._raw, self._begin), 0
+        cdr = CdrReader(self._raw, self._begin)
         for _ in range(self.count):
-            positions, velocities, accelerations = cdr.doubles(), cdr.doubles(), cdr.doubles()
-            self.efforts += cdr.doubles().size > 0
-            yield cdr.nanoseconds(), positions, velocities, accelerations
+            positions, velocities, accelerations, efforts = (cdr.doubles() for _ in range(4))
+            yield cdr.nanoseconds(), positions, velocities, accelerations, efforts
 
 
 class PathBytes:
@@ -121,17 +119,18 @@ def waypoints(
     joints = joint_indices(message.joint_names, model_names)
     still = np.zeros_like(here.q)
 
-    def derivative(what: str, values: Sequence[float]) -> Array | None:
+    def given(what: str, values: Sequence[float]) -> Array | None:
         return spread(what, values, joints, still) if len(values) else None
 
     return [
         Waypoint(
             1e-9 * time,
             spread(f"positions of point {i}", positions, joints, here.q),
-            derivative(f"velocities of point {i}", velocities),
-            derivative(f"accelerations of point {i}", accelerations),
+            given(f"velocities of point {i}", velocities),
+            given(f"accelerations of point {i}", accelerations),
+            given(f"effort of point {i}", efforts),
         )
-        for i, (time, positions, velocities, accelerations) in enumerate(message.points())
+        for i, (time, positions, velocities, accelerations, efforts) in enumerate(message.points())
     ]
 
 

@@ -29,7 +29,7 @@ from arm_dynamics.control.wrappers import AnyController, Switch
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.common.executor import guarded
 from arm_dynamics.ros.controller.answer_log import AnswerLog
-from arm_dynamics.ros.controller.code import HEADER, library
+from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.ros.controller.tracking import TrackingTopic
@@ -242,10 +242,10 @@ class OrdinaryAnswers:
 
     def _use_motion(self, motion: Trajectory) -> tuple[object, ...]:
         """Pass the motion to C; returns what must be kept alive."""
-        used = motion.times, motion.polynomials, motion.ends
+        used = motion.times, motion.polynomials, motion.ends, motion.torques
         answers = self._answers
         answers.segments = len(motion.times) - 1
-        answers.knots, answers.polynomials, answers.ends = map(_place, used)
+        answers.knots, answers.polynomials, answers.ends, answers.torques = map(_place, used)
         return used
 
     def _use_tolerances(self) -> tuple[object, ...]:

@@ -20,7 +20,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Moving
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.ros.controller.code import HEADER, library
+from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.trajectory.reference import Reference
 
 NONE = math.inf  # tolerance that is never exceeded

@@ -15,7 +15,7 @@ from arm_dynamics.control.computed_torque import Moving
 from arm_dynamics.ros.common.cdr import CdrReader, as_bytes
 from arm_dynamics.ros.common.convert import to_array
 from arm_dynamics.ros.common.direct import advertise
-from arm_dynamics.ros.controller.code import HEADER, library
+from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.tolerances import joined
 from arm_dynamics.ros.interfaces import CONTROLLER_STATE

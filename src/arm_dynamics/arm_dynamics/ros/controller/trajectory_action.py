@@ -37,7 +37,7 @@ from arm_dynamics.ros.interfaces import FOLLOW_JOINT_TRAJECTORY as ACTION
 from arm_dynamics.trajectory.excess import Bounds
 from arm_dynamics.trajectory.follower import Follower, Outset
 from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Waypoint, hold
-from arm_dynamics.trajectory.spline import spline, stretched_spline
+from arm_dynamics.trajectory.splines import spline, stretched_spline
 
 _KIND = "action goal"
 _KEPT = 60  # [s] for which results are kept for late clients
@@ -223,7 +223,7 @@ class TrajectoryAction:
         elif verdict is not None:
             names = self._model.joint_names
             self._log.warning(active.tolerances.worst(verdict, names, reference, state))
-            self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q)))
+            self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q), reference.tau))
             self._failed(verdict, late)
 
     def _failed(self, verdict: Verdict, late: float) -> None:
@@ -379,7 +379,7 @@ def _step(here: Reference, to: Waypoint) -> Motion:
         raise InvalidInput(
             f"the last point, at 0 s, is {far:.4g} away; allowed: {_STEP} without time to move"
         )
-    return hold(to.q)
+    return hold(to.q, to.tau)
 
 
 def _point(positions: Any, velocities: Any, accelerations: Any = ()) -> JointTrajectoryPoint:

@@ -21,7 +21,7 @@ from arm_dynamics.ros.dynamics.batch import Batch, finite_answer
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_POSES, MAX_TERMS_POINTS
 from arm_dynamics.task_space.inertia import quaternions
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, Solution
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space.task_space import TaskSpace, TaskTerms
 
 
 def _batch(dynamics: Dynamics, request: Any, most: int) -> Batch:
@@ -129,7 +129,23 @@ def task_space(dynamics: Dynamics, request: Any, response: Any) -> None:
     task = TaskSpace(dynamics, request.frame, request.reference, axes)
     felt = task.effective_mass(batch.q, request.direction) if len(request.direction) else None
     terms = task.terms(batch.q, v)
-    found = {
+    found = _terms(batch, terms)
+    if felt is not None:
+        found["effective_mass"] = felt.mass
+    written = {name: to_array(finite_answer(values)) for name, values in found.items()}
+    for name, values in written.items():
+        setattr(response, name, values)
+    if felt is not None:
+        response.effective_mass_bounded = felt.damped.tolist()
+    response.condition = to_array(terms.condition)  # infinite at a singularity
+    response.damped = terms.damped.tolist()
+    response.axes = list(task.axes)
+    response.joint_names = batch.joint_names
+
+
+def _terms(batch: Batch, terms: TaskTerms) -> dict[str, Array]:
+    """Terms by the names of the response."""
+    return {
         "pose": np.hstack([terms.position, quaternions(terms.rotation)]),
         "jacobian": batch.by_joint(terms.jacobian, -1),
         "twist": terms.velocity,
@@ -142,17 +158,6 @@ def task_space(dynamics: Dynamics, request: Any, response: Any) -> None:
         "null_space": batch.by_joint(batch.by_joint(terms.null_space, -1), -2),
         "manipulability": terms.manipulability,
     }
-    if felt is not None:
-        found["effective_mass"] = felt.mass
-    written = {name: to_array(finite_answer(values)) for name, values in found.items()}
-    for name, values in written.items():
-        setattr(response, name, values)
-    if felt is not None:
-        response.effective_mass_bounded = felt.damped.tolist()
-    response.condition = to_array(terms.condition)  # infinite at a singularity
-    response.damped = terms.damped.tolist()
-    response.axes = list(task.axes)
-    response.joint_names = batch.joint_names
 
 
 def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:

@@ -4,7 +4,7 @@
 Depends on the interfaces, ``common`` and the core's compiler, and on none of the nodes.
 """
 
-from arm_dynamics.ros.joint_state.code import HEADER, SOURCE, address
+from arm_dynamics.ros.joint_state.joint_state_library import HEADER, SOURCE, address
 from arm_dynamics.ros.joint_state.reader import FAILED, JointStateReader, Numbers
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 from arm_dynamics.ros.joint_state.topics import JointStateSink, JointStateSource, Sink

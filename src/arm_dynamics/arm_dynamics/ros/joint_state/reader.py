@@ -22,7 +22,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
-from arm_dynamics.ros.joint_state.code import HEADER, address, library
+from arm_dynamics.ros.joint_state.joint_state_library import HEADER, address, library
 from arm_dynamics.ros.joint_state.serialization import FIELDS, Layout, layout_of, parsed
 
 Numbers = tuple[float, ...]

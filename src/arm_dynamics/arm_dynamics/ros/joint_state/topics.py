@@ -17,7 +17,7 @@ from rclpy.node import Node
 from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.direct import Newest, advertise
 from arm_dynamics.ros.interfaces import Topic
-from arm_dynamics.ros.joint_state.code import HEADER, address, library
+from arm_dynamics.ros.joint_state.joint_state_library import HEADER, address, library
 from arm_dynamics.ros.joint_state.reader import FAILED, NONE, JointStateReader, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 

@@ -13,7 +13,8 @@
  * knots        times of the segments + 1 knots in [s] from 0
  * polynomials  of every segment, coefficients of τ⁰ to τ⁵ of position, velocity and acceleration of n joints
  * ends         positions before and after the motion
+ * torques      at every knot, linear between them and constant before and after; NULL: none, zero
  * t            time in [s] from the start
- * motion       receives positions, velocities and accelerations */
-QUICK void sample(int64_t n, int64_t segments, const double* knots, const double* polynomials, const double* ends, double t,
-                  double* motion);
+ * motion       receives positions, velocities, accelerations and torques */
+QUICK void sample(int64_t n, int64_t segments, const double* knots, const double* polynomials, const double* ends,
+                  const double* torques, double t, double* motion);

@@ -96,8 +96,9 @@ class Service:
         done: What has happened, by the fields of request and response, instead of a table.
         once: Whether the request must not be repeated.
         name: Name of the service, by default that of the command.
+        fields: Fields of the request and the response that the command has; all if empty.
         sends: Fields with fixed values.
-        text: Help where no file of ``arm_msgs`` describes the service.
+        text: Help where no file of ``arm_msgs`` describes the command.
     """
 
     command: str
@@ -106,14 +107,17 @@ class Service:
     done: str = ""
     once: bool = False
     name: str = ""
+    fields: tuple[str, ...] = ()
     sends: Mapping[str, Any] = field(default_factory=dict)
     text: str = ""
 
     @cached_property
     def _parts(self) -> tuple[str, str]:
         """Text of the request and of the response, empty for standard services."""
-        file = FILES / f"{self.command.title().replace('_', '')}.srv"
-        request, _, response = (file.read_text() if not self.text else "").partition("---\n")
+        if self.text and not self.fields:
+            return "", ""
+        file = FILES / f"{(self.name or self.command).title().replace('_', '')}.srv"
+        request, _, response = file.read_text().partition("---\n")
         return request, response
 
     @property
@@ -131,12 +135,16 @@ class Service:
     @cached_property
     def request(self) -> list[Field]:
         """Fields of the request."""
-        return _fields(self._parts[0])
+        return self._chosen(_fields(self._parts[0]))
 
     @cached_property
     def response(self) -> list[Field]:
         """Fields of the response, but success and message."""
-        return [x for x in _fields(self._parts[1]) if x.name not in ("success", "message")]
+        fields = self._chosen(_fields(self._parts[1]))
+        return [field for field in fields if field.name not in ("success", "message")]
+
+    def _chosen(self, fields: list[Field]) -> list[Field]:
+        return [field for field in fields if not self.fields or field.name in self.fields]
 
     @property
     def bits(self) -> dict[str, int]:
@@ -163,6 +171,9 @@ SERVICES = (
     Service("inverse_kinematics", DYNAMICS, '--frame panda_hand --pose "0.4 0.2 0.5 1 0 0 0"\n'
             '--frame panda_hand --axes position --pose "[[0.4, 0, 0.5, 0, 0, 0, 1]]"', once=True),
     MODEL_INFO,
+    Service("pose", DYNAMICS, f"--frame panda_hand {_READY}", name="task_space",
+            fields=("joint_names", "position", "frame", "pose"),
+            text="Pose of a frame of the arm in the world."),
     Service("task_space", DYNAMICS, f"--frame panda_hand {_READY}\n"
             '--frame panda_hand --axes "x y z" --direction "0 0 1" --position "panda_joint4=-2"'),
     Service("pause", SIM, sends={"data": True}, done="paused", text="Pause the simulation."),

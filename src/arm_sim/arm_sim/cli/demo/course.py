@@ -65,12 +65,10 @@ def _run(
     # A self-contained file for all three nodes.
     data = motion.model.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     scene.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
-    duration = motion.trajectory.duration
-    patience = _LATE + 1.5 * duration
 
     def glance() -> None:
         processes.check()
-        bar(observer.now() / duration)
+        bar(observer.now() / motion.trajectory.duration)
 
     # For the child processes, which inherit it, and for the demo's own node.
     os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
@@ -79,24 +77,10 @@ def _run(
         Observer(motion.model.joint_names, domain, glance) as observer,
     ):
         say(f"starting the nodes (ROS domain {domain}, this machine only)")
-        processes.start("dynamics", "dynamics", str(scene), "--with-parent")
-        processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
-        observer.wait_for_partners()
-        # Started last, so that no other start-up disturbs its timing.
-        processes.start("sim", "sim", str(scene), "--with-parent", "--report", str(report))
-        observer.wait_for_motion()
+        _start_nodes(processes, observer, scene, report)
         shown = f"; the view is at {_open_view(processes, scene)}" if view else ""
         say(f"following the trajectory{shown}")
-        if not observer.send(motion.waypoints):
-            raise DemoFailed(
-                "the controller did not follow the trajectory; its log says:\n"
-                + processes.tail("controller")
-            )
-        if not observer.until(lambda: observer.now() >= duration + _SETTLED, patience):
-            raise DemoFailed(
-                f"only {observer.now():.2f} s of the motion of {duration:g} s were seen within "
-                f"{patience:g} s; the simulator's log says:\n" + processes.tail("sim")
-            )
+        _follow(motion, processes, observer)
         say("stopping the nodes")
         processes.stop("sim")
         processes.stop("view", "controller", "dynamics")
@@ -105,6 +89,32 @@ def _run(
                 "the sim node did not end cleanly; its log says:\n" + processes.tail("sim")
             )
         return observer.seen(), json.loads(report.read_text())
+
+
+def _start_nodes(processes: Processes, observer: Observer, scene: Path, report: Path) -> None:
+    """Start the nodes, and wait until the arm moves."""
+    processes.start("dynamics", "dynamics", str(scene), "--with-parent")
+    processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
+    observer.wait_for_partners()
+    # Started last, so that no other start-up disturbs its timing.
+    processes.start("sim", "sim", str(scene), "--with-parent", "--report", str(report))
+    observer.wait_for_motion()
+
+
+def _follow(motion: DemoMotion, processes: Processes, observer: Observer) -> None:
+    """Send the motion, and wait until the arm has made it."""
+    duration = motion.trajectory.duration
+    patience = _LATE + 1.5 * duration
+    if not observer.send(motion.waypoints):
+        raise DemoFailed(
+            "the controller did not follow the trajectory; its log says:\n"
+            + processes.tail("controller")
+        )
+    if not observer.until(lambda: observer.now() >= duration + _SETTLED, patience):
+        raise DemoFailed(
+            f"only {observer.now():.2f} s of the motion of {duration:g} s were seen within "
+            f"{patience:g} s; the simulator's log says:\n" + processes.tail("sim")
+        )
 
 
 def _open_view(processes: Processes, scene: Path) -> str:

@@ -137,6 +137,7 @@ class Controller:
             point = JointTrajectoryPoint(time_from_start=_after(given.time))
             point.positions = _numbers(given.q)
             point.velocities, point.accelerations = _numbers(given.v), _numbers(given.a)
+            point.effort = _numbers(given.tau)
             message.points.append(point)
         self._target = dict(zip(trajectory.joint_names, message.points[-1].positions, strict=True))
         self._send(JOINT_TRAJECTORY, message)

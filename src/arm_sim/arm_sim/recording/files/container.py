@@ -133,19 +133,13 @@ class McapWriter:
         head = _CHUNK.pack(first, last, len(data), crc) + _text("zstd")
         head += struct.pack("<Q", len(packed))
         record = _PREFIX.pack(Opcode.CHUNK, len(head) + len(packed)) + head + packed
-        indexes, places = [], dict[int, int]()
-        at = self.written + len(record)
-        for number in np.unique(channel).tolist():
-            mine = channel == number
-            index = np.stack([times[mine], offsets[mine].astype(np.uint64)], axis=1).tobytes()
-            piece = _PREFIX.pack(Opcode.MESSAGE_INDEX, 6 + len(index))
-            piece += struct.pack("<HI", number, len(index)) + index
-            places[number], at = at, at + len(piece)
-            indexes.append(piece)
-        tail = b"".join(indexes)
+        numbers, counts = (array.tolist() for array in np.unique(channel, return_counts=True))
+        pieces = [_index(number, channel, times, offsets) for number in numbers]
+        ends = np.cumsum([self.written + len(record), *map(len, pieces)]).tolist()
+        places, tail = dict(zip(numbers, ends, strict=False)), b"".join(pieces)
         start = self.put(record + tail)
-        for number, count in zip(*np.unique(channel, return_counts=True), strict=True):
-            self.messages[int(number)] += int(count)
+        for number, count in zip(numbers, counts, strict=True):
+            self.messages[number] += count
         self._chunks.append(
             records.ChunkIndex(
                 chunk_length=len(record), chunk_start_offset=start, compression="zstd",
@@ -332,6 +326,16 @@ def _stream(data: bytes) -> ReadDataStream:
 
 def _text(text: str) -> bytes:
     return struct.pack("<I", len(text)) + text.encode()
+
+
+def _index(
+    number: int, channels: NDArray[Any], times: NDArray[np.uint64], offsets: NDArray[np.int64]
+) -> bytes:
+    """The record with times and offsets of a channel's messages in a chunk."""
+    mine = channels == number
+    index = np.stack([times[mine], offsets[mine].astype(np.uint64)], axis=1).tobytes()
+    head = _PREFIX.pack(Opcode.MESSAGE_INDEX, 6 + len(index))
+    return head + struct.pack("<HI", number, len(index)) + index
 
 
 def _field(rows: NDArray[np.uint8], places: NDArray[np.int64], kind: Any) -> NDArray[Any]:

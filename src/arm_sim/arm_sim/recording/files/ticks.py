@@ -173,34 +173,42 @@ class _Rows:
         return places.ravel()
 
 
+def _fill(
+    rows: NDArray[np.uint8], stamps: NDArray[np.int64], message: JointStateWriter | TickWriter,
+    arrays: Sequence[Array],
+) -> None:  # fmt: skip
+    """Write times, sequence numbers and arrays into records of a message, one a row."""
+    for place in (15, 23):
+        _put(rows, place, stamps)
+    _put(rows, 11, np.arange(len(rows), dtype=np.uint32))
+    seconds, rest = np.divmod(stamps, GIGA)
+    stamp = MESSAGE.size + message.stamp
+    _put(rows, stamp, seconds.astype(np.int32))
+    _put(rows, stamp + 4, rest.astype(np.uint32))
+    for place, array in zip(message.places, arrays, strict=True):
+        _put(rows, MESSAGE.size + place, array)
+
+
 def _rows(contents: Contents, efforts: Array, file: TickFile) -> _Rows:
     """Records of the states after each tick; the first state has no preceding tick."""
     k, n = contents.q.shape
     x, stamps = contents.ended, np.round(1e9 * contents.time).astype(np.int64)
     state, tick = JointStateWriter(contents.joint_names), TickWriter(x.shape[1], n)
     template, starts = bytearray(), list[int]()
-    for channel, message in ((file.states, state.raw), (file.ticks, tick.raw)):
+    for channel, raw in ((file.states, state.raw), (file.ticks, tick.raw)):
         starts.append(len(template))
-        template += MESSAGE.pack(5, 22 + len(message), channel, 0, 0, 0) + message
+        template += MESSAGE.pack(5, 22 + len(raw), channel, 0, 0, 0) + raw
     rows = np.tile(np.frombuffer(bytes(template), np.uint8), (k, 1))
     # Effective commands of the tick that ended at each time.
     command, effort = (np.roll(array, 1, axis=0) for array in (contents.command, efforts))
     effort[0] = 0.0
-    notes, told = np.column_stack([contents.error, contents.time_stepped]), contents.measured
-    seen = (x[:, :n], x[:, n : 2 * n], effort)
-    for start, stamp, places, arrays in (
-        (starts[0], state.stamp, state.places, seen if told is None else _parts(told)),
-        (starts[1], tick.stamp, tick.places, (x, command, notes)),
+    notes, measured = np.column_stack([contents.error, contents.time_stepped]), contents.measured
+    exact = (x[:, :n], x[:, n : 2 * n], effort)
+    for start, message, arrays in (
+        (starts[0], state, exact if measured is None else _parts(measured)),
+        (starts[1], tick, (x, command, notes)),
     ):
-        for place in (15, 23):
-            _put(rows, start + place, stamps)
-        _put(rows, start + 11, np.arange(k, dtype=np.uint32))
-        seconds, rest = np.divmod(stamps, GIGA)
-        inside = start + MESSAGE.size
-        _put(rows, inside + stamp, seconds.astype(np.int32))
-        _put(rows, inside + stamp + 4, rest.astype(np.uint32))
-        for place, array in zip(places, arrays, strict=True):
-            _put(rows, inside + place, array)
+        _fill(rows[:, start:], stamps, message, arrays)
     if contents.hold is not None:
         _put(rows, starts[1] + MESSAGE.size + tick.hold, np.roll(contents.hold, 1))
     return _Rows(rows, starts)

@@ -7,7 +7,7 @@ from ctypes import Structure, byref
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.exceptions import plain
-from arm_sim.ros.code import LOOP, library
+from arm_sim.ros.node_library import LOOP, library
 
 STREAM = 10  # commands without a long pause that form a stream
 

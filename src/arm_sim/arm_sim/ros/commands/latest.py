@@ -11,7 +11,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_sim.imperfections import Line
-from arm_sim.ros.code import library
+from arm_sim.ros.node_library import library
 from arm_sim.servo import JointCommand
 
 BRAKE, SERVO, ZERO, HOLD, GRAVITY = "brake", "servo", "zero", "hold", "gravity"

@@ -6,7 +6,7 @@ from __future__ import annotations
 from arm_dynamics.ros.common.background import Background
 from arm_sim.ros.commands.latest import Stop
 from arm_sim.servo import JointCommand
-from arm_sim.simulator import Simulator
+from arm_sim.simulated_arm import SimulatedArm
 
 # Joints slower than this, in [rad/s] or [m/s], are held at once.
 SLOW = 1e-3
@@ -18,17 +18,17 @@ class Servos:
     """The servos of a simulation, built when they are first needed.
 
     Args:
-        simulator: The simulation.
+        arm: The arm.
         background: Builds them while the loop continues; None: in the loop.
     """
 
-    def __init__(self, simulator: Simulator, background: Background | None) -> None:
-        self._simulator, self._background = simulator, background
+    def __init__(self, arm: SimulatedArm, background: Background | None) -> None:
+        self._arm, self._background = arm, background
 
     @property
     def ready(self) -> bool:
         """Whether they can be used now; if not, they are being built."""
-        compiled, background = self._simulator.compiled, self._background
+        compiled, background = self._arm.compiled, self._background
         if compiled.has_servo:
             return True
         if background is None:
@@ -41,7 +41,7 @@ class Servos:
 
     def build(self) -> None:
         """Build them now, while time stands still."""
-        self._simulator.compiled.servo  # noqa: B018 - builds it
+        self._arm.compiled.servo  # noqa: B018 - builds it
 
 
 class Stopping:
@@ -54,7 +54,7 @@ class Stopping:
     servo they stay on. Without servos (they take a moment to build) brakes hold immediately.
 
     Args:
-        simulator: The simulation.
+        arm: The arm.
         servos: Of the same.
 
     Attributes:
@@ -62,9 +62,9 @@ class Stopping:
         locked: Whether brakes have closed.
     """
 
-    def __init__(self, simulator: Simulator, servos: Servos) -> None:
-        self._simulator, self._servos = simulator, servos
-        n = simulator.n
+    def __init__(self, arm: SimulatedArm, servos: Servos) -> None:
+        self._arm, self._servos = arm, servos
+        n = arm.n
         self._still = JointCommand(velocity=[0.0] * n)
         self._place: JointCommand | None = None
         self._begun: int | None = None
@@ -91,14 +91,14 @@ class Stopping:
         if how is Stop.BRAKES or not self._servos.ready:
             return None
         if self._place is None:
-            self._place = JointCommand(position=self._simulator.x[: self._simulator.n])
+            self._place = JointCommand(position=self._arm.x[: self._arm.n])
         return self._place
 
     def _slows_down(self) -> bool:
         """Whether servos are still decelerating the arm."""
-        simulator = self._simulator
+        arm = self._arm
         if self._begun is None:
-            self._begun = simulator.step_count
-        taken = (simulator.step_count - self._begun) * simulator.dt
-        speed = abs(simulator.x[simulator.n : 2 * simulator.n]).max()
+            self._begun = arm.step_count
+        taken = (arm.step_count - self._begun) * arm.dt
+        speed = abs(arm.x[arm.n : 2 * arm.n]).max()
         return speed > SLOW and taken < LONGEST and self._servos.ready

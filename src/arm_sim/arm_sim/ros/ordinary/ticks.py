@@ -5,19 +5,20 @@ from __future__ import annotations
 
 from ctypes import Structure, addressof, byref
 from threading import Lock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm_sim.imperfections import command_line
-from arm_sim.ros.code import TICKS, library
 from arm_sim.ros.inputs import AT_ONCE, Inputs
 from arm_sim.ros.lockstep import Ahead, Waiting
+from arm_sim.ros.node_library import TICKS, library
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.realtime_loop import Due
-from arm_sim.ros.record import TickRecorder
-from arm_sim.ros.stamps import NodeTime
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.ros.timing.realtime_loop import Due
+from arm_sim.ros.timing.stamps import NodeTime
+
+if TYPE_CHECKING:
+    from arm_sim.ros.record import TickRecorder
 
 _LEFT, _MADE = TICKS.constants["LEFT"], TICKS.constants["MADE"]
 _ROWS = 8192  # ticks stored for the energy account, which is evaluated every second
@@ -52,8 +53,8 @@ class OrdinaryTicks:
         self.refusal = self._why_not()
         if self.refusal:
             return
-        simulator, stamps = engine.simulator, outputs.stamps
-        n, nx = simulator.n, simulator.plant.nx
+        arm, stamps = engine.simulator.arm, outputs.stamps
+        n, nx = arm.n, arm.plant.nx
         self._newest = np.zeros(n)
         self._trail, self._acted = np.zeros((_ROWS, nx)), np.zeros((_ROWS, n))
         self._noting, engine.note_ticks = Lock(), self._note
@@ -71,10 +72,10 @@ class OrdinaryTicks:
             self._ticks.copy, self._ticks.commands = recorder.place, recorder.channel(commands)
 
     def _why_not(self) -> str:
-        simulator = self._engine.simulator
-        if simulator.pointers is None:
+        arm = self._engine.simulator.arm
+        if arm.pointers is None:
             return "the scene runs on CasADi's virtual machine"
-        if simulator.sensors is not None or command_line(simulator.model.scene, simulator.dt):
+        if arm.sensors is not None or arm.line is not None:
             return "the scene has sensors or delayed commands"
         if not self._outputs.plain:
             return "joint states of all joints are computed in Python"
@@ -118,15 +119,15 @@ class OrdinaryTicks:
     def _begin(self) -> bool:
         """Pass the current settings to C; return whether the next tick may be ordinary."""
         engine, ticks = self._engine, self._ticks
-        slot, arbiter, simulator = engine.commands, engine.arbiter, engine.simulator
+        slot, arbiter, arm = engine.commands, engine.arbiter, engine.simulator.arm
         efforts, only, reader = slot.efforts, arbiter.only, self._reader
         if efforts is None or only is None or reader.left or not engine.ordinary:
             return False
         name, heard = only
-        if len(heard.joints) < simulator.n or len(engine.on_tick) != self._listeners:
+        if len(heard.joints) < arm.n or len(engine.on_tick) != self._listeners:
             return False
         self._before, self._heard = efforts, heard  # kept alive for C
-        self._ahead = simulator.step_count - ticks.kept
+        self._ahead = arm.step_count - ticks.kept
         self._newest[:] = efforts
         ticks.source, ticks.reader = reader.places
         leads = reader.whole_from(name)
@@ -134,8 +135,8 @@ class OrdinaryTicks:
         ticks.now, ticks.patience = arbiter.now, arbiter.patience
         ticks.stream = addressof(heard)
         ticks.age, ticks.timeout = slot.age, slot.timeout
-        ticks.step, ticks.ticks = addressof(simulator.pointers), simulator.step_count
-        ticks.notice, ticks.room = simulator.notices_cuts, _ROWS if engine.accounted else 0
+        ticks.step, ticks.ticks = addressof(arm.pointers), arm.step_count
+        ticks.notice, ticks.room = arm.notices_cuts, _ROWS if engine.accounted else 0
         ticks.seldom = self._outputs.seldom
         ticks.fresh = ticks.pending = ticks.recorded = 0
         return True
@@ -151,9 +152,10 @@ class OrdinaryTicks:
         engine.commands.acted(self._before, efforts, ticks.age)
         self._reader.left = ticks.pending
         self._note()
-        if made := ticks.ticks - engine.simulator.step_count:
+        arm = engine.simulator.arm
+        if made := ticks.ticks - arm.step_count:
             self.count += made
-            engine.simulator.passed(made)
+            arm.passed(made)
 
     def _note(self) -> None:
         """Note the ticks executed so far in the energy account; for any thread."""

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files import MESSAGE, McapWriter
-from arm_sim.ros.code import RECORD, library
+from arm_sim.ros.node_library import RECORD, library
 
 PERIOD = 0.5  # [s] after which a chunk is written, even if not full
 SIZE = 1 << 20  # bytes per chunk

@@ -11,9 +11,9 @@ from ctypes import Structure, addressof, c_void_p
 
 from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files.messages import TickWriter
-from arm_sim.ros.code import RECORD, library
+from arm_sim.ros.node_library import RECORD, library
 from arm_sim.ros.record.chunks import HEAD, Chunk
-from arm_sim.simulator import Simulator
+from arm_sim.simulated_arm import SimulatedArm
 
 State = tuple[int, bytearray]
 """Stamp in [ns] of a published joint state, and its bytes."""
@@ -33,14 +33,14 @@ class TickCopy:
         place: Address of ``tick_t``, for other compiled code.
     """
 
-    def __init__(self, writer: TickWriter, simulator: Simulator, tick: int, state: int) -> None:
+    def __init__(self, writer: TickWriter, arm: SimulatedArm, tick: int, state: int) -> None:
         """Prepare; ``tick`` and ``state`` are the numbers of their channels."""
         self.size, self._record = HEAD + len(writer.raw), library().record
         self._tick = _Tick(
             raw=address(writer.raw), size=len(writer.raw), stamp=writer.stamp, hold=writer.hold,
             tick=tick, state=state,
         )  # fmt: skip
-        numbers = simulator.x, simulator.acted, simulator.notes
+        numbers = arm.x, arm.acted, arm.notes
         for k, (place, array) in enumerate(zip(writer.places, numbers, strict=True)):
             self._tick.at[k], self._tick.sizes[k] = place, array.nbytes
             self._tick.numbers[k] = array.ctypes.data

@@ -22,8 +22,8 @@ from arm_sim.ros.tick_engine import TickEngine
 _TOPICS = (JOINT_COMMANDS, COMMANDS, WRENCH, ENERGY, MULTIPLIERS)
 
 
-def recorder_of(node: Node, path: str, engine: TickEngine) -> TickRecorder | None:
-    """The recorder according to a node's parameter; None if it is empty.
+def recorder_of(node: Node, path: str, engine: TickEngine) -> TickRecorder:
+    """The recorder according to a node's parameter.
 
     Args:
         node: The node.
@@ -33,8 +33,6 @@ def recorder_of(node: Node, path: str, engine: TickEngine) -> TickRecorder | Non
     Raises:
         InvalidInput: If it cannot be written.
     """
-    if not path:
-        return None
     name = path.replace("{time}", datetime.now().strftime("%Y%m%d-%H%M%S"))
     topics = {
         node.resolve_topic_name(topic.name): (kind := kind_of(topic.type), definition_of(kind))

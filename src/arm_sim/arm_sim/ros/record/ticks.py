@@ -60,26 +60,29 @@ class TickRecorder:
             InvalidInput: If the path has another suffix, or exists already.
             OSError: If it cannot be written.
         """
-        self._simulator = simulator = engine.simulator
+        self._arm = arm = engine.simulator.arm
         self._engine, self.path = engine, path
         if path.exists():
             raise InvalidInput(f"'{path}' exists; recordings are not overwritten")
         self._name, (self._file, self._folder) = prefix.rpartition("/")[2], where(path)
-        self.file = TickFile(self._file, simulator.origin, simulator.joint_names, prefix, states)
+        self.file = TickFile(self._file, arm.origin, arm.joint_names, prefix, states)
         begin = self.file.mcap.channel
         self._channels = {topic: begin(topic, *about) for topic, about in topics.items()}
         self._channels[states] = self.file.states
         self.thread = ChunkThread(self.file.mcap, tell)
-        self._writer = TickWriter(simulator.plant.nx, simulator.n)
-        self._copy = TickCopy(self._writer, simulator, self.file.ticks, self.file.states)
+        self._writer = TickWriter(arm.plant.nx, arm.n)
+        self._copy = TickCopy(self._writer, arm, self.file.ticks, self.file.states)
         self._published: tuple[int, bytearray] | None = None
         self._waiting = deque[tuple[int, int, bytes]]()
         self._whole = True  # whether the file contains every tick so far
-        self._plant, self._p = simulator.plant, b""
+        self._plant, self._p = arm.plant, b""
         self.ticks = self.lost = 0
         channel, robot = self.file.robot()
         self.thread.add(channel, time.time_ns(), 0, robot)
         self._begin("start")
+        self._listen(engine)
+
+    def _listen(self, engine: TickEngine) -> None:
         engine.on_tick.append(self.tick)
         engine.on_idle.append(self._flush)
         engine.on_jump.append(lambda: self._begin("changed"))
@@ -89,7 +92,7 @@ class TickRecorder:
 
     def tick(self) -> None:
         """Record the last tick."""
-        now, simulator = time.time_ns(), self._simulator
+        now, arm = time.time_ns(), self._arm
         if not self._whole:
             self.lost += 1
             self._begin("gap")
@@ -109,15 +112,15 @@ class TickRecorder:
                 return
             for channel, publish, data in waiting:
                 chunk.put(channel, now, publish, data)
-            copy(chunk, now, self._engine.stamp, simulator.hold, state)
+            copy(chunk, now, self._engine.stamp, arm.hold, state)
         self.ticks += 1
 
     @property
     def _is_tuned(self) -> bool:
         """Whether tunable quantities differ from those in the file."""
-        simulator = self._simulator
-        return simulator.plant is not self._plant or bool(
-            self._p and simulator.parameters.tobytes() != self._p
+        arm = self._arm
+        return arm.plant is not self._plant or bool(
+            self._p and arm.parameters.tobytes() != self._p
         )
 
     def lend(self) -> Chunk | None:
@@ -205,23 +208,23 @@ class TickRecorder:
 
     def _tuned(self) -> None:
         """Record tuning since the last tick, the state after which is in the file."""
-        simulator, x = self._simulator, np.frombuffer(self._writer.state)
-        fresh = simulator.plant is not self._plant
-        stamp = round(1e9 * ((simulator.step_count - 1) * simulator.dt))
+        arm, x = self._arm, np.frombuffer(self._writer.state)
+        fresh = arm.plant is not self._plant
+        stamp = round(1e9 * ((arm.step_count - 1) * arm.dt))
         self._change(stamp, "tuned", x, 0.0 if fresh else UNCHANGED)
 
     def _begin(self, why: str) -> None:
         """Write the complete current state."""
-        simulator = self._simulator
+        arm = self._arm
         self._flush()
-        self._writer.state[:] = simulator.x.data.cast("B")
-        self._whole = self._change(self._engine.stamp, why, simulator.x, simulator.substep)
+        self._writer.state[:] = arm.x.data.cast("B")
+        self._whole = self._change(self._engine.stamp, why, arm.x, arm.substep)
 
     def _change(self, stamp: int, why: str, x: Array, substep: float) -> bool:
-        simulator = self._simulator
-        self._plant, p = simulator.plant, simulator.parameters
+        arm = self._arm
+        self._plant, p = arm.plant, arm.parameters
         tunable, self._p = tunable_names(self._plant.model.scene), p.tobytes()
-        error, stepped = simulator.notes.tolist()
+        error, stepped = arm.notes.tolist()
         change = Change(stamp, why, tunable, p, x, (substep, error, stepped))
         return self.thread.add(self.file.changes, time.time_ns(), stamp, change.written())
 

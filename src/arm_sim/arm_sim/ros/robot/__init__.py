@@ -6,6 +6,6 @@ Depends on the cores, ``arm_dynamics.ros``, the outputs and the engine, but not 
 
 from arm_sim.ros.robot.all_joints import AllJointStates
 from arm_sim.ros.robot.display import Display
-from arm_sim.ros.robot.params import RobotParams, publish_description
+from arm_sim.ros.robot.robot_params import RobotParams, publish_description
 
 __all__ = ["AllJointStates", "Display", "RobotParams", "publish_description"]

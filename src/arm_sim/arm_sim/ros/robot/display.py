@@ -19,7 +19,7 @@ from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.interfaces import ALL_JOINT_STATES, frames_topics
 from arm_sim.ros.robot.all_joints import AllJointStates
-from arm_sim.ros.robot.params import RobotParams
+from arm_sim.ros.robot.robot_params import RobotParams
 from arm_sim.ros.tick_engine import TickEngine
 
 _RSP = "robot_state_publisher"

@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.convert import to_time
-from arm_sim.ros.params import SimParams
+from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.standard.entities import Entities, Entity
 from arm_sim.ros.standard.results import (
     ALREADY_THERE,
@@ -69,7 +69,19 @@ class StandardServices:
         self._entities = Entities(engine.simulator)
         log = node.get_logger()
         node.create_service(srv.GetSimulatorFeatures, "~/get_simulator_features", self._features)
-        for name, answer in {
+        for name, answer in self._answers().items():
+            kind = getattr(srv, name.title().replace("_", ""), None)
+            if kind is not None:
+                node.create_service(kind, f"~/{name}", answered(answer, log))
+                self.offered.append(name)
+        if hasattr(action, "SimulateSteps"):
+            self._steps = SimulateSteps(node, engine, action.SimulateSteps)
+            self.offered.append("simulate_steps")
+        self.offered.append("get_simulator_features")
+
+    def _answers(self) -> dict[str, Callable[[Any, Any], Any]]:
+        """What answers each service, but for that of the features."""
+        return {
             "get_simulation_state": self._get_state,
             "set_simulation_state": self._set_state,
             "reset_simulation": self._reset,
@@ -79,15 +91,7 @@ class StandardServices:
             "get_entity_state": self._get_entity_state,
             "get_entities_states": self._get_entities_states,
             "get_current_world": self._get_world,
-        }.items():
-            kind = getattr(srv, name.title().replace("_", ""), None)
-            if kind is not None:
-                node.create_service(kind, f"~/{name}", answered(answer, log))
-                self.offered.append(name)
-        if hasattr(action, "SimulateSteps"):
-            self._steps = SimulateSteps(node, engine, action.SimulateSteps)
-            self.offered.append("simulate_steps")
-        self.offered.append("get_simulator_features")
+        }
 
     def close(self) -> None:
         """End the action; call before the node is destroyed."""
@@ -110,7 +114,7 @@ class StandardServices:
     def _state(self) -> int:
         if not self._engine.paused:
             return PLAYING
-        return PAUSED if self._engine.simulator.step_count else STOPPED
+        return PAUSED if self._engine.simulator.arm.step_count else STOPPED
 
     def _get_state(self, request: Any, response: Any) -> None:
         """Whether the simulation is running."""
@@ -148,7 +152,7 @@ class StandardServices:
         if time and state:
             engine.reset()
         elif time:
-            n, x = simulator.n, simulator.x.copy()
+            n, x = simulator.n, simulator.arm.x.copy()
             engine.reset(x[:n], x[n : 2 * n], x[2 * n :])
         else:
             model = simulator.model
@@ -165,7 +169,7 @@ class StandardServices:
         world.description = "the scene of one robot arm"
         world.world_resource.uri = self._scene
         if not self._scene:
-            world.world_resource.resource_string = model.scene.robot.urdf
+            world.world_resource.resource_string = model.scene.description
 
     # --- entities ------------------------------------------------------------------------------
 
@@ -196,7 +200,7 @@ class StandardServices:
         """Update the entities to the current state; return its stamp in [ns]."""
         simulator = self._engine.simulator
         n, (stamp, x) = simulator.n, self._engine.queue.run(
-            lambda: (self._stamp(), simulator.x.copy())
+            lambda: (self._stamp(), simulator.arm.x.copy())
         )  # fmt: skip
         self._entities.place(x[:n], x[n : 2 * n])
         return int(stamp)

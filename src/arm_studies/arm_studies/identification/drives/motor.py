@@ -134,33 +134,39 @@ def identify_motor(records: Sequence[MotorRecord]) -> Match:
 @one_at_a_time
 def _trial(record: MotorRecord, apart: bool) -> Trial:
     """The trial of a record: its model, inputs and outputs."""
+    y = np.column_stack([record.current, record.speed, record.voltage, record.torque])
+    u = np.column_stack([np.nan_to_num(record.voltage), _direction(record)])
+    states, outputs = {"blocked": ([0], [0, 3]), "coast": ([1], [1, 2])}.get(
+        record.kind, ([0, 1], [0, 1])
+    )
+    x0 = np.nan_to_num(y[0])[states]
+    law = _law_of(record.kind, apart)
+    return Trial(law, record.dt, u, y[:, outputs], x0, np.zeros((1, len(x0))), record.name)
+
+
+def _law_of(kind: Kind, apart: bool) -> Law:
+    """The model of a test; ``apart``: with a torque constant besides that of the back EMF."""
     R, L, Kt, Ke, J, B, C = (ca.SX.sym(name) for name in UNITS)
     Ke = Ke if apart else Kt
     i, w, V, way = (ca.SX.sym(name) for name in ("i", "w", "V", "way"))
     electric = motor.current_slope(V, i, motor.back_emf(w, Ke), L, R)
     friction = B * w + C * way
-    y = np.column_stack([record.current, record.speed, record.voltage, record.torque])
-    u = np.column_stack([np.nan_to_num(record.voltage), _direction(record)])
-    begin = np.nan_to_num(y[0])
-    if record.kind == "blocked":
+    if kind == "blocked":
         slope = ca.substitute(electric, w, 0)
         outputs = ca.vertcat(i, motor.torque(i, Kt) if apart else 0)
-        law = _law(i, (V, way), slope, outputs, {"resistance": R, "inductance": L} | (
+        return _law(i, (V, way), slope, outputs, {"resistance": R, "inductance": L} | (
             {"torque_constant": Kt} if apart else {}))  # fmt: skip
-        return Trial(law, record.dt, u, y[:, [0, 3]], begin[[0]], np.zeros((1, 1)), record.name)
-    if record.kind == "coast":
+    if kind == "coast":
         slope = -friction / J
         outputs = ca.vertcat(w, motor.back_emf(w, Ke))
         numbers = {"rotor_inertia": J, "rotor_damping": B, "coulomb": C}
         numbers |= {"back_emf_constant": Ke} if apart else {"torque_constant": Kt}
-        law = _law(w, (V, way), slope, outputs, numbers)
-        return Trial(law, record.dt, u, y[:, [1, 2]], begin[[1]], np.zeros((1, 1)), record.name)
+        return _law(w, (V, way), slope, outputs, numbers)
     slope = ca.vertcat(electric, (motor.torque(i, Kt) - friction) / J)
     numbers = dict(zip(UNITS, (R, L, Kt, Ke, J, B, C), strict=True))
     if not apart:
         del numbers["back_emf_constant"]
-    law = _law(ca.vertcat(i, w), (V, way), slope, ca.vertcat(i, w), numbers)
-    return Trial(law, record.dt, u, y[:, [0, 1]], begin[[0, 1]], np.zeros((1, 2)), record.name)
+    return _law(ca.vertcat(i, w), (V, way), slope, ca.vertcat(i, w), numbers)
 
 
 def _law(
@@ -179,27 +185,13 @@ def _direction(record: MotorRecord) -> Array:
 
 def _guess(records: Sequence[MotorRecord], apart: bool) -> dict[str, float]:
     """Least squares on the equations integrated over each interval, currents by trapezoids."""
-    electric, mechanical = [], []
-    for record in records:
-        h, way = record.dt, _direction(record)[:-1]
-        i, w = np.nan_to_num(record.current), np.nan_to_num(record.speed)
-        V = record.voltage
-        mean_i, mean_w = (i[1:] + i[:-1]) / 2, (w[1:] + w[:-1]) / 2
-        none = np.zeros_like(mean_i)
-        if record.kind == "coast":
-            mean_i, di = none, none
-        else:
-            di = np.diff(i) / h
-        if np.isfinite(V).all():
-            shift = V[:-1] if record.kind != "coast" else (V[1:] + V[:-1]) / 2
-            electric.append(np.column_stack([mean_i, di, mean_w, shift]))
-        if record.kind != "blocked":
-            mechanical.append(np.column_stack([np.diff(w) / h, mean_w, way, mean_i]))
+    electric = [_electric(record) for record in records if np.isfinite(record.voltage).all()]
     R, L, Ke = _solved(electric, 3)
     dt = min(record.dt for record in records)
     R = R if R > 0.0 else 1.0
     Ke = Ke if Ke > 0.0 else 0.1
     Kt = _torque_over_current(records) if apart else Ke
+    mechanical = [_mechanical(record) for record in records if record.kind != "blocked"]
     J, B, C = Kt * _solved(mechanical, 3)
     J = J if J > 0.0 else 1e-4
     small = 1e-3 * J / max((r.time[-1] - r.time[0]) for r in records)
@@ -209,6 +201,29 @@ def _guess(records: Sequence[MotorRecord], apart: bool) -> dict[str, float]:
         "coulomb": max(C, small),
     }  # fmt: skip
     return {name: float(value) for name, value in found.items()}
+
+
+def _electric(record: MotorRecord) -> Array:
+    """Columns of mean current, its slope, mean speed and voltage in each interval."""
+    V, (mean_i, mean_w) = record.voltage, _means(record)
+    if record.kind == "coast":
+        return np.column_stack([mean_i, np.zeros_like(mean_i), mean_w, (V[1:] + V[:-1]) / 2])
+    slope = np.diff(np.nan_to_num(record.current)) / record.dt
+    return np.column_stack([mean_i, slope, mean_w, V[:-1]])
+
+
+def _mechanical(record: MotorRecord) -> Array:
+    """Columns of acceleration, mean speed, direction and mean current in each interval."""
+    mean_i, mean_w = _means(record)
+    acceleration = np.diff(np.nan_to_num(record.speed)) / record.dt
+    return np.column_stack([acceleration, mean_w, _direction(record)[:-1], mean_i])
+
+
+def _means(record: MotorRecord) -> tuple[Array, Array]:
+    """Mean current, none while it coasts, and mean speed in each interval."""
+    i, w = np.nan_to_num(record.current), np.nan_to_num(record.speed)
+    mean_i = (i[1:] + i[:-1]) / 2
+    return np.zeros_like(mean_i) if record.kind == "coast" else mean_i, (w[1:] + w[:-1]) / 2
 
 
 def _solved(parts: list[Array], count: int) -> Array:

@@ -15,6 +15,7 @@ from arm_dynamics.equations import rigid_body
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model import gravity_of, tree_of
 from arm_dynamics.trajectory import Trajectory
+from arm_sim.inputs import whole
 from arm_studies.identification.excitation.columns import (
     distinct,
     information,
@@ -101,11 +102,9 @@ def excite(
         InvalidInput: If an argument is not allowed, nothing limits a joint, or no motion is found.
     """
     positive("period", period)
-    for name, value, least in (
-        ("harmonics", harmonics, 2), ("attempts", attempts, 1), ("iterations", iterations, 1),
-    ):  # fmt: skip
-        if value < least:
-            raise InvalidInput(f"{name} = {value}; at least {least} is expected")
+    whole("harmonics", harmonics, 2)
+    whole("attempts", attempts, 1)
+    whole("iterations", iterations, 1)
     if aim not in (ALL, MASSES):
         raise InvalidInput(f"aim is '{aim}'; allowed: {ALL}, {MASSES}")
     search = _Search(room, period, harmonics, aim)
@@ -116,12 +115,7 @@ def excite(
         told(attempt + 1)
     _, y = max(found, key=lambda pair: pair[0])
     sigma = np.linalg.svd(search.rows(y), compute_uv=False)
-    if not sigma[-1] > 1e-9 * sigma[0]:
-        raise InvalidInput(
-            f"the best motion identifies only {int(np.sum(sigma > 1e-9 * sigma[0]))} of "
-            f"{len(sigma)} parameters; more harmonics, a larger workspace or more attempts are "
-            "expected"
-        )
+    _check_rank(sigma)
     reached = np.array([value for value, _ in found])
     masses = search.masses(y) if aim == MASSES else None
     return Excitation(
@@ -129,6 +123,16 @@ def excite(
         float(2.0 * np.log(sigma).sum()), len(sigma), reached if masses is None else -reached,
         masses,
     )  # fmt: skip
+
+
+def _check_rank(sigma: Array) -> None:
+    """Refuse singular values of a motion that does not identify every parameter."""
+    shown = int(np.sum(sigma > 1e-9 * sigma[0]))
+    if shown < len(sigma):
+        raise InvalidInput(
+            f"the best motion identifies only {shown} of {len(sigma)} parameters; more harmonics, "
+            "a larger workspace or more attempts are expected"
+        )
 
 
 class _Search:

@@ -8,7 +8,7 @@ friction that are not linear are in ``fit``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -236,8 +236,7 @@ def _centred(
         total += sum(bodies.log_det(x[i : i + EACH])[0] for i in movable)
         return total - float(np.log(x[list(positive)]).sum())
 
-    now = value(x)
-    for _ in range(60):
+    def derivatives(x: Array) -> tuple[Array, Array]:
         gradient = 2.0 * sharpness * (R.T @ (R @ x - z))
         hessian = 2.0 * sharpness * (R.T @ R)
         for i in movable:
@@ -247,6 +246,20 @@ def _centred(
         for i in positive:
             gradient[i] -= 1.0 / x[i]
             hessian[i, i] += 1.0 / x[i] ** 2
+        return gradient, hessian
+
+    return _newton(value, derivatives, x)
+
+
+def _newton(
+    value: Callable[[Array], float],
+    derivatives: Callable[[Array], tuple[Array, Array]],
+    x: Array,
+) -> Array:
+    """Minimize a convex function by Newton's method with backtracking (Armijo's rule)."""
+    now = value(x)
+    for _ in range(60):
+        gradient, hessian = derivatives(x)
         size = np.sqrt(np.diag(hessian))
         size[size == 0.0] = 1.0  # nothing determines it, and its gradient is zero
         small = hessian / np.outer(size, size) + 1e-14 * np.eye(len(x))

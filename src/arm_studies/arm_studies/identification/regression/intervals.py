@@ -10,14 +10,14 @@ truth as often as they claim, wherever the nominal scene is.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.regression.estimation import Columns, Mask, solved
+from arm_studies.identification.regression.estimation import Belief, Columns, Mask, solved
 from arm_studies.identification.regression.fit import Fit, with_shapes
 from arm_studies.identification.regression.friction_columns import LOAD, STRIBECK_VELOCITY
 from arm_studies.identification.regression.rows import Rows
@@ -150,3 +150,31 @@ def _weighted(use: Mask, fit: Fit, columns: Columns, places: Places) -> Array:
     for j, place in enumerate(columns.places):
         found[j][:, place] = columns.all_of(j) * (fit.weights[j] * use[:, j : j + 1])
     return found[:, :, places]
+
+
+def besides(
+    rows: Rows, fit: Fit, more: Array, belief: Callable[[int], Belief]
+) -> tuple[Array, Array]:
+    """Coefficients of additional columns of a fit, and their standard deviations.
+
+    Args:
+        rows: The regression's rows.
+        fit: Its unknowns are all free.
+        more: The columns, shape (k, n, m).
+        belief: Returns the prior of a number of unknowns.
+
+    Returns:
+        Shapes (m,) and (m,); deviations are inf where the data do not determine a column.
+    """
+    columns, new = fit.columns, np.arange(more.shape[2])
+    own = [np.column_stack([c, more[:, j]]) for j, c in enumerate(columns.own)]
+    places = [np.append(p, columns.size + new) for p in columns.places]
+    wide = replace(columns, own=tuple(own), places=tuple(places), size=columns.size + len(new))
+    data = wide.whitened(rows.effort - rows.known, fit.weights, rows.independent)
+    R, z = belief(wide.size).combined(*data)
+    size = np.linalg.norm(R, axis=0)
+    seen = size > 1e-12 * size.max()
+    inverse = np.linalg.pinv(R[:, seen] / size[seen], rcond=1e-14)
+    doubt = np.full(len(size), np.inf)
+    doubt[seen] = np.linalg.norm(inverse, axis=1) / size[seen]
+    return solved(R, z)[columns.size :], doubt[columns.size :]

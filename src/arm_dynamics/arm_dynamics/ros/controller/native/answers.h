@@ -73,7 +73,7 @@ typedef struct {
   int64_t joints;
   int64_t until; /* stamp from which Python answers states */
   report_t* report;
-  /* The controller: its input (q, v and the reference's q, v, a), output and limit (NULL: none). */
+  /* The controller: its input (q, v and the reference's q, v, a, torques), output and limit (NULL: none). */
   const entry_t* law;
   double* input;
   const double *torque, *limit;
@@ -84,9 +84,9 @@ typedef struct {
   /* Commands: gain times torque plus back_emf times velocity; NULL: the torque itself. */
   const double *gain, *back_emf;
   double* command;
-  /* The motion: stamp at which it begins, number of segments, positions before and after them. */
+  /* The motion: stamp at which it begins, number of segments, and the rest as for `sample`. */
   int64_t start, segments;
-  const double *knots, *polynomials, *ends;
+  const double *knots, *polynomials, *ends, *torques;
   /* Path tolerances and the stamp from which they apply; NULL: none. */
   int64_t begin;
   const tolerance_t* path;

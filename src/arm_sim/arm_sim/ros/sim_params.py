@@ -9,9 +9,9 @@ from arm_dynamics import InvalidInput, Scene
 from arm_dynamics.ros.common.params import SCENE, parameter
 from arm_dynamics.ros.common.privileges import ThreadParams
 from arm_sim.ros.commands.latest import BRAKE, POLICIES
-from arm_sim.ros.realtime_loop import CATCH_UP, OVERRUN
-from arm_sim.ros.robot.params import RobotParams
-from arm_sim.ros.stamps import AUTO, CHOICES, ROS, SIM
+from arm_sim.ros.robot.robot_params import RobotParams
+from arm_sim.ros.timing.realtime_loop import CATCH_UP, OVERRUN
+from arm_sim.ros.timing.stamps import AUTO, CHOICES, ROS, SIM
 from arm_sim.simulator import Simulator
 
 LOCKSTEP, CLOCK, HAND = "lockstep", "clock", "hand"
@@ -147,7 +147,7 @@ def simulator_of(scene: Scene, params: SimParams) -> Simulator:
 
 def greeting(simulator: Simulator, params: SimParams) -> str:
     """Start-up message: the simulated robot, method, pace and source."""
-    model, choice = simulator.model, simulator.choice
+    model, choice = simulator.model, simulator.arm.compiled.choice
     at = ", ".join(
         f"{name} {place:.4g}" for name, place in zip(model.joint_names, model.q0, strict=True)
     )

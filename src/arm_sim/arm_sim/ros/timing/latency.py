@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm_sim.ros.code import LOOP, library
+from arm_sim.ros.node_library import LOOP, library
 
 _FINE, _COARSE, _STEPS, _SENT = (LOOP.constants[n] for n in ("FINE", "COARSE", "STEPS", "SENT"))
 

@@ -61,6 +61,16 @@ class ControllerParams(ThreadParams, DescriptionParams):
         high=1e6,
         read_only=False,
     )
+    velocities: str = parameter(
+        "states",
+        "Where velocities come from: states, or positions, for robots whose states have none or "
+        "useless ones; they are then differences, filtered, and late by half a state and the "
+        "filter's delay",
+        choices=("states", "positions"),
+    )
+    velocity_cutoff: float = parameter(
+        50.0, "Cut-off frequency of that filter [Hz]; 0: none", low=0.0, high=1e5
+    )
     state_period: float = parameter(
         0.02, "Shortest time between messages on ~/state [s]", low=0.0, high=10.0
     )

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from ctypes import Structure, addressof, byref, c_int64
 from typing import Any
 
-from arm_sim.ros.code import LOOP, library
+from arm_sim.ros.node_library import LOOP, library
 
 AUTO, ROS, SIM = "auto", "ros", "sim"
 CHOICES = (AUTO, ROS, SIM)

@@ -12,8 +12,8 @@ from arm_dynamics.codegen.kernel import ENTRY
 from arm_dynamics.ros.common.rcl_code import code_of_nodes
 from arm_dynamics.ros.joint_state import HEADER as JOINT_STATE
 from arm_dynamics.ros.joint_state import SOURCE as JOINT_STATE_SOURCE
-from arm_dynamics.trajectory.code import SOURCE as SAMPLE
-from arm_dynamics.trajectory.code import library as evaluation
+from arm_dynamics.trajectory.trajectory_library import SOURCE as SAMPLE
+from arm_dynamics.trajectory.trajectory_library import library as evaluation
 
 _SOURCE = Path(__file__).with_name("native") / "answers.c"
 HEADER = Header(_SOURCE.with_suffix(".h"), ENTRY, JOINT_STATE)

@@ -6,12 +6,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from threading import Lock
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_sim.recording.energy_account import EnergyAccount, relative_error
+from arm_sim.simulated_arm import SimulatedArm
 
 
 class Account(NamedTuple):
@@ -27,30 +28,6 @@ class Account(NamedTuple):
     step: int
 
 
-class Metered(Protocol):
-    """A simulation with an energy account, such as a ``Simulator``."""
-
-    @property
-    def x(self) -> Array:
-        """Its current state, shape (nx,)."""
-
-    @property
-    def command(self) -> Array:
-        """Effective command of the last tick, shape (n,)."""
-
-    @property
-    def parameters(self) -> Array:
-        """Current tunable quantities, shape (np,)."""
-
-    @property
-    def step_count(self) -> int:
-        """Ticks since the last reset."""
-
-    @property
-    def energy_account(self) -> EnergyAccount:
-        """Computes the account."""
-
-
 class _Moment(NamedTuple):
     """A state between two ticks."""
 
@@ -60,10 +37,10 @@ class _Moment(NamedTuple):
     step: int
 
     @classmethod
-    def of(cls, simulator: Metered) -> _Moment:
-        """The current one of a simulation."""
-        x, p = simulator.x.copy(), simulator.parameters.copy()
-        return cls(simulator.energy_account, x, p, simulator.step_count)
+    def of(cls, arm: SimulatedArm) -> _Moment:
+        """The current one of an arm."""
+        x, p = arm.x.copy(), arm.parameters.copy()
+        return cls(arm.compiled.energy_account, x, p, arm.step_count)
 
     def energies(self) -> Array:
         """Kinetic, potential and stored energy in [J], shape (3,)."""
@@ -97,19 +74,19 @@ class EnergyMeter:
         error: Largest unexplained energy so far, relative to the energy that moved.
     """
 
-    def __init__(self, simulator: Metered) -> None:
-        """Open the account at the simulator's current state."""
-        self._simulator, self.error = simulator, 0.0
+    def __init__(self, arm: SimulatedArm) -> None:
+        """Open the account at the arm's current state."""
+        self._arm, self.error = arm, 0.0
         self._noted, self._evaluating = deque[_Ticks | _Jump](), Lock()
         self._start: Array | None = None
-        self._here = _Moment.of(simulator)  # up to which the account is evaluated
+        self._here = _Moment.of(arm)  # up to which the account is evaluated
         self._flows, self._changed, self._most = np.zeros(2), 0.0, np.zeros(3)
 
     def note(self, moved: bool = True) -> None:
         """Record the last tick; if the arm did not move, only that it is over."""
-        simulator, ticks = self._simulator, slice(int(moved))
-        x, u = simulator.x[None][ticks], simulator.command[None][ticks]
-        self.note_all(x, u, simulator.step_count)
+        arm, ticks = self._arm, slice(int(moved))
+        x, u = arm.x[None][ticks], arm.acted[None][ticks]
+        self.note_all(x, u, arm.step_count)
 
     def note_all(self, x: Array, u: Array, step: int) -> None:
         """Record ticks.
@@ -119,15 +96,15 @@ class EnergyMeter:
             u: Effective commands, shape (k, n).
             step: Number of ticks since the last reset, these included.
         """
-        simulator = self._simulator
-        p = simulator.parameters.copy()
-        self._noted.append(_Ticks(simulator.energy_account, x.copy(), u.copy(), p, step))
+        arm = self._arm
+        p = arm.parameters.copy()
+        self._noted.append(_Ticks(arm.compiled.energy_account, x.copy(), u.copy(), p, step))
 
     def change(self, action: Callable[[], Any]) -> None:
         """Run an action that changes payload, friction, gravity or state; record its energy."""
-        before = _Moment.of(self._simulator)
+        before = _Moment.of(self._arm)
         action()
-        self._noted.append(_Jump(before, _Moment.of(self._simulator)))
+        self._noted.append(_Jump(before, _Moment.of(self._arm)))
 
     def account(self) -> Account:
         """The energies since the account was opened."""

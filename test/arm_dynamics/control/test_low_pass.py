@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from arm_sim.imperfections.low_pass import LowPass, coefficients
+from arm_dynamics.control.low_pass import LowPass, coefficients
 
 DT, CUTOFF = 1e-3, 50.0
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from arm_dynamics.ros.common.privileges import shorten_slice
-from arm_sim.ros.code import LOOP, library
-from arm_sim.ros.latency import Histogram, Percentiles
+from arm_sim.ros.node_library import LOOP, library
+from arm_sim.ros.timing.latency import Histogram, Percentiles
 
 CATCH_UP, SKIP, SLOW_DOWN = "catch_up", "skip", "slow_down"
 OVERRUN = (CATCH_UP, SKIP, SLOW_DOWN)

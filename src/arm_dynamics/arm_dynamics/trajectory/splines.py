@@ -16,9 +16,9 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.trajectory.quintic import segment_coefficients
+from arm_dynamics.trajectory.quintics import segment_coefficients
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
-from arm_dynamics.trajectory.waypoints import given_rows, timed_positions
+from arm_dynamics.trajectory.waypoints import given_rows, timed_positions, with_torques
 
 STANDING = float(np.finfo(np.float32).eps)  # [rad/s] or [m/s], speed tolerated as rest at the end
 _TRIES = 60
@@ -34,7 +34,7 @@ def spline(waypoints: Sequence[Waypoint]) -> Trajectory:
         InvalidInput: If waypoints are malformed, accelerations are given without velocities, or
             the last velocity is not zero.
     """
-    return _knots(waypoints).trajectory(1.0)
+    return with_torques(_knots(waypoints).trajectory(1.0), waypoints)
 
 
 def stretched_spline(
@@ -57,7 +57,7 @@ def stretched_spline(
         trajectory = knots.trajectory(stretch)
         factor = excess(trajectory)
         if factor <= 1.0:
-            return trajectory
+            return with_torques(trajectory, waypoints)
         stretch *= min(max(factor, 1.001), 4.0)
     raise InvalidInput(
         f"no factor brings the trajectory within limits, not even {stretch:.3g}; "

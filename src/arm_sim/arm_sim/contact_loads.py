@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
-from arm_sim.compiled_scene import CompiledScene
 from arm_sim.recording.recording import Recording
+from arm_sim.simulator import Simulator
 from arm_sim.stepping.contact_forces import contact_forces
 
 
@@ -36,12 +35,7 @@ class ContactHistory:
     friction_loss: Array
 
 
-class _Simulated(Protocol):
-    @property
-    def compiled(self) -> CompiledScene: ...
-
-
-def contact_history(sim: _Simulated, recording: Recording) -> ContactHistory:
+def contact_history(sim: Simulator, recording: Recording) -> ContactHistory:
     """Forces and losses of a run, computed by repeating its ticks.
 
     Args:
@@ -54,11 +48,12 @@ def contact_history(sim: _Simulated, recording: Recording) -> ContactHistory:
     Raises:
         InvalidInput: If the scene has no contact.
     """
-    account, x, u, p = sim.compiled.energy_account, recording.x, recording.command, recording.p
+    compiled = sim.arm.compiled
+    account, x, u, p = compiled.energy_account, recording.x, recording.command, recording.p
     forces = []
     for state, command, tuned in zip(x, u, p, strict=True):
         account.stepper.p[:] = tuned
-        forces.append(contact_forces(sim.compiled.plant, account.stepper, state, command))
+        forces.append(contact_forces(compiled.plant, account.stepper, state, command))
     losses = account.contact_losses(x[:-1], u[:-1], p[:-1])
     losses[~recording.moved] = 0.0
     losses = np.vstack([np.zeros(2), np.cumsum(losses, axis=0)])

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nyström's methods: stages of q'' = f(q, q') whose positions are chosen by themselves.
+
+Stage i is evaluated at
+
+    q_i = q + c_i h v + h² Σ ā_ij a_j,   w_i = w + h Σ a_ij k_j,   c_i = Σ a_ij,
+
+with w = (v, z), the accelerations a and the rates k of w, and the step ends at q + h v + h² Σ b̄_i
+a_i and w + h Σ b_i k_i (Nyström, Acta Soc. Sci. Fennicae 50(13), 1925; Hairer, Nørsett, Wanner,
+Solving Ordinary Differential Equations I, 1993, section II.14). Internal states z advance like the
+velocities, and the order conditions of w' = g(q, w), q' = v are the same as those of q'' = f(q,
+q'). Where two stages share their position, all that depends on positions alone is computed once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+
+from arm_sim.integrators.tableaux import Tableau, weighed_sum
+
+Rates = Sequence[ca.MX] | Mapping[int, ca.SX]
+
+
+def moved(
+    weights: Sequence[float],
+    positions: Sequence[float],
+    slopes: Rates,
+    x: ca.SX,
+    h: ca.SX,
+    n: int,
+) -> ca.SX:
+    """State of a stage, or at the end of a step.
+
+    Args:
+        weights: a_ij of the stage, or b.
+        positions: ā_ij of the stage, or b̄.
+        slopes: x' at the stages before.
+        x: State at the beginning.
+        h: Length of the step.
+        n: Degrees of freedom; x starts with q and v of n each.
+    """
+    after = x + h * weighed_sum(weights, slopes, x)
+    pushed = weighed_sum(positions, slopes, x)[n : 2 * n]
+    q = x[:n] + h * (sum(weights) * x[n : 2 * n] + h * pushed)
+    return ca.vertcat(q, after[n:])
+
+
+def slopes(
+    tableau: Tableau, rhs: ca.Function, n: int, x: ca.MX, u: ca.MX, p: ca.MX, h: ca.MX
+) -> list[ca.MX]:
+    """The slopes x' at the stages; arguments as those of ``methods.build_step``."""
+    found: list[ca.MX] = []
+    twins = _at_one_position(rhs, n)
+    while (i := len(found)) < len(tableau.a):
+        y = stage(tableau, i, found, x, h, n)
+        if not _shares(tableau, i):
+            found.append(rhs(y, u, p))
+            continue
+        row = tableau.a[i + 1]
+        begun = x + h * weighed_sum(row[:i], found, x) if any(row[:i]) else x
+        found += twins.call([y, begun, h * row[i], u, p])
+    return found
+
+
+def stage(tableau: Tableau, i: int, slopes: Sequence[ca.MX], x: ca.MX, h: ca.MX, n: int) -> ca.MX:
+    """State of stage i, and after the last one that at the end, as a function without loops."""
+    rows = [*tableau.a, tableau.b]
+    if not rows[i]:
+        return x
+    given = [ca.SX.sym(name, x.shape[0]) for name in ("x", *"k" * len(slopes))]
+    h_ = ca.SX.sym("h")
+    y = moved(rows[i], tableau.positions[i], given[1:], given[0], h_, n)
+    return ca.Function(f"stage_{i}", [h_, *given], [y], {"cse": True})(h, x, *slopes)
+
+
+def tangent(
+    weights: Sequence[float],
+    positions: Sequence[float],
+    changes: Rates,
+    slopes: Rates,
+    dx: ca.SX,
+    h: ca.SX,
+    dh: ca.SX,
+    n: int,
+) -> ca.SX:
+    """Derivative of ``moved``, along dx, dh and the changes dk of the slopes."""
+    dw = dx + h * weighed_sum(weights, changes, dx) + dh * weighed_sum(weights, slopes, dx)
+    pushed, push = (weighed_sum(positions, rates, dx)[n : 2 * n] for rates in (changes, slopes))
+    v = slopes[0][:n]
+    dq = dx[:n] + sum(weights) * (h * dx[n : 2 * n] + dh * v) + h * (h * pushed + 2 * dh * push)
+    return ca.vertcat(dq, dw[n:])
+
+
+def adjoint(
+    tableau: Tableau,
+    rhs: ca.Function,
+    pullback: ca.Function,
+    n: int,
+    x: ca.MX,
+    u: ca.MX,
+    p: ca.MX,
+    h: ca.MX,
+    weight: ca.MX,
+) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """The transposed derivative of a step, see ``adjoints``; the same arguments."""
+    k: list[ca.MX] = []
+    y: list[ca.MX] = []
+    for i in range(len(tableau.a)):
+        y.append(stage(tableau, i, k, x, h, n))
+        k.append(rhs(y[i], u, p))
+    rows, positions = (*tableau.a, tableau.b), tableau.positions
+    back = {len(k): weight}
+    by_x, by_u, by_p = weight + _carried(tableau.b, weight, h, n), 0.0, 0.0
+    for i in reversed(range(len(k))):
+        rate = _gathered(rows, i, back)
+        velocity = h * (rate[n : 2 * n] + h * _gathered(positions, i, back)[:n])
+        known = ca.vertcat(ca.MX.zeros(n), velocity, h * rate[2 * n :])
+        back[i], more_u, more_p = pullback(y[i], u, p, k[i], known)
+        by_x = by_x + back[i] + _carried(tableau.a[i], back[i], h, n)
+        by_u, by_p = by_u + more_u, by_p + more_p
+    return by_x, by_u, by_p
+
+
+def _shares(tableau: Tableau, i: int) -> bool:
+    """Whether stage i and the next one are at the same position."""
+    a, positions = tableau.a, tableau.positions
+    following = i + 1 < len(a)
+    return following and (sum(a[i]), positions[i]) == (sum(a[i + 1]), positions[i + 1])
+
+
+def _at_one_position(rhs: ca.Function, n: int) -> ca.Function:
+    """Function (y, x, s, u, p) -> k = x' at y = (q, …), and x' at q and w + s k of x = (…, w)."""
+    y, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate("yup"))
+    x, s = ca.SX.sym("x", y.shape[0]), ca.SX.sym("s")
+    first = rhs(y, u, p)
+    second = rhs(ca.vertcat(y[:n], (x + s * first)[n:]), u, p)
+    both = [ca.densify(first), ca.densify(second)]
+    return ca.Function("at_one_position", [y, x, s, u, p], both, {"cse": True})
+
+
+def _gathered(rows: Sequence[Sequence[float]], i: int, back: Mapping[int, ca.MX]) -> ca.MX:
+    """Gradients of the later stages and of the result, times their weights of stage i."""
+    users = [j for j in back if i < len(rows[j]) and rows[j][i]]
+    return sum((rows[j][i] * back[j] for j in users), ca.MX.zeros(back[max(back)].shape[0]))
+
+
+def _carried(row: Sequence[float], weight: ca.MX, h: ca.MX, n: int) -> ca.MX:
+    """Gradient by x of c_i h v in the position of a stage."""
+    rest = ca.MX.zeros(weight.shape[0] - 2 * n)
+    return ca.vertcat(ca.MX.zeros(n), sum(row) * h * weight[:n], rest)

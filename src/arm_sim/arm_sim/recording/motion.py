@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded motion, and the quantities that follow from it."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics import Dynamics, InvalidInput, Scene
+from arm_dynamics.arrays import Array, read_only
+from arm_sim.plant.plant import Plant
+from arm_sim.recording.contents import BRAKES, FREE, Contents
+from arm_sim.recording.energy_account import TRUSTED, EnergyAccount, relative_error, verdict
+from arm_sim.recording.origin import Physics
+from arm_sim.recording.second_look import SecondLook, Ticks, second_look
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, repr=False)
+class RecordedMotion(Contents):
+    """A motion, tick by tick, and derived quantities; see ``Contents`` for its arrays.
+
+    Attributes:
+        physics: The equations for derived quantities; None if the scene is unknown.
+    """
+
+    physics: Physics | None = None
+
+    # --- origin --------------------------------------------------------------------------------
+
+    @property
+    def scene(self) -> Scene | None:
+        """The scene; None if it is unknown."""
+        return None if self.origin is None else self.origin.scene
+
+    @property
+    def plant(self) -> Plant:
+        """The scene's equation of motion."""
+        return self._known.plant
+
+    @property
+    def account(self) -> EnergyAccount:
+        """Computes the energy account on demand."""
+        return self._known.account
+
+    @property
+    def dynamics(self) -> Dynamics:
+        """The arm's dynamics at the end of the run."""
+        return self._known.present.tuned(self.p[-1])
+
+    @property
+    def _known(self) -> Physics:
+        if self.physics is None:
+            raise InvalidInput(
+                "the recording has no scene, which this needs; load it with one: "
+                "Recording.load(path, scene=…)"
+            )
+        return self.physics
+
+    # --- derived quantities --------------------------------------------------------------------
+
+    def __len__(self) -> int:
+        """Number of recorded states."""
+        return len(self.time)
+
+    @cached_property
+    def tau(self) -> Array:
+        """Torques that act on the joints from each time in [N m] or [N], shape (k+1, n).
+
+        The command, or the torque of a joint's drive at the end of the tick; of a robot its
+        measured effort.
+        """
+        if self.of_robot:
+            return self.command
+        after = np.vstack([self.ended[1:], self.x[-1:]])
+        return read_only(self.plant.joint_torque(after, self.command))
+
+    @cached_property
+    def _energies(self) -> Array:
+        return self.account.energies(self.x, self.p)
+
+    @property
+    def kinetic(self) -> Array:
+        """Kinetic energy in [J], shape (k+1,)."""
+        return self._energies[:, 0]
+
+    @property
+    def potential(self) -> Array:
+        """Potential energy of gravity and springs in [J], shape (k+1,)."""
+        return self._energies[:, 1]
+
+    @property
+    def stored(self) -> Array:
+        """Stored energy in [J], shape (k+1,): flexible drives, inductances, bristles."""
+        return self._energies[:, 2]
+
+    @cached_property
+    def energy(self) -> Array:
+        """Kinetic, potential and stored energy in [J], shape (k+1,)."""
+        return self.kinetic + self.potential + self.stored
+
+    @property
+    def supplied(self) -> Array:
+        """Work supplied up to each time in [J], shape (k+1,), by torque or voltage."""
+        return self._flows[:, 0]
+
+    @property
+    def lost(self) -> Array:
+        """Heat lost up to each time in [J], shape (k+1,): friction, windings, damping."""
+        return self._flows[:, 1]
+
+    @cached_property
+    def stop_torque(self) -> Array:
+        """Torques of the stops on the joints from each time in [N m] or [N], (k+1, n).
+
+        See ``Simulator.stop_torque``.
+        """
+        stepper, x, torque = self.account.stepper, self.x, np.zeros_like(self.q)
+        for k in self._at_stops:
+            stepper.p[:] = self.p[k]
+            torque[k] = stepper.stop_torque(x[k], self.command[k])
+        return read_only(torque)
+
+    @cached_property
+    def _at_stops(self) -> Sequence[int]:
+        """Times at which a joint is at a stop."""
+        return np.flatnonzero(self.plant.model.stops.touched(self.q).any(axis=1)).tolist()
+
+    @cached_property
+    def multipliers(self) -> Array:
+        """λ of the constraints in [N] and [N m], shape (k+1, m): see ``constrained_forward``."""
+        outside, x = self.plant.parameters.place("external"), self.x
+        tau = np.array(self.plant.joint_torque(x, self.command))
+        tau += 0.0 if outside is None else self.p[:, outside]
+        if self.plant.eventful and self.plant.constrained:
+            stepper = self.account.stepper
+            for k in self._at_stops if self.plant.free else range(len(self)):
+                stepper.p[:] = self.p[k]
+                tau[k] += stepper.push(x[k], self.command[k])
+        return self.account.multipliers(x, tau, self.p)
+
+    @cached_property
+    def balance(self) -> Array:
+        """Unexplained energy in [J], shape (k+1,): E - E(0) - supplied - changed + lost."""
+        start = self.energy[0] - self.changed[0]
+        balance: Array = self.energy - start - self.supplied - self.changed + self.lost
+        return balance
+
+    @cached_property
+    def changed(self) -> Array:
+        """Energy added by changes between ticks up to each time in [J], shape (k+1,).
+
+        Changes of payload, gravity or friction, by ``set_parameter`` and similar methods, and of
+        the state, by ``set_state`` and ``set_constraint``, during the run.
+        """
+        changed = self.energy - self._energy_before
+        if self.hold is not None:  # brakes absorb the kinetic energy
+            taken = self.hold[:-1] == BRAKES
+            changed[1:][taken] += (self._energy_before[1:] - self.energy[:-1])[taken]
+        return np.cumsum(changed)
+
+    @cached_property
+    def _energy_before(self) -> Array:
+        """Energy at each time before changes between ticks in [J], shape (k+1,)."""
+        before = self.energy.copy()
+        for row in self.gaps:
+            before[row] = self.energy[row - 1]
+        for jump in self.first_jumps:
+            before[jump.row] = self.account.energies(jump.x[None], jump.p[None]).sum()
+        return before
+
+    @cached_property
+    def energy_error(self) -> float:
+        """Largest unexplained energy, relative to the energy that moved; inf if it is unknown.
+
+        Above 1e-3 the motion cannot be trusted: a warning is logged once for each recording.
+        """
+        parts = np.column_stack([self._energies, self.supplied, self.lost, self.changed])
+        moved = float(np.ptp(parts, axis=0).sum()) + self._turnover
+        balance = float(np.max(abs(self.balance)))
+        error = relative_error(balance, moved, float(abs(self._energies).max()))
+        if error > TRUSTED:
+            _log.warning("%s; a smaller dt or a tolerance is expected", verdict(error))
+        return error
+
+    @cached_property
+    def _turnover(self) -> float:
+        if not self._made_again:
+            return 0.0
+        return self.account.turnover(self.x[:-1], self.ended[1:], self.p[:-1])
+
+    @property
+    def _made_again(self) -> bool:
+        return len(self) > 1 and self.account.makes_ticks_again(self.x)
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the energy account is closed, and a second look agrees; see ``trust``."""
+        return self.trust()
+
+    def trust(self, *, second_look: bool = True) -> bool:
+        """Whether the motion can be trusted.
+
+        Args:
+            second_look: Whether some of its ticks are made again, see ``second_look``.
+
+        Returns:
+            Whether the error of the energy account is at most 1e-3 of the energy that moved, and
+            the ticks that were made again agree.
+        """
+        return self.energy_error <= TRUSTED and not (second_look and self.doubt)
+
+    @cached_property
+    def second_look(self) -> SecondLook:
+        """Some ticks of the motion, made again with half the step."""
+        usable = np.ones(max(len(self) - 1, 0), dtype=bool)
+        usable &= np.diff(self.time_stepped) == 0
+        usable[[row - 1 for row in self.gaps]] = False
+        if self.hold is not None:
+            usable &= self.hold[:-1] == FREE
+        motion = Ticks(
+            self.x[:-1], self.ended[1:], self.command[:-1], self.p[:-1], np.diff(self.error)
+        )
+        account = self.account
+        return second_look(
+            motion,
+            usable,
+            account.choice,
+            lambda ticks: account.made_finer(ticks.x, ticks.u, ticks.p),
+        )
+
+    @cached_property
+    def doubt(self) -> str:
+        """What the second look found, as text; empty if it agrees. A warning is logged once."""
+        look = self.second_look
+        if look.agrees:
+            return ""
+        worst = look.worst
+        text = (
+            f"not trustworthy: the tick at {self.time[look.ticks[worst]]:.9g} s, made again with "
+            f"half the step, ends elsewhere: joint '{self.joint_names[look.joint[worst]]}' by "
+            f"{look.difference[worst]:.2g} of 1 + |q|, allowed {look.allowed[worst]:.2g}"
+        )
+        _log.warning("%s; a smaller dt or a tolerance is expected", text)
+        return text
+
+    def part(self, rows: ArrayLike) -> Self:
+        """Select some of its states.
+
+        Quantities between states, such as work and heat, are not available of the part.
+
+        Args:
+            rows: Indices of the states, shape (k,).
+        """
+        here = np.asarray(rows)
+        states = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
+        chosen: dict[str, Any] = {name: read_only(getattr(self, name)[here]) for name in states}
+        hold = None if self.hold is None else self.hold[here]
+        return replace(self, **chosen, hold=hold, jumps=(), gaps=(), measured=None)
+
+    @cached_property
+    def _flows(self) -> Array:
+        if self.of_robot:
+            raise InvalidInput(
+                "supplied work and lost heat between measured states are unknown; a recording "
+                "of a robot there are kinetic, potential and stored energy only"
+            )
+        flows = self.account.flows(self.x[:-1], self.ended[1:], self.command[:-1], self.p[:-1])
+        flows[~self.moved] = 0.0
+        return np.vstack([np.zeros(2), np.cumsum(flows, axis=0)])

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run of a simulator records, tick by tick."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array, read_only
+from arm_sim.imperfections import Measured
+from arm_sim.plant.plant import Plant
+from arm_sim.recording.changes import Jump
+from arm_sim.recording.contents import FREE
+from arm_sim.recording.origin import Physics
+from arm_sim.recording.recording import Recording
+from arm_sim.simulated_arm import SimulatedArm
+from arm_sim.state import read_only_view
+from arm_sim.stepping.stepper import Stepper
+
+
+class Trace:
+    """Rows of a run, from the current state on.
+
+    Args:
+        arm: The arm at the start of the run.
+        ticks: Their number k.
+
+    Attributes:
+        ticks: As given.
+        time: Time at the start and after each tick in [s], shape (k+1,).
+    """
+
+    def __init__(self, arm: SimulatedArm, ticks: int) -> None:
+        self._arm, self.ticks = arm, ticks
+        steps = arm.step_count + np.arange(ticks + 1)
+        self.time = np.asarray(steps * arm.dt, dtype=np.float64)
+        self._x, self._command = np.empty((ticks + 1, arm.plant.nx)), np.empty((ticks + 1, arm.n))
+        self._notes = np.empty((ticks + 1, 2))
+        self._x[0], self._notes[0] = arm.x, arm.notes
+        self._changes, self._substep = _Changes(arm), arm.substep
+        self._measured: Array | None = None
+        if arm.sensors is not None:
+            self._measured = np.empty((ticks + 1, 3 * arm.n))
+            self._measured[0] = arm.sensors.measured
+
+    def roll(self, stepper: Stepper, command: Array) -> int:
+        """Execute the ticks in one call, see ``Stepper.roll``; return the number of good ones."""
+        self._substep = stepper.substep
+        trace, acted = self._x[1:], self._command[:-1]
+        done = self._arm.roll(stepper, command, trace, acted, self._notes[1:])
+        self._measure(trace[:done], acted[:done])
+        return done
+
+    def _measure(self, trace: Array, command: Array) -> None:
+        """Update the sensors with ticks that were executed in one call."""
+        arm = self._arm
+        if arm.sensors is None or self._measured is None:
+            return
+        n, first = arm.n, arm.step_count - len(trace) + 1
+        effort = arm.plant.joint_torque(trace, command)
+        for k, x in enumerate(trace):
+            arm.sensors.look(first + k, x[:n], x[n : 2 * n], effort[k])
+            self._measured[k + 1] = arm.sensors.measured
+
+    def begin(self, row: int) -> None:
+        """Register what a controller changed before the tick from a row."""
+        self._changes.look(row, self._x)
+
+    def end(self, row: int) -> None:
+        """Record the tick from a row, which the arm has executed."""
+        arm = self._arm
+        self._x[row + 1], self._command[row], self._notes[row + 1] = arm.x, arm.acted, arm.notes
+        if arm.hold != FREE:
+            self._changes.held(row, arm.hold)
+        if arm.sensors is not None and self._measured is not None:
+            self._measured[row + 1] = arm.sensors.measured
+
+    def recording(self, done: int) -> Recording:
+        """The motion over the ticks that were executed."""
+        arm, changes, command = self._arm, self._changes, self._command
+        command[done] = command[done - 1] if done else 0.0
+        rows = [self.time, self._x, command, self._notes]
+        time, x, command, notes = (read_only_view(array[: done + 1]) for array in rows)
+        q, v, z = np.split(x, (arm.n, 2 * arm.n), axis=1)
+        compiled, origin, measured = arm.compiled, arm.origin, self._measured
+        return Recording(
+            time=time, q=q, v=v, z=z, command=command, error=notes[:, 0],
+            time_stepped=notes[:, 1], joint_names=arm.joint_names,
+            p=changes.parameters(done + 1), origin=origin, held=arm.held_constraints,
+            jumps=changes.jumps(), hold=changes.hold(done + 1), substep=self._substep,
+            physics=Physics.built(
+                origin, compiled.plant, compiled.present, compiled.energy_account
+            ),
+            measured=None if measured is None else Measured.of(measured[: done + 1]),
+        )  # fmt: skip
+
+
+class _Changes:
+    """Records changes that a controller makes in its simulation."""
+
+    def __init__(self, arm: SimulatedArm) -> None:
+        self._arm = arm
+        self._rows, self._states, self._substeps = [0], list[Array](), list[float]()
+        self._holds = dict[int, int]()
+        self._tuned, self._last = [self._present()], self._token()
+
+    def look(self, row: int, x: Array) -> None:
+        """Compare with the last call; a changed state is written to its row of ``x``."""
+        token, here = self._token(), self._arm.x
+        if token == self._last and here.tobytes() == x[row].tobytes():
+            return
+        self._rows.append(row)
+        self._tuned.append(self._present())
+        self._states.append(x[row].copy())
+        self._substeps.append(self._arm.substep)
+        self._last, x[row] = token, here
+
+    def held(self, row: int, how: int) -> None:
+        """Record what held the arm (servos or brakes) in the tick that begins at a row."""
+        self._holds[row] = how
+
+    def hold(self, rows: int) -> NDArray[np.uint8] | None:
+        """What held the arm in the tick from each time, shape (rows,); None if nothing did."""
+        if not self._holds:
+            return None
+        hold = np.zeros(rows, np.uint8)
+        hold[list(self._holds)] = list(self._holds.values())
+        return hold
+
+    def parameters(self, rows: int) -> Array:
+        """Tunable quantities from each time, shape (rows, np)."""
+        ends = [*self._rows[1:], rows]
+        parts = [
+            np.broadcast_to(self._merged(tuned), (max(0, end - first), self._size))
+            for first, end, tuned in zip(self._rows, ends, self._tuned, strict=True)
+        ]
+        return read_only(np.concatenate(parts))
+
+    def jumps(self) -> tuple[Jump, ...]:
+        """The changes in chronological order."""
+        before = zip(self._rows[1:], self._states, self._tuned, self._substeps, strict=False)
+        return tuple(
+            Jump(row, read_only(x), self._merged(tuned), tuple(tuned), substep)
+            for row, x, tuned, substep in before
+        )
+
+    @property
+    def _size(self) -> int:
+        return len(self._arm.plant.parameters.nominal)
+
+    def _token(self) -> tuple[Plant, bytes]:
+        """A key that differs if a tunable quantity does."""
+        return self._arm.plant, self._arm.parameters.tobytes()
+
+    def _present(self) -> dict[str, bytes]:
+        """Current values by name, since a run may make more of them tunable."""
+        parameters, p = self._arm.plant.parameters, self._arm.parameters
+        return {name: parameters.of(name, p).tobytes() for name in parameters.names}
+
+    def _merged(self, tuned: dict[str, bytes]) -> Array:
+        parameters = self._arm.plant.parameters
+        values = {name: np.frombuffer(value) for name, value in tuned.items()}
+        return parameters.merged(values, parameters.nominal)

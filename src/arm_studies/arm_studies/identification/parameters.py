@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an identification says of parameters: base parameters, friction, and what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_studies.identification.checks import MOVED
+from arm_studies.identification.regression.base_parameters import BaseParameters, base_parameters
+from arm_studies.identification.regression.estimation import Mask
+from arm_studies.identification.regression.fit import Fit
+from arm_studies.identification.regression.friction_columns import (
+    COULOMB,
+    EXCESS,
+    VISCOUS,
+    JointFit,
+)
+from arm_studies.identification.regression.intervals import Estimate, estimated
+from arm_studies.identification.regression.regressor import RigidRegressor
+from arm_studies.identification.regression.rows import Rows
+
+NO_FRICTION = "none that opposes the motion was found"
+
+
+def parameters(
+    regressor: RigidRegressor, rows: Rows, fit: Fit, use: Mask, ranges: Array
+) -> dict[str, Any]:
+    """Fields of an ``Identification``.
+
+    Args:
+        regressor: Of the nominal scene.
+        rows: The regression's rows.
+        fit: The fit of all parameters.
+        use: Rows that it uses, shape (k, n).
+        ranges: How far each joint moved in [rad] or [m], shape (n,).
+    """
+    names, n, numbers, base = regressor.model.joint_names, rows.n, fit.bodies, _base(regressor)
+    order = [*range(numbers, numbers + n), *range(numbers)]  # bodies lead, if any can
+    estimates = estimated(rows, use, fit, [order[k] for k in base.independent])
+    at_first = np.concatenate([regressor.model.armature, regressor.nominal])
+    values = (base.grouping @ np.stack([at_first, fit.x[order]], axis=1)).T.tolist()
+    nominal, written = (dict(zip(base.names, x, strict=True)) for x in values)
+    coefficients = {
+        f"{name}.{kind}": x
+        for name, own in zip(names, fit.friction, strict=True)
+        for kind, x in own.coefficients.items()
+    }
+    shapes = {(j, name): f"{names[j]}.{name}" for j, name in estimates.shapes}
+    written |= coefficients
+    written |= {key: getattr(fit.friction[j].shape, name) for (j, name), key in shapes.items()}
+    by_name = dict(zip([*base.names, *coefficients], estimates.linear, strict=True))
+    by_name |= {key: estimates.shapes[place] for place, key in shapes.items()}
+    known = {name: each for name, each in by_name.items() if np.isfinite(each.high)}
+    return {
+        "parameters": {name: each.value for name, each in known.items()},
+        "intervals": {name: (each.low, each.high) for name, each in known.items()},
+        "written": written, "nominal": nominal, "condition": estimates.condition,
+        "missing": _unidentified(names, fit.friction, ranges) | _uncertain(by_name),
+    }  # fmt: skip
+
+
+def _base(regressor: RigidRegressor) -> BaseParameters:
+    n = regressor.model.n
+
+    def columns(q: Array, v: Array, a: Array) -> Array:
+        return np.concatenate([np.eye(n) * a[:, :, None], regressor(q, v, a)], axis=2)
+
+    armatures = [f"{name}.armature" for name in regressor.model.joint_names]
+    return base_parameters(columns, n, [*armatures, *regressor.names()])
+
+
+def _uncertain(estimates: dict[str, Estimate]) -> dict[str, str]:
+    """Why estimates are not known, or may be zero, by name."""
+    missing = dict[str, str]()
+    for name, each in estimates.items():
+        if np.isinf(each.high):
+            missing[name] = "the motion does not determine it"
+        elif not each.significant:
+            span = f"{each.value:.3g} ± {each.high - each.value:.2g}"
+            missing[name] = f"{span}: not significantly different from zero"
+    return missing
+
+
+def _unidentified(
+    names: Sequence[str], friction: Sequence[JointFit], ranges: Array
+) -> dict[str, str]:
+    """Friction that was not identified, by name, and why."""
+    missing = dict[str, str]()
+    for joint, own, way in zip(names, friction, ranges, strict=True):
+        if way <= MOVED:
+            missing[f"{joint}.friction"] = f"it moved only {way:.2g} rad or m"
+        elif not own.kinds:
+            missing[f"{joint}.friction"] = NO_FRICTION
+        else:
+            left = [kind for kind in (VISCOUS, COULOMB) if kind not in own.kinds]
+            missing |= {f"{joint}.{kind}": NO_FRICTION for kind in left}
+            if EXCESS not in own.kinds:
+                missing[f"{joint}.static"] = "friction does not visibly fall with speed"
+    return missing

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Poses and Jacobians of frames, against Pinocchio on the whole robot of the URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import models
+from arm_dynamics import Dynamics, InvalidInput
+from arm_dynamics.dynamics import MANY
+from tolerances import ALGEBRA, FINITE_DIFF, PINOCCHIO, assert_close
+
+WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+ROWS = 5  # compared with Pinocchio of the compiled ones
+Call = Callable[[Dynamics, np.ndarray, np.ndarray, str], np.ndarray]
+CALLS: dict[str, Call] = {
+    "pose": lambda d, q, v, frame: d.pose(q, frame),
+    "jacobian": lambda d, q, v, frame: d.jacobian(q, frame),
+    "jacobian_derivative": lambda d, q, v, frame: d.jacobian_derivative(q, v, frame),
+}
+
+
+def tips(name: str) -> list[str]:
+    """The first frame, which is fixed, one in the middle and the last."""
+    frames = models.dynamics(name).model.frame_names
+    return [frames[1], frames[len(frames) // 2], frames[-1]]
+
+
+def expected(name: str, what: str, q: np.ndarray, v: np.ndarray, frame: str) -> np.ndarray:
+    """Through the full tree, followers and locked joints by the map from the joints."""
+    oracle = models.oracle(name)
+    model, data = oracle.model, oracle.data
+    index = model.getFrameId(frame)
+    pin.computeJointJacobiansTimeVariation(model, data, oracle.full(q), oracle.P @ v)
+    pin.updateFramePlacements(model, data)
+    if what == "pose":
+        return np.array(data.oMf[index].homogeneous)
+    ask = pin.getFrameJacobian if what == "jacobian" else pin.getFrameJacobianTimeVariation
+    J = ask(model, data, index, WORLD).reshape(6, -1)
+    return np.asarray(J @ oracle.P)
+
+
+@pytest.mark.parametrize("what", CALLS)
+def test_one_state_is_pinocchios(robot: str, what: str, rng: np.random.Generator) -> None:
+    dyn = models.dynamics(robot)
+    for frame in tips(robot):
+        q, v, _ = models.random_state(rng, dyn.n)
+        made = CALLS[what](dyn, q, v, frame)
+        wanted = expected(robot, what, q, v, frame)
+        assert made.shape == wanted.shape
+        assert_close(made, wanted, PINOCCHIO)
+
+
+@pytest.mark.parametrize("what", CALLS)
+def test_many_states_are_compiled_and_pinocchios(
+    robot: str, what: str, rng: np.random.Generator
+) -> None:
+    dyn, frame = models.dynamics(robot), tips(robot)[-1]
+    q, v = rng.uniform(-np.pi, np.pi, (MANY, dyn.n)), rng.normal(0.0, 2.0, (MANY, dyn.n))
+    made = CALLS[what](dyn, q, v, frame)
+    assert len(made) == MANY
+    for k in range(ROWS):
+        assert_close(made[k], expected(robot, what, q[k], v[k], frame), ALGEBRA)
+
+
+def test_rows_of_a_small_batch_are_single_states(rng: np.random.Generator) -> None:
+    dyn = models.dynamics("panda")
+    q, v = rng.normal(size=(2, 4, dyn.n))
+    for call in CALLS.values():
+        alone = [call(dyn, *state, "panda_hand") for state in zip(q, v, strict=True)]
+        np.testing.assert_array_equal(call(dyn, q, v, "panda_hand"), alone)
+
+
+def test_a_step_of_the_joints_moves_the_frame(robot: str, rng: np.random.Generator) -> None:
+    """J by the poses alone, and J̇ by J."""
+    dyn, frame = models.dynamics(robot), tips(robot)[-1]
+    q, v, _ = models.random_state(rng, dyn.n)
+    h = 1e-6
+    ahead, behind = dyn.pose(q + h * v, frame), dyn.pose(q - h * v, frame)
+    linear = (ahead - behind)[:3, 3] / (2 * h)
+    angular = pin.log3(ahead[:3, :3] @ behind[:3, :3].T) / (2 * h)
+    J = dyn.jacobian(q, frame)
+    assert_close(J @ v, np.concatenate([linear, angular]), FINITE_DIFF)
+    rate = (dyn.jacobian(q + h * v, frame) - dyn.jacobian(q - h * v, frame)) / (2 * h)
+    assert_close(dyn.jacobian_derivative(q, v, frame), rate, FINITE_DIFF)
+
+
+@pytest.mark.parametrize("frame", ["world", "panda_link0"])
+def test_a_frame_that_does_not_move(frame: str, rng: np.random.Generator) -> None:
+    dyn = models.dynamics("panda")
+    for rows in ((), (MANY,)):
+        q = rng.normal(size=(*rows, 7))
+        here = np.broadcast_to(np.eye(4), (*rows, 4, 4))
+        np.testing.assert_array_equal(dyn.pose(q, frame), here)
+        assert not dyn.jacobian(q, frame).any()
+        assert not dyn.jacobian_derivative(q, q, frame).any()
+
+
+@pytest.mark.parametrize("rows", [(), (3,), (MANY,)])
+def test_an_unknown_frame_is_refused_by_the_names(rows: tuple[int, ...]) -> None:
+    dyn, q = models.dynamics("panda"), np.zeros((*rows, 7))
+    for call in CALLS.values():
+        for frame, meant in (
+            ("panda_hnd", r".*panda_link3, .*; did you mean 'panda_hand'\?$"),
+            ("paw", " universe, panda_link0, "),
+            (7, " universe, panda_link0, "),
+        ):
+            complaint = f"^frame '{frame}' does not exist; allowed:{meant}"
+            with pytest.raises(InvalidInput, match=complaint):
+                call(dyn, q, q, frame)  # type: ignore[arg-type]
+
+
+def test_wrong_vectors_are_refused() -> None:
+    dyn = models.dynamics("two_link")
+    with pytest.raises(InvalidInput, match=r"^q has shape \(3,\); \(2,\) or \(k, 2\) is expected"):
+        dyn.pose([1, 2, 3], "tip")
+    with pytest.raises(InvalidInput, match=r"^v\[1\] = nan of joint 'elbow'"):
+        dyn.jacobian_derivative([1, 2], [0, np.nan], "tip")
