@@ -323,7 +323,7 @@ def engine_source(
     else:
         defines |= {"ADAPTIVE": "1"} | error_control(plant, choice)
     if plant.eventful:
-        defines |= _event_sizes(plant) | _work(choice, functions, smooth)
+        defines |= event_sizes(plant) | _work(choice, functions, smooth)
     else:
         without.add("events.h")
     if "TOGETHER" not in defines:
@@ -429,7 +429,8 @@ def _renamed(function: ca.Function) -> ca.Function:
     return ca.Function(f"{FREE}{function.name()}", arguments, function.call(arguments))
 
 
-def _event_sizes(plant: Plant) -> dict[str, str]:
+def event_sizes(plant: Plant) -> dict[str, str]:
+    """Definitions for the logic of events: stops, contacts, friction, constraints."""
     model, points, stops = plant.model, plant.points, plant.model.stops
     lower, upper = np.clip(stops.bounds, -NOWHERE, NOWHERE)
     return {
