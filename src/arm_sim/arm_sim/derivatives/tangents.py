@@ -17,6 +17,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.columns import column_function
@@ -215,7 +216,7 @@ class Tangents:
     def _side_by_side(
         self, of_arms: tuple[int, ...], of_columns: tuple[int, ...], state: tuple[Array, bool],
         ticks: int, threads: int | None, lanes: int | None,
-    ) -> tuple[list[int], Array]:  # fmt: skip
+    ) -> tuple[list[int], NDArray[np.int64]]:  # fmt: skip
         """Call ``carry_ticks`` of native/tangents.c.
 
         Returns:
