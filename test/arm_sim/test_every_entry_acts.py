@@ -183,9 +183,9 @@ def entries(content: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ..
 
 
 def key_of(scene: str, place: tuple[Any, ...]) -> str:
-    """The key of an entry, without the name of a joint and the place in a list."""
+    """The key of an entry, without the name of a joint or link and the place in a list."""
     names = [part for part in place if not isinstance(part, int)]
-    if names[0] == "joints":
+    if names[0] in ("joints", "links"):
         del names[1]
     if names[0] == "constraints":
         names.insert(1, SCENES[scene]["constraints"][place[1]]["type"])

@@ -6,8 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from arm_dynamics import ArmModel
-from arm_sim import __version__
+from arm_dynamics import ArmModel, __version__
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE, versions
