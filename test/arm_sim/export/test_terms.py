@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from exported import BITS, C11, CPP17, MATHEMATICS, STRICT, Library, compilers, said_by, symbols_of
 
-from arm_dynamics import Dynamics
+from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.model.pinocchio_terms import FrameMotion
 from arm_sim.export import DERIVATIVES, TERMS, export
 from tolerances import EXPORT, EXPORT_FORWARD, FINITE_DIFF, assert_close
@@ -133,3 +133,33 @@ def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(case: C
     assert [name for kind, name in symbols if kind.lower() in "bdc"] == []
     mine = {name for kind, name in symbols if kind.isupper() and kind != "U"}
     assert {name for name in mine if not name.startswith(f"{case.library.name}_")} == set()
+
+
+DRY = {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "viscous": 0.1}}}
+SCENES_AT_REST = {
+    "two_link": {"joints": DRY, "tunable": ["gravity"]},
+    "four_bar": {"joints": {"*": {"friction": {"coulomb": 0.02}}}},
+    "panda_table": {"joints": DRY},
+}
+
+
+@pytest.mark.parametrize("name", SCENES_AT_REST)
+def test_joints_that_dry_friction_holds_stay_at_rest_as_in_dynamics(
+    name: str, tmp_path: Path
+) -> None:
+    scene = load_scene(name).model_dump(exclude_unset=True) | SCENES_AT_REST[name]
+    dyn, rng = Dynamics(scene), np.random.default_rng(3)
+    export(dyn.model, tmp_path, "arm", ("forward_dynamics",), tick=True)
+    library, n = Library(tmp_path, "arm"), dyn.n
+    for language in (C11, CPP17):
+        assert said_by("gcc", *language, *STRICT, "-fsyntax-only", tmp_path / "arm.c") == ""
+    stuck = 0
+    for _ in range(60):
+        q = dyn.model.q0 + (0.0 if dyn.model.scene.bilateral else rng.uniform(-0.3, 0.3, n))
+        v = np.where(rng.random(n) < 0.6, 0.0, rng.uniform(-1.0, 1.0, n))
+        v *= not dyn.model.scene.bilateral
+        tau = dyn.gravity(q) + rng.uniform(-3.0, 3.0, n) * rng.choice([0.01, 1.0])
+        expected = dyn.forward(q, v, tau)
+        assert_close(library("forward_dynamics", q, v, tau, shape=(n,)), expected, EXPORT_FORWARD)
+        stuck += int((expected == 0.0).any())
+    assert 0 < stuck

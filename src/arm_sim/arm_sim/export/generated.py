@@ -24,6 +24,10 @@ _EXPORT = "CASADI_SYMBOL_EXPORT "
 _NAME = re.compile(r"(\w+)[(\[]")
 _WORD = re.compile(r"\w+")
 _USED = re.compile(r"(?<!->)(?<!\.)(?<!\(\*)\b\w+")
+_TYPE = re.compile(r"^(?:\} |typedef \w+ \(\*)(\w+)(?:;|\)\()", re.MULTILINE)
+_DEFINED = re.compile(r"^#define (\w+)", re.MULTILINE)
+_ENUM = re.compile(r"\benum (\w* ?\{[^}]*)\}")
+_SPLIT = re.compile(r"(/\*.*?\*/)", re.DOTALL)
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _ABOUT = r"^(?:/\*(?:(?!\*/).)*\*/\n)?(?:__extension__ )?static "
 _STATIC_FUNCTION = re.compile(
@@ -66,6 +70,18 @@ def without_unused(source: str) -> str:
     for part in sorted(dropped, key=lambda part: part.begin, reverse=True):
         source = source[: part.begin] + source[part.end :]
     return re.sub(r"\n{3,}", "\n\n", source)
+
+
+def prefixed(source: str, prefix: str) -> str:
+    """C source in which all names that it defines for itself begin with a prefix."""
+    names = {part.name for part in _parts(source)}
+    names |= set(_TYPE.findall(source)) | set(_DEFINED.findall(source))
+    for enumerators in _ENUM.findall(source):
+        names |= set(_WORD.findall(_COMMENT.sub("", enumerators)))
+    own = re.compile(rf"\b(?:{'|'.join(sorted(names))})\b")
+    pieces = _SPLIT.split(source)  # every other one is a comment
+    pieces[::2] = [own.sub(lambda word: prefix + word[0], code) for code in pieces[::2]]
+    return "".join(pieces)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from arm_dynamics import ArmModel
 from arm_dynamics.codegen import compiler
+from arm_sim.export.at_rest import PREFIX, at_rest
 from arm_sim.export.conditions import decided
 from arm_sim.export.generated import static_functions, without_unused
 from arm_sim.export.terms import Term
@@ -67,13 +68,16 @@ def source(
     functions = {term.function.name(): term.function for term in terms}
     functions |= {function.name(): function for function in (tick.functions if tick else ())}
     names = ", ".join(f'"{joint}"' for joint in model.joint_names)
+    moves = any(term.name == "forward_dynamics" for term in terms)
+    resting = at_rest(model) if moves else ""
     parts = [
         f'{comment(about)}#include "{name}.h"\n',
         _PRAGMAS,
         elementary(),
         static_functions(list(functions.values())),
+        resting,
         f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",
-        *(_definition(name, term) for term in terms),
+        *(_definition(name, term, bool(resting)) for term in terms),
         named(name, tick.source) if tick else "",
     ]
     return without_unused(decided("\n".join(parts)))
@@ -123,11 +127,17 @@ def _signature(name: str, term: Term) -> str:
     )
 
 
-def _definition(name: str, term: Term) -> str:
+def _definition(name: str, term: Term, sticks: bool) -> str:
+    rests = sticks and term.name == "forward_dynamics"
     return (
         f"{_signature(name, term)} {{\n"
         f"  const double* arg[] = {{{', '.join(term.arguments)}}};\n"
         f"  double* res[] = {{{', '.join(term.results)}}};\n"
-        f"  {term.function.name()}(arg, res, NULL, NULL, 0);\n"
+        + (
+            f"  if ({PREFIX}is_resting(v)) {PREFIX}begin_motion(q, v, tau, a);\n  else"
+            if rests
+            else " "
+        )
+        + f" {term.function.name()}(arg, res, NULL, NULL, 0);\n"
         "}\n"
     )

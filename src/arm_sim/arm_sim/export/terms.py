@@ -150,7 +150,10 @@ def _inverse(at: _Point, name: str) -> Term:
 
 
 def _forward(at: _Point, name: str) -> Term:
-    about = "Accelerations [rad/s^2, m/s^2] under joint torques tau."
+    about = (
+        "Accelerations [rad/s^2, m/s^2] under joint torques tau. A joint that dry friction holds "
+        "at rest stays there; NaN where the laws of friction determine no motion."
+    )
     return Term(name, about, at.function(name, "q v tau", at.forward), ("a",))
 
 

@@ -88,6 +88,12 @@ class Plant:
         """Number of modes of cords and drives."""
         return int(self._mechanics().joints.switches.numel()) if self._switching else 0
 
+    def parts(self, p: ca.SX) -> tuple[ca.SX, ...]:
+        """Tunable quantities, directions, compliant stops, ``switches``, and contacts, from p."""
+        numbers = self.directions, self.pressed, self.switches
+        ends = np.cumsum([0, len(self.parameters.nominal), *numbers]).tolist()
+        return tuple(ca.vertsplit(p, [*ends, p.shape[0]]))
+
     @property
     def switch_names(self) -> tuple[str, ...]:
         """What switches, for messages, in the order of ``switches``."""
@@ -97,6 +103,13 @@ class Plant:
         owners = [joint for drive in self._drives.values() for joint in drive.joints]
         own = [f"a limit or backlash of the drive of joint '{names[i]}'" for i in owners]
         return (*["a cord"] * (cords.modes.numel() if cords else 0), *own)
+
+    def under_torques(self) -> Plant:
+        """The same arm without drives and friction that have states: commands are torques."""
+        other = copy(self)
+        other.free = self.free and self.free.under_torques()
+        other._compose(None)
+        return other
 
     def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
         """The same arm with additional states that integrate powers.

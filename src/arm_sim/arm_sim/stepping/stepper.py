@@ -19,6 +19,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 import arm_dynamics
 from arm_dynamics import Dynamics
@@ -323,7 +324,7 @@ def engine_source(
     else:
         defines |= {"ADAPTIVE": "1"} | error_control(plant, choice)
     if plant.eventful:
-        defines |= _event_sizes(plant) | _work(choice, functions, smooth)
+        defines |= event_sizes(plant) | _work(choice, functions, smooth)
     else:
         without.add("events.h")
     if "TOGETHER" not in defines:
@@ -396,7 +397,7 @@ def pointer(array: Array) -> ctypes.c_void_p:
     return found
 
 
-def address(array: Array) -> int:
+def address(array: NDArray[Any]) -> int:
     """Address of an array for a C function with ``argtypes``; the caller keeps the array."""
     place: int = array.__array_interface__["data"][0]
     return place
@@ -429,7 +430,8 @@ def _renamed(function: ca.Function) -> ca.Function:
     return ca.Function(f"{FREE}{function.name()}", arguments, function.call(arguments))
 
 
-def _event_sizes(plant: Plant) -> dict[str, str]:
+def event_sizes(plant: Plant) -> dict[str, str]:
+    """Definitions for the logic of events: stops, contacts, friction, constraints."""
     model, points, stops = plant.model, plant.points, plant.model.stops
     lower, upper = np.clip(stops.bounds, -NOWHERE, NOWHERE)
     return {

@@ -174,7 +174,8 @@ const char* library_error_text(int code) {
     case LIBRARY_UNKNOWN: return "there is no such parameter";
     case LIBRARY_NOT_ALLOWED: return "the parameter cannot have this value; it is kept";
     case LIBRARY_DIVERGED: return "the tick gives numbers that are not finite, or too large; the state before it is kept";
-    case LIBRARY_UNDETERMINED: return "the forces of friction and contact are not determined; the state before the tick is kept";
+    case LIBRARY_UNDETERMINED:
+      return "the forces of friction and contact are not determined; the state before the tick is kept";
     default: return "unknown code";
   }
 }

@@ -54,9 +54,7 @@ typedef struct {
 
 static const answer_t apart = {APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
 
-static double grip_of(double W[3][3], double mu, double d0, double d1) {
-  return W[0][0] - mu * (W[0][1] * d0 + W[0][2] * d1);
-}
+static double grip_of(double W[3][3], double mu, double d0, double d1) { return W[0][0] - mu * (W[0][1] * d0 + W[0][2] * d1); }
 
 static void put_sliding(answer_t* answer, double normal, double mu, double d0, double d1) {
   answer->state = SLIDES;
@@ -251,7 +249,7 @@ static void find_motion(const cones_t* cones, const double* r, double* w) {
 
 /* Tangential rows of a contact that starts to slide, or slides in an unknown direction. */
 __extension__ static void turning_rows(const cones_t* cones, int k, double rho, double pressed, const double* z, double size,
-                         const double* regular, double J[MC][MC]) {
+                                       const double* regular, double J[MC][MC]) {
   const double mu = cones->mu[k], along[2] = {z[0] / size, z[1] / size}, part = mu * pressed / size;
   for (int j = 0; j < MC; ++j) {
     double pressing = -rho * AT(cones->W, MC, 3 * k, j), moving[2];
