@@ -42,7 +42,7 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.stepping.events import Modes
-from arm_sim.stepping.rollout import alike, natural_width, repeated, widths
+from arm_sim.stepping.rollout import Engine, alike, natural_width, repeated, widths
 from arm_sim.stepping.stepper import Stepper
 
 # Derivatives of instants that differ by less than this fraction belong to the same instant.
@@ -144,8 +144,8 @@ class Linearizer:
             NotDifferentiable: If a tick has no derivative.
         """
         nx, p = self._plant.nx, self._stepper.p
-        if self._alike:
-            _, slopes, alone = self._smooth.slopes(x, r, p, ticks, threads, lanes)
+        if fast := self._compiled:
+            _, slopes, alone = fast.slopes(x, r, p, ticks, threads, lanes)
             alone = sorted({*alone, *self.kinks.arms(x, r[:, None])})
         else:
             widths(lanes)  # which checks them
@@ -210,8 +210,8 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        if self._alike:
-            columns, alone = self._smooth.columns(arms, every, threads, lanes)
+        if fast := self._compiled:
+            columns, alone, *_ = fast.columns(arms, every, threads, lanes)
             alone = sorted({*alone, *self.kinks.arms(arms.x, arms.tau)})
         else:
             widths(lanes)  # which checks them
@@ -225,9 +225,17 @@ class Linearizer:
         return columns
 
     @cached_property
-    def _alike(self) -> bool:
-        """Whether ticks of all arms are differentiated by the same compiled code."""
-        return alike(self._plant, self._choice) and self._smooth.native
+    def _compiled(self) -> Tangents | None:
+        """Compiled code for ticks away from stops, or of a scene with events without any."""
+        if alike(self._plant, self._choice) and self._smooth.native:
+            return self._smooth
+        return self._calm
+
+    @cached_property
+    def _calm(self) -> Tangents | None:
+        """Compiled code for ticks without events of a scene with events."""
+        differs = self._choice.tolerance is None and self._eventful
+        return self._tangents if differs and self._tangents.native else None
 
     @cached_property
     def _smooth(self) -> Tangents:
@@ -238,7 +246,10 @@ class Linearizer:
 
     @built_once
     def _tangents(self) -> Tangents:
-        return Tangents(self._plant, self._choice, self._backend, self._tuned)
+        plant, choice = self._plant, self._choice
+        watched = self._eventful and choice.tolerance is None
+        engine = Engine.of(self._stepper) if watched else None
+        return Tangents(plant, choice, self._backend, self._tuned, engine)
 
     def _moved(
         self, slopes: Iterable[Array], given: Array, pushed: Iterable[Array]
@@ -297,10 +308,11 @@ class Linearizer:
         x, r, p = place.x, place.r, place.p
         if strict and (why := self.kinks.reason(x, r)):
             raise NotDifferentiable(f"linearize: {why}")
-        if self._alike:
-            after, slopes, lost = self._smooth.slopes(x[None], r[None], p, 1, 1, 1)
-            if not lost:
-                return after[0], slopes[0]
+        for fast in (self._compiled, self._calm):
+            if fast:
+                after, slopes, lost = fast.slopes(x[None], r[None], p, 1, 1, 1, begins)
+                if not lost:
+                    return after[0], slopes[0]
         u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
         after_, by = self._tick(x, u.ravel(), p, control, strict, begins)
         by_x, by_u, by_p = np.split(by, (len(x), len(x) + len(r)), axis=1)

@@ -88,6 +88,12 @@ class Plant:
         """Number of modes of cords and drives."""
         return int(self._mechanics().joints.switches.numel()) if self._switching else 0
 
+    def parts(self, p: ca.SX) -> tuple[ca.SX, ...]:
+        """Tunable quantities, directions, compliant stops, ``switches``, and contacts, from p."""
+        numbers = self.directions, self.pressed, self.switches
+        ends = np.cumsum([0, len(self.parameters.nominal), *numbers]).tolist()
+        return tuple(ca.vertsplit(p, [*ends, p.shape[0]]))
+
     @property
     def switch_names(self) -> tuple[str, ...]:
         """What switches, for messages, in the order of ``switches``."""

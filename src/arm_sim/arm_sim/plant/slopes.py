@@ -77,7 +77,7 @@ def _slope(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
 def jacobian_by(expression: ca.MX, p: ca.MX, tuned: Sequence[int]) -> ca.MX:
     """Derivative by entries of p, at no cost if there are none."""
     if not tuned:
-        return ca.MX(expression.shape[0], 0)
+        return type(expression)(expression.shape[0], 0)
     return ca.jacobian(expression, p)[:, list(tuned)]
 
 
