@@ -17,6 +17,15 @@ ALGEBRA: Final = 1e-10
 INVERSE_PAIR: Final = 1e-9
 """Inverse dynamics of forward dynamics against the torque that went in."""
 
+ROUNDING: Final = 1e-13
+"""The same on an arm of six joints, where nothing but rounding is lost."""
+
+EXPORT: Final = 1e-14
+"""Exported terms against ``Dynamics``."""
+
+EXPORT_FORWARD: Final = 1e-13
+"""Exported accelerations against ``Dynamics``, whose rounding the mass matrix amplifies."""
+
 FINITE_DIFF: Final = 1e-5
 """Anything against a finite difference."""
 

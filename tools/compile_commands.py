@@ -17,8 +17,11 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 # Headers are read by themselves too: their functions are used elsewhere, and #pragma once is seen.
@@ -33,11 +36,12 @@ def files() -> list[Path]:
 
 
 def places() -> list[str]:
-    """Folders of headers: our own, and those of ROS where it is found."""
+    """Folders of headers: our own, those of Python and NumPy, and of ROS where it is found."""
     own = sorted({str(path.parent) for path in files()})
     prefixes = map(Path, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
     ros = sorted(str(place) for prefix in prefixes for place in prefix.glob("include/*"))
-    return [f"-I{place}" for place in (*own, *ros)]
+    python = sysconfig.get_path("include"), np.get_include()
+    return [*(f"-I{place}" for place in (*own, *ros)), *(f"-isystem{place}" for place in python)]
 
 
 def command(file: Path, where: list[str]) -> list[str]:

@@ -30,6 +30,7 @@ SAYS = {
         "closed_loop": "arm and controller",
         "replay": "runs a recording again",
         "runtime_changes": "payload, friction, push",
+        "export": "a scene as a C library",
         "contact_loads": "contacts of a run",
         "simulator": "step, run, rollout, linearize: for users",
         "trace": "what a run records",

@@ -43,13 +43,18 @@ ENGINE = [
     "test/arm_sim/stepping/test_flow.py",
     "test/arm_studies/optimization/test_backward.py",
 ]
+CALLS = [
+    "test/arm_dynamics/dynamics/test_one_state.py::test_refuses_the_same_with_the_same_words",
+    "test/arm_dynamics/dynamics/test_one_state.py::test_however_numbers_are_given",
+    "test/arm_dynamics/dynamics/test_one_state.py::test_memory_lives_as_long_as_the_function",
+]
 # Of each sanitizer: flags, libraries that must be loaded first, options, what has tests for it.
 KINDS = {
     "address": (
         "-fsanitize=address,undefined -fno-sanitize-recover=undefined",
         ("libasan.so", "libubsan.so", "libstdc++.so.6"),
         {"ASAN_OPTIONS": "detect_leaks=0", "UBSAN_OPTIONS": "print_stacktrace=1"},
-        [*NODES, *SIM, *ENGINE],
+        [*NODES, *SIM, *ENGINE, *CALLS],
     ),
     "thread": (
         "-fsanitize=thread",

@@ -32,7 +32,7 @@ setup(
     ],
     extras_require={"test": ["pytest"]},
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={"": [*CODE, *DATA, "py.typed", "*.html"]},
+    package_data={"": [*CODE, *DATA, "py.typed", "*.html", "**/CMakeLists.txt"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -51,6 +51,9 @@ SCENES: dict[str, dict[str, Any]] = {
             "frame": "link2", "mass": 0.5, "com": [0.1, 0.02, 0.03],
             "inertia": [2e-3, 1e-4, 0, 3e-3, 0, 1e-3],
         }],
+        "links": {"link1": {
+            "mass": 2.5, "com": [0.2, 0.02, 0.03], "inertia": [2e-3, 1e-4, 0, 3e-3, 0, 1e-3],
+        }},
     },
     "joints": {
         "joints": {
@@ -180,9 +183,9 @@ def entries(content: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ..
 
 
 def key_of(scene: str, place: tuple[Any, ...]) -> str:
-    """The key of an entry, without the name of a joint and the place in a list."""
+    """The key of an entry, without the name of a joint or link and the place in a list."""
     names = [part for part in place if not isinstance(part, int)]
-    if names[0] == "joints":
+    if names[0] in ("joints", "links"):
         del names[1]
     if names[0] == "constraints":
         names.insert(1, SCENES[scene]["constraints"][place[1]]["type"])
@@ -274,7 +277,7 @@ def measured(scene: Scene, model: ArmModel) -> list[Any]:
         sensors.restart(0, *np.zeros((3, model.n)))
         for tick in range(1, 40):
             sensors.look(tick, *np.sin(0.1 * tick + rng.normal(size=(3, model.n))))
-            found.append(sensors.said.copy())
+            found.append(sensors.measured.copy())
     return found
 
 

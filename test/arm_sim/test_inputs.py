@@ -176,7 +176,7 @@ def test_a_servo_at_its_limit_is_told_apart_from_commands(
     notice = SaturationNotice(limited(2.0, 5.0, 7.0))
     for _ in range(2):
         notice.look(np.array([3.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]), servo=True)
-    assert not notice.said
+    assert not notice.logged
     notice.look(np.array([4.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]))
     words = "N m of joint 'joint1' exceeds its limit of 2 N m and is clipped to it; reported once"
     assert said(caplog) == [f"servo's command 3 {words}", f"command 4 {words}"]

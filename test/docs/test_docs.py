@@ -126,7 +126,7 @@ def test_rules_are_shown_by_tests_that_exist(name: str) -> None:
 
 
 COMMANDS = re.compile(r"\./arm ([a-z][a-z-]*)(?: ([\w./:-]+))?|scene:=([\w./:-]+)")
-TAKE_A_SCENE = {"sim", "dynamics", "controller", "describe", "build", "urdf", "view"}
+TAKE_A_SCENE = {"sim", "dynamics", "controller", "describe", "build", "export", "urdf", "view"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -60,8 +60,8 @@ int solve_cone(const double* W, const double* c, double mu, const double* given,
 _SEARCH = """
 __attribute__((visibility("default")))
 double locate(void (*values_at)(const void*, double, double*), int count, double h,
-              const double* at_h, double nothing) {
-  return first_positive(values_at, 0, count, h, at_h, nothing);
+              const double* at_h, double nothing, double* room) {
+  return first_positive(values_at, 0, count, h, at_h, nothing, room);
 }
 """
 _DECAY = """
@@ -212,7 +212,8 @@ def locate(
     library.locate.restype = ctypes.c_double
     end = (ctypes.c_double * len(functions))(*(f(h) for f in functions))
     size, below = ctypes.c_double(h), ctypes.c_double(nothing)
-    at = library.locate(_CALLBACK(values_at), len(functions), size, end, below)
+    room = (ctypes.c_double * (4 * len(functions)))()
+    at = library.locate(_CALLBACK(values_at), len(functions), size, end, below, room)
     return Located(float(at), len(asked))
 
 

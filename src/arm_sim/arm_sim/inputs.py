@@ -142,18 +142,20 @@ class SaturationNotice:
     """Warns once that a command was clipped at its limit, and once that a servo's was.
 
     Attributes:
-        said: Whether the warning for commands was logged, or there are no limits.
+        logged: Whether the warning for commands was logged, or there are no limits.
     """
 
     def __init__(self, model: ArmModel) -> None:
         self._model = model
-        self.said = self._said_of_servo = not np.isfinite(model.command_limit).any()
+        self.logged = self._logged_for_servo = not np.isfinite(model.command_limit).any()
         self._compensated = gravity_compensated(model.scene)
 
     def look(self, command: Array, effort: Array, servo: bool = False) -> None:
         """Compare commands, or a servo's, with the effective ones, of shape (n,) or (k, n)."""
         # Comparing the bytes of a single row takes a tenth of the time; -0.0 is compared again.
-        if (self._said_of_servo if servo else self.said) or command.tobytes() == effort.tobytes():
+        if (
+            self._logged_for_servo if servo else self.logged
+        ) or command.tobytes() == effort.tobytes():
             return
         cut = np.atleast_2d(command) != effort
         if self._compensated:  # the arm's gravity compensation changes commands, too
@@ -166,6 +168,6 @@ class SaturationNotice:
         text = clipped(self._model, int(joint), float(farthest), whose)
         _log.warning("%s; reported once", text)
         if servo:
-            self._said_of_servo = True
+            self._logged_for_servo = True
         else:
-            self.said = True
+            self.logged = True

@@ -134,7 +134,7 @@ class _Run:
         self._x, self._ended = recording.x, recording.ended
         self._jumps = {jump.row: i for i, jump in enumerate(recording.jumps)}
         self._there = Parameters(recording.plant.model)
-        self._told = self._quantities()
+        self._tuned = self._quantities()
         rows, nx = len(recording), sim.arm.plant.nx
         self._out, self._out_ended = np.full((rows, nx), np.nan), np.full((rows, nx), np.nan)
 
@@ -197,7 +197,7 @@ class _Run:
     def _place(self, x: Array, row: int, substep: float) -> None:
         """Set the state, with the quantities tuned at a time."""
         sim, here = self._sim, self._sim.arm.plant.parameters
-        values = {name: self._there.of(name, self._recording.p[row]) for name in self._told}
+        values = {name: self._there.of(name, self._recording.p[row]) for name in self._tuned}
         values = {name: value for name, value in values.items() if name in here.names}
         if len(x) != sim.arm.plant.nx:  # another scene, with other internal states
             q, v = x[: sim.n], x[sim.n : 2 * sim.n]

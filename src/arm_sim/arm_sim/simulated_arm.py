@@ -94,7 +94,7 @@ class SimulatedArm:
         state, n = self.state, self.n
         if self.sensors is None:
             return state
-        measured = read_only_view(self.sensors.said.copy())
+        measured = read_only_view(self.sensors.measured.copy())
         return replace(state, q=measured[:n], v=measured[n : 2 * n])
 
     @property
@@ -184,19 +184,15 @@ class SimulatedArm:
     def _advance(self, servo: bool = False) -> None:
         if self._tick() != 1:
             raise self.diverged()
-        self.passed(1, servo)
+        self.step_count, self._state, self.hold = self.step_count + 1, None, FREE
+        self._saturation.look(self._command, self._effort, servo)
         if self.sensors is not None:
             self.sensors.look(self.step_count, self._q, self._v, self._driving)
 
-    def passed(self, ticks: int, servo: bool = False) -> None:
-        """Register ticks that other code executed by ``pointers``, as ``advance`` would have.
-
-        Args:
-            ticks: Their number.
-            servo: Whether a servo chose the command.
-        """
+    def passed(self, ticks: int) -> None:
+        """Register ticks that other code executed by ``pointers``, as ``advance`` would have."""
         self.step_count, self._state, self.hold = self.step_count + ticks, None, FREE
-        self._saturation.look(self._command, self._effort, servo)
+        self._saturation.look(self._command, self._effort)
 
     def roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array
@@ -207,6 +203,10 @@ class SimulatedArm:
             self.step_count += done
             self._effort[0], self._notes[0] = effort[done - 1], notes[done - 1]
             self._state = None
+            if stepper is self._stepper:  # else the command is a controller's reference
+                self._saturation.look(
+                    command[:done] if command.ndim == 2 else command, effort[:done]
+                )
         return done
 
     def lock(self) -> None:
@@ -227,11 +227,7 @@ class SimulatedArm:
     @property
     def notices_cuts(self) -> bool:
         """Whether no command has been clipped at its limit yet, which would be logged."""
-        return not self._saturation.said
-
-    def notice_cuts(self, command: Array, effort: Array) -> None:
-        """Log the first command of ticks executed by ``roll`` that was clipped at its limit."""
-        self._saturation.look(command, effort)
+        return not self._saturation.logged
 
     @property
     def _driving(self) -> Array:

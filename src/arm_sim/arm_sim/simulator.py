@@ -255,9 +255,7 @@ class Simulator:
         if arm.line is not None:
             sent = np.broadcast_to(table, shape).tolist()
             table = np.array([arm.arrived(row, k) for k, row in enumerate(sent)]).reshape(shape)
-        done = trace.roll(self._stepper, table)
-        arm.notice_cuts(table[:done] if table.ndim == 2 else table, trace.acted[:done])
-        return done
+        return trace.roll(self._stepper, table)
 
     def _run_function(self, control: Control, trace: Trace) -> int:
         for k in range(trace.ticks):

@@ -28,7 +28,6 @@ class Trace:
     Attributes:
         ticks: As given.
         time: Time at the start and after each tick in [s], shape (k+1,).
-        acted: Effective commands of the ticks, shape (k, n).
     """
 
     def __init__(self, arm: SimulatedArm, ticks: int) -> None:
@@ -36,21 +35,20 @@ class Trace:
         steps = arm.step_count + np.arange(ticks + 1)
         self.time = np.asarray(steps * arm.dt, dtype=np.float64)
         self._x, self._command = np.empty((ticks + 1, arm.plant.nx)), np.empty((ticks + 1, arm.n))
-        self.acted = self._command[:-1]
         self._notes = np.empty((ticks + 1, 2))
         self._x[0], self._notes[0] = arm.x, arm.notes
         self._changes, self._substep = _Changes(arm), arm.substep
         self._measured: Array | None = None
         if arm.sensors is not None:
             self._measured = np.empty((ticks + 1, 3 * arm.n))
-            self._measured[0] = arm.sensors.said
+            self._measured[0] = arm.sensors.measured
 
     def roll(self, stepper: Stepper, command: Array) -> int:
         """Execute the ticks in one call, see ``Stepper.roll``; return the number of good ones."""
         self._substep = stepper.substep
-        trace = self._x[1:]
-        done = self._arm.roll(stepper, command, trace, self.acted, self._notes[1:])
-        self._measure(trace[:done], self.acted[:done])
+        trace, acted = self._x[1:], self._command[:-1]
+        done = self._arm.roll(stepper, command, trace, acted, self._notes[1:])
+        self._measure(trace[:done], acted[:done])
         return done
 
     def _measure(self, trace: Array, command: Array) -> None:
@@ -62,7 +60,7 @@ class Trace:
         effort = arm.plant.joint_torque(trace, command)
         for k, x in enumerate(trace):
             arm.sensors.look(first + k, x[:n], x[n : 2 * n], effort[k])
-            self._measured[k + 1] = arm.sensors.said
+            self._measured[k + 1] = arm.sensors.measured
 
     def begin(self, row: int) -> None:
         """Register what a controller changed before the tick from a row."""
@@ -75,7 +73,7 @@ class Trace:
         if arm.hold != FREE:
             self._changes.held(row, arm.hold)
         if arm.sensors is not None and self._measured is not None:
-            self._measured[row + 1] = arm.sensors.said
+            self._measured[row + 1] = arm.sensors.measured
 
     def recording(self, done: int) -> Recording:
         """The motion over the ticks that were executed."""

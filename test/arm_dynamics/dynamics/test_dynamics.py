@@ -9,7 +9,7 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, Term
-from tolerances import ALGEBRA, INVERSE_PAIR, PINOCCHIO, assert_close
+from tolerances import ALGEBRA, INVERSE_PAIR, PINOCCHIO, ROUNDING, assert_close
 
 STATES = 30
 
@@ -144,3 +144,9 @@ def test_answers_are_the_callers_own(rng: np.random.Generator) -> None:
 def test_accepts_a_path_as_well_as_a_scene() -> None:
     path = models.FOLDER / "gantry.urdf"
     assert Dynamics(path).joint_names == models.dynamics("gantry").joint_names
+
+
+def test_accelerations_lose_no_digits_to_where_the_arm_stands() -> None:
+    dyn, rng = Dynamics("ur5e"), np.random.default_rng(0)
+    for q, v, tau in rng.uniform(-1.0, 1.0, (200, 3, dyn.n)):
+        assert_close(dyn.inverse(q, v, dyn.forward(q, v, tau)), tau, ROUNDING)

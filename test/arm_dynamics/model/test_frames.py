@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_dynamics import ArmModel, Dynamics, InvalidInput, SceneError, load_scene
 from arm_dynamics.model import FrameMotion
 from arm_sim import Simulator
 from arm_sim.view.marks import Instant, Marker
@@ -108,6 +108,59 @@ def test_a_joint_is_found_by_a_name_that_no_link_has() -> None:
         q = np.array([0.3, -0.7])
         own, expected = (FrameMotion(model, name, "world").placement(q) for name in (joint, link))
         np.testing.assert_array_equal(own[0], expected[0])
+
+
+@alike
+def test_a_scene_may_say_which_is_meant(urdf: str) -> None:
+    """With ``joint:`` and ``link:`` all is as if the names were distinct."""
+    _, first, second = ArmModel(load_scene(urdf)).whole.names
+    third = "tool" if '"tool" type' in urdf else "base"
+    joints = dict(zip(("shoulder", "elbow", "wrist"), (first, second, third), strict=True))
+
+    def extras(named: dict[str, str]) -> dict[str, Any]:
+        return {
+            "payloads": [{"frame": named["wrist"], "mass": 1.0, "com": [0.1, 0, 0]}],
+            "springs": [
+                {"frames": [named["elbow"], "link:base"], "points": [[0, 0, 0], [0, 0, 1]],
+                 "stiffness": 90}
+            ],
+            "constraints": [
+                {"type": "contact", "frame": named["wrist"],
+                 "plane": {"frame": "link:base", "point": [0, 0, -1]}},
+            ],
+        }  # fmt: skip
+
+    expected = Dynamics(scene(DISTINCT, **extras({name: name for name in joints})))
+    own = Dynamics(scene(urdf, **extras({n: f"joint:{twin}" for n, twin in joints.items()})))
+    q, v = np.array([0.3, -0.7]), np.array([0.4, 0.9])
+    assert_close(own.inverse(q, v, v), expected.inverse(q, v, v), PINOCCHIO)
+    for name, twin in joints.items():
+        places = [
+            FrameMotion(model, frame, "world").placement(q)
+            for model, frame in ((own.model, f"joint:{twin}"), (expected.model, name))
+        ]
+        np.testing.assert_array_equal(places[0][0], places[1][0])
+    for link in ("upper", "fore", "tool"):
+        same = [FrameMotion(own.model, x, "world").placement(q)[0] for x in (link, f"link:{link}")]
+        np.testing.assert_array_equal(*same)
+
+
+def test_what_is_said_to_be_a_link_or_a_joint_must_be_one() -> None:
+    for frame in ("joint:upper", "link:shoulder", "link:", "link:joint:shoulder", "body:upper"):
+        with pytest.raises(SceneError, match=f"'payloads.0.frame' = '{frame}' does not exist"):
+            load_scene(scene(DISTINCT, payloads=[{"frame": frame, "mass": 1.0}]))
+        with pytest.raises(InvalidInput, match=f"frame '{frame}' does not exist"):
+            FrameMotion(Dynamics(DISTINCT).model, frame, "world")
+
+
+def test_a_name_that_looks_like_it_is_a_name() -> None:
+    urdf = DISTINCT.replace('"tool"', '"joint:elbow"')
+    model = Dynamics(urdf).model
+    expected = FrameMotion(Dynamics(DISTINCT).model, "tool", "world").placement(
+        np.array([0.1, 0.2])
+    )
+    own = FrameMotion(model, "joint:elbow", "world").placement(np.array([0.1, 0.2]))
+    np.testing.assert_array_equal(own[0], expected[0])
 
 
 @alike

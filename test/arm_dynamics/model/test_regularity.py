@@ -134,7 +134,10 @@ def test_an_arm_without_any_mass_says_once_that_its_torques_are_zero(
             assert not dyn.inverse(np.ones(3), np.zeros(3), np.ones(3)).any()
     assert len(caplog.records) == 1
     assert "no link has mass or inertia" in caplog.text
-    assert "<inertial> in the URDF, the scene payloads, or its joints an armature" in caplog.text
+    assert (
+        "<inertial> in the URDF, or the scene links, payloads, or joints with an armature"
+        in caplog.text
+    )
 
 
 @pytest.mark.parametrize(

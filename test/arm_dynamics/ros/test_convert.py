@@ -29,9 +29,10 @@ def model() -> ArmModel:
     return ArmModel(load_scene({"robot": {"urdf": TURNED}}))
 
 
-def test_a_pose_in_a_frame_that_stands_turned(model: ArmModel) -> None:
+@pytest.mark.parametrize("frame", ["stand", "link:stand", "joint:mount"])
+def test_a_pose_in_a_frame_that_stands_turned(model: ArmModel, frame: str) -> None:
     """A step along its x is one along the world's y, and rotations follow one another."""
-    pose = in_world((1.0, 0.0, 0.5, HALF, 0.0, 0.0, HALF), "stand", model)
+    pose = in_world((1.0, 0.0, 0.5, HALF, 0.0, 0.0, HALF), frame, model)
     assert_close(pose.position, [1.0, 3.0, 3.5], ALGEBRA)
     quarter = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]  # about z, of the stand
     roll = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # about x, of the pose
@@ -45,7 +46,7 @@ def test_a_pose_in_the_world(model: ArmModel, frame: str) -> None:
     assert_close(pose.rotation, np.eye(3), ALGEBRA)
 
 
-@pytest.mark.parametrize("frame", ["arm", "hinge", "nowhere"])
+@pytest.mark.parametrize("frame", ["arm", "hinge", "nowhere", "joint:stand"])
 def test_a_frame_that_moves_or_does_not_exist_is_refused(model: ArmModel, frame: str) -> None:
     with pytest.raises(InvalidInput, match=f"'{frame}'; allowed: fixed frames, world"):
         in_world((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), frame, model)

@@ -15,6 +15,7 @@ from std_msgs.msg import String
 import models
 from arm_dynamics import ArmError, Term, load_scene
 from arm_dynamics.client.client import ALL_TERMS
+from arm_dynamics.ros import dynamics_node
 from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.interfaces import (
     DYNAMICS_TERMS,
@@ -279,6 +280,57 @@ def test_description_as_a_parameter_may_change(ros: Ros) -> None:
     assert len(info(node).joint_names) == 2
     assert node.set_parameters([Parameter("robot_description", value=PENDULUM)])[0].successful
     assert len(info(node).joint_names) == 1
+
+
+def chain(joints: int) -> str:
+    """A description of as many joints that move."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(joints + 1))
+    parts = "".join(
+        f'<joint name="j{i}" type="continuous"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        "</joint>"
+        for i in range(joints)
+    )
+    return f'<robot name="chain">{links}{parts}</robot>'
+
+
+def test_a_description_of_too_many_joints_is_refused(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = ros.add(DynamicsNode, robot_description=TWO_LINK)
+    node.on_robot_description(String(data=chain(129)))
+    assert "129 joints that move; at most 128 are allowed" in capfd.readouterr().err
+    assert len(info(node).joint_names) == 2
+    node.on_robot_description(String(data=chain(128)))
+    assert len(info(node).joint_names) == 128
+
+
+def test_the_limits_of_descriptions_are_parameters(ros: Ros) -> None:
+    own = {"max_joints": 1, "max_description_size": len(PENDULUM)}
+    node = ros.add(DynamicsNode, robot_description=PENDULUM, **own)
+    for text, words in {
+        TWO_LINK: "parameter 'max_description_size' allows",
+        chain(2): "2 joints that move; at most 1 are allowed",
+    }.items():
+        (answer,) = node.set_parameters([Parameter("robot_description", value=text)])
+        assert not answer.successful
+        assert words in answer.reason
+    assert len(info(node).joint_names) == 1
+    with pytest.raises(ArmError, match="'max_joints' is 201; allowed: 1 to 200"):
+        ros.add(DynamicsNode, max_joints=201)
+
+
+def test_a_robot_for_which_there_is_no_memory_is_given_up(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = ros.add(DynamicsNode, robot_description=TWO_LINK)
+
+    def exhausted(_: Any) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(dynamics_node, "Dynamics", exhausted)
+    node.on_robot_description(String(data=PENDULUM))
+    assert "not enough memory to build it" in capfd.readouterr().err
+    assert len(info(node).joint_names) == 2
 
 
 def test_scene_wins_over_the_description(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:

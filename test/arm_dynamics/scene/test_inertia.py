@@ -4,17 +4,14 @@
 from __future__ import annotations
 
 import logging
-from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import models
-from arm_dynamics import Dynamics, ModelError, load_scene
+from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.scene.inertia import fault, inertia_matrix, moments, possible
-from arm_dynamics.scene.urdf import read_urdf
 
 SIX = ([0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2])
 
@@ -79,23 +76,3 @@ def test_a_link_with_an_impossible_inertia_is_reported_and_used(
     assert "link 'link2': no body has principal moments 0, 0.015, 0.1 kg m²" in caplog.text
     assert list(dyn.model.doubtful) == ["link2"]
     assert np.isfinite(dyn.forward(*np.zeros((3, 3)))).all()
-
-
-def descriptions() -> list[Path]:
-    spec = find_spec("pinocchio")
-    assert spec is not None and spec.origin is not None
-    prefix = next(p for p in Path(spec.origin).parents if p.name == "cmeel.prefix")
-    return sorted((prefix / "share/example-robot-data/robots").rglob("*.urdf"))
-
-
-def test_robots_as_they_are_published_are_read() -> None:
-    """Every one of example-robot-data, but for two that are no robots: without links, and with a
-    joint that follows a fixed one."""
-    refused, doubtful = set(), 0
-    for path in descriptions():
-        try:
-            doubtful += bool(read_urdf(path.read_text()).doubtful)
-        except ModelError:
-            refused.add(path.stem)
-    assert refused == {"ur3", "alex_psyonic_hands"}
-    assert doubtful > 10

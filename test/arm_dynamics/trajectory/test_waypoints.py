@@ -17,7 +17,7 @@ from arm_dynamics.trajectory import (
     quintic_through,
     stop,
 )
-from arm_dynamics.trajectory.quintic_segments import extremes
+from arm_dynamics.trajectory.quintics import extremes
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
 N = 3

@@ -253,7 +253,7 @@ def test_an_arm_without_mass_is_described(tmp_path: Path) -> None:
         assert re.search(rf"{joint} +revolute +0 +-", result.output)
     assert "0 kg moving" in result.output
     assert "not simulated: no link has mass or inertia" in result.output
-    assert "its joints an armature" in result.output
+    assert "or joints with an armature" in " ".join(result.output.split())
     told = json.loads(run("describe", str(tmp_path / "arm.urdf"), "--json").output)
     assert [joint["name"] for joint in told["joints"]] == ["joint1", "joint2", "joint3"]
     assert "no link has mass" in told["not_simulated"]
@@ -267,6 +267,21 @@ def test_an_arm_with_a_joint_that_moves_no_mass_is_described(tmp_path: Path) -> 
     said = run("describe", str(tmp_path / "arm.urdf")).output
     assert re.search(r"joint3 +revolute", said)
     assert re.search("not simulated: .*arm.urdf: joint 'joint3' moves no mass", said)
+
+
+def test_limits_that_are_placeholders_are_named(tmp_path: Path) -> None:
+    text = (models.FOLDER / "planar_3r.urdf").read_text()
+    text = text.replace('effort="80"', 'effort="1"').replace('friction="0.2"', 'friction="41"')
+    (tmp_path / "arm.urdf").write_text(text)
+    words = r"placeholders: joint1 \(effort 1\), joint2 \(friction 41 above effort 40\); a scene"
+    assert re.search(words, " ".join(run("describe", str(tmp_path / "arm.urdf")).output.split()))
+    told = json.loads(run("describe", str(tmp_path / "arm.urdf"), "--json").output)
+    assert list(told["placeholders"]) == ["joint1", "joint2"]
+    (tmp_path / "arm.yaml").write_text(
+        "robot: {urdf: arm.urdf}\njoints: {joint1: {limits: {effort: 1}}, "
+        "joint2: {friction: {coulomb: 39}}}"
+    )
+    assert "placeholder" not in run("describe", str(tmp_path / "arm.yaml")).output
 
 
 # --- the motion of the demo --------------------------------------------------------------------

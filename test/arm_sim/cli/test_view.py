@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from arm_sim.exceptions import ViewError
 from arm_sim.view import News
 
 SCENE = str(models.SCENES / "two_link.yaml")
+TWO_LINK = models.SCENES / "two_link.urdf"
 START = "initial: {position: {shoulder: 0.4}}"
 HERE = ViewOptions("127.0.0.1", 0)
 ros = pytest.mark.ros
@@ -46,6 +48,19 @@ def test_pictures_of_a_scene_are_of_a_motion(shown: dict[str, Any]) -> None:
     (film,) = shown["what"]
     assert film.time[-1] == pytest.approx(0.2)
     np.testing.assert_allclose(film.q, np.tile(film.q[0], (201, 1)), atol=1e-9)
+
+
+def test_an_arm_without_mass_is_shown(
+    shown: dict[str, Any], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    text = re.sub("<inertial>.*?</inertial>", "", TWO_LINK.read_text(), flags=re.DOTALL)
+    (tmp_path / "arm.urdf").write_text(text)
+    sources.shown([str(tmp_path / "arm.urdf")], HERE)
+    (simulator,) = shown["what"]
+    assert simulator.joint_names == ("shoulder", "elbow")
+    simulator.set_state([0.3, 0.2], [0.0, 0.0])
+    assert "move no mass" in caplog.text
+    assert "shown with an armature of 1 at every joint" in caplog.text
 
 
 def test_a_recording_is_shown_as_it_was(shown: dict[str, Any], tmp_path: Path) -> None:

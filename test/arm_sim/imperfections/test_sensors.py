@@ -21,10 +21,10 @@ def told(q: np.ndarray, v: np.ndarray | None = None, **scene: Any) -> list[np.nd
     v = np.zeros_like(q) if v is None else v
     sensors, none = Sensors(schema.Sensors.model_validate(scene), NAMES, DT), np.zeros(2)
     sensors.restart(0, q[0], v[0], none)
-    rows = [sensors.said.copy()]
+    rows = [sensors.measured.copy()]
     for k in range(1, len(q)):
         sensors.look(k, q[k], v[k], none)
-        rows.append(sensors.said.copy())
+        rows.append(sensors.measured.copy())
     return np.split(np.array(rows), 3, axis=1)
 
 

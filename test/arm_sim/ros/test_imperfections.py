@@ -55,7 +55,7 @@ def test_sensors_look_at_every_tick_however_seldom_states_are_published(ros: Ros
         node.inputs.on_commands(Float64MultiArray(data=[1.0, 0.25]))
         ticks(node, 21)
     np.testing.assert_array_equal(
-        often.simulator.arm.sensors.said, seldom.simulator.arm.sensors.said
+        often.simulator.arm.sensors.measured, seldom.simulator.arm.sensors.measured
     )
 
 

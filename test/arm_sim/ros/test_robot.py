@@ -57,6 +57,8 @@ def test_a_description_will_do_in_place_of_a_scene(ros: Ros, make: Any, by_topic
         ({"description_timeout": 0.1}, "on /robot_description, where none arrived within 0.1 s"),
         ({"robot_description": "/etc/passwd"}, "not well-formed XML"),
         ({"robot_description": "<robot name='x'/>"}, "no <link> found"),
+        ({"robot_description": URDF, "max_joints": 1}, "2 joints that move; at most 1 are"),
+        ({"robot_description": URDF, "max_description_size": 99}, "'max_description_size' allows"),
     ],
 )
 def test_no_arm_is_an_error(ros: Ros, make: Any, given: dict[str, Any], complaint: str) -> None:

@@ -145,7 +145,7 @@ def test_divergence_pauses_and_keeps_the_last_good_state(
         raise SimulationDiverged("too fast")
 
     with monkeypatch.context() as patch:
-        patch.setattr(node.simulator, "advance", diverge)
+        patch.setattr(node.simulator.arm, "advance", diverge)
         ticks(node, 3)
         assert capfd.readouterr().err.count("too fast") == 1
         answer = step(node, 2)

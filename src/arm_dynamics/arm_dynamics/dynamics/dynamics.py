@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable
 from copy import copy
 from enum import IntFlag
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self
 
 import numpy as np
@@ -15,10 +15,12 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.arrays import Array, vectors
+from arm_dynamics.arrays import Array, each, vectors
+from arm_dynamics.codegen.python_call import PythonCall
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
-from arm_dynamics.dynamics.rigid import RigidDynamics
+from arm_dynamics.dynamics.one_state import OneState, one_state, unanswered
+from arm_dynamics.dynamics.rigid import MANY, RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel, arm_model
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
@@ -71,6 +73,7 @@ class Dynamics:
         self._active: Collection[str] | None = None
         self._regular = False  # checked when accelerations are first requested
         self._silent = not self.model.massless  # said when torques are first requested
+        self._one = OneState()
 
     @property
     def n(self) -> int:
@@ -97,7 +100,49 @@ class Dynamics:
         """
         other = copy(self)
         (other._external,), other._active = vectors(self.joint_names, external=external), active
+        other._one = self._one.of_the_arm_alone()
         return other
+
+    def compiled(self, frames: str | Iterable[str] = ()) -> Self:
+        """The same arm, with answers for one state by compiled code, without conversions.
+
+        They take less time than those of Pinocchio called directly, friction included, for arrays
+        of float of shape (n,); others are converted first. The object is made in half a second,
+        with code that is compiled once, in a second more, and verified against Pinocchio. Numbers
+        may differ from those of this object in the last digits. What requires decisions (joints
+        at rest with dry friction, bilateral constraints in ``forward``, friction that depends on
+        the load), external torques, some of the terms, and other frames are left to Pinocchio.
+        For the same thread as this object.
+
+        Args:
+            frames: Frames whose poses and Jacobians are compiled, too.
+
+        Raises:
+            InvalidInput: If a frame is unknown.
+            ModelError: If a joint moves no mass.
+            KernelError: If there is no compiler, or no header of Python, or code differs from
+                Pinocchio.
+
+        Example:
+            >>> dynamics = Dynamics("panda").compiled(frames="panda_hand")
+        """
+        other = copy(self)
+        names = (frames,) if isinstance(frames, str) else tuple(frames)
+        made = one_state(Dynamics(self.model), self.steady_friction, names)
+        alone = self._active is None and not self._external.any()
+        other._one = made if alone else made.of_the_arm_alone()
+        return other
+
+    def _by_code(self, call: PythonCall, otherwise: Callable[..., Array], *given: Array) -> Array:
+        """Compiled answers of valid vectors or of each row of a small batch, else Pinocchio's."""
+        if call is unanswered or (given[0].ndim == 2 and len(given[0]) >= MANY):
+            return otherwise(*given)
+
+        def one(*state: Array) -> Array:
+            found = call(*state)
+            return otherwise(*state) if found is None else found
+
+        return each(one, *map(np.ascontiguousarray, given))
 
     def inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
@@ -119,15 +164,23 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
+        if terms is Term.ALL and (found := self._one.inverse(q, v, a)) is not None:
+            return found
         self._say_massless()
-        inertia, coriolis, gravity, friction, spring = _chosen(terms)
+        chosen = _chosen(terms)
         q, v, a = vectors(self.joint_names, q=q, v=v, a=a)
+        call = self._one.inverse if terms == Term.ALL else unanswered
+        return self._by_code(call, partial(self._inverse, chosen), q, v, a)
+
+    def _inverse(self, terms: list[bool], q: Array, v: Array, a: Array) -> Array:
+        """The same of valid vectors, by Pinocchio; ``terms``: as from ``_chosen``."""
+        inertia, coriolis, gravity, friction, spring = terms
         moving = v if coriolis else np.zeros_like(v)
         pushed = a if inertia else np.zeros_like(a)
         tau = self._rigid.inverse(q, moving, pushed, self._gravity if gravity else _WEIGHTLESS)
         if spring and self.model.springs:
             tau = tau + self._rigid.spring(q, v)
-        if terms == Term.ALL:
+        if all(terms):
             tau = tau - self._external
         if not friction:
             return tau
@@ -171,7 +224,14 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed.
             ModelError: If the mass matrix is singular to rounding.
         """
+        found = self._one.forward(q, v, tau)
+        if found is not None:
+            return found
         q, v, tau = vectors(self.joint_names, q=q, v=v, tau=tau)
+        return self._by_code(self._one.forward, self._forward, q, v, tau)
+
+    def _forward(self, q: Array, v: Array, tau: Array) -> Array:
+        """The same of valid vectors, by Pinocchio."""
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau, self._active, self._external)[0]
         if not self._regular:
@@ -219,19 +279,28 @@ class Dynamics:
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
+        M = self._one.mass_matrix(q)
+        if M is not None:
+            return M
         (q,) = vectors(self.joint_names, q=q)
-        return self._rigid.mass_matrix(q)
+        return self._by_code(self._one.mass_matrix, self._rigid.mass_matrix, q)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
+        C = self._one.coriolis_matrix(q, v)
+        if C is not None:
+            return C
         q, v = vectors(self.joint_names, q=q, v=v)
-        return self._rigid.coriolis_matrix(q, v)
+        return self._by_code(self._one.coriolis_matrix, self._rigid.coriolis_matrix, q, v)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques G(q) that balance the arm's weight, in [N m] or [N], shape of ``q``."""
+        G = self._one.gravity(q)
+        if G is not None:
+            return G
         self._say_massless()
         (q,) = vectors(self.joint_names, q=q)
-        return self._rigid.gravity(q)
+        return self._by_code(self._one.gravity, self._rigid.gravity, q)
 
     def spring(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Torques S(q, v) that balance springs and their dampers in [N m] or [N], shape of ``q``.
@@ -267,6 +336,9 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed, or positions are expected.
         """
+        plain = direction is None and q is None and load is None
+        if plain and (found := self._one.friction(v)) is not None:
+            return found
         if q is None and self.steady_friction.by_position:
             raise InvalidInput("friction depends on the position in this scene: q is expected")
         still = np.zeros(self.n)
@@ -277,7 +349,14 @@ class Dynamics:
             q=still if q is None else q,
             load=still if load is None else load,
         )
+        if plain:
+            return self._by_code(self._one.friction, self._friction, v)
         torques: Array = self.steady_friction(v, np.sign(direction), q, load)
+        return torques
+
+    def _friction(self, v: Array) -> Array:
+        still = np.zeros_like(v)
+        torques: Array = self.steady_friction(v, np.sign(v), still, still)
         return torques
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
@@ -285,8 +364,12 @@ class Dynamics:
 
         The kinetic energy includes that of the armature, the potential energy that of springs.
         """
+        found = self._one.energies(q, v)
+        if found is not None:
+            kinetic, potential = found.tolist()
+            return kinetic, potential
         q, v = vectors(self.joint_names, q=q, v=v)
-        both = self._rigid.energies(q, v)
+        both = self._by_code(self._one.energies, self._rigid.energies, q, v)
         kinetic, potential = both[..., 0], both[..., 1]
         return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))
 
@@ -304,8 +387,12 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed, or no frame has the name.
         """
+        call = self._one.of_frame("pose", frame)
+        T = call(q)
+        if T is not None:
+            return T
         (q,) = vectors(self.joint_names, q=q)
-        return self._rigid.pose(q, frame)
+        return self._by_code(call, partial(self._rigid.pose, frame=frame), q)
 
     def jacobian(self, q: ArrayLike, frame: str) -> Array:
         """Jacobian of a frame: J q̇ is its velocity, (6, n) or (k, 6, n).
@@ -314,8 +401,12 @@ class Dynamics:
         velocity in [rad/s], in the axes of the world (Craig, section 5.7). See ``task_space`` for
         other axes. Arguments and errors as those of ``pose``.
         """
+        call = self._one.of_frame("jacobian", frame)
+        J = call(q)
+        if J is not None:
+            return J
         (q,) = vectors(self.joint_names, q=q)
-        return self._rigid.jacobian(q, frame)
+        return self._by_code(call, partial(self._rigid.jacobian, frame=frame), q)
 
     def jacobian_derivative(self, q: ArrayLike, v: ArrayLike, frame: str) -> Array:
         """Derivative J̇ of the Jacobian by time: J q̈ + J̇ q̇ is the acceleration of the frame.
@@ -331,8 +422,12 @@ class Dynamics:
         Raises:
             InvalidInput: As ``pose``.
         """
+        call = self._one.of_frame("jacobian_derivative", frame)
+        J_dot = call(q, v)
+        if J_dot is not None:
+            return J_dot
         q, v = vectors(self.joint_names, q=q, v=v)
-        return self._rigid.jacobian_derivative(q, v, frame)
+        return self._by_code(call, partial(self._rigid.jacobian_derivative, frame=frame), q, v)
 
 
 def _chosen(terms: Term | int) -> list[bool]:

@@ -25,6 +25,7 @@ from arm_dynamics.dynamics import compiled_terms as terms
 from arm_dynamics.dynamics.compiled_backend import compiled_rows
 from arm_dynamics.dynamics.dynamics import Dynamics, Term
 from arm_dynamics.dynamics.verify import check_forward, compare, random_states
+from arm_dynamics.dynamics.with_friction import forward, inverse, point
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_dynamics.exceptions import ArmError
 from arm_dynamics.model.pinocchio_terms import RigidTerms
@@ -94,27 +95,6 @@ def _at_points(function: ca.Function, entry: Any) -> Callable[..., list[Array]]:
     return answer
 
 
-def _symbols(dynamics: Dynamics) -> list[ca.SX]:
-    return [ca.SX.sym(name, dynamics.n) for name in ("q", "v", "x")]
-
-
-def _function(given: list[ca.SX], made: list[ca.SX]) -> ca.Function:
-    return ca.Function("point", given, [ca.densify(x) for x in made], {"cse": True})
-
-
-def _inverse(dynamics: Dynamics) -> ca.Function:
-    """From q, v, a, a factor of each term, and gravity: the sum without and with friction."""
-    model, friction = dynamics.model, dynamics.steady_friction
-    q, v, a = _symbols(dynamics)
-    chosen, gravity = ca.SX.sym("chosen", len(Term)), ca.SX.sym("gravity", 3)
-    inertia, coriolis, weight, _, spring = ca.vertsplit(chosen)
-    tau = terms.INVERSE.expression(model)(q, coriolis * v, inertia * a, weight * gravity)
-    tau += spring * terms.SPRING.expression(model)(q, v)
-    sliding = ca.sign(v) if friction.has_dry else v
-    demanded = friction.demanded(tau, v, sliding, q)
-    return _function([q, v, a, chosen, gravity], [tau, demanded])
-
-
 def chosen_terms(chosen: int) -> Array:
     """The factor of each term, by the bits of ``Term``."""
     return np.array([float(bool(chosen & term)) for term in Term])
@@ -130,26 +110,18 @@ def _check_inverse(dynamics: Dynamics, answer: Callable[..., list[Array]]) -> No
         compare("inverse dynamics", (found - dynamics.inverse(q, v, a, chosen), size))
 
 
-def _forward(dynamics: Dynamics) -> ca.Function:
-    """From q, v and tau: accelerations of moving joints."""
-    model, (q, v, tau) = dynamics.model, _symbols(dynamics)
-    free = tau - dynamics.steady_friction(v, ca.sign(v), q, tau)
-    free -= terms.SPRING.expression(model)(q, v)
-    return _function([q, v, tau], [terms.FORWARD.expression(model)(q, v, free)])
-
-
 def _check_forward(dynamics: Dynamics, answer: Callable[..., list[Array]]) -> None:
     check_forward(dynamics, lambda q, v, tau: answer(q[None], v[None], tau[None])[0][0])
 
 
 def _all_terms(dynamics: Dynamics) -> ca.Function:
     """From q and v: M, C, G, F, S, kinetic and potential energy."""
-    model, (q, v, _) = dynamics.model, _symbols(dynamics)
+    model, (q, v) = dynamics.model, (ca.SX.sym(name, dynamics.n) for name in "qv")
     still = ca.SX(dynamics.n, 1)
     kinetic, potential = ca.vertsplit(terms.ENERGIES.expression(model)(q, v))
-    return _function(
+    return point(
         [q, v],
-        [
+        *[
             terms.MASS_MATRIX.expression(model)(q),
             terms.CORIOLIS_MATRIX.expression(model)(q, v),
             terms.GRAVITY.expression(model)(q),
@@ -189,10 +161,15 @@ def _plain(dynamics: Dynamics) -> bool:
     return not dynamics.steady_friction.by_load
 
 
-INVERSE = PointAnswer("inverse dynamics", _inverse, _check_inverse, _plain)
+INVERSE = PointAnswer(
+    "inverse dynamics",
+    lambda dynamics: inverse(dynamics.model, dynamics.steady_friction),
+    _check_inverse,
+    _plain,
+)
 FORWARD = PointAnswer(
     "forward dynamics",
-    _forward,
+    lambda dynamics: forward(dynamics.model, dynamics.steady_friction),
     _check_forward,
     lambda dynamics: not dynamics.model.scene.bilateral,
 )

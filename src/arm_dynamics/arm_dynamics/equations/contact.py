@@ -280,7 +280,7 @@ class Delassus:
         return D @ self._of_rows(required, D, rows)
 
     def unknowns(self, D: ca.SX, rows: ca.SX) -> ca.SX:
-        """Unknown forces per acceleration of active rows in [kg], shape (m, m), see ``forces``."""
+        """Unknown forces per acceleration of active rows in [kg], shape (m, m); see ``forces``."""
         required = ca.SX.sym("required", rows.shape[0])
         of = self._of_rows(required, D, rows)
         if self._many:

@@ -85,6 +85,25 @@ class ArmModel(Robot):
         """Whether any joint can stick."""
         return self.friction.has_dry
 
+    @property
+    def placeholders(self) -> dict[str, str]:
+        """Joints whose effort limit in the URDF is probably no figure of the robot, and why.
+
+        Programs that write URDFs give an effort of 1, and a joint with more friction than effort
+        could never move.
+        """
+        found = {}
+        for i, name in enumerate(self.joint_names):
+            own, effort = self.scene.joint(name), self.effort_limit[i]
+            friction = self.friction.static.mean[i]
+            if own.limits.effort is not None or own.actuator is not None:
+                continue
+            if effort == 1.0:
+                found[name] = "effort 1"
+            elif friction > effort:
+                found[name] = f"friction {friction:g} above effort {effort:g}"
+        return found
+
     def with_viscous(self, viscous: Array) -> ArmModel:
         """Copy with other viscous friction in [N m s/rad] or [N s/m], shape (n,)."""
         other = copy(self)

@@ -69,7 +69,9 @@ class RigidTerms:
             except np.linalg.LinAlgError:
                 raise self._unsolvable(q) from None
         full = robot.configuration(q), robot.spread(v)
-        a: Array = pin.aba(self._pin, self._data, *full, tau, pin.Convention.WORLD)
+        # In the axes of each body: in those of the world, far from whose origin the bodies are,
+        # ten to a hundred times as much is lost to rounding.
+        a: Array = pin.aba(self._pin, self._data, *full, tau, pin.Convention.LOCAL)
         if not np.isfinite(a).all():
             raise self._unsolvable(q)
         return a.copy()

@@ -15,7 +15,7 @@ _INVOLVED = 0.1  # smallest rate, relative to the largest, of a joint named in a
 
 MASSLESS = (
     "no link has mass or inertia, so there is no gravity and no inertia; give the links "
-    "<inertial> in the URDF, the scene payloads, or its joints an armature"
+    "<inertial> in the URDF, or the scene links, payloads, or joints with an armature"
 )
 
 

@@ -23,7 +23,7 @@ from arm_dynamics.exceptions import ModelError, SceneError
 from arm_dynamics.scene.constraint import WORLD
 from arm_dynamics.scene.inertia import inertia_matrix
 from arm_dynamics.scene.schema import Payload, Scene
-from arm_dynamics.scene.urdf import Mimic, Urdf, read_urdf
+from arm_dynamics.scene.urdf import JOINT, LINK, Mimic, Urdf, read_urdf
 
 _UNIQUE = "\0"  # which no name in XML contains
 
@@ -50,15 +50,16 @@ class Robot:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        urdf = read_urdf(scene.robot.urdf)
+        urdf = read_urdf(scene.description, scene.robot.lock)
         self.doubtful = urdf.doubtful
         self._whole = _parse(urdf.text)
         self._rules = _resolved(urdf)
-        self.locked = _locked_positions(scene, self._rules)
+        self.locked = _locked_positions(scene, urdf, self._rules)
         self.pin = _reduced(self._whole, self.locked)
         self.pin.gravity.linear = np.array(scene.gravity)
         self.bare = self.pin.copy()
         self._frames = _frames(self.pin)
+        self._check_links()
         self._weld()
         self._index = velocity_index(self.pin)
         moving = [name for name in self._index if name not in self._rules]
@@ -104,11 +105,14 @@ class Robot:
         return tuple(dict.fromkeys(frame.name for frame in self.pin.frames))
 
     def has_frame(self, name: object) -> bool:
-        """Whether ``world``, a link or a joint has this name."""
+        """Whether ``frame_index`` knows a name."""
         return isinstance(name, str) and name in self._frames
 
     def frame_index(self, name: str) -> int:
-        """Pinocchio's index of ``world``, a link or a joint; the link where both have the name."""
+        """Pinocchio's index of ``world``, a link or a joint; the link where both have the name.
+
+        ``link:NAME`` and ``joint:NAME`` say which is meant.
+        """
         return self._frames[name]
 
     def frame(self, name: str) -> pin.Frame:
@@ -178,6 +182,15 @@ class Robot:
         """``Eᵀ X E`` of shape (…, n, n)."""
         return self.followers.T @ matrix @ self.followers if self.has_followers else matrix
 
+    def _check_links(self) -> None:
+        """Refuse masses of links that no joint moves."""
+        for name in self.scene.links:
+            if self.frame(f"{LINK}{name}").parentJoint == 0:
+                raise SceneError(
+                    f"scene: 'links.{name}': no joint moves that link, so its mass is without "
+                    "effect"
+                )
+
     def _weld(self) -> None:
         """Attach the scene's payloads."""
         for i, payload in enumerate(self.scene.payloads):
@@ -217,10 +230,13 @@ def _resolved(urdf: Urdf) -> dict[str, Mimic]:
     return resolved
 
 
-def _locked_positions(scene: Scene, rules: dict[str, Mimic]) -> dict[str, float]:
-    """Positions of locked joints, including mimic joints of locked ones."""
-    given = scene.initial.position
-    locked = {name: given.get(name, 0.0) for name in scene.robot.lock if name not in rules}
+def _locked_positions(scene: Scene, urdf: Urdf, rules: dict[str, Mimic]) -> dict[str, float]:
+    """Positions of locked joints, including mimic joints of locked ones.
+
+    Floating and planar ones, which are fixed, have none.
+    """
+    given, moving = scene.initial.position, set(urdf.moving) - rules.keys()
+    locked = {name: given.get(name, 0.0) for name in scene.robot.lock if name in moving}
     for name, rule in rules.items():
         if rule.leader in locked:
             locked[name] = rule.multiplier * locked[rule.leader] + rule.offset
@@ -258,10 +274,13 @@ def configuration_of(model: pin.Model, positions: Mapping[str, float]) -> Array:
 
 
 def _frames(model: pin.Model) -> dict[str, int]:
-    """Indices of the frames by name."""
-    index = {frame.name: i for i, frame in enumerate(model.frames)}
-    links = {frame.name: model.getFrameId(frame.name, frame.type) for frame in _bodies(model)}
-    return {**index, **links, WORLD: 0}
+    """Indices of the frames by name, and by name with the kind in front."""
+    kinds = {pin.FrameType.BODY: LINK}
+    numbered = [(kinds.get(f.type, JOINT), f.name, i) for i, f in enumerate(model.frames)]
+    joints = {name: i for kind, name, i in numbered if kind == JOINT}
+    links = {name: i for kind, name, i in numbered if kind == LINK}
+    qualified = {f"{kind}{name}": i for kind, name, i in numbered}
+    return {**qualified, **joints, **links, WORLD: 0}
 
 
 def velocity_index(model: pin.Model) -> dict[str, int]:

@@ -14,20 +14,23 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, plain
+from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, ModelError, plain
 from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import THROTTLE, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
-from arm_dynamics.ros.common.robot_source import tell_unused
+from arm_dynamics.ros.common.robot_source import (
+    DescriptionLimits,
+    described_scene,
+    tell_unused,
+)
 from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, CompiledServices, RequestCounts, native
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
-from arm_dynamics.scene.load import scene_from_urdf
 
 
 @dataclass(frozen=True)
-class DynamicsParams:
+class DynamicsParams(DescriptionLimits):
     """Parameters of the dynamics node."""
 
     scene: str = parameter("", f"{SCENE}; empty: the arm is given by the robot description")
@@ -58,7 +61,7 @@ class DynamicsNode(Node):
         self._lock = RLock()  # services are answered on two threads
         self._compiled: CompiledServices | None = None
         self._counts = RequestCounts()
-        params = declare(self, DynamicsParams)
+        self._params = params = declare(self, DynamicsParams)
         scene = scene if scene is not None else params.scene or None
         if scene is not None:
             tell_unused(self, params.robot_description)
@@ -108,7 +111,10 @@ class DynamicsNode(Node):
 
     def load(self, scene: Any) -> None:
         """Replace the arm; on any ``ArmError`` the previous one is kept."""
-        dynamics = Dynamics(scene)
+        try:
+            dynamics = Dynamics(scene)
+        except MemoryError:
+            raise ModelError("robot: there is not enough memory to build it") from None
         with self._lock:
             if self._compiled is not None:
                 self._compiled.forget()
@@ -117,7 +123,7 @@ class DynamicsNode(Node):
 
     def load_description(self, urdf: str) -> None:
         """Replace the arm by that of a URDF text, which is never interpreted as a path."""
-        self.load(scene_from_urdf(urdf))
+        self.load(described_scene(urdf, self._params))
 
     def _redescribe(self, params: DynamicsParams) -> None:
         self.load_description(params.robot_description)

@@ -324,7 +324,7 @@ def check_frame(key: str, frame: str, urdf: Urdf, *others: str) -> None:
     Raises:
         SceneError: Naming the key, the frame and what is allowed.
     """
-    if frame not in urdf.frames:
+    if not urdf.has_frame(frame):
         allowed = choices(frame, [*others, *urdf.frames])
         raise SceneError(f"scene: '{key}' = '{frame}' does not exist; allowed: {allowed}")
 
@@ -332,7 +332,7 @@ def check_frame(key: str, frame: str, urdf: Urdf, *others: str) -> None:
 def check_frames(key: str, frames: Iterable[str], urdf: Urdf) -> None:
     """Refuse frames that are neither the robot's nor the world; ``key`` names them."""
     for frame in frames:
-        if frame != WORLD and frame not in urdf.frames:
+        if frame != WORLD and not urdf.has_frame(frame):
             raise SceneError(
                 f"scene: '{key}' names '{frame}', which does not exist; "
                 f"allowed: {choices(frame, [WORLD, *urdf.frames])}"

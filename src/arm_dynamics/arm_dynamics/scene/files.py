@@ -45,7 +45,7 @@ def find_scene(name: str, folder: Path) -> Path:
         if place.is_file():
             return place
     known = ready_scenes()
-    files = [path.name for path in folder.glob("*") if path.suffix in (".yaml", ".urdf")]
+    files = [path.name for path in folder.glob("*") if path.suffix in (".yaml", ".urdf", ".xacro")]
     guess = did_you_mean(name, [*files, *known]) or did_you_mean(Path(name).stem, known) or "."
     raise SceneError(
         f"scene: no file '{name}' in {folder}, and no ready scene of that name{guess} "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Physical consistency of the mass and the rotational inertia of a rigid body.
+"""Mass and rotational inertia of a rigid body, and their physical consistency.
 
 About the centre of mass, I = ∫ (rᵀr E - r rᵀ) dm with dm ≥ 0. Hence no principal moment is
 negative, and none is larger than the sum of the other two (triangle inequality: Wensing, Kim,
@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import ValidationInfo, field_validator
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.scene.types import Inertia6
+from arm_dynamics.scene.types import Inertia6, NonNegative, Part, Positive, Vector3
 
 ROUNDING = 1e-10
 """Moments below this fraction of the largest one are treated as zero: published values are often
@@ -29,6 +30,11 @@ two or three digits, and for a thin plate both are equal."""
 def inertia_matrix(six: Inertia6 | ArrayLike) -> Array:
     """Symmetric tensors, shape (…, 3, 3), from ixx, ixy, ixz, iyy, iyz, izz in [kg m²]."""
     return np.asarray(six, dtype=float)[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+
+
+def six_of(tensor: Array) -> Array:
+    """ixx, ixy, ixz, iyy, iyz, izz of symmetric tensors of shape (…, 3, 3), shape (…, 6)."""
+    return tensor[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
 
 
 def moments(six: Inertia6 | ArrayLike) -> Array:
@@ -71,3 +77,36 @@ def _fault(mass: Array, found: Array) -> NDArray[np.int_]:
         large - middle - small > np.maximum(DIGITS * large, least(mass)),
     ]
     return np.select(broken, [1, 2, 3, 4], 0)
+
+
+class Body(Part):
+    """A rigid body in a frame.
+
+    Attributes:
+        mass: Mass in [kg].
+        com: Centre of mass in the frame, in [m].
+        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, along the axes of the
+            frame, in [kg m²]. No principal moment may be negative, or larger than the sum of the
+            other two.
+    """
+
+    mass: NonNegative
+    com: Vector3 = (0.0, 0.0, 0.0)
+    inertia: Inertia6 = (0.0,) * 6
+
+    @field_validator("inertia")
+    @classmethod
+    def _of_a_body(cls, value: Inertia6, info: ValidationInfo) -> Inertia6:
+        mass = info.data.get("mass")  # absent if it is invalid itself
+        if mass is not None and (trouble := fault(mass, value)):
+            raise ValueError(trouble)
+        return value
+
+
+class LinkBody(Body):
+    """The inertia of a link in place of the URDF's ``<inertial>``, all of which it replaces.
+
+    The frame is that of the link. Bodies that fixed or locked joints connect to it keep theirs.
+    """
+
+    mass: Positive

@@ -7,11 +7,11 @@ import logging
 import math
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from arm_dynamics.exceptions import SceneError, known_names, plain
+from arm_dynamics.exceptions import ModelError, SceneError, choices, known_names, plain
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
 from arm_dynamics.scene.effect import check_effect
 from arm_dynamics.scene.files import find_file, find_scene
@@ -19,7 +19,8 @@ from arm_dynamics.scene.imperfections import check_sensors
 from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.schema import Joint, Scene, validated
 from arm_dynamics.scene.spring import check_springs
-from arm_dynamics.scene.urdf import Urdf, read_urdf
+from arm_dynamics.scene.urdf import Urdf, read_urdf, with_bodies
+from arm_dynamics.scene.urdf.xacro import SUFFIX, expanded
 
 type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene
 """Sources of a scene; see ``load_scene``."""
@@ -34,8 +35,8 @@ def load_scene(source: SceneSource) -> Scene:
 
     Args:
         source: Name of a ready scene such as ``panda``, path or ``package://`` URI of a scene file
-            (YAML) or of a URDF, URDF text, a dictionary of the same shape as a scene file, or a
-            scene, which is returned unchanged.
+            (YAML), a URDF or xacro, URDF text, a dictionary of the same shape as a scene file, or
+            a scene, which is returned unchanged.
 
     Returns:
         The scene with the URDF's text in ``robot.urdf``.
@@ -81,20 +82,28 @@ def naming(source: object) -> Iterator[None]:
         yield
 
 
-def scene_from_urdf(text: str) -> Scene:
+def scene_from_urdf(text: str, most_joints: int | None = None) -> Scene:
     """The scene of a bare robot description; ``text`` is never treated as a path.
 
     Args:
         text: URDF as XML.
+        most_joints: Largest number of joints that move; None for any.
 
     Returns:
         The scene.
 
     Raises:
-        ModelError: If the description cannot be used.
+        ModelError: If the description cannot be used, or has more joints than allowed.
     """
-    _warn_of_description(read_urdf(text))
-    return validated({"robot": {"urdf": text}})
+    urdf, scene = read_urdf(text), validated({"robot": {"urdf": text}})
+    if most_joints is not None and len(urdf.moving) > most_joints:
+        raise ModelError(
+            f"robot description: {len(urdf.moving)} joints that move; at most {most_joints} are "
+            "allowed here"
+        )
+    _check_ranges(scene, urdf)
+    _warn_of_description(urdf)
+    return scene
 
 
 def _is_urdf(text: str) -> bool:
@@ -102,27 +111,49 @@ def _is_urdf(text: str) -> bool:
 
 
 def _read(path: Path) -> str:
+    if path.suffix == SUFFIX:
+        return expanded(path)
     try:
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        text = path.read_text(encoding="latin-1")
+        if not _is_urdf(text):
+            raise SceneError(f"scene: cannot read '{path}': {error}") from None
+        _log.warning("'%s' is not UTF-8: read as Latin-1", path)
+        return text
+    except OSError as error:
         raise SceneError(f"scene: cannot read '{path}': {error}") from None
 
 
 def _complete(data: dict[str, Any], folder: Path) -> Scene:
     scene = validated(data)
     text = scene.robot.urdf
-    if _is_urdf(text):
-        urdf = read_urdf(text)
-    else:
+    origin: AbstractContextManager[None] = nullcontext()
+    if not _is_urdf(text):
         path = find_file(text, folder)
-        text = _read(path)
-        with in_file(path):
-            urdf = read_urdf(text)
+        text, origin = _read(path), in_file(path)
+    with origin:
+        urdf = read_urdf(with_bodies(text, scene.links), scene.robot.lock)
     _check_names(scene, urdf)
     _warn_of_description(urdf)
     _warn_of_units(scene, urdf)
     robot = scene.robot.model_copy(update={"urdf": text})
     return scene.model_copy(update={"robot": robot})
+
+
+def _check_ranges(scene: Scene, urdf: Urdf) -> None:
+    """Refuse position limits of which the lower is above the upper, unless the scene has others.
+
+    They may be swapped, or mean that there is none, as in PyBullet.
+    """
+    for name, (lower, upper) in urdf.crossed.items():
+        own = scene.joint(name).limits
+        if name not in scene.robot.lock and None in (own.lower, own.upper):
+            raise ModelError(
+                f"joint '{name}': <limit lower={lower:g} upper={upper:g}>: lower is above upper; "
+                f"swap them, or write 0 for both if there is no limit, or give both in a scene, "
+                f"in 'joints.{name}.limits'"
+            )
 
 
 def _warn_of_description(urdf: Urdf) -> None:
@@ -157,10 +188,19 @@ def _warn_of_units(scene: Scene, urdf: Urdf) -> None:
             )  # fmt: skip
 
 
+def _check_links(scene: Scene, urdf: Urdf) -> None:
+    for name in scene.links:
+        if name not in urdf.links:
+            raise SceneError(
+                f"scene: 'links' names '{name}', which does not exist; "
+                f"allowed: {choices(name, urdf.links)}"
+            )
+
+
 def _check_names(scene: Scene, urdf: Urdf) -> None:
     """Check that all joints and frames of the scene exist."""
+    check_joints("robot.lock", scene.robot.lock, urdf.lockable, urdf)
     for key, names in {
-        "robot.lock": scene.robot.lock,
         "joints": [name for name in scene.joints if name != "*"],
         "initial.position": list(scene.initial.position),
         "initial.velocity": list(scene.initial.velocity),
@@ -168,6 +208,8 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
         check_joints(key, names, urdf.moving, urdf)
     for name in scene.joints:
         scene.joint(name)  # which refuses what cannot be merged with the entry of "*"
+    _check_ranges(scene, urdf)
+    _check_links(scene, urdf)
     for i, payload in enumerate(scene.payloads):
         check_frame(f"payloads.{i}.frame", payload.frame, urdf)
     check_constraints(scene.constraints, urdf, set(scene.robot.lock))

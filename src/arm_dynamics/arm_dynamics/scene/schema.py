@@ -31,18 +31,18 @@ from arm_dynamics.scene.constraint import (
 from arm_dynamics.scene.drive import Actuator, Transmission
 from arm_dynamics.scene.friction import KINDS, Friction
 from arm_dynamics.scene.imperfections import Commands, Sensors
-from arm_dynamics.scene.inertia import fault
+from arm_dynamics.scene.inertia import Body, LinkBody
 from arm_dynamics.scene.servo import Servo
 from arm_dynamics.scene.spring import JointSpring, PointSpring
 from arm_dynamics.scene.types import (
     Finite,
-    Inertia6,
     Limit,
     NonNegative,
     Part,
     Positive,
     Vector3,
 )
+from arm_dynamics.scene.urdf import with_bodies
 
 
 class RobotChoice(Part):
@@ -50,8 +50,9 @@ class RobotChoice(Part):
 
     Attributes:
         urdf: Path (relative to the scene file), ``package://`` or ``file://`` URI, or the URDF
-            text itself.
-        lock: Joints that do not move; each stays at its initial position, or at zero.
+            text itself. A file ending in ``.xacro`` is expanded, where xacro is installed.
+        lock: Joints that do not move; each stays at its initial position, or at zero. Floating
+            and planar joints must be locked, and stay at their origin.
     """
 
     urdf: str = Field(min_length=1)
@@ -139,30 +140,15 @@ class Joint(Part):
     servo: Servo = Servo()
 
 
-class Payload(Part):
+class Payload(Body):
     """A rigid body welded to a frame.
 
     Attributes:
-        frame: Link or joint of the URDF that carries the body.
-        mass: Mass in [kg].
-        com: Centre of mass in the frame, in [m].
-        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, along the axes of the
-            frame, in [kg m²]. No principal moment may be negative, or larger than the sum of the
-            other two.
+        frame: Link or joint of the URDF that carries the body; ``link:NAME`` or ``joint:NAME``
+            where both have the name and the joint may be meant.
     """
 
     frame: str
-    mass: NonNegative
-    com: Vector3 = (0.0, 0.0, 0.0)
-    inertia: Inertia6 = (0.0,) * 6
-
-    @field_validator("inertia")
-    @classmethod
-    def _of_a_body(cls, value: Inertia6, info: ValidationInfo) -> Inertia6:
-        mass = info.data.get("mass")  # absent if it is invalid itself
-        if mass is not None and (trouble := fault(mass, value)):
-            raise ValueError(trouble)
-        return value
 
 
 class Initial(Part):
@@ -207,6 +193,7 @@ class Scene(Part):
         gravity: Gravity in the world frame in [m/s²].
         joints: Settings of joints by name; ``"*"`` applies to all, and a joint's own entry
             overrides it, number by number.
+        links: Inertias of links by name, in place of those of the URDF.
         payloads: Rigid bodies attached to frames.
         springs: Springs between points of two frames.
         constraints: Closed loops, ties to the world, couplings, and contacts.
@@ -223,6 +210,7 @@ class Scene(Part):
     robot: RobotChoice
     gravity: Vector3 = (0.0, 0.0, -9.81)
     joints: dict[str, Joint] = {}
+    links: dict[str, LinkBody] = {}
     payloads: tuple[Payload, ...] = ()
     springs: tuple[PointSpring, ...] = ()
     constraints: tuple[Constraint, ...] = ()
@@ -240,6 +228,11 @@ class Scene(Part):
         if twins := [name for i, name in enumerate(value) if name in value[:i]]:
             raise ValueError(f"'{twins[0]}' is given twice; once is expected")
         return value
+
+    @property
+    def description(self) -> str:
+        """The text of the URDF with the inertias of ``links``."""
+        return with_bodies(self.robot.urdf, self.links)
 
     @property
     def bilateral(self) -> dict[int, Bilateral]:

@@ -17,7 +17,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.trajectory.quintic_segments import extremes
+from arm_dynamics.trajectory.quintics import extremes
 from arm_dynamics.trajectory.reference import Limits, Trajectory
 from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, closely
 

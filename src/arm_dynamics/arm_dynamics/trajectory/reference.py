@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.trajectory.quintic_segments import knot_derivatives, segment_coefficients
+from arm_dynamics.trajectory.quintics import knot_derivatives, segment_coefficients
 from arm_dynamics.trajectory.trajectory_library import library
 
 

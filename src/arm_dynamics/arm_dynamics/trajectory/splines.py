@@ -16,7 +16,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.trajectory.quintic_segments import segment_coefficients
+from arm_dynamics.trajectory.quintics import segment_coefficients
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import given_rows, timed_positions, with_torques
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.exceptions import InvalidInput, plain
-from arm_dynamics.trajectory.quintic_segments import extremes
+from arm_dynamics.trajectory.quintics import extremes
 from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint
 
 MAX_WAYPOINTS = 10_001  # 10 000 after the start

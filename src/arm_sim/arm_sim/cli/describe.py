@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from arm_dynamics import ArmModel
+    from arm_dynamics.arrays import Array
     from arm_dynamics.scene.spring import PointSpring
     from arm_sim import Simulator
 
@@ -111,7 +112,9 @@ def robot_of(model: ArmModel) -> dict[str, Any]:
     ]  # fmt: skip
     return {
         "robot": model.pin.name, "mass": model.total_mass, "gravity": list(model.scene.gravity),
-        "locked": list(model.scene.robot.lock), "joints": joints,
+        "locked": list(model.scene.robot.lock),
+        "links": {name: body.mass for name, body in model.scene.links.items()},
+        "placeholders": model.placeholders, "joints": joints,
         "frames": list(model.frame_names),
     }  # fmt: skip
 
@@ -141,11 +144,37 @@ def _show_robot(out: Console, model: ArmModel) -> None:
     )
     if model.scene.robot.lock:
         out.print(f"locked: {', '.join(model.scene.robot.lock)}")
+    if model.scene.links:
+        masses = (f"{name} {body.mass:g} kg" for name, body in model.scene.links.items())
+        out.print(f"inertias from the scene: {', '.join(masses)}")
     for link, trouble in model.doubtful.items():
         out.print(f"link '{link}': {trouble}", style="yellow")
 
 
 def _show_joints(out: Console, model: ArmModel) -> None:
+    columns, absent = _joint_columns(model)
+    write = {name: limit if name.endswith(("limit", "er")) else number for name in columns}
+    rows = [
+        (name, model.joint_types[i], *(write[c](values[i], 4) for c, values in columns.items()))
+        for i, name in enumerate(model.joint_names)
+    ]
+    show(out, table(("joint", "type", *columns), rows, text=(0, 1)))
+    if absent:
+        out.print(f"all zero: {', '.join(absent)}", style="dim")
+    out.print(_units(set(model.joint_types)), style="dim")
+    if model.placeholders:
+        named = ", ".join(f"{name} ({why})" for name, why in model.placeholders.items())
+        out.print(
+            f"[yellow]limits that are probably placeholders:[/] {named}; a scene's "
+            "joints.NAME.limits gives others"
+        )
+    _show_drives(out, model)
+    _show_springs(out, model)
+    _show_outside(out, model)
+
+
+def _joint_columns(model: ArmModel) -> tuple[dict[str, Array], list[str]]:
+    """Numbers of the joints by heading, and names of those that are all zero."""
     friction = model.friction
     columns = {
         "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
@@ -158,19 +187,7 @@ def _show_joints(out: Console, model: ArmModel) -> None:
     if (friction.static.mean != friction.coulomb.mean).any():
         drives["static\nfriction"] = friction.static.mean
     absent = [name.replace("\n", " ") for name, values in drives.items() if not values.any()]
-    columns |= {name: values for name, values in drives.items() if values.any()}
-    write = {name: limit if name.endswith(("limit", "er")) else number for name in columns}
-    rows = [
-        (name, model.joint_types[i], *(write[c](values[i], 4) for c, values in columns.items()))
-        for i, name in enumerate(model.joint_names)
-    ]
-    show(out, table(("joint", "type", *columns), rows, text=(0, 1)))
-    if absent:
-        out.print(f"all zero: {', '.join(absent)}", style="dim")
-    out.print(_units(set(model.joint_types)), style="dim")
-    _show_drives(out, model)
-    _show_springs(out, model)
-    _show_outside(out, model)
+    return columns | {name: values for name, values in drives.items() if values.any()}, absent
 
 
 def _show_drives(out: Console, model: ArmModel) -> None:

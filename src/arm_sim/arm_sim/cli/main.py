@@ -16,6 +16,7 @@ from arm_sim.cli.call import call
 from arm_sim.cli.completion import Commands, completion
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
+from arm_sim.cli.export import export
 from arm_sim.cli.nodes import controller, dynamics, sim
 from arm_sim.cli.output import examples, progress_on_stderr
 from arm_sim.cli.recordings import plot, record, replay
@@ -27,7 +28,7 @@ SECTIONS = {
     "Demo": (demo,),
     "Nodes": (sim, dynamics, controller),
     "A running arm": (go, set_, get, watch, call),
-    "Scenes": (describe, urdf, build, view),
+    "Scenes": (describe, urdf, build, export, view),
     "Recordings": (record, replay, plot),
     "Shell": (completion,),
 }

@@ -39,7 +39,7 @@ def urdf(scene: str, command: str | None, commands_topic: str, states_topic: str
 
     loaded = load_scene(scene)
     if command is None:
-        click.echo(loaded.robot.urdf)
+        click.echo(loaded.description)
         return
     topics = {"joint_commands_topic": commands_topic, "joint_states_topic": states_topic}
     click.echo(with_hardware(ArmModel(loaded), command, topics))
@@ -57,7 +57,7 @@ def with_hardware(model: ArmModel, command: str, topics: dict[str, str]) -> str:
     """
     from arm_dynamics.scene.urdf import xml_root
 
-    robot = xml_root(model.scene.robot.urdf)
+    robot = xml_root(model.scene.description)
     for other in robot.findall("ros2_control"):  # remove the tag of the real robot's hardware
         robot.remove(other)
     tag = ElementTree.SubElement(robot, "ros2_control", name="arm", type="system")

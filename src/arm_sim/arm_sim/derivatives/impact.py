@@ -46,15 +46,10 @@ class ImpactDerivative:
         meets = 1 - p[place : place + n] if plant.directions else ca.MX(n, 1)
         v = x[n:]
         after = plant.strike(x, p, -meets * (1 + e) * v, r)[0]
-        laws, speed = [ca.MX(0, 1)], ca.MX(0, 1)
+        law = speed = ca.MX(0, 1)
         if plant.contact:
             met, speed = (plant.contact.geometry(ca.vertcat(x[:n], w))[1] for w in (v, after))
-        for k, point in enumerate(plant.points):
-            here = slice(3 * k, 3 * k + 3)
-            obeyed = speed[here.start] + f[k] * met[here.start]
-            modes = carries[k], sticks[k]
-            laws += _law(speed[here], r[here], obeyed, modes, point.friction)
-        law = ca.vertcat(*laws)
+            law = _laws(plant, met, speed, f, (carries, sticks), r)
         slopes = list[ca.MX]()
         for y in (after, law):
             slopes.append(ca.horzcat(ca.jacobian(y, x), jacobian_by(y, p, tuned)))
@@ -114,6 +109,19 @@ class ImpactDerivative:
                 f"linearize: the impact at contact '{name}' is on the boundary of stick and slip"
             )
         return carries.astype(float), sticks.astype(float)
+
+
+def _laws(
+    plant: Plant, met: ca.MX, speed: ca.MX, f: ca.MX, modes: tuple[ca.MX, ca.MX], r: ca.MX
+) -> ca.MX:
+    """What is zero in an impact of all contacts, see ``_law``, by velocities before and after."""
+    laws: list[ca.MX] = []
+    for k, point in enumerate(plant.points):
+        here = slice(3 * k, 3 * k + 3)
+        obeyed = speed[here.start] + f[k] * met[here.start]
+        carries, sticks = (mode[k] for mode in modes)
+        laws += _law(speed[here], r[here], obeyed, (carries, sticks), point.friction)
+    return ca.vertcat(*laws)
 
 
 def _law(

@@ -42,7 +42,7 @@ class Sensors:
     """Sensors of all joints, and the transmission of their measurements, sampled every tick.
 
     Attributes:
-        said: Measured (q, v, effort) at the last sampled tick, shape (3n,): a persistent array,
+        measured: (q, v, effort) at the last sampled tick, shape (3n,): a persistent array,
             overwritten by every sample.
     """
 
@@ -71,10 +71,10 @@ class Sensors:
         self._now, self._last = np.zeros(3 * n), np.zeros(n)
         self._q, self._v, self._effort = np.split(self._now, 3)  # views
         self._line: Line[Array] | None = None
-        self.said = self._now
+        self.measured = self._now
         if not scene.perfect:
             self._line = Line(scene, dt, scene.seed, Channel.STATES)
-            self.said = np.zeros(3 * n)
+            self.measured = np.zeros(3 * n)
 
     def restart(self, tick: int, q: Array, v: Array, effort: Array) -> None:
         """Restart: the state is known at once, and filters have settled.
@@ -87,7 +87,7 @@ class Sensors:
         self._rest(tick, v, effort)
         if self._line is not None:
             self._line.restart(self._now.copy())
-            self.said[:] = self._now
+            self.measured[:] = self._now
 
     def look(self, tick: int, q: Array, v: Array, effort: Array) -> None:
         """Sample the state at the end of the previous tick, and return the measurements by now.
@@ -107,7 +107,7 @@ class Sensors:
             self._position(tick, q)
         self._rest(tick, v if self._filter is None else self._filter.filtered(v), effort)
         if self._line is not None:
-            self.said[:] = self._line.carry(tick, self._now.copy())
+            self.measured[:] = self._line.carry(tick, self._now.copy())
 
     def _position(self, tick: int, q: Array) -> None:
         _write(self._q, q, self._errors[0], tick)

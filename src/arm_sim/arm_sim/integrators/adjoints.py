@@ -51,12 +51,7 @@ def build_adjoint(
     after_weight, direct = weight, ca.MX.zeros(x.shape[0])
     if project is not None and method.name != "implicit":
         after = build_step(method, rhs, n)(x, u, p, h)
-        end = ca.MX.sym("end", 2 * n)
-        found = project(x[: 2 * n], end, p)[0]
-        back = [ca.jtimes(found, by, weight[: 2 * n], True) for by in (x, end)]
-        taken = ca.Function("taken", [x, end, p, weight], back)
-        direct, moved = taken(x, after[: 2 * n], p, weight)
-        after_weight = ca.vertcat(moved, weight[2 * n :])
+        after_weight, direct = _projected(project, n, x, after, p, weight)
     if method.name == "implicit":
         after = build_step(method, rhs, n, project, scaled)(x, u, p, h)
         by_x, by_u, by_p = (ca.jtimes(after, by, weight, True) for by in (x, u, p))
@@ -71,6 +66,18 @@ def build_adjoint(
         by_x, by_u, by_p = _staged(method.tableau, rhs, pullback, x, u, p, h, after_weight)
     results = [by_x + direct, by_u, by_p]
     return ca.Function("adjoint", [x, u, p, h, weight], results, {"cse": True})
+
+
+def _projected(
+    project: ca.Function, n: int, x: ca.MX, after: ca.MX, p: ca.MX, weight: ca.MX
+) -> tuple[ca.MX, ca.MX]:
+    """The weight of a step's end before its projection, and what x adds through that directly."""
+    end = ca.MX.sym("end", 2 * n)
+    found = project(x[: 2 * n], end, p)[0]
+    back = [ca.jtimes(found, by, weight[: 2 * n], True) for by in (x, end)]
+    taken = ca.Function("taken", [x, end, p, weight], back)
+    direct, moved = taken(x, after[: 2 * n], p, weight)
+    return ca.vertcat(moved, weight[2 * n :]), direct
 
 
 def _staged(

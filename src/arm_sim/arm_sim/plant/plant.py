@@ -104,6 +104,13 @@ class Plant:
         own = [f"a limit or backlash of the drive of joint '{names[i]}'" for i in owners]
         return (*["a cord"] * (cords.modes.numel() if cords else 0), *own)
 
+    def under_torques(self) -> Plant:
+        """The same arm without drives and friction that have states: commands are torques."""
+        other = copy(self)
+        other.free = self.free and self.free.under_torques()
+        other._compose(None)
+        return other
+
     def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
         """The same arm with additional states that integrate powers.
 

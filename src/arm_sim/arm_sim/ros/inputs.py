@@ -54,7 +54,7 @@ class Inputs:
         self.source: JointStateSource | None = None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         self.tap: Callable[[Topic, Any], None] | None = None
-        self._told = False
+        self._warned = False
         engine.read_commands = self._read_waiting
 
     def open(self, node: Node) -> None:
@@ -164,9 +164,9 @@ class Inputs:
 
     def _tell_meaning(self) -> None:
         """Log once what numbers on ``~/commands`` are taken for, since the type does not say."""
-        if self._told:
+        if self._warned:
             return
-        self._told = True
+        self._warned = True
         units = zip(self._model.joint_names, self._model.command_unit, strict=True)
         efforts = ", ".join(f"{name} [{unit}]" for name, unit in units)
         self._log.info(

@@ -39,7 +39,7 @@ class Outputs:
     Used by the ticking thread only; with ticks by the clock, a timer looks for readers.
 
     Attributes:
-        said: Positions, velocities and efforts of joint states, each shape (n,).
+        reported: Positions, velocities and efforts of joint states, each shape (n,).
         states: Publishes joint states.
         every: Ticks between joint states.
         energy: Keeps and publishes the energy account.
@@ -77,15 +77,15 @@ class Outputs:
             return JointStateSink(node, topic, writer, arrays)
 
         sensors = arm.sensors
-        self.said = truth if sensors is None else tuple(np.split(sensors.said, 3))
+        self.reported = truth if sensors is None else tuple(np.split(sensors.measured, 3))
         self._truth = None if sensors is None else sink(GROUND_TRUTH, names, truth)
         self._all = None
         if params.publish_all_joints:
             joints = AllJoints(simulator.model)
-            self._all = AllJointStates(joints, self.said)
+            self._all = AllJointStates(joints, self.reported)
             self.states = sink(JOINT_STATES, joints.names, self._all.arrays)
         else:
-            self.states = sink(JOINT_STATES, names, self.said)
+            self.states = sink(JOINT_STATES, names, self.reported)
         self.plain = self._all is self._truth is None
         self._multipliers = None
         if simulator.model.scene.bilateral:

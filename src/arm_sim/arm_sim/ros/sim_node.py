@@ -78,7 +78,7 @@ class SimNode(Node):
         trip, heard = inputs.round_trip, lambda: self.diagnosis.heard
         self._outputs = Outputs(self, engine, params, trip, account_wanted=heard)
         self.recorder = self._recorder_of(params.record)
-        self.display = Display(self, engine, params, self._outputs.said, self._outputs.stamp)
+        self.display = Display(self, engine, params, self._outputs.reported, self._outputs.stamp)
         factor = params.realtime_factor
         self.loop = RealtimeLoop(
             engine.tick_unattended,
@@ -109,7 +109,7 @@ class SimNode(Node):
             self.lockstep, self._refused_privileges, self.recorder,
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
-        publish_description(self, params, chosen.robot.urdf, source)
+        publish_description(self, params, chosen.description, source)
         watch(self, params, self._apply)
         self._start()
 

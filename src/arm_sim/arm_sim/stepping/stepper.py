@@ -19,6 +19,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 import arm_dynamics
 from arm_dynamics import Dynamics
@@ -275,14 +276,22 @@ def _built(
     plant: Plant, choice: Choice, backend: str, control: CompiledControl | None, acted: bool
 ) -> Kernel:
     """Generate and compile the equations of a scene, and the engine that calls them."""
-    smooth = smooth_motion(plant, choice)
     actuate = actuation(plant, control, compensated=not acted)
+    functions, smooth = tick_functions(plant, choice, actuate)
+    engine = engine_source(plant, choice, functions, smooth)
+    return Kernel(functions, backend, engine, needs_native=_eventful(plant))
+
+
+def tick_functions(
+    plant: Plant, choice: Choice, actuate: ca.Function
+) -> tuple[list[ca.Function], ca.Function]:
+    """The functions that a tick evaluates, and that of them which advances without events."""
+    smooth = smooth_motion(plant, choice)
     functions = [plant.rhs, smooth, actuate, *plant.events]
     if plant.free:
         smooth = smooth_motion(plant.free, choice, FREE)
         functions += [_renamed(plant.free.rhs), smooth]
-    engine = engine_source(plant, choice, functions, smooth)
-    return Kernel(functions, backend, engine, needs_native=_eventful(plant))
+    return functions, smooth
 
 
 def sizes(plant: Plant, functions: Sequence[ca.Function]) -> dict[str, str]:
@@ -298,11 +307,16 @@ def sizes(plant: Plant, functions: Sequence[ca.Function]) -> dict[str, str]:
 
 
 def engine_source(
-    plant: Plant, choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function
+    plant: Plant,
+    choice: Choice,
+    functions: Sequence[ca.Function],
+    smooth: ca.Function,
+    file: str = "roll.c",
 ) -> str:
     """C source of the engine for a scene, to be compiled after the functions that it calls.
 
-    ``smooth`` is the function that advances over a tick without events.
+    ``smooth`` is the function that advances over a tick without events, ``file`` that of
+    ``native`` which calls the engine.
     """
     defines, without = sizes(plant, functions), set[str]()
     if choice.tolerance is None:
@@ -310,12 +324,12 @@ def engine_source(
     else:
         defines |= {"ADAPTIVE": "1"} | error_control(plant, choice)
     if plant.eventful:
-        defines |= _event_sizes(plant) | _work(choice, functions, smooth)
+        defines |= event_sizes(plant) | _work(choice, functions, smooth)
     else:
         without.add("events.h")
     if "TOGETHER" not in defines:
         without.add("together.h")
-    return source(defines, "roll.c", without)
+    return source(defines, file, without)
 
 
 def error_control(plant: Plant, choice: Choice) -> dict[str, str]:
@@ -344,7 +358,7 @@ def mode_sizes(plant: Plant) -> dict[str, str]:
 def stop_places(plant: Plant) -> dict[str, str]:
     """Positions of rigid and compliant stops, for ``native/stops.h``."""
     lower, upper = np.clip(plant.model.stops.place, -NOWHERE, NOWHERE)
-    return {"LOWEST": _braces(lower), "HIGHEST": _braces(upper)}
+    return {"LOWEST": braces(lower), "HIGHEST": braces(upper)}
 
 
 def source(defines: dict[str, str], file: str = "", without: Collection[str] = ()) -> str:
@@ -383,7 +397,7 @@ def pointer(array: Array) -> ctypes.c_void_p:
     return found
 
 
-def address(array: Array) -> int:
+def address(array: NDArray[Any]) -> int:
     """Address of an array for a C function with ``argtypes``; the caller keeps the array."""
     place: int = array.__array_interface__["data"][0]
     return place
@@ -416,7 +430,8 @@ def _renamed(function: ca.Function) -> ca.Function:
     return ca.Function(f"{FREE}{function.name()}", arguments, function.call(arguments))
 
 
-def _event_sizes(plant: Plant) -> dict[str, str]:
+def event_sizes(plant: Plant) -> dict[str, str]:
+    """Definitions for the logic of events: stops, contacts, friction, constraints."""
     model, points, stops = plant.model, plant.points, plant.model.stops
     lower, upper = np.clip(stops.bounds, -NOWHERE, NOWHERE)
     return {
@@ -426,16 +441,16 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
         **({"RIGID": "1"} if stops.rigid.any() else {}),
         **({"FREE": "1"} if plant.free else {}),
         **_together_sizes(plant),
-        "LOWER": _braces(lower),
-        "UPPER": _braces(upper),
-        "LOWER_REBOUND": _braces(stops.restitution[0]),
-        "UPPER_REBOUND": _braces(stops.restitution[1]),
-        "SOFT_LOWER": _braces(np.where(stops.compliant[0], stops.place[0], -NOWHERE)),
-        "SOFT_UPPER": _braces(np.where(stops.compliant[1], stops.place[1], NOWHERE)),
-        "STATIC": _braces(model.friction.level),
-        "FRICTION": _braces([point.friction for point in points]),
-        "HOLDING": _braces([point.static_friction for point in points]),
-        "RESTITUTION": _braces([point.restitution for point in points]),
+        "LOWER": braces(lower),
+        "UPPER": braces(upper),
+        "LOWER_REBOUND": braces(stops.restitution[0]),
+        "UPPER_REBOUND": braces(stops.restitution[1]),
+        "SOFT_LOWER": braces(np.where(stops.compliant[0], stops.place[0], -NOWHERE)),
+        "SOFT_UPPER": braces(np.where(stops.compliant[1], stops.place[1], NOWHERE)),
+        "STATIC": braces(model.friction.level),
+        "FRICTION": braces([point.friction for point in points]),
+        "HOLDING": braces([point.static_friction for point in points]),
+        "RESTITUTION": braces([point.restitution for point in points]),
         "SLOWEST": repr(AT_REST),
         "DEEP": repr(INSIDE),
     }
@@ -449,7 +464,8 @@ def _together_sizes(plant: Plant) -> dict[str, str]:
     return {}
 
 
-def _braces(values: Sequence[float] | Array) -> str:
+def braces(values: Sequence[float] | Array) -> str:
+    """Numbers as a list for C definitions."""
     return "{" + ", ".join(repr(float(value)) for value in values) + "}"
 
 

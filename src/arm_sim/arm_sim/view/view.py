@@ -4,13 +4,17 @@
 from __future__ import annotations
 
 import html
+import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.exceptions import ModelError
+from arm_dynamics.model.arm import ArmModel, arm_model
+from arm_dynamics.scene import Joint
+from arm_dynamics.scene.load import SceneSource
 from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
 from arm_sim.simulator import Simulator
@@ -29,9 +33,11 @@ if TYPE_CHECKING:
 
     Begin = Callable[[viser.ViserServer, list[DrawnArm]], Player | Interactive | Follower]
 
+_log = logging.getLogger(__name__)
 SIZE = 960, 600
 RATE = 25.0  # [Hz] frame rate of a film
 MOST = 3000  # pictures of a page or film
+ROTOR = 1.0  # [kg m²] or [kg] at each joint of an arm that is shown though it moves no mass
 GAP = 0.6  # distance between adjacent arms, relative to the reach of the larger
 
 
@@ -259,10 +265,31 @@ def show(
         names, models = [film.name for film in films], [film.model for film in films]
         begin: Begin = lambda server, actors: Player(server, films, actors)  # noqa: E731
     else:
-        arms = [InteractiveArm(x if isinstance(x, Simulator) else Simulator(x)) for x in what]
+        arms = [InteractiveArm(x if isinstance(x, Simulator) else simulator_of(x)) for x in what]
         models = [arm.simulation.model for arm in arms]
         begin = lambda server, actors: Interactive(server, arms, actors)  # noqa: E731
     return _opened(begin, names, models, host, port, folder, together)
+
+
+def simulator_of(scene: SceneSource) -> Simulator:
+    """A simulator to be shown; of an arm with a joint that moves no mass, one with rotors.
+
+    Raises:
+        SceneError: If the scene cannot be used.
+    """
+    model = arm_model(scene)
+    try:
+        return Simulator(model)
+    except ModelError as error:
+        joints = model.scene.joints
+        rotors = joints.get("*", Joint()).model_copy(update={"armature": ROTOR})
+        shown = model.scene.model_copy(update={"joints": {**joints, "*": rotors}})
+        simulator = Simulator(shown)
+        _log.warning(
+            "%s; shown with an armature of %g at every joint, so its motion means nothing",
+            error, ROTOR,
+        )  # fmt: skip
+        return simulator
 
 
 def show_followed(

@@ -16,8 +16,9 @@ from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.exceptions import InvalidInput, SceneError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.friction import STEEPEST, largest_slope
+from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Scene, validated
-from arm_dynamics.scene.urdf import xml_root
+from arm_dynamics.scene.urdf import set_inertial, xml_root
 from arm_studies.identification.regression.friction_columns import (
     COULOMB,
     COULOMB_SKEW,
@@ -49,7 +50,7 @@ def urdf_with(model: ArmModel, theta: Array) -> str:
         theta: Ten inertial parameters of each moving body in its joint's frame, shape
             (10 bodies,).
     """
-    root = xml_root(model.scene.robot.urdf)
+    root = xml_root(model.scene.description)
     links = {link.get("name"): link for link in root.findall("link")}
     below: dict[str | None, list[ElementTree.Element]] = {}
     for joint in root.findall("joint"):
@@ -65,7 +66,8 @@ def urdf_with(model: ArmModel, theta: Array) -> str:
         for fixed in _rigidly_behind(link, below, set(moving)):
             for inertial in links[fixed].findall("inertial"):
                 links[fixed].remove(inertial)
-        _set_inertial(links[link], numbers)
+        mass, com, central = central_inertia(numbers)
+        set_inertial(links[link], mass, com, six_of(central))
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -85,18 +87,6 @@ def _rigidly_behind(
             child = _child(joint)
             found += [child, *_rigidly_behind(child, below, moving)]
     return found
-
-
-def _set_inertial(link: ElementTree.Element, numbers: Array) -> None:
-    for old in link.findall("inertial"):
-        link.remove(old)
-    mass, com, central = central_inertia(numbers)
-    inertial = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=" ".join(map(repr, com.tolist())), rpy="0 0 0")
-    ElementTree.SubElement(inertial, "mass", value=repr(mass))
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = central.tolist()
-    six: dict[str, Any] = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
-    ElementTree.SubElement(inertial, "inertia", {key: repr(value) for key, value in six.items()})
 
 
 def central_inertia(numbers: Array) -> tuple[float, Array, Array]:
@@ -126,6 +116,7 @@ def scene_with(
     scene = model.scene
     content = scene.model_dump(exclude_unset=True, mode="json")
     content["robot"]["urdf"] = urdf_with(model, theta)
+    content.pop("links", None)  # which are identified, too
     every = content.setdefault("joints", {}).pop("*", None)
     if every is not None:
         kept = {key: value for key, value in every.items() if key not in ("friction", "armature")}

@@ -12,6 +12,7 @@ import pinocchio as pin
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Payload
 from arm_studies.identification import checks
@@ -71,8 +72,8 @@ def identify_payload(
     if not bodies.possible(x, 1e-9):
         x = made_possible(T, z, _ball(), _ball(), ())
     mass, com, inertia = central_inertia(x)
-    six = inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    return Payload(frame=frame, mass=mass, com=tuple(com.tolist()), inertia=tuple(six.tolist()))
+    six = tuple(six_of(inertia).tolist())
+    return Payload(frame=frame, mass=mass, com=tuple(com.tolist()), inertia=six)
 
 
 def _checked_rows(
@@ -114,7 +115,7 @@ def _regression(rows: Rows, moved: Array, carrier: int) -> tuple[Array, Array]:
 
 def _carried(model: ArmModel, frame: str) -> tuple[pin.SE3, int]:
     """The placement of a frame in the body that carries it, and the index of that body."""
-    if frame not in model.frame_names:
+    if not model.has_frame(frame):
         raise InvalidInput(
             f"unknown frame '{frame}'{did_you_mean(frame, model.frame_names)}; the arm has "
             f"{known_names(model.frame_names)}"

@@ -146,16 +146,6 @@ DEFAULTS = {
         (' name="arm"', ' name="arm"'),
         "<robot>: version '2.0' is unknown: read as 1.0",
     ),
-    "order of limits": (
-        ('lower="-3" upper="2.5"', 'lower="2.5" upper="-3"'),
-        ('lower="-3" upper="2.5"', 'lower="0" upper="0"'),
-        "joint 'shoulder': <limit lower=2.5 upper=-3>: lower is above upper: no limit is assumed",
-    ),
-    "upper limit": (
-        ('lower="-3" upper="2.5"', 'lower="0.5"'),
-        ('lower="-3" upper="2.5"', 'lower="0" upper="0"'),
-        "joint 'shoulder': <limit lower=0.5 upper=0>: lower is above upper: no limit is assumed",
-    ),
     "single element": (
         ('<axis xyz="0.6 -0.8 1"/>', '<axis xyz="0.6 -0.8 1"/><axis xyz="1 0 0"/>'),
         ('<axis xyz="0.6 -0.8 1"/>', '<axis xyz="0.6 -0.8 1"/>'),
@@ -224,11 +214,43 @@ def test_orientations_that_would_be_ignored_are_refused() -> None:
         load_scene(changed('rpy="0.4 0.5 0.6"', 'quat_xyzw="0 0 1 0"'))
 
 
+CROSSED = {
+    'lower="2.5" upper="-3"': "lower=2.5 upper=-3",
+    'lower="0.5"': "lower=0.5 upper=0",
+    'upper="-0.5"': "lower=0 upper=-0.5",
+}
+
+
+@pytest.mark.parametrize(("given", "words"), CROSSED.items())
+def test_a_lower_limit_above_the_upper_one_is_refused(given: str, words: str) -> None:
+    text = changed('lower="-3" upper="2.5"', given)
+    with pytest.raises(
+        ModelError, match=rf"^joint 'shoulder': <limit {words}>: lower is above upper; swap them"
+    ):
+        load_scene(text)
+    half = {"joints": {"shoulder": {"limits": {"lower": -3.0}}}}
+    with pytest.raises(ModelError, match=r"give both in a scene, in 'joints\.shoulder\.limits'"):
+        load_scene({"robot": {"urdf": text}, **half})
+
+
 def test_swapped_limits_can_be_given_by_the_scene() -> None:
     text = changed('lower="-3" upper="2.5"', 'lower="2.5" upper="-3"')
     limits = {"lower": -3.0, "upper": 2.5}
     model = arm({"robot": {"urdf": text}, "joints": {"shoulder": {"limits": limits}}})
     assert (model.position_lower[0], model.position_upper[0]) == (-3.0, 2.5)
+
+
+def test_swapped_limits_of_a_locked_joint_do_not_matter() -> None:
+    text = changed('lower="-3" upper="2.5"', 'lower="2.5" upper="-3"')
+    assert arm({"robot": {"urdf": text, "lock": ["shoulder"]}}).joint_names == ("elbow",)
+
+
+def test_of_several_inertias_the_first_counts(caplog: pytest.LogCaptureFixture) -> None:
+    second = '<inertial><mass value="7"/></inertial>'
+    text = URDF.replace("</inertial></link>", f"</inertial>{second}</link>")
+    assert_read(text)
+    load_scene(text)
+    assert "link 'upper': more than one <inertial>: only the first counts" in caplog.text
 
 
 def test_torques_are_those_of_the_numbers_as_written() -> None:

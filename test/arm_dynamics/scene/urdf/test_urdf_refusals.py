@@ -8,6 +8,7 @@ import pytest
 import models
 from arm_dynamics import Dynamics, ModelError
 from arm_dynamics.scene.urdf import read_urdf
+from arm_dynamics.scene.urdf.description import DEEPEST
 
 GOOD = (models.FOLDER / "planar_3r.urdf").read_text()
 JOINT2 = '<joint name="joint2" type="revolute">'
@@ -32,11 +33,11 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "floating": (
         changed(JOINT2, JOINT2.replace("revolute", "floating")),
-        ("joint2", "floating", "prismatic"),
+        ("joint2", "floating", "prismatic", "'robot.lock: [joint2]' in a scene holds it"),
     ),
     "planar": (
         changed(JOINT2, JOINT2.replace("revolute", "planar")),
-        ("joint2", "planar", "prismatic"),
+        ("joint2", "planar", "prismatic", "'robot.lock: [joint2]' in a scene holds it"),
     ),
     "spherical": (
         changed(JOINT2, JOINT2.replace("revolute", "spherical")),
@@ -216,3 +217,30 @@ def test_a_link_that_weighs_nothing_at_the_end() -> None:
     text = GOOD.replace('<mass value="1.2"/>', '<mass value="0"/>').replace('"0.004"', '"0"')
     with pytest.raises(ModelError, match="joint3"):
         Dynamics(text).forward([0.0] * 3, [0.0] * 3, [0.0] * 3)
+
+
+def chain(joints: int, kind: str = "fixed") -> str:
+    """A description of links one after another."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(joints + 1))
+    parts = "".join(
+        f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/></joint>'
+        for i in range(joints)
+    )
+    return f'<robot name="chain">{links}{parts}</robot>'
+
+
+def test_links_too_deep_for_the_stack_of_the_parser_are_refused() -> None:
+    """4000 would end the process."""
+    assert len(read_urdf(chain(DEEPEST)).links) == DEEPEST + 1
+    with pytest.raises(
+        ModelError, match="'l4000' is 4000 joints away from its root; at most 1000"
+    ):
+        read_urdf(chain(4000))
+    turning = chain(DEEPEST - 1).replace('"j7" type="fixed"', '"j7" type="continuous"')
+    assert Dynamics(turning).joint_names == ("j7",)
+
+
+def test_a_long_loop_is_named_by_its_links() -> None:
+    text = chain(5000).replace('<parent link="l0"/>', '<parent link="l4"/>')
+    with pytest.raises(ModelError, match=r"links (l[1-4](, )?){4} form a loop"):
+        read_urdf(text)

@@ -60,6 +60,27 @@ def test_all_that_reads_descriptions_reads_it(text: str) -> None:
         )
 
 
+def test_a_file_of_another_encoding_is_read(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As by parsers to which names are bytes."""
+    text = BODY.replace("</robot>", "<!-- \u00e9paule --></robot>").replace(
+        "link3", "poign\u00e9e"
+    )
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(f'<?xml version="1.0" encoding="ISO-8859-1"?>{text}'.encode("latin-1"))
+    model = arm(path)
+    assert model.has_frame("poign\u00e9e")
+    assert model.whole.inertias[3] == arm(URDF).whole.inertias[3]
+    assert f"'{path}' is not UTF-8: read as Latin-1" in caplog.text
+
+
+def test_line_ends_and_marks_of_files_do_not_matter(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(b"\xef\xbb\xbf" + URDF.replace("\n", "\r\n").encode())
+    assert arm(path).whole == arm(URDF).whole
+
+
 def test_prefixes_and_namespaces_are_kept() -> None:
     root = xml_root(OPEN.replace("</robot>", '<gz:plugin gz:a="1"/></robot>'))
     assert root.attrib["xmlns"] == "http://a.robot"

@@ -129,8 +129,8 @@ def in_world(numbers: Sequence[float], frame_id: str, model: ArmModel) -> Pose:
     pose = pose_of(numbers)
     if frame_id in ("", "world"):
         return pose
-    fixed = [name for name in model.frame_names if model.frame(name).parentJoint == 0]
-    if frame_id not in fixed:
+    if not model.has_frame(frame_id) or model.frame(frame_id).parentJoint:
+        fixed = [name for name in model.frame_names if model.frame(name).parentJoint == 0]
         allowed = choices(frame_id, ["world", *fixed])
         raise InvalidInput(
             f"poses in frame '{plain(frame_id, 80)}'; allowed: fixed frames, {allowed}"

@@ -8,27 +8,39 @@ without loading Pinocchio.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from arm_dynamics.exceptions import ModelError, choices, did_you_mean, known_names
 from arm_dynamics.scene.inertia import ROUNDING, fault, least, moments
 from arm_dynamics.scene.urdf.plain import (
+    HELD,
     MOMENTS,
     MOVING,
     SUPPORTED,
     TENSOR,
     Notes,
+    described_range,
     distance,
     is_limited,
     plain_joint,
     plain_link,
+    remove_range,
 )
 from arm_dynamics.scene.urdf.xml import xml_root
 
+LINK, JOINT = "link:", "joint:"
+"""In front of the name of a frame, they say which is meant."""
 _VERSIONS = (None, "1", "1.0", "1.1")
 _FORMATS = {"mujoco": "MJCF, MuJoCo's format", "sdf": "SDF, Gazebo's format"}
+_EXPAND = (
+    "expand it with 'xacro arm.urdf.xacro > arm.urdf', or give the file itself, ending in .xacro, "
+    "where xacro is installed"
+)
+DEEPEST = 1000
+"""Largest number of joints from a root to a link: Pinocchio's parser recurses from link to link,
+and from 2000 to 4000 the stack of a process overflows, which ends it."""
 NEGATIVE_PART = 0.5
 """Largest negative principal moment of a link relative to its largest one.
 
@@ -56,6 +68,8 @@ class Urdf:
         links: Names of the links.
         mimics: Follower rules by joint name.
         limited: Joints with a position limit.
+        crossed: Lower and upper limit of joints whose lower one is above the upper one; in
+            ``text`` they have none.
         length: Sum of the distances of all joints from their parents in [m].
         doubtful: Links whose inertia is not physically consistent, and why; it is used unchanged.
         notes: Remarks on what is unusual, each with the places where it is.
@@ -66,6 +80,7 @@ class Urdf:
     links: tuple[str, ...]
     mimics: dict[str, Mimic]
     limited: frozenset[str]
+    crossed: Mapping[str, tuple[float, float]]
     length: float
     doubtful: dict[str, str]
     notes: Notes
@@ -74,6 +89,11 @@ class Urdf:
     def moving(self) -> list[str]:
         """Names of the joints that are not fixed."""
         return [name for name, kind in self.joints.items() if kind in MOVING]
+
+    @property
+    def lockable(self) -> list[str]:
+        """Names of the joints that a scene may lock."""
+        return [name for name, kind in self.joints.items() if kind in (*MOVING, *HELD)]
 
     def leader(self, name: str) -> str:
         """The joint that ``name`` follows in the end; itself if it is independent."""
@@ -87,12 +107,18 @@ class Urdf:
         """Names that a payload or a constraint may be attached to."""
         return list(dict.fromkeys([*self.links, *self.joints]))
 
+    def has_frame(self, name: str) -> bool:
+        """Whether a link or joint has this name, with ``LINK`` or ``JOINT`` in front or not."""
+        links, joints = [LINK + own for own in self.links], [JOINT + own for own in self.joints]
+        return name in (*self.links, *self.joints, *links, *joints)
 
-def read_urdf(text: str) -> Urdf:
+
+def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
     """Parse and check a robot description.
 
     Args:
         text: URDF as XML.
+        lock: Joints that the scene locks; floating and planar ones among them are fixed.
 
     Returns:
         Its joints, links and mimic rules.
@@ -103,21 +129,33 @@ def read_urdf(text: str) -> Urdf:
     notes: Notes = {}
     robot = _root(text)
     links = {name: plain_link(x, notes) for name, x in _unique(robot, "link").items()}
-    joints = {name: plain_joint(x, notes) for name, x in _unique(robot, "joint").items()}
+    described = _unique(robot, "joint")
+    joints = {name: plain_joint(x, notes, name in lock) for name, x in described.items()}
     if not links:
-        xacro = "; this is xacro source, expand it to URDF first" if "<xacro:" in text else ""
+        xacro = f"; this is xacro source: {_EXPAND}" if "<xacro:" in text else ""
         raise ModelError(f"robot description: no <link> found; at least one is required{xacro}")
+    names = set(links)
     for name, joint in joints.items():
-        _check_joint(name, joint, set(links))
+        _check_joint(name, joint, names)
     faults = {name: _check_inertia(name, link) for name, link in links.items()}
     _check_tree(joints, links)
-    kinds = {name: joint.get("type", "") for name, joint in joints.items()}
+    kinds = {name: joint.get("type", "") for name, joint in described.items()}
+    crossed = _crossed(joints)
     doubtful = {name: trouble for name, trouble in faults.items() if trouble}
     mimics = _mimics(joints, kinds)
     anew = _written(robot, [*links.values(), *joints.values()], notes)
     limited = frozenset(name for name, joint in joints.items() if is_limited(joint))
     length = sum(map(distance, joints.values()))
-    return Urdf(anew, kinds, tuple(links), mimics, limited, length, doubtful, notes)
+    return Urdf(anew, kinds, tuple(links), mimics, limited, crossed, length, doubtful, notes)
+
+
+def _crossed(joints: dict[str, ElementTree.Element]) -> dict[str, tuple[float, float]]:
+    """Limits with the lower one above the upper one, which are taken away."""
+    found = {name: described_range(joint) for name, joint in joints.items()}
+    crossed = {name: (lower, upper) for name, (lower, upper) in found.items() if lower > upper}
+    for name in crossed:
+        remove_range(joints[name])
+    return crossed
 
 
 def _written(
@@ -141,16 +179,14 @@ def _root(text: str) -> ElementTree.Element:
     root = xml_root(text)
     if root.tag != "robot":
         known = _FORMATS.get(root.tag)
-        hint = f"; this is {known}, convert it to URDF first" if known else ""
+        hint = f"; this is {known}: use the robot's URDF, or convert it to one" if known else ""
         raise ModelError(f"robot description: the root element is <{root.tag}>, not <robot>{hint}")
     bound = [key.removeprefix("xmlns:") for key, value in root.items() if "xacro" in value]
     for element in root:
         # Expanded files may keep definitions; a remaining call means that a part is missing.
         prefix, _, name = element.tag.rpartition(":")
         if prefix in ("xacro", *bound) and name not in ("property", "macro", "include", "arg"):
-            raise ModelError(
-                f"robot description: <xacro:{name}> is not expanded; run xacro on the file first"
-            )
+            raise ModelError(f"robot description: <xacro:{name}> is not expanded: {_EXPAND}")
     return root
 
 
@@ -173,6 +209,11 @@ def _link_name(joint: ElementTree.Element, end: str) -> str | None:
 
 def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None:
     kind = joint.get("type")
+    if kind in HELD:
+        raise ModelError(
+            f"joint '{name}': type '{kind}' is not supported as a joint that moves; allowed: "
+            f"{choices(kind, SUPPORTED)}; 'robot.lock: [{name}]' in a scene holds it at its origin"
+        )
     if kind not in SUPPORTED:
         raise ModelError(
             f"joint '{name}': type {kind!r} is not supported; allowed: {choices(kind, SUPPORTED)}"
@@ -217,9 +258,8 @@ def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
     return fault(weight, six)
 
 
-def _check_tree(
-    joints: dict[str, ElementTree.Element], links: dict[str, ElementTree.Element]
-) -> None:
+def _parents(joints: dict[str, ElementTree.Element]) -> dict[str, str]:
+    """The parent of each link that has one."""
     parent_of: dict[str, str] = {}
     for name, joint in joints.items():
         child = _link_name(joint, "child")
@@ -229,27 +269,54 @@ def _check_tree(
                 "URDF describes trees only"
             )
         parent_of[str(child)] = str(_link_name(joint, "parent"))
-    ringed = [name for name in links if _in_ring(name, parent_of)]
-    if ringed:
+    return parent_of
+
+
+def _check_tree(
+    joints: dict[str, ElementTree.Element], links: dict[str, ElementTree.Element]
+) -> None:
+    parent_of = _parents(joints)
+    roots = [name for name in links if name not in parent_of]
+    depths = _depths(roots, parent_of)
+    if lost := [name for name in links if name not in depths]:
+        ring = _ring(lost[0], parent_of)
         raise ModelError(
-            f"robot description: links {known_names(ringed)} form a loop; "
+            f"robot description: links {known_names(x for x in links if x in ring)} form a loop; "
             "URDF describes trees only"
         )
-    roots = [name for name in links if name not in parent_of]
+    deepest = max(depths, key=lambda name: depths[name])
+    if depths[deepest] > DEEPEST:
+        raise ModelError(
+            f"robot description: link '{deepest}' is {depths[deepest]} joints away from its root; "
+            f"at most {DEEPEST} are supported"
+        )
     if len(roots) != 1:
         raise ModelError(
             f"robot description: one root link expected, found {len(roots)}: {known_names(roots)}"
         )
 
 
-def _in_ring(link: str, parent_of: dict[str, str]) -> bool:
-    above, seen = parent_of.get(link), set[str]()
-    while above is not None and above not in seen:
-        if above == link:
-            return True
-        seen.add(above)
-        above = parent_of.get(above)
-    return False
+def _ring(link: str, parent_of: Mapping[str, str]) -> set[str]:
+    """The loop in which the way from a link to its parents ends."""
+    for _ in parent_of:
+        link = parent_of[link]
+    ring = {link}
+    while (link := parent_of[link]) not in ring:
+        ring.add(link)
+    return ring
+
+
+def _depths(roots: Iterable[str], parent_of: Mapping[str, str]) -> dict[str, int]:
+    """Number of joints between the roots and each link that they lead to."""
+    below: dict[str, list[str]] = {}
+    for child, parent in parent_of.items():
+        below.setdefault(parent, []).append(child)
+    depths = dict.fromkeys(roots, 0)
+    waiting = list(depths)
+    for link in waiting:
+        depths |= dict.fromkeys(below.get(link, ()), depths[link] + 1)
+        waiting += below.get(link, ())
+    return depths
 
 
 def _mimics(joints: dict[str, ElementTree.Element], kinds: dict[str, str]) -> dict[str, Mimic]:
@@ -259,7 +326,7 @@ def _mimics(joints: dict[str, ElementTree.Element], kinds: dict[str, str]) -> di
         if element is None or kinds[name] == "fixed":
             continue
         leader = element.get("joint")
-        if leader not in kinds or kinds[leader] == "fixed" or leader == name:
+        if leader not in kinds or kinds[leader] not in MOVING or leader == name:
             others = [n for n, kind in kinds.items() if kind in MOVING and n != name]
             allowed = known_names(others) + (
                 "" if leader in kinds else did_you_mean(leader, others)

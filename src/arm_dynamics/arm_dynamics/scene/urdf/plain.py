@@ -19,6 +19,8 @@ from arm_dynamics.exceptions import ModelError
 
 MOVING = ("revolute", "continuous", "prismatic")
 SUPPORTED = (*MOVING, "fixed")
+HELD = ("floating", "planar")
+"""Types of joints that are supported only if the scene locks them: then they are fixed."""
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 MOMENTS = ("ixx", "iyy", "izz")
 PRODUCTS = ("ixy", "ixz", "iyz")
@@ -70,7 +72,10 @@ def plain_link(link: ElementTree.Element, notes: Notes) -> ElementTree.Element:
     """
     owner = f"link '{link.get('name')}'"
     copy = ElementTree.Element("link", name=link.get("name", ""))
-    if (inertial := link.find("inertial")) is not None:
+    inertials = link.findall("inertial")
+    if len(inertials) > 1:
+        _note(notes, "more than one <inertial>: only the first counts", owner)
+    for inertial in inertials[:1]:
         part = ElementTree.SubElement(copy, "inertial")
         part.extend(_parts(inertial, ("origin", "mass", "inertia"), owner, notes))
         if (tensor := part.find("inertia")) is not None:
@@ -78,13 +83,24 @@ def plain_link(link: ElementTree.Element, notes: Notes) -> ElementTree.Element:
     return copy
 
 
-def plain_joint(joint: ElementTree.Element, notes: Notes) -> ElementTree.Element:
+def plain_joint(
+    joint: ElementTree.Element, notes: Notes, locked: bool = False
+) -> ElementTree.Element:
     """Copy of a named <joint> with what matters to its motion.
 
-    What is not limited has a limit of zero or of the largest number. Arguments and errors as for
-    ``plain_link``.
+    What is not limited has a limit of zero or of the largest number.
+
+    Args:
+        joint: The element.
+        notes: Receives remarks.
+        locked: Whether the scene locks it; then one of ``HELD`` is fixed.
+
+    Raises:
+        ModelError: As by ``plain_link``.
     """
     name, kind = joint.get("name", ""), joint.get("type", "")
+    if locked and kind in HELD:
+        kind = "fixed"
     owner = f"joint '{name}'"
     copy = ElementTree.Element("joint", name=name, type=kind)
     own = () if kind == "fixed" else ("axis", "limit", "dynamics", "mimic")
@@ -92,19 +108,30 @@ def plain_joint(joint: ElementTree.Element, notes: Notes) -> ElementTree.Element
     if (axis := copy.find("axis")) is not None:
         _check_axis(axis, joint, owner, notes)
     if (limit := copy.find("limit")) is not None:
-        _open(limit, kind, owner, notes)
+        _open(limit, owner, notes)
     if (losses := copy.find("dynamics")) is not None and not losses.attrib:
         losses.attrib.update(damping="0.0", friction="0.0")
         _note(notes, "<dynamics> without damping and friction: both are taken as 0", owner)
     return copy
 
 
-def is_limited(joint: ElementTree.Element) -> bool:
-    """Whether the copy of a joint has a position limit; equal ones mean none."""
+def described_range(joint: ElementTree.Element) -> tuple[float, float]:
+    """Lower and upper position limit of the copy of a joint; equal ones mean none."""
     limit = joint.find("limit")
     if limit is None or joint.get("type") == "continuous":
-        return False
-    lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
+        return 0.0, 0.0
+    return float(limit.get("lower", "0")), float(limit.get("upper", "0"))
+
+
+def remove_range(joint: ElementTree.Element) -> None:
+    """Take the position limits from the copy of a joint."""
+    if (limit := joint.find("limit")) is not None:
+        limit.attrib.update(lower="0.0", upper="0.0")
+
+
+def is_limited(joint: ElementTree.Element) -> bool:
+    """Whether the copy of a joint has a position limit."""
+    lower, upper = described_range(joint)
     return lower != upper and min(abs(lower), abs(upper)) <= NO_LIMIT
 
 
@@ -171,7 +198,7 @@ def _check_axis(
         raise ModelError(f"{owner}: axis {given[0]!r} has no direction")
 
 
-def _open(limit: ElementTree.Element, kind: str, owner: str, notes: Notes) -> None:
+def _open(limit: ElementTree.Element, owner: str, notes: Notes) -> None:
     """Write open limits such that urdfdom reads them."""
     for key in ("effort", "velocity"):
         if key not in limit.keys():
@@ -180,13 +207,3 @@ def _open(limit: ElementTree.Element, kind: str, owner: str, notes: Notes) -> No
     for key in limit.keys():
         if abs(float(limit.get(key, "0"))) == _LARGEST:
             _note(notes, f"<limit {key}> is infinite: there is none", owner)
-    lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
-    if kind in ("revolute", "prismatic") and lower > upper:
-        # PyBullet's convention for a joint without limits, but it may also be a swapped pair.
-        limit.attrib.update(lower="0.0", upper="0.0")
-        _note(
-            notes,
-            "lower is above upper: no limit is assumed; if the two are swapped, the scene's "
-            "joints.NAME.limits can give them",
-            f"{owner}: <limit lower={lower:g} upper={upper:g}>",
-        )

@@ -11,6 +11,7 @@ from arm_sim import Recording, Simulator
 from arm_sim.cli.view.options import ViewOptions
 from arm_sim.exceptions import ViewError
 from arm_sim.view import View, show
+from arm_sim.view.view import simulator_of
 
 RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
 
@@ -33,7 +34,7 @@ def shown(what: Sequence[str], options: ViewOptions) -> View:
             )
         things = [_loaded(path, options) for path in what]
     else:
-        things = [Simulator(scene) for scene in what]
+        things = [simulator_of(scene) for scene in what]
         if options.over:
             things = [_moved(simulator, options.duration, options.control) for simulator in things]
     return show(*things, name=names, host=options.host, port=options.port, folder=folder)

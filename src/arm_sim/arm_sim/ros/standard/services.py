@@ -169,7 +169,7 @@ class StandardServices:
         world.description = "the scene of one robot arm"
         world.world_resource.uri = self._scene
         if not self._scene:
-            world.world_resource.resource_string = model.scene.robot.urdf
+            world.world_resource.resource_string = model.scene.description
 
     # --- entities ------------------------------------------------------------------------------
 

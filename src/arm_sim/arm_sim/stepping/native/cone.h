@@ -52,11 +52,9 @@ typedef struct {
   double direction[2]; /* sliding direction */
 } answer_t;
 
-static const answer_t apart = {.state = APART, .direction = {1.0, 0.0}};
+static const answer_t apart = {APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
 
-static double grip_of(const double W[3][3], double mu, double d0, double d1) {
-  return W[0][0] - mu * (W[0][1] * d0 + W[0][2] * d1);
-}
+static double grip_of(double W[3][3], double mu, double d0, double d1) { return W[0][0] - mu * (W[0][1] * d0 + W[0][2] * d1); }
 
 static void put_sliding(answer_t* answer, double normal, double mu, double d0, double d1) {
   answer->state = SLIDES;
@@ -101,7 +99,7 @@ static double scale_of(double mobility, double trace) {
 }
 
 /* Force that keeps the point at rest: least-norm solution of W r = -c, where W may be singular. */
-static void hold(const double W[3][3], const double* c, double* r) {
+static void hold(double W[3][3], const double* c, double* r) {
   const double trace = W[0][0] + W[1][1] + W[2][2];
   for (int i = 0; i < 3; ++i) r[i] = 0.0;
   for (int turn = 0; turn < 3; ++turn) {
@@ -116,14 +114,14 @@ static void hold(const double W[3][3], const double* c, double* r) {
 }
 
 /* Component of w_t perpendicular to the sliding direction, times the grip. */
-static double across(const double W[3][3], const double* c, double mu, double angle) {
+static double across(double W[3][3], const double* c, double mu, double angle) {
   const double d0 = cos(angle), d1 = sin(angle), grip = grip_of(W, mu, d0, d1);
   const double w1 = grip * c[1] - c[0] * (W[1][0] - mu * (W[1][1] * d0 + W[1][2] * d1));
   const double w2 = grip * c[2] - c[0] * (W[2][0] - mu * (W[2][1] * d0 + W[2][2] * d1));
   return d0 * w2 - d1 * w1;
 }
 
-static double root_of(const double W[3][3], const double* c, double mu, double low, double high, double f_low) {
+static double root_of(double W[3][3], const double* c, double mu, double low, double high, double f_low) {
   for (int k = 0; k < ROOT_STEPS; ++k) {
     const double middle = 0.5 * (low + high), f = across(W, c, mu, middle);
     if (middle == low || middle == high) break;
@@ -135,7 +133,7 @@ static double root_of(const double W[3][3], const double* c, double mu, double l
 }
 
 /* The direction in which the point starts to slide: w_t is along it under the resulting force. */
-static void start_to_slide(const double W[3][3], const double* c, double mu, answer_t* answer) {
+static void start_to_slide(double W[3][3], const double* c, double mu, answer_t* answer) {
   const double full_turn = 6.283185307179586;
   const double largest = fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])));
   double best = -INFINITY, value = across(W, c, mu, 0.0);
@@ -164,7 +162,7 @@ static void start_to_slide(const double W[3][3], const double* c, double mu, ans
 }
 
 /* Solve for one contact, which sticks up to `held`; `given` is the direction of a sliding one, else null. */
-static answer_t single(const double W[3][3], const double* c, double mu, double held, const double* given) {
+static answer_t single(double W[3][3], const double* c, double mu, double held, const double* given) {
   answer_t answer = apart;
   if (c[0] >= 0.0) return answer;
   if (given) {
@@ -184,7 +182,7 @@ static answer_t single(const double W[3][3], const double* c, double mu, double 
   return answer;
 }
 
-typedef struct {
+__extension__ typedef struct {
   const double *W, *c; /* motion per force, and motion without forces */
   const double *friction, *holding; /* coefficients of sliding and static friction ... */
   double mu[NC], held[NC];          /* ... and the fraction of them in the current continuation step */
@@ -216,7 +214,7 @@ static double own_size(const cones_t* cones, const double* r, int k) {
 
 /* Solve one contact after another (Gauss-Seidel): 1 if this converges. */
 static int sweep(const cones_t* cones, double* r, int sweeps, answer_t* answers) {
-  double block[3][3], change[NC];
+  __extension__ double block[3][3], change[NC];
   for (int k = 0; k < NC; ++k) answers[k] = apart;
   for (int turn = 0; turn < sweeps; ++turn) {
     int settled = 1;
@@ -250,8 +248,8 @@ static void find_motion(const cones_t* cones, const double* r, double* w) {
 }
 
 /* Tangential rows of a contact that starts to slide, or slides in an unknown direction. */
-static void turning_rows(const cones_t* cones, int k, double rho, double pressed, const double* z, double size,
-                         const double* regular, double J[MC][MC]) {
+__extension__ static void turning_rows(const cones_t* cones, int k, double rho, double pressed, const double* z, double size,
+                                       const double* regular, double J[MC][MC]) {
   const double mu = cones->mu[k], along[2] = {z[0] / size, z[1] / size}, part = mu * pressed / size;
   for (int j = 0; j < MC; ++j) {
     double pressing = -rho * AT(cones->W, MC, 3 * k, j), moving[2];
@@ -267,8 +265,8 @@ static void turning_rows(const cones_t* cones, int k, double rho, double pressed
 
 /* Residual of Coulomb's law as equations in the forces, and its derivative; returns the sum of squares of the residual, as
  * the accelerations that it would cause. */
-static double equations(const cones_t* cones, const double* r, double* F, double J[MC][MC]) {
-  double w[MC], regular[MC], trace = 0.0, sum = 0.0;
+__extension__ static double equations(const cones_t* cones, const double* r, double* F, double J[MC][MC]) {
+  __extension__ double w[MC], regular[MC], trace = 0.0, sum = 0.0;
   find_motion(cones, r, w);
   for (int i = 0; i < MC; ++i) {
     F[i] = r[i];
@@ -305,7 +303,7 @@ static double equations(const cones_t* cones, const double* r, double* F, double
 }
 
 static void read_answers(const cones_t* cones, const double* r, answer_t* answers) {
-  double w[MC];
+  __extension__ double w[MC];
   find_motion(cones, r, w);
   for (int k = 0; k < NC; ++k) {
     const int n = 3 * k;
@@ -332,7 +330,7 @@ static double lacking(const cones_t* cones, const double* r, const double* F) {
 
 /* Improve forces by Newton's method until they satisfy the laws, to rounding: 0 if they do not. */
 static int newton(const cones_t* cones, double* r, answer_t* answers) {
-  double trial[MC], after[MC], F[MC], J[MC][MC], step[MC], left;
+  __extension__ double trial[MC], after[MC], F[MC], J[MC][MC], step[MC], left;
   for (int i = 0; i < MC; ++i) trial[i] = r[i];
   double size = equations(cones, trial, F, J);
   for (int turn = 0, better = 1;; ++turn) {
@@ -367,7 +365,7 @@ static void take_part(cones_t* cones, double part) {
 /* Solve for several contacts: 0 if no solution is found. */
 static int several(cones_t* cones, answer_t* answers) {
   static const int sweeps[2] = {20, 200}; /* sweeps before Newton's method is tried, and tried again */
-  double r[MC];
+  __extension__ double r[MC];
   int found = 0;
   for (int i = 0; i < MC; ++i) r[i] = 0.0;
   take_part(cones, 1.0);

@@ -7,6 +7,8 @@
  * with the scaling of Nesterov and Todd and a corrector (Andersen, Roos, Terlaky, "On implementing a primal-dual
  * interior-point method for conic quadratic optimization", Mathematical Programming 95, 2003), from a y inside the cones,
  * which no iterate leaves. The problems are small, and the normal equations dense.
+ *
+ * Required definitions: NU (joints), NC (contacts), NM (rows of bilateral constraints).
  */
 
 #pragma once
@@ -14,6 +16,11 @@
 
 #include <math.h>
 #include <string.h>
+
+/* The largest problem, of as many limits and reactions, self-stresses and parts as a scene has; see together.h. */
+#define MOST_ROWS (3 * NU + 6 * NC + 1)
+#define MOST_UNKNOWNS (NM + NU + 3 * NC + 1)
+#define MOST_CONES (2 * NU + NC + 2)
 
 #define CONIC_STEPS 80
 #define CONIC_GAP 1e-13  /* distance from the solution at which it is reached, ... */
@@ -101,7 +108,7 @@ static void solve_factored(int n, const double* L, double* b) {
 }
 
 static void find_slack(const conic_t* at, const double* y, double* s) {
-  for (int i = 0; i < at->rows; ++i) s[i] = at->h[i] + dot(at->G + (size_t)at->unknowns * i, y, at->unknowns);
+  for (int i = 0; i < at->rows; ++i) s[i] = at->h[i] + dot(at->G + at->unknowns * i, y, at->unknowns);
 }
 
 /* Whether every part of s is inside its cone. */
@@ -124,7 +131,7 @@ static void find_direction(const conic_t* at, const double* B, const double* L, 
   }
   solve_factored(n, L, dy);
   for (int i = 0; i < at->rows; ++i) {
-    ds[i] = dot(B + (size_t)n * i, dy, n);
+    ds[i] = dot(B + n * i, dy, n);
     dz[i] -= ds[i];
   }
 }
@@ -152,7 +159,9 @@ static void find_change(const conic_t* at, const double* lambda, const double* d
 /* Least last number of y, which begins inside the cones; at most `enough` is enough. z receives the dual solution. */
 static double least_last(const conic_t* at, double* y, double* z, double enough) {
   const int n = at->unknowns, m = at->rows;
-  double s[m], lambda[m], axis[m], factor[at->cones], B[m * n], L[n * n], left[n], dy[n], next[n], ds[m], dz[m], change[m];
+  double s[MOST_ROWS], lambda[MOST_ROWS], axis[MOST_ROWS], ds[MOST_ROWS], dz[MOST_ROWS], change[MOST_ROWS];
+  double left[MOST_UNKNOWNS], dy[MOST_UNKNOWNS], next[MOST_UNKNOWNS], factor[MOST_CONES];
+  double B[MOST_ROWS * MOST_UNKNOWNS], L[MOST_UNKNOWNS * MOST_UNKNOWNS];
   find_slack(at, y, s);
   for (int k = 0, i = 0; k < at->cones; i += at->size[k++])
     for (int j = 0; j < at->size[k]; ++j) z[i + j] = j ? 0.0 : 1.0 / at->cones;
@@ -170,7 +179,7 @@ static double least_last(const conic_t* at, double* y, double* z, double enough)
       factor[k] = find_scaling(s + i, z + i, rows, axis + i);
       scale(factor[k], axis + i, z + i, rows, 1, lambda + i);
       for (int j = 0; j < n; ++j) {
-        double column[rows];
+        double column[MOST_ROWS];
         for (int l = 0; l < rows; ++l) column[l] = at->G[n * (i + l) + j];
         scale(factor[k], axis + i, column, rows, -1, column);
         for (int l = 0; l < rows; ++l) B[n * (i + l) + j] = column[l];
@@ -182,8 +191,7 @@ static double least_last(const conic_t* at, double* y, double* z, double enough)
         for (int l = 0; l < m; ++l) L[n * i + j] += B[n * l + i] * B[n * l + j];
       }
     factor_of(n, L);
-    memset(ds, 0, sizeof ds);
-    memset(dz, 0, sizeof dz);
+    for (int i = 0; i < m; ++i) ds[i] = dz[i] = 0.0;
     find_change(at, lambda, ds, dz, 0.0, change);
     find_direction(at, B, L, lambda, change, left, dy, ds, dz);
     const double missing = 1.0 - step_to_edge(at, lambda, ds, dz, 1.0);
@@ -193,7 +201,7 @@ static double least_last(const conic_t* at, double* y, double* z, double enough)
     for (int j = 0; j < n; ++j) next[j] = y[j] + length * dy[j];
     find_slack(at, next, s);
     if (!is_within(at, s)) break;
-    memcpy(y, next, sizeof next);
+    for (int j = 0; j < n; ++j) y[j] = next[j];
     for (int k = 0, i = 0; k < at->cones; i += at->size[k++]) {
       scale(factor[k], axis + i, dz + i, at->size[k], -1, dz + i);
       for (int j = i; j < i + at->size[k]; ++j) z[j] += length * dz[j];

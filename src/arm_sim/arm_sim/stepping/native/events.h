@@ -82,7 +82,7 @@ static enum trouble begin_segment(real* x, segment_t* segment, double tick, long
 static void catch_up(real* x, const segment_t* segment) {
   segment_t caught = *segment;
   geometry_t geometry;
-  real anchor[2 * NC], v[NU];
+  __extension__ real anchor[2 * NC], v[NU];
   for (int i = 0; i < ND; ++i)
     if (may_stick(i) && x[NU + i] * segment->p.direction[i] <= 0.0) x[NU + i] = 0.0;
   for (int i = 0; i < NU; ++i) v[i] = x[NU + i];
@@ -117,7 +117,7 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
   long long losses = MOST_REBOUNDS;
   segment->step = left / TIME_STEPS;
   for (int k = 0; k < TIME_STEPS; ++k) {
-    real after[NX], anchor[2 * NC], error[2];
+    __extension__ real after[NX], anchor[2 * NC], error[2];
     piece_t piece;
     const enum trouble trouble = begin_segment(x, segment, left, &losses, report, anchor);
     if (trouble != NONE) return trouble;
@@ -132,13 +132,14 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
   return NONE;
 }
 
-static long long time_stepped(const report_t* report) { return report->time_stepped; }
+static long long count_time_stepped(const report_t* report) { return report->time_stepped; }
 
 /* The next record of a traced tick, which begins at x; null if there is no room. */
 static record_t* next_record(trace_t* trace, const real* x) {
   if (!trace || trace->count++ >= trace->most) return 0;
   record_t* record = trace->records + trace->count - 1;
-  *record = (record_t){.calm = 1.0};
+  clear(record, sizeof *record);
+  record->calm = 1.0;
   for (int i = 0; i < NX; ++i) record->before[i] = x[i];
   return record;
 }
@@ -165,9 +166,8 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
   double left = h;
   for (int i = 0; i < NX; ++i) now[i] = x[i];
   if (is_inside(now, segment)) return INSIDE;
-  for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
   while (*segment->work < MOST_WORK) {
-    real after[NX], anchor[2 * NC];
+    __extension__ real after[NX], anchor[2 * NC];
     int calm;
     segment->record = next_record(trace, now);
     const enum trouble trouble = begin_segment(now, segment, h, &losses, report, anchor);
@@ -212,9 +212,11 @@ static int free_once(const real* x, const real* u, const real* p, double h, real
 
 /* Whether a joint may meet a stop in a motion, or a drive or cord switch: whether it moves by half of its distance. */
 static int meets_any(const real* x, const real* u, const real* after, double h) {
-  const segment_t segment = {.u = u};
-  real value[2][NK], size[NK];
+  segment_t segment;
+  __extension__ real value[2][NK], size[NK];
   int meets = 0;
+  if (NK) clear(&segment, sizeof segment);
+  segment.u = u;
   find_switches(x, &segment, value[0], size);
   find_switches(after, &segment, value[1], size);
   for (int k = 0; k < NK; ++k) {
@@ -274,7 +276,10 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
   }
 #endif
   long long work = 0;
-  segment_t segment = {.u = u, .control = control, .work = &work, .halves = report->halves};
+  segment_t segment;
+  begin_tick(&segment, u, &work);
+  segment.control = control;
+  segment.halves = report->halves;
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
   report->trouble = tick_with_events(x, &segment, h, report, 0, after);
   return report->trouble == NONE;
@@ -283,11 +288,11 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
 /* Find the probable modes of a tick. */
 EXPORTED void foresee(foreseen_t* tick) {
   long long work = 0;
-  segment_t segment = {.u = tick->u, .work = &work};
+  segment_t segment;
   geometry_t geometry;
+  begin_tick(&segment, tick->u, &work);
   memcpy(&segment.p, tick->p, sizeof segment.p);
   memcpy(&geometry, tick->geometry, sizeof geometry);
-  for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
   guess_modes(tick->x, &segment, &geometry);
   find_anchors(&geometry, tick->anchor);
   memcpy(tick->p, &segment.p, sizeof segment.p);
@@ -302,8 +307,11 @@ EXPORTED void foresee(foreseen_t* tick) {
 /* The foreseen tick, whatever happens in it: 0 if it cannot be computed. */
 EXPORTED int tick_as_foreseen(const foreseen_t* tick, double* after) {
   long long work = 0;
-  report_t report = {0};
-  segment_t segment = {.u = tick->u, .work = &work, .foreseen = tick};
+  report_t report;
+  segment_t segment;
+  clear(&report, sizeof report);
+  begin_tick(&segment, tick->u, &work);
+  segment.foreseen = tick;
   memcpy(segment.p.tunable, tick->p, sizeof segment.p.tunable);
   return tick_with_events(tick->x, &segment, tick->length, &report, 0, after) == NONE;
 }
@@ -312,8 +320,10 @@ EXPORTED int tick_as_foreseen(const foreseen_t* tick, double* after) {
 EXPORTED long long trace_tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report,
                               record_t* records, long long most, real* after) {
   long long work = 0;
-  segment_t segment = {.u = u, .control = control, .work = &work};
-  trace_t trace = {.records = records, .most = most};
+  segment_t segment;
+  trace_t trace = {records, most, 0};
+  begin_tick(&segment, u, &work);
+  segment.control = control;
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
   report->trouble = tick_with_events(x, &segment, h, report, &trace, after);
   return report->trouble == NONE ? trace.count : -1;

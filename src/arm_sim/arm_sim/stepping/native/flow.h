@@ -18,7 +18,9 @@
   casadi_int iw[SZ_IW]; \
   const real* arg[SZ_ARG]; \
   real* res[SZ_RES]
+#ifndef EXPORTED
 #define EXPORTED __attribute__((visibility("default")))
+#endif
 
 /* State of the error control between sub-steps. Python: SubstepControl. */
 typedef struct {

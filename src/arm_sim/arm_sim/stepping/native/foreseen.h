@@ -5,16 +5,20 @@
  * The engine of one arm looks its questions up here and computes those that are not answered, such as all that follow from
  * an event. Answers are those of the same functions for the same bits: the motion does not depend on what is foreseen.
  *
+ * Arrays may have no elements, which C and C++ know as an extension alone: hence `__extension__`.
+ *
  * Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.h).
  */
 
 #pragma once
 #include "scene.h"
 
+/* In the place of a function that is not generated, and never called. */
+#define ABSENT(arg, res, iw, w) ((void)(arg), (void)(res), (void)(iw), (void)(w))
 #if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
-#define contact_geometry(arg, res, iw, w, mem)
-#define contact_inertia(arg, res, iw, w, mem)
-#define contact_close(arg, res, iw, w, mem)
+#define contact_geometry(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
+#define contact_inertia(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
+#define contact_close(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
 #endif
 
 /* Numbers in modes_t after the tunable ones, loads_t, geometry_t and inertia_t. */
@@ -28,7 +32,7 @@ typedef struct {
   double slope[2][NX], middle[NX];
 } inside_t;
 
-typedef struct {
+__extension__ typedef struct {
   double x[NX], u[NU], p[NP + MODES]; /* beginning of a tick, its command, and its probable modes */
   double length;                      /* of the tick */
   double geometry[PLACES], anchor[2 * NC]; /* at its beginning */
@@ -40,7 +44,7 @@ typedef struct {
 } foreseen_t;
 
 /* A tick without events, for derivatives: one smooth motion. */
-typedef struct {
+__extension__ typedef struct {
   double x[NX], u[NU], tunable[NP], length; /* given: its beginning, command, parameters, and length */
   double p[NP + MODES], limit[NC]; /* its modes, and the fraction of its normal force up to which a contact sticks */
   double begin[NX], end[NX], after[NX]; /* the motion's ends, and the state after the tick, with closed contacts */

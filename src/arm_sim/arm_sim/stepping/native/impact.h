@@ -21,7 +21,7 @@
 #define PULLING 1e-12 /* tolerated pulling impulse of a stop, relative to the largest */
 
 /* An impact: desired velocities after it, and its result. */
-typedef struct {
+__extension__ typedef struct {
   double rebound[NC];     /* desired velocities of contacts ... */
   double leaves[NU];      /* ... and of joints that hit their stops; other joints at stops remain there */
   int touching;           /* whether a contact takes part */
@@ -32,13 +32,17 @@ typedef struct {
 
 /* Impulses of contacts that meet with `before` under the mobility of the other parts: the energy they add. */
 static double find_impulse(const inertia_t* inertia, const real* before, double part, const contact_t* contact, blow_t* blow) {
-  double c[MC], gain = 0.0;
-  answer_t answers[NC];
-  cones_t cones = {.W = inertia->W, .c = c, .friction = friction, .holding = friction};
+  __extension__ double c[MC], gain = 0.0;
+  __extension__ answer_t answers[NC];
+  cones_t cones;
+  cones.W = inertia->W;
+  cones.c = c;
+  cones.friction = cones.holding = friction;
   for (int i = 0; i < MC; ++i) c[i] = before[i];
   for (int k = 0; k < NC; ++k) {
     c[3 * k] -= part * blow->rebound[k];
     cones.allowed[k] = contact[k].touching;
+    cones.slides[k] = 0;
   }
   if (!several(&cones, answers)) return INFINITY;
   for (int k = 0; k < NC; ++k) {
@@ -198,10 +202,11 @@ static void note_blow(record_t* record, const segment_t* segment, const blow_t* 
  * that of x, before and after.
  */
 static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geometry) {
-  blow_t blow = {.touching = 0};
-  double hop[NC];
+  blow_t blow;
+  __extension__ double hop[NC];
   int any = 0, any_rebound = 0;
   double part = 1.0;
+  clear(&blow, sizeof blow);
   for (int k = 0; k < NC; ++k) segment->p.contact[k].closed = segment->p.contact[k].sticks = 0.0;
   for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
   find_geometry(x, segment, geometry);

@@ -27,6 +27,7 @@
 #include "cone.h"
 #include "together.h"
 #include "search.h"
+#include "clear.h"
 
 #define GAP_ROUNDING (4 * 2.220446049250313e-16) /* rounding of a gap, as a multiple of the lengths that add up to it ... */
 #define HOP (64 * 2.220446049250313e-16)         /* ... and the threshold of an opening gap */
@@ -45,13 +46,13 @@
 #define WORST_FIRST (NC ? PIVOTS : 3 * NU) /* pivots before the first violation is chosen */
 
 #if NB == 0
-#define bilateral(arg, res, iw, w, mem)
+#define bilateral(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
 #endif
 #if NQ == 0
-#define pressures(arg, res, iw, w, mem)
+#define pressures(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
 #endif
 #if NK == 0
-#define switches(arg, res, iw, w, mem)
+#define switches(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
 #endif
 
 /* Why a tick could not be computed. Python: Trouble. */
@@ -75,7 +76,7 @@ typedef struct {
 } contact_mode_t;
 
 /* The vector p of the generated functions. Python: modes_type(). */
-typedef struct {
+__extension__ typedef struct {
   real tunable[NP];
   real direction[ND]; /* of joints: -1 and 1 slide, 0 is held by friction or a stop; without friction sliding is 1 */
   real pressed[NQ];   /* of joints: -1 and 1 press against the lower and the upper compliant stop, else 0 */
@@ -94,7 +95,7 @@ typedef struct {
 } contact_t;
 
 /* A segment of a tick, for derivatives; all entries are real numbers. Python: segment_type(). */
-typedef struct {
+__extension__ typedef struct {
   real before[NX], begin[NX], end[NX]; /* states before its impact, after it, and at the end of its motion */
   modes_t p;
   real limit[NC];         /* fraction of its normal force up to which a contact sticks */
@@ -111,7 +112,7 @@ typedef struct {
 } trace_t;
 
 /* A smooth segment of a tick: command, and modes of joints and contacts. */
-typedef struct {
+__extension__ typedef struct {
   const real* u;
   control_t* control;
   modes_t p;
@@ -126,19 +127,19 @@ typedef struct {
   record_t* record; /* record of this segment, if the tick is traced */
 } segment_t;
 
-typedef struct {
+__extension__ typedef struct {
   real place[MC], speed[MC], size[NC];
 } geometry_t; /* contact points in their planes' axes */
-typedef struct {
+__extension__ typedef struct {
   real load[NU], force[MC], rate[MC], grip[NC];
 } loads_t;
-typedef struct {
+__extension__ typedef struct {
   real W[MC * MC], B[NU * MC], free[MC];
 } inertia_t;
 static const double static_level[NU] = STATIC;
-static const double friction[NC] = FRICTION; /* coefficients of sliding friction ... */
-static const double holding[NC] = HOLDING;   /* ... and of static friction */
-static const double restitution[NC] = RESTITUTION;
+__extension__ static const double friction[NC] = FRICTION; /* coefficients of sliding friction ... */
+__extension__ static const double holding[NC] = HOLDING;   /* ... and of static friction */
+__extension__ static const double restitution[NC] = RESTITUTION;
 
 /* Rigid stops: -1 and 1 for a joint at its lower or upper one, else 0. */
 #ifdef RIGID
@@ -155,7 +156,20 @@ static int at_stop(const real* x, int joint) {
 #endif
 static const double soft_stop[2][NU] = {SOFT_LOWER, SOFT_UPPER};
 
-static int same(const real* a, const double* b, int count) { return !memcmp(a, b, count * sizeof *a); }
+/* Of a tick, of which nothing but the command is known yet; `work` counts its operations. */
+static void begin_tick(segment_t* segment, const real* u, long long* work) {
+  clear(segment, sizeof *segment);
+  segment->u = u;
+  segment->work = work;
+  for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
+}
+
+/* Whether numbers are the same, bit for bit. */
+static int same(const real* a, const double* b, int count) {
+  int equal = 1;
+  for (int i = 0; equal && i < count; ++i) equal = AS_BITS(a[i]) == AS_BITS(b[i]);
+  return equal;
+}
 
 /* Whether answers are known for the modes of a segment. */
 static int is_foreseen(const segment_t* segment) {
@@ -342,7 +356,7 @@ static void find_closed_gaps(segment_t* segment, const geometry_t* geometry) {
 /* Contacts whose gap is closed to rounding and does not open. */
 static void find_touching(const real* x, segment_t* segment, const geometry_t* geometry) {
   contact_t* contact = segment->contact;
-  double hop[NC];
+  __extension__ double hop[NC];
   int opens = 0;
   find_closed_gaps(segment, geometry);
   for (int k = 0; k < NC; ++k) opens |= contact[k].touching && geometry->speed[3 * k] > speed_rounding(x);
@@ -368,7 +382,7 @@ static void guess(const real* x, segment_t* segment, const geometry_t* geometry)
     segment->turned[i] = 0;
   }
   find_pressed(x, segment);
-  real value[NK], size[NK];
+  __extension__ real value[NK], size[NK];
   find_switches(x, segment, value, size);
   for (int k = 0; k < NK; ++k) segment->p.switches[k] = value[k] >= 0.0;
   find_touching(x, segment, geometry);
@@ -380,9 +394,12 @@ static void guess(const real* x, segment_t* segment, const geometry_t* geometry)
     contact->slides = !still;
     contact->given[0] = turns ? s[0] / size : 1.0;
     contact->given[1] = turns ? s[1] / size : 0.0;
-    segment->p.contact[k] =
-        (contact_mode_t){contact->touching, contact->touching && still, {contact->given[0], contact->given[1]}, still};
-    begin_as_ended(segment->p.contact + k, contact);
+    contact_mode_t* mode = segment->p.contact + k;
+    mode->closed = contact->touching;
+    mode->sticks = contact->touching && still;
+    for (int i = 0; i < 2; ++i) mode->along[i] = contact->given[i];
+    mode->fixed = still;
+    begin_as_ended(mode, contact);
   }
 }
 
@@ -405,14 +422,19 @@ static void find_parts(const real* x, const segment_t* segment, const loads_t* f
                        part_t* parts) {
   for (int i = 0; i < NU; ++i) {
     const int side = ND ? at_stop(x, i) : 0;
-    parts[i] = (part_t){.held = ND && segment->p.direction[i] == 0.0, .force = {balance->reaction[i]}};
+    parts[i] = loose;
+    parts[i].held = ND && segment->p.direction[i] == 0.0;
+    parts[i].force[0] = balance->reaction[i];
     parts[i].least = side < 0 ? -INFINITY : -balance->capacity[NU + i];
     parts[i].most = side > 0 ? INFINITY : balance->capacity[i];
   }
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t* mode = segment->p.contact + k;
     part_t* part = parts + NU + k;
-    *part = (part_t){.held = mode->closed != 0.0, .most = INFINITY, .fraction = stick_limit(segment, k)};
+    *part = loose;
+    part->held = mode->closed != 0.0;
+    part->most = INFINITY;
+    part->fraction = stick_limit(segment, k);
     part->sticks = part->held && mode->sticks != 0.0;
     for (int i = 0; i < 3; ++i) part->force[i] = found->force[3 * k + i];
   }
@@ -466,7 +488,7 @@ static void let_go(const real* x, segment_t* segment, const together_t* together
 static int find_carried(const real* x, const segment_t* segment, int* carried) {
   statics_t balance;
   double T[NM * (NU + 1)];
-  int basic[NM], column[NU], moving = 0, count = 0, any = 0;
+  __extension__ int basic[NM], column[NU], moving = 0, count = 0, any = 0;
   const double fastest = largest_of(x + NU, NU);
   for (int i = 0; i < NU; ++i) {
     carried[i] = 0;
@@ -546,7 +568,7 @@ static int anything_beyond(const real* x, const segment_t* segment, const loads_
   return any;
 }
 #else
-typedef struct {
+__extension__ typedef struct {
   int set[NU + NC];
 } together_t;
 static double set_excess(const segment_t* segment, const together_t* together, int number) {
@@ -565,7 +587,7 @@ static int find_disobedient(const real* x, const segment_t* segment, const loads
   const real* d = segment->p.direction;
   double most = 0.0;
   int worst = -1, resting = 0;
-  memset(together->set, 0, sizeof together->set);
+  for (int i = 0; i < NU + NC; ++i) together->set[i] = 0;
 #ifdef TOGETHER
   if (anything_beyond(x, segment, found)) find_sets_held(x, segment, found, together);
 #endif
@@ -643,7 +665,7 @@ static int pivot(const real* x, segment_t* segment, const loads_t* found, int en
  * same iteration with larger steps: the directions in which contacts start to slide depend on each one's share of the load.
  */
 static int solve_of_least_norm(cones_t* cones, const inertia_t* inertia, answer_t* answers) {
-  double W[MC * MC], c[MC], damping[MC], trace = 0.0;
+  __extension__ double W[MC * MC], c[MC], damping[MC], trace = 0.0;
   int solved = 1;
   for (int i = 0; i < MC; ++i) trace += AT(inertia->W, MC, i, i);
   for (int i = 0; i < MC * MC; ++i) W[i] = inertia->W[i];
@@ -667,9 +689,11 @@ static int solve_of_least_norm(cones_t* cones, const inertia_t* inertia, answer_
  * which the law with it allows. The modes are kept if none is found. */
 static void solve_together(const real* x, segment_t* segment, int with_static) {
   inertia_t inertia;
-  double limit[NC];
-  answer_t answers[NC];
-  cones_t cones = {.friction = friction, .holding = limit};
+  __extension__ double limit[NC];
+  __extension__ answer_t answers[NC];
+  cones_t cones;
+  cones.friction = friction;
+  cones.holding = limit;
   find_inertia(x, segment, &inertia);
   for (int k = 0; k < NC; ++k) {
     limit[k] = with_static ? stick_limit(segment, k) : friction[k];
@@ -756,16 +780,17 @@ static int settle(const real* x, segment_t* segment, const geometry_t* geometry)
     }
     if (NC && attempt < 2) solve_together(x, segment, attempt == 0);
   }
-  return NC && ND && try_all(x, segment);
+  return NC > 0 && ND > 0 && try_all(x, segment);
 }
 
 /* Determine the modes of all joints and contacts at x under u, with the tunable quantities of p given; returns NONE or the
  * reason of a failure. */
 EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
   long long work = 0;
-  segment_t segment = {.u = u, .p = *p, .work = &work};
-  for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
+  segment_t segment;
   geometry_t geometry;
+  begin_tick(&segment, u, &work);
+  segment.p = *p;
   find_geometry(x, &segment, &geometry);
   const int settled = settle(x, &segment, &geometry);
   *p = segment.p;
@@ -777,10 +802,12 @@ EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
  * and then of joints, to the nearest within all limits. */
 EXPORTED void share_reactions(const real* x, const real* u, const modes_t* p, double* change) {
   long long work = 0;
-  segment_t segment = {.u = u, .p = *p, .work = &work};
+  segment_t segment;
   loads_t found;
   statics_t balance;
   part_t parts[PARTS];
+  begin_tick(&segment, u, &work);
+  segment.p = *p;
   for (int i = 0; i < FORCES; ++i) change[i] = 0.0;
   find_loads(x, &segment, &found);
   find_statics(x, &segment, &balance);

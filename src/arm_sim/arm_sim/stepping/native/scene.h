@@ -12,6 +12,11 @@
 typedef double real;
 #define casadi_int long long
 #define BEYOND(x, limit) (!(fabs(x) <= (limit)))
+static inline long long AS_BITS(real x) {
+  long long b;
+  memcpy(&b, &x, sizeof b);
+  return b;
+}
 #define LANES 1
 #define LANE(x, i) (*((void)(i), &(x)))
 

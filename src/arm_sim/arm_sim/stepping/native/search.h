@@ -34,13 +34,13 @@ static double zero_between(double x1, double x2, double x3, double f1, double f2
  *
  * Zeros are predicted for each value that changes its sign, and the earliest is tried: each value is smooth, the largest of
  * them is not. At the result one is positive, and just before it none, up to rounding. If one is positive at 0 already, that
- * is the result.
+ * is the result. `room` is for 4 * count numbers.
  */
 static double first_positive(void (*values_at)(const void*, double, double*), const void* asked, int count, double h,
-                             const double* at_h, double nothing) {
+                             const double* at_h, double nothing, double* room) {
   /* The last trial, the other end of the interval, and the one before them. */
   const size_t size = (size_t)count * sizeof(double);
-  double f1[count], f2[count], f3[count], value[count], x1 = h, x2 = 0.0, x3, part = 0.5, creep = 0.0;
+  double *f1 = room, *f2 = f1 + count, *f3 = f2 + count, *value = f3 + count, x1 = h, x2 = 0.0, x3, part = 0.5, creep = 0.0;
   memcpy(f1, at_h, size);
   values_at(asked, 0.0, f2);
   if (largest_among(f2, count) > 0.0) return INSTANT * h;

@@ -97,7 +97,7 @@ static int anything_held(const segment_t* segment) {
  * both stops; of the sets that hold together the largest excess, in place of those of their parts. Each is smooth in time
  * while the modes last.
  */
-typedef struct {
+__extension__ typedef struct {
   double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ], switched[NK], together;
 } limits_t;
 #define LIMITS ((int)(sizeof(limits_t) / sizeof(double)))
@@ -152,7 +152,7 @@ static double disobedience(const real* x, const segment_t* segment, const double
   const double rounding = turning_rounding(x);
   geometry_t geometry;
   loads_t found;
-  real value[NK], size[NK];
+  __extension__ real value[NK], size[NK];
   fill(limits, -INFINITY);
   find_geometry(x, segment, &geometry);
   if (anything_held(segment)) find_loads(x, segment, &found);
@@ -183,7 +183,7 @@ static double disobedience(const real* x, const segment_t* segment, const double
 }
 
 /* A piece of a motion in which events are searched. */
-typedef struct {
+__extension__ typedef struct {
   piece_t piece;
   const segment_t* segment;
   double ground[NC]; /* gaps at the beginning of the segment that are negative by rounding */
@@ -202,7 +202,7 @@ static double excess_at(const search_t* search, double t, limits_t* limits) {
   return INFINITY;
 }
 
-static void limits_at(const void* asked, double t, double* limits) { excess_at(asked, t, (limits_t*)limits); }
+static void limits_at(const void* asked, double t, double* limits) { excess_at((const search_t*)asked, t, (limits_t*)limits); }
 
 /* Bounds of a number of the state inside a piece: the Bernstein coefficients of the cubic through its ends, widened by twice
  * the distance of the cubic from the middle. */
@@ -266,7 +266,7 @@ static int load_may_stray(const segment_t* segment, const limits_t* end) {
 
 /* Whether a drive or cord may switch inside a piece and back: whether it comes close, as the middle shows. */
 static int switch_may_stray(const piece_t* piece, const segment_t* segment, const limits_t* end) {
-  real x[NX], value[NK], size[NK], middle[NK];
+  __extension__ real x[NX], value[NK], size[NK], middle[NK];
   if (!NK) return 0;
   state_inside(piece, 0.5, x);
   find_switches(x, segment, middle, size);
@@ -397,6 +397,7 @@ static double end_at_event(search_t* search, double known, limits_t* limits, rea
   piece_t* piece = &search->piece;
   geometry_t geometry;
   limits_t early;
+  double room[4 * LIMITS];
   find_geometry(piece->begin, search->segment, &geometry);
   for (double near = find_next(piece->begin, search->segment, &geometry); near < known; near *= FARTHER) {
     if (!(excess_at(search, near, &early) > 0.0)) continue;
@@ -404,7 +405,7 @@ static double end_at_event(search_t* search, double known, limits_t* limits, rea
     *limits = early;
   }
   for (int turn = 0; turn < EARLIER; ++turn) {
-    const double length = first_positive(limits_at, search, LIMITS, known, (const double*)limits, NOTHING);
+    const double length = first_positive(limits_at, search, LIMITS, known, (const double*)limits, NOTHING, room);
     if (!make_step(search->segment, length, piece, error)) return -1.0;
     disobedience(piece->end, search->segment, search->ground, piece->from + length, &early);
     known = find_excursion(search, &early, limits);
@@ -443,10 +444,12 @@ static int is_accurate_cut(substeps_t* at, double h, double length, double size)
  * contact with a stiff stop does.
  */
 static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
-  search_t search = {.segment = segment, .piece = {.from = 0.0}};
+  search_t search;
   piece_t* piece = &search.piece;
   control_t* control = segment->control;
   geometry_t geometry;
+  search.segment = segment;
+  piece->from = 0.0;
   find_geometry(x, segment, &geometry);
   for (int k = 0; k < NC; ++k) search.ground[k] = fmin(geometry.place[3 * k], 0.0);
   memcpy(piece->begin, x, sizeof piece->begin);
@@ -572,7 +575,7 @@ static void find_anchors(const geometry_t* geometry, real* anchor) {
 static void find_ended(const real* x, segment_t* segment, int calm) {
   loads_t found;
   together_t together;
-  memset(together.set, 0, sizeof together.set);
+  for (int i = 0; i < NU + NC; ++i) together.set[i] = 0;
   segment->yields = 0;
   if ((NC || NB) && !calm) find_loads(x, segment, &found);
 #ifdef TOGETHER
@@ -623,7 +626,7 @@ static void stop_at_limits(real* x) {
 
 /* Rank of a positive semidefinite matrix whose rows may be of very different size, by elimination with diagonal pivots. */
 static int rank_of(real* W) {
-  double trace = 0.0, root[MC];
+  __extension__ double trace = 0.0, root[MC];
   int count = 0;
   for (int i = 0; i < MC; ++i) trace += AT(W, MC, i, i);
   for (int i = 0; i < MC; ++i) root[i] = AT(W, MC, i, i) > IMMOBILE * trace ? 1.0 / sqrt(AT(W, MC, i, i)) : 0.0;
@@ -631,7 +634,7 @@ static int rank_of(real* W) {
     for (int j = 0; j < MC; ++j) AT(W, MC, i, j) *= root[i] * root[j];
   for (; count < MC; ++count) {
     int k = 0;
-    real row[MC];
+    __extension__ real row[MC];
     for (int i = 1; i < MC; ++i)
       if (AT(W, MC, i, i) > AT(W, MC, k, k)) k = i;
     const real largest = AT(W, MC, k, k);
@@ -704,7 +707,7 @@ static int find_rates(const real* x, const segment_t* segment, loads_t* found, g
  * from rest; the stop of one on a straight line is located exactly.
  */
 static int find_slow(const real* x, segment_t* segment, double tick) {
-  double rate[NC];
+  __extension__ double rate[NC];
   loads_t found;
   geometry_t geometry;
   int any = 0;
@@ -721,7 +724,7 @@ static int find_slow(const real* x, segment_t* segment, double tick) {
 
 /* Longest segment over which slow sliding can be followed. */
 static double find_reach(const real* x, const segment_t* segment, double tick) {
-  double rate[NC], fastest = 1.0 / tick;
+  __extension__ double rate[NC], fastest = 1.0 / tick;
   loads_t found;
   geometry_t geometry;
   if (!find_rates(x, segment, &found, &geometry, rate)) return tick;
@@ -732,7 +735,7 @@ static double find_reach(const real* x, const segment_t* segment, double tick) {
 /* Stop slow contacts that move against the direction in which they would start. */
 static void align(real* x, const segment_t* segment) {
   geometry_t geometry;
-  real anchor[2 * NC];
+  __extension__ real anchor[2 * NC];
   segment_t stopped = *segment;
   int any = 0;
   find_geometry(x, segment, &geometry);

@@ -16,6 +16,7 @@
 #pragma once
 #include "cone.h"
 #include "conic.h"
+#include "clear.h"
 
 #define PARTS (NU + NC)         /* joints, then contacts */
 #define FORCES (MC + NU)        /* reactions: those of contacts, then those of joints */
@@ -29,7 +30,7 @@
 #define LIMIT_ROWS (2 * NU + MC)
 
 /* The balance of forces at a state. */
-typedef struct {
+__extension__ typedef struct {
   real push[NU * (NM + MC)]; /* joint torques per force of a constraint, and per unknown force of a contact */
   real reaction[NU];         /* holding torques of the least norm, ... */
   real capacity[2 * NU];     /* ... and the largest that dry friction bears, pushed forwards and backwards */
@@ -42,16 +43,17 @@ typedef struct {
   int held, sticks;
   double force[3], least, most, fraction;
 } part_t;
+static const part_t loose = {0, 0, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
 
 /* Self-stresses, and the sets of parts that share them. */
-typedef struct {
+__extension__ typedef struct {
   int count, sets;
   int set[PARTS], of[SHARES]; /* of each part and of each stress, its set from 1 on; 0 for what statics determines */
   double stress[FORCES * SHARES];
 } stresses_t;
 
 /* Which parts hold together. */
-typedef struct {
+__extension__ typedef struct {
   int set[PARTS];                  /* as above */
   double excess[PARTS + 1];        /* of each set, the s above; where it is clearly negative, that of some distribution */
   double share[PARTS], way[PARTS][2]; /* of each part, in the motion in which its set gives way: amount, direction */
@@ -143,7 +145,7 @@ static void find_stresses(const statics_t* statics, const part_t* parts, stresse
 }
 
 /* The limits of one set as a problem over cones; its unknowns are the amounts of its self-stresses, and one more. */
-typedef struct {
+__extension__ typedef struct {
   int cones, rows, unknowns;
   int size[2 * NU + NC + 2], part[2 * NU + NC + 2], side[2 * NU + NC + 2]; /* of each cone: rows, part, bound of a joint */
   double unit[PARTS], amount[SHARES]; /* units of the limits and of the unknowns */
@@ -237,8 +239,10 @@ static double excess_of(const problem_t* of, const double* y) {
 
 /* The least s of a set, or one that is clearly negative; the motion in which it gives way; the amounts of its self-stresses. */
 static double find_excess(const part_t* parts, const stresses_t* from, int number, together_t* found, double* y) {
-  double h[LIMIT_ROWS + 1], G[(LIMIT_ROWS + 1) * (from->count + 1)], z[LIMIT_ROWS + 1];
-  problem_t problem = {.h = h, .G = G};
+  double h[LIMIT_ROWS + 1], G[(LIMIT_ROWS + 1) * MOST_UNKNOWNS], z[LIMIT_ROWS + 1];
+  problem_t problem;
+  problem.h = h;
+  problem.G = G;
   begin_problem(&problem, parts, from, number, 0.0, 1.0);
   add_row(&problem, -MOST_ROOM, 0.0, 0, 1.0);
   end_cone(&problem, -1, 0, 1);
@@ -269,7 +273,7 @@ static void find_together(const statics_t* statics, const part_t* parts, int alw
   stresses_t stresses;
   double y[SHARES + 1];
   find_stresses(statics, parts, &stresses);
-  memset(found, 0, sizeof *found);
+  clear(found, sizeof *found);
   memcpy(found->set, stresses.set, sizeof stresses.set);
   for (int number = 1; number <= stresses.sets; ++number) {
     int beyond = always;
@@ -285,14 +289,16 @@ static void find_nearest(const statics_t* statics, const part_t* parts, double* 
   stresses_t stresses;
   together_t found;
   double y[SHARES + 1];
-  memset(&found, 0, sizeof found);
+  clear(&found, sizeof found);
   find_stresses(statics, parts, &stresses);
   for (int number = 1; number <= stresses.sets; ++number) {
-    double h[LIMIT_ROWS + FORCES + 1], G[(LIMIT_ROWS + FORCES + 1) * (stresses.count + 1)], z[LIMIT_ROWS + FORCES + 1];
+    double h[MOST_ROWS], G[MOST_ROWS * MOST_UNKNOWNS], z[MOST_ROWS];
     int beyond = 0;
     for (int i = 0; i < PARTS; ++i) beyond |= stresses.set[i] == number && own_excess(parts + i) > 0.0;
     if (!beyond || find_excess(parts, &stresses, number, &found, y) > HOLDS) continue;
-    problem_t problem = {.h = h, .G = G};
+    problem_t problem;
+    problem.h = h;
+    problem.G = G;
     begin_problem(&problem, parts, &stresses, number, 2.0 * HOLDS, 0.0);
     const int limits = problem.rows, last = problem.unknowns - 1;
     add_row(&problem, 0.0, 0.0, 0, 1.0);

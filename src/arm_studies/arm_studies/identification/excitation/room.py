@@ -153,7 +153,7 @@ class Room:
         found: list[ca.SX] = []
         names: list[str] = []
         for frame in box.frames:
-            if frame not in self.model.frame_names:
+            if not self.model.has_frame(frame):
                 raise InvalidInput(
                     f"box: unknown frame '{frame}'; allowed: {known_names(self.model.frame_names)}"
                 )

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``python -m benchmarks.calls``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import click
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics import Dynamics, load_scene
+from benchmarks.measurement.intervals import of_median
+from benchmarks.measurement.timing import Noise, cpu, interleaved
+from benchmarks.reporting.markdown import table
+
+CALLS, FRAME = 2000, "panda_hand"
+Answer = Callable[[], Any]
+KINDS = "compiled", "plain", "pinocchio"
+
+
+@click.command()
+@click.option("--repeats", default=40, show_default=True, help="Rounds.")
+@click.option("--out", default=Path("reports/calls.json"), show_default=True,
+              type=click.Path(path_type=Path), help="JSON file for the results.")  # fmt: skip
+def main(repeats: int, out: Path) -> None:
+    """Time calls for one state of a Panda with viscous and dry friction, in turn.
+
+    Pinocchio, which is called directly with arrays of the same process, computes the rigid part.
+    """
+    noise, found = Noise(), {}
+    scene = load_scene("panda").model_dump(exclude_unset=True)
+    scene["joints"] = {"*": {"friction": {"coulomb": 1.0, "viscous": 0.5}}}
+    plain, built = _timed(lambda: Dynamics(load_scene(scene)))
+    compiled, more = _timed(lambda: plain.compiled(FRAME))
+    click.echo(f"built in {built:.3f} s, compiled or loaded in {more:.3f} s of processor time")
+    jobs = {"compiled": _asked(compiled), "plain": _asked(plain), "pinocchio": _directly(plain)}
+    for name in jobs["compiled"]:
+        calls = {kind: partial(cpu, partial(_often, jobs[kind].get(name, _nothing)))
+                 for kind in KINDS}  # fmt: skip
+        costs = interleaved(calls, repeats, noise, lambda: None)
+        found[name] = {kind: 1e6 * cost.median / CALLS for kind, cost in costs.items()}
+        ratio = np.divide(costs["compiled"].samples, costs["pinocchio"].samples)
+        found[name] |= {"ratio": float(np.median(ratio)), "interval": of_median(ratio.tolist())}
+    heads = "call", "compiled [µs]", "plain [µs]", "Pinocchio [µs]", "ratio", "95 % interval"
+    click.echo(table(heads, map(_row, found.items())))
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps({"calls": found, "machine": noise.summary()}, indent=1))
+
+
+def _timed(make: Callable[[], Dynamics]) -> tuple[Dynamics, float]:
+    begin = process_time()
+    return make(), process_time() - begin
+
+
+def _state() -> Any:
+    return np.random.default_rng(0).normal(size=(3, 7))
+
+
+def _asked(d: Dynamics) -> dict[str, Answer]:
+    q, v, x = map(np.array, _state())
+    return {
+        "inverse": lambda: d.inverse(q, v, x),
+        "forward": lambda: d.forward(q, v, x),
+        "mass_matrix": lambda: d.mass_matrix(q),
+        "coriolis_matrix": lambda: d.coriolis_matrix(q, v),
+        "gravity": lambda: d.gravity(q),
+        "friction": lambda: d.friction(v),
+        "energy": lambda: d.energy(q, v),
+        "pose": lambda: d.pose(q, FRAME),
+        "jacobian": lambda: d.jacobian(q, FRAME),
+    }
+
+
+def _directly(d: Dynamics) -> dict[str, Answer]:
+    q, v, x = map(np.array, _state())
+    m, data, frame = d.model.pin, d.model.pin.createData(), d.model.frame_index(FRAME)
+
+    def energy() -> tuple[float, float]:
+        kinetic = pin.computeKineticEnergy(m, data, q, v)
+        return kinetic, pin.computePotentialEnergy(m, data, q)
+
+    def pose() -> Any:
+        pin.forwardKinematics(m, data, q)
+        return pin.updateFramePlacement(m, data, frame).homogeneous
+
+    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    return {
+        "inverse": lambda: pin.rnea(m, data, q, v, x),
+        "forward": lambda: pin.aba(m, data, q, v, x, pin.Convention.WORLD),
+        "mass_matrix": lambda: pin.crba(m, data, q),
+        "coriolis_matrix": lambda: pin.computeCoriolisMatrix(m, data, q, v),
+        "gravity": lambda: pin.computeGeneralizedGravity(m, data, q),
+        "energy": energy,
+        "pose": pose,
+        "jacobian": lambda: pin.computeFrameJacobian(m, data, q, frame, axes),
+    }
+
+
+def _nothing() -> None:
+    """Pinocchio has no friction."""
+
+
+def _often(call: Answer) -> None:
+    for _ in range(CALLS):
+        call()
+
+
+def _row(item: tuple[str, dict[str, Any]]) -> tuple[str, ...]:
+    name, found = item
+    if name == "friction":
+        return name, f"{found['compiled']:.2f}", f"{found['plain']:.1f}", "", "", ""
+    low, high = found["interval"]
+    return (
+        name, f"{found['compiled']:.2f}", f"{found['plain']:.1f}", f"{found['pinocchio']:.2f}",
+        f"{found['ratio']:.2f}", f"{low:.2f} – {high:.2f}",
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

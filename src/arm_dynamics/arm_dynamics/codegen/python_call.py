@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Generated functions as Python functions that are called without conversions.
+
+They are compiled with the headers of Python and NumPy, so neither ctypes nor a copy is in between.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import sysconfig
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.exceptions import KernelError
+
+PythonCall = Callable[..., Array | None]
+"""Function of arrays of one length, finite, contiguous and of float; it returns a new array, and
+None for any other arguments and where the result is not finite."""
+
+_SOURCE = compiler.NATIVE / "python_call.c"
+
+
+def python_call(kernel: Kernel, name: str, shape: tuple[int, ...]) -> PythonCall:
+    """A native function of vectors of one length, with one result; for one thread at a time.
+
+    Args:
+        kernel: Its kernel, native code.
+        name: Its name.
+        shape: Shape of the result, of one or two dimensions, row by row.
+
+    Raises:
+        KernelError: If the headers of Python are missing, or the compiler refuses them.
+    """
+    call = kernel.call(name)
+    dimensions = (ctypes.c_ssize_t * len(shape))(*shape)
+    entry = ctypes.byref(call.entry) if call.entry else None
+    made: PythonCall = _library().python_function(
+        entry, len(call.inputs), call.inputs[0].size, len(shape), dimensions, (call, kernel)
+    )
+    return made
+
+
+@cache
+def _library() -> Any:
+    """The library of ``python_call.c``; its functions hold the interpreter lock."""
+    headers = Path(sysconfig.get_path("include"))
+    if not (headers / "Python.h").is_file():
+        raise KernelError(
+            f"calls without conversions need Python's headers, and there is no {headers}/Python.h "
+            "(Debian, Ubuntu: apt install python3-dev)"
+        )
+    versions = f"/* Python {sys.version}, NumPy {np.__version__} */\n".replace("\n", " ") + "\n"
+    places = f"-isystem{headers}", f"-isystem{np.get_include()}"
+    code = compiler.build(versions + _SOURCE.read_text(), local=places)
+    library = ctypes.PyDLL(code.library._name, handle=code.library._handle)
+    size = ctypes.c_ssize_t
+    library.python_function.argtypes = [
+        ctypes.c_void_p, size, size, ctypes.c_int, ctypes.c_void_p, ctypes.py_object
+    ]  # fmt: skip
+    library.python_function.restype = ctypes.py_object
+    return library

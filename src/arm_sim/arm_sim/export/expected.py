@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers that the functions of a library must return, by ``Dynamics``, which asks Pinocchio."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_dynamics import ArmModel, Dynamics, SceneError
+from arm_dynamics.arrays import Array
+from arm_dynamics.dynamics.verify import compare
+from arm_dynamics.exceptions import ConstraintError
+from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.pinocchio_terms import FrameMotion
+from arm_sim.exceptions import SimulationDiverged
+from arm_sim.export.terms import Term
+from arm_sim.simulator import Simulator
+
+Answer = Callable[[Dynamics, Array, Array, Array], Array]
+
+STATES = 3
+"""Number of random states at which terms are compared."""
+_COMMANDS, _HELD, _MODEST = 5, 20, 50.0  # of ticks: commands, ticks of each, and [N m] at most
+_SPREAD, _CLOSED_SPREAD = 1.0, 0.1  # of positions around the initial ones, in loops the second
+
+_ANSWERS: dict[str, Answer] = {
+    "inverse_dynamics": lambda dyn, q, v, a: dyn.inverse(q, v, a),
+    "forward_dynamics": lambda dyn, q, v, tau: dyn.forward(q, v, tau),
+    "mass_matrix": lambda dyn, q, v, a: dyn.mass_matrix(q),
+    "coriolis_matrix": lambda dyn, q, v, a: dyn.coriolis_matrix(q, v),
+    "gravity": lambda dyn, q, v, a: dyn.gravity(q),
+    "friction": lambda dyn, q, v, a: dyn.friction(v, q=q),
+    "energy": lambda dyn, q, v, a: np.array(dyn.energy(q, v)),
+}
+
+
+def states(model: ArmModel, count: int = STATES) -> list[tuple[Array, Array, Array]]:
+    """Random q, v, and a or tau at which a model's loops are closed; the same at every call."""
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (count, 3, model.n))
+    return [_closed(model, *rows) for rows in drawn]
+
+
+def _closed(model: ArmModel, way: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    if not model.scene.bilateral:
+        return model.q0 + _SPREAD * way, v, a
+    closure = Closure(model, model.stops)
+    names = closure.initially_active
+    try:
+        q, v = closure.closed(model.q0 + _CLOSED_SPREAD * way, v, names)
+    except ConstraintError:  # a mechanism that hardly moves
+        q, v = closure.closed(model.q0, v, names)
+    return q, v, a
+
+
+class Expected:
+    """Right results of terms.
+
+    Args:
+        model: The arm.
+        frames: The frames of its library.
+    """
+
+    def __init__(self, model: ArmModel, frames: Sequence[str]) -> None:
+        self._dynamics = Dynamics(model)
+        self._frames = [FrameMotion(model, name, "local_world_aligned") for name in frames]
+
+    def of(self, term: Term, q: Array, v: Array, a: Array) -> tuple[Array, ...]:
+        """Results of a term at a point, a for accelerations or torques, row by row.
+
+        Derivatives, which ``Dynamics`` does not know, are those of the term's own expression.
+        """
+        if term.name in _ANSWERS:
+            return (_ANSWERS[term.name](self._dynamics, q, v, a).ravel(),)
+        if term.frame is None:
+            return evaluated(term, q, v, a)
+        motion = self._frames[term.frame]
+        if term.name.startswith("jacobian"):
+            return (motion.jacobian(q).ravel(),)
+        pose = np.eye(4)
+        pose[:3, 3], pose[:3, :3] = motion.placement(q)
+        return (pose.ravel(),)
+
+    def verify(self, terms: Sequence[Term], points: Sequence[tuple[Array, Array, Array]]) -> None:
+        """Compare the terms with these results.
+
+        Raises:
+            KernelError: If one differs by more than rounding.
+        """
+        for term in terms:
+            pairs = [(evaluated(term, *p)[0], self.of(term, *p)[0]) for p in points]
+            made, right = (np.array(rows) for rows in zip(*pairs, strict=True))
+            compare(f"function {term.name}", (made - right, np.maximum(abs(right), 1.0)))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What ticks must give.
+
+    Attributes:
+        commands: Commands, one after another, shape (k, n).
+        held: Ticks for which each is held.
+        q: Positions at the end, shape (n,).
+        v: Velocities at the end, shape (n,).
+    """
+
+    commands: Array
+    held: int
+    q: Array
+    v: Array
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks."""
+        return self.held * len(self.commands)
+
+
+def ran(simulator: Simulator) -> Motion:
+    """Move an arm that is at its initial state, under small random commands, and put it back."""
+    limit = np.minimum(simulator.model.command_limit, _MODEST)
+    ways = np.random.default_rng(0).uniform(-1.0, 1.0, (_COMMANDS, simulator.n))
+    commands = 0.1 * limit * ways
+    try:
+        end = simulator.run(_HELD * _COMMANDS * simulator.dt, np.repeat(commands, _HELD, axis=0))
+    except SimulationDiverged as error:
+        raise SceneError(f"the tick cannot be tested: {error}") from error
+    finally:
+        simulator.reset()
+    return Motion(commands, _HELD, end.q[-1], end.v[-1])
+
+
+def evaluated(term: Term, q: Array, v: Array, a: Array) -> tuple[Array, ...]:
+    """Results of a term's expression at a point, row by row."""
+    given = {"q": q, "v": v, "a": a, "tau": a}
+    made = term.function.call([given[name] for name in term.arguments])
+    return tuple(np.array(result).ravel(order="F") for result in made)

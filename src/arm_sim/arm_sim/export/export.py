@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Export of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from arm_dynamics import ArmModel, InvalidInput
+from arm_dynamics.model.arm import arm_model
+from arm_dynamics.scene import scene_text
+from arm_dynamics.scene.load import SceneSource, naming
+from arm_sim.export import library
+from arm_sim.export.check_program import check_program
+from arm_sim.export.description import about, readme
+from arm_sim.export.expected import Expected, states
+from arm_sim.export.fmu import mockup_of, units
+from arm_sim.export.folder import check_folder, put_files
+from arm_sim.export.names import from_title, library_name
+from arm_sim.export.terms import TERMS, chosen, terms_of
+from arm_sim.export.tick import tick_of
+from arm_sim.recording.origin import SCENE_FILE, URDF_FILE
+
+_NATIVE = Path(__file__).parent / "native"
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was exported.
+
+    Attributes:
+        folder: The folder.
+        name: Name of the library, the prefix of its functions.
+        files: Names of the files.
+    """
+
+    folder: Path
+    name: str
+    files: tuple[str, ...]
+
+
+def export(
+    scene: SceneSource | ArmModel,
+    out: str | Path,
+    name: str | None = None,
+    terms: Collection[str] = TERMS,
+    tick: bool = True,
+    fmu: bool = False,
+    frames: Sequence[str] = (),
+) -> Exported:
+    """Write a scene as a C library into a folder that needs nothing of the suite.
+
+    Args:
+        scene: A scene, anything ``load_scene`` accepts, or an existing arm model.
+        out: The folder: a new or empty one, or one that was exported before, whose files are
+            replaced.
+        name: Name of the library, a C identifier; None for one made from the robot's name.
+        terms: Names out of ``TERMS`` and ``DERIVATIVES``.
+        tick: Whether to export the simulator's tick, too.
+        fmu: Whether to add functional mock-up units for co-simulation, ``N.fmu`` by FMI 3.0 and
+            ``N_fmi2.fmu`` by FMI 2.0, which need the tick.
+        frames: Frames whose poses and Jacobians are wanted.
+
+    Raises:
+        InvalidInput: If an argument is not allowed; nothing is written.
+        CompilerMissing: If units are wanted and there is no C compiler; likewise.
+        SceneError: If the scene cannot be used; likewise.
+        KernelError: If a function differs from Pinocchio; likewise.
+        OSError: If the folder cannot be written; likewise.
+    """
+    folder, wanted = Path(out), chosen(terms)
+    if fmu and not tick:
+        raise InvalidInput("fmu = True with tick = False; allowed: units with the tick")
+    called = None if name is None else library_name(name)
+    check_folder(folder)
+    model = arm_model(scene)
+    called = called or from_title(model.pin.name)
+    with naming(scene):
+        files = _files(model, called, wanted, tick, fmu, frames)
+    put_files(folder, files)
+    return Exported(folder, called, tuple(files))
+
+
+def _files(
+    model: ArmModel,
+    name: str,
+    wanted: Collection[str],
+    ticks: bool,
+    fmu: bool,
+    frames: Sequence[str],
+) -> dict[str, str | bytes]:
+    """Contents of all files of a library by name."""
+    expected, points = Expected(model, frames), states(model)
+    terms = terms_of(model, wanted, frames)
+    expected.verify(terms, points)
+    tick = tick_of(model) if ticks else None
+    said = about(name, model)
+    code = {
+        f"{name}.h": library.header(name, said, model, terms, tick),
+        f"{name}.c": library.source(name, said, model, terms, tick),
+    }
+    return {
+        **code,
+        **(units(mockup_of(name, tick, code)) if fmu and tick else {}),
+        f"test_{name}.c": check_program(name, said, terms, expected, points, tick),
+        "CMakeLists.txt": (_NATIVE / "CMakeLists.txt").read_text().replace("@NAME@", name),
+        "README.md": readme(name, model, terms, tick),
+        SCENE_FILE: scene_text(model.scene, URDF_FILE),
+        URDF_FILE: model.scene.robot.urdf,
+    }

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The header and the source of an exported library."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+
+from arm_dynamics import ArmModel
+from arm_dynamics.codegen import compiler
+from arm_sim.export.at_rest import PREFIX, at_rest
+from arm_sim.export.conditions import decided
+from arm_sim.export.generated import static_functions, without_unused
+from arm_sim.export.terms import Term
+from arm_sim.export.tick import Tick, declarations
+
+_INCLUDE = re.compile(r'#include "(\w+\.h)"\n')
+_FOR_EDITORS = re.compile(
+    r"^#ifndef LANES /\* read alone.*?^#else\n(.*)^#endif\n", re.DOTALL | re.MULTILINE
+)
+_COLUMNS = 100
+_PRAGMAS = """\
+/* The same bits under all flags: no fused multiply-add, which GCC's vectorizer of straight code
+ * also makes where it is forbidden. And no function of a library in the place of a loop.
+ */
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__GNUC__)
+#pragma GCC optimize("fp-contract=off", "no-tree-slp-vectorize")
+#pragma GCC optimize("no-tree-loop-distribute-patterns")
+#endif
+"""
+
+
+def header(
+    name: str, about: str, model: ArmModel, terms: Sequence[Term], tick: Tick | None
+) -> str:
+    """``N.h`` of a library.
+
+    Args:
+        name: Name of the library.
+        about: First comment.
+        model: The arm.
+        terms: Its functions.
+        tick: Its tick, if any.
+    """
+    capitals = name.upper()
+    states = tick.simulator.arm.plant.nx if tick else 2 * model.n
+    parts = [
+        f"{comment(about)}#ifndef {capitals}_H\n#define {capitals}_H\n\n#include <stddef.h>\n",
+        '#ifdef __cplusplus\nextern "C" {\n#endif\n',
+        f"enum {{ {capitals}_JOINTS = {model.n}, {capitals}_STATES = {states} }};\n",
+        comment("Order of all vectors.")
+        + f"extern const char* const {name}_joint_names[{capitals}_JOINTS];\n",
+        *(comment(term.about) + f"{_signature(name, term)};\n" for term in terms),
+        *(_of_tick(name, tick) if tick else []),
+        "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
+    ]
+    return "\n".join(parts)
+
+
+def source(
+    name: str, about: str, model: ArmModel, terms: Sequence[Term], tick: Tick | None
+) -> str:
+    """``N.c`` of a library; arguments as of ``header``."""
+    functions = {term.function.name(): term.function for term in terms}
+    functions |= {function.name(): function for function in (tick.functions if tick else ())}
+    names = ", ".join(f'"{joint}"' for joint in model.joint_names)
+    moves = any(term.name == "forward_dynamics" for term in terms)
+    resting = at_rest(model) if moves else ""
+    parts = [
+        f'{comment(about)}#include "{name}.h"\n',
+        _PRAGMAS,
+        elementary(),
+        static_functions(list(functions.values())),
+        resting,
+        f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",
+        *(_definition(name, term, bool(resting)) for term in terms),
+        named(name, tick.source) if tick else "",
+    ]
+    return without_unused(decided("\n".join(parts)))
+
+
+def _of_tick(name: str, tick: Tick) -> list[str]:
+    """Declarations of the tick."""
+    period = f"#define {name.upper()}_PERIOD {tick.simulator.dt!r}\n"
+    return [comment("Length of a tick in [s].") + period, named(name, declarations())]
+
+
+def named(name: str, text: str) -> str:
+    """C with the library's name in its place."""
+    return text.replace("library_", f"{name}_").replace("LIBRARY_", f"{name.upper()}_")
+
+
+def comment(text: str) -> str:
+    """A comment in C of lines that are not too long."""
+    lines = [
+        line
+        for paragraph in text.split("\n")
+        for line in textwrap.wrap(paragraph, _COLUMNS - 3) or [""]
+    ]
+    if len(lines) == 1:
+        return f"/* {lines[0]} */\n"
+    return "/* " + "\n".join(lines).replace("\n", "\n * ").replace(" * \n", " *\n") + "\n */\n"
+
+
+def elementary() -> str:
+    """The elementary functions that generated code calls, and the types of its numbers."""
+    types = "#define casadi_real real\n#define casadi_int long long\n"
+    return _inlined("scalar.h", compiler.NATIVE) + types
+
+
+def _inlined(file: str, folder: Path) -> str:
+    """A header with those that it includes in their places."""
+    text = _FOR_EDITORS.sub(r"\1", (folder / file).read_text())
+    return _INCLUDE.sub(lambda found: _inlined(found[1], folder), text)
+
+
+def _signature(name: str, term: Term) -> str:
+    given = [f"const double* {x}" for x in term.arguments]
+    arguments = ", ".join([*given, *(f"double* {x}" for x in term.results)])
+    head = f"void {name}_{term.name}("
+    return "\n".join(
+        textwrap.wrap(f"{head}{arguments})", _COLUMNS - 2, subsequent_indent=" " * len(head))
+    )
+
+
+def _definition(name: str, term: Term, sticks: bool) -> str:
+    rests = sticks and term.name == "forward_dynamics"
+    return (
+        f"{_signature(name, term)} {{\n"
+        f"  const double* arg[] = {{{', '.join(term.arguments)}}};\n"
+        f"  double* res[] = {{{', '.join(term.results)}}};\n"
+        + (
+            f"  if ({PREFIX}is_resting(v)) {PREFIX}begin_motion(q, v, tau, a);\n  else"
+            if rests
+            else " "
+        )
+        + f" {term.function.name()}(arg, res, NULL, NULL, 0);\n"
+        "}\n"
+    )

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The file ``modelDescription.xml`` of a functional mock-up unit, by FMI 2.0 and FMI 3.0."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+from arm_sim import __version__
+from arm_sim.export.variables import UNITS, Variable
+
+Element = ElementTree.Element
+_ADD = ElementTree.SubElement
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A functional mock-up unit.
+
+    Attributes:
+        name: Name of the model, and of its binary.
+        about: What it is.
+        token: Text that identifies this description.
+        period: Length of a tick in [s].
+        variables: Its variables in the order of their value references.
+    """
+
+    name: str
+    about: str
+    token: str
+    period: float
+    variables: tuple[Variable, ...]
+
+
+def fmi3_description(unit: Unit) -> str:
+    """The description by FMI 3.0 (section 2.4)."""
+    root = _root(unit, {"fmiVersion": "3.0", "instantiationToken": unit.token})
+    _ADD(root, "CoSimulation", {
+        "modelIdentifier": unit.name, "canHandleVariableCommunicationStepSize": "true",
+        "fixedInternalStepSize": repr(unit.period),
+        "canGetAndSetFMUState": "true", "canSerializeFMUState": "true",
+    })  # fmt: skip
+    _units(root, unit)
+    _experiment(root, unit)
+    listed = _ADD(root, "ModelVariables")
+    for k, variable in enumerate(unit.variables):
+        _ADD(listed, "Float64", {
+            "name": variable.name, "valueReference": str(k), "causality": variable.causality,
+            "variability": variable.variability, **_given(variable), **_bounds(variable),
+        })  # fmt: skip
+    structure = _ADD(root, "ModelStructure")
+    for tag in ("Output", "InitialUnknown"):
+        for k in _of(unit, "output"):
+            _ADD(structure, tag, {"valueReference": str(k)})
+    return _text(root)
+
+
+def fmi2_description(unit: Unit, sources: Sequence[str]) -> str:
+    """The description by FMI 2.0 (section 2.2), with the files in the folder ``sources``."""
+    root = _root(unit, {"fmiVersion": "2.0", "guid": unit.token})
+    simulation = _ADD(root, "CoSimulation", {
+        "modelIdentifier": unit.name, "canHandleVariableCommunicationStepSize": "true",
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
+    })  # fmt: skip
+    files = _ADD(simulation, "SourceFiles")
+    for name in sources:
+        _ADD(files, "File", {"name": name})
+    _units(root, unit)
+    _experiment(root, unit)
+    listed = _ADD(root, "ModelVariables")
+    for k, variable in enumerate(unit.variables):
+        scalar = _ADD(listed, "ScalarVariable", {
+            "name": variable.name, "valueReference": str(k), "causality": variable.causality,
+            "variability": variable.variability, **_described(variable),
+        })  # fmt: skip
+        _ADD(scalar, "Real", {**_given(variable), **_bounds(variable)})
+    structure = _ADD(root, "ModelStructure")
+    for tag in ("Outputs", "InitialUnknowns"):
+        unknowns = _ADD(structure, tag)
+        for k in _of(unit, "output"):
+            _ADD(unknowns, "Unknown", {"index": str(k + 1)})
+    return _text(root)
+
+
+def build_description(unit: Unit, sources: Sequence[str]) -> str:
+    """The file ``sources/buildDescription.xml`` of FMI 3.0 (section 2.5.1.4)."""
+    root = Element("fmiBuildDescription", {"fmiVersion": "3.0"})
+    build = _ADD(root, "BuildConfiguration", {"modelIdentifier": unit.name})
+    files = _ADD(
+        build, "SourceFileSet", {"language": "C11", "compilerOptions": "-ffp-contract=off"}
+    )
+    for name in sources:
+        _ADD(files, "SourceFile", {"name": name})
+    _ADD(build, "Library", {"name": "m", "external": "true"})
+    return _text(root)
+
+
+def _root(unit: Unit, versions: dict[str, str]) -> Element:
+    return Element("fmiModelDescription", {
+        **versions, "modelName": unit.name, "description": unit.about,
+        "generationTool": f"arm_sim {__version__}", "variableNamingConvention": "flat",
+        "license": "Apache-2.0",
+    })  # fmt: skip
+
+
+def _units(root: Element, unit: Unit) -> None:
+    used = {variable.unit for variable in unit.variables if variable.unit}
+    definitions = _ADD(root, "UnitDefinitions")
+    for name in sorted(used):
+        exponents = {base: str(power) for base, power in UNITS[name].items()}
+        _ADD(_ADD(definitions, "Unit", {"name": name}), "BaseUnit", exponents)
+
+
+def _experiment(root: Element, unit: Unit) -> None:
+    _ADD(root, "DefaultExperiment", {
+        "startTime": "0", "stopTime": repr(1000 * unit.period), "stepSize": repr(unit.period),
+    })  # fmt: skip
+
+
+def _described(variable: Variable) -> dict[str, str]:
+    return {"description": variable.about} if variable.about else {}
+
+
+def _given(variable: Variable) -> dict[str, str]:
+    """Unit, and default."""
+    unit = {"unit": variable.unit} if variable.unit else {}
+    return unit if variable.start is None else {**unit, "start": repr(variable.start)}
+
+
+def _bounds(variable: Variable) -> dict[str, str]:
+    bounds = {"min": variable.least, "max": variable.most}
+    return {key: repr(value) for key, value in bounds.items() if math.isfinite(value)}
+
+
+def _of(unit: Unit, causality: str) -> list[int]:
+    return [k for k, variable in enumerate(unit.variables) if variable.causality == causality]
+
+
+def _text(root: Element) -> str:
+    ElementTree.indent(root)
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, "unicode") + "\n"
+    )

@@ -1,0 +1,199 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * An instance of a functional mock-up unit: what FMI 2.0 and FMI 3.0 have in common. `library` stands for the name of the
+ * exported library.
+ *
+ * Required definitions: JOINTS, PARAMETERS (how many), NAMES (of the parameters), PERIOD (length of a tick in [s]), DEFAULTS
+ * (of all variables), TOKEN (text that identifies the model description).
+ */
+#pragma once
+#include "library.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#ifndef JOINTS /* read alone */
+#define JOINTS 1
+#define PARAMETERS 1
+#define NAMES "payload[0]"
+#define PERIOD 1e-3
+#define DEFAULTS {0.0}
+#define TOKEN ""
+#endif
+
+#define EXPORT __attribute__((visibility("default")))
+#define CLOSE 1e-6 /* part of a tick by which a communication point may be beside the end of one */
+
+/* Numbers of the variables. */
+enum {
+  TIME,
+  COMMAND,
+  POSITION = COMMAND + JOINTS,
+  VELOCITY = POSITION + JOINTS,
+  EFFORT = VELOCITY + JOINTS,
+  START_POSITION = EFFORT + JOINTS,
+  START_VELOCITY = START_POSITION + JOINTS,
+  PARAMETER = START_VELOCITY + JOINTS,
+  VARIABLES = PARAMETER + PARAMETERS
+};
+
+enum { OK, WARNING, DISCARD, ERROR, FATAL };
+
+/* What is saved and restored, besides the simulation. */
+typedef struct {
+  double values[VARIABLES], start;
+  int64_t ticks, begun; /* ticks since the start; whether initialization is over */
+} memory_t;
+
+typedef struct instance {
+  memory_t memory;
+  library_sim* sim;
+  void* place; /* of the simulation, not aligned */
+  void (*complain)(const struct instance* instance, const char* text);
+  void *environment, *logger; /* of the importer */
+  const char* name;
+} instance_t;
+
+static const double defaults[VARIABLES] = DEFAULTS;
+
+/* Report an error. */
+static int fail(const instance_t* i, const char* text) {
+  i->complain(i, text);
+  return ERROR;
+}
+
+/* ERROR with its text for a code of the library. */
+static int outcome(const instance_t* i, int code) { return code == LIBRARY_OK ? OK : fail(i, library_error_text(code)); }
+
+static void forget(instance_t* i) {
+  memset(&i->memory, 0, sizeof i->memory);
+  memcpy(i->memory.values, defaults, sizeof defaults);
+}
+
+/* An instance, or NULL: out of memory, or another model description. */
+static instance_t* new_instance(const char* token) {
+  instance_t* i = token && !strcmp(token, TOKEN) ? calloc(1, sizeof *i) : NULL;
+  if (!i) return NULL;
+  i->place = malloc(library_sim_size() + 64);
+  if (!i->place) {
+    free(i);
+    return NULL;
+  }
+  i->sim = (library_sim*)(((uintptr_t)i->place + 63) & ~(uintptr_t)63);
+  forget(i);
+  return i;
+}
+
+static void free_instance(instance_t* i) {
+  if (!i) return;
+  free(i->place);
+  free(i);
+}
+
+/* Read the variables that the simulation computes. */
+static void read_outputs(instance_t* i) {
+  double* values = i->memory.values;
+  library_sim_state(i->sim, values + POSITION, values + VELOCITY, values + EFFORT);
+  values[TIME] = i->memory.start + (double)i->memory.ticks * PERIOD;
+}
+
+static int set_parameter(instance_t* i, int k, double value) {
+  static const char* const names[PARAMETERS + 1] = {NAMES};
+  return library_sim_set(i->sim, names[k], value);
+}
+
+/* Begin, or begin again, with the starting values; what is not given is that of the scene. */
+static int begin(instance_t* i) {
+  const double *values = i->memory.values, *q = values + START_POSITION, *v = values + START_VELOCITY;
+  const int moved = memcmp(q, defaults + START_POSITION, sizeof(double) * JOINTS) != 0;
+  const int pushed = memcmp(v, defaults + START_VELOCITY, sizeof(double) * JOINTS) != 0;
+  int code = library_sim_init(i->sim, moved ? q : NULL, pushed ? v : NULL);
+  for (int k = 0; k < PARAMETERS && code == LIBRARY_OK; ++k)
+    if (values[PARAMETER + k] != defaults[PARAMETER + k]) code = set_parameter(i, k, values[PARAMETER + k]);
+  i->memory.ticks = 0;
+  if (code == LIBRARY_OK) read_outputs(i);
+  return outcome(i, code);
+}
+
+/* Read variables. */
+static int get_values(instance_t* i, const unsigned int* references, size_t count, double* values) {
+  if (!i->memory.begun && count && begin(i) != OK) return ERROR;
+  for (size_t k = 0; k < count; ++k) {
+    if (references[k] >= VARIABLES) return fail(i, "there is no variable with this value reference");
+    values[k] = i->memory.values[references[k]];
+  }
+  return OK;
+}
+
+/* Set a variable. */
+static int set_value(instance_t* i, unsigned int reference, double value) {
+  const int is_parameter = reference >= PARAMETER;
+  if (reference >= VARIABLES) return fail(i, "there is no variable with this value reference");
+  if (reference == TIME || (reference >= POSITION && reference < START_POSITION))
+    return fail(i, "this variable is computed; inputs and parameters may be set");
+  if (i->memory.begun && reference >= START_POSITION && !is_parameter)
+    return fail(i, "starting values may be set until initialization is over");
+  if (!isfinite(value)) return outcome(i, LIBRARY_NOT_FINITE);
+  if (i->memory.begun && is_parameter) {
+    const int code = set_parameter(i, (int)reference - PARAMETER, value);
+    if (code != LIBRARY_OK) return outcome(i, code);
+  }
+  i->memory.values[reference] = value;
+  return OK;
+}
+
+static int set_values(instance_t* i, const unsigned int* references, size_t count, const double* values) {
+  int found = OK;
+  for (size_t k = 0; k < count && found == OK; ++k) found = set_value(i, references[k], values[k]);
+  return found;
+}
+
+/* Advance from a communication point by a time that ends with a tick. */
+static int advance(instance_t* i, double point, double time) {
+  const double goal = (point + time - i->memory.start) / PERIOD, ticks = floor(goal + 0.5);
+  char text[160];
+  if (!i->memory.begun) return fail(i, "initialization is not over");
+  if (!(fabs(goal - ticks) <= CLOSE) || ticks < (double)i->memory.ticks) {
+    snprintf(text, sizeof text, "a step from %g s by %g s; allowed: steps that end with a tick of %g s", point, time, PERIOD);
+    return fail(i, text);
+  }
+  while ((double)i->memory.ticks < ticks) {
+    const int code = library_sim_step(i->sim, i->memory.values + COMMAND);
+    if (code != LIBRARY_OK) return outcome(i, code);
+    ++i->memory.ticks;
+    read_outputs(i);
+  }
+  return OK;
+}
+
+/* End of the last tick in [s]. */
+static double reached(const instance_t* i) { return i->memory.start + (double)i->memory.ticks * PERIOD; }
+
+static size_t state_size(void) { return sizeof(memory_t) + library_sim_size(); }
+
+static void write_state(const instance_t* i, void* state) {
+  memcpy(state, &i->memory, sizeof i->memory);
+  memcpy((char*)state + sizeof i->memory, i->sim, library_sim_size());
+}
+
+static void read_state(instance_t* i, const void* state) {
+  memcpy(&i->memory, state, sizeof i->memory);
+  memcpy(i->sim, (const char*)state + sizeof i->memory, library_sim_size());
+}
+
+/* Save the state, in new memory unless `*state` is of an earlier call. */
+static int save(const instance_t* i, void** state) {
+  if (!*state) *state = malloc(state_size());
+  if (!*state) return fail(i, "out of memory");
+  write_state(i, *state);
+  return OK;
+}
+
+static int restore(instance_t* i, const void* state, size_t size) {
+  if (!state || size != state_size()) return fail(i, "this is no state of this unit");
+  read_state(i, state);
+  return OK;
+}

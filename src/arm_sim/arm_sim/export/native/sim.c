@@ -1,0 +1,181 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The door of an exported library to its tick. `library` stands for the library's name.
+ *
+ * Required definitions: library.h, tick.h and what it needs; PERIOD (length of a tick), NZ (internal states), START (the
+ * scene's initial state), OF_STATE (for each internal state the number of the state that it begins with, -1: zero), TUNABLE
+ * (nominal tunable numbers), OPEN (residual up to which loops are closed), AT_STOP (distance beyond a stop that is rounding,
+ * relative to the position), TOLERANCE (of error control, or 0); with loops LOOPS (length of p in the generated `project`),
+ * and with drives DRIVEN and the generated `torques`.
+ */
+
+#include "library.h"
+#include "../../stepping/native/tick.h"
+
+#ifndef PERIOD /* read alone, as editors do */
+#define PERIOD 1e-3
+#define NZ 1
+#define START {0.0, 0.0, 0.0, 0.0, 0.0}
+#define OF_STATE {-1}
+#define TUNABLE {0.0, 0.0, -9.81}
+#define OPEN 1e-11
+#define AT_STOP 1e-9
+#define LOOPS 24
+#define DRIVEN 1
+GENERATED(project);
+GENERATED(torques);
+#endif
+
+__extension__ struct library_sim {
+  double x[NX];      /* positions, velocities and internal states */
+  double effort[NU]; /* command of the last tick, limits applied */
+  control_t control;
+#ifdef EVENTS
+  report_t report;
+#endif
+  double p[NP]; /* tunable numbers */
+};
+
+#ifdef EVENTS
+#define REPORT(sim) (&(sim)->report)
+#else
+#define REPORT(sim) NULL
+#endif
+
+size_t library_sim_size(void) { return sizeof(struct library_sim); }
+
+static int all_finite(const double* values, int count) {
+  int finite = 1;
+  for (int i = 0; i < count; ++i) finite &= values[i] - values[i] == 0.0;
+  return finite;
+}
+
+/* Move joints that are beyond a rigid stop by rounding to the stop: 0 if one is farther. */
+static int is_inside_stops(double* x) {
+  (void)x;
+#ifdef RIGID
+  for (int i = 0; i < NU; ++i) {
+    const double beyond = fmax(lower_stop[i] - x[i], x[i] - upper_stop[i]);
+    if (beyond > AT_STOP * fmax(1.0, fabs(x[i]))) return 0;
+  }
+  stop_at_limits(x);
+#endif
+  return 1;
+}
+
+/* Whether the bilateral constraints are satisfied. */
+static int are_loops_closed(const struct library_sim* sim) {
+#ifdef LOOPS
+  __extension__ double after[2 * NU], p[LOOPS], gap[2];
+  WORKSPACE;
+  for (int i = 0; i < LOOPS; ++i) p[i] = i < NP ? sim->p[i] : 0.0;
+  arg[0] = arg[1] = sim->x;
+  arg[2] = p;
+  res[0] = after;
+  res[1] = gap;
+  res[2] = gap + 1;
+  project(arg, res, iw, w, 0);
+  return gap[0] <= OPEN && gap[1] <= OPEN;
+#else
+  (void)sim;
+  return 1;
+#endif
+}
+
+static int is_above_planes(const double* x) {
+#ifdef EVENTS
+  long long work = 0;
+  segment_t segment;
+  begin_tick(&segment, NULL, &work);
+  return !is_inside(x, &segment);
+#else
+  (void)x;
+  return 1;
+#endif
+}
+
+int library_sim_init(library_sim* sim, const double* q, const double* v) {
+  static const double start[NX] = START;
+  __extension__ static const double nominal[NP] = TUNABLE;
+  __extension__ static const int of_state[NZ] = OF_STATE;
+  static const control_t control = {TOLERANCE, 0.0, 0.0, 0};
+#ifdef EVENTS
+  static const report_t report = {0.0, 0, 0, 0, 0};
+  sim->report = report;
+#endif
+  sim->control = control;
+  for (int i = 0; i < NU; ++i) sim->effort[i] = 0.0;
+  for (int i = 0; i < NX; ++i) sim->x[i] = start[i];
+  for (int i = 0; i < NU && q; ++i) sim->x[i] = q[i];
+  for (int i = 0; i < NU && v; ++i) sim->x[NU + i] = v[i];
+  for (int i = 0; i < NP; ++i) sim->p[i] = nominal[i];
+  if (!all_finite(sim->x, 2 * NU)) return LIBRARY_NOT_FINITE;
+  if (!are_loops_closed(sim)) return LIBRARY_OPEN;
+  if (!is_inside_stops(sim->x)) return LIBRARY_BEYOND_STOP;
+  if (!is_above_planes(sim->x)) return LIBRARY_INSIDE_PLANE;
+  for (int i = 0; i < NZ && (q || v); ++i) sim->x[2 * NU + i] = of_state[i] < 0 ? 0.0 : sim->x[of_state[i]];
+  return LIBRARY_OK;
+}
+
+/* Why the last tick could not be computed. */
+static int trouble_of(const struct library_sim* sim) {
+#ifdef EVENTS
+  if (sim->report.trouble == UNDETERMINED) return LIBRARY_UNDETERMINED;
+  if (sim->report.trouble == INSIDE) return LIBRARY_INSIDE_PLANE;
+#endif
+  (void)sim;
+  return LIBRARY_DIVERGED;
+}
+
+int library_sim_step(library_sim* sim, const double* command) {
+  double acted[NU];
+  if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
+  if (!obey(sim->x, command, sim->p, PERIOD, &sim->control, REPORT(sim), acted)) return trouble_of(sim);
+  for (int i = 0; i < NU; ++i) sim->effort[i] = acted[i];
+  return LIBRARY_OK;
+}
+
+void library_sim_state(const library_sim* sim, double* q, double* v, double* effort) {
+  for (int i = 0; i < NU && q; ++i) q[i] = sim->x[i];
+  for (int i = 0; i < NU && v; ++i) v[i] = sim->x[NU + i];
+  if (!effort) return;
+#ifdef DRIVEN
+  WORKSPACE;
+  arg[0] = sim->x;
+  arg[1] = sim->effort;
+  res[0] = effort;
+  res[1] = NULL;
+  torques(arg, res, iw, w, 0);
+#else
+  for (int i = 0; i < NU; ++i) effort[i] = sim->effort[i];
+#endif
+}
+
+/* Whether two texts are the same. */
+static int is_same(const char* a, const char* b) {
+  while (*a && *a == *b) ++a, ++b;
+  return *a == *b;
+}
+
+/* Set a tunable number. */
+static int put(struct library_sim* sim, int place, double value) {
+  if (!all_finite(&value, 1)) return LIBRARY_NOT_ALLOWED;
+  sim->p[place] = value;
+  return LIBRARY_OK;
+}
+
+const char* library_error_text(int code) {
+  switch (code) {
+    case LIBRARY_OK: return "no error";
+    case LIBRARY_NOT_FINITE: return "a number is not finite; nothing has changed";
+    case LIBRARY_OPEN: return "the closed loops are open at these positions, or opening at these velocities";
+    case LIBRARY_BEYOND_STOP: return "a joint is beyond its stop";
+    case LIBRARY_INSIDE_PLANE: return "a contact is inside its plane";
+    case LIBRARY_UNKNOWN: return "there is no such parameter";
+    case LIBRARY_NOT_ALLOWED: return "the parameter cannot have this value; it is kept";
+    case LIBRARY_DIVERGED: return "the tick gives numbers that are not finite, or too large; the state before it is kept";
+    case LIBRARY_UNDETERMINED:
+      return "the forces of friction and contact are not determined; the state before the tick is kept";
+    default: return "unknown code";
+  }
+}

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The terms of the equation of motion as functions of one point, for export.
+
+Their expressions are those that ``Dynamics`` and the simulator evaluate. Matrices are transposed,
+since CasADi stores them by columns and C by rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from arm_dynamics import ArmModel, InvalidInput
+from arm_dynamics.actuation.steady_friction import SteadyFriction
+from arm_dynamics.codegen.kernel import operations
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.dynamics import compiled_terms
+from arm_dynamics.equations import frame, rigid_body, spring
+from arm_dynamics.equations.forward_dynamics import algorithms
+from arm_dynamics.exceptions import choices
+from arm_dynamics.model.tree_builder import frame_of, gravity_of, tree_of
+from arm_sim.export.names import of_frames
+from arm_sim.plant.bilateral import Bilateral
+from arm_sim.plant.parameters import Parameters
+from arm_sim.plant.symbols import Joints, Symbols
+
+TERMS = (
+    "inverse_dynamics", "forward_dynamics", "mass_matrix", "coriolis_matrix", "gravity",
+    "friction", "energy",
+)  # fmt: skip
+"""Names of the terms in C, without the library's name."""
+DERIVATIVES = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
+"""Names of the derivatives."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A function of the library.
+
+    Attributes:
+        name: Its name without the library's.
+        about: Its comment in the header.
+        function: CasADi function of vectors of n, with the names of its arguments in C.
+        results: Names of its results in C.
+        frame: Index of the frame whose pose or Jacobian it is; None for a term.
+    """
+
+    name: str
+    about: str
+    function: ca.Function
+    results: tuple[str, ...]
+    frame: int | None = None
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of its arguments in C."""
+        return tuple(self.function.name_in())
+
+
+def chosen(names: Collection[str]) -> tuple[str, ...]:
+    """Check names of terms and derivatives; returns them in the order of the header.
+
+    Raises:
+        InvalidInput: If one is unknown.
+    """
+    allowed = (*TERMS, *DERIVATIVES)
+    for name in names:
+        if name not in allowed:
+            raise InvalidInput(f"terms names {name!r}; allowed: {choices(name, allowed)}")
+    return tuple(name for name in allowed if name in names)
+
+
+@one_at_a_time
+def terms_of(model: ArmModel, names: Collection[str], frames: Sequence[str]) -> list[Term]:
+    """The functions of an arm.
+
+    Args:
+        model: The arm.
+        names: Terms and derivatives, as ``chosen`` returns them.
+        frames: Frames whose poses and Jacobians are wanted; the first also without its name.
+
+    Raises:
+        InvalidInput: If a frame is unknown, or two look alike in C.
+    """
+    point = _Point(model)
+    found = [_MADE[name](point, name) for name in names]
+    for k, part in enumerate(of_frames(frames)):
+        found += _of_frame(point, k, frames[k], ("", f"_{part}")[k > 0 :])
+    return found
+
+
+class _Point:
+    """Symbols of a point, and expressions of an arm there."""
+
+    def __init__(self, model: ArmModel) -> None:
+        self.model, self.friction = model, SteadyFriction.of(model)
+        self.tree, self.gravity = tree_of(model), gravity_of(model)
+        self.q, self.v, self.a, self.tau = (
+            ca.SX.sym(name, model.n) for name in ("q", "v", "a", "tau")
+        )
+
+    def function(self, name: str, of: str, *results: ca.SX) -> ca.Function:
+        """CasADi function of the symbols whose names ``of`` lists, with dense results."""
+        given, dense = of.split(), [ca.densify(result) for result in results]
+        symbols, made = [getattr(self, x) for x in given], [f"o{i}" for i in range(len(dense))]
+        return ca.Function(f"term_{name}", symbols, dense, given, made, {"cse": True})
+
+    def known(self, term: compiled_terms.BatchTerm, *given: ca.SX) -> ca.SX:
+        """The expression of a term that batches use."""
+        return term.expression(self.model)(*given)
+
+    @property
+    def inverse(self) -> ca.SX:
+        """Torques of a motion, all terms."""
+        q, v, a, springs = self.q, self.v, self.a, self.model.springs
+        rigid = spring.frictionless(springs, self.tree, q, v, a, self.gravity)
+        return ca.SX(self.friction.demanded(rigid, v, ca.sign(v), q))
+
+    @property
+    def forward(self) -> ca.SX:
+        """Accelerations under torques; joints with dry friction slide in their directions."""
+        q, v, springs = self.q, self.v, self.model.springs
+        free = self.tau - self.friction(v, ca.sign(v), q, self.tau)
+        if springs:
+            free = free - spring.torque(springs, self.tree, q, v)
+        if self.model.scene.bilateral:
+            return self._constrained(free)
+        laws = (law for _, law in algorithms(self.tree, self.model.n))
+        ways = [law(self.tree, q, v, free, self.gravity) for law in laws]
+        return min(ways, key=lambda a: operations(self.function("a", "q v tau", a)))
+
+    def _constrained(self, free: ca.SX) -> ca.SX:
+        """Accelerations of an arm with loops under torques besides gravity and inertia."""
+        model, parameters = self.model, Parameters(self.model)
+        s = Symbols(model, parameters)
+        joints = Joints(model, s, stops=False)
+        bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
+        a = Bilateral(model, s, joints).accelerations(s.tau - bias)
+        slides = ca.DM.ones(joints.direction.shape[0])
+        nominal = ca.vertcat(ca.DM(parameters.nominal), slides)
+        found = ca.Function("a", [s.q, s.v, s.tau, joints.p], [a], {"cse": True})
+        return found(self.q, self.v, free, nominal)
+
+
+def _inverse(at: _Point, name: str) -> Term:
+    about = "Torques [N m, N] of a motion q, v, a: M a + C v + G + springs + friction."
+    return Term(name, about, at.function(name, "q v a", at.inverse), ("tau",))
+
+
+def _forward(at: _Point, name: str) -> Term:
+    about = (
+        "Accelerations [rad/s^2, m/s^2] under joint torques tau. A joint that dry friction holds "
+        "at rest stays there; NaN where the laws of friction determine no motion."
+    )
+    return Term(name, about, at.function(name, "q v tau", at.forward), ("a",))
+
+
+def _mass(at: _Point, name: str) -> Term:
+    about = "Mass matrix M(q) with armature [kg m^2, kg], row by row."
+    M = at.known(compiled_terms.MASS_MATRIX, at.q)
+    return Term(name, about, at.function(name, "q", M), ("M",))
+
+
+def _coriolis(at: _Point, name: str) -> Term:
+    about = "Coriolis matrix C(q, v), row by row; dM/dt - 2 C is skew-symmetric."
+    C = at.known(compiled_terms.CORIOLIS_MATRIX, at.q, at.v)  # transposed already
+    return Term(name, about, at.function(name, "q v", C), ("C",))
+
+
+def _gravity(at: _Point, name: str) -> Term:
+    about = "Torques G(q) [N m, N] that balance the weight."
+    return Term(
+        name, about, at.function(name, "q", at.known(compiled_terms.GRAVITY, at.q)), ("g",)
+    )
+
+
+def _friction(at: _Point, name: str) -> Term:
+    about = "Friction [N m, N] of a steady motion without load; zero part of dry friction at rest."
+    still = ca.SX(at.model.n, 1)
+    found = ca.SX(at.friction(at.v, ca.sign(at.v), at.q, still))
+    return Term(name, about, at.function(name, "q v", found), ("f",))
+
+
+def _energy(at: _Point, name: str) -> Term:
+    about = "Kinetic and potential energy [J], that of springs included."
+    both = at.known(compiled_terms.ENERGIES, at.q, at.v)
+    return Term(name, about, at.function(name, "q v", both), ("kinetic_and_potential",))
+
+
+def _inverse_derivatives(at: _Point, name: str) -> Term:
+    about = "Derivatives of inverse_dynamics by q, v and a, each n x n, row by row."
+    return _derivatives(at, name, about, at.inverse, "q v a", "dtau")
+
+
+def _forward_derivatives(at: _Point, name: str) -> Term:
+    about = "Derivatives of forward_dynamics by q, v and tau, each n x n, row by row."
+    return _derivatives(at, name, about, at.forward, "q v tau", "da")
+
+
+def _derivatives(at: _Point, name: str, about: str, value: ca.SX, of: str, what: str) -> Term:
+    parts = [ca.jacobian(value, getattr(at, x)).T for x in of.split()]
+    results = tuple(f"{what}_d{x}" for x in of.split())
+    return Term(name, about, at.function(name, of, *parts), results)
+
+
+def _of_frame(at: _Point, place: int, name: str, suffixes: Sequence[str]) -> list[Term]:
+    """Pose and Jacobian of a frame, under one name or several."""
+    body = frame_of(at.model, name)
+    p, R = frame.placement(at.tree, body, at.q)
+    T = ca.vertcat(ca.horzcat(R, p), ca.SX([[0, 0, 0, 1]]))
+    J = frame.jacobian(at.tree, body, at.q)
+    pose = at.function(f"pose{suffixes[-1]}", "q", T.T)
+    jacobian = at.function(f"jacobian{suffixes[-1]}", "q", J.T)
+    posed = f"Pose of frame '{name}' in the world, 4 x 4, row by row."
+    moved = (
+        f"Jacobian of frame '{name}', 6 x n, row by row: linear rows first, in axes of the world, "
+        "at the frame's origin."
+    )
+    return [
+        term
+        for suffix in suffixes
+        for term in (
+            Term(f"pose{suffix}", posed, pose, ("T",), place),
+            Term(f"jacobian{suffix}", moved, jacobian, ("J",), place),
+        )
+    ]
+
+
+_MADE: dict[str, Callable[[_Point, str], Term]] = {
+    "inverse_dynamics": _inverse, "forward_dynamics": _forward, "mass_matrix": _mass,
+    "coriolis_matrix": _coriolis, "gravity": _gravity, "friction": _friction, "energy": _energy,
+    "inverse_dynamics_derivatives": _inverse_derivatives,
+    "forward_dynamics_derivatives": _forward_derivatives,
+}  # fmt: skip

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Variables of a functional mock-up unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from arm_dynamics import ArmModel
+from arm_sim.state import State
+
+# Exponents of SI units; radians are counted for display only.
+UNITS: dict[str, dict[str, int]] = {
+    "s": {"s": 1},
+    "rad": {"rad": 1},
+    "m": {"m": 1},
+    "rad/s": {"rad": 1, "s": -1},
+    "m/s": {"m": 1, "s": -1},
+    "N.m": {"kg": 1, "m": 2, "s": -2},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "A": {"A": 1},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+}
+"""Units of variables, as exponents of base units."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable, in the words of FMI.
+
+    Attributes:
+        name: Its name.
+        causality: ``input``, ``output``, ``parameter`` or ``independent``.
+        variability: ``continuous``, ``tunable`` or ``fixed``.
+        unit: One of ``UNITS``; empty for none.
+        start: Its default; None if it is computed.
+        least: Lower limit, -inf for none.
+        most: Upper limit, inf for none.
+        about: Description.
+    """
+
+    name: str
+    causality: str
+    variability: str
+    unit: str = ""
+    start: float | None = None
+    least: float = -math.inf
+    most: float = math.inf
+    about: str = ""
+
+
+def variables(
+    model: ArmModel, state: State, parameters: Sequence[tuple[str, float]]
+) -> tuple[Variable, ...]:
+    """Variables in the order of their value references, which ``native/instance.h`` fixes.
+
+    Args:
+        model: The arm.
+        state: The state in which a simulation begins by default.
+        parameters: Names and nominal values of what may be set.
+    """
+    return (
+        Variable("time", "independent", "continuous", "s"),
+        *_commands(model),
+        *_outputs(model),
+        *_starts(model, state),
+        *(Variable(name, "parameter", "tunable", start=value) for name, value in parameters),
+    )
+
+
+def _commands(model: ArmModel) -> Iterator[Variable]:
+    for i, joint in enumerate(model.joint_names):
+        unit, limit = model.command_unit[i].replace(" ", "."), float(model.command_limit[i])
+        about = "command of the joint's drive, clipped at its limit"
+        yield Variable(f"{joint}.command", "input", "continuous", unit, 0.0, -limit, limit, about)
+
+
+def _outputs(model: ArmModel) -> Iterator[Variable]:
+    for kind, turning, sliding, about in (
+        ("position", "rad", "m", "position"),
+        ("velocity", "rad/s", "m/s", "velocity"),
+        ("effort", "N.m", "N", "torque or force of the last tick on the joint"),
+    ):
+        for joint, unit in zip(model.joint_names, _units(model, turning, sliding), strict=True):
+            yield Variable(f"{joint}.{kind}", "output", "continuous", unit, about=about)
+
+
+def _starts(model: ArmModel, state: State) -> Iterator[Variable]:
+    for kind, values, turning, sliding in (
+        ("position", state.q, "rad", "m"),
+        ("velocity", state.v, "rad/s", "m/s"),
+    ):
+        units = _units(model, turning, sliding)
+        for joint, unit, value in zip(model.joint_names, units, values, strict=True):
+            yield Variable(
+                f"{joint}.initial_{kind}", "parameter", "fixed", unit, float(value),
+                about=f"{kind} at the start",
+            )  # fmt: skip
+
+
+def _units(model: ArmModel, turning: str, sliding: str) -> list[str]:
+    return [sliding if kind == "prismatic" else turning for kind in model.joint_types]

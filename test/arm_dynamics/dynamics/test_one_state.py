@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled answers at one state: those of Pinocchio, refusals included."""
+
+from __future__ import annotations
+
+import gc
+import sysconfig
+import weakref
+from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import product
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmError, Dynamics, InvalidInput, KernelError, ModelError, Term
+from arm_dynamics.codegen import compiler, python_call
+from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.dynamics import MANY
+from models.rotor import rotor
+from tolerances import ALGEBRA, assert_close
+
+Call = Callable[..., Any]
+CALLS: dict[str, Call] = {
+    "inverse": lambda d, q, v, x: d.inverse(q, v, x),
+    "forward": lambda d, q, v, x: d.forward(q, v, x),
+    "mass_matrix": lambda d, q, v, x: d.mass_matrix(q),
+    "coriolis_matrix": lambda d, q, v, x: d.coriolis_matrix(q, v),
+    "gravity": lambda d, q, v, x: d.gravity(q),
+    "friction": lambda d, q, v, x: d.friction(v),
+    "energy": lambda d, q, v, x: np.stack(d.energy(q, v), axis=-1),
+    "pose": lambda d, q, v, x: d.pose(q, d.model.frame_names[-1]),
+    "jacobian": lambda d, q, v, x: d.jacobian(q, d.model.frame_names[-1]),
+    "derivative": lambda d, q, v, x: d.jacobian_derivative(q, v, d.model.frame_names[-1]),
+}
+CURVE = {"at": [-1.0, 0.0, 2.0], "factor": [1.0, 2.0, 0.5]}
+LAWS = {
+    "viscous": {"friction": {"viscous": {"positive": 0.6, "negative": 0.3}}},
+    "dry": {"friction": {"coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.4}},
+    "dry by position": {"friction": {"coulomb": 0.5, "position": CURVE}},
+    "dry by load": {"friction": {"coulomb": 0.2, "load": {"at": [0, 20], "factor": [1, 2]}}},
+    "bristles": {"friction": {"coulomb": 0.5, "viscous": 30.0,
+                              "lugre": {"sigma0": 1e4, "sigma1": 100}}},
+    "spring and armature": {"armature": 0.4, "spring": {"stiffness": 30.0, "damping": 0.5}},
+    "geared motor": {"actuator": {"resistance": 1.0, "torque_constant": 0.05, "gear_ratio": 50,
+                                  "rotor_inertia": 5e-5, "efficiency": 0.8}},
+}  # fmt: skip
+
+
+@cache
+def compiled(name: str) -> Dynamics:
+    plain = models.dynamics(name)
+    return plain.compiled(plain.model.frame_names[-1])
+
+
+@cache
+def with_law(name: str) -> Dynamics:
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    return Dynamics({**scene, "joints": {"*": LAWS[name]}})
+
+
+@pytest.fixture
+def pinocchio_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Calls that reach the numeric dynamics fail."""
+
+    def refused(*_: object) -> None:
+        raise AssertionError("asked of Pinocchio")
+
+    monkeypatch.setattr(Dynamics, "_by_code", refused)
+    monkeypatch.setattr("arm_dynamics.dynamics.dynamics.vectors", refused)
+    yield
+
+
+@pytest.mark.parametrize("what", CALLS)
+def test_equals_pinocchio(robot: str, what: str, rng: np.random.Generator) -> None:
+    plain, own = models.dynamics(robot), compiled(robot)
+    for _ in range(5):
+        state = models.random_state(rng, plain.n)
+        wanted, made = CALLS[what](plain, *state), CALLS[what](own, *state)
+        assert made.shape == wanted.shape
+        if what == "forward":  # in torques, for M⁻¹ may be large
+            M = plain.mass_matrix(state[0])
+            scale = abs(M) @ abs(wanted) + abs(state[2])
+            assert abs(M @ (made - wanted)).max() < ALGEBRA * scale.max()
+        else:
+            assert_close(made, wanted, ALGEBRA)
+
+
+@pytest.mark.parametrize("what", CALLS)
+def test_is_compiled(what: str, rng: np.random.Generator, pinocchio_is_not_asked: None) -> None:
+    own = compiled("panda")
+    assert np.isfinite(CALLS[what](own, *models.random_state(rng, own.n))).all()
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("what", ["inverse", "forward", "friction", "energy", "gravity"])
+def test_friction_drives_and_springs(law: str, what: str, rng: np.random.Generator) -> None:
+    plain = with_law(law)
+    own = plain.compiled()
+    for at_rest in (False, True):
+        q, v, x = models.random_state(rng, plain.n)
+        v[at_rest] = 0.0 if at_rest else v[0]
+        if what == "friction" and law == "dry by position":
+            np.testing.assert_array_equal(own.friction(v, q=q), plain.friction(v, q=q))
+            continue
+        assert_close(CALLS[what](own, q, v, x), CALLS[what](plain, q, v, x), ALGEBRA)
+
+
+def test_a_joint_at_rest_sticks() -> None:
+    own = Dynamics(rotor(0.1, coulomb=0.5, static=0.8)).compiled()
+    np.testing.assert_array_equal(own.forward([0.0], [0.0], [0.7]), [0.0])
+    assert_close(own.forward([0.0], [0.0], [0.9]), [4.0], ALGEBRA)
+    assert_close(own.forward([0.0], [1e-9], [0.7]), [2.0], 1e-6)
+
+
+@pytest.mark.parametrize("what", CALLS)
+def test_however_numbers_are_given(what: str, rng: np.random.Generator) -> None:
+    """Lists, rows of small batches and arrays with gaps: the same bits."""
+    own = compiled("two_link")
+    states = rng.normal(size=(3, 4, 2))
+    wanted = [CALLS[what](own, *state) for state in states.swapaxes(0, 1)]
+    lists = [CALLS[what](own, *state.tolist()) for state in states.swapaxes(0, 1)]
+    gaps = np.repeat(states, 2, axis=2)[..., ::2]
+    np.testing.assert_array_equal(lists, wanted)
+    np.testing.assert_array_equal(CALLS[what](own, *states), wanted)
+    np.testing.assert_array_equal(
+        [CALLS[what](own, *state) for state in gaps.swapaxes(0, 1)], wanted
+    )
+
+
+def test_a_large_batch_is_as_ever(rng: np.random.Generator) -> None:
+    states = rng.normal(size=(3, MANY, 2))
+    for call in CALLS.values():
+        found = call(compiled("two_link"), *states)
+        np.testing.assert_array_equal(found, call(models.dynamics("two_link"), *states))
+
+
+def test_other_terms_and_frames_are_pinocchios(rng: np.random.Generator) -> None:
+    own, plain = compiled("panda"), models.dynamics("panda")
+    q, v, a = models.random_state(rng, 7)
+    for terms in (Term.GRAVITY, Term.ALL ^ Term.FRICTION, 0):
+        np.testing.assert_array_equal(own.inverse(q, v, a, terms), plain.inverse(q, v, a, terms))
+    np.testing.assert_array_equal(own.inverse(q, v, a, 31), own.inverse(q, v, a))
+    np.testing.assert_array_equal(own.pose(q, "panda_link4"), plain.pose(q, "panda_link4"))
+
+
+def test_constraints_are_enforced(rng: np.random.Generator) -> None:
+    plain = models.dynamics("four_bar")
+    q, v, tau = plain.model.q0, np.zeros(plain.n), rng.normal(size=plain.n)
+    np.testing.assert_array_equal(plain.compiled().forward(q, v, tau), plain.forward(q, v, tau))
+
+
+def test_external_torques_act(rng: np.random.Generator) -> None:
+    state = models.random_state(rng, 2)
+    pushed, expected = (
+        dynamics.under([3.0, -1.0])
+        for dynamics in (compiled("two_link"), models.dynamics("two_link"))
+    )
+    for what, own in product(("inverse", "forward"), (pushed, expected.compiled())):
+        made = CALLS[what](own, *state)
+        np.testing.assert_array_equal(made, CALLS[what](expected, *state))
+        assert abs(made - CALLS[what](compiled("two_link"), *state)).min() > 0.1
+
+
+def test_results_are_the_callers_own(rng: np.random.Generator) -> None:
+    own = compiled("two_link")
+    q, v, _ = models.random_state(rng, 2)
+    first = own.mass_matrix(q)
+    kept = first.copy()
+    own.mass_matrix(v)
+    np.testing.assert_array_equal(first, kept)
+    first[0, 0] = 7.0
+    np.testing.assert_array_equal(own.mass_matrix(q), kept)
+
+
+WRONG = {
+    "one too many": np.zeros(3), "none": np.zeros(0), "a number": np.float64(1.0),
+    "a cube": np.zeros((2, 2, 2)), "not a number": np.array([0.0, np.nan]),
+    "infinite": np.array([-np.inf, 0.0]), "text": "ab", "truth": [True, False],
+    "complex": np.zeros(2, complex), "objects": np.array([None, 1.0]), "nothing": None,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
+@pytest.mark.parametrize("what", CALLS)
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_refuses_the_same_with_the_same_words(what: str, wrong: Any, place: int) -> None:
+    given: list[Any] = [np.zeros(2)] * 3
+    given[place] = wrong
+    said = []
+    for dynamics in (compiled("two_link"), models.dynamics("two_link")):
+        try:
+            CALLS[what](dynamics, *given)
+        except ArmError as error:
+            said.append((type(error), str(error)))
+        else:
+            said.append("not asked for")
+    assert said[0] == said[1]
+
+
+def test_an_overflow_is_told() -> None:
+    own = compiled("two_link")
+    with pytest.raises(InvalidInput, match="the acceleration overflows"):
+        own.forward([0.0, 1.0], [1e200, 0.0], [0.0, 0.0])
+
+
+def test_a_joint_without_mass_is_told() -> None:
+    with pytest.raises(ModelError, match="mass"):
+        Dynamics(rotor(0.0)).compiled()
+
+
+def test_an_unknown_frame_is_refused() -> None:
+    with pytest.raises(InvalidInput, match="^frame 'paw' does not exist; allowed: "):
+        models.dynamics("two_link").compiled(["tip", "paw"])
+    for frame in ("paw", ["tip"]):
+        with pytest.raises(InvalidInput, match="does not exist; allowed: "):
+            compiled("two_link").pose(np.zeros(2), frame)  # type: ignore[arg-type]
+
+
+def test_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiler, "find_compiler", lambda language="c": None)
+    with pytest.raises(KernelError, match="no C compiler found"):
+        models.dynamics("two_link").compiled()
+
+
+def test_without_the_headers_of_python(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
+    python_call._library.cache_clear()
+    with pytest.raises(KernelError, match=r"need Python's headers, .* apt install python3-dev"):
+        models.dynamics("two_link").compiled()
+    python_call._library.cache_clear()
+
+
+def test_memory_lives_as_long_as_the_function() -> None:
+    x = ca.SX.sym("x", 2)
+    kernel = Kernel([ca.Function("twice", [x], [2 * x])], "native")
+    call, there = python_call.python_call(kernel, "twice", (2,)), weakref.ref(kernel)
+    del kernel
+    gc.collect()
+    np.testing.assert_array_equal(call(np.array([1.0, 2.0])), [2.0, 4.0])
+    del call
+    gc.collect()
+    assert there() is None

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inertias of links in a scene: the same as if they were written in the URDF."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import models
+from arm_dynamics import ArmModel, Dynamics, SceneError, load_scene
+from arm_dynamics.scene import scene_of, scene_text
+from arm_dynamics.scene.inertia import inertia_matrix, six_of
+from arm_sim import Simulator
+from arm_sim.cli.main import main
+from arm_studies.identification.described import scene_with
+from tolerances import PINOCCHIO, assert_close
+
+URDF = (models.FOLDER / "skew_axes.urdf").read_text()
+INERTIAL = re.compile(r"<inertial>.*?</inertial>", re.DOTALL)
+BODY = {
+    "mass": 1.7,
+    "com": [0.03, -0.02, 0.05],
+    "inertia": [0.02, 0.001, -0.002, 0.03, 0.0005, 0.025],
+}
+WRITTEN = """<inertial><origin xyz="0.03 -0.02 0.05"/><mass value="1.7"/>
+<inertia ixx="0.02" ixy="0.001" ixz="-0.002" iyy="0.03" iyz="0.0005" izz="0.025"/></inertial>"""
+POINT = """<inertial><mass value="0.4"/>
+<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>"""
+
+
+def edited(link: str, inertial: str = WRITTEN, urdf: str = URDF) -> str:
+    """The URDF with the inertia of a link written by hand."""
+    element = re.search(rf'<link name="{link}"(/>|>.*?</link>)', urdf, re.DOTALL)
+    assert element is not None
+    return urdf.replace(element[0], f'<link name="{link}">{inertial}</link>')
+
+
+def assert_same(own: Dynamics, expected: Dynamics, rng: np.random.Generator) -> None:
+    for _ in range(10):
+        q, v, a = models.random_state(rng, own.n)
+        assert_close(own.inverse(q, v, a), expected.inverse(q, v, a), PINOCCHIO)
+        assert_close(own.mass_matrix(q), expected.mass_matrix(q), PINOCCHIO)
+        for x, y in zip(own.energy(q, v), expected.energy(q, v), strict=True):
+            assert_close(x, y, PINOCCHIO)
+
+
+@pytest.mark.parametrize("link", ["a", "a_counterweight", "adapter", "c", "d"])
+@pytest.mark.parametrize("lock", [(), ("fourth",), ("third",)])
+def test_equal_an_edited_urdf(link: str, lock: tuple[str, ...], rng: np.random.Generator) -> None:
+    """Also of links that fixed or locked joints merge with others."""
+    start = {"initial": {"position": dict.fromkeys(lock, 0.2)}}
+    robot = {"lock": list(lock)}
+    own = Dynamics({"robot": {"urdf": URDF, **robot}, "links": {link: BODY}, **start})
+    expected = Dynamics({"robot": {"urdf": edited(link), **robot}, **start})
+    assert_same(own, expected, rng)
+    assert abs(own.model.total_mass - Dynamics(URDF).model.total_mass) > 0.1
+
+
+def test_what_is_not_given_is_not_the_urdfs(rng: np.random.Generator) -> None:
+    """A mass alone is a point mass at the origin of the link."""
+    own = Dynamics({"robot": {"urdf": URDF}, "links": {"c": {"mass": 0.4}}})
+    assert_same(own, Dynamics(edited("c", POINT)), rng)
+
+
+def test_they_make_an_arm_of_a_description_without_inertia(rng: np.random.Generator) -> None:
+    bare = INERTIAL.sub("", URDF)
+    expected = bare
+    for link in "abcd":
+        expected = edited(link, urdf=expected)
+    own = Dynamics({"robot": {"urdf": bare}, "links": dict.fromkeys("abcd", BODY)})
+    assert_same(own, Dynamics(expected), rng)
+    assert np.isfinite(Simulator(own.model).run(0.01).q).all()
+
+
+def test_an_unusable_inertia_can_be_replaced(rng: np.random.Generator) -> None:
+    broken = URDF.replace('<mass value="0.9"/>', '<mass value="none"/>')
+    own = Dynamics({"robot": {"urdf": broken}, "links": {"c": BODY}})
+    assert_same(own, Dynamics(edited("c")), rng)
+    assert not own.model.doubtful
+
+
+def test_payloads_come_on_top(rng: np.random.Generator) -> None:
+    payload = {"payloads": [{"frame": "d", "mass": 0.3}]}
+    own = Dynamics({"robot": {"urdf": URDF}, "links": {"d": BODY}, **payload})
+    assert_same(own, Dynamics({"robot": {"urdf": edited("d")}, **payload}), rng)
+
+
+REFUSED: dict[str, tuple[Any, str]] = {
+    "unknown link": ({"cc": BODY}, "scene: 'links' names 'cc', which does not exist; allowed: ba"),
+    "a joint": ({"first": BODY}, "scene: 'links' names 'first', which does not exist"),
+    "the base": ({"base": BODY}, "scene: 'links.base': no joint moves that link, so its mass is"),
+    "no mass": ({"c": {"com": [0, 0, 0]}}, "scene: 'links.c.mass' is missing; it is required"),
+    "mass 0": ({"c": {"mass": 0}}, "scene: 'links.c.mass' = 0: more than 0 is expected"),
+    "negative": ({"c": {"mass": -1}}, "scene: 'links.c.mass' = -1: more than 0 is expected"),
+    "infinite": ({"c": {"mass": 1, "com": [0, 0, np.inf]}}, "'links.c.com.2' = inf: allowed: fi"),
+    "short": ({"c": {"mass": 1, "inertia": [1, 1, 1]}}, "'links.c.inertia' = .* 6 are expected"),
+    "no body": (
+        {"c": {"mass": 1, "inertia": [1, 0, 0, 1, 0, 3]}},
+        "'links.c.inertia' = .*: no body has principal moments 1, 1, 3 kg m²",
+    ),
+    "unknown key": ({"c": {"weight": 1}}, "unknown key 'links.c.weight' = 1; allowed here: mass"),
+    "a number": ({"c": 2.0}, "'links.c' = 2.0: a mapping with some of mass, com, inertia is exp"),
+}
+
+
+@pytest.mark.parametrize(("links", "words"), REFUSED.values(), ids=REFUSED)
+def test_mistakes_are_named(links: Any, words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        Dynamics({"robot": {"urdf": URDF}, "links": links})
+
+
+def test_a_link_that_no_joint_moves_any_more_is_refused() -> None:
+    with pytest.raises(SceneError, match="'links.a': no joint moves that link"):
+        Dynamics({"robot": {"urdf": URDF, "lock": ["first"]}, "links": {"a": BODY}})
+
+
+def test_a_saved_scene_has_them() -> None:
+    scene = load_scene({"robot": {"urdf": URDF}, "links": {"c": BODY}})
+    again = scene_of(scene_text(scene, "robot.urdf"), scene.robot.urdf)
+    assert again.links == scene.links
+    assert ArmModel(again).whole == ArmModel(scene).whole
+
+
+def test_identified_inertias_replace_them() -> None:
+    model = ArmModel(load_scene({"robot": {"urdf": URDF}, "links": {"c": BODY}}))
+    bodies = list(model.pin.inertias)[1:]
+    theta = np.concatenate([1.1 * body.toDynamicParameters() for body in bodies])
+    found = ArmModel(scene_with(model, theta, np.full(4, np.nan), [None] * 4, []))
+    assert not found.scene.links
+    assert found.total_mass == pytest.approx(1.1 * model.total_mass, rel=1e-12)
+
+
+def test_six_numbers_and_a_tensor_are_the_same() -> None:
+    six = np.arange(12.0).reshape(2, 6)
+    np.testing.assert_array_equal(six_of(inertia_matrix(six)), six)
+
+
+def run(*words: str) -> str:
+    result = CliRunner().invoke(main, words, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_commands_tell_and_write_them(tmp_path: Path, rng: np.random.Generator) -> None:
+    (tmp_path / "arm.urdf").write_text(URDF)
+    (tmp_path / "arm.yaml").write_text(
+        f"robot: {{urdf: arm.urdf}}\nlinks: {json.dumps({'c': BODY, 'd': {'mass': 0.4}})}"
+    )
+    scene = str(tmp_path / "arm.yaml")
+    assert "inertias from the scene: c 1.7 kg, d 0.4 kg" in run("describe", scene)
+    assert json.loads(run("describe", scene, "--json"))["links"] == {"c": 1.7, "d": 0.4}
+    expected = Dynamics(edited("d", POINT, edited("c")))
+    assert_same(Dynamics(run("urdf", scene)), expected, rng)
+    hardware = run("urdf", scene, "--ros2-control", "effort")
+    assert_same(Dynamics(hardware), expected, rng)

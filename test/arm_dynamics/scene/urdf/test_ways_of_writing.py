@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One robot written in many ways: torques are those of the numbers as written, or it is refused.
+
+The torques are compared with an independent reading of the XML and an independent method.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from arm_dynamics import ArmModel, Dynamics, ModelError
+from models.newton_euler import Robot
+
+NEAR = 1e-12
+WAYS = 200
+ROBOT = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial>
+    <origin xyz="0.2 0.5 -0.01" rpy="0.1 0.2 0.3"/><mass value="3.25"/>
+    <inertia ixx="0.01" ixy="0.001" ixz="-0.002" iyy="0.04" iyz="0.003" izz="0.041"/>
+  </inertial></link>
+  <link name="plate"><inertial>
+    <origin xyz="0.01 0.02 0.03"/><mass value="0.7"/>
+    <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"/>
+  </inertial></link>
+  <link name="fore"><inertial>
+    <origin xyz="0.1 -0.2 0.15" rpy="-0.5 0.4 0.2"/><mass value="1.5"/>
+    <inertia ixx="0.011" ixy="-0.001" ixz="0" iyy="0.012" iyz="0.0005" izz="0.013"/>
+  </inertial></link>
+  <link name="hand"><inertial>
+    <origin xyz="0 0.04 0.05" rpy="0.3 0 0"/><mass value="0.4"/>
+    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.002"/>
+  </inertial></link>
+  <joint name="shoulder" type="revolute">
+    <origin xyz="0.1 0.3 0.1" rpy="0.4 0.5 0.6"/><axis xyz="0.6 -0.8 1"/>
+    <parent link="base"/><child link="upper"/>
+    <limit lower="-3" upper="2.5" effort="80" velocity="4"/>
+    <dynamics damping="0.3" friction="0.2"/>
+  </joint>
+  <joint name="flange" type="fixed">
+    <origin xyz="0.05 0.1 0.2" rpy="0.7 0 -0.3"/><parent link="upper"/><child link="plate"/>
+  </joint>
+  <joint name="elbow" type="continuous">
+    <origin xyz="0.02 0.03 0.4" rpy="0 0.2 0.1"/><axis xyz="0 1 0.25"/>
+    <parent link="plate"/><child link="fore"/><limit effort="30" velocity="6"/>
+    <dynamics damping="0.15" friction="0.1"/>
+  </joint>
+  <joint name="slide" type="prismatic">
+    <origin xyz="0.3 0 0.02" rpy="0.2 0.1 0"/><axis xyz="0 -1 1"/>
+    <parent link="fore"/><child link="hand"/>
+    <limit lower="-0.5" upper="1" effort="50" velocity="2"/>
+    <dynamics damping="1.5" friction="0.4"/>
+  </joint>
+</robot>"""
+JOINTS = ("shoulder", "elbow", "slide")
+
+type Way = Callable[[str, np.random.Generator], str]
+
+
+def attribute(text: str, rng: np.random.Generator) -> re.Match[str]:
+    """Some attribute that holds numbers."""
+    found = list(re.finditer(r'(\w+)="([-+\d. e]+)"', text))
+    return found[rng.integers(len(found))]
+
+
+def element(text: str, rng: np.random.Generator, tags: str) -> re.Match[str]:
+    """Some empty element with one of these tags."""
+    found = list(re.finditer(rf"<({tags})((?: [^<>]*)?)/>", text))
+    return found[rng.integers(len(found))]
+
+
+def with_numbers(change: Callable[[list[str], np.random.Generator], str]) -> Way:
+    """The numbers of an attribute written in another way."""
+
+    def way(text: str, rng: np.random.Generator) -> str:
+        found = attribute(text, rng)
+        written = change(found[2].split(), rng)
+        return text[: found.start(2)] + written + text[found.end(2) :]
+
+    return way
+
+
+def with_one(change: Callable[[str], str]) -> Way:
+    """One number of an attribute written in another way."""
+
+    def changed(words: list[str], rng: np.random.Generator) -> str:
+        i = rng.integers(len(words))
+        return " ".join([*words[:i], change(words[i]), *words[i + 1 :]])
+
+    return with_numbers(changed)
+
+
+def with_element(tags: str, change: Callable[[str], str]) -> Way:
+    """An empty element written in another way."""
+
+    def way(text: str, rng: np.random.Generator) -> str:
+        found = element(text, rng, tags)
+        return text[: found.start()] + change(found[0]) + text[found.end() :]
+
+    return way
+
+
+def without(key: str, tags: str = r"\w+") -> Way:
+    """An element without one of its attributes."""
+    return with_element(tags, lambda words: re.sub(rf' {key}="[^"]*"', "", words))
+
+
+def with_top(words: str) -> Way:
+    """Something more beside links and joints."""
+
+    def way(text: str, rng: np.random.Generator) -> str:
+        ends = [found.end() for found in re.finditer("</(link|joint)>", text)]
+        at = ends[rng.integers(len(ends))]
+        return text[:at] + words + text[at:]
+
+    return way
+
+
+def in_other_order(text: str, rng: np.random.Generator) -> str:
+    parts = re.findall(r"<(?:link|joint) .*?</(?:link|joint)>|<link [^<>]*/>", text, re.DOTALL)
+    return "<robot name='arm'>" + "".join(rng.permutation(parts)) + "</robot>"
+
+
+def shuffled(words: str) -> str:
+    return "<" + re.match(r"<(\w+)", words)[1] + " " + " ".join(
+        reversed(re.findall(r'[\w:]+="[^"]*"', words))
+    ) + "/>"  # fmt: skip
+
+
+def as_entity(text: str, rng: np.random.Generator) -> str:
+    found = attribute(text, rng)
+    whole = text[: found.start(2)] + "&given;" + text[found.end(2) :]
+    return f'<!DOCTYPE robot [<!ENTITY given "{found[2]}">]>{whole}'
+
+
+def named_alike(text: str, rng: np.random.Generator) -> str:
+    joint, link = rng.choice(["flange", "elbow"]), rng.choice(["base", "upper", "fore", "hand"])
+    return text.replace(f'<joint name="{joint}"', f'<joint name="{link}"')
+
+
+def ulp(word: str) -> str:
+    """The next number, or the one before."""
+    return repr(float(np.nextafter(float(word), np.inf)))
+
+
+def repeated(words: str) -> str:
+    """A second element with other numbers, of which only the first counts."""
+    return words + re.sub(r"\d", lambda digit: str((int(digit[0]) + 3) % 10), words)
+
+
+SOUND: dict[str, Way] = {
+    "as it is": lambda text, rng: text,
+    "blanks around": with_numbers(lambda words, _: f" \t{' '.join(words)}\n"),
+    "blanks between": with_numbers(lambda words, _: " \n\t ".join(words)),
+    "line feeds by reference": with_numbers(lambda words, _: "&#10;".join(words) + "&#x9;"),
+    "digits by reference": with_one(lambda word: "".join(f"&#{ord(c)};" for c in word)),
+    "an entity": as_entity,
+    "single quotes": with_element(r"\w+", lambda words: words.replace('"', "'")),
+    "attributes in another order": with_element(r"\w+", shuffled),
+    "blanks in tags": with_element(
+        r"\w+", lambda w: w.replace("=", " =\n ").replace("/>", "  />")
+    ),
+    "open and closed": with_element(r"\w+", lambda w: re.sub(r"<(\w+)(.*)/>", r"<\1\2></\1>", w)),
+    "another order": in_other_order,
+    "one ulp more": with_one(ulp),
+    "exponents": with_one(lambda word: f"{float(word):.16E}"),
+    "exponents of tens": with_one(lambda word: f"{word}e+00"),
+    "a plus": with_one(lambda word: word if word.startswith("-") else f"+{word}"),
+    "zeros in front": with_one(lambda word: re.sub(r"^(-?)", r"\g<1>00", word)),
+    "no zero in front": with_one(lambda word: re.sub(r"^(-?)0\.", r"\1.", word)),
+    "a point behind": with_one(lambda word: word if "." in word else f"{word}."),
+    "many digits": with_one(lambda word: f"{word}{'' if '.' in word else '.'}{'0' * 40}1"),
+    "minus zero": with_one(lambda word: "-0.0" if float(word) == 0.0 else word),
+    "comments": with_top("<!-- <link name='upper'/> -->"),
+    "text": with_top("text <![CDATA[ <joint/> ]]> text".replace("<joint/>", "joint")),
+    "instructions": with_top("<?editor fold?>"),
+    "transmissions": with_top(
+        "<transmission name='t'><joint name='elbow'><mass value='7'/></joint></transmission>"
+    ),
+    "plugins": with_top("<gazebo reference='upper'><mu1>0.2</mu1><mass value='x'/></gazebo>"),
+    "unbound prefixes": with_top("<gz:plugin gz:mass='9'/>"),
+    "unknown attributes": with_element(
+        r"\w+", lambda words: words.replace("/>", " colour='1 x'/>")
+    ),
+    "default namespace": lambda text, _: text.replace("<robot ", "<robot xmlns='http://r' ", 1),
+    "version": lambda text, _: text.replace("<robot ", "<robot version='1.0' ", 1),
+    "unknown version": lambda text, _: text.replace("<robot ", "<robot version='7' ", 1),
+    "no name": lambda text, _: text.replace(" name='arm'", "").replace(' name="arm"', ""),
+    "a late declaration": lambda text, _: f'\n <!-- by hand -->\n<?xml version="1.0"?>{text}',
+    "a byte order mark": lambda text, _: f"\ufeff{text}",
+    "masses elsewhere": with_element("parent", lambda words: f"{words}<mass value='8'/>"),
+    "no products of inertia": with_element(
+        "inertia", lambda words: re.sub(r' i(xy|xz|yz)="[^"]*"', "", words)
+    ),
+    "one product missing": without("ixy", "inertia"),
+    "no axis": with_element("axis", lambda words: ""),
+    "an empty axis": with_element("axis", lambda words: "<axis/>"),
+    "a long axis": with_element(
+        "axis", lambda words: words.replace(' xyz="', ' xyz="0').replace('"/>', 'e2"/>')
+    ),  # fmt: skip
+    "no origin": with_element("origin", lambda words: ""),
+    "no rpy": without("rpy", "origin"),
+    "no xyz": without("xyz", "origin"),
+    "no losses": with_element("dynamics", lambda words: ""),
+    "empty losses": with_element("dynamics", lambda words: "<dynamics/>"),
+    "no damping": without("damping", "dynamics"),
+    "no friction": without("friction", "dynamics"),
+    "no effort": without("effort", "limit"),
+    "no velocity": without("velocity", "limit"),
+    "no inertial": lambda text, rng: re.sub(
+        r"<inertial>.*?</inertial>", "", text, count=int(rng.integers(1, 5)), flags=re.DOTALL
+    ),
+    "infinite limits": with_element(
+        "limit", lambda words: words.replace('effort="', 'effort=" inf" x="')
+    ),  # fmt: skip
+    "repeated elements": with_element("origin|mass|inertia|axis|limit|dynamics", repeated),
+    "repeated inertials": lambda text, _: text.replace(
+        "</inertial>", "</inertial><inertial><mass value='5'/></inertial>"
+    ),
+    "names alike": named_alike,
+}
+REFUSED: dict[str, Way] = {
+    "underscores": with_one(lambda word: f"1_{word.lstrip('-')}"),
+    "hexadecimal": with_one(lambda word: "0x10"),
+    "other digits": with_one(lambda word: "\u0663"),
+    "a comma": with_one(lambda word: f"{word},5"),
+    "a unit": with_one(lambda word: f"{word}m"),
+    "an expression": with_one(lambda word: "${pi/2}"),
+    "nan": with_one(lambda word: "nan"),
+    "a minus apart": with_one(lambda word: f"- {word.lstrip('-')}"),
+    "nothing": with_numbers(lambda words, _: " "),
+    "one too many": with_numbers(lambda words, _: " ".join([*words, "0"])),
+    "one too few": with_numbers(lambda words, _: " ".join(words[1:])),
+    "a huge mass": with_element("mass", lambda words: "<mass value='1e999'/>"),
+    "an infinite place": with_element("origin", lambda words: "<origin xyz='0 inf 0'/>"),
+    "a repeated attribute": with_element(
+        "origin|mass|axis|limit|dynamics|inertia",
+        lambda words: re.sub(r'( \w+="[^"]*")', r"\1\1", words, count=1),
+    ),
+    "no mass": with_element("mass", lambda words: ""),
+    "an empty mass": with_element("mass", lambda words: "<mass/>"),
+    "no tensor": with_element("inertia", lambda words: ""),
+    "no moment": without("iyy", "inertia"),
+    "a negative mass": with_element("mass", lambda words: words.replace('="', '="-')),
+    "a negative moment": with_element("inertia", lambda words: words.replace('izz="', 'izz="-')),
+    "negative damping": with_element("dynamics", lambda w: w.replace('damping="', 'damping="-')),
+    "limits that cross": lambda text, _: text.replace('lower="-3"', 'lower="3"'),
+    "no limit": lambda text, _: re.sub(r"<limit lower[^<>]*/>", "", text, count=1),
+    "an axis of zero": with_element("axis", lambda words: "<axis xyz='0 0 0'/>"),
+    "a quaternion": with_element("origin", lambda words: "<origin quat_xyzw='0 0 0 1'/>"),
+    "two links of one name": with_top("<link name='upper'/>"),
+    "two joints of one name": lambda text, _: text.replace('name="elbow"', 'name="shoulder"'),
+    "a nameless link": with_top("<link/>"),
+    "another root": with_top("<link name='floor'/>"),
+    "an unknown parent": lambda text, _: text.replace('parent link="fore"', 'parent link="four"'),
+    "a ball joint": lambda text, _: text.replace('"continuous"', '"ball"'),
+    "a floating joint": lambda text, _: text.replace('"continuous"', '"floating"'),
+    "an unknown entity": with_numbers(lambda words, _: "&nowhere;"),
+    "unclosed": lambda text, _: text.removesuffix("</robot>"),
+}
+NAMES = (
+    r"(link|joint) '\w+'|two <\w+> are called '\w+'|a <\w+> has no name|line \d+|"
+    r"one root link expected, found 2: base, floor"
+)
+
+
+def torques(dynamics: Dynamics, rng: np.random.Generator) -> tuple[dict[str, float], ...]:
+    """A state by joint, and the torques that it needs, of the suite."""
+    q, v, a = rng.uniform(-1.0, 1.0, (3, dynamics.n))
+    names = dynamics.joint_names
+    given = [
+        dict(zip(names, x.tolist(), strict=True)) for x in (q, v, a, dynamics.inverse(q, v, a))
+    ]
+    return tuple(given)
+
+
+def assert_as_written(text: str, rng: np.random.Generator) -> None:
+    """Torques and limits are those of the independent reading."""
+    dynamics, robot = Dynamics(text), Robot(text)
+    *state, own = torques(dynamics, rng)
+    expected = robot.torques(*state)
+    assert own.keys() == expected.keys()
+    size = max(1.0, *map(abs, expected.values()))
+    for name, torque in own.items():
+        assert abs(torque - expected[name]) <= NEAR * size, (name, torque, expected[name])
+    assert_limits(dynamics.model, robot)
+
+
+def assert_limits(model: ArmModel, robot: Robot) -> None:
+    """A limit of zero is none."""
+    for i, name in enumerate(model.joint_names):
+        lower, upper, effort, velocity = robot.joints[name].limits
+        assert model.effort_limit[i] == (effort or np.inf)
+        assert model.velocity_limit[i] == (velocity or np.inf)
+        if robot.joints[name].kind != "continuous":
+            assert (model.position_lower[i], model.position_upper[i]) == (lower, upper)
+
+
+@pytest.mark.parametrize("way", SOUND.values(), ids=SOUND)
+def test_each_sound_way_is_read(way: Way, rng: np.random.Generator) -> None:
+    for _ in range(3):
+        assert_as_written(way(ROBOT, rng), rng)
+
+
+@pytest.mark.parametrize("way", REFUSED.values(), ids=REFUSED)
+def test_each_other_way_is_refused_by_name(way: Way, rng: np.random.Generator) -> None:
+    for _ in range(3):
+        text = way(ROBOT, rng)
+        assert text != ROBOT
+        with pytest.raises(ModelError, match=NAMES):
+            Dynamics(text)
+
+
+def test_ways_together(rng: np.random.Generator) -> None:
+    """Two to five ways at a time: the torques of the numbers as written, never others."""
+    sound, read = list(SOUND.values()), 0
+    for _ in range(WAYS):
+        text = ROBOT
+        for i in rng.choice(len(sound), rng.integers(2, 6), replace=False):
+            text = sound[i](text, rng)
+        try:
+            assert_as_written(text, rng)
+        except ModelError as error:
+            assert re.search(NAMES, str(error)), error
+        else:
+            read += 1
+    assert read > 0.9 * WAYS
+
+
+def test_the_comparison_sees_one_ulp_of_a_mass() -> None:
+    """It would see a number that is dropped, or is the next one."""
+    rng = np.random.default_rng(2)
+    heavier = ROBOT.replace('"3.25"', f'"{3.25 * (1 + 1e-10)!r}"')
+    *state, own = torques(Dynamics(ROBOT), rng)
+    assert abs(Robot(heavier).torques(*state)["shoulder"] - own["shoulder"]) > 10 * NEAR

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Export: names, folders, errors, CMake, the command."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from exported import said_by
+
+from arm_dynamics import ArmError, InvalidInput, SceneError
+from arm_sim.cli.main import main
+from arm_sim.export import export
+from arm_sim.export.conditions import decided
+from arm_sim.export.generated import without_unused
+from arm_sim.export.names import from_title
+
+SCENE = "two_link"
+FILES = {
+    "arm.c", "arm.h", "test_arm.c", "CMakeLists.txt", "README.md", "scene.yaml", "robot.urdf",
+    "export.json",
+}  # fmt: skip
+
+
+def exported(folder: Path, **options: object) -> Path:
+    export(SCENE, folder, "arm", terms=("gravity",), tick=False, **options)
+    return folder
+
+
+NO_NAMES = (
+    "",
+    "7up",
+    "my-arm",
+    "an arm",
+    "größe",
+    "class",
+    "int",
+    "test",
+    "math",
+    "_arm",
+    64 * "a",
+)
+
+
+@pytest.mark.parametrize("name", NO_NAMES)
+def test_names_that_no_library_can_have_are_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match="name = "):
+        export(SCENE, tmp_path / "out", name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_title_becomes_a_name() -> None:
+    assert from_title("UR-10 (v2)") == "ur_10_v2"
+    assert from_title("3R") == "arm_3r"
+    assert from_title("double") == "double_arm"
+    assert from_title("***") == "arm"
+
+
+def test_without_a_name_it_is_that_of_the_robot(tmp_path: Path) -> None:
+    made = export(SCENE, tmp_path / "out", terms=(), tick=False)
+    assert made.name == "two_link"
+    assert (tmp_path / "out/two_link.h").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"terms": ("gravity", "inertia")}, "terms names 'inertia'; allowed: inverse_dynamics"),
+        ({"frames": ("nowhere",)}, "nowhere"),
+        ({"frames": ("forearm", "forearm")}, "would both be 'forearm'"),
+    ],
+)
+def test_wrong_arguments_write_nothing(
+    arguments: dict[str, tuple[str, ...]], said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ArmError, match=said):
+        export(SCENE, tmp_path / "out", "arm", tick=False, **arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scene_that_is_wrong_writes_nothing(tmp_path: Path) -> None:
+    with pytest.raises(SceneError):
+        export({"robot": {"urdf": "nowhere.urdf"}}, tmp_path / "out", "arm")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_is_made_and_may_be_exported_into_again(tmp_path: Path) -> None:
+    folder = exported(tmp_path / "new/out")
+    assert {path.name for path in folder.iterdir()} == FILES
+    (folder / "build").mkdir()
+    export(SCENE, folder, "other", terms=(), tick=False)
+    kept = {path.name for path in folder.iterdir()}
+    assert kept == {name.replace("arm.", "other.") for name in FILES} | {"build"}
+    assert [path.name for path in folder.parent.iterdir()] == ["out"]
+
+
+def test_foreign_folders_are_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "note.txt").write_text("mine")
+    with pytest.raises(InvalidInput, match=r"contains other files \(note.txt\)"):
+        exported(tmp_path)
+    with pytest.raises(InvalidInput, match="is not a folder"):
+        exported(tmp_path / "note.txt")
+    assert [path.name for path in tmp_path.iterdir()] == ["note.txt"]
+
+
+@pytest.mark.skipif(os.getuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written_is_an_error_of_the_system(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(PermissionError):
+        exported(tmp_path / "out")
+
+
+def test_cmake_builds_tests_and_installs_it(tmp_path: Path) -> None:
+    if not shutil.which("cmake"):
+        pytest.skip("without cmake")
+    folder, build, user = exported(tmp_path / "out"), tmp_path / "build", tmp_path / "user"
+    said_by("cmake", "-B", build, "-S", folder)
+    said_by("cmake", "--build", build)
+    assert "100% tests passed" in said_by("ctest", "--test-dir", build)
+    said_by("cmake", "--install", build, "--prefix", tmp_path / "prefix")
+    user.mkdir()
+    (user / "main.cpp").write_text(
+        '#include "arm.h"\nint main() { double q[ARM_JOINTS] = {}, g[ARM_JOINTS];\n'
+        "arm_gravity(q, g); return !(g[0] == g[0]); }\n"
+    )
+    (user / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.16)\nproject(user C CXX)\nfind_package(arm REQUIRED)\n"
+        "add_executable(user main.cpp)\ntarget_link_libraries(user PRIVATE arm::arm)\n"
+    )
+    path = f"-DCMAKE_PREFIX_PATH={tmp_path / 'prefix'}"
+    said_by("cmake", "-B", user / "build", "-S", user, path)
+    said_by("cmake", "--build", user / "build")
+    said_by(user / "build/user")
+
+
+def test_two_libraries_fit_into_one_program(tmp_path: Path) -> None:
+    for name in ("left", "right"):
+        export(SCENE, tmp_path / name, name)
+    (tmp_path / "main.c").write_text(
+        '#include "left.h"\n#include "right.h"\n'
+        "int main(void) { return left_sim_size() != right_sim_size(); }\n"
+    )
+    sources = [tmp_path / "main.c", tmp_path / "left/left.c", tmp_path / "right/right.c"]
+    headers = [f"-I{tmp_path / name}" for name in ("left", "right")]
+    said_by("cc", *headers, *sources, "-o", tmp_path / "program", "-lm")
+    said_by(tmp_path / "program")
+
+
+def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
+    out = str(tmp_path / "out")
+    result = CliRunner().invoke(main, ["export", SCENE, "--out", out, "--name", "arm"])
+    assert result.exit_code == 0, result.output
+    assert "library 'arm', 7 files" in result.output
+    header = (tmp_path / "out/arm.h").read_text()
+    assert "arm_inverse_dynamics" in header
+    assert "arm_sim_step" not in header
+    assert "derivatives" not in header
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--name", "7up"], "name = '7up'"),
+        (["--frame", "nowhere"], "nowhere"),
+    ],
+)
+def test_mistakes_at_the_command_get_one_clear_answer(
+    words: list[str], said: str, tmp_path: Path
+) -> None:
+    result = CliRunner().invoke(main, ["export", SCENE, "--out", str(tmp_path / "out"), *words])
+    assert result.exit_code == 1
+    assert result.output.count("Error: ") == 1
+    assert said in result.output
+
+
+def test_conditions_are_decided_by_definitions_before_them() -> None:
+    source = (
+        "#ifdef A\nno\n#else\nyes\n#endif\n#define A 1\n#ifdef A\nand\n#ifndef A\nno\n#endif\n"
+        "#if A && B\nno\n#endif\n#endif\n#if defined(__clang__)\nkept\n#endif\n"
+    )
+    expected = "yes\n#define A 1\nand\n#if defined(__clang__)\nkept\n#endif\n"
+    assert decided(source) == expected
+
+
+def test_what_nothing_uses_is_left_out() -> None:
+    source = (
+        "#define UNUSED 1\n#define SIZE 2\n"
+        "/* Gone. */\nstatic int gone(int x) {\n  return x;\n}\n\n"
+        "static const int table[SIZE] = {1, 2};\nstatic int also(void) { return gone(3); }\n"
+        "static int used(int x) { return table[x]; }\nint user(void) { return used(0); }\n"
+    )
+    left = without_unused(source)
+    assert "gone" not in left.lower()
+    assert "UNUSED" not in left
+    assert "also" not in left
+    assert all(word in left for word in ("SIZE", "table", "used", "user"))

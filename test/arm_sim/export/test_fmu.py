@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Functional mock-up units: to the bit the simulator, by a small importer and by FMPy."""
+
+from __future__ import annotations
+
+import ctypes
+import zipfile
+from collections.abc import Sequence
+from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import InvalidInput
+from arm_dynamics.exceptions import CompilerMissing
+from arm_sim import Simulator
+from arm_sim.export import export, fmu
+
+TICKS = 200
+DRY = {"viscous": 0.1, "coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.1}
+SCENES: dict[str, dict[str, Any]] = {
+    "smooth": {},
+    "dry": {"joints": {"*": {"friction": DRY}}},
+    "tunable": {
+        "payloads": [{"frame": "tip", "mass": 0.5, "com": [0, 0, 0.05]}],
+        "tunable": ["payload"],
+    },
+}
+_LOG = {
+    "3": ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p),
+    "2": ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p, c_char_p),
+}
+
+
+def scene(kind: str) -> dict[str, Any]:
+    return models.scene("two_link").model_dump(exclude_unset=True) | SCENES[kind]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folders with the units of every scene."""
+    folder = tmp_path_factory.mktemp("fmu")
+    for kind in SCENES:
+        export(scene(kind), folder / kind, "unit", terms=(), fmu=True)
+    return {kind: folder / kind for kind in SCENES}
+
+
+class Importer:
+    """As much of an importer as the tests need, by FMI 3.0 or 2.0."""
+
+    def __init__(self, folder: Path, version: str) -> None:
+        file = folder / ("unit.fmu" if version == "3" else "unit_fmi2.fmu")
+        self.version, self.texts = version, list[str]()
+        place = Path(mkdtemp(dir=folder))
+        zipfile.ZipFile(file).extractall(place)
+        self._library = ctypes.CDLL(str(next(place.glob("binaries/*/unit.so"))))
+        root = ElementTree.parse(place / "modelDescription.xml").getroot()
+        tag = "Float64" if version == "3" else "ScalarVariable"
+        self.reference = {x.get("name"): int(x.get("valueReference", "")) for x in root.iter(tag)}
+        token = root.get("instantiationToken") or root.get("guid") or ""
+        self._logger = _LOG[version](lambda *given: self.texts.append(given[-1].decode()))
+        self.unit = c_void_p(self._instance(token.encode()))
+
+    def _instance(self, token: bytes) -> int:
+        if self.version == "3":
+            make = self._library.fmi3InstantiateCoSimulation
+            make.restype = c_void_p
+            off, none = c_bool(False), c_void_p(None)
+            return int(make(b"one", token, b"", off, off, off, off, none, c_size_t(0), none,
+                            self._logger, none) or 0)  # fmt: skip
+        make = self._library.fmi2Instantiate
+        make.restype = c_void_p
+        self._callbacks = (c_void_p * 5)(ctypes.cast(self._logger, c_void_p).value)
+        return int(make(b"one", 1, token, b"", self._callbacks, 0, 0) or 0)
+
+    def __call__(self, name: str, *arguments: Any) -> int:
+        """Status of a function of the standard, named without its prefix."""
+        return int(getattr(self._library, f"fmi{self.version}{name}")(self.unit, *arguments))
+
+    def begin(self, start: float = 0.0) -> None:
+        if self.version == "3":
+            time = c_double(start)
+            given = c_bool(False), c_double(), time, c_bool(False), c_double()
+            assert self("EnterInitializationMode", *given) == 0
+        else:
+            given = 0, c_double(), c_double(start), 0, c_double()
+            assert self("SetupExperiment", *given) == 0
+            assert self("EnterInitializationMode") == 0
+
+    def step(self, point: float, time: float) -> int:
+        if self.version == "2":
+            return self("DoStep", c_double(point), c_double(time), 1)
+        flags = [byref(c_bool()) for _ in range(3)]
+        return self("DoStep", c_double(point), c_double(time), c_bool(True), *flags,
+                    byref(c_double()))  # fmt: skip
+
+    def set(self, names: Sequence[str], values: Sequence[float]) -> int:
+        return self._exchange("Set", names, (c_double * len(values))(*values))
+
+    def get(self, names: Sequence[str]) -> np.ndarray:
+        found = (c_double * len(names))()
+        assert self._exchange("Get", names, found) == 0
+        return np.array(found)
+
+    def _exchange(self, way: str, names: Sequence[str], values: Any) -> int:
+        count = c_size_t(len(names))
+        places = (c_uint * len(names))(*(self.reference[name] for name in names))
+        if self.version == "3":
+            return self(f"{way}Float64", places, count, values, count)
+        return self(f"{way}Real", places, count, values)
+
+    def saved(self) -> c_void_p:
+        state = c_void_p(None)
+        assert self("GetFMUState" if self.version == "3" else "GetFMUstate", byref(state)) == 0
+        return state
+
+    def restore(self, state: c_void_p) -> None:
+        assert self("SetFMUState" if self.version == "3" else "SetFMUstate", state) == 0
+
+    def close(self) -> None:
+        free = getattr(self._library, f"fmi{self.version}FreeInstance")
+        free.restype = None
+        free(self.unit)
+
+
+def names(simulator: Simulator, kind: str) -> list[str]:
+    return [f"{joint}.{kind}" for joint in simulator.joint_names]
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
+@pytest.mark.parametrize("kind", SCENES)
+def test_a_unit_is_the_simulator_to_the_bit(
+    made: dict[str, Path], kind: str, version: str, rng: np.random.Generator
+) -> None:
+    """Also when it is set back, and when several ticks are one step."""
+    simulator, unit = Simulator(scene(kind)), Importer(made[kind], version)
+    dt, tau = simulator.dt, 5.0 * rng.normal(size=(TICKS, 2))
+    run = simulator.run(TICKS * dt, tau)
+    outputs = names(simulator, "position") + names(simulator, "velocity")
+    unit.begin()
+    np.testing.assert_array_equal(unit.get(outputs), run.x[0, :4])
+    unit("ExitInitializationMode")
+    half, state = TICKS // 2, c_void_p(None)
+    for again in (False, True):
+        for k in range(half if again else 0, TICKS):
+            if k == half:
+                unit.restore(state) if again else None
+                state = state if again else unit.saved()
+            assert unit.set(names(simulator, "command"), tau[k]) == 0
+            assert unit.step(k * dt, dt) == 0
+            np.testing.assert_array_equal(unit.get(outputs), run.x[k + 1, :4])
+            np.testing.assert_array_equal(unit.get(names(simulator, "effort")), run.tau[k])
+    assert unit.step(TICKS * dt, 10 * dt) == 0
+    simulator.run(10 * dt, tau[-1])
+    np.testing.assert_array_equal(unit.get(outputs), simulator.arm.x[:4])
+    np.testing.assert_allclose(unit.get(["time"]), (TICKS + 10) * dt)
+    unit.close()
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
+def test_starting_values_and_parameters_are_the_simulators(
+    made: dict[str, Path], version: str
+) -> None:
+    simulator, unit = Simulator(scene("tunable")), Importer(made["tunable"], version)
+    q, v, outputs = [0.3, -0.4], [1.0, 0.5], names(simulator, "position")
+    mass = next(name for name in unit.reference if name and name.startswith("payload"))
+    assert unit.set(names(simulator, "initial_position"), q) == 0
+    unit.begin(start=5.0)
+    assert unit.set(names(simulator, "initial_velocity"), v) == 0
+    assert unit("ExitInitializationMode") == 0
+    still = Importer(made["tunable"], version)
+    assert still.set([mass], [still.get([mass])[0] + 1.0]) == 0
+    still.begin()
+    still("ExitInitializationMode")
+    simulator.reset(q, v)
+    for k in range(50):
+        assert unit.step(5.0 + k * simulator.dt, simulator.dt) == 0
+        assert still.step(k * simulator.dt, simulator.dt) == 0
+        np.testing.assert_array_equal(unit.get(outputs), simulator.step(np.zeros(2)).q)
+    assert abs(still.get(outputs) - simulator.state.q).max() > 1e-3
+    for one in (unit, still):
+        one.close()
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
+def test_what_is_not_allowed_is_an_error_that_says_so(made: dict[str, Path], version: str) -> None:
+    unit = Importer(made["smooth"], version)
+    command, position = [next(x for x in unit.reference if x and x.endswith(k))
+                         for k in (".command", ".position")]  # fmt: skip
+    assert unit.step(0.0, 1e-3) == 3 and "initialization" in unit.texts[-1]
+    unit.begin()
+    unit("ExitInitializationMode")
+    assert unit.step(0.0, 0.3e-3) == 3 and "end with a tick of 0.001 s" in unit.texts[-1]
+    assert unit.set([command], [np.nan]) == 3 and "not finite" in unit.texts[-1]
+    assert unit.set([position], [0.0]) == 3 and "computed" in unit.texts[-1]
+    assert unit.set([f"{position[:-9]}.initial_position"], [0.1]) == 3
+    assert "until initialization is over" in unit.texts[-1]
+    assert unit.step(0.0, 1e-3) == 0
+    assert Importer(made["smooth"], version)._instance(b"another") == 0
+    unit.close()
+
+
+def test_an_export_that_cannot_have_units_writes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InvalidInput, match="fmu = True with tick = False"):
+        export(scene("smooth"), tmp_path / "no", tick=False, fmu=True)
+    monkeypatch.setattr(fmu, "find_compiler", lambda: None)
+    with pytest.raises(CompilerMissing, match="no C compiler"):
+        export(scene("smooth"), tmp_path / "no", terms=(), fmu=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_same_scene_gives_the_same_bytes(made: dict[str, Path], tmp_path: Path) -> None:
+    export(scene("smooth"), tmp_path / "again", "unit", terms=(), fmu=True)
+    for file in ("unit.fmu", "unit_fmi2.fmu"):
+        assert (tmp_path / "again" / file).read_bytes() == (made["smooth"] / file).read_bytes()
+
+
+@pytest.mark.group("fmu")
+@pytest.mark.parametrize("file", ["unit.fmu", "unit_fmi2.fmu"])
+def test_fmpy_finds_nothing_wrong_and_simulates_it(made: dict[str, Path], file: str) -> None:
+    from fmpy import simulate_fmu
+    from fmpy.validation import validate_fmu
+
+    simulator, path = Simulator(scene("dry")), str(made["dry"] / file)
+    assert not validate_fmu(path)
+    position = names(simulator, "position")
+    found = simulate_fmu(path, stop_time=0.2, output_interval=1e-3, output=position)
+    run = simulator.run(0.2, np.zeros(2))
+    for joint, name in enumerate(position):
+        np.testing.assert_array_equal(found[name], run.q[:, joint])

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Exported terms, compiled by the system's compiler, against ``Dynamics``."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported import BITS, C11, CPP17, MATHEMATICS, STRICT, Library, compilers, said_by, symbols_of
+
+from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.model.pinocchio_terms import FrameMotion
+from arm_sim.export import DERIVATIVES, TERMS, export
+from tolerances import EXPORT, EXPORT_FORWARD, FINITE_DIFF, assert_close
+
+SCENES = ("panda", "four_bar", "slider_crank_motor", "spring_balanced_arm")
+POINTS = 20
+
+
+class Case:
+    """A scene, its library and points at which its loops are closed."""
+
+    def __init__(self, scene: str, folder: Path) -> None:
+        self.dynamics = dynamics = Dynamics(scene)
+        model, rng = dynamics.model, np.random.default_rng(1)
+        self.n, self.folder = model.n, folder / scene
+        self.frame = model.frame_names[-1]
+        export(model, self.folder, scene, (*TERMS, *DERIVATIVES), tick=False, frames=[self.frame])
+        self.library = Library(self.folder, scene)
+        self.q, self.v, self.a = rng.uniform(-1.0, 1.0, (3, POINTS, self.n))
+        self.q += model.q0
+        if model.scene.bilateral:
+            closure = dynamics.constrained.closure
+            for k in range(POINTS):
+                near = model.q0 + 0.05 * self.q[k]
+                self.q[k], self.v[k] = closure.closed(near, self.v[k], closure.initially_active)
+
+    def results(self, function: str, *names: str, shape: tuple[int, ...]) -> np.ndarray:
+        rows = zip(*(getattr(self, name) for name in names), strict=True)
+        return np.array([self.library(function, *row, shape=shape) for row in rows])
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return Case(request.param, tmp_path_factory.mktemp("exported"))
+
+
+def test_terms_are_those_of_dynamics(case: Case) -> None:
+    dyn, n = case.dynamics, case.n
+    for function, names, shape, expected in (
+        ("inverse_dynamics", "qva", (n,), dyn.inverse),
+        ("mass_matrix", "q", (n, n), dyn.mass_matrix),
+        ("coriolis_matrix", "qv", (n, n), dyn.coriolis_matrix),
+        ("gravity", "q", (n,), dyn.gravity),
+        ("friction", "qv", (n,), lambda q, v: dyn.friction(v, q=q)),
+        ("energy", "qv", (2,), lambda q, v: np.array(dyn.energy(q, v)).T),
+    ):
+        given = [getattr(case, name) for name in names]
+        assert_close(case.results(function, *names, shape=shape), expected(*given), EXPORT)
+
+
+def test_forward_dynamics_are_those_of_dynamics(case: Case) -> None:
+    made = case.results("forward_dynamics", "q", "v", "a", shape=(case.n,))
+    assert_close(made, case.dynamics.forward(case.q, case.v, case.a), EXPORT_FORWARD)
+
+
+def test_frames_are_those_of_pinocchio(case: Case) -> None:
+    motion = FrameMotion(case.dynamics.model, case.frame, "local_world_aligned")
+    for suffix in ("", f"_{case.frame}"):
+        poses = case.results(f"pose{suffix}", "q", shape=(4, 4))
+        jacobians = case.results(f"jacobian{suffix}", "q", shape=(6, case.n))
+        for q, T, J in zip(case.q, poses, jacobians, strict=True):
+            position, rotation = motion.placement(q)
+            assert_close(T, np.block([[rotation, position[:, None]], [0, 0, 0, 1]]), EXPORT)
+            assert_close(J, motion.jacobian(q), EXPORT)
+
+
+@pytest.mark.parametrize(
+    ("what", "acted"), [("inverse_dynamics", "a"), ("forward_dynamics", "tau")]
+)
+def test_derivatives_are_those_of_differences(case: Case, what: str, acted: str) -> None:
+    q, v, a = case.q[0], case.v[0], case.a[0]
+    n, step = case.n, 1e-6
+    entry = getattr(case.library.loaded, f"{case.library.name}_{what}_derivatives")
+    made = np.full((3, n, n), np.nan)
+    pointers = [ctypes.c_void_p(x.ctypes.data) for x in (q, v, a, *made)]
+    entry.restype = None
+    entry(*pointers)
+    for i, by_which in enumerate(made):
+        for j in range(n):
+            points = [[x.copy() for x in (q, v, a)] for _ in range(2)]
+            points[0][i][j] += step
+            points[1][i][j] -= step
+            ahead, behind = (case.library(what, *point, shape=(n,)) for point in points)
+            assert_close(by_which[:, j], (ahead - behind) / (2 * step), FINITE_DIFF)
+
+
+def test_the_test_program_passes_and_notices_a_wrong_number(case: Case, tmp_path: Path) -> None:
+    name, program = case.library.name, tmp_path / "program"
+    text = (case.folder / f"test_{name}.c").read_text()
+    build = ("cc", *BITS, f"-I{case.folder}")
+    said_by(
+        *build, case.folder / f"test_{name}.c", case.folder / f"{name}.c", "-o", program, "-lm"
+    )
+    assert "all results are right" in said_by(program)
+    first = re.search(r"double gravity_0\[\d+\] = \{([^,}]+)", text)
+    assert first is not None
+    wrong = text[: first.start(1)] + repr(float(first[1]) + 1e-9) + text[first.end(1) :]
+    (tmp_path / "wrong.c").write_text(wrong)
+    said_by(*build, tmp_path / "wrong.c", case.folder / f"{name}.c", "-o", program, "-lm")
+    done = subprocess.run([program], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert re.search(r"gravity +\S+ WRONG", done.stdout)
+
+
+@pytest.mark.parametrize("language", [C11, CPP17], ids=["C11", "C++17"])
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_no_compiler_warns(case: Case, compiler: str, language: tuple[str, ...]) -> None:
+    if compiler not in compilers():
+        pytest.skip(f"without {compiler}")
+    for file in (f"{case.library.name}.c", f"test_{case.library.name}.c"):
+        said = said_by(compiler, *language, *STRICT, "-fsyntax-only", case.folder / file)
+        assert said == ""
+
+
+def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(case: Case) -> None:
+    symbols = symbols_of(case.folder / f"{case.library.name}.c")
+    assert {name for kind, name in symbols if kind == "U"} <= MATHEMATICS
+    assert [name for kind, name in symbols if kind.lower() in "bdc"] == []
+    mine = {name for kind, name in symbols if kind.isupper() and kind != "U"}
+    assert {name for name in mine if not name.startswith(f"{case.library.name}_")} == set()
+
+
+DRY = {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "viscous": 0.1}}}
+SCENES_AT_REST = {
+    "two_link": {"joints": DRY, "tunable": ["gravity"]},
+    "four_bar": {"joints": {"*": {"friction": {"coulomb": 0.02}}}},
+    "panda_table": {"joints": DRY},
+}
+
+
+@pytest.mark.parametrize("name", SCENES_AT_REST)
+def test_joints_that_dry_friction_holds_stay_at_rest_as_in_dynamics(
+    name: str, tmp_path: Path
+) -> None:
+    scene = load_scene(name).model_dump(exclude_unset=True) | SCENES_AT_REST[name]
+    dyn, rng = Dynamics(scene), np.random.default_rng(3)
+    export(dyn.model, tmp_path, "arm", ("forward_dynamics",), tick=True)
+    library, n = Library(tmp_path, "arm"), dyn.n
+    for language in (C11, CPP17):
+        assert said_by("gcc", *language, *STRICT, "-fsyntax-only", tmp_path / "arm.c") == ""
+    stuck = 0
+    for _ in range(60):
+        q = dyn.model.q0 + (0.0 if dyn.model.scene.bilateral else rng.uniform(-0.3, 0.3, n))
+        v = np.where(rng.random(n) < 0.6, 0.0, rng.uniform(-1.0, 1.0, n))
+        v *= not dyn.model.scene.bilateral
+        tau = dyn.gravity(q) + rng.uniform(-3.0, 3.0, n) * rng.choice([0.01, 1.0])
+        expected = dyn.forward(q, v, tau)
+        assert_close(library("forward_dynamics", q, v, tau, shape=(n,)), expected, EXPORT_FORWARD)
+        stuck += int((expected == 0.0).any())
+    assert 0 < stuck

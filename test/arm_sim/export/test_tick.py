@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Exported ticks, compiled by the system's compiler, against ``Simulator``, to the bit."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from exported import (
+    C11,
+    CPP17,
+    MATHEMATICS,
+    STRICT,
+    Library,
+    compilers,
+    said_by,
+    symbols_of,
+)  # fmt: skip
+
+from arm_dynamics import SceneError
+from arm_dynamics.arrays import Array
+from arm_sim import Simulator
+from arm_sim.export import export
+
+URDF = Path(__file__).parents[3] / "src/arm_sim/arm_sim/scenes/two_link.urdf"
+STUCK = {
+    "robot": {"urdf": str(URDF)},
+    "joints": {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.1}}},
+    "sim": {"tolerance": 1e-8},
+    "tunable": ["gravity", "friction"],
+}
+SCENES: dict[str, Any] = {
+    "stuck": STUCK,
+    "four_bar": "four_bar",
+    "panda": "panda",
+    "panda_table": "panda_table",
+    "slider_crank_motor": "slider_crank_motor",
+}
+TICKS, HELD = 3000, 50
+
+
+class Ticks:
+    """A compiled simulation."""
+
+    def __init__(self, library: Library, n: int) -> None:
+        self._library, self.n = library, n
+        size = self.function("sim_size")
+        size.restype = ctypes.c_size_t
+        self.memory = np.zeros(int(size()) // 8)
+
+    def function(self, name: str) -> Any:
+        return getattr(self._library.loaded, f"{self._library.name}_{name}")
+
+    def init(self, q: Array | None = None, v: Array | None = None) -> int:
+        return int(self.function("sim_init")(*map(_pointer, (self.memory, q, v))))
+
+    def step(self, command: Array) -> int:
+        return int(self.function("sim_step")(_pointer(self.memory), _pointer(command)))
+
+    def set(self, parameter: str, value: float) -> int:
+        place = _pointer(self.memory)
+        return int(self.function("sim_set")(place, parameter.encode(), ctypes.c_double(value)))
+
+    def text(self, code: int) -> str:
+        function = self.function("error_text")
+        function.restype = ctypes.c_char_p
+        return str(function(code).decode())
+
+    def state(self) -> tuple[Array, Array, Array]:
+        q, v, effort = np.full((3, self.n), np.nan)
+        self.function("sim_state")(*map(_pointer, (self.memory, q, v, effort)))
+        return q, v, effort
+
+    def run(self, commands: Array) -> Array:
+        rows = []
+        for command in commands:
+            assert self.step(command) == 0
+            rows.append(np.concatenate(self.state()[:2]))
+        return np.array(rows)
+
+
+def _pointer(array: Array | None) -> ctypes.c_void_p:
+    return ctypes.c_void_p(None if array is None else array.ctypes.data)
+
+
+class Case:
+    """A scene, its simulator and its library."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.simulator, self.folder = Simulator(SCENES[name]), folder / name
+        export(self.simulator.model, self.folder, name, terms=())
+        self.library, self.name = Library(self.folder, name), name
+
+    def ticks(self) -> Ticks:
+        return Ticks(self.library, self.simulator.n)
+
+    def commands(self, count: int = TICKS) -> Array:
+        n, limit = self.simulator.n, self.simulator.model.command_limit
+        limit = np.where(np.isfinite(limit), np.minimum(limit, 60.0), 2.0)
+        ways = np.random.default_rng(2).uniform(-0.6, 0.6, (count // HELD, n))
+        return np.repeat(ways * limit, HELD, axis=0)
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return Case(request.param, tmp_path_factory.mktemp("exported"))
+
+
+def test_ticks_are_those_of_the_simulator_to_the_bit(case: Case) -> None:
+    simulator, ticks, commands = case.simulator, case.ticks(), case.commands()
+    simulator.reset()
+    assert ticks.init() == 0
+    expected = simulator.run(TICKS * simulator.dt, commands)
+    made = ticks.run(commands)
+    assert made.tobytes() == np.hstack([expected.q, expected.v])[1:].tobytes()
+    assert np.array_equal(ticks.state()[2], simulator.effort)
+
+
+def test_a_copy_made_in_the_middle_continues_to_the_same_bits(case: Case) -> None:
+    first, second, commands = case.ticks(), case.ticks(), case.commands(200)
+    assert first.init() == 0
+    first.run(commands[:77])
+    second.memory[:] = first.memory
+    assert first.run(commands[77:]).tobytes() == second.run(commands[77:]).tobytes()
+
+
+def test_it_begins_at_any_state_that_the_simulator_allows(case: Case) -> None:
+    simulator, ticks = case.simulator, case.ticks()
+    simulator.reset(simulator.model.q0, 0.01 * np.ones(simulator.n))
+    state = simulator.state
+    assert ticks.init(state.q, state.v) == 0
+    commands = case.commands(200)
+    expected = simulator.run(200 * simulator.dt, commands)
+    made = ticks.run(commands)
+    assert made.tobytes() == np.hstack([expected.q, expected.v])[1:].tobytes()
+
+
+def test_wrong_numbers_get_codes_with_texts_and_change_nothing(case: Case) -> None:
+    ticks, n = case.ticks(), case.simulator.n
+    assert ticks.init() == 0
+    before = ticks.memory.copy()
+    assert "not finite" in ticks.text(ticks.step(np.full(n, np.nan)))
+    assert "no such parameter" in ticks.text(ticks.set("nonsense", 1.0))
+    assert ticks.memory.tobytes() == before.tobytes()
+    assert "not finite" in ticks.text(ticks.init(np.full(n, np.inf), np.zeros(n)))
+    assert ticks.text(0) == "no error"
+    assert ticks.text(99) == "unknown code"
+
+
+@pytest.mark.parametrize("language", [C11, CPP17], ids=["C11", "C++17"])
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_no_compiler_warns(case: Case, compiler: str, language: tuple[str, ...]) -> None:
+    if compiler not in compilers():
+        pytest.skip(f"without {compiler}")
+    for file in (f"{case.name}.c", f"test_{case.name}.c"):
+        said = said_by(compiler, *language, *STRICT, "-fsyntax-only", case.folder / file)
+        assert said == ""
+
+
+@pytest.mark.parametrize("level", ["-O1", "-O2"])
+def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(
+    case: Case, level: str
+) -> None:
+    symbols = symbols_of(case.folder / f"{case.name}.c", level)
+    assert {name for kind, name in symbols if kind == "U"} <= MATHEMATICS
+    assert [name for kind, name in symbols if kind.lower() in "bdc"] == []
+    mine = {name for kind, name in symbols if kind.isupper() and kind != "U"}
+    assert {name for name in mine if not name.startswith(f"{case.name}_")} == set()
+
+
+def test_the_test_program_passes(case: Case, tmp_path: Path) -> None:
+    sources = [case.folder / f"{name}.c" for name in (f"test_{case.name}", case.name)]
+    said_by("cc", "-O1", f"-I{case.folder}", *sources, "-o", tmp_path / "program", "-lm")
+    assert "all results are right" in said_by(tmp_path / "program")
+
+
+def test_tunable_numbers_act_as_in_the_simulator(tmp_path: Path) -> None:
+    case = Case("stuck", tmp_path)
+    ticks, simulator, commands = case.ticks(), case.simulator, case.commands(200)
+    assert ticks.init() == 0
+    assert ticks.set("gravity[2]", -1.6) == 0
+    assert ticks.set("friction[1]", 0.7) == 0
+    assert "cannot have this value" in ticks.text(ticks.set("friction[1]", -0.7))
+    assert "cannot have this value" in ticks.text(ticks.set("gravity[0]", np.nan))
+    simulator.reset()
+    simulator.set_parameter("gravity", [0.0, 0.0, -1.6])
+    simulator.set_parameter("friction", [simulator.model.viscous[0], 0.7])
+    expected = simulator.run(200 * simulator.dt, commands)
+    assert ticks.run(commands).tobytes() == np.hstack([expected.q, expected.v])[1:].tobytes()
+
+
+def test_states_that_are_impossible_are_refused(tmp_path: Path) -> None:
+    loops, stops, planes = (Case(name, tmp_path) for name in ("four_bar", "panda", "panda_table"))
+    for case, q, said in (
+        (loops, loops.simulator.model.q0 + 0.1, "loops are open"),
+        (stops, np.full(7, 4.0), "beyond its stop"),
+        (planes, planes.simulator.model.q0 + [0, 0.7, 0, 0, 0, 0, 0], "inside its plane"),
+    ):
+        ticks = case.ticks()
+        code = ticks.init(q, np.zeros(case.simulator.n))
+        assert said in ticks.text(code)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"sensors": {"delay": 0.001}}, "sensors: an exported tick has none"),
+        ({"commands": {"delay": 0.001}}, "commands: an exported tick has no delay"),
+    ],
+)
+def test_imperfections_are_refused_by_name(
+    more: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(SceneError, match=said):
+        export(STUCK | more, tmp_path / "out", "arm")
+    assert list(tmp_path.iterdir()) == []
