@@ -13,7 +13,7 @@
 
 #include <string.h>
 
-#define CLOSED_ALREADY 1e-11 /* change of the state by closing contacts that were closed to rounding */
+#define CLOSED_ALREADY 1e-12 /* change of the state by closing contacts that were closed to rounding */
 
 /* A tick of each lane. */
 typedef struct {
