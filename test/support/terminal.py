@@ -51,8 +51,10 @@ for line in sys.stdin:
     print("\\0done", flush=True)
 """
 
-_NODE = re.compile(r"(?:\./arm|ros2 run \w+) (sim|controller|dynamics)\b")
-_SHOWN = re.compile(r"arm (?:watch|view)\b|ros2 topic (?:echo|pub (?!--once|-1))")
+_NODE = re.compile(
+    r"(?:\./arm|ros2 run \w+) (?=sim\b|controller\b|dynamics\b)(\w+)|\./arm python (\w+_node)\.py"
+)
+_SHOWN = re.compile(r"arm (?:watch|view)\b|ros2 topic (?:echo (?!.*--once)|pub (?!--once|-1))")
 _PICTURES = re.compile(r"--(?:html|png|gif|mp4)\b")
 _RECORDER = re.compile(r"arm record\b.*--out (\S+)")
 
@@ -181,8 +183,8 @@ class Terminal:
             self._recorders.remove(file)
             self._running.pop(file).interrupt()  # the recording is to be read
         if found := _NODE.search(line):
-            name = re.search(r"__node:=(\w+)", line) or found
-            return self._node(name[1], line)
+            name = re.search(r"__node:=(\w+)", line)
+            return self._node(name[1] if name else found[1] or found[2], line)
         if (found := _RECORDER.search(line)) and "--duration" not in line:
             started = self._begin(found[1], line)
             self._recorders.append(found[1])
