@@ -29,6 +29,7 @@ from arm_sim import Recording
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 200.0  # [s] for a line, on a machine that does other things
+AGAIN = 3.0  # [s] after which a node is asked again
 _ASK = f"exec {sys.executable} -I -S {ROOT}/test/support/forge.py"
 _ARM = f"""#!/bin/sh
 if [ "$1" = python ]; then
@@ -229,13 +230,17 @@ class Terminal:
         assert self._ros is not None
         ros, known = self._ros, f"/{name}/list_parameters"
         client = ros.peer.create_client(ListParameters, known)
-        future: list[Any] = []
+        futures: list[Any] = []
+        asked = -AGAIN
 
         def answers() -> bool:
+            nonlocal asked
             ros.spin_once()
-            if client.service_is_ready() and not future:
-                future.append(client.call_async(ListParameters.Request()))
-            return bool(future) and future[0].done()
+            now = time.monotonic()
+            if client.service_is_ready() and now - asked > AGAIN:  # an answer may get lost
+                futures.append(client.call_async(ListParameters.Request()))
+                asked = now
+            return any(future.done() for future in futures)
 
         started.wait(answers)
         ros.peer.destroy_client(client)
