@@ -7,7 +7,8 @@ for derivatives. Each belongs to a mode of a joint or contact.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,6 +26,9 @@ from arm_sim.stepping.events import Modes
 INSTANT, ROUNDING = 1e-9, 1e-12
 # Relative difference of slopes that is none.
 DIFFERENT = 1e-9
+# A guard larger than this fraction of its terms is zero at no instant nearby: it would have to
+# change a thousand times as much in a tick.
+FAR = 1e-6
 # A guard that approaches zero this much more slowly than it did at the beginning grazes it.
 GRAZING = 1e-4
 
@@ -57,11 +61,13 @@ class Guards:
         )  # fmt: skip
         self._joints = slice(2 * len(points), 2 * len(points) + len(joints))
         values, sizes = _guards(plant, x, u, p, limit)
+        watched = _watched(plant, p)
         rates = ca.jtimes(values, x, plant.rhs(x, u, p))
         by_w = ca.horzcat(ca.jacobian(values, u), jacobian_by(values, p, tuned))
         slopes = ca.jacobian(values, x), by_w
         arguments = [x, u, p, limit]
-        self._values = ca.Function("guards", arguments, [values, sizes, rates], {"cse": True})
+        results = [values, sizes, rates, watched]
+        self._values = ca.Function("guards", arguments, results, {"cse": True})
         self._slopes = ca.Function("slopes", arguments, list(slopes), {"cse": True})
 
     def zero(self, x: Array, u: Array, modes: Modes, limit: Array, h: float) -> list[int]:
@@ -74,12 +80,12 @@ class Guards:
             limit: Fraction of its normal force up to which each contact sticks.
             h: Length of a tick in [s].
         """
-        value, size, rate = self._at(x, u, modes, limit)
+        value, size, rate, watched = self._at(x, u, modes, limit)
         near = abs(value) <= INSTANT * h * abs(rate) + ROUNDING * size
         near[self._joints] &= ~self._carried(x, u, modes)
         if switches := self._plant.switches:  # one that stays where it switches does not switch
             near[-switches:] &= abs(rate[-switches:]) * h > ROUNDING * size[-switches:]
-        found: list[int] = np.flatnonzero(near & self._watched(modes)).tolist()
+        found: list[int] = np.flatnonzero(near & (watched > 0.0)).tolist()
         return found
 
     def boundaries(self, x: Array, u: Array, modes: Modes, limit: Array, h: float) -> list[int]:
@@ -88,7 +94,7 @@ class Guards:
         A switch that does not change the slopes is none of them, and neither is one at which both
         sides lead back, such as that of a current at its limit. One that stays at zero is.
         """
-        value, size, rate = self._at(x, u, modes, limit)
+        value, size, rate, _ = self._at(x, u, modes, limit)
         first = len(value) - self._plant.switches
         found = [guard for guard in self.zero(x, u, modes, limit, h) if guard < first]
         near = abs(value) <= INSTANT * h * abs(rate) + ROUNDING * size
@@ -144,40 +150,70 @@ class Guards:
     def _at(self, x: Array, u: Array, modes: Modes, limit: Array) -> list[Array]:
         return [np.array(found).ravel() for found in self._values(x, u, modes.p, limit)]
 
-    def _watched(self, modes: Modes) -> NDArray[np.bool_]:
-        """The guards that are active in the modes."""
-        plant, contact = self._plant, modes.contact
-        n, friction, stops = plant.model.n, plant.model.friction, plant.model.stops
-        holds = np.array([point.static_friction > 0.0 for point in plant.points], dtype=bool)
-        tangential = (contact["closed"] > 0.0) & ((contact["sticks"] > 0.0) | holds)
-        held, dry = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-        if plant.directions:
-            held, dry = modes.direction == 0.0, friction.level > 0.0
-        rigid = stops.rigid & ~held
-        yields = stops.compliant
-        normal = np.ones(len(holds), dtype=bool)
-        switches = np.ones(plant.switches, dtype=bool)
-        watched: NDArray[np.bool_] = np.concatenate(
-            [normal, tangential, held | dry, *(rigid | yields), switches]
-        )
-        return watched
-
 
 Guard = tuple[ca.MX, ca.MX]
 """Value of a guard, and the magnitude of its terms."""
 
 
-def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX) -> Guard:
-    """All guards; values of those that are not active in the modes are meaningless."""
+def clearance(plant: Plant, held: bool) -> ca.Function:
+    """How far a state is from the boundaries between two modes.
+
+    Args:
+        plant: Equations of a scene with events.
+        held: Whether anything may be held; else forces are neither computed nor watched.
+
+    Returns:
+        CasADi function (x, u, p, limit) -> the smallest active guard less ``FAR`` times its terms.
+        Where it is positive, ``Guards.zero`` and ``Guards.boundaries`` find none.
+    """
+    x, u, p, limit = (
+        ca.MX.sym("x", plant.nx), ca.MX.sym("u", plant.model.n),
+        ca.MX.sym("p", plant.rhs.numel_in(2)), ca.MX.sym("limit", len(plant.points)),
+    )  # fmt: skip
+    values, sizes = _guards(plant, x, u, p, limit, held)
+    far = ca.if_else(_watched(plant, p) > 0, ca.fabs(values) - FAR * sizes, 1)
+    return ca.Function("clearance", [x, u, p, limit], [ca.mmin(far)]).expand()
+
+
+def _watched(plant: Plant, p: ca.MX) -> ca.MX:
+    """1 for guards that are active in the modes, else 0."""
+    n, friction, stops = plant.model.n, plant.model.friction, plant.model.stops
+    _, direction, _, _, contacts = plant.parts(p)
+    modes = ca.reshape(contacts, MODE, len(plant.points)).T
+    holds = _flags([point.static_friction > 0.0 for point in plant.points])
+    tangential = ca.logic_and(modes[:, 0] > 0, ca.logic_or(modes[:, 1] > 0, holds))
+    held, dry = ca.MX(n, 1), ca.DM(n, 1)
+    if plant.directions:
+        held, dry = direction == 0, _flags(friction.level > 0.0)
+    at_stops = [
+        ca.logic_or(ca.logic_and(_flags(rigid), ca.logic_not(held)), _flags(yields))
+        for rigid, yields in zip(stops.rigid, stops.compliant, strict=True)
+    ]
+    everywhere = ca.DM.ones(len(plant.points)), ca.DM.ones(plant.switches)
+    joints = ca.logic_or(held, dry)
+    return ca.vertcat(everywhere[0], tangential, joints, *at_stops, everywhere[1])
+
+
+def _flags(values: Iterable[Any]) -> ca.DM:
+    return ca.DM([float(value) for value in values])
+
+
+def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX, held: bool = True) -> Guard:
+    """All guards; values of those that are not active in the modes are meaningless.
+
+    Where nothing is ``held``, loads and forces are zero.
+    """
     n, function = plant.model.n, {event.name(): event for event in plant.events}
-    numbers = plant.directions, plant.pressed, plant.switches
-    ends = np.cumsum([0, len(plant.parameters.nominal), *numbers])
-    _, direction, pressed, _, contacts = ca.vertsplit(p, [*ends.tolist(), p.shape[0]])
-    load, force, *_ = function["loads"](x, u, p)
+    _, direction, pressed, _, contacts = plant.parts(p)
+    load, force = ca.MX(n, 1), ca.MX(3 * len(plant.points), 1)
+    heaviest = [ca.MX(0)] * len(plant.points)
+    if held:
+        load, force, *_ = function["loads"](x, u, p)
+    if held and plant.contact:
+        heaviest = _heaviest(force, *function["contact_inertia"](x, u, p))
     whole = x[: 2 * n]
     geometry = plant.contact.geometry(whole) if plant.contact else ()
     push = function["pressures"](whole) if plant.pressed else ca.MX(2 * n, 1)
-    heaviest = _heaviest(force, *function["contact_inertia"](x, u, p)) if plant.contact else []
     guards = [
         *_contact_guards(force, heaviest, geometry, contacts, limit, _fastest(x, n)),
         *_joint_guards(plant, x, load, direction),

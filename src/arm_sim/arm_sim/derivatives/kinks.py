@@ -39,7 +39,13 @@ class Kinks:
             self._weight = ca.Function("weight", [q], [CommandMap(plant.model).compensation(q)])
         friction = plant.model.friction
         self._sided = (friction.viscous.skew != 0.0) & (friction.level == 0.0)
+        self._has_sided = bool(self._sided.any())
         self._bristles = _bristles(plant)
+
+    @property
+    def of_states(self) -> bool:
+        """Whether the commands at their limits depend on the states."""
+        return self._weight is not None and bool(self._limits)
 
     def of_commands(self, r: Array, x: Array | None = None) -> dict[str, Flags]:
         """Commands of joints exactly at a limit, by what limits them.
@@ -62,9 +68,11 @@ class Kinks:
 
     def at_rest(self, x: Array) -> dict[str, Flags]:
         """Joints exactly at rest whose friction has a kink there, by its kind, shape (…, n)."""
+        found = dict[str, Flags]()
+        if not (self._has_sided or len(self._bristles)):
+            return found
         still = x[..., self._n : 2 * self._n] == 0.0
-        found = {}
-        if self._sided.any():
+        if self._has_sided:
             found["friction that differs by direction"] = still & self._sided
         if len(self._bristles):
             joints, places = self._bristles.T
@@ -92,6 +100,27 @@ class Kinks:
                 )
         return ""
 
+    def ticks_before(self, x: Array, r: Array) -> int:
+        """Ticks of a motion before the first whose command is at a limit, or may be.
+
+        Args:
+            x: State at the beginning, shape (nx,).
+            r: Commands of the ticks, shape (ticks, n).
+        """
+        if self.of_states:
+            return int(len(r) > 0 and not self.reason(x, r[0]))
+        tied = [np.zeros(len(r), bool), *(f.any(axis=1) for f in self.of_commands(r).values())]
+        return min(np.flatnonzero(np.any(tied, axis=0)).tolist(), default=len(r))
+
+    def rests_bent(self, x: ca.SX) -> ca.SX:
+        """Whether ``at_rest`` finds a joint: 1 if so, else 0."""
+        v, bent = x[self._n : 2 * self._n], ca.SX(0)
+        for joint in np.flatnonzero(self._sided):
+            bent = ca.logic_or(bent, v[int(joint)] == 0)
+        for joint, place in self._bristles.tolist():
+            bent = ca.logic_or(bent, ca.logic_and(v[joint] == 0, x[place] != 0))
+        return bent
+
     def arms(self, x: Array, r: Array) -> list[int]:
         """Arms with such a kink.
 
@@ -99,12 +128,15 @@ class Kinks:
             x: Initial states, shape (b, nx).
             r: Commands of all ticks, shape (b, ticks, n).
         """
-        tied = np.zeros(len(x), dtype=bool)
         if not r.shape[1]:
             return []
-        for found in (self.of_commands(r[:, 0], x), self.of_commands(r[:, 1:]), self.at_rest(x)):
+        tied = np.zeros(len(x), dtype=bool)
+        looks = [self.of_commands(r[:, 0], x), self.at_rest(x)]
+        if r.shape[1] > 1:
+            looks.append(self.of_commands(r[:, 1:]))
+        for found in looks:
             for flags in found.values():
-                tied |= flags.any(axis=tuple(range(1, flags.ndim)))
+                tied |= flags.reshape(len(x), -1).any(axis=1)
         return np.flatnonzero(tied).tolist()
 
 

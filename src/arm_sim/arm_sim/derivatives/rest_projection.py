@@ -12,42 +12,37 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import built_once
+from arm_dynamics.equations.contact import Mode
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.slopes import jacobian_by
+from arm_sim.plant.slopes import Kept, jacobian_by
 from arm_sim.stepping.events import Modes
 
 
 class RestProjection:
-    """RestProjection in a scene with events.
+    """Projections at the beginning and at the end of a motion in a scene with events.
 
     Args:
         plant: The scene's equations.
         tuned: Places in p of the quantities to differentiate by.
+
+    Attributes:
+        rest_begin: CasADi function (x, u, p) -> coefficients c at the state in which a motion
+            begins.
+        begin_at_rest: CasADi function (c, dx) -> dx with held joints and closed contacts at rest.
+        rest_end: CasADi function (x at the beginning, x at the end, p) -> coefficients c, of an
+            end that satisfies the contacts already.
+        end_at_rest: CasADi function (c, dx at the beginning, dx at the end, dw) -> dx at the end,
+            on closed contacts and anchors.
     """
 
     def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
-        self._plant, self._tuned = plant, tuned
-        n, modes = plant.model.n, plant.rhs.numel_in(2)
-        x, p, change = ca.MX.sym("x", 2 * n), ca.MX.sym("p", modes), ca.MX.sym("change", n)
-        struck = plant.strike(x, p, change, ca.MX(3 * len(plant.points), 1))[0]
-        self._gain = ca.Function("gain", [x, p, change], [ca.jacobian(struck, change)])
-        if contact := plant.contact:
-            settled = contact.settle(x, p)
-            self._settled = ca.Function("settled", [x, p], [ca.jacobian(settled, x)])
-            before = ca.MX.sym("before", 2 * n)
-            place = ca.reshape(contact.geometry(before)[0], 3, -1)
-            found = x
-            for _ in range(2):
-                found = contact.close(found, p, ca.vec(place[1:, :]))
-            slopes = [
-                *(ca.jacobian(found, by) for by in (x, before)),
-                jacobian_by(found, p, tuned),
-            ]
-            self._closed = ca.Function("closed", [x, p, before], slopes)
-        self._loads = next(f for f in plant.events if f.name() == "loads")
+        self._plant = plant
+        self.rest_begin, self.begin_at_rest = _beginning(plant)
+        self.rest_end, self.end_at_rest = _end(plant, tuned)
+        self._tuned = tuned
 
     def begun(self, x: Array, u: Array, modes: Modes, slope: Array) -> Array:
         """Derivative of a state in which motion begins, with held joints at rest.
@@ -58,26 +53,9 @@ class RestProjection:
             modes: Modes of joints and contacts from there on.
             slope: Derivative of the state before the projection, shape (nx, …).
         """
-        n, slope = self._plant.model.n, slope.copy()
-        q, v, whole = slice(n), slice(n, 2 * n), slice(2 * n)
-        held = np.flatnonzero(modes.direction == 0.0)
-        if len(held):
-            gain = np.array(self._gain(x[whole], modes.p, np.zeros(n)))
-            slope[v] -= gain[:, held] @ slope[n + held]
-            back = held[self._leans(x, u, modes)[held]]
-            slope[q] -= gain[:, back] @ slope[back]
-        if self._plant.contact and (modes.contact["closed"] > 0.0).any():
-            slope[v] = np.array(self._settled(x[whole], modes.p)) @ slope[whole]
-        return slope
-
-    def _leans(self, x: Array, u: Array, modes: Modes) -> NDArray[np.bool_]:
-        """Joints at rigid stops that friction alone would not hold there."""
-        n = self._plant.model.n
-        q, (lower, upper) = x[:n], self._plant.model.stops.bounds
-        load = np.array(self._loads(x, u, modes.p)[0]).ravel()
-        push = np.where(q <= lower, -load, np.where(q >= upper, load, 0.0))
-        leans: NDArray[np.bool_] = push > self._plant.model.friction.level
-        return leans
+        if not ((modes.direction == 0.0).any() or (modes.contact["closed"] > 0.0).any()):
+            return slope
+        return np.array(self.begin_at_rest(self.rest_begin(x, u, modes.p), slope))
 
     def closed(self, begin: Array, end: Array, modes: Modes, slope: Array, begun: Array) -> Array:
         """Derivative of the end of a segment, projected onto closed contacts and anchors.
@@ -86,16 +64,94 @@ class RestProjection:
             begin: State at its beginning, shape (nx,).
             end: State that the step of the method has reached.
             modes: Modes of joints and contacts.
-            slope: Derivative of the end before the projection, shape (nx, …).
+            slope: Derivative of the end before the projection, shape (nx, nx + nw).
             begun: Derivative of the beginning.
         """
-        if not (self._plant.contact and (modes.contact["closed"] > 0.0).any()):
+        if not (modes.contact["closed"] > 0.0).any():
             return slope
-        whole = slice(2 * self._plant.model.n)
+        whole, slope = slice(2 * self._plant.model.n), slope.copy()
         by_end, by_begin, by_p = (
             np.array(found) for found in self._closed(end[whole], modes.p, begin[whole])
         )
-        slope = slope.copy()
         slope[whole] = by_end @ slope[whole] + by_begin @ begun[whole]
         slope[whole, slope.shape[1] - len(self._tuned) :] += by_p
         return slope
+
+    @built_once
+    def _closed(self) -> ca.Function:
+        """(x at the end, p, x at the beginning) -> derivatives of the closed end by x and p."""
+        contact, n = self._plant.contact, self._plant.model.n
+        assert contact is not None
+        x, p = ca.MX.sym("x", 2 * n), ca.MX.sym("p", self._plant.rhs.numel_in(2))
+        before = ca.MX.sym("before", 2 * n)
+        place, found = ca.reshape(contact.geometry(before)[0], 3, -1), x
+        for _ in range(2):
+            found = contact.close(found, p, ca.vec(place[1:, :]))
+        slopes = [
+            *(ca.jacobian(found, by) for by in (x, before)),
+            jacobian_by(found, p, self._tuned),
+        ]
+        return ca.Function("closed", [x, p, before], slopes)
+
+
+def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
+    """``rest_begin`` and ``begin_at_rest``."""
+    n, kept = plant.model.n, Kept()
+    x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
+    dx = ca.SX.sym("dx", plant.nx)
+    dq, dv, dz = ca.vertsplit(dx, [0, n, 2 * n, plant.nx])
+    whole, (_, direction, *_, contacts) = x[: 2 * n], plant.parts(p)
+    if plant.directions:
+        change = ca.SX.sym("change", n)
+        struck = plant.strike(whole, p, change, ca.SX(3 * len(plant.points), 1))[0]
+        gain = ca.jacobian(struck, change)  # which is linear in it
+        held = direction == 0
+        dv = dv - kept.matrix(gain @ ca.diag(held)) @ dv
+        if plant.model.stops.rigid.any():
+            back = ca.logic_and(held, _leans(plant, x, u, p))
+            dq = dq - kept.matrix(gain @ ca.diag(back)) @ dq
+    if plant.contact:
+        closed = ca.sum1(Mode.of(contacts).closed) > 0
+        settled = plant.contact.closing()(whole, p)[0]
+        loose = ca.horzcat(ca.SX(n, n), ca.SX.eye(n))
+        dv = kept.matrix(ca.if_else(closed, settled, loose)) @ ca.vertcat(dq, dv)
+    moved = ca.densify(ca.vertcat(dq, dv, dz))
+    return (
+        ca.Function("rest_begin", [x, u, p], [kept.values], {"cse": True}),
+        ca.Function("begin_at_rest", [kept.symbols, dx], [moved], {"cse": True}),
+    )
+
+
+def _leans(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+    """Joints at rigid stops that friction alone would not hold there."""
+    q, (lower, upper) = x[: plant.model.n], plant.model.stops.bounds
+    load = next(f for f in plant.events if f.name() == "loads")(x, u, p)[0]
+    push = ca.if_else(q <= lower, -load, ca.if_else(q >= upper, load, 0))
+    return push > plant.model.friction.level
+
+
+def _end(plant: Plant, tuned: Sequence[int]) -> tuple[ca.Function, ca.Function]:
+    """``rest_end`` and ``end_at_rest``; without contacts nothing changes."""
+    n, kept = plant.model.n, Kept()
+    begin, end, p = (ca.SX.sym(name, size) for name, size in (
+        ("begin", plant.nx), ("end", plant.nx), ("p", plant.rhs.size1_in(2)),
+    ))  # fmt: skip
+    dbegin, dend, dw = (ca.SX.sym(name, size) for name, size in (
+        ("dbegin", plant.nx), ("dend", plant.nx), ("dw", n + len(tuned)),
+    ))  # fmt: skip
+    moved = dend
+    if contact := plant.contact:
+        before, after = begin[: 2 * n], end[: 2 * n]
+        anchor = ca.vec(ca.reshape(contact.geometry(before)[0], 3, -1)[1:, :])
+        by_end, by_anchor = ca.horzsplit(
+            contact.closing()(after, p)[1], [0, 2 * n, 2 * n + anchor.shape[0]]
+        )
+        back = kept.matrix(by_anchor) @ (
+            kept.matrix(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
+        )
+        moved = ca.vertcat(kept.matrix(by_end) @ dend[: 2 * n] + back, dend[2 * n :])
+    arguments = [kept.symbols, dbegin, dend, dw]
+    return (
+        ca.Function("rest_end", [begin, end, p], [kept.values], {"cse": True}),
+        ca.Function("end_at_rest", arguments, [ca.densify(moved)], {"cse": True}),
+    )

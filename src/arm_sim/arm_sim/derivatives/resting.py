@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations.contact import Mode
 from arm_dynamics.model import ConstraintRows
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
@@ -20,6 +21,32 @@ from arm_sim.stepping.events import Modes
 
 # Load relative to the sliding level, and deceleration in [rad/s²] or [m/s²], that are rounding.
 ROUNDING, NOTHING = 1e-12, 1e-12
+
+
+def may_go_on(plant: Plant, p: ca.SX, begins: bool) -> ca.SX:
+    """Whether ``Resting`` may give a reason under the modes in p: 1 if so, 0 if it does not.
+
+    A joint alone whose friction is the same at rest and as it begins to slide comes to rest again,
+    whatever its load. Once it has, it is held by friction that does not vanish.
+    """
+    friction, points = plant.model.friction, plant.points
+    coulomb, excess, static = friction.coulomb, friction.excess, friction.static
+    least = coulomb.mean + excess.mean - abs(coulomb.skew + excess.skew)
+    doubtful = (friction.efficiency < 1.0) | (least <= 0.0)
+    if begins:
+        falls = [a + b != c for a, b, c in zip(coulomb, excess, static, strict=True)]
+        doubtful = doubtful | plant.constrained | falls[0] | falls[1]
+    _, direction, *_, contacts = plant.parts(p)
+    mode, doubt = Mode.of(contacts), ca.SX(0)
+    closed = ca.sum1(mode.closed) > 0
+    for joint in np.flatnonzero(friction.level > 0.0) if plant.directions else ():
+        together = closed if begins else False
+        held = direction[int(joint)] == 0
+        doubt = ca.logic_or(doubt, ca.logic_and(held, ca.logic_or(doubtful[joint], together)))
+    for k, point in enumerate(points if begins else ()):
+        if point.static_friction > point.friction > 0.0:
+            doubt = ca.logic_or(doubt, mode.closed[k] * mode.sticks[k])
+    return doubt
 
 
 class Resting:

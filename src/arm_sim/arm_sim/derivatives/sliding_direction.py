@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations.contact import Mode
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import jacobian_by
 from arm_sim.stepping.events import Modes
@@ -21,6 +22,15 @@ from arm_sim.stepping.events import Modes
 NO_TURN = 1e-12
 # Largest relative deviation of the length of a part from that of the rate.
 SAME = 1e-6
+
+
+def starts_to_slide(plant: Plant, p: ca.SX) -> ca.SX:
+    """Whether a contact starts to slide under the modes in p, 1 or 0: it keeps its direction."""
+    mode, starts = Mode.of(plant.parts(p)[-1]), ca.SX(0)
+    for k, point in enumerate(plant.points):
+        if point.friction > 0.0:
+            starts = ca.logic_or(starts, mode.closed[k] * (1 - mode.sticks[k]) * mode.fixed[k])
+    return starts
 
 
 class SlidingDirection:

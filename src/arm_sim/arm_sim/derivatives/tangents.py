@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of smooth motion in compiled code.
+"""Derivatives of smooth motion, and of ticks without events, in compiled code.
 
 The coefficients of a derivative are computed once for a step; columns are then propagated through
 it, side by side in vector registers. The whole derivative of a tick is computed by rows, with the
@@ -13,14 +13,17 @@ import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.columns import column_function
 from arm_dynamics.codegen.kernel import generate, operations
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
+from arm_sim.derivatives.calm import CalmTick
 from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.tangents import build_tangent
 from arm_sim.plant.actuation import actuation
@@ -30,6 +33,7 @@ from arm_sim.stepping.rollout import (
     ADDRESS,
     BEGINNING,
     NUMBER,
+    Engine,
     built_of_lanes,
     marked,
     marks,
@@ -39,11 +43,14 @@ from arm_sim.stepping.rollout import (
     strides,
     widths,
 )
-from arm_sim.stepping.stepper import address, pointer, sizes, source
+from arm_sim.stepping.stepper import address, mode_sizes, pointer, sizes, source
 
 # Largest number of operations of a step with its derivative that is compiled, in some ten seconds:
 # an implicit method needs 520 000 for seven joints.
 LONGEST = 600_000
+
+
+type Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -83,13 +90,17 @@ class Arms:
 
 
 class Tangents:
-    """Derivatives of steps and ticks of one plant, without events.
+    """Derivatives of steps and ticks of one plant.
+
+    Of a plant with events only ticks without one are differentiated, in their modes.
 
     Args:
         plant: The equations.
         choice: Method and tick.
         backend: As for ``Kernel``.
         tuned: Places in p of the quantities to differentiate by.
+        engine: In a scene with events, what finds the modes of a tick; without it, only steps are
+            differentiated.
 
     Attributes:
         plant: The equations.
@@ -97,9 +108,15 @@ class Tangents:
 
     @one_at_a_time
     def __init__(
-        self, plant: Plant, choice: Choice, backend: str, tuned: Sequence[int] = ()
+        self,
+        plant: Plant,
+        choice: Choice,
+        backend: str,
+        tuned: Sequence[int] = (),
+        engine: Engine | None = None,
     ) -> None:
-        self.plant, self._backend = plant, backend
+        self.plant, self._backend, self._engine = plant, backend, engine
+        self._calm = CalmTick.of(plant, tuned) if engine and backend != "vm" else None
         self._libraries: dict[int, ctypes.CDLL | None] = {}
         method, scaled, n = choice.method, plant.scaled_jacobian, plant.model.n
         self._advance, self._stretch = build_tangent(
@@ -140,8 +157,9 @@ class Tangents:
         return after, moved
 
     def slopes(
-        self, x: Array, r: Array, p: Array, ticks: int, threads: int | None, lanes: int | None
-    ) -> tuple[Array, Array, list[int]]:
+        self, x: Array, r: Array, p: Array, ticks: int, threads: int | None, lanes: int | None,
+        begins: bool = True,
+    ) -> tuple[Array, Array, list[int]]:  # fmt: skip
         """Differentiate ticks of many arms under held commands, on all cores.
 
         Args:
@@ -151,22 +169,26 @@ class Tangents:
             ticks: Number of ticks.
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
+            begins: With events, whether motions begin here, see ``Resting``.
 
         Returns:
             States at the end, shape (b, nx), their derivatives by the initial state, the command
             and the quantities side by side, shape (b, nx, nx + n + nt), and the arms whose
-            results are invalid: those that may meet a stop or diverge.
+            results are invalid: those that may meet a stop, have an event or diverge.
         """
         x, r = np.ascontiguousarray(x), np.ascontiguousarray(r)
         (arms, nx), n, k = x.shape, r.shape[1], len(self._unit)
         after, slopes = np.empty((arms, nx)), np.empty((arms, nx, k))
         of_arms = address(x), address(r), n, 0, address(p), 0
         of_columns = *self._unit_places, 1, k, address(after), address(slopes), nx * k, 0
-        return after, slopes, self._side_by_side(of_arms, of_columns, after, ticks, threads, lanes)
+        state = after, begins
+        alone = self._side_by_side(of_arms, of_columns, state, ticks, threads, lanes)[0]
+        return after, slopes, alone
 
     def columns(
-        self, arms: Arms, every: bool, threads: int | None, lanes: int | None
-    ) -> tuple[Array, list[int]]:
+        self, arms: Arms, every: bool, threads: int | None, lanes: int | None,
+        begins: bool = True,
+    ) -> tuple[Array, list[int], Array, Counts]:  # fmt: skip
         """Propagate columns through ticks of many arms, on all cores.
 
         Args:
@@ -174,10 +196,13 @@ class Tangents:
             every: Whether to return the columns after every tick, not only after the last.
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
+            begins: As for ``slopes``.
 
         Returns:
-            Columns of the states, shape (b, ticks, nx, k) or (b, 1, nx, k), and the arms whose
-            results are invalid, as of ``slopes``.
+            Columns of the states, shape (b, ticks, nx, k) or (b, 1, nx, k), the arms whose results
+            are invalid, as of ``slopes``, the states at the end, and with events the number of
+            ticks of each arm before one. Of an arm with an event, alone in its register, columns
+            and state are those before it.
         """
         x, tau, p, given, pushed = arms.x, arms.tau, arms.p, arms.given, arms.pushed
         after, columns = np.empty(x.shape), arms.room(every)
@@ -187,24 +212,39 @@ class Tangents:
             address(given), *strides(given, 1), address(pushed), *strides(pushed, 2), 0,
             given.shape[-1], address(after), address(columns), by_arm, by_tick if every else 0,
         )  # fmt: skip
-        return columns, self._side_by_side(of_arms, of_columns, after, arms.ticks, threads, lanes)
+        state = after, begins
+        alone, done = self._side_by_side(of_arms, of_columns, state, arms.ticks, threads, lanes)
+        return columns, alone, after, done
 
     def _side_by_side(
-        self, of_arms: tuple[int, ...], of_columns: tuple[int, ...], after: Array, ticks: int,
-        threads: int | None, lanes: int | None,
-    ) -> list[int]:  # fmt: skip
-        """Call ``carry_ticks`` of native/tangents.c; return the arms whose results are invalid."""
-        built = ((self.library(width), width) for width in widths(lanes))
+        self, of_arms: tuple[int, ...], of_columns: tuple[int, ...], state: tuple[Array, bool],
+        ticks: int, threads: int | None, lanes: int | None,
+    ) -> tuple[list[int], Counts]:  # fmt: skip
+        """Call ``carry_ticks`` of native/tangents.c.
+
+        Returns:
+            The arms whose results are invalid, and with events the ticks of each before one.
+        """
+        built = ((self.library(width), width) for width in self._widths(lanes))
         library, width = next(pair for pair in built if pair[0] is not None)
+        after, begins = state
         met, length = marks(len(after)), address(self._length)
+        done, of_modes = np.zeros(0, np.int64), tuple[Any, ...]()
+        if self._engine is not None:
+            done = np.zeros(len(after), np.int64)
+            of_modes = ctypes.byref(self._engine), begins, done.ctypes.data
 
         def work(first: int, last: int) -> None:
             library.carry_ticks(  # type: ignore[union-attr]
-                *of_arms, length, ticks, first, last, *of_columns, met
+                *of_arms, length, ticks, first, last, *of_columns, met, *of_modes
             )
 
         share(len(after), width, threads, work)
-        return marked(met)
+        return marked(met), done
+
+    def _widths(self, lanes: int | None) -> tuple[int, ...]:
+        """As ``widths``; with events lanes save less time than their compilation takes."""
+        return (1,) if self._calm and lanes is None else widths(lanes)
 
     @cached_property
     def native(self) -> bool:
@@ -224,7 +264,16 @@ class Tangents:
             *BEGINNING, ADDRESS, NUMBER, ADDRESS, NUMBER, NUMBER, ctypes.c_int, NUMBER, ADDRESS,
             ADDRESS, NUMBER, NUMBER, ADDRESS,
         ]  # fmt: skip
+        if self._steps_only:
+            types = [*[ADDRESS] * 5, NUMBER, ADDRESS, ADDRESS]
+            return built_of_lanes(self._source, lanes, "carry_step", types)
+        if self._calm:
+            types += [ADDRESS, ctypes.c_int, ADDRESS]
         return built_of_lanes(self._source, lanes, "carry_ticks", types)
+
+    @property
+    def _steps_only(self) -> bool:
+        return self.plant.eventful and self._calm is None
 
     @built_once
     def _carry(self) -> ca.Function:
@@ -253,24 +302,33 @@ class Tangents:
         return of("back_q", moved[:n], row[:n]), of("back_rest", moved[n:], row[n:])
 
     def _source(self, lanes: int) -> str:
-        functions = [self._advance, self._acting]
-        defines = sizes(self.plant, functions) | {
-            "ND": str(self._advance.size1_out(1)),
+        functions, plant = [self._advance, self._acting], self.plant
+        columns = [self._carry, self._limit, *([] if self._steps_only else self._back)]
+        more = {"STEPS_ONLY": "1"} if self._steps_only else {}
+        stops, without = {}, {"calm.h", "foreseen.h"}
+        if self._calm:
+            functions, columns = (
+                [*functions, *self._calm.functions],
+                [*columns, *self._calm.columns],
+            )
+            more, without = self._calm.defines | mode_sizes(plant) | {"EVENTS": "1"}, set()
+        elif not self._steps_only:
+            stops = stop_defines(plant)
+        defines = sizes(plant, functions) | {
+            "NSTEP": str(self._advance.size1_out(1)),
             "NA": str(self._acting.size1_out(1)),
-            "NT": str(self._held - self.plant.model.n),
+            "NT": str(self._held - plant.model.n),
         }
-        stops = stop_defines(self.plant)
-        columns = [self._carry, self._limit, *self._back]
         if lanes == 1:
             defines["STRETCH"] = "1"
             columns.append(self._stretch)
         text = "\n".join(map(column_function, columns))
         return (
             of_lanes(generate(functions), lanes)
-            + source(defines | stops)
+            + source(defines | stops | more)
             + '\n#include "columns.h"\n'
             + text
-            + source({}, "tangents.c", () if stops else ("stops.h",))
+            + source({}, "tangents.c", without if stops else {"stops.h", *without})
         )
 
 

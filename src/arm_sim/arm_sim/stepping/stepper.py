@@ -19,6 +19,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 import arm_dynamics
 from arm_dynamics import Dynamics
@@ -396,7 +397,7 @@ def pointer(array: Array) -> ctypes.c_void_p:
     return found
 
 
-def address(array: Array) -> int:
+def address(array: NDArray[Any]) -> int:
     """Address of an array for a C function with ``argtypes``; the caller keeps the array."""
     place: int = array.__array_interface__["data"][0]
     return place

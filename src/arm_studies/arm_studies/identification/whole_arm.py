@@ -18,7 +18,6 @@ from arm_dynamics.scene.schema import Scene
 from arm_studies.identification import checks
 from arm_studies.identification.data import JointRecord, records_of
 from arm_studies.identification.described import scene_with
-from arm_studies.identification.irregularities import drifts, tilts, without_outliers
 from arm_studies.identification.names import mapped, unwrapped
 from arm_studies.identification.parameters import parameters
 from arm_studies.identification.preparation import PER_BAND, EvenRecord, resampled
@@ -39,6 +38,7 @@ from arm_studies.identification.regression.friction_columns import (
 )
 from arm_studies.identification.regression.held_out import excess
 from arm_studies.identification.regression.intervals import CERTAIN, besides
+from arm_studies.identification.regression.irregularities import drifts, tilts, without_outliers
 from arm_studies.identification.regression.regressor import EACH, RigidRegressor
 from arm_studies.identification.regression.rows import HELD_OUT, Rows, steady_friction
 from arm_studies.identification.regression.selection import Choice

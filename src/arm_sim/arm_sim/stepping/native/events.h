@@ -328,3 +328,20 @@ EXPORTED long long trace_tick(const real* x, const real* u, const real* p, doubl
   report->trouble = tick_with_events(x, &segment, h, report, &trace, after);
   return report->trouble == NONE ? trace.count : -1;
 }
+
+/* A tick without events: 0 if there is one, or it cannot be computed. */
+EXPORTED int calm_tick(calm_t* tick) {
+  long long work = 0;
+  report_t report = {0};
+  record_t record;
+  trace_t trace = {.records = &record, .most = 1};
+  segment_t segment = {.u = tick->u, .work = &work};
+  memcpy(segment.p.tunable, tick->tunable, sizeof segment.p.tunable);
+  if (tick_with_events(tick->x, &segment, tick->length, &report, &trace, tick->after) != NONE) return 0;
+  if (trace.count != 1 || record.calm == 0.0 || record.hit != 0.0 || report.time_stepped) return 0;
+  memcpy(tick->p, &record.p, sizeof record.p);
+  memcpy(tick->limit, record.limit, sizeof record.limit);
+  memcpy(tick->begin, record.begin, sizeof record.begin);
+  memcpy(tick->end, record.end, sizeof record.end);
+  return within_reach(tick->after);
+}

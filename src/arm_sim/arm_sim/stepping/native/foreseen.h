@@ -5,6 +5,8 @@
  * The engine of one arm looks its questions up here and computes those that are not answered, such as all that follow from
  * an event. Answers are those of the same functions for the same bits: the motion does not depend on what is foreseen.
  *
+ * Arrays may have no elements, which C and C++ know as an extension alone: hence `__extension__`.
+ *
  * Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.h).
  */
 
@@ -41,9 +43,17 @@ __extension__ typedef struct {
   inside_t inside;                                              /* of the step from the beginning to the end */
 } foreseen_t;
 
+/* A tick without events, for derivatives: one smooth motion. */
+__extension__ typedef struct {
+  double x[NX], u[NU], tunable[NP], length; /* given: its beginning, command, parameters, and length */
+  double p[NP + MODES], limit[NC]; /* its modes, and the fraction of its normal force up to which a contact sticks */
+  double begin[NX], end[NX], after[NX]; /* the motion's ends, and the state after the tick, with closed contacts */
+} calm_t;
+
 /* Functions of the engine of one arm: find the modes and the anchors of a tick from its beginning, and what will be asked
- * for; make the tick, return 0 if it cannot be computed. */
+ * for; make the tick, return 0 if it cannot be computed; make a tick without events, return 0 if there is one. */
 typedef struct {
   void (*foresee)(foreseen_t* tick);
   int (*tick_as_foreseen)(const foreseen_t* tick, double* after);
+  int (*calm_tick)(calm_t* tick);
 } engine_t;

@@ -70,10 +70,13 @@ static inline long long AS_BITS(real x) {
 #define HOLDING {0.6, 0.6}
 #define RESTITUTION {0.0, 0.0}
 
-/* Of derivatives: numbers of coefficients, and of varied parameters. */
+/* Of derivatives: numbers of coefficients, of varied parameters, and of coefficients of projections. */
 #define NA 4
+#define NSTEP 4
 #define NT 1
 #define STRETCH 1
+#define NBEGIN 4
+#define NEND 4
 
 /* Of penetration, and of slow sliding. */
 #define DEEP 1e-9
@@ -98,6 +101,10 @@ GENERATED(contact_geometry);
 GENERATED(contact_inertia);
 GENERATED(contact_close);
 GENERATED(acting);
+GENERATED(clear);
+GENERATED(clear_in_motion);
+GENERATED(rest_begin);
+GENERATED(rest_end);
 GENERATED(adjoint);
 GENERATED(limit_adjoint);
 #define TICK step

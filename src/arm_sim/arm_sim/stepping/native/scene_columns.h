@@ -14,3 +14,5 @@ COLUMNS(limit);
 COLUMNS(back_q);
 COLUMNS(back_rest);
 COLUMNS(stretch);
+COLUMNS(begin_at_rest);
+COLUMNS(end_at_rest);

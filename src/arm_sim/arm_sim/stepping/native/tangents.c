@@ -4,16 +4,22 @@
  * one per lane. Matrices of columns are stored by rows, `count` numbers per row.
  *
  * Required definitions: NX, NU (lengths of state and command), NP (of the parameters), NT (number of varied parameters),
- * SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated functions), ND and NA (numbers of coefficients of the derivatives
+ * SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated functions), NSTEP and NA (numbers of coefficients of the derivatives
  * of a step and of the limits), and the generated `acting` (x, r) -> u and those NA, `limit` (columns dx, dr -> du),
- * `advance` (x, u, p, h) -> x and those ND, `carry` (columns dx, dw -> dx, where dw is du and below it the change of
+ * `advance` (x, u, p, h) -> x and those NSTEP, `carry` (columns dx, dw -> dx, where dw is du and below it the change of
  * parameters), `back_q` and `back_rest` (of the coefficients of the limits, then those of the step: columns λ -> the
  * derivatives of λ · q, or of λ · the other states, after the tick by x, command and parameters, one below the other); with
  * STRETCH also `stretch` (columns dx, dw, dh -> dx); arms.h; where joints have stops stops.h, and STOPS.
+ *
+ * In a scene with events also EVENTS, NBEGIN and NEND (numbers of coefficients of the projections at the beginning and at the end
+ * of a tick) and calm.h with what it requires; the generated `rest_begin` (x, u, p) -> those NBEGIN, `rest_end` (x, x at the end, p) -> those NEND,
+ * `begin_at_rest` (columns dx -> dx) and `end_at_rest` (columns dx, dx at the end, dw -> dx at the end). Ticks without
+ * events are differentiated then, in their modes.
  */
 
 #include "scene_columns.h"
 #include "arms.h"
+#include "calm.h"
 
 #include <string.h>
 
@@ -67,6 +73,44 @@ static inline void put_rows(const column* from, double* matrix, const long long*
     }
 }
 
+#ifndef STEPS_ONLY
+#ifdef EVENTS
+#define WITH_MODES , const engine_t *engine, int begins, long long *done
+
+/* Columns of the state in which a tick begins, with what is held at rest. */
+static void begin_columns(const calm_lanes_t* tick, const real* coefficients, column* dx) {
+  column begun[NX];
+  const column* const given[1] = {dx};
+  if (!tick->held) return;
+  begin_at_rest(coefficients, given, begun);
+  memcpy(dx, begun, sizeof begun);
+}
+
+/* Columns of the state after a tick from those at its beginning and those that the step has reached. */
+static void end_columns(const calm_lanes_t* tick, const real* coefficients, const column* dx, const column* dw,
+                        column* moved) {
+  column ended[NX];
+  const column* const given[3] = {dx, moved, dw};
+  if (!tick->closed) return;
+  end_at_rest(coefficients, given, ended);
+  memcpy(moved, ended, sizeof ended);
+}
+
+/* Coefficients of the projections at the beginning and at the end of a tick. */
+static void find_rest(const real* u, const calm_lanes_t* tick, real* begin, real* end) {
+  real w[SZ_W];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG] = {tick->begin, u, tick->p};
+  real* res[SZ_RES] = {begin};
+  if (tick->held) rest_begin(arg, res, iw, w, 0);
+  arg[1] = tick->end;
+  res[0] = end;
+  if (tick->closed) rest_end(arg, res, iw, w, 0);
+}
+#else
+#define WITH_MODES
+#endif
+
 /* Propagate tangents of the arms first … last-1 over `ticks` ticks.
  *
  * x0:      initial states, NX an arm.                            after: receives states at the end.
@@ -77,16 +121,20 @@ static inline void put_rows(const column* from, double* matrix, const long long*
  * unit:    whether those at the beginning, above those of the first tick, are a unit matrix. The first tick is then
  *          differentiated row by row, of which there are fewer.
  * columns: receives columns of x, NX rows; those after tick k of arm i at columns + i * columns_arm + k * columns_tick.
- * met:     set to 1 for an arm that comes near a stop or diverges; its results are invalid.
+ * met:     set to 1 for an arm that comes near a stop or diverges; its results are invalid. In a scene with events set to 1
+ *          for an arm that has one, or comes so close that it might: its state is then that before this tick, and of one
+ *          lane also its columns.
+ * engine, begins, done: in a scene with events, the engine of one arm, whether the state at the beginning is itself varied
+ *          or has been reached in motion, and for every arm the number of ticks before the first with an event.
  */
 EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
                           long long p_arm, const double* h, long long ticks, long long first, long long last,
                           const double* given, long long given_arm, const double* pushed, long long pushed_arm,
                           long long pushed_tick, int unit, long long count, double* after, double* columns,
-                          long long columns_arm, long long columns_tick, signed char* met) {
+                          long long columns_arm, long long columns_tick, signed char* met WITH_MODES) {
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
-    real x[NX], next[NX], r[NU], u[NU], par[NP + 1], w[SZ_W], limits[NA + ND];
+    real x[NX], next[NX], r[NU], u[NU], par[NP + 1], w[SZ_W], limits[NA + NSTEP];
     real* const derivatives = limits + NA;
     column dx[NX], dr[NU + NT], dw[NU + NT], moved[NX + NU + NT];
     casadi_int iw[SZ_IW];
@@ -96,6 +144,15 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
     choose_arms(arm, last, of_lane);
     read_arms(x, NX, x0, NX, of_lane);
     read_arms(par, NP, p, p_arm, of_lane);
+#ifdef EVENTS
+    calm_lanes_t tick;
+    real rest[NBEGIN + 1], returning[NEND + 1];
+    int calm[LANES], any = 1;
+    for (int j = 0; j < LANES; ++j) {
+      calm[j] = 1;
+      done[of_lane[j]] = 0;
+    }
+#endif
     for (long long k = 0; k < ticks; ++k) {
       double* reached = columns + k * columns_tick;
       read_arms(r, NU, tau + k * tau_tick, tau_arm, of_lane);
@@ -104,14 +161,32 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
       res[0] = u;
       res[1] = limits;
       acting(arg, res, iw, w, 0);
+#ifdef EVENTS
+      make_calm(x, u, par, h[0], engine, begins && !k, calm, &tick);
+      for (int j = any = 0; j < LANES; ++j) {
+        any |= calm[j];
+        if (calm[j]) done[of_lane[j]] = k + 1;
+        else met[of_lane[j]] = 1;
+      }
+      if (!any) break;
+      find_rest(u, &tick, rest, returning);
+      arg[0] = tick.begin;
+      arg[2] = tick.p;
+#else
       arg[0] = x;
-      arg[1] = u;
       arg[2] = par;
+#endif
+      arg[1] = u;
       arg[3] = &length;
       res[0] = next;
       res[1] = derivatives;
       advance(arg, res, iw, w, 0);
+#ifdef EVENTS
+      const int by_rows = unit && !k && !tick.held;
+      memcpy(next, tick.after, sizeof next);
+#else
       const int by_rows = unit && !k;
+#endif
       for (int part = 0; by_rows && part < 2; ++part) {
         const int start = part ? NU : 0, end = part ? NX : NU;
         const column* weights[1] = {dx};
@@ -129,7 +204,13 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
         take(dr, pushed + k * pushed_tick, of_lane, pushed_arm, NU + NT, count, c);
         limit(limits, given_columns, dw);
         for (int i = NU; i < NU + NT; ++i) dw[i] = dr[i];
+#ifdef EVENTS
+        begin_columns(&tick, rest, dx);
         carry(derivatives, acting_columns, moved);
+        end_columns(&tick, returning, dx, dw, moved);
+#else
+        carry(derivatives, acting_columns, moved);
+#endif
         put(moved, reached, of_lane, columns_arm, NX, count, c);
       }
       for (int j = 0; j < LANES; ++j)
@@ -148,12 +229,13 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
     }
   }
 }
+#endif
 
 #ifdef STRETCH
 /* One step of length h[0] from x under the effective command, with columns of (x, w, h): NX + NU + NT + 1 rows. */
 EXPORTED void carry_step(const double* x, const double* u, const double* p, const double* h, const double* given,
                          long long count, double* after, double* columns) {
-  real w[SZ_W], derivatives[ND];
+  real w[SZ_W], derivatives[NSTEP];
   column rows[NX + NU + NT + 1], moved[NX];
   casadi_int iw[SZ_IW];
   const real* arg[SZ_ARG];

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ticks without events in scenes with events: compiled code against the path through events."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_sim import NotDifferentiable, Simulator
+from arm_sim.derivatives import Gradients, Linearizer
+from models import features
+from tolerances import ALGEBRA, assert_close
+
+BY = ("payload",)
+SCENES: dict[str, tuple[str, ...]] = {
+    "dry friction, a table of levels, a lossy gear": ("coulomb", "table", "lossy gear", "payload"),
+    "an end stop": ("end stop", "viscous", "payload"),
+    "dry friction, an end stop and a spring": ("coulomb", "end stop", "spring", "payload"),
+    "a contact": ("contact", "viscous", "payload"),
+    "a contact, dry friction": ("contact", "coulomb", "payload"),
+    "a loop, dry friction": ("bilateral", "coulomb", "payload"),
+    "drives and dry friction": ("current", "coulomb", "flexible", "payload"),
+}
+
+
+def by_events(simulator: Simulator, tuned: tuple[int, ...] = ()) -> Linearizer:
+    """Differentiates every tick segment by segment."""
+    compiled = simulator.arm.compiled
+    arguments = compiled.plant, compiled.choice, compiled.stepper, compiled.backend, tuned
+    linearizer = Linearizer(*arguments)
+    vars(linearizer).update(_compiled=None, calm=None)
+    return linearizer
+
+
+def visited(simulator: Simulator, ticks: int = 240, every: int = 6) -> list[Any]:
+    """States that a random motion passes, at rest at first, with the commands under which."""
+    rng, n = np.random.default_rng(3), simulator.n
+    hold = simulator.dynamics.gravity(simulator.model.q0)
+    command, found = hold, []
+    for k in range(ticks):
+        if k % 40 == 20:
+            command = hold + rng.normal(size=n) * (1.0 + 0.3 * abs(hold))
+        if k % every == 0:
+            found.append((simulator.arm.x.copy(), np.array(command)))
+        simulator.step(command)
+    return found
+
+
+def outcome(linearizer: Linearizer, x: np.ndarray, tau: np.ndarray, side: int | None) -> Any:
+    try:
+        return linearizer(x, tau, 1, side)
+    except NotDifferentiable as refused:
+        return str(refused)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_compiled_ticks_are_those_of_the_path_through_events(name: str) -> None:
+    simulator = Simulator(features.scene("planar", SCENES[name]), integrator="rk4", dt=1e-3)
+    places = simulator.arm.plant.parameters.places(BY)
+    tuned = tuple(i for own in places.values() for i in own)
+    fast = simulator.arm.compiled.derivatives.linearizer(tuned)
+    slow, p, calm = by_events(simulator, tuned), simulator.arm.parameters, 0
+    for x, tau in visited(simulator):
+        for side in (None, 1):
+            found, expected = (outcome(of, x, tau, side) for of in (fast, slow))
+            if isinstance(expected, str):
+                assert found == expected
+            else:
+                assert_close(found, expected, ALGEBRA)
+        calm += not fast.calm.slopes(x[None], tau[None], p, 1, 1, 1)[2]  # type: ignore[union-attr]
+    assert calm >= 20  # of 40
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_gradients_and_products_pass_events_and_what_lies_between_them(name: str) -> None:
+    simulator = Simulator(features.scene("planar", SCENES[name]), integrator="rk4", dt=1e-3)
+    rng, n, steps = np.random.default_rng(4), simulator.n, 80
+    hold = simulator.dynamics.gravity(simulator.model.q0)
+    pushes = rng.normal(size=(1, 4, n)) * (1.0 + 0.3 * abs(hold))
+    tau = hold + np.repeat(pushes, 20, axis=1)
+    given = simulator.state.q[None], np.zeros((1, n)), tau, steps
+    g = rng.normal(size=(1, steps + 1, 2 * n))
+    found = simulator.rollout_gradient(*given, g, side=1)
+    changes = rng.normal(size=(1, n)), np.zeros((1, n)), rng.normal(size=tau.shape)
+    moved = simulator.rollout_jvp(*given, *changes, side=1)
+    compiled = simulator.arm.compiled
+    slow = by_events(simulator, tuple(range(len(simulator.arm.parameters))))
+    derivatives = compiled.derivatives
+    vars(derivatives)["gradients"] = Gradients(
+        compiled.plant, compiled.choice, slow, compiled.backend
+    )
+    expected = simulator.rollout_gradient(*given, g, side=1)
+    for part in ("q0", "v0", "tau"):
+        assert_close(getattr(found, part), getattr(expected, part), ALGEBRA)
+    assert_close(found.parameters["payload"], expected.parameters["payload"], ALGEBRA)
+    by_all = sum(
+        (of * by).sum() for of, by in zip((found.q0, found.v0, found.tau), changes, strict=True)
+    )
+    assert_close((g * moved).sum(), by_all, ALGEBRA)
