@@ -125,7 +125,7 @@ def test_the_package_declares_what_its_code_uses() -> None:
 
 @pytest.mark.parametrize(("damping", "stable"), [(0.05, True), (1.0, False)])
 def test_damping_of_a_wrist_is_as_the_page_says(damping: float, stable: bool) -> None:
-    """An effort held for a tick reverses the velocity where D dt / M > 2."""
+    """An effort that is held lets the velocity grow from tick to tick where D dt / M > 2."""
     sim = Simulator("ur5e", backend="vm")
     wrist = np.eye(6)[5]
 
