@@ -58,6 +58,10 @@ def test_users_read_short_pages(page: Path) -> None:
     assert len(page.read_text().splitlines()) <= 300
 
 
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 120
+
+
 # Extending the suite shows its insides.
 SHOWN = [
     *(p for p in PAGES if p.name != "extending.md"),

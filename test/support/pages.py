@@ -18,7 +18,7 @@ PAGES = [
         if not {"generated", "project"} & set(page.relative_to(ROOT).parts)
     ),
 ]
-FILE = re.compile(r"(?:#|//|<!--) ([\w-]+\.(?:yaml|urdf|py|cpp|txt))(?: -->)?\n")
+FILE = re.compile(r"(?:#|//|<!--) ([\w-]+\.(?:yaml|urdf|xml|py|cpp|txt))(?: -->)?\n")
 _PARTS = re.compile(
     r"(?P<skip><!-- not run: [^>]+ -->\n+)?^```(?P<kind>\w+)[^\n]*\n(?P<text>.*?)^```"
     r"(?:\n+^```text\n(?P<printed>.*?)^```)?"

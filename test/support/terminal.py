@@ -29,6 +29,7 @@ from arm_sim import Recording
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 200.0  # [s] for a line, on a machine that does other things
+AGAIN = 3.0  # [s] after which a node is asked again
 _ASK = f"exec {sys.executable} -I -S {ROOT}/test/support/forge.py"
 _ARM = f"""#!/bin/sh
 if [ "$1" = python ]; then
@@ -51,8 +52,10 @@ for line in sys.stdin:
     print("\\0done", flush=True)
 """
 
-_NODE = re.compile(r"(?:\./arm|ros2 run \w+) (sim|controller|dynamics)\b")
-_SHOWN = re.compile(r"arm (?:watch|view)\b|ros2 topic (?:echo|pub (?!--once|-1))")
+_NODE = re.compile(
+    r"(?:\./arm|ros2 run \w+) (?=sim\b|controller\b|dynamics\b)(\w+)|\./arm python (\w+_node)\.py"
+)
+_SHOWN = re.compile(r"arm (?:watch|view)\b|ros2 topic (?:echo (?!.*--once)|pub (?!--once|-1))")
 _PICTURES = re.compile(r"--(?:html|png|gif|mp4)\b")
 _RECORDER = re.compile(r"arm record\b.*--out (\S+)")
 
@@ -181,8 +184,8 @@ class Terminal:
             self._recorders.remove(file)
             self._running.pop(file).interrupt()  # the recording is to be read
         if found := _NODE.search(line):
-            name = re.search(r"__node:=(\w+)", line) or found
-            return self._node(name[1], line)
+            name = re.search(r"__node:=(\w+)", line)
+            return self._node(name[1] if name else found[1] or found[2], line)
         if (found := _RECORDER.search(line)) and "--duration" not in line:
             started = self._begin(found[1], line)
             self._recorders.append(found[1])
@@ -227,13 +230,17 @@ class Terminal:
         assert self._ros is not None
         ros, known = self._ros, f"/{name}/list_parameters"
         client = ros.peer.create_client(ListParameters, known)
-        future: list[Any] = []
+        futures: list[Any] = []
+        asked = -AGAIN
 
         def answers() -> bool:
+            nonlocal asked
             ros.spin_once()
-            if client.service_is_ready() and not future:
-                future.append(client.call_async(ListParameters.Request()))
-            return bool(future) and future[0].done()
+            now = time.monotonic()
+            if client.service_is_ready() and now - asked > AGAIN:  # an answer may get lost
+                futures.append(client.call_async(ListParameters.Request()))
+                asked = now
+            return any(future.done() for future in futures)
 
         started.wait(answers)
         ros.peer.destroy_client(client)

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+_MANY_TURNS = 4.0 * math.pi  # [rad]
 _NAME = 80  # characters of a name that are shown
 
 
@@ -110,6 +111,24 @@ def did_you_mean(name: object, names: Iterable[str]) -> str:
     others = {other.casefold(): other for other in names if _bare(other) != _bare(name)}
     near = get_close_matches(name.casefold(), others, n=1)
     return f"; did you mean '{others[near[0]]}'?" if near else ""
+
+
+def not_copied(what: object, instead: str) -> ArmError:
+    """The error for what neither ``copy`` nor ``pickle`` can take, as it holds compiled code.
+
+    Args:
+        what: The object.
+        instead: What to do.
+    """
+    name = type(what).__name__
+    return ArmError(f"a {name} holds compiled code: it cannot be copied or pickled; {instead}")
+
+
+def degrees_meant(angle: float) -> str:
+    """A remark on an angle in [rad] of so many turns that degrees are probably meant, or empty."""
+    if not abs(angle) > _MANY_TURNS:
+        return ""
+    return f"{angle:.6g} is {angle / math.tau:.3g} turns; angles are in rad"
 
 
 def choices(name: object, names: Iterable[str], limit: int = 30) -> str:

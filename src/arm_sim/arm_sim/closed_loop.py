@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.control.wrappers import Switch
+from arm_dynamics.exceptions import not_copied
 from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
@@ -71,6 +72,14 @@ class ClosedLoop:
         self._control = Switch(make_controller(controller, self._dynamics, settings), settings.dt)
         self._limits = Limits.of(self._dynamics.model, acceleration_limit)
         self._follower = Follower(self.simulator.measured.q, self._limits)
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        """Refuse to be copied or pickled.
+
+        Raises:
+            ArmError: Always; it says what to do instead.
+        """
+        raise not_copied(self, "build another one of the same scene")
 
     @property
     def stamp(self) -> int:

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from types import MethodType
-from typing import TYPE_CHECKING, Any, Concatenate
+from typing import TYPE_CHECKING, Any, Concatenate, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.exceptions import choices
+from arm_dynamics.exceptions import choices, not_copied
 from arm_dynamics.model.arm import arm_model
 from arm_dynamics.scene.constraint import label, switchable
 from arm_dynamics.scene.load import SceneSource, naming
@@ -111,6 +111,14 @@ class Simulator:
         self.z_names = plant.laws.names if plant.laws else ()
         self.arm = SimulatedArm(compiled, named(scene))
         self.reset()
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        """Refuse to be copied or pickled.
+
+        Raises:
+            ArmError: Always; it says what to do instead.
+        """
+        raise not_copied(self, "build another one of the same scene, and give it this one's state")
 
     @property
     def model(self) -> ArmModel:

@@ -396,3 +396,19 @@ def test_a_batch_of_numbers_is_a_table() -> None:
     assert "reached: yes (to 1e-9 m and 1e-9 rad)\n  distance [m]: 0.5\n" in said
     said = shown("dynamics_terms", "[[1, 2], [3, 4]]", kinetic_energy=[1.0, 2.0])
     assert re.search(r"point +kinetic energy \[J\]", said) and re.search(r"\n 1 +2 *\n", said)
+
+
+# --- motions -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("method", "trusted"), [("euler", False), ("rk4", True)])
+def test_commands_that_run_a_motion_say_whether_it_can_be_trusted(
+    method: str, trusted: bool, tmp_path: Path
+) -> None:
+    """Euler's method at 5 ms makes energy; RK4 does not."""
+    path = tmp_path / "run.npz"
+    Simulator("two_link", method, dt=5e-3).run(0.5).save(path)
+    said = run("replay", str(path))
+    assert said.exit_code == 0, said.output
+    assert ("not trustworthy: the energy account is off" in said.output) is not trusted
+    assert json.loads(run("replay", str(path), "--json").stdout)["trusted"] is trusted

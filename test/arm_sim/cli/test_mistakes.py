@@ -6,6 +6,8 @@ The table is ``mistakes.yaml``: scenes, robot descriptions, commands and calls f
 
 from __future__ import annotations
 
+import copy
+import pickle
 import re
 import shlex
 import shutil
@@ -26,14 +28,17 @@ from arm_dynamics.control import ComputedTorque, Settings, make_controller
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference, Waypoint, quintic
 from arm_sim import ClosedLoop, Recording, Simulator
+from arm_studies.autodiff import JaxSimulator
 from arm_studies.cli.main import main
+from arm_studies.identification import identify
+from arm_studies.sweeps import sweep
 
 TABLE: dict[str, list[dict[str, str]]] = yaml.safe_load(
     Path(__file__).with_name("mistakes.yaml").read_text()
 )
 ROBOT = "robot: {urdf: two_link.urdf}\n"
 URDF = (models.SCENES / "two_link.urdf").read_text()
-STARTS_ROS = ("sim", "dynamics", "controller")
+STARTS_ROS = ("sim", "dynamics", "controller", "record some")
 LEAKS = re.compile(
     r"pydantic|Input should|valid (tuple|dict|list|string)|broadcast|ufunc|could not convert|"
     r"ndarray|Traceback|\[Errno|<unicode string>|lexer|NoneType' object|positional argument"
@@ -114,6 +119,8 @@ def of_python(call: str) -> str:
         "TaskSpace": TaskSpace, "arm_sim": arm_sim, "load_scene": load_scene,
         "make_controller": make_controller, "np": np, "quintic": quintic, "sim": sim,
         "dynamics": sim.dynamics, "control": ComputedTorque(sim.dynamics), "Dynamics": Dynamics,
+        "copy": copy, "pickle": pickle, "identify": identify, "sweep": sweep,
+        "JaxSimulator": JaxSimulator,
     }  # fmt: skip
     if "motion" in call:
         names["motion"] = sim.run(0.005)
@@ -164,4 +171,4 @@ def test_call(case: dict[str, str]) -> None:
 
 
 def test_there_are_many() -> None:
-    assert sum(map(len, TABLE.values())) >= 80
+    assert sum(map(len, TABLE.values())) >= 250

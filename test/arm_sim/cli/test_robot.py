@@ -24,8 +24,9 @@ from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim.cli.main import main
 from arm_sim.cli.robot import go, goal
-from arm_sim.cli.robot.controller import Outcome
+from arm_sim.cli.robot.controller import Controller, Outcome
 from arm_sim.cli.robot.listener import Listener
+from arm_sim.cli.robot.reports import Reports
 from arm_sim.cli.robot.watch import Seen
 
 SCENE = str(models.SCENES / "two_link.yaml")
@@ -227,7 +228,7 @@ def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPa
     assert seen.rows()[1][:2] == ("b", 0.0) and math.isnan(seen.rows()[0][3])
     status = DiagnosticStatus(level=DiagnosticStatus.WARN, name="sim: x", message="oh")
     status.values = [KeyValue(key="at stops", value="a")]
-    seen.hear_diagnostics(DiagnosticArray(status=[status]))
+    seen.reports.hear(DiagnosticArray(status=[status]))
     now[0] += 2.0
     assert seen.rate == 0.0
     assert seen.remarks() == [
@@ -307,3 +308,51 @@ def test_a_controller_without_a_robot_is_distinguished(
             main(["go", "elbow=0", "--timeout", "4"])
     printed = "".join(capfd.readouterr())
     assert end.value.code == 1 and "answered no joint state for 4 s" in printed
+    assert "\n  nothing publishes /joint_states; start a robot" in printed
+
+
+class Graph:
+    """What a listener sees: nodes, and publishers of one topic."""
+
+    def __init__(self, nodes: Sequence[str], publishers: int) -> None:
+        self._nodes, self._publishers = nodes, publishers
+
+    def nodes(self) -> Sequence[str]:
+        return self._nodes
+
+    def publishers(self, name: str) -> int:
+        return self._publishers if name == "/left/joint_states" else 0
+
+
+def status(name: str, level: bytes, message: str, **values: str) -> DiagnosticStatus:
+    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+    return DiagnosticStatus(name=name, level=level, message=message, values=pairs)
+
+
+SILENT = status("left/controller: controller", b"\2", "no joint state for 5.0 s")
+FAILED = status("left/controller: controller", b"\2", "the controller 'mine' has failed: oh")
+PAUSED = status("left/sim: simulation", b"\0", "ok", paused="true")
+OTHER = status("sim: simulation", b"\2", "diverged", paused="true")
+
+
+@ros
+@pytest.mark.parametrize(
+    ("reported", "nodes", "publishers", "said"),
+    [
+        ([PAUSED, SILENT], ["/left/controller"], 1, "the simulation is paused; ./arm call resume"),
+        ([OTHER], [], 1, "the controller has ended; start it again"),
+        ([OTHER, SILENT], ["/left/controller"], 0, "nothing publishes /left/joint_states"),
+        ([OTHER, FAILED], ["/left/controller"], 1, "left/controller: controller: the controller"),
+        ([SILENT], ["/left/controller"], 1, "/left/joint_states has a publisher, but no state"),
+    ],
+)
+def test_go_names_the_one_cause(
+    reported: list[DiagnosticStatus], nodes: list[str], publishers: int, said: str
+) -> None:
+    controller = Controller.__new__(Controller)
+    reports = Reports()
+    reports.hear(DiagnosticArray(status=reported))
+    vars(controller).update(
+        _name="/left/controller", _listener=Graph(nodes, publishers), _reports=reports
+    )
+    assert controller._cause().startswith(said)

@@ -13,7 +13,9 @@ from browser import Page, needed, opened
 from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
+from arm_sim.exceptions import ViewError
 from arm_sim.view import Chart, Film, View, show
+from arm_sim.view.player import Player
 
 SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave
 
@@ -245,3 +247,12 @@ def test_beside_a_page_without_a_server_a_cursor_follows_the_player(
         assert charted[0][2] > 10.0  # it rises
         texts = page.handle.locator("#curves h2").all_text_contents()
         assert texts == ["position [rad]", "torque [N m]"]
+
+
+def test_the_file_of_a_recording_is_shown_and_a_closed_page_refuses(tmp_path: Path) -> None:
+    path = Simulator("two_link", backend="vm").run(0.01).save(tmp_path / "run.npz")
+    with show(path, port=0) as page:  # a film, which plays
+        assert isinstance(page.source, Player)
+    for write in (page.picture, page.film, page.page):
+        with pytest.raises(ViewError, match="the page is closed"):
+            write(tmp_path / "a.png")

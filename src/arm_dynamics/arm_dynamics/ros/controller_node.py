@@ -277,8 +277,8 @@ class ControllerNode(Node):
         try:
             stamp, (q, *v) = self._reader.read(raw)
         except InvalidInput as error:
-            self._log.passed_over += 1
-            self._warn(f"joint state ignored: {plain(error)}{self._way_out(error)}")
+            self._log.pass_over(f"{plain(error)}{self._way_out(error)}")
+            self._warn(f"joint state ignored: {self._log.unusable}")
             return None
         state, reference = self._motion(stamp, np.array(q), *map(np.array, v))
         try:

@@ -11,7 +11,14 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from arm_dynamics.exceptions import ModelError, SceneError, choices, known_names, plain
+from arm_dynamics.exceptions import (
+    ModelError,
+    SceneError,
+    choices,
+    degrees_meant,
+    known_names,
+    plain,
+)
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
 from arm_dynamics.scene.effect import check_effect
 from arm_dynamics.scene.files import find_file, find_scene
@@ -26,7 +33,6 @@ type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene
 """Sources of a scene; see ``load_scene``."""
 
 _FAR = 10.0  # [m]
-_MANY_TURNS = 4.0 * math.pi  # [rad]
 _log = logging.getLogger(__name__)
 
 
@@ -115,10 +121,13 @@ def _read(path: Path) -> str:
         return expanded(path)
     try:
         return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
+    except UnicodeDecodeError:
         text = path.read_text(encoding="latin-1")
         if not _is_urdf(text):
-            raise SceneError(f"scene: cannot read '{path}': {error}") from None
+            raise SceneError(
+                f"scene: '{path}' is not text; a scene (YAML) or a robot description (URDF) is "
+                "expected"
+            ) from None
         _log.warning("'%s' is not UTF-8: read as Latin-1", path)
         return text
     except OSError as error:
@@ -181,11 +190,8 @@ def _warn_of_units(scene: Scene, urdf: Urdf) -> None:
                 i, list(payload.com), distance, payload.frame,
             )  # fmt: skip
     for name, angle in scene.initial.position.items():
-        if urdf.joints[name] != "prismatic" and abs(angle) > _MANY_TURNS:
-            _log.warning(
-                "scene: 'initial.position.%s' = %g is %.3g turns; angles are in rad",
-                name, angle, angle / math.tau,
-            )  # fmt: skip
+        if urdf.joints[name] != "prismatic" and (remark := degrees_meant(angle)):
+            _log.warning("scene: 'initial.position.%s' = %s", name, remark)
 
 
 def _check_links(scene: Scene, urdf: Urdf) -> None:

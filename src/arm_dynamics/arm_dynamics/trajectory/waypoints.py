@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -188,6 +189,8 @@ def check_kind(waypoints: Sequence[Waypoint]) -> None:
     for i, waypoint in enumerate(waypoints):
         if not isinstance(waypoint, Waypoint):
             raise InvalidInput(f"waypoint {i} is {plain(waypoint, 80)}; {allowed}")
+        if not isinstance(waypoint.time, Real):
+            raise InvalidInput(f"time of waypoint {i} = {waypoint.time!r}; a number is expected")
 
 
 def timed_positions(waypoints: Sequence[Waypoint]) -> tuple[Array, Array]:

@@ -26,6 +26,17 @@ ALSO = "ARM_COMMANDS"  # set by the script ./arm to its own commands
 class Commands(click.Group):
     """A group that suggests similar commands, and completes those of ./arm."""
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the group's own options, or say which commands have an unknown one."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            name = error.option_name
+            having = [x for x in self.list_commands(ctx) if _has(self.get_command(ctx, x), name)]
+            if not having:
+                raise
+            ctx.fail(f"option '{name}' stands behind its command: {', '.join(having)}")
+
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
@@ -45,6 +56,10 @@ class Commands(click.Group):
 
     def _others(self, ctx: click.Context) -> list[str]:
         return os.environ.get(ALSO, "").split() if ctx.parent is None else []
+
+
+def _has(command: click.Command | None, option: str) -> bool:
+    return command is not None and any(option in one.opts for one in command.params)
 
 
 class SceneType(click.ParamType):

@@ -186,6 +186,7 @@ def _show_replay(recording: Recording, found: Replay) -> None:
     if found.first is not None:
         screen.print(f"first difference: {found.first}", markup=False)
         screen.print(f"positions differ by {_largest(found.apart):.3g} rad or m at most")
+    found.recording.trust()  # warns if it cannot be trusted
     if found.failure:
         screen.print(f"the replay ends early: {found.failure}", markup=False)
 
@@ -196,7 +197,7 @@ def _facts(loaded: Recording, found: Replay) -> dict[str, Any]:
         "equal": found.equal, "ticks": len(loaded) - 1,
         "first_difference": None if found.first is None else str(found.first),
         "largest": _largest(found.apart), "failure": found.failure or None,
-        "other_versions": list(found.other_versions),
+        "other_versions": list(found.other_versions), "trusted": found.recording.trusted,
     }  # fmt: skip
 
 

@@ -56,6 +56,8 @@ def computed_torque(
     Raises:
         InvalidInput: If a gain or dt is not allowed.
     """
+    if not isinstance(model, ArmModel):
+        raise InvalidInput(f"model = {model!r}; an ArmModel is expected, such as dynamics.model")
     kp, kd = held_gains(bandwidth, damping_ratio, model.n, dt)
     n = model.n
     x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n)

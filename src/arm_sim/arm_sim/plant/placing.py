@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import ConstraintError, InvalidInput
+from arm_dynamics.exceptions import ConstraintError, InvalidInput, degrees_meant
 from arm_dynamics.scene.constraint import Constraint, label, switchable
 from arm_sim.inputs import row
 from arm_sim.plant.plant import Plant
@@ -61,7 +61,9 @@ def inside_stops(plant: Plant, q: Array, who: str = "") -> Array:
     """Positions of shape (n,) clipped to rigid stops up to rounding; else InvalidInput."""
     stops, model = plant.model.stops, plant.model
     if refusal := stops.refusal(q, model.joint_names):
-        raise InvalidInput(who + refusal)
+        turning = np.array([kind != "prismatic" for kind in model.joint_types])
+        remark = degrees_meant(float(np.max(abs(q) * turning)))
+        raise InvalidInput(who + refusal + (remark and f"; {remark}"))
     return stops.within(q)
 
 

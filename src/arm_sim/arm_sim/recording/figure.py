@@ -53,6 +53,13 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
 
 def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[str]:
     """Joints to draw: the requested ones, else all that every recording has."""
+    for other in recordings:
+        if not isinstance(other, RecordedMotion):
+            raise InvalidInput(
+                f"plot: {other!r} is no recording; joints are chosen by plot(joints=[…])"
+            )
+    if isinstance(asked, str):
+        raise InvalidInput(f"joints = '{asked}'; a list of names is expected, ['{asked}']")
     shared = [
         name for name in recordings[0].joint_names
         if all(name in recording.joint_names for recording in recordings)

@@ -7,10 +7,10 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import known_names
+from arm_dynamics.exceptions import known_names, not_copied
 from arm_sim.recording.contents import Contents
 from arm_sim.recording.energy_account import verdict
 from arm_sim.recording.motion import RecordedMotion
@@ -127,6 +127,14 @@ class Recording(RecordedMotion):
         from arm_sim.recording.figure import draw
 
         return draw((self, *others), joints)
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        """Refuse to be copied or pickled.
+
+        Raises:
+            ArmError: Always; it says what to do instead.
+        """
+        raise not_copied(self, "save(path) and Recording.load(path) pass it on")
 
     def __repr__(self) -> str:
         """A summary: duration, origin, events, and the error of the energy account.

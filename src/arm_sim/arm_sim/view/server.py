@@ -76,8 +76,8 @@ def address(server: viser.ViserServer) -> str:
 
 
 def _free_port(host: str, port: int | None) -> int:
-    if port is not None and not 0 <= port <= 65535:
-        raise ViewError(f"port = {port}; allowed: 1 to 65535, and 0 for any that is free")
+    if port is not None and not (isinstance(port, int) and 0 <= port <= 65535):
+        raise ViewError(f"port = {port!r}; allowed: 1 to 65535, and 0 for any that is free")
     first = PORT if port is None else port
     for candidate in range(first, first + (TRIED if port is None else 1)):
         try:

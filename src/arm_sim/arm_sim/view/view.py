@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import html
 import logging
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from arm_dynamics.scene import Joint
 from arm_dynamics.scene.load import SceneSource
 from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
+from arm_sim.recording.files import SUFFIXES
 from arm_sim.simulator import Simulator
 from arm_sim.view import pictures
 from arm_sim.view.charts import with_curves
@@ -57,6 +59,7 @@ class View:
         source: Player | Interactive | Follower,
     ) -> None:
         self._server, self.actors, self.source = server, tuple(actors), source
+        self._closed = False
         with server.gui.add_folder("Show", expand_by_default=False):
             for what, on in (
                 ("links", True), ("axes", False), ("path", True), ("springs", True),
@@ -85,6 +88,7 @@ class View:
 
     def close(self) -> None:
         """End the page, and what it pushes with."""
+        self._closed = True
         self._loop.stop()
         if isinstance(self.source, Interactive):
             for rig in self.source.rigs:
@@ -113,6 +117,11 @@ class View:
 
     # --- pictures ------------------------------------------------------------------------------
 
+    def _writable(self, path: str | Path) -> Path:
+        if self._closed:
+            raise ViewError("the page is closed; write pictures and films before close()")
+        return _writable(path)
+
     def picture(
         self, path: str | Path, size: tuple[int, int] = SIZE, time: float | None = None
     ) -> Path:
@@ -128,7 +137,7 @@ class View:
         """
         from PIL import Image
 
-        path = _writable(path)
+        path = self._writable(path)
         if time is not None:
             self._seek(time)
         with pictures.camera(self._server, size) as shoot:
@@ -153,7 +162,7 @@ class View:
         Raises:
             ViewError: If it is not a motion, there is no browser, or writing fails.
         """
-        path, times = _writable(path), self._times(rate / speed)
+        path, times = self._writable(path), self._times(rate / speed)
         pictures.refuse_film(path)
         with pictures.camera(self._server, size) as shoot:
 
@@ -173,7 +182,7 @@ class View:
         Raises:
             ViewError: If the file cannot be written.
         """
-        path = _writable(path)
+        path = self._writable(path)
         player = self.source if isinstance(self.source, Player) else None
         times = self._times(rate / speed) if player else []
         if player:
@@ -231,6 +240,7 @@ def show(
 
     Args:
         *what: Simulators or scenes (anything that ``load_scene`` accepts), or recordings or films.
+            A recording may also be given as its file.
         name: Name of the arms on the page, or of each; films have theirs.
         host: Address that the page listens on.
         port: Port; None for 8080 or the next free one.
@@ -246,6 +256,7 @@ def show(
         InvalidInput: If a recording has no scene.
         SceneError: If a scene cannot be used.
     """
+    what = tuple(Recording.load(x) if _is_recording(x) else x for x in what)
     names = [name] * len(what) if isinstance(name, str) else [*name]
     moving = [isinstance(thing, Recording | Film) for thing in what]
     if not what or len(names) != len(what) or len(set(moving)) > 1 or (together and not moving[0]):
@@ -269,6 +280,11 @@ def show(
         models = [arm.simulation.model for arm in arms]
         begin = lambda server, actors: Interactive(server, arms, actors)  # noqa: E731
     return _opened(begin, names, models, host, port, folder, together)
+
+
+def _is_recording(thing: Any) -> bool:
+    """Whether it is the file of a recording."""
+    return isinstance(thing, str | os.PathLike) and Path(thing).suffix.lower() in SUFFIXES
 
 
 def simulator_of(scene: SceneSource) -> Simulator:

@@ -35,7 +35,7 @@ class JaxSimulator:
     """
 
     def __init__(self, simulator: Simulator) -> None:
-        self._states, self._motion = _simulated(), Motion(simulator)
+        self._motion, self._states = Motion(simulator), _simulated()
 
     def step(self, x: Any, tau: Any, parameters: dict[str, Any] | None = None) -> jax.Array:
         """State after one tick.

@@ -35,6 +35,10 @@ class Motion:
     """
 
     def __init__(self, simulator: Simulator) -> None:
+        if not isinstance(simulator, Simulator):
+            raise InvalidInput(
+                f"simulator = {simulator!r}; a Simulator is expected, such as Simulator('panda')"
+            )
         self._compiled, self._known = simulator.arm.compiled, simulator.arm.plant.parameters
         self.nx, self.n = simulator.arm.plant.nx, simulator.n
         self._p = simulator.arm.parameters[: len(self._known.nominal)]

@@ -216,13 +216,18 @@ def records_of(recordings: Any) -> list[JointRecord]:
     """One or several recordings of any kind as joint records.
 
     Raises:
-        InvalidInput: If there is none.
+        InvalidInput: If there is none, or it is something else.
     """
-    several = isinstance(recordings, list | tuple)
-    found = [
-        r if isinstance(r, JointRecord) else JointRecord.from_recording(r)
-        for r in (recordings if several else [recordings])
-    ]
-    if not found:
+    given = recordings if isinstance(recordings, list | tuple) else [recordings]
+    if not given:
         raise InvalidInput("no recording is given; at least one is expected")
-    return found
+    return [r if isinstance(r, JointRecord) else _record_of(r) for r in given]
+
+
+def _record_of(recording: Any) -> JointRecord:
+    if not hasattr(recording, "joint_names"):
+        raise InvalidInput(
+            f"recording = {recording!r}; allowed: a Recording, such as Recording.load(path), or a "
+            "JointRecord"
+        )
+    return JointRecord.from_recording(recording)

@@ -204,12 +204,18 @@ def load_study(source: StudySource) -> Study:
         return source
     if isinstance(source, Mapping):
         return _resolved(_validated(dict(source)), Path.cwd())
+    if not isinstance(source, str | os.PathLike):
+        raise SceneError(
+            f"study: {source!r} is of type {type(source).__name__}; a path or a dictionary is "
+            "expected"
+        )
     path = Path(source)
     try:
         content = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise SceneError(f"study: cannot read '{path}': {why}") from None
+    except OSError as error:
+        raise SceneError(f"study: cannot read '{path}': {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise SceneError(f"study: '{path}' is not text; a study (YAML) is expected") from None
     with in_file(path):
         data = parsed(content, _WHAT, "'scene' and 'duration'")
         return _resolved(_validated(data), path.resolve().parent)

@@ -30,6 +30,7 @@ class AnswerLog:
 
     Attributes:
         passed_over: Number of states that could not be used.
+        unusable: Why, of the last of them.
         jumps: Number of jumps of time or of the arm between two states.
         failure: Why the controller computes no torque; empty while it does.
     """
@@ -39,7 +40,7 @@ class AnswerLog:
         self._make_room(_ROOM)
         self._seen = self._since = time.monotonic()
         self._answers = self.passed_over = self.jumps = 0
-        self.failure = ""
+        self.failure = self.unusable = ""
         self._growth = Growth()
 
     def again(self, raw: bytes) -> bytes | None:
@@ -47,6 +48,11 @@ class AnswerLog:
         self._seen = time.monotonic()
         repeated = library().is_repeated(byref(self._last), raw, len(raw))
         return self._command if repeated else None
+
+    def pass_over(self, why: str) -> None:
+        """Count a state that could not be used."""
+        self.passed_over += 1
+        self.unusable = why
 
     def note(self, raw: bytes, command: bytes) -> None:
         """Store an answer."""
@@ -109,7 +115,8 @@ class AnswerLog:
             found.complain(ERROR, self.failure)
         if now - self._seen > SILENCE:
             found.complain(ERROR, f"no joint state for {now - self._seen:.1f} s")
-        self._growth.warn(found, self.passed_over, "joint states ignored")
+        if grown := self._growth.of("passed over", self.passed_over):
+            found.complain(WARN, f"{grown} joint states ignored: {self.unusable}")
         self._growth.warn(found, int(goals["goals refused"]), "goals refused")
         if self._growth.of("jumps", self.jumps):
             found.complain(WARN, "time or the arm jumped; the arm was held at its position")

@@ -16,15 +16,18 @@ from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CONTROLLER_STATE,
+    JOINT_STATES,
     JOINT_TRAJECTORY,
     Topic,
 )
 from arm_dynamics.trajectory import files
 from arm_sim.cli.robot.listener import Listener, full
 from arm_sim.cli.robot.parameters import Parameters
+from arm_sim.cli.robot.reports import Reports
 
 _JUMP = 0.05  # [s] by which the remaining time changes when a motion is replaced
 _PLANNING = 30.0  # [s] timeout of planning
+_SILENT = ": no joint state for"  # what is to be explained
 _SAME = 1e-9  # [rad] or [m] tolerance between equal references
 
 
@@ -56,6 +59,8 @@ class Controller:
         self._count = 0
         self._target: Mapping[str, float] = {}
         self._listener.hear(CONTROLLER_STATE, self._topic(CONTROLLER_STATE), self._on_state)
+        self._reports = Reports()
+        self._reports.join(self._listener)
 
     def __enter__(self) -> Self:
         """Use it in a ``with`` statement."""
@@ -103,8 +108,7 @@ class Controller:
         if there:
             raise click.ClickException(
                 f"the controller {name} is there, but moves nothing: it has answered no joint "
-                f"state for {self._timeout:g} s\n  is a robot running, and not paused? ./arm sim "
-                f"SCENE, ./arm call resume\n  {listener.where()}"
+                f"state for {self._timeout:g} s\n  {self._cause()}\n  {listener.where()}"
             )
         raise click.ClickException(
             f"no controller {name} (waited {self._timeout:g} s)\n  start one: ./arm controller "
@@ -211,6 +215,20 @@ class Controller:
         count = self._count
         if not self._listener.until(lambda: self._count > count, self._timeout):
             raise click.ClickException(
-                f"no state of {self._name} for {self._timeout:g} s: has it failed, or has the "
-                "robot stopped? The motion was under way"
+                f"no state of {self._name} for {self._timeout:g} s while the motion was under way"
+                f"\n  {self._cause()}"
             )
+
+    def _cause(self) -> str:
+        """Why there are no states, as far as the nodes of this namespace report it."""
+        space = self._name.rpartition("/")[0]
+        topic, prefix = f"{space}/{JOINT_STATES.name}", space.lstrip("/")
+        paused = self._reports.values("paused").items()
+        if any(name.startswith(prefix) and x == "true" for name, x in paused):
+            return "the simulation is paused; ./arm call resume ends that"
+        if self._name not in self._listener.nodes():
+            return "the controller has ended; start it again: ./arm controller SCENE"
+        if not self._listener.publishers(topic):
+            return f"nothing publishes {topic}; start a robot: ./arm sim SCENE"
+        said = [x for x in self._reports.complaints if x.startswith(prefix) and _SILENT not in x]
+        return "\n  ".join(said) or f"{topic} has a publisher, but no state comes"

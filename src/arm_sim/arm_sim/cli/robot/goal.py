@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import click
 
-from arm_dynamics.exceptions import choices
+from arm_dynamics.exceptions import choices, degrees_meant
 
 _WORD = re.compile(r"(?P<name>[^=+]+?)(?P<how>\+=|-=|=)(?P<number>.+)", re.DOTALL)
 PEAK = 1.875  # ratio of a quintic's peak speed to its mean
@@ -57,6 +57,8 @@ def _goal(word: str) -> JointGoal:
             f"'{word}' is not a joint goal; allowed: JOINT=POSITION, JOINT+=DISTANCE and "
             "JOINT-=DISTANCE, with finite numbers in rad or m"
         )
+    if remark := degrees_meant(number):
+        click.echo(f"{found['name']}: {remark} (for a joint that slides, in m)", err=True)
     how = found["how"]
     return JointGoal(found["name"], -number if how == "-=" else number, how != "=")
 

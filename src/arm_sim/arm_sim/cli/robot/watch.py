@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from arm_sim.cli.output import console, examples, table
+from arm_sim.cli.robot.reports import Reports
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -23,10 +24,7 @@ if TYPE_CHECKING:
 
 _OLD = 0.5  # [s] after which joint states are reported as stopped
 _WINDOW = 200  # number of states over which the rate is measured
-_TOLD = {
-    "at stops",
-    "held",
-}  # values in the diagnostics that are shown if they are not zero
+_TOLD = ("at stops", "held")  # values in the diagnostics that are shown if they are not zero
 _NONE = ("", "none", "no")
 _COLUMNS = ("joint", "position\n[rad, m]", "velocity\n[rad/s, m/s]", "effort\n[N m, N]")
 
@@ -83,33 +81,25 @@ class Seen:
     Attributes:
         topic: Full name of the joint states' topic.
         state: The newest message.
+        reports: Diagnostics of the nodes.
     """
 
     topic: str
     state: Any = None
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
-    _complaints: dict[str, str] = field(default_factory=dict)
-    _told: dict[str, str] = field(default_factory=dict)
+    reports: Reports = field(default_factory=Reports)
 
     def join(self, listener: Listener) -> None:
         """Subscribe to joint states and diagnostics."""
-        from arm_dynamics.ros.interfaces import DIAGNOSTICS, JOINT_STATES
+        from arm_dynamics.ros.interfaces import JOINT_STATES
 
         listener.hear(JOINT_STATES, self.topic, self.hear_state)
-        listener.hear(DIAGNOSTICS, DIAGNOSTICS.name, self.hear_diagnostics)
+        self.reports.join(listener)
 
     def hear_state(self, message: Any) -> None:
         """Process a joint state."""
         self.state = message
         self._times.append(time.monotonic())
-
-    def hear_diagnostics(self, message: Any) -> None:
-        """Process the diagnostics of a node."""
-        for status in message.status:
-            self._complaints[status.name] = "" if status.level == b"\0" else status.message
-            said = {pair.key: pair.value for pair in status.values}
-            for key in _TOLD & said.keys():
-                self._told[f"{status.name}: {key}"] = said[key]
 
     @property
     def measured(self) -> bool:
@@ -139,8 +129,10 @@ class Seen:
 
     def remarks(self) -> list[str]:
         """Lines below the table."""
-        said = [f"{name}: {words}" for name, words in sorted(self._complaints.items()) if words]
-        said += [f"{what}: {x}" for what, x in sorted(self._told.items()) if x not in _NONE]
+        said = self.reports.complaints
+        for key in _TOLD:
+            values = self.reports.values(key).items()
+            said += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]
         if self.age > _OLD:
             said.insert(0, f"stale: no joint state for {self.age:.1f} s")
         return said

@@ -10,10 +10,9 @@ from arm_dynamics.control import GravityCompensation
 from arm_sim import Recording, Simulator
 from arm_sim.cli.view.options import ViewOptions
 from arm_sim.exceptions import ViewError
+from arm_sim.recording.files import SUFFIXES
 from arm_sim.view import View, show
 from arm_sim.view.view import simulator_of
-
-RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
 
 
 def shown(what: Sequence[str], options: ViewOptions) -> View:
@@ -42,7 +41,7 @@ def shown(what: Sequence[str], options: ViewOptions) -> View:
 
 def _is_recording(what: str) -> bool:
     path = Path(what)
-    return path.suffix.lower() in RECORDINGS or path.is_dir()
+    return path.suffix.lower() in SUFFIXES or path.is_dir()
 
 
 def _loaded(path: str, options: ViewOptions) -> Recording:
@@ -54,7 +53,9 @@ def _loaded(path: str, options: ViewOptions) -> Recording:
 
 def _moved(simulator: Simulator, duration: float, control: str) -> Recording:
     carried = GravityCompensation(simulator.dynamics).torque if control == "weight" else None
-    return simulator.run(duration, control=carried)
+    motion = simulator.run(duration, control=carried)
+    motion.trust()  # warns if it cannot be trusted
+    return motion
 
 
 def _name(what: str) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -23,7 +24,19 @@ from arm_sim.recording.files.container import MESSAGE, McapWriter
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, TICK
 from arm_sim.recording.files.ticks import TickFile
 
-__all__ = ["MESSAGE", "McapWriter", "TickFile", "bag_metadata", "load", "save", "where"]
+__all__ = [
+    "MESSAGE",
+    "SUFFIXES",
+    "McapWriter",
+    "TickFile",
+    "bag_metadata",
+    "load",
+    "save",
+    "where",
+]
+
+SUFFIXES = (".csv", ".npz", *BAGS)
+"""Suffixes of files that ``load`` reads."""
 
 _METADATA = "metadata.yaml"
 
@@ -36,7 +49,7 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         path: Path of the file or folder.
         efforts: Returns the torques on the joints from each time, shape (k+1, n).
     """
-    path = Path(path)
+    path = _path(path)
     if path.suffix == ".npz":
         part = path.with_name(path.name + ".part")
         try:
@@ -104,9 +117,15 @@ def bag_metadata(mcap: McapWriter, name: str) -> str:
     return yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
 
 
+def _path(given: Any) -> Path:
+    if not isinstance(given, str | os.PathLike):
+        raise InvalidInput(f"path = {given!r}; the path of a file or folder is expected")
+    return Path(given)
+
+
 def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
     """Read a recording; see ``Recording.load``."""
-    path = Path(path)
+    path = _path(path)
     if not path.exists():
         raise NoRecording(f"no recording '{path}'")
     if path.suffix == ".npz":

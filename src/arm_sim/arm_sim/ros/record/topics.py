@@ -8,8 +8,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.validate_topic_name import validate_topic_name
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.recording.files import McapWriter, bag_metadata, where
@@ -41,18 +43,29 @@ class TopicRecorder(Node):
             **node_kwargs: For ``rclpy.node.Node``.
 
         Raises:
-            InvalidInput: If the path has another suffix, or exists already.
+            InvalidInput: If the path has another suffix, or exists already, or a name is not that
+                of a topic.
             OSError: If it cannot be written.
         """
         super().__init__("recorder", **node_kwargs)
+        self._wanted = {self._resolved(topic) for topic in topics}
         if path.exists():
             raise InvalidInput(f"'{path}' exists; recordings are not overwritten")
         self.path, (self._file, self._folder) = path, where(path)
         self.thread = ChunkThread(McapWriter(self._file), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
-        self._wanted = {self.resolve_topic_name(topic) for topic in topics}
         self.look()
         self.create_timer(_LOOK, self.look)
+
+    def _resolved(self, topic: str) -> str:
+        try:
+            validate_topic_name(topic)
+        except InvalidTopicNameException:
+            raise InvalidInput(
+                f"'{topic}' is not the name of a topic; allowed: letters, digits, _ and /, as in "
+                "/joint_states"
+            ) from None
+        return str(self.resolve_topic_name(topic))
 
     def look(self) -> None:
         """Subscribe to topics that are new."""

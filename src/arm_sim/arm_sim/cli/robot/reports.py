@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What nodes report of themselves in their diagnostics."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from arm_sim.cli.robot.listener import Listener
+
+
+class Reports:
+    """The newest diagnostics of all nodes."""
+
+    def __init__(self) -> None:
+        self._complaints: dict[str, str] = {}
+        self._values: dict[str, dict[str, str]] = {}
+
+    def join(self, listener: Listener) -> None:
+        """Subscribe to the diagnostics."""
+        from arm_dynamics.ros.interfaces import DIAGNOSTICS
+
+        listener.hear(DIAGNOSTICS, DIAGNOSTICS.name, self.hear)
+
+    def hear(self, message: Any) -> None:
+        """Process the diagnostics of a node."""
+        for status in message.status:
+            self._complaints[status.name] = "" if status.level == b"\0" else status.message
+            self._values[status.name] = {pair.key: pair.value for pair in status.values}
+
+    @property
+    def complaints(self) -> list[str]:
+        """Warnings and errors, each with the part of the node that has it."""
+        return [f"{name}: {words}" for name, words in sorted(self._complaints.items()) if words]
+
+    def values(self, key: str) -> dict[str, str]:
+        """The value of this name by part of a node, where there is one."""
+        return {name: said[key] for name, said in sorted(self._values.items()) if key in said}

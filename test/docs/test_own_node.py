@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes of the page own-node.md move an arm, and do the same in Python and in C++."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pages
+import pytest
+from harness import Ros, surroundings
+from ros_fixtures import ros, ros_environment  # noqa: F401 - fixtures
+from sensor_msgs.msg import JointState
+
+from arm_sim import Simulator
+from arm_sim.ros.sim_node import SimNode
+
+pytestmark = pytest.mark.ros
+
+PAGE = pages.ROOT / "docs/how-to/own-node.md"
+FILES = {step.name: step.text for step in pages.steps(PAGE) if step.kind == "file"}
+STAND_IN = pages.ROOT / "test/support"
+
+
+def module() -> dict[str, Any]:
+    """What the Python node defines, without running it."""
+    names: dict[str, Any] = {}
+    exec(FILES["my_node.py"].split("rclpy.init()")[0], names)
+    return names
+
+
+@contextmanager
+def started(path: Path, ros: Ros) -> Iterator[None]:  # noqa: F811
+    environment = surroundings(ROS_DOMAIN_ID=str(ros.domain))
+    process = subprocess.Popen([sys.executable, path], env=environment)
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_it_moves_the_arm_at_the_speed_that_the_page_names(ros: Ros, tmp_path: Path) -> None:  # noqa: F811
+    """In lockstep, since the node copies the stamps that it answers."""
+    (tmp_path / "my_node.py").write_text(FILES["my_node.py"])
+    sim = ros.add(SimNode, "ur5e", lockstep=True, gravity_compensated=True)
+    begin, names = sim.simulator.state.q, sim.simulator.joint_names
+    speeds: list[float] = []
+    sim.engine.on_tick.append(lambda: speeds.append(abs(sim.simulator.state.v).max()))
+    with started(tmp_path / "my_node.py", ros):
+        ros.spin_until(lambda: len(speeds) >= 3000, timeout=90.0)
+    page = module()
+    goal = [page["GOAL"].get(name, q) for name, q in zip(names, begin, strict=True)]
+    np.testing.assert_allclose(sim.simulator.state.q, goal, atol=1e-3)
+    farthest = abs(np.array(goal) - begin).max()
+    assert max(speeds) == pytest.approx(1.875 * farthest / page["DURATION"], rel=0.05)
+
+
+STATES = np.random.default_rng(0).uniform(-2.0, 2.0, (25, 6, 2))
+
+
+def by_python() -> list[list[str]]:
+    """Commands for these states, as the stand-in of rclcpp writes them."""
+    page, heard = module(), list[JointState]()
+    node = SimpleNamespace(begin=None, start={}, commands=SimpleNamespace(publish=heard.append))
+    for second, rows in enumerate(STATES):
+        q, v = rows.T.tolist()
+        state = JointState(name=list(page["INERTIA"]), position=q, velocity=v)
+        state.header.stamp.sec, state.header.stamp.nanosec = 5, second * 10**8
+        page["MyNode"].answer(node, state)
+    return [
+        [x.header.frame_id, str(x.header.stamp.nanosec)]
+        + [word for pair in zip(x.name, map(repr, x.effort), strict=True) for word in pair]
+        for x in heard
+    ]
+
+
+def by_cpp(folder: Path) -> list[list[str]]:
+    (folder / "my_node.cpp").write_text(FILES["my_node.cpp"])
+    prefixes = os.environ["AMENT_PREFIX_PATH"].split(":")
+    messages = [f"-I{path}" for prefix in prefixes for path in Path(prefix).glob("include/*")]
+    subprocess.run(
+        ["c++", "-std=c++17", "-Wall", "-Wextra", "-Werror", f"-I{STAND_IN}", *messages,
+         "my_node.cpp", "-o", "my_node"],
+        cwd=folder, check=True,
+    )  # fmt: skip
+    names = module()["INERTIA"]
+    lines = [
+        " ".join([str(len(names)), *(f"{n} {q!r} {v!r}" for n, (q, v) in zip(names, rows))])  # noqa: B905
+        for rows in STATES.tolist()
+    ]
+    said = subprocess.run(
+        [folder / "my_node"], input="\n".join(lines), capture_output=True, text=True, check=True
+    )
+    return [line.split() for line in said.stdout.splitlines()]
+
+
+def test_python_and_cpp_command_the_same(tmp_path: Path) -> None:
+    """Compiled with the messages of this ROS 2 and a stand-in for rclcpp."""
+    ours, theirs = np.array(by_python()), np.array(by_cpp(tmp_path))
+    np.testing.assert_array_equal(ours[:, :2], theirs[:, :2])
+    np.testing.assert_array_equal(ours[:, 2::2], theirs[:, 2::2])
+    efforts = [table[:, 3::2].astype(float) for table in (ours, theirs)]
+    np.testing.assert_allclose(*efforts, rtol=1e-14)
+
+
+def test_the_package_declares_what_its_code_uses() -> None:
+    used = set(re.findall(r"#include <(\w+)/", FILES["my_node.cpp"]))
+    package = ET.fromstring(FILES["package.xml"].strip())
+    assert {depend.text for depend in package.findall("depend")} == used
+    assert set(re.findall(r"find_package\((\w+)", FILES["CMakeLists.txt"])) == used | {
+        "ament_cmake"
+    }
+    assert package.findtext("name") in FILES["CMakeLists.txt"]
+
+
+@pytest.mark.parametrize(("damping", "stable"), [(0.05, True), (1.0, False)])
+def test_damping_of_a_wrist_is_as_the_page_says(damping: float, stable: bool) -> None:
+    """An effort that is held lets the velocity grow from tick to tick where D dt / M > 2."""
+    sim = Simulator("ur5e", backend="vm")
+    wrist = np.eye(6)[5]
+
+    def control(state: Any) -> Any:
+        return sim.dynamics.gravity(state.q) - damping * wrist * state.v
+
+    sim.reset(v=0.1 * wrist)
+    speeds = abs(sim.run(0.05, control).v[:, 5])
+    assert (speeds[-1] < 1e-3) if stable else (speeds.max() > 30.0)
