@@ -10,7 +10,7 @@ import click
 from rich.console import Console
 
 from benchmarks.comparison import suite
-from benchmarks.comparison.report import save, summary, write, write_page
+from benchmarks.comparison.report import save, summary, write, write_page, write_scoreboard
 from benchmarks.studies.bench import Record
 
 ROOT = Path(__file__).parents[2]
@@ -21,6 +21,7 @@ Examples:
   ./arm bench --quick                  under two minutes, Panda only
   ./arm bench --only cost --only rollouts
   ./arm bench --out /tmp/report        somewhere else than benchmarks/results
+  ./arm bench --scoreboard             also this suite beside its peers, task by task, in a page
   ./arm bench --docs                   also renew docs/laboratory/performance.md
   ./arm bench --again benchmarks/results/report.json --docs    the same without measuring
 """
@@ -41,13 +42,21 @@ Examples:
     show_default="benchmarks/results",
     help="Folder for report.md, report.json and the figures.",
 )
+@click.option("--scoreboard", is_flag=True, help="Also write scoreboard.md, task by task.")
 @click.option("--docs", is_flag=True, help="Also update the page in docs/laboratory.")
 @click.option(
     "--again",
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
     help="Measure nothing; write the reports from an earlier report.json.",
 )
-def main(quick: bool, only: tuple[str, ...], out: Path, docs: bool, again: Path | None) -> None:
+def main(
+    quick: bool,
+    only: tuple[str, ...],
+    out: Path,
+    scoreboard: bool,
+    docs: bool,
+    again: Path | None,
+) -> None:
     """Measure run time against error, here and in MuJoCo, Drake, PyBullet and SciPy, in one run.
 
     Writes a Markdown report, the same as JSON, and figures. Simulators that are not installed
@@ -64,8 +73,12 @@ def main(quick: bool, only: tuple[str, ...], out: Path, docs: bool, again: Path 
     path = write(results, out)
     console.print(summary(results))
     console.print(f"report: {path}")
+    if scoreboard:
+        console.print(f"scoreboard: {write_scoreboard(results, out)}")
     if docs:
         console.print(f"page: {write_page(results, ROOT / 'docs/laboratory')}")
+        if scoreboard:
+            write_scoreboard(results, ROOT / "docs/laboratory")
 
 
 def _earlier(path: Path, docs: bool) -> Record:

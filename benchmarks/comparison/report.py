@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from benchmarks.comparison import figures, sections
+from benchmarks.comparison import figures, scoreboard, sections
 from benchmarks.comparison.claims import MET, MISSED, OPEN
 from benchmarks.reporting.markdown import quantity, wrapped
 from benchmarks.studies.bench import Record
@@ -45,6 +45,21 @@ def save(results: Record, out: Path) -> None:
     """
     out.mkdir(parents=True, exist_ok=True)
     (out / "report.json").write_text(json.dumps(results, indent=1) + "\n")
+
+
+def write_scoreboard(results: Record, out: Path) -> Path:
+    """Write ``scoreboard.md``.
+
+    Args:
+        results: as ``suite.run`` returns them.
+        out: folder.
+
+    Returns:
+        Path of the page.
+    """
+    path = out / "scoreboard.md"
+    path.write_text(scoreboard.page(results, sections.about(results)))
+    return path
 
 
 def summary(results: Record) -> Table:

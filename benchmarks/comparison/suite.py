@@ -18,6 +18,7 @@ from benchmarks.reporting.progress import Bar
 from benchmarks.studies import (
     closed_chain,
     cost,
+    derivatives,
     energy,
     features,
     model_agreement,
@@ -46,6 +47,7 @@ RUNNERS: dict[str, Callable[[Bench], Record]] = {
     "rollouts": lambda bench: rollouts.run(bench, FLEETS),
     "energy": energy.run,
     "startup": startup.run,
+    "derivatives": derivatives.run,
 }
 STUDIES = tuple(RUNNERS)
 PACKAGES = ("mujoco", "drake", "pybullet", "scipy", "pin", "casadi", "numpy")

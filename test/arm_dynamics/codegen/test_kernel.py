@@ -61,7 +61,7 @@ def agrees(scene: object, oracle: Oracle, rng: np.random.Generator, regroup: boo
 
 def test_compiled_forward_dynamics(robot: str, rng: np.random.Generator) -> None:
     """Rigid body with friction, by the algorithm that was chosen for the robot."""
-    plant, oracle = models.simulator(robot).plant, models.oracle(robot)
+    plant, oracle = models.simulator(robot).arm.plant, models.oracle(robot)
     call = Kernel([plant.acceleration], backend="native").call("acceleration")
     for _ in range(STATES):
         q, v, tau = models.random_state(rng, oracle.n)
@@ -97,7 +97,7 @@ def test_both_forward_algorithms_on_random_trees(joints: int, rng: np.random.Gen
 
 @pytest.mark.parametrize("name", ["panda", "gripper", "skew_axes", "z1"])
 def test_virtual_machine_equals_native_code(name: str, rng: np.random.Generator) -> None:
-    plant = models.simulator(name).plant
+    plant = models.simulator(name).arm.plant
     native, virtual = (
         Kernel([plant.acceleration], backend=backend).call("acceleration")
         for backend in ("native", "vm")
@@ -185,6 +185,6 @@ def test_regrouping_saves_work_and_changes_nothing(rng: np.random.Generator) -> 
 
 def test_kernels_are_compared_with_dynamics() -> None:
     """A kernel is compared with Dynamics, which calls Pinocchio: both must use the same scene."""
-    plant = models.simulator("puma560").plant
+    plant = models.simulator("puma560").arm.plant
     assert isinstance(models.simulator("puma560").dynamics, Dynamics)
     assert models.simulator("puma560").dynamics.model is plant.model

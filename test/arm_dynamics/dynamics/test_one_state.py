@@ -8,6 +8,7 @@ import sysconfig
 import weakref
 from collections.abc import Callable, Iterator
 from functools import cache
+from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -158,8 +159,8 @@ def test_external_torques_act(rng: np.random.Generator) -> None:
         dynamics.under([3.0, -1.0])
         for dynamics in (compiled("two_link"), models.dynamics("two_link"))
     )
-    for what in ("inverse", "forward"):
-        made = CALLS[what](pushed, *state)
+    for what, own in product(("inverse", "forward"), (pushed, expected.compiled())):
+        made = CALLS[what](own, *state)
         np.testing.assert_array_equal(made, CALLS[what](expected, *state))
         assert abs(made - CALLS[what](compiled("two_link"), *state)).min() > 0.1
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from arm_sim import NotDifferentiable, Simulator
-from arm_sim.derivatives import Linearizer
+from arm_sim.derivatives import Gradients, Linearizer
 from models import features
 from tolerances import ALGEBRA, assert_close
 
@@ -30,7 +30,7 @@ def by_events(simulator: Simulator, tuned: tuple[int, ...] = ()) -> Linearizer:
     compiled = simulator.arm.compiled
     arguments = compiled.plant, compiled.choice, compiled.stepper, compiled.backend, tuned
     linearizer = Linearizer(*arguments)
-    vars(linearizer).update(_compiled=None, _calm=None)
+    vars(linearizer).update(_compiled=None, calm=None)
     return linearizer
 
 
@@ -69,5 +69,33 @@ def test_compiled_ticks_are_those_of_the_path_through_events(name: str) -> None:
                 assert found == expected
             else:
                 assert_close(found, expected, ALGEBRA)
-        calm += not fast._calm.slopes(x[None], tau[None], p, 1, 1, 1)[2]  # type: ignore[union-attr]
+        calm += not fast.calm.slopes(x[None], tau[None], p, 1, 1, 1)[2]  # type: ignore[union-attr]
     assert calm >= 20  # of 40
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_gradients_and_products_pass_events_and_what_lies_between_them(name: str) -> None:
+    simulator = Simulator(features.scene("planar", SCENES[name]), integrator="rk4", dt=1e-3)
+    rng, n, steps = np.random.default_rng(4), simulator.n, 80
+    hold = simulator.dynamics.gravity(simulator.model.q0)
+    pushes = rng.normal(size=(1, 4, n)) * (1.0 + 0.3 * abs(hold))
+    tau = hold + np.repeat(pushes, 20, axis=1)
+    given = simulator.state.q[None], np.zeros((1, n)), tau, steps
+    g = rng.normal(size=(1, steps + 1, 2 * n))
+    found = simulator.rollout_gradient(*given, g, side=1)
+    changes = rng.normal(size=(1, n)), np.zeros((1, n)), rng.normal(size=tau.shape)
+    moved = simulator.rollout_jvp(*given, *changes, side=1)
+    compiled = simulator.arm.compiled
+    slow = by_events(simulator, tuple(range(len(simulator.arm.parameters))))
+    derivatives = compiled.derivatives
+    vars(derivatives)["gradients"] = Gradients(
+        compiled.plant, compiled.choice, slow, compiled.backend
+    )
+    expected = simulator.rollout_gradient(*given, g, side=1)
+    for part in ("q0", "v0", "tau"):
+        assert_close(getattr(found, part), getattr(expected, part), ALGEBRA)
+    assert_close(found.parameters["payload"], expected.parameters["payload"], ALGEBRA)
+    by_all = sum(
+        (of * by).sum() for of, by in zip((found.q0, found.v0, found.tau), changes, strict=True)
+    )
+    assert_close((g * moved).sum(), by_all, ALGEBRA)

@@ -75,7 +75,6 @@ def test_without_a_name_it_is_that_of_the_robot(tmp_path: Path) -> None:
     [
         ({"terms": ("gravity", "inertia")}, "terms names 'inertia'; allowed: inverse_dynamics"),
         ({"frames": ("nowhere",)}, "nowhere"),
-        ({"frames": ("world",)}, "world"),
         ({"frames": ("forearm", "forearm")}, "would both be 'forearm'"),
     ],
 )

@@ -6,7 +6,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Collection, Iterable
 from copy import copy
-from dataclasses import replace
 from enum import IntFlag
 from functools import cached_property, partial
 from typing import Any, Self
@@ -101,19 +100,19 @@ class Dynamics:
         """
         other = copy(self)
         (other._external,), other._active = vectors(self.joint_names, external=external), active
-        other._one = replace(self._one, inverse=unanswered, forward=unanswered)
+        other._one = self._one.of_the_arm_alone()
         return other
 
     def compiled(self, frames: str | Iterable[str] = ()) -> Self:
         """The same arm, with answers for one state by compiled code, without conversions.
 
-        They take about as long as those of Pinocchio called directly, and less with friction. For
-        arrays of float of shape (n,); others are converted first. Code is compiled in about a
-        second, taken from the cache in a tenth of that, and verified against Pinocchio. Numbers
+        They take less time than those of Pinocchio called directly, friction included, for arrays
+        of float of shape (n,); others are converted first. The object is made in half a second,
+        with code that is compiled once, in a second more, and verified against Pinocchio. Numbers
         may differ from those of this object in the last digits. What requires decisions (joints
         at rest with dry friction, bilateral constraints in ``forward``, friction that depends on
-        the load, terms other than ``Term.ALL``) and other frames are left to Pinocchio. For the
-        same thread as this object.
+        the load), external torques, some of the terms, and other frames are left to Pinocchio.
+        For the same thread as this object.
 
         Args:
             frames: Frames whose poses and Jacobians are compiled, too.
@@ -129,7 +128,9 @@ class Dynamics:
         """
         other = copy(self)
         names = (frames,) if isinstance(frames, str) else tuple(frames)
-        other._one = one_state(Dynamics(self.model), self.steady_friction, names)
+        made = one_state(Dynamics(self.model), self.steady_friction, names)
+        alone = self._active is None and not self._external.any()
+        other._one = made if alone else made.of_the_arm_alone()
         return other
 
     def _by_code(self, call: PythonCall, otherwise: Callable[..., Array], *given: Array) -> Array:
@@ -163,8 +164,7 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
-        whole = terms is Term.ALL
-        if whole and (found := self._one.inverse(q, v, a)) is not None:
+        if terms is Term.ALL and (found := self._one.inverse(q, v, a)) is not None:
             return found
         self._say_massless()
         chosen = _chosen(terms)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import casadi as ca
@@ -66,6 +66,10 @@ class OneState:
         default_factory=lambda: MappingProxyType({})
     )
 
+    def of_the_arm_alone(self) -> OneState:
+        """Without the answers that external torques and active constraints change."""
+        return replace(self, inverse=unanswered, forward=unanswered)
+
     def of_frame(self, what: str, frame: str) -> PythonCall:
         """The function of a frame, ``unanswered`` if it is not compiled."""
         known = self.frames and isinstance(frame, str)
@@ -93,6 +97,7 @@ def one_state(
         frames: Frames of which poses and Jacobians are wanted.
 
     Raises:
+        InvalidInput: If a frame is unknown.
         KernelError: If there is no compiler, or code differs from Pinocchio.
         ModelError: If a joint moves no mass.
     """

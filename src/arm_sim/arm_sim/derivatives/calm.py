@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from arm_sim.derivatives.guards import clearance
+from arm_sim.derivatives.kinks import Kinks
 from arm_sim.derivatives.rest_projection import RestProjection
 from arm_sim.derivatives.resting import may_go_on
 from arm_sim.derivatives.sliding_direction import starts_to_slide
@@ -28,10 +29,30 @@ class CalmTick:
     Attributes:
         functions: Those of states, ``clear``, ``clear_in_motion``, ``rest_begin``, ``rest_end``.
         columns: Those of columns, ``begin_at_rest``, ``end_at_rest``.
+        tuned: Number of places in p to differentiate by.
     """
 
     functions: tuple[ca.Function, ...]
     columns: tuple[ca.Function, ...]
+    tuned: int
+
+    @property
+    def adjoints(self) -> tuple[ca.Function, ...]:
+        """Transposed functions of columns.
+
+        ``begin_adjoint`` (c, gradient) -> gradient, and ``end_adjoint`` (c, gradient) -> gradients
+        by x at the beginning, x at the end, and parameters.
+        """
+        found = []
+        for function, name in zip(self.columns, ("begin_adjoint", "end_adjoint"), strict=True):
+            c, *given = function.sx_in()
+            weight = ca.SX.sym("weight", function.size1_out(0))
+            moved = function(c, *given)
+            back = [ca.densify(ca.jtimes(moved, by, weight, True)) for by in given]
+            if name == "end_adjoint":
+                back[2] = back[2][-self.tuned :] if self.tuned else ca.SX(0, 1)
+            found.append(ca.Function(name, [c, weight], back, {"cse": True}))
+        return tuple(found)
 
     @classmethod
     def of(cls, plant: Plant, tuned: Sequence[int]) -> CalmTick:
@@ -39,7 +60,7 @@ class CalmTick:
         rest = RestProjection(plant, tuned)
         margins = _margins(plant, "clear", held=True), _margins(plant, "clear_in_motion", False)
         functions = (*margins, rest.rest_begin, rest.rest_end)
-        return cls(functions, (rest.begin_at_rest, rest.end_at_rest))
+        return cls(functions, (rest.begin_at_rest, rest.end_at_rest), len(tuned))
 
     @property
     def defines(self) -> dict[str, str]:
@@ -51,12 +72,16 @@ class CalmTick:
 def _margins(plant: Plant, name: str, held: bool) -> ca.Function:
     """(x, u, p, limit) -> margin to boundaries between modes, and at the start of a motion.
 
-    Both are negative where ``Resting`` or the direction of a sliding contact may refuse a tick.
+    Both are negative where ``Kinks``, ``Resting`` or the direction of a sliding contact may refuse
+    a tick.
     """
     far = clearance(plant, held)
     x, u, p, limit = (ca.SX.sym(name, far.size1_in(i)) for i, name in enumerate("xupl"))
     margin, both = far(x, u, p, limit), list[ca.SX]()
     for begins in (False, True):
-        doubt = ca.logic_or(starts_to_slide(plant, p), may_go_on(plant, p, begins)) if held else 0
+        doubt = Kinks(plant).rests_bent(x)
+        if held:
+            held_so = ca.logic_or(starts_to_slide(plant, p), may_go_on(plant, p, begins))
+            doubt = ca.logic_or(doubt, held_so)
         both.append(ca.if_else(doubt, -1, margin))
     return ca.Function(name, [x, u, p, limit], [ca.vertcat(*both)], {"cse": True})

@@ -18,16 +18,15 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import generate, operations
 from arm_dynamics.codegen.one_at_a_time import built_once
+from arm_sim.derivatives.calm_gradient import CalmGradients, Part, TickPart, tick_functions
 from arm_sim.derivatives.linearization import Linearizer
 from arm_sim.derivatives.tangents import LONGEST, Arms
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
-from arm_sim.integrators.adjoints import build_adjoint
-from arm_sim.integrators.methods import build_step, build_tick
+from arm_sim.integrators.methods import build_tick
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.slopes import pullback
 from arm_sim.stepping.rollout import (
     ADDRESS,
     BEGINNING,
@@ -137,7 +136,7 @@ def rollout_change(
         dtau: Changes of the torques, shape (b, ticks, n).
         threads: Cores to use; None for all.
         lanes: Arms in a vector register; None for the widest there is.
-        side: See ``Linearizer.along``.
+        side: See ``Linearizer.motion``.
 
     Returns:
         Changes of (q, v), shape (b, ticks + 1, 2n).
@@ -183,7 +182,7 @@ class Gradients:
             g: By the states, shape (b, steps + 1, nx).
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
-            side: See ``Linearizer.along``.
+            side: See ``Linearizer.motion``.
 
         Raises:
             NotDifferentiable: If a tick has no derivative; it names arm and tick.
@@ -218,7 +217,7 @@ class Gradients:
             p: Tunable numbers, shape (np,).
             ticks: Number of ticks.
             weights: Shape (nx,).
-            side: See ``Linearizer.along``.
+            side: See ``Linearizer.motion``.
 
         Raises:
             NotDifferentiable: If a tick has no derivative.
@@ -253,22 +252,28 @@ class Gradients:
     def _tick_by_tick(
         self, batch: Batch, g: Array, found: ArgumentGradients, arm: int, side: int | None
     ) -> None:
-        """The gradient of one arm by the derivatives of each of its ticks."""
-        n, nx = self._plant.model.n, self._plant.nx
-        p, tau = batch.p[arm], batch.tau[arm]
-        slopes = list[Array]()
-        try:
-            for slope in self._linearizer.along(batch.x0[arm], tau[: batch.steps], p, side):
-                slopes.append(slope)
-        except (SimulationDiverged, NotDifferentiable) as error:
-            raise type(error)(f"arm {arm}, tick {len(slopes)}: {error}") from None
-        weight, found.by_p[arm] = g[arm, -1], 0.0
-        for k in reversed(range(batch.steps)):
-            by_x, by_tau, by_p = np.split(weight @ slopes[k], (nx, nx + n))
-            found.by_tau[arm, k] = by_tau
-            found.by_p[arm] += by_p
-            weight = by_x + g[arm, k]
+        """The gradient of one arm: through its events by the derivatives of their ticks."""
+        motion = self._linearizer.motion(batch.x0[arm], batch.p[arm], side)
+        tau, parts = np.ascontiguousarray(batch.tau[arm, : batch.steps]), list[Part]()
+        while motion.ticks < batch.steps:
+            try:
+                parts += self._calm.parts(motion, tau) if self._calm else ()
+                if motion.ticks < batch.steps:
+                    parts.append(TickPart(motion.ticks, motion.slope(tau[motion.ticks])))
+            except (SimulationDiverged, NotDifferentiable) as error:
+                raise type(error)(f"arm {arm}, tick {motion.ticks}: {error}") from None
+        weight, found.by_p[arm] = g[arm, -1].copy(), 0.0
+        for part in reversed(parts):
+            weight = part.back(weight, tau, g[arm], found.by_tau[arm], found.by_p[arm])
         found.by_x[arm] = weight
+
+    @built_once
+    def _calm(self) -> CalmGradients | None:
+        """Gradients through ticks without events of a scene with events."""
+        engine, kinks = self._linearizer.engine, self._linearizer.kinks
+        if not (engine and self._linearizer.calm):
+            return None
+        return CalmGradients(kinks, engine, self._plant, self._choice)
 
     def _library(self, lanes: int | None) -> tuple[int, ctypes.CDLL | None]:
         same = alike(self._plant, self._choice)
@@ -287,16 +292,9 @@ class Gradients:
 
     @built_once
     def _functions(self) -> tuple[ca.Function, ...]:
-        plant, method, n = self._smooth, self._choice.method, self._plant.model.n
-        scaled, act = plant.scaled_jacobian, actuation(plant)
-        step = build_step(method, plant.rhs, n, plant.project, scaled)
-        adjoint = build_adjoint(method, plant.rhs, pullback(plant), n, plant.project, scaled)
-        x, r = (ca.SX.sym(name, act.size1_in(i)) for i, name in enumerate("xr"))
-        weight, u = ca.SX.sym("weight", n), act(x, r)
-        back = [ca.densify(ca.jtimes(u, by, weight, True)) for by in (x, r)]
-        limit = ca.Function("limit_adjoint", [x, r, weight], back, {"cse": True})
-        acting = ca.Function("acting", [x, r], [u], {"cse": True})
-        return build_tick(step, act), adjoint, acting, limit
+        act = actuation(self._smooth)
+        step, adjoint, *limits = tick_functions(self._smooth, self._choice)
+        return build_tick(step, act), adjoint, *limits
 
     def _source(self, width: int) -> str:
         functions, stops = list(self._functions), stop_defines(self._smooth)

@@ -41,6 +41,11 @@ class Kinks:
         self._sided = (friction.viscous.skew != 0.0) & (friction.level == 0.0)
         self._bristles = _bristles(plant)
 
+    @property
+    def of_states(self) -> bool:
+        """Whether the commands at their limits depend on the states."""
+        return self._weight is not None and bool(self._limits)
+
     def of_commands(self, r: Array, x: Array | None = None) -> dict[str, Flags]:
         """Commands of joints exactly at a limit, by what limits them.
 
@@ -91,6 +96,27 @@ class Kinks:
                     f"joint '{self._model.joint_names[int(tied.argmax())]}' is at rest in {what}"
                 )
         return ""
+
+    def ticks_before(self, x: Array, r: Array) -> int:
+        """Ticks of a motion before the first whose command is at a limit, or may be.
+
+        Args:
+            x: State at the beginning, shape (nx,).
+            r: Commands of the ticks, shape (ticks, n).
+        """
+        if self.of_states:
+            return int(len(r) > 0 and not self.reason(x, r[0]))
+        tied = [np.zeros(len(r), bool), *(f.any(axis=1) for f in self.of_commands(r).values())]
+        return min(np.flatnonzero(np.any(tied, axis=0)).tolist(), default=len(r))
+
+    def rests_bent(self, x: ca.SX) -> ca.SX:
+        """Whether ``at_rest`` finds a joint: 1 if so, else 0."""
+        v, bent = x[self._n : 2 * self._n], ca.SX(0)
+        for joint in np.flatnonzero(self._sided):
+            bent = ca.logic_or(bent, v[int(joint)] == 0)
+        for joint, place in self._bristles.tolist():
+            bent = ca.logic_or(bent, ca.logic_and(v[joint] == 0, x[place] != 0))
+        return bent
 
     def arms(self, x: Array, r: Array) -> list[int]:
         """Arms with such a kink.

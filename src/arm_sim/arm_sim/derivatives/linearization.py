@@ -13,7 +13,7 @@ Proc. IEEE 112, 2024), of the method's step instead of the exact motion.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -45,6 +45,8 @@ from arm_sim.stepping.events import Modes
 from arm_sim.stepping.rollout import Engine, alike, natural_width, repeated, widths
 from arm_sim.stepping.stepper import Stepper
 
+# Ticks without events that are differentiated at a time.
+STRETCH = 64
 # Derivatives of instants that differ by less than this fraction belong to the same instant.
 SAME = 1e-9
 
@@ -105,7 +107,7 @@ class Linearizer:
             x: State, shape (nx,).
             r: Command, shape (n,).
             ticks: Number of ticks.
-            side: See ``along``.
+            side: See ``motion``.
 
         Returns:
             Derivatives by state, command and quantities side by side, shape (nx, nx + n + nt).
@@ -134,7 +136,7 @@ class Linearizer:
             ticks: Number of ticks.
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
-            side: See ``along``.
+            side: See ``motion``.
 
         Returns:
             As of one, for each arm, shape (b, nx, nx + n + nt).
@@ -146,21 +148,29 @@ class Linearizer:
         nx, p = self._plant.nx, self._stepper.p
         if fast := self._compiled:
             _, slopes, alone = fast.slopes(x, r, p, ticks, threads, lanes)
-            alone = sorted({*alone, *self.kinks.arms(x, r[:, None])})
+            alone = self._one_by_one(alone, x, r[:, None], ticks)
         else:
             widths(lanes)  # which checks them
             slopes, alone = np.empty((len(x), nx, nx + self._held)), list(range(len(x)))
+        if alone:
+            arms = self._unit_columns(x, r, p, ticks)
         for arm in alone:
-            unit = np.eye(nx + self._held)
             with _naming(arm, len(x)):
-                by_tick = self.along(x[arm], [r[arm]] * ticks, p, side)
-                *_, slopes[arm] = self._moved(by_tick, unit[:nx], [unit[nx:]] * ticks)
+                *_, slopes[arm] = self._alone(arms, arm, side)
         return slopes
+
+    def _unit_columns(self, x: Array, r: Array, p: Array, ticks: int) -> Arms:
+        """Arms with the columns of a unit matrix, under held commands."""
+        arms, nx, unit = len(x), self._plant.nx, np.eye(self._plant.nx + self._held)
+        held = repeated(unit[None, None, nx:], (arms, ticks, self._held, len(unit)))
+        given = repeated(unit[None, :nx], (arms, nx, len(unit)))
+        commands = repeated(r[:, None], (arms, ticks, r.shape[1]))
+        return Arms(x, commands, repeated(p[None], (arms, len(p))), given, held)
 
     def prepare(self) -> None:
         """Compile what smooth ticks need, unless that is done."""
         for width in (natural_width(), 1):
-            self._smooth.library(width)
+            (self._compiled or self._smooth).library(width)
 
     def product(
         self, x: Array, r: Array, ticks: int, dx: Array, dr: Array, side: int | None = None
@@ -173,7 +183,7 @@ class Linearizer:
             ticks: Number of ticks.
             dx: Change of the state, shape (nx,).
             dr: Change of the command, shape (n,).
-            side: See ``along``.
+            side: See ``motion``.
 
         Raises:
             SimulationDiverged: If a tick cannot be computed.
@@ -201,7 +211,7 @@ class Linearizer:
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
             every: Whether to return the columns after every tick, not only after the last.
-            side: See ``along``.
+            side: See ``motion``.
 
         Returns:
             Columns of the states, shape (b, ticks, nx, k), or (b, 1, nx, k).
@@ -212,15 +222,13 @@ class Linearizer:
         """
         if fast := self._compiled:
             columns, alone, *_ = fast.columns(arms, every, threads, lanes)
-            alone = sorted({*alone, *self.kinks.arms(arms.x, arms.tau)})
+            alone = self._one_by_one(alone, arms.x, arms.tau, arms.ticks)
         else:
             widths(lanes)  # which checks them
             columns, alone = arms.room(every), list(range(arms.count))
         for arm in alone:
             with _naming(arm, arms.count):
-                by_tick = self.along(arms.x[arm], arms.tau[arm], arms.p[arm], side)
-                moved = self._moved(by_tick, arms.given[arm], arms.pushed[arm])
-                for k, each in enumerate(moved):
+                for k, each in enumerate(self._alone(arms, arm, side)):
                     columns[arm, k if every else 0] = each
         return columns
 
@@ -229,13 +237,12 @@ class Linearizer:
         """Compiled code for ticks away from stops, or of a scene with events without any."""
         if alike(self._plant, self._choice) and self._smooth.native:
             return self._smooth
-        return self._calm
+        return self.calm
 
     @cached_property
-    def _calm(self) -> Tangents | None:
+    def calm(self) -> Tangents | None:
         """Compiled code for ticks without events of a scene with events."""
-        differs = self._choice.tolerance is None and self._eventful
-        return self._tangents if differs and self._tangents.native else None
+        return self._tangents if self.engine and self._tangents.native else None
 
     @cached_property
     def _smooth(self) -> Tangents:
@@ -246,49 +253,50 @@ class Linearizer:
 
     @built_once
     def _tangents(self) -> Tangents:
-        plant, choice = self._plant, self._choice
-        watched = self._eventful and choice.tolerance is None
-        engine = Engine.of(self._stepper) if watched else None
-        return Tangents(plant, choice, self._backend, self._tuned, engine)
+        return Tangents(self._plant, self._choice, self._backend, self._tuned, self.engine)
 
-    def _moved(
-        self, slopes: Iterable[Array], given: Array, pushed: Iterable[Array]
-    ) -> Iterator[Array]:
-        """Columns after each tick of one arm, by the derivatives of its ticks."""
-        nx, moved = self._plant.nx, given
-        for slope, push in zip(slopes, pushed, strict=True):
-            moved = slope[:, :nx] @ moved + slope[:, nx:] @ push
-            yield moved
+    @cached_property
+    def engine(self) -> Engine | None:
+        """What finds the modes of ticks of fixed length in a scene with events."""
+        watched = self._eventful and self._choice.tolerance is None
+        return Engine.of(self._stepper) if watched else None
 
-    def along(
-        self, x: Array, commands: Iterable[Array], p: Array, side: int | None = None
-    ) -> Iterator[Array]:
-        """Derivatives of each tick of a motion, through its events, as of ``__call__``.
+    def _one_by_one(self, alone: list[int], x: Array, r: Array, ticks: int) -> list[int]:
+        """Arms to be differentiated alone: those, and those with a kink, now or later."""
+        if self.calm and self.kinks.of_states and ticks > 1:
+            return list(range(len(x)))
+        return sorted({*alone, *self.kinks.arms(x, r)})
+
+    def motion(self, x: Array, p: Array, side: int | None = None) -> Motion:
+        """A motion from a state, to be differentiated tick by tick through its events.
 
         Args:
             x: State at the beginning, shape (nx,).
-            commands: One for each tick, of shape (n,).
-            p: Tunable numbers.
+            p: Tunable numbers, shape (np,).
             side: 1 or -1: ticks without a derivative are given their one-sided derivatives, see
                 ``one_sided``; None: they are refused.
-
-        Raises:
-            SimulationDiverged: If a tick cannot be computed.
-            NotDifferentiable: If a tick has no derivative.
         """
-        choice, control = self._choice, None
-        if choice.tolerance is not None:
-            control = SubstepControl(choice.tolerance, choice.method.order)
-        for k, r in enumerate(commands):
-            tick, place = _Tick(self, control, begins=k == 0), TickPoint(x, r, p)
-            try:
-                slope = tick.slope(place, strict=True)
-            except NotDifferentiable:
-                if side is None:
-                    raise
-                slope = one_sided(tick, place, side, self._tuned, self._entries)
-            x, control = tick.ended(place)
-            yield slope
+        return Motion(self, x, p, side)
+
+    def _alone(self, arms: Arms, arm: int, side: int | None) -> Iterator[Array]:
+        """Columns after each tick of one arm."""
+        motion, moved = self.motion(arms.x[arm], arms.p[arm], side), arms.given[arm]
+        tau, pushed, nx = arms.tau[arm], arms.pushed[arm], self._plant.nx
+        while (k := motion.ticks) < len(tau):
+            if self.calm and (most := min(STRETCH, self.kinks.ticks_before(motion.x, tau[k:]))):
+                ahead = slice(k, k + most)
+                part = Arms(motion.x[None], tau[None, ahead], arms.p[arm][None],
+                            np.ascontiguousarray(moved)[None], pushed[None, ahead])  # fmt: skip
+                columns, _, after, done = self.calm.columns(part, True, 1, 1, begins=k == 0)
+                yield from columns[0, : done[0]]
+                motion.go_on(after[0], int(done[0]))
+                if done[0]:
+                    moved = columns[0, done[0] - 1]
+                if done[0] == most:
+                    continue
+            slope = motion.slope(tau[k := motion.ticks])
+            moved = slope[:, :nx] @ moved + slope[:, nx:] @ pushed[k]
+            yield moved
 
     def differentiated(
         self, place: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
@@ -308,7 +316,7 @@ class Linearizer:
         x, r, p = place.x, place.r, place.p
         if strict and (why := self.kinks.reason(x, r)):
             raise NotDifferentiable(f"linearize: {why}")
-        for fast in (self._compiled, self._calm):
+        for fast in (self._compiled, self.calm):
             if fast:
                 after, slopes, lost = fast.slopes(x[None], r[None], p, 1, 1, 1, begins)
                 if not lost:
@@ -325,6 +333,17 @@ class Linearizer:
         u = np.array(self._actuation(place.x, place.r)[0]).ravel()
         plant, kernel = self._plant, self._stepper.kernel
         return trace_tick(kernel, plant, self._choice, place.x, u, place.p, control)[1]
+
+    def control(self) -> SubstepControl | None:
+        """State of the error control at the beginning of a motion; None without."""
+        choice = self._choice
+        if choice.tolerance is None:
+            return None
+        return SubstepControl(choice.tolerance, choice.method.order)
+
+    def one_sided(self, tick: _Tick, place: TickPoint, side: int) -> Array:
+        """One-sided derivatives of a tick, see ``one_sided``."""
+        return one_sided(tick, place, side, self._tuned, self._entries)
 
     @cached_property
     def _entries(self) -> list[str]:
@@ -427,6 +446,50 @@ class Linearizer:
         scaled = plant.scaled_jacobian
         function = build_attempt(method, plant.rhs, n, plant.scale, plant.project, scaled)
         return Kernel([function], "vm")
+
+
+class Motion:
+    """A motion of one arm that is differentiated tick by tick.
+
+    Args:
+        linearizer: Of its ticks.
+        x: State at the beginning, shape (nx,).
+        p: Tunable numbers.
+        side: See ``Linearizer.motion``.
+
+    Attributes:
+        x: The state now.
+        p: Tunable numbers.
+        ticks: Number of ticks that are behind.
+    """
+
+    def __init__(self, linearizer: Linearizer, x: Array, p: Array, side: int | None) -> None:
+        self.x, self.p, self.ticks = x, np.ascontiguousarray(p), 0
+        self._linearizer, self._side = linearizer, side
+        self._control = linearizer.control()
+
+    def go_on(self, x: Array, ticks: int) -> None:
+        """Continue from a state that other code has reached after some ticks."""
+        self.x, self.ticks = x, self.ticks + ticks
+
+    def slope(self, r: Array) -> Array:
+        """Make a tick under a command; its derivatives, as of ``Linearizer.__call__``.
+
+        Raises:
+            SimulationDiverged: If the tick cannot be computed.
+            NotDifferentiable: If it has no derivative.
+        """
+        linearizer, place = self._linearizer, TickPoint(self.x, r, self.p)
+        tick = _Tick(linearizer, self._control, begins=self.ticks == 0)
+        try:
+            slope = tick.slope(place, strict=True)
+        except NotDifferentiable:
+            if self._side is None:
+                raise
+            slope = linearizer.one_sided(tick, place, self._side)
+        x, self._control = tick.ended(place)
+        self.go_on(x, 1)
+        return slope
 
 
 class _Tick:

@@ -50,6 +50,9 @@ from arm_sim.stepping.stepper import address, mode_sizes, pointer, sizes, source
 LONGEST = 600_000
 
 
+type Counts = NDArray[np.int64]
+
+
 @dataclass(frozen=True)
 class Arms:
     """Arms and columns to propagate.
@@ -185,7 +188,7 @@ class Tangents:
     def columns(
         self, arms: Arms, every: bool, threads: int | None, lanes: int | None,
         begins: bool = True,
-    ) -> tuple[Array, list[int], Array, Array]:  # fmt: skip
+    ) -> tuple[Array, list[int], Array, Counts]:  # fmt: skip
         """Propagate columns through ticks of many arms, on all cores.
 
         Args:
@@ -216,7 +219,7 @@ class Tangents:
     def _side_by_side(
         self, of_arms: tuple[int, ...], of_columns: tuple[int, ...], state: tuple[Array, bool],
         ticks: int, threads: int | None, lanes: int | None,
-    ) -> tuple[list[int], NDArray[np.int64]]:  # fmt: skip
+    ) -> tuple[list[int], Counts]:  # fmt: skip
         """Call ``carry_ticks`` of native/tangents.c.
 
         Returns:
@@ -229,7 +232,7 @@ class Tangents:
         done, of_modes = np.zeros(0, np.int64), tuple[Any, ...]()
         if self._engine is not None:
             done = np.zeros(len(after), np.int64)
-            of_modes = ctypes.byref(self._engine), begins, address(done)
+            of_modes = ctypes.byref(self._engine), begins, done.ctypes.data
 
         def work(first: int, last: int) -> None:
             library.carry_ticks(  # type: ignore[union-attr]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from arm_dynamics.arrays import Array
 from arm_sim.export.expected import Expected, ran
+from arm_sim.export.generated import without_unused
 from arm_sim.export.library import comment
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
@@ -41,17 +42,16 @@ def check_program(
             checks.compare(k, term, expected.of(term, *point))
     if tick:
         checks.run(tick)
-    return "\n".join(
-        [
-            comment(about) + f'#include "{name}.h"\n',
-            (_NATIVE / "check.h").read_text().replace("#pragma once\n", ""),
-            *checks.tables,
-            "\nint main(void) {\n  int wrong = 0;",
-            *checks.calls,
-            '  printf(wrong ? "%d results are wrong\\n" : "all results are right\\n", wrong);',
-            "  return wrong != 0;\n}\n",
-        ]
-    )
+    program = [
+        comment(about) + f'#include "{name}.h"\n',
+        (_NATIVE / "check.h").read_text().replace("#pragma once\n", ""),
+        *checks.tables,
+        "\nint main(void) {\n  int wrong = 0;",
+        *checks.calls,
+        '  printf(wrong ? "%d results are wrong\\n" : "all results are right\\n", wrong);',
+        "  return wrong != 0;\n}\n",
+    ]
+    return without_unused("\n".join(program))
 
 
 class _Checks:

@@ -34,6 +34,8 @@ processors, short of `-Ofast` and `-ffast-math`: the source itself forbids fused
 GCC and Clang, as `-ffp-contract=off` does for other compilers. Positions beyond a million radians,
 and powers, ask libm, whose last bits may differ.
 
+`-march=native` makes ticks up to a fifth faster and changes no bit.
+
 `size` prints how long the code is, `-fstack-usage` (GCC) how much stack each function takes.
 """
 _TICKS = """\

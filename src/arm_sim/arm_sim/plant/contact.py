@@ -7,11 +7,13 @@ and ``equations.contact``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
 
 from arm_dynamics import ArmModel
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import contact
 from arm_dynamics.equations.contact import ContactPoint, Delassus, Mode
 from arm_dynamics.model.tree_builder import contact_points
@@ -44,6 +46,10 @@ class ContactFunctions:
         reaction: Holding torques of held joints, likewise.
         jacobian: Velocities of the points per velocity of the joints, likewise, shape (3 nc, n).
         lost: (q, v, tau, p) -> power dissipated by friction of the contacts in [W].
+        slopes: Builds (q, v, tau, p, q̈, force) -> derivatives of the torques of the forces and of
+            the accelerations of the active rows by q and v, both forces and q̈ being constant,
+            these rows, accelerations of the joints per unknown force, and minus the unknown
+            forces per acceleration of the rows.
     """
 
     points: tuple[ContactPoint, ...]
@@ -59,6 +65,7 @@ class ContactFunctions:
     reaction: ca.SX
     jacobian: ca.SX
     lost: ca.Function
+    slopes: Callable[[], ca.Function]
 
 
 def contact_functions(
@@ -103,6 +110,16 @@ def contact_functions(
     )
     settled = s.v + B @ delassus.forces(speed, shares, mode.rows())
     accelerations = delassus.accelerations(force) + free
+
+    @one_at_a_time
+    def slopes() -> ca.Function:
+        acting, given, rows = ca.SX.sym("a", model.n), ca.SX.sym("f", A.shape[0]), mode.rows()
+        torque = S @ A.T @ (shares @ (rows * given))
+        rates = rows * (A_moving @ acting + ca.jtimes(speed, s.q, s.v))
+        slopes = (ca.sparsify(ca.jacobian(of, x)) for of in (torque, rates))
+        solved = ca.diag(rows) @ A_moving, B @ shares, -delassus.unknowns(shares, rows)
+        return ca.Function("slopes", [*arguments, acting, given], [*slopes, *solved])
+
     grip = contact.grips(points, delassus.W, speed, mode)
     return ContactFunctions(
         tuple(points),
@@ -118,6 +135,7 @@ def contact_functions(
         held,
         A,
         dense_function("lost", arguments, _lost(force, speed)),
+        slopes,
     )
 
 

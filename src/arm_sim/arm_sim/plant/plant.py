@@ -207,6 +207,8 @@ class Plant:
     ) -> tuple[ca.SX, ca.SX, ca.SX]:
         """H ∂g/∂x, H ∂g/∂u and H of an arm that only its joints hold, see ``scaled_jacobian``.
 
+        With contacts, at constant contact forces, less the derivatives of their torques.
+
         Args:
             x: State, shape (nx,).
             u: Effective command, shape (n,).
@@ -226,6 +228,20 @@ class Plant:
         K_u = ca.vertcat(ca.sparsify(free @ ca.jacobian(left, u)), ca.jacobian(rates, u))
         H = ca.diagcat(free @ M @ free + ca.SX.eye(n) - free, ca.SX.eye(z.shape[0]))
         return K_x, K_u, H
+
+    def contact_slopes(self, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> tuple[ca.SX, ...]:
+        """Derivatives of the contacts' forces and accelerations, see ``ContactFunctions.slopes``.
+
+        Args: as of ``scaled_slopes``.
+        """
+        n = self.model.n
+        q, v, z = split(x, n)
+        tau = u
+        if self._moded:
+            tau = _with_modes(self._moded, self._symbols[1], p, q, v, z, u)[0]
+        force = next(f for f in self.events if f.name() == "loads")(x, u, p)[1]
+        found = self.contact.slopes()(q, v, tau, p, slope[n : 2 * n], force)
+        return tuple(found)
 
     def residual(self, x: ca.SX, u: ca.SX, p: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Residual torque of accelerations ``a`` of free joints, and H of ``scaled_jacobian``.

@@ -37,15 +37,22 @@ class Slopes:
         slope, n, chosen = _slope(plant, x, u, p), plant.model.n, p[list(tuned), :]
         dx, dw = ca.SX.sym("dx", plant.nx), ca.SX.sym("dw", n + len(tuned))
         kept = Kept()
-        if plant.held_by_joints:
+        if not plant.constrained:
             K_x, K_u, H = plant.scaled_slopes(x, u, p, slope)
+            if plant.contact:
+                pushed, rates_x, rows_, joined, unknown = plant.contact_slopes(x, u, p, slope)
+                K_x[:n, : 2 * n] += pushed
             K_w = ca.horzcat(K_u, _scaled_by(chosen, plant, x, u, p, slope)) if tuned else K_u
             rows = kept.matrix(K_x) @ dx + kept.matrix(K_w) @ dw
             factors = factored(ca.sparsify(H[:n, :n]))
             pivots = kept.matrix(1 / ca.diag(factors))
             factors = kept.matrix(ca.tril(factors, False))
             load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
-            changes = ca.vertcat(substituted(factors, pivots * eliminated(factors, load)), rates)
+            da = substituted(factors, pivots * eliminated(factors, load))
+            if plant.contact:
+                astray = kept.matrix(rates_x) @ dx[: 2 * n] + kept.matrix(rows_) @ da
+                da = da + kept.matrix(joined) @ (kept.matrix(unknown) @ astray)
+            changes = ca.vertcat(da, rates)
         else:
             J_x, J_w = (ca.jacobian(slope[n:], by) for by in (x, ca.vertcat(u, chosen)))
             changes = kept.matrix(J_x) @ dx + kept.matrix(J_w) @ dw

@@ -5,6 +5,8 @@
  * The engine of one arm looks its questions up here and computes those that are not answered, such as all that follow from
  * an event. Answers are those of the same functions for the same bits: the motion does not depend on what is foreseen.
  *
+ * Arrays may have no elements, which C and C++ know as an extension alone: hence `__extension__`.
+ *
  * Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.h).
  */
 
@@ -42,7 +44,7 @@ __extension__ typedef struct {
 } foreseen_t;
 
 /* A tick without events, for derivatives: one smooth motion. */
-typedef struct {
+__extension__ typedef struct {
   double x[NX], u[NU], tunable[NP], length; /* given: its beginning, command, parameters, and length */
   double p[NP + MODES], limit[NC]; /* its modes, and the fraction of its normal force up to which a contact sticks */
   double begin[NX], end[NX], after[NX]; /* the motion's ends, and the state after the tick, with closed contacts */
