@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from exported import said_by
 
 import models
 from arm_dynamics import InvalidInput
@@ -242,6 +243,15 @@ def test_the_same_scene_gives_the_same_bytes(made: dict[str, Path], tmp_path: Pa
     export(scene("smooth"), tmp_path / "again", "unit", terms=(), fmu=True)
     for file in ("unit.fmu", "unit_fmi2.fmu"):
         assert (tmp_path / "again" / file).read_bytes() == (made["smooth"] / file).read_bytes()
+
+
+@pytest.mark.parametrize("file", ["unit.fmu", "unit_fmi2.fmu"])
+def test_importers_may_compile_the_sources_without_a_warning(
+    made: dict[str, Path], file: str, tmp_path: Path
+) -> None:
+    zipfile.ZipFile(made["dry"] / file).extractall(tmp_path)
+    for source in (tmp_path / "sources").glob("*.c"):
+        said_by("cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", source)
 
 
 @pytest.mark.group("fmu")
