@@ -26,7 +26,7 @@ SAYS = {
     },
     "arm_sim": {
         "cli": "./arm describe, build, call, demo, sim …",
-        "ros": "the sim node; its tick engine knows no ROS",
+        "ros": "the sim node",
         "closed_loop": "arm and controller",
         "replay": "runs a recording again",
         "runtime_changes": "payload, friction, push",

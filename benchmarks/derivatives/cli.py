@@ -20,6 +20,10 @@ LIMITS = {
     "in SIMD lanes ÷ one state at a time": 0.25,
     "gradient of a rollout ÷ rollout": 5.0,
     "gradient of a rollout ÷ rollout, in SIMD lanes": 5.0,
+    "dry friction ÷ smooth": 1.5,
+    "above a table ÷ smooth": 1.5,
+    "a call with dry friction ÷ MuJoCo's with friction loss": 0.1,
+    "gradient of a rollout with dry friction ÷ rollout": 6.0,
 }
 """Upper limits of the ratios."""
 
@@ -31,7 +35,7 @@ LIMITS = {
 def main(repeats: int, out: Path) -> None:
     """Time derivatives of an RK4 tick of a Panda, next to Pinocchio and MuJoCo in the same run."""
     arm, noise = Arm(panda()), Noise()
-    contenders = arm.ours() | arm.pinocchio() | arm.mujoco() | arm.gradients()
+    contenders = arm.ours() | arm.rough() | arm.pinocchio() | arm.mujoco() | arm.gradients()
     jobs = {name: steady(lambda: None, call) for name, (call, _) in contenders.items()}
     measured = interleaved(jobs, repeats, noise, lambda: None)
     costs = {name: cost.scaled(1 / contenders[name][1]) for name, cost in measured.items()}
@@ -69,6 +73,16 @@ def ratios(costs: dict[str, Cost]) -> dict[str, Cost]:
         found["A and B of a tick ÷ MuJoCo's forward differences"] = (
             ours / samples["MuJoCo, 3n + 1 RK4 steps"]
         )
+    for name in ("dry friction", "above a table"):
+        found[f"{name} ÷ smooth"] = samples[f"linearize_many, {name}"] / ours
+    if (peer := "MuJoCo, mjd_transitionFD with friction loss") in samples:
+        found["a call with dry friction ÷ MuJoCo's with friction loss"] = (
+            samples["linearize, dry friction, one call from Python"] / samples[peer]
+        )
+    found["gradient of a rollout with dry friction ÷ rollout"] = (
+        samples["rollout_gradient, a tick, dry friction"]
+        / samples["rollout, a tick, dry friction"]
+    )
     for way in ("", ", in SIMD lanes"):
         name = f"gradient of a rollout ÷ rollout{way}"
         found[name] = samples[f"rollout_gradient, a tick{way}"] / samples[f"rollout, a tick{way}"]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,8 @@ from arm_sim import Simulator
 from benchmarks.robots.models import Robot
 
 DT, MANY, TICKS = 1e-3, 256, 1000
+TIP, POINT = "link7", [0, 0, 0.21]
+"""The fingertip: a link, and a point in its frame."""
 EPSILON = 1e-6  # of finite differences, as usual with MuJoCo
 Contender = tuple[Callable[[], object], int]
 """A call, and how many derivatives (or ticks of a gradient) it computes."""
@@ -65,6 +68,71 @@ class Arm:
             }
         return found
 
+    def rough(self) -> dict[str, Contender]:
+        """The same arm with dry friction in all joints, in motion; above a table, and on it."""
+        rng = np.random.default_rng(2)
+        q, v = self.q, np.sign(self.v) * rng.uniform(0.5, 1.5, self.v.shape)
+        dry, above = self._with({"friction": {"coulomb": 1.0}}), self._with({}, table=-3.0)
+        tau = dry.dynamics.inverse(q, v, 0.0 * q)  # no joint comes to rest
+        state, arms, ticks = dry.reset(q[0], v[0]), 8, TICKS // 5
+        way = q[0] + DT * np.arange(ticks)[:, None] * v[0]
+        along = dry.dynamics.inverse(way, np.tile(v[0], (ticks, 1)), 0.0 * way)
+        start = (
+            np.tile(q[:1], (arms, 1)),
+            np.tile(v[:1], (arms, 1)),
+            np.tile(along, (arms, 1, 1)),
+            ticks,
+        )
+        g = rng.normal(size=(arms, ticks + 1, 2 * self.n))
+        one = {"lanes": 1, "threads": 1}
+        found: dict[str, Contender] = {
+            "linearize_many, dry friction": (lambda: dry.linearize_many(q, v, tau, **one), MANY),
+            "linearize, dry friction, one call from Python": (
+                lambda: dry.linearize(state, tau[0]), 1
+            ),
+            "linearize_many, above a table": (
+                lambda: above.linearize_many(q, v, self.tau, **one), MANY
+            ),
+            "rollout, a tick, dry friction": (lambda: dry.rollout(*start, **one), arms * ticks),
+            "rollout_gradient, a tick, dry friction": (
+                lambda: dry.rollout_gradient(*start, g, **one), arms * ticks
+            ),
+        }  # fmt: skip
+        return found | self._pressed(self._with({}, table=0.4735))
+
+    def _with(self, joint: dict[str, Any], table: float | None = None) -> Simulator:
+        """The arm with more on all joints, and a table below the flange's point."""
+        joints = {"friction": {"viscous": 0.0, "coulomb": 0.0}, "limits": {"stop": False}} | joint
+        scene: dict[str, Any] = {"robot": {"urdf": self.robot.urdf}, "joints": {"*": joints}}
+        if table is not None:
+            plane = {"point": [0, 0, table], "normal": [0, 0, 1]}
+            scene["constraints"] = [{
+                "type": "contact", "name": "tip", "frame": TIP, "point": POINT,
+                "plane": plane, "friction": 0.4,
+            }]  # fmt: skip
+            bent = zip(self.sim.joint_names, (0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8), strict=True)
+            scene["initial"] = {"position": dict(bent)}
+        return Simulator(scene, integrator="rk4", dt=DT)
+
+    def _pressed(self, sim: Simulator) -> dict[str, Contender]:
+        """A fingertip pressed on the table, at rest in friction or sliding."""
+        found = dict[str, Contender]()
+        turn = sim.dynamics.pose(sim.model.q0, TIP)[:3, :3]
+        linear, angular = np.split(sim.dynamics.jacobian(sim.model.q0, TIP), 2)
+        J = linear + np.cross(angular.T, turn @ POINT).T
+        for what, force in (("sticking", [1.0, 0.0, -20.0]), ("sliding", [0.0, 15.0, -30.0])):
+            sim.reset()
+            tau = sim.dynamics.gravity(sim.model.q0) + J.T @ np.array(force)
+            sim.run(0.05, tau)
+            if sim.contact_forces()[0].state != ("sticks" if what == "sticking" else "slides"):
+                raise RuntimeError(f"the fingertip is not {what}")
+            state = sim.state
+            many = [np.tile(row, (MANY, 1)) for row in (state.q, state.v, tau)]
+            found[f"linearize_many, {what} on the table"] = (
+                lambda many=many: sim.linearize_many(*many, lanes=1, threads=1), MANY
+            )  # fmt: skip
+        return found
+
     def pinocchio(self) -> dict[str, Contender]:
         """Derivatives of forward dynamics, and the same call for one joint, for its overhead."""
         model, data = self.robot.pin, self.robot.pin.createData()
@@ -99,12 +167,20 @@ class Arm:
         data, other = mujoco.MjData(model), mujoco.MjData(euler)
         for place in (data, other):
             place.qpos[:], place.qvel[:] = self.q[0], self.v[0]
+        dry = compile_model(self.robot, "Euler", DT)
+        dry.dof_frictionloss[:] = 1.0
+        dry.opt.disableflags = mujoco.mjtDisableBit.mjDSBL_CONTACT
+        rough = mujoco.MjData(dry)
+        rough.qpos[:], rough.qvel[:] = self.q[0], self.v[0]
         A = np.zeros((2 * self.n, 2 * self.n))
         steps = 3 * self.n + 1
         return {
             "MuJoCo, 3n + 1 RK4 steps": (lambda: mujoco.mj_step(model, data, nstep=steps), 1),
             "MuJoCo, mjd_transitionFD of Euler's step": (
                 lambda: mujoco.mjd_transitionFD(euler, other, EPSILON, 0, A, None, None, None), 1
+            ),
+            "MuJoCo, mjd_transitionFD with friction loss": (
+                lambda: mujoco.mjd_transitionFD(dry, rough, EPSILON, 0, A, None, None, None), 1
             ),
         }  # fmt: skip
 

@@ -282,10 +282,11 @@ class Delassus:
     def unknowns(self, D: ca.SX, rows: ca.SX) -> ca.SX:
         """Unknown forces per acceleration of active rows in [kg], shape (m, m); see ``forces``."""
         required = ca.SX.sym("required", rows.shape[0])
-        of = self._of_rows(required, D, rows)
         if self._many:
-            of = self._of_motions(required, self.B @ D, ca.diag(rows) @ self._A)
-        return ca.jacobian(of, required) @ ca.diag(rows)
+            forces = self._of_motions(required, self.B @ D, ca.diag(rows) @ self._A)
+        else:
+            forces = self._of_rows(required, D, rows)
+        return ca.jacobian(forces, required) @ ca.diag(rows)
 
     def _of_rows(self, required: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
         """Solution y of R W D y = ``required`` by a matrix of the size of W."""

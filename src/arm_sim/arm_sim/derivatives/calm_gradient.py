@@ -8,14 +8,15 @@ derivative of each tick; ticks with events by their derivatives.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.derivatives.calm import CalmTick
@@ -27,8 +28,8 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback
-from arm_sim.stepping.rollout import Engine, of_lanes
-from arm_sim.stepping.stepper import mode_sizes, pointer, sizes, source
+from arm_sim.stepping.rollout import ADDRESS, NUMBER, Engine, built_of_lanes, of_lanes
+from arm_sim.stepping.stepper import address, mode_sizes, pointer, sizes, source
 
 
 class Part(Protocol):
@@ -86,10 +87,9 @@ class CalmPart:
         """See ``Part``."""
         own, found = slice(self.first, self.first + len(self.kept)), weight.copy()
         weights, to = np.ascontiguousarray(g[own]), np.empty((len(self.kept), tau.shape[1]))
-        self.of.library.calm_gradient(
-            pointer(self.kept), pointer(tau[own]), ctypes.c_double(self.of.length),
-            ctypes.c_longlong(len(self.kept)), pointer(weights), pointer(found), pointer(to),
-            pointer(by_p),
+        self.of.library.calm_gradient(  # type: ignore[union-attr]
+            address(self.kept), address(tau[own]), self.of.length, len(self.kept),
+            address(weights), address(found), address(to), address(by_p),
         )  # fmt: skip
         by_tau[own] = to
         return found
@@ -105,7 +105,7 @@ class CalmGradients:
         choice: Method and tick.
 
     Attributes:
-        library: Compiled code, ``native/calm_gradient.c``.
+        library: Compiled code, ``native/calm_gradient.c``; None if it cannot be built.
         length: Length of a tick in [s].
     """
 
@@ -117,12 +117,13 @@ class CalmGradients:
         _, *functions = tick_functions(plant, choice)
         functions += [*calm.functions, *calm.adjoints]
         defines = sizes(plant, functions) | mode_sizes(plant) | calm.defines | {"EVENTS": "1"}
-        code = of_lanes(generate(functions), 1) + source(defines, "calm_gradient.c", {"stops.h"})
-        self.library = compiler.build(code).library
-        for entry in (self.library.kept_numbers, self.library.calm_motion):
-            entry.restype = ctypes.c_longlong
-        self.library.calm_gradient.restype = None
-        self._kept = int(self.library.kept_numbers())
+        types = [ADDRESS, ADDRESS, ctypes.c_double, NUMBER, *[ADDRESS] * 4]
+        write = partial(_source, functions, defines)
+        self.library = built_of_lanes(write, 1, "calm_gradient", types)
+        if self.library:
+            self.library.kept_numbers.restype = ctypes.c_longlong
+            self.library.calm_motion.restype = ctypes.c_longlong
+            self._kept = int(self.library.kept_numbers())
 
     def parts(self, motion: Motion, tau: Array) -> list[CalmPart]:
         """Advance a motion to its next tick with an event.
@@ -137,7 +138,7 @@ class CalmGradients:
         first, ahead = motion.ticks, tau[motion.ticks :]
         most = self._kinks.ticks_before(motion.x, ahead)
         kept, after = np.empty((most, self._kept)), np.empty(self._nx)
-        done = self.library.calm_motion(
+        done = self.library.calm_motion(  # type: ignore[union-attr]
             pointer(np.ascontiguousarray(motion.x)), pointer(ahead), pointer(motion.p),
             ctypes.c_double(self.length), ctypes.c_longlong(most), ctypes.byref(self._engine),
             ctypes.c_int(first == 0), pointer(kept), pointer(after),
@@ -146,6 +147,11 @@ class CalmGradients:
             return []
         motion.go_on(after, done)
         return [CalmPart(self, first, kept[:done])]
+
+
+def _source(functions: Sequence[ca.Function], defines: dict[str, str], width: int) -> str:
+    code = source(defines, "calm_gradient.c", {"stops.h"})
+    return of_lanes(generate(list(functions)), width) + code
 
 
 def tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, ...]:

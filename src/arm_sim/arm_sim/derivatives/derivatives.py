@@ -234,7 +234,7 @@ class Derivatives:
         threads: int | None = None,
         lanes: int | None = None,
     ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
-        """As ``linearize``, at many states; smooth ticks in vector registers and on all cores.
+        """As ``linearize``, at many states on all cores; smooth scenes in vector registers.
 
         Args:
             q: Positions in [rad] or [m], shape (b, n).
@@ -244,7 +244,8 @@ class Derivatives:
             by: As for ``linearize``.
             side: Likewise.
             threads: Number of threads; None for all cores.
-            lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available.
+            lanes: Arms per vector register: 8, 4, 2 or 1; None for the widest available in smooth
+                scenes, and for 1 in scenes with events, where compilation takes long.
 
         Returns:
             A of shape (b, nx, nx) and B of shape (b, nx, n); if parameters are named, also P with
@@ -333,7 +334,8 @@ class Derivatives:
 
         It costs about as much as four rollouts. It stores the motion of the arms that are advanced
         side by side: threads × lanes × (steps + 1) × nx numbers, besides arguments and results;
-        with events, or with error control, the derivatives of every tick of an arm.
+        with events also their modes, and the derivatives of the ticks that have one; with error
+        control, those of every tick of an arm.
 
         Args:
             q0: As for ``Simulator.rollout``; with bilateral constraints, states that satisfy them.

@@ -203,8 +203,9 @@ class Gradients:
         return found
 
     def prepare(self) -> None:
-        """Compile what smooth motions need, unless that is done."""
-        self._library(lanes=None)
+        """Compile what motions without events need, unless that is done."""
+        if self._library(lanes=None)[1] is None:
+            _ = self._calm
 
     def product(
         self, x: Array, r: Array, p: Array, ticks: int, weights: Array, side: int | None = None
@@ -271,9 +272,10 @@ class Gradients:
     def _calm(self) -> CalmGradients | None:
         """Gradients through ticks without events of a scene with events."""
         engine, kinks = self._linearizer.engine, self._linearizer.kinks
-        if not (engine and self._linearizer.calm):
+        if not engine or self._backend == "vm":
             return None
-        return CalmGradients(kinks, engine, self._plant, self._choice)
+        made = CalmGradients(kinks, engine, self._plant, self._choice)
+        return made if made.library else None
 
     def _library(self, lanes: int | None) -> tuple[int, ctypes.CDLL | None]:
         same = alike(self._plant, self._choice)

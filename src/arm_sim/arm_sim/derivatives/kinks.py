@@ -39,6 +39,7 @@ class Kinks:
             self._weight = ca.Function("weight", [q], [CommandMap(plant.model).compensation(q)])
         friction = plant.model.friction
         self._sided = (friction.viscous.skew != 0.0) & (friction.level == 0.0)
+        self._has_sided = bool(self._sided.any())
         self._bristles = _bristles(plant)
 
     @property
@@ -67,9 +68,11 @@ class Kinks:
 
     def at_rest(self, x: Array) -> dict[str, Flags]:
         """Joints exactly at rest whose friction has a kink there, by its kind, shape (…, n)."""
+        found = dict[str, Flags]()
+        if not (self._has_sided or len(self._bristles)):
+            return found
         still = x[..., self._n : 2 * self._n] == 0.0
-        found = {}
-        if self._sided.any():
+        if self._has_sided:
             found["friction that differs by direction"] = still & self._sided
         if len(self._bristles):
             joints, places = self._bristles.T
@@ -125,12 +128,15 @@ class Kinks:
             x: Initial states, shape (b, nx).
             r: Commands of all ticks, shape (b, ticks, n).
         """
-        tied = np.zeros(len(x), dtype=bool)
         if not r.shape[1]:
             return []
-        for found in (self.of_commands(r[:, 0], x), self.of_commands(r[:, 1:]), self.at_rest(x)):
+        tied = np.zeros(len(x), dtype=bool)
+        looks = [self.of_commands(r[:, 0], x), self.at_rest(x)]
+        if r.shape[1] > 1:
+            looks.append(self.of_commands(r[:, 1:]))
+        for found in looks:
             for flags in found.values():
-                tied |= flags.any(axis=tuple(range(1, flags.ndim)))
+                tied |= flags.reshape(len(x), -1).any(axis=1)
         return np.flatnonzero(tied).tolist()
 
 

@@ -169,8 +169,9 @@ class Linearizer:
 
     def prepare(self) -> None:
         """Compile what smooth ticks need, unless that is done."""
-        for width in (natural_width(), 1):
-            (self._compiled or self._smooth).library(width)
+        if self.calm is not self._compiled:
+            self._smooth.library(natural_width())
+        (self._compiled or self._smooth).library(1)
 
     def product(
         self, x: Array, r: Array, ticks: int, dx: Array, dr: Array, side: int | None = None
@@ -242,7 +243,8 @@ class Linearizer:
     @cached_property
     def calm(self) -> Tangents | None:
         """Compiled code for ticks without events of a scene with events."""
-        return self._tangents if self.engine and self._tangents.native else None
+        native = self.engine and self._backend != "vm" and self._tangents.native
+        return self._tangents if native else None
 
     @cached_property
     def _smooth(self) -> Tangents:

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.equations.contact import Mode
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import Kept, jacobian_by
@@ -31,7 +32,8 @@ class RestProjection:
         rest_begin: CasADi function (x, u, p) -> coefficients c at the state in which a motion
             begins.
         begin_at_rest: CasADi function (c, dx) -> dx with held joints and closed contacts at rest.
-        rest_end: CasADi function (x at the beginning, x at the end, p) -> coefficients c.
+        rest_end: CasADi function (x at the beginning, x at the end, p) -> coefficients c, of an
+            end that satisfies the contacts already.
         end_at_rest: CasADi function (c, dx at the beginning, dx at the end, dw) -> dx at the end,
             on closed contacts and anchors.
     """
@@ -40,6 +42,7 @@ class RestProjection:
         self._plant = plant
         self.rest_begin, self.begin_at_rest = _beginning(plant)
         self.rest_end, self.end_at_rest = _end(plant, tuned)
+        self._tuned = tuned
 
     def begun(self, x: Array, u: Array, modes: Modes, slope: Array) -> Array:
         """Derivative of a state in which motion begins, with held joints at rest.
@@ -66,8 +69,29 @@ class RestProjection:
         """
         if not (modes.contact["closed"] > 0.0).any():
             return slope
-        held = np.eye(slope.shape[1])[len(end) :]
-        return np.array(self.end_at_rest(self.rest_end(begin, end, modes.p), begun, slope, held))
+        whole, slope = slice(2 * self._plant.model.n), slope.copy()
+        by_end, by_begin, by_p = (
+            np.array(found) for found in self._closed(end[whole], modes.p, begin[whole])
+        )
+        slope[whole] = by_end @ slope[whole] + by_begin @ begun[whole]
+        slope[whole, slope.shape[1] - len(self._tuned) :] += by_p
+        return slope
+
+    @built_once
+    def _closed(self) -> ca.Function:
+        """(x at the end, p, x at the beginning) -> derivatives of the closed end by x and p."""
+        contact, n = self._plant.contact, self._plant.model.n
+        assert contact is not None
+        x, p = ca.MX.sym("x", 2 * n), ca.MX.sym("p", self._plant.rhs.numel_in(2))
+        before = ca.MX.sym("before", 2 * n)
+        place, found = ca.reshape(contact.geometry(before)[0], 3, -1), x
+        for _ in range(2):
+            found = contact.close(found, p, ca.vec(place[1:, :]))
+        slopes = [
+            *(ca.jacobian(found, by) for by in (x, before)),
+            jacobian_by(found, p, self._tuned),
+        ]
+        return ca.Function("closed", [x, p, before], slopes)
 
 
 def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
@@ -88,7 +112,7 @@ def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
             dq = dq - kept.matrix(gain @ ca.diag(back)) @ dq
     if plant.contact:
         closed = ca.sum1(Mode.of(contacts).closed) > 0
-        settled = ca.jacobian(plant.contact.settle(whole, p), whole)
+        settled = plant.contact.closing()(whole, p)[0]
         loose = ca.horzcat(ca.SX(n, n), ca.SX.eye(n))
         dv = kept.matrix(ca.if_else(closed, settled, loose)) @ ca.vertcat(dq, dv)
     moved = ca.densify(ca.vertcat(dq, dv, dz))
@@ -107,7 +131,7 @@ def _leans(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
 
 
 def _end(plant: Plant, tuned: Sequence[int]) -> tuple[ca.Function, ca.Function]:
-    """``rest_end`` and ``end_at_rest``; without contacts nothing is projected."""
+    """``rest_end`` and ``end_at_rest``; without contacts nothing changes."""
     n, kept = plant.model.n, Kept()
     begin, end, p = (ca.SX.sym(name, size) for name, size in (
         ("begin", plant.nx), ("end", plant.nx), ("p", plant.rhs.size1_in(2)),
@@ -118,14 +142,14 @@ def _end(plant: Plant, tuned: Sequence[int]) -> tuple[ca.Function, ca.Function]:
     moved = dend
     if contact := plant.contact:
         before, after = begin[: 2 * n], end[: 2 * n]
-        place = ca.reshape(contact.geometry(before)[0], 3, -1)
-        found = after
-        for _ in range(2):
-            found = contact.close(found, p, ca.vec(place[1:, :]))
-        by_end, by_begin = (kept.matrix(ca.jacobian(found, by)) for by in (after, before))
-        by_p = kept.matrix(jacobian_by(found, p, tuned))
-        moved = by_end @ dend[: 2 * n] + by_begin @ dbegin[: 2 * n] + by_p @ dw[n:]
-        moved = ca.vertcat(moved, dend[2 * n :])
+        anchor = ca.vec(ca.reshape(contact.geometry(before)[0], 3, -1)[1:, :])
+        by_end, by_anchor = ca.horzsplit(
+            contact.closing()(after, p)[1], [0, 2 * n, 2 * n + anchor.shape[0]]
+        )
+        back = kept.matrix(by_anchor) @ (
+            kept.matrix(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
+        )
+        moved = ca.vertcat(kept.matrix(by_end) @ dend[: 2 * n] + back, dend[2 * n :])
     arguments = [kept.symbols, dbegin, dend, dw]
     return (
         ca.Function("rest_end", [begin, end, p], [kept.values], {"cse": True}),

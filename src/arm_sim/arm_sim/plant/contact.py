@@ -50,6 +50,8 @@ class ContactFunctions:
             the accelerations of the active rows by q and v, both forces and q̈ being constant,
             these rows, accelerations of the joints per unknown force, and minus the unknown
             forces per acceleration of the rows.
+        closing: Builds ((q, v) stacked, p) -> derivatives of ``settle`` by q and v, and of
+            ``close``, repeated, by q, v and anchors, where the contacts are satisfied already.
     """
 
     points: tuple[ContactPoint, ...]
@@ -66,6 +68,7 @@ class ContactFunctions:
     jacobian: ca.SX
     lost: ca.Function
     slopes: Callable[[], ca.Function]
+    closing: Callable[[], ca.Function]
 
 
 def contact_functions(
@@ -120,6 +123,20 @@ def contact_functions(
         solved = ca.diag(rows) @ A_moving, B @ shares, -delassus.unknowns(shares, rows)
         return ca.Function("slopes", [*arguments, acting, given], [*slopes, *solved])
 
+    @one_at_a_time
+    def closing() -> ca.Function:
+        by_q, no = ca.jacobian(where.place, s.q), ca.SX(model.n, model.n)
+        drift = ca.horzcat(ca.jacobian(speed, s.q), A)
+        back = B @ delassus.unknowns(ca.diag(returning), returning)
+        settled = B @ shares @ delassus.unknowns(shares, mode.rows()) @ -drift
+        held = B @ delassus.unknowns(ca.diag(mode.rows()), mode.rows())
+        turned, eye = held @ ca.jacobian(A_moving @ s.v, s.q), ca.SX.eye(model.n)
+        tangents = [i for i in range(A.shape[0]) if i % 3]
+        moved = ca.horzcat(eye - back @ by_q, no, back[:, tangents])
+        follows = ca.horzcat(no, eye - held @ A_moving, ca.SX(model.n, len(tangents)))
+        closed = ca.vertcat(moved, follows - turned @ moved)
+        return dense_function("closing", [x, joints.p], ca.horzcat(no, eye) + settled, closed)
+
     grip = contact.grips(points, delassus.W, speed, mode)
     return ContactFunctions(
         tuple(points),
@@ -136,6 +153,7 @@ def contact_functions(
         A,
         dense_function("lost", arguments, _lost(force, speed)),
         slopes,
+        closing,
     )
 
 

@@ -240,7 +240,9 @@ class Plant:
         if self._moded:
             tau = _with_modes(self._moded, self._symbols[1], p, q, v, z, u)[0]
         force = next(f for f in self.events if f.name() == "loads")(x, u, p)[1]
-        found = self.contact.slopes()(q, v, tau, p, slope[n : 2 * n], force)
+        contact = self._mechanics().contact
+        assert contact is not None
+        found = contact.slopes()(q, v, tau, p, slope[n : 2 * n], force)
         return tuple(found)
 
     def residual(self, x: ca.SX, u: ca.SX, p: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
