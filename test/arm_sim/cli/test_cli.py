@@ -127,6 +127,20 @@ def test_description_for_scripts() -> None:
     assert found["computed"]["rigid body"] == "7 joints"
 
 
+def test_names_are_shown_as_they_are(tmp_path: Path) -> None:
+    """Square brackets and backslashes mean something to the library that prints."""
+    body = "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1'/></inertial>"
+    (tmp_path / "odd.urdf").write_text(
+        f"<robot name='[/z] \\'><link name='[b]'/><link name='[/l]'>{body}</link>"
+        "<joint name='[/j]' type='revolute'><parent link='[b]'/><child link='[/l]'/>"
+        "<limit lower='0' upper='1' velocity='1' effort='1000'/></joint></robot>"
+    )
+    (tmp_path / "odd.yaml").write_text("robot: {urdf: odd.urdf}\nlinks: {'[/l]': {mass: 2}}\n")
+    said = run("describe", str(tmp_path / "odd.yaml")).output
+    for name in ("[/z] \\: 1 joint", "the scene: [/l] 2 kg", " [/j] ", "at its stop: [/j]"):
+        assert name in said
+
+
 # --- vectors -----------------------------------------------------------------------------------
 
 

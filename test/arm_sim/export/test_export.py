@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import pytest
 from click.testing import CliRunner
-from exported import said_by
+from exported import BITS, C11, CPP17, STRICT, Library, said_by
 
 from arm_dynamics import ArmError, InvalidInput, SceneError
 from arm_sim.cli.main import main
@@ -40,6 +42,9 @@ NO_NAMES = (
     "int",
     "test",
     "math",
+    "m",
+    "features",
+    "rest",
     "_arm",
     64 * "a",
 )
@@ -147,6 +152,27 @@ def test_two_libraries_fit_into_one_program(tmp_path: Path) -> None:
     headers = [f"-I{tmp_path / name}" for name in ("left", "right")]
     said_by("cc", *headers, *sources, "-o", tmp_path / "program", "-lm")
     said_by(tmp_path / "program")
+
+
+ODD = ('q"uote', "back\\slash", "a??/", "größe", "end */ of")
+
+
+def test_names_of_robot_and_joints_cannot_break_the_code(tmp_path: Path) -> None:
+    """As strings they are what they were; a comment ends where it should."""
+    mass = "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1'/></inertial>"
+    joints = "".join(
+        f"<link name='l{k}'>{mass}</link><joint name={quoteattr(name)} type='continuous'>"
+        f"<parent link='{f'l{k - 1}' if k else 'base'}'/><child link='l{k}'/></joint>"
+        for k, name in enumerate(ODD)
+    )
+    urdf = f"<robot name='*/ int x; /*'><link name='base'/>{joints}</robot>"
+    (tmp_path / "odd.urdf").write_text(urdf)
+    export(tmp_path / "odd.urdf", tmp_path / "out", "arm", ("gravity",), False, frames=ODD[-1:])
+    for language in (C11, CPP17):
+        said_by("cc", *language, *STRICT, "-Werror", "-fsyntax-only", tmp_path / "out" / "arm.c")
+    loaded = Library(tmp_path / "out", "arm", (*C11, *BITS)).loaded
+    names = (ctypes.c_char_p * len(ODD)).in_dll(loaded, "arm_joint_names")
+    assert tuple(name.decode() for name in names) == ODD
 
 
 def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:

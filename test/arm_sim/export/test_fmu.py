@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from exported import said_by
 
 import models
 from arm_dynamics import InvalidInput
@@ -195,7 +196,8 @@ def test_what_is_not_allowed_is_an_error_that_says_so(made: dict[str, Path], ver
     assert unit.step(0.0, 1e-3) == 3 and "initialization" in unit.texts[-1]
     unit.begin()
     unit("ExitInitializationMode")
-    assert unit.step(0.0, 0.3e-3) == 3 and "end with a tick of 0.001 s" in unit.texts[-1]
+    for point, time in ((0.0, 0.3e-3), (0.0, -1e-3), (0.04, 1e-3), (np.nan, 1e-3)):
+        assert unit.step(point, time) == 3 and "from 0 s, where" in unit.texts[-1]
     assert unit.set([command], [np.nan]) == 3 and "not finite" in unit.texts[-1]
     assert unit.set([position], [0.0]) == 3 and "computed" in unit.texts[-1]
     assert unit.set([f"{position[:-9]}.initial_position"], [0.1]) == 3
@@ -203,6 +205,27 @@ def test_what_is_not_allowed_is_an_error_that_says_so(made: dict[str, Path], ver
     assert unit.step(0.0, 1e-3) == 0
     assert Importer(made["smooth"], version)._instance(b"another") == 0
     unit.close()
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
+def test_importers_may_add_up_times_and_begin_at_any_date(
+    made: dict[str, Path], version: str
+) -> None:
+    """Sums of ticks are off by 1e-6 of one after 300 s, differences of dates by 1e-4 at once."""
+    simulator, date = Simulator(scene("smooth")), 1.7e9
+    unit, dated = (Importer(made["smooth"], version) for _ in range(2))
+    for one, start in ((unit, 0.0), (dated, date)):
+        one.begin(start)
+        assert one("ExitInitializationMode") == 0
+    for k in range(50):
+        late, now = 0.3 * simulator.dt, date + k * simulator.dt
+        assert unit.step(k * simulator.dt + late, simulator.dt) == 0
+        assert dated.step(now, (date + (k + 1) * simulator.dt) - now) == 0
+        q = simulator.step(np.zeros(2)).q
+        for one in (unit, dated):
+            np.testing.assert_array_equal(one.get(names(simulator, "position")), q)
+    unit.close()
+    dated.close()
 
 
 def test_an_export_that_cannot_have_units_writes_nothing(
@@ -220,6 +243,15 @@ def test_the_same_scene_gives_the_same_bytes(made: dict[str, Path], tmp_path: Pa
     export(scene("smooth"), tmp_path / "again", "unit", terms=(), fmu=True)
     for file in ("unit.fmu", "unit_fmi2.fmu"):
         assert (tmp_path / "again" / file).read_bytes() == (made["smooth"] / file).read_bytes()
+
+
+@pytest.mark.parametrize("file", ["unit.fmu", "unit_fmi2.fmu"])
+def test_importers_may_compile_the_sources_without_a_warning(
+    made: dict[str, Path], file: str, tmp_path: Path
+) -> None:
+    zipfile.ZipFile(made["dry"] / file).extractall(tmp_path)
+    for source in (tmp_path / "sources").glob("*.c"):
+        said_by("cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", source)
 
 
 @pytest.mark.group("fmu")

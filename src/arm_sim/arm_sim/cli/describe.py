@@ -136,22 +136,26 @@ def _finite(value: float) -> float | None:
 
 
 def _show_robot(out: Console, model: ArmModel) -> None:
+    from rich.markup import escape
+
     gravity = ", ".join(f"{g:g}" for g in model.scene.gravity)
     joints = f"{model.n} joint{'s' if model.n > 1 else ''}"
     out.print(
-        f"\n[bold]{model.pin.name}[/]: {joints}, {model.total_mass:.6g} kg moving, "
+        f"\n[bold]{escape(model.pin.name)}[/]: {joints}, {model.total_mass:.6g} kg moving, "
         f"gravity \\[{gravity}] m/s²"
     )
     if model.scene.robot.lock:
-        out.print(f"locked: {', '.join(model.scene.robot.lock)}")
+        out.print(f"locked: {escape(', '.join(model.scene.robot.lock))}")
     if model.scene.links:
         masses = (f"{name} {body.mass:g} kg" for name, body in model.scene.links.items())
-        out.print(f"inertias from the scene: {', '.join(masses)}")
+        out.print(f"inertias from the scene: {escape(', '.join(masses))}")
     for link, trouble in model.doubtful.items():
-        out.print(f"link '{link}': {trouble}", style="yellow")
+        out.print(escape(f"link '{link}': {trouble}"), style="yellow")
 
 
 def _show_joints(out: Console, model: ArmModel) -> None:
+    from rich.markup import escape
+
     columns, absent = _joint_columns(model)
     write = {name: limit if name.endswith(("limit", "er")) else number for name in columns}
     rows = [
@@ -165,7 +169,7 @@ def _show_joints(out: Console, model: ArmModel) -> None:
     if model.placeholders:
         named = ", ".join(f"{name} ({why})" for name, why in model.placeholders.items())
         out.print(
-            f"[yellow]limits that are probably placeholders:[/] {named}; a scene's "
+            f"[yellow]limits that are probably placeholders:[/] {escape(named)}; a scene's "
             "joints.NAME.limits gives others"
         )
     _show_drives(out, model)
@@ -237,17 +241,19 @@ def _between(spring: PointSpring) -> str:
 
 def _show_outside(out: Console, model: ArmModel) -> None:
     import numpy as np
+    from rich.markup import escape
 
     if model.stops.contradicting:
+        left_out = escape(", ".join(model.stops.contradicting))
         out.print(
-            f"[yellow]limits left out:[/] {', '.join(model.stops.contradicting)}; with those of "
+            f"[yellow]limits left out:[/] {left_out}; with those of "
             "the joints that they follow they allow no motion"
         )
     outside = (model.q0 < model.position_lower) | (model.position_upper < model.q0)
     at_stop = model.stops.touched(model.q0) & ~outside
     for what, joints in {"outside its limits": outside, "at its stop": at_stop}.items():
         if joints.any():
-            names = ", ".join(np.array(model.joint_names)[joints])
+            names = escape(", ".join(np.array(model.joint_names)[joints]))
             out.print(
                 f"[yellow]starts {what}:[/] {names}; a scene's initial.position changes that"
             )

@@ -123,7 +123,9 @@ def _wrapper(mockup: Mockup, file: str, token: str) -> str:
         "TOKEN": f'"{token}"',
     }
     defined = "".join(f"#define {key} {value}\n" for key, value in values.items())
-    common = (NATIVE / "instance.h").read_text().replace('#include "library.h"\n', "")
+    common = (NATIVE / "instance.h").read_text()
+    for line in ("#pragma once\n", '#include "library.h"\n'):
+        common = common.replace(line, "")
     text = (NATIVE / file).read_text().replace('#include "instance.h"\n', common)
     return f'{defined}#include "{mockup.name}.h"\n\n{named(mockup.name, text)}'
 

@@ -13,6 +13,7 @@ from arm_dynamics.codegen import compiler
 from arm_sim.export.at_rest import PREFIX, at_rest
 from arm_sim.export.conditions import decided
 from arm_sim.export.generated import static_functions, without_unused
+from arm_sim.export.names import c_string
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick, declarations
 
@@ -67,7 +68,7 @@ def source(
     """``N.c`` of a library; arguments as of ``header``."""
     functions = {term.function.name(): term.function for term in terms}
     functions |= {function.name(): function for function in (tick.functions if tick else ())}
-    names = ", ".join(f'"{joint}"' for joint in model.joint_names)
+    names = ", ".join(map(c_string, model.joint_names))
     moves = any(term.name == "forward_dynamics" for term in terms)
     resting = at_rest(model) if moves else ""
     parts = [
@@ -95,7 +96,8 @@ def named(name: str, text: str) -> str:
 
 
 def comment(text: str) -> str:
-    """A comment in C of lines that are not too long."""
+    """A comment in C of lines that are not too long; names in it do not end it."""
+    text = text.replace("*/", "* /").replace("/*", "/ *")
     lines = [
         line
         for paragraph in text.split("\n")

@@ -11,7 +11,8 @@ from arm_dynamics import InvalidInput
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 LONGEST = 63
 """Characters of a name that every C compiler distinguishes."""
-# Words of C and C++; targets that CMake reserves; headers that N.h would hide.
+# Words of C and C++; names that CMake reserves; the prefix of a part of libraries (at_rest.py);
+# headers that N.h would hide.
 _WORDS = frozenset(
     """
     alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl const
@@ -21,7 +22,9 @@ _WORDS = frozenset(
     return short signed sizeof static static_assert static_cast struct switch template this
     thread_local throw true try typedef typeid typename union unsigned using virtual void volatile
     wchar_t while xor xor_eq
-    all clean edit_cache help install package package_source rebuild_cache test
+    all clean edit_cache help install m package package_source rebuild_cache test
+    rest
+    alloca endian features libintl memory pthread sched strings unistd
     assert complex ctype errno fenv inttypes iso646 limits locale math setjmp signal stdalign
     stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath threads time
     uchar wchar wctype
@@ -33,7 +36,7 @@ def library_name(name: str) -> str:
     """Check the name of a library, the prefix of all its functions.
 
     Raises:
-        InvalidInput: If it is no C identifier, or a word of C, C++ or CMake.
+        InvalidInput: If it is no C identifier, or a word that C, C++, CMake or libraries use.
     """
     if not _IDENTIFIER.fullmatch(name) or len(name) > LONGEST:
         raise InvalidInput(
@@ -42,7 +45,8 @@ def library_name(name: str) -> str:
         )
     if name.lower() in _WORDS:
         raise InvalidInput(
-            f"name = {name!r}, which C, C++ or CMake use themselves; allowed: any other identifier"
+            f"name = {name!r}, which C, C++, CMake or the library itself use; allowed: any other "
+            "identifier"
         )
     return name
 
@@ -52,6 +56,13 @@ def from_title(title: str) -> str:
     name = re.sub(r"\W+", "_", title, flags=re.ASCII).strip("_").lower() or "arm"
     name = name if name[0].isalpha() else f"arm_{name}"
     return f"{name}_arm" if name in _WORDS else name[:LONGEST]
+
+
+def c_string(text: str) -> str:
+    """A text as a string literal in C, such as the name of a joint."""
+    marks = {"\\": "\\\\", '"': '\\"', "?": "\\?"}  # ?: trigraphs
+    shown = (marks.get(c) or (c if c >= " " else f"\\{ord(c):03o}") for c in text)
+    return f'"{"".join(shown)}"'
 
 
 def of_frames(frames: Sequence[str]) -> list[str]:

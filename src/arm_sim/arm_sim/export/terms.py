@@ -211,8 +211,8 @@ def _of_frame(at: _Point, place: int, name: str, suffixes: Sequence[str]) -> lis
     p, R = frame.placement(at.tree, body, at.q)
     T = ca.vertcat(ca.horzcat(R, p), ca.SX([[0, 0, 0, 1]]))
     J = frame.jacobian(at.tree, body, at.q)
-    pose = at.function(f"pose{suffixes[-1]}", "q", T.T)
-    jacobian = at.function(f"jacobian{suffixes[-1]}", "q", J.T)
+    pose = at.function(f"pose_{place}", "q", T.T)  # CasADi refuses names such as tool__tip
+    jacobian = at.function(f"jacobian_{place}", "q", J.T)
     posed = f"Pose of frame '{name}' in the world, 4 x 4, row by row."
     moved = (
         f"Jacobian of frame '{name}', 6 x n, row by row: linear rows first, in axes of the world, "

@@ -25,7 +25,8 @@
 #endif
 
 #define EXPORT __attribute__((visibility("default")))
-#define CLOSE 1e-6 /* part of a tick by which a communication point may be beside the end of one */
+#define NEAR 0.5   /* ticks by which a communication point may be beside the last tick: importers add up times */
+#define CLOSE 1e-3 /* ticks by which a step may differ from whole ones: differences of large times are rounded */
 
 /* Numbers of the variables. */
 enum {
@@ -93,11 +94,14 @@ static void free_instance(instance_t* i) {
   free(i);
 }
 
+/* End of the last tick in [s]. */
+static double reached(const instance_t* i) { return i->memory.start + (double)i->memory.ticks * PERIOD; }
+
 /* Read the variables that the simulation computes. */
 static void read_outputs(instance_t* i) {
   double* values = i->memory.values;
   library_sim_state(i->sim, values + POSITION, values + VELOCITY, values + EFFORT);
-  values[TIME] = i->memory.start + (double)i->memory.ticks * PERIOD;
+  values[TIME] = reached(i);
 }
 
 static int set_parameter(instance_t* i, int k, double value) {
@@ -151,16 +155,17 @@ static int set_values(instance_t* i, const unsigned int* references, size_t coun
   return found;
 }
 
-/* Advance from a communication point by a time that ends with a tick. */
+/* Advance from a communication point, the end of the last tick, by a time of whole ticks. */
 static int advance(instance_t* i, double point, double time) {
-  const double goal = (point + time - i->memory.start) / PERIOD, ticks = floor(goal + 0.5);
-  char text[160];
+  const double beside = (point - reached(i)) / PERIOD, ticks = floor(time / PERIOD + 0.5);
+  char text[200];
   if (!i->memory.begun) return fail(i, "initialization is not over");
-  if (!(fabs(goal - ticks) <= CLOSE) || ticks < (double)i->memory.ticks) {
-    snprintf(text, sizeof text, "a step from %g s by %g s; allowed: steps that end with a tick of %g s", point, time, PERIOD);
+  if (!(fabs(beside) < NEAR) || !(fabs(time / PERIOD - ticks) <= CLOSE) || ticks < 0.0) {
+    snprintf(text, sizeof text, "a step from %g s by %g s; allowed: from %g s, where the last one ended, by ticks of %g s",
+             point, time, reached(i), PERIOD);
     return fail(i, text);
   }
-  while ((double)i->memory.ticks < ticks) {
+  for (const int64_t goal = i->memory.ticks + (int64_t)ticks; i->memory.ticks < goal;) {
     const int code = library_sim_step(i->sim, i->memory.values + COMMAND);
     if (code != LIBRARY_OK) return outcome(i, code);
     ++i->memory.ticks;
@@ -168,9 +173,6 @@ static int advance(instance_t* i, double point, double time) {
   }
   return OK;
 }
-
-/* End of the last tick in [s]. */
-static double reached(const instance_t* i) { return i->memory.start + (double)i->memory.ticks * PERIOD; }
 
 static size_t state_size(void) { return sizeof(memory_t) + library_sim_size(); }
 

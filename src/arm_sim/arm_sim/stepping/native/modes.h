@@ -313,7 +313,7 @@ static int stop_rounding(real* x) {
   const double limit = speed_rounding(x);
   int any = 0;
   for (int i = 0; i < ND; ++i) {
-    const int side = at_stop(x, i), kept = side ? side * x[NU + i] > 0.0 || NB || NC : may_stick(i) && (NB || NC);
+    const int side = at_stop(x, i), kept = side ? side * x[NU + i] > 0.0 || NB + NC > 0 : may_stick(i) && NB + NC > 0;
     if (!kept || x[NU + i] == 0.0 || fabs(x[NU + i]) > limit) continue;
     x[NU + i] = 0.0;
     any = 1;
