@@ -30,7 +30,7 @@ static void begin_motion(const double* q, const double* v, const double* tau, do
   arg[2] = tau;
   res[0] = u;
   acting_torques(arg, res, iw, w, 0);
-  clear(&p, sizeof p);
+  set_zero(&p, sizeof p);
   for (int i = 0; i < NP; ++i) p.tunable[i] = nominal[i];
   for (int i = 0; i < NU; ++i) {
     x[i] = q[i];

@@ -31,13 +31,18 @@ EXPORT const char* fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char* fmi2GetVersion(void) { return "2.0"; }
 
 EXPORT int fmi2SetDebugLogging(void* c, int on, size_t count, const char* const* categories) {
-  (void)c, (void)on, (void)count, (void)categories;
+  (void)c;
+  (void)on;
+  (void)count;
+  (void)categories;
   return OK;
 }
 
 EXPORT void* fmi2Instantiate(const char* name, int type, const char* token, const char* resources,
                              const callbacks_t* callbacks, int visible, int logging) {
-  (void)resources, (void)visible, (void)logging;
+  (void)resources;
+  (void)visible;
+  (void)logging;
   instance_t* i = type == CO_SIMULATION ? new_instance(token) : NULL;
   if (!i) {
     if (callbacks && callbacks->logger)
@@ -58,7 +63,10 @@ EXPORT void fmi2FreeInstance(void* c) { free_instance(c); }
 
 EXPORT int fmi2SetupExperiment(void* c, int has_tolerance, double tolerance, double start, int has_stop, double stop) {
   instance_t* i = c;
-  (void)has_tolerance, (void)tolerance, (void)has_stop, (void)stop;
+  (void)has_tolerance;
+  (void)tolerance;
+  (void)has_stop;
+  (void)stop;
   i->memory.start = start;
   return OK;
 }
@@ -107,7 +115,8 @@ EXPORT int fmi2FreeFMUstate(void* c, void** state) {
 }
 
 EXPORT int fmi2SerializedFMUstateSize(void* c, void* state, size_t* size) {
-  (void)c, (void)state;
+  (void)c;
+  (void)state;
   *size = state_size();
   return OK;
 }
@@ -127,7 +136,8 @@ EXPORT int fmi2DeSerializeFMUstate(void* c, const char* bytes, size_t size, void
 }
 
 EXPORT int fmi2GetStatus(void* c, int kind, int* value) {
-  (void)kind, (void)value;
+  (void)kind;
+  (void)value;
   return fail(c, "steps end before fmi2DoStep returns: there is no status");
 }
 
@@ -144,15 +154,18 @@ static int none(void* c, size_t count) { return count ? fail(c, "there is no var
 
 #define NO_VARIABLES(NAME, TYPE) \
   EXPORT int fmi2Get##NAME(void* c, const reference_t* references, size_t count, TYPE* values) { \
-    (void)references, (void)values; \
+    (void)references; \
+    (void)values; \
     return none(c, count); \
   } \
   EXPORT int fmi2Set##NAME(void* c, const reference_t* references, size_t count, const TYPE* values) { \
-    (void)references, (void)values; \
+    (void)references; \
+    (void)values; \
     return none(c, count); \
   } \
   EXPORT int fmi2Get##NAME##Status(void* c, int kind, TYPE* value) { \
-    (void)kind, (void)value; \
+    (void)kind; \
+    (void)value; \
     return fail(c, "the only status is the last successful time"); \
   }
 NO_VARIABLES(Integer, int)

@@ -20,15 +20,25 @@ static void complain(const instance_t* i, const char* text) {
 EXPORT const char* fmi3GetVersion(void) { return "3.0"; }
 
 EXPORT int fmi3SetDebugLogging(void* c, bool on, size_t count, const char* const* categories) {
-  (void)c, (void)on, (void)count, (void)categories;
+  (void)c;
+  (void)on;
+  (void)count;
+  (void)categories;
   return OK;
 }
 
 EXPORT void* fmi3InstantiateCoSimulation(const char* name, const char* token, const char* resources, bool visible,
                                          bool logging, bool events, bool early, const reference_t* required, size_t count,
                                          void* environment, log_t logger, void* update) {
-  (void)name, (void)resources, (void)visible, (void)logging, (void)events, (void)early;
-  (void)required, (void)count, (void)update;
+  (void)name;
+  (void)resources;
+  (void)visible;
+  (void)logging;
+  (void)events;
+  (void)early;
+  (void)required;
+  (void)count;
+  (void)update;
   instance_t* i = new_instance(token);
   if (!i) {
     if (logger) logger(environment, ERROR, "error", "out of memory, or the token is of another model description");
@@ -42,15 +52,29 @@ EXPORT void* fmi3InstantiateCoSimulation(const char* name, const char* token, co
 
 EXPORT void* fmi3InstantiateModelExchange(const char* name, const char* token, const char* resources, bool visible,
                                           bool logging, void* environment, log_t logger) {
-  (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)environment, (void)logger;
+  (void)name;
+  (void)token;
+  (void)resources;
+  (void)visible;
+  (void)logging;
+  (void)environment;
+  (void)logger;
   return NULL;
 }
 
 EXPORT void* fmi3InstantiateScheduledExecution(const char* name, const char* token, const char* resources, bool visible,
                                                bool logging, void* environment, log_t logger, void* update, void* lock,
                                                void* unlock) {
-  (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)environment, (void)logger;
-  (void)update, (void)lock, (void)unlock;
+  (void)name;
+  (void)token;
+  (void)resources;
+  (void)visible;
+  (void)logging;
+  (void)environment;
+  (void)logger;
+  (void)update;
+  (void)lock;
+  (void)unlock;
   return NULL;
 }
 
@@ -59,7 +83,10 @@ EXPORT void fmi3FreeInstance(void* c) { free_instance(c); }
 EXPORT int fmi3EnterInitializationMode(void* c, bool has_tolerance, double tolerance, double start, bool has_stop,
                                        double stop) {
   instance_t* i = c;
-  (void)has_tolerance, (void)tolerance, (void)has_stop, (void)stop;
+  (void)has_tolerance;
+  (void)tolerance;
+  (void)has_stop;
+  (void)stop;
   i->memory.start = start;
   return begin(i);
 }
@@ -112,7 +139,8 @@ EXPORT int fmi3FreeFMUState(void* c, void** state) {
 }
 
 EXPORT int fmi3SerializedFMUStateSize(void* c, void* state, size_t* size) {
-  (void)c, (void)state;
+  (void)c;
+  (void)state;
   *size = state_size();
   return OK;
 }
@@ -136,11 +164,15 @@ static int none(void* c, size_t count) { return count ? fail(c, "there is no var
 
 #define NO_VARIABLES(NAME, TYPE) \
   EXPORT int fmi3Get##NAME(void* c, const reference_t* references, size_t count, TYPE* values, size_t size) { \
-    (void)references, (void)values, (void)size; \
+    (void)references; \
+    (void)values; \
+    (void)size; \
     return none(c, count); \
   } \
   EXPORT int fmi3Set##NAME(void* c, const reference_t* references, size_t count, const TYPE* values, size_t size) { \
-    (void)references, (void)values, (void)size; \
+    (void)references; \
+    (void)values; \
+    (void)size; \
     return none(c, count); \
   }
 NO_VARIABLES(Float32, float)
@@ -156,23 +188,31 @@ NO_VARIABLES(Boolean, bool)
 NO_VARIABLES(String, char*)
 
 EXPORT int fmi3GetBinary(void* c, const reference_t* references, size_t count, size_t* sizes, void* values, size_t size) {
-  (void)references, (void)sizes, (void)values, (void)size;
+  (void)references;
+  (void)sizes;
+  (void)values;
+  (void)size;
   return none(c, count);
 }
 
 EXPORT int fmi3SetBinary(void* c, const reference_t* references, size_t count, const size_t* sizes, const void* values,
                          size_t size) {
-  (void)references, (void)sizes, (void)values, (void)size;
+  (void)references;
+  (void)sizes;
+  (void)values;
+  (void)size;
   return none(c, count);
 }
 
 EXPORT int fmi3GetClock(void* c, const reference_t* references, size_t count, bool* values) {
-  (void)references, (void)values;
+  (void)references;
+  (void)values;
   return none(c, count);
 }
 
 EXPORT int fmi3SetClock(void* c, const reference_t* references, size_t count, const bool* values) {
-  (void)references, (void)values;
+  (void)references;
+  (void)values;
   return none(c, count);
 }
 

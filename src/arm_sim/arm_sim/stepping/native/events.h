@@ -138,7 +138,7 @@ static long long count_time_stepped(const report_t* report) { return report->tim
 static record_t* next_record(trace_t* trace, const real* x) {
   if (!trace || trace->count++ >= trace->most) return 0;
   record_t* record = trace->records + trace->count - 1;
-  clear(record, sizeof *record);
+  set_zero(record, sizeof *record);
   record->calm = 1.0;
   for (int i = 0; i < NX; ++i) record->before[i] = x[i];
   return record;
@@ -215,7 +215,7 @@ static int meets_any(const real* x, const real* u, const real* after, double h) 
   segment_t segment;
   __extension__ real value[2][NK], size[NK];
   int meets = 0;
-  if (NK) clear(&segment, sizeof segment);
+  if (NK) set_zero(&segment, sizeof segment);
   segment.u = u;
   find_switches(x, &segment, value[0], size);
   find_switches(after, &segment, value[1], size);
@@ -309,7 +309,7 @@ EXPORTED int tick_as_foreseen(const foreseen_t* tick, double* after) {
   long long work = 0;
   report_t report;
   segment_t segment;
-  clear(&report, sizeof report);
+  set_zero(&report, sizeof report);
   begin_tick(&segment, tick->u, &work);
   segment.foreseen = tick;
   memcpy(segment.p.tunable, tick->p, sizeof segment.p.tunable);

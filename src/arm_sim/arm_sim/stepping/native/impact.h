@@ -206,7 +206,7 @@ static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geom
   __extension__ double hop[NC];
   int any = 0, any_rebound = 0;
   double part = 1.0;
-  clear(&blow, sizeof blow);
+  set_zero(&blow, sizeof blow);
   for (int k = 0; k < NC; ++k) segment->p.contact[k].closed = segment->p.contact[k].sticks = 0.0;
   for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
   find_geometry(x, segment, geometry);

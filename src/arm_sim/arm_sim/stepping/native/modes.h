@@ -27,7 +27,7 @@
 #include "cone.h"
 #include "together.h"
 #include "search.h"
-#include "clear.h"
+#include "zeros.h"
 
 #define GAP_ROUNDING (4 * 2.220446049250313e-16) /* rounding of a gap, as a multiple of the lengths that add up to it ... */
 #define HOP (64 * 2.220446049250313e-16)         /* ... and the threshold of an opening gap */
@@ -158,7 +158,7 @@ static const double soft_stop[2][NU] = {SOFT_LOWER, SOFT_UPPER};
 
 /* Of a tick, of which nothing but the command is known yet; `work` counts its operations. */
 static void begin_tick(segment_t* segment, const real* u, long long* work) {
-  clear(segment, sizeof *segment);
+  set_zero(segment, sizeof *segment);
   segment->u = u;
   segment->work = work;
   for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;

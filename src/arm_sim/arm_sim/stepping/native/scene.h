@@ -105,6 +105,8 @@ GENERATED(clear);
 GENERATED(clear_in_motion);
 GENERATED(rest_begin);
 GENERATED(rest_end);
+GENERATED(begin_adjoint);
+GENERATED(end_adjoint);
 GENERATED(adjoint);
 GENERATED(limit_adjoint);
 #define TICK step

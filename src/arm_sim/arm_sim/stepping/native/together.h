@@ -16,7 +16,7 @@
 #pragma once
 #include "cone.h"
 #include "conic.h"
-#include "clear.h"
+#include "zeros.h"
 
 #define PARTS (NU + NC)         /* joints, then contacts */
 #define FORCES (MC + NU)        /* reactions: those of contacts, then those of joints */
@@ -273,7 +273,7 @@ static void find_together(const statics_t* statics, const part_t* parts, int alw
   stresses_t stresses;
   double y[SHARES + 1];
   find_stresses(statics, parts, &stresses);
-  clear(found, sizeof *found);
+  set_zero(found, sizeof *found);
   memcpy(found->set, stresses.set, sizeof stresses.set);
   for (int number = 1; number <= stresses.sets; ++number) {
     int beyond = always;
@@ -289,7 +289,7 @@ static void find_nearest(const statics_t* statics, const part_t* parts, double* 
   stresses_t stresses;
   together_t found;
   double y[SHARES + 1];
-  clear(&found, sizeof found);
+  set_zero(&found, sizeof found);
   find_stresses(statics, parts, &stresses);
   for (int number = 1; number <= stresses.sets; ++number) {
     double h[MOST_ROWS], G[MOST_ROWS * MOST_UNKNOWNS], z[MOST_ROWS];

@@ -9,7 +9,7 @@
 
 #include <string.h>
 
-static inline void clear(void* memory, size_t size) {
+static inline void set_zero(void* memory, size_t size) {
   const double zero = 0.0;
   for (size_t i = 0; i < size; i += sizeof zero) memcpy((char*)memory + i, &zero, sizeof zero);
 }
