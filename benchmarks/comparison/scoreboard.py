@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.peers.base import OURS
-from benchmarks.reporting.markdown import duration, number, table
+from benchmarks.reporting.markdown import duration, number, table, wrapped
 from benchmarks.studies.bench import Record
 
 INTRO = """\
@@ -66,7 +66,7 @@ def page(results: Record, about: str) -> str:
     head = ("task", OURS, "by", "best peer", "by", "ratio")
     behind = [line.task for line in found if line.ratio and line.ratio > 1.0]
     lost = f"Behind a peer in: {'; '.join(behind)}." if behind else "Behind a peer in no task."
-    return "\n\n".join(["# Scoreboard", INTRO, table(head, rows), lost, about]) + "\n"
+    return wrapped("\n\n".join(["# Scoreboard", INTRO, table(head, rows), lost, about]) + "\n")
 
 
 def _text(seconds: float | None) -> str:
@@ -127,7 +127,7 @@ def _chains(results: Record) -> Iterator[Line]:
 def _derivatives(results: Record) -> Iterator[Line]:
     rows = _rows(results, "derivatives")
     for what in dict.fromkeys(row["what"] for row in rows):
-        some = [r for r in rows if r["what"] == what and "without" not in r["who"]]
+        some = [r for r in rows if r["what"] == what]
         yield from _line(f"{what} of Panda", some, "ns", 1e-9)
 
 

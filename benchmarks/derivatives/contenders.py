@@ -21,14 +21,13 @@ Contender = tuple[Callable[[], object], int]
 
 
 class Arm:
-    """The arm, and random states near the middle of its joint ranges, in which all joints move."""
+    """The arm, and random states near the middle of its joint ranges."""
 
-    def __init__(self, robot: Robot, friction: float = 0.0) -> None:
-        """Take a robot, and the dry friction of its joints in [N m]."""
-        self.robot, self.n, self._friction = robot, robot.n, friction
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.n = robot, robot.n
         rng = np.random.default_rng(0)
         scene = {"robot": {"urdf": robot.urdf}, "joints": {"*": {
-            "friction": {"viscous": 0.0, "coulomb": friction},
+            "friction": {"viscous": 0.0, "coulomb": 0.0},
             "limits": {"stop": False, "effort": None},
         }}}  # fmt: skip
         self.sim = Simulator(scene, integrator="rk4", dt=DT)
@@ -162,8 +161,6 @@ class Arm:
         except ImportError:
             return {}
         model, euler = (compile_model(self.robot, method, DT) for method in ("RK4", "Euler"))
-        for made in (model, euler):
-            made.dof_frictionloss[:] = self._friction
         data, other = mujoco.MjData(model), mujoco.MjData(euler)
         for place in (data, other):
             place.qpos[:], place.qvel[:] = self.q[0], self.v[0]
