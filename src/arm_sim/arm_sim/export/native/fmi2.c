@@ -73,12 +73,7 @@ EXPORT int fmi2SetupExperiment(void* c, int has_tolerance, double tolerance, dou
 
 EXPORT int fmi2EnterInitializationMode(void* c) { return begin(c); }
 
-EXPORT int fmi2ExitInitializationMode(void* c) {
-  instance_t* i = c;
-  const int found = begin(i);
-  i->memory.begun = found == OK;
-  return found;
-}
+EXPORT int fmi2ExitInitializationMode(void* c) { return end_initialization(c); }
 
 EXPORT int fmi2Terminate(void* c) {
   (void)c;
@@ -109,30 +104,19 @@ EXPORT int fmi2SetFMUstate(void* c, void* state) { return restore(c, state, stat
 
 EXPORT int fmi2FreeFMUstate(void* c, void** state) {
   (void)c;
-  free(*state);
-  *state = NULL;
-  return OK;
+  return discard_state(state);
 }
 
 EXPORT int fmi2SerializedFMUstateSize(void* c, void* state, size_t* size) {
   (void)c;
   (void)state;
-  *size = state_size();
-  return OK;
+  return measure_state(size);
 }
 
-EXPORT int fmi2SerializeFMUstate(void* c, void* state, char* bytes, size_t size) {
-  if (size < state_size()) return fail(c, "there is too little room for the state");
-  memcpy(bytes, state, state_size());
-  return OK;
-}
+EXPORT int fmi2SerializeFMUstate(void* c, void* state, char* bytes, size_t size) { return serialize(c, state, bytes, size); }
 
 EXPORT int fmi2DeSerializeFMUstate(void* c, const char* bytes, size_t size, void** state) {
-  if (size != state_size()) return fail(c, "these bytes are no state of this unit");
-  if (!*state) *state = malloc(size);
-  if (!*state) return fail(c, "out of memory");
-  memcpy(*state, bytes, size);
-  return OK;
+  return deserialize(c, bytes, size, state);
 }
 
 EXPORT int fmi2GetStatus(void* c, int kind, int* value) {
@@ -149,9 +133,7 @@ EXPORT int fmi2GetRealStatus(void* c, int kind, double* value) {
 
 EXPORT int fmi2CancelStep(void* c) { return fail(c, "steps end before fmi2DoStep returns: none can be cancelled"); }
 
-/* Variables of other types, of which there are none, and statuses of these types. */
-static int none(void* c, size_t count) { return count ? fail(c, "there is no variable of this type") : OK; }
-
+/* Variables of other types, and statuses of these types. */
 #define NO_VARIABLES(NAME, TYPE) \
   EXPORT int fmi2Get##NAME(void* c, const reference_t* references, size_t count, TYPE* values) { \
     (void)references; \

@@ -91,12 +91,7 @@ EXPORT int fmi3EnterInitializationMode(void* c, bool has_tolerance, double toler
   return begin(i);
 }
 
-EXPORT int fmi3ExitInitializationMode(void* c) {
-  instance_t* i = c;
-  const int found = begin(i);
-  i->memory.begun = found == OK;
-  return found;
-}
+EXPORT int fmi3ExitInitializationMode(void* c) { return end_initialization(c); }
 
 EXPORT int fmi3Terminate(void* c) {
   (void)c;
@@ -133,35 +128,24 @@ EXPORT int fmi3SetFMUState(void* c, void* state) { return restore(c, state, stat
 
 EXPORT int fmi3FreeFMUState(void* c, void** state) {
   (void)c;
-  free(*state);
-  *state = NULL;
-  return OK;
+  return discard_state(state);
 }
 
 EXPORT int fmi3SerializedFMUStateSize(void* c, void* state, size_t* size) {
   (void)c;
   (void)state;
-  *size = state_size();
-  return OK;
+  return measure_state(size);
 }
 
 EXPORT int fmi3SerializeFMUState(void* c, void* state, uint8_t* bytes, size_t size) {
-  if (size < state_size()) return fail(c, "there is too little room for the state");
-  memcpy(bytes, state, state_size());
-  return OK;
+  return serialize(c, state, bytes, size);
 }
 
 EXPORT int fmi3DeserializeFMUState(void* c, const uint8_t* bytes, size_t size, void** state) {
-  if (size != state_size()) return fail(c, "these bytes are no state of this unit");
-  if (!*state) *state = malloc(size);
-  if (!*state) return fail(c, "out of memory");
-  memcpy(*state, bytes, size);
-  return OK;
+  return deserialize(c, bytes, size, state);
 }
 
-/* Variables of other types, of which there are none. */
-static int none(void* c, size_t count) { return count ? fail(c, "there is no variable of this type") : OK; }
-
+/* Variables of other types. */
 #define NO_VARIABLES(NAME, TYPE) \
   EXPORT int fmi3Get##NAME(void* c, const reference_t* references, size_t count, TYPE* values, size_t size) { \
     (void)references; \

@@ -199,3 +199,40 @@ static int restore(instance_t* i, const void* state, size_t size) {
   read_state(i, state);
   return OK;
 }
+
+/* End the initialization. */
+static int end_initialization(instance_t* i) {
+  const int found = begin(i);
+  i->memory.begun = found == OK;
+  return found;
+}
+
+static int discard_state(void** state) {
+  free(*state);
+  *state = NULL;
+  return OK;
+}
+
+static int measure_state(size_t* size) {
+  *size = state_size();
+  return OK;
+}
+
+/* Write a saved state as bytes. */
+static int serialize(const instance_t* i, const void* state, void* bytes, size_t size) {
+  if (size < state_size()) return fail(i, "there is too little room for the state");
+  memcpy(bytes, state, state_size());
+  return OK;
+}
+
+/* Read a saved state from bytes, into new memory unless `*state` is of an earlier call. */
+static int deserialize(const instance_t* i, const void* bytes, size_t size, void** state) {
+  if (size != state_size()) return fail(i, "these bytes are no state of this unit");
+  if (!*state) *state = malloc(size);
+  if (!*state) return fail(i, "out of memory");
+  memcpy(*state, bytes, size);
+  return OK;
+}
+
+/* Variables of other types than numbers, of which there are none. */
+static int none(const instance_t* i, size_t count) { return count ? fail(i, "there is no variable of this type") : OK; }
