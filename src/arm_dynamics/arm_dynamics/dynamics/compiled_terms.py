@@ -88,9 +88,14 @@ def _mass_matrix(robot: Robot) -> ca.Function:
     return _function([q], rigid_body.mass_matrix(tree_of(robot), q))
 
 
-def _mass_parts(points: RigidTerms, answer: Answer, q: Array, *_: Array) -> Parts:
-    M = each(points.mass, q)
-    return [(answer(q) - M, M)]
+def _relative_to_itself(point: Callable[..., Array]) -> Callable[..., Parts]:
+    """The comparison of a function of q whose own size is that of its summands."""
+
+    def compared(points: RigidTerms, answer: Answer, q: Array, *_: Array) -> Parts:
+        expected = each(partial(point, points), q)
+        return [(answer(q) - expected, expected)]
+
+    return compared
 
 
 def _coriolis_matrix(robot: Robot) -> ca.Function:
@@ -183,11 +188,9 @@ def pose(name: str) -> BatchTerm:
         last = ca.SX([[0.0, 0.0, 0.0, 1.0]])
         return _function([q], ca.vertcat(ca.horzcat(R, p), last).T)
 
-    def compared(points: RigidTerms, answer: Answer, q: Array, *_: Array) -> Parts:
-        T = each(partial(point, points), q)
-        return [(answer(q) - T, T)]
-
-    return BatchTerm(f"pose of frame '{name}'", point, expression, compared, True)
+    return BatchTerm(
+        f"pose of frame '{name}'", point, expression, _relative_to_itself(point), True
+    )
 
 
 @cache
@@ -199,11 +202,9 @@ def jacobian(name: str) -> BatchTerm:
         q = ca.SX.sym("q", robot.n)
         return _function([q], frame.jacobian(tree_of(robot), frame_of(robot, name), q).T)
 
-    def compared(points: RigidTerms, answer: Answer, q: Array, *_: Array) -> Parts:
-        J = each(partial(point, points), q)
-        return [(answer(q) - J, J)]
-
-    return BatchTerm(f"Jacobian of frame '{name}'", point, expression, compared, True)
+    return BatchTerm(
+        f"Jacobian of frame '{name}'", point, expression, _relative_to_itself(point), True
+    )
 
 
 @cache
@@ -226,7 +227,13 @@ def jacobian_derivative(name: str) -> BatchTerm:
 
 INVERSE = BatchTerm("inverse dynamics", RigidTerms.inverse, _inverse, _inverse_parts)
 FORWARD = BatchTerm("forward dynamics", RigidTerms.forward, _forward, _forward_parts)
-MASS_MATRIX = BatchTerm("mass matrix", RigidTerms.mass, _mass_matrix, _mass_parts, is_matrix=True)
+MASS_MATRIX = BatchTerm(
+    "mass matrix",
+    RigidTerms.mass,
+    _mass_matrix,
+    _relative_to_itself(RigidTerms.mass),
+    is_matrix=True,
+)
 CORIOLIS_MATRIX = BatchTerm(
     "Coriolis matrix", RigidTerms.coriolis, _coriolis_matrix, _coriolis_parts, is_matrix=True
 )
