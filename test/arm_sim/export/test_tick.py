@@ -192,6 +192,19 @@ def test_tunable_numbers_act_as_in_the_simulator(tmp_path: Path) -> None:
     assert ticks.run(commands).tobytes() == np.hstack([expected.q, expected.v])[1:].tobytes()
 
 
+def test_bodies_that_cannot_be_are_refused(tmp_path: Path) -> None:
+    export(STUCK | {
+        "payloads": [{"frame": "tip", "mass": 0.5, "inertia": [1e-3, 0, 0, 1e-3, 0, 1e-3]}] * 2,
+        "tunable": ["payload"],
+    }, tmp_path / "arm", "arm", terms=())  # fmt: skip
+    ticks = Ticks(Library(tmp_path / "arm", "arm"), 2)
+    assert ticks.init() == 0
+    for place in (0, 10, 4, 7, 19):  # masses and moments of inertia
+        assert "cannot have this value" in ticks.text(ticks.set(f"payload[{place}]", -1e-3))
+    for place in (1, 5, 18):  # centres of mass and products of inertia
+        assert ticks.set(f"payload[{place}]", -1e-4) == 0
+
+
 def test_states_that_are_impossible_are_refused(tmp_path: Path) -> None:
     loops, stops, planes = (Case(name, tmp_path) for name in ("four_bar", "panda", "panda_table"))
     for case, q, said in (

@@ -60,7 +60,8 @@ def export(
         tick: Whether to export the simulator's tick, too.
         fmu: Whether to add functional mock-up units for co-simulation, ``N.fmu`` by FMI 3.0 and
             ``N_fmi2.fmu`` by FMI 2.0, which need the tick.
-        frames: Frames whose poses and Jacobians are wanted.
+        frames: Frames whose poses and Jacobians are wanted, and on which wrenches may act in the
+            units.
 
     Raises:
         InvalidInput: If an argument is not allowed; nothing is written.
@@ -94,7 +95,7 @@ def _files(
     expected, points = Expected(model, frames), states(model)
     terms = terms_of(model, wanted, frames)
     expected.verify(terms, points)
-    tick = tick_of(model) if ticks else None
+    tick = tick_of(model, pushed=fmu and bool(frames)) if ticks else None
     said = about(name, model)
     code = {
         f"{name}.h": library.header(name, said, model, terms, tick),
@@ -102,7 +103,7 @@ def _files(
     }
     return {
         **code,
-        **(units(mockup_of(name, tick, code)) if fmu and tick else {}),
+        **(units(mockup_of(name, tick, code, frames)) if fmu and tick else {}),
         f"test_{name}.c": check_program(name, said, terms, expected, points, tick),
         "CMakeLists.txt": (_NATIVE / "CMakeLists.txt").read_text().replace("@NAME@", name),
         "README.md": readme(name, model, terms, tick),

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 
 import casadi as ca
@@ -23,6 +24,8 @@ from arm_sim.stepping.stepper import braces, engine_source, tick_functions
 
 NATIVE = Path(__file__).parent / "native"
 _INCLUDES = re.compile(r'^#include "[^"]*"\n', re.MULTILINE)
+_ANY = (-math.inf,)
+_LEAST_OF_A_BODY = (0.0, *3 * _ANY, 0.0, *2 * _ANY, 0.0, *_ANY, 0.0)  # mass, com, ixx ixy ... izz
 _COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
 
 
@@ -44,8 +47,13 @@ class Tick:
 
 
 @one_at_a_time
-def tick_of(model: ArmModel) -> Tick:
+def tick_of(model: ArmModel, pushed: bool = False) -> Tick:
     """Build the tick of an arm.
+
+    Args:
+        model: The arm.
+        pushed: Whether external torques on the joints may be set even if the scene does not
+            declare them tunable.
 
     Raises:
         SceneError: If the scene has sensors or lines of commands that are not perfect, or a drive
@@ -54,6 +62,8 @@ def tick_of(model: ArmModel) -> Tick:
     """
     _refuse(model)
     simulator = Simulator(model)
+    if pushed:
+        simulator.arm.use(simulator.arm.compiled.pushable())
     plant, choice = simulator.arm.plant, simulator.arm.compiled.choice
     functions, smooth = tick_functions(plant, choice, actuation(plant))
     numbers = _numbers(plant)
@@ -137,12 +147,13 @@ class _Number:
 
 def _numbers(plant: Plant) -> list[_Number]:
     """The tunable numbers in the order of p; switches of constraints, which come last, are not."""
-    found, least = list[_Number](), abs(plant.model.friction.viscous.skew)
-    for item in plant.parameters.items:
-        for i in range(item.nominal.size if item.name != "constraints" else 0):
-            lower = float(least[i]) if item.name == "friction" else -math.inf
-            found.append(_Number(f"{item.name}[{i}]", lower))
-    return found
+    least = {"friction": abs(plant.model.friction.viscous.skew), "payload": _LEAST_OF_A_BODY}
+    return [
+        _Number(f"{item.name}[{i}]", float(lower))
+        for item in plant.parameters.items
+        if item.name != "constraints"
+        for i, lower in zip(range(item.nominal.size), cycle(least.get(item.name, _ANY)), strict=False)
+    ]
 
 
 def _setter(numbers: Sequence[_Number]) -> str:
