@@ -19,7 +19,7 @@ from arm_sim.export.fmu import mockup_of, units
 from arm_sim.export.folder import check_folder, put_files
 from arm_sim.export.names import from_title, library_name
 from arm_sim.export.terms import TERMS, chosen, terms_of
-from arm_sim.export.tick import tick_of
+from arm_sim.export.tick import Tick, tick_of
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE
 
 _NATIVE = Path(__file__).parent / "native"
@@ -48,6 +48,7 @@ def export(
     tick: bool = True,
     fmu: bool = False,
     frames: Sequence[str] = (),
+    servo: bool = False,
 ) -> Exported:
     """Write a scene as a C library into a folder that needs nothing of the suite.
 
@@ -62,6 +63,7 @@ def export(
             ``N_fmi2.fmu`` by FMI 2.0, which need the tick.
         frames: Frames whose poses and Jacobians are wanted, and on which wrenches may act in the
             units.
+        servo: Whether to add the servos, which track positions and velocities, to the tick.
 
     Raises:
         InvalidInput: If an argument is not allowed; nothing is written.
@@ -73,12 +75,15 @@ def export(
     folder, wanted = Path(out), chosen(terms)
     if fmu and not tick:
         raise InvalidInput("fmu = True with tick = False; allowed: units with the tick")
+    if servo and not tick:
+        raise InvalidInput("servo = True with tick = False; allowed: servos with the tick")
     called = None if name is None else library_name(name)
     check_folder(folder)
     model = arm_model(scene)
     called = called or from_title(model.pin.name)
     with naming(scene):
-        files = _files(model, called, wanted, tick, fmu, frames)
+        made = tick_of(model, fmu and bool(frames), servo) if tick else None
+        files = _files(model, called, wanted, made, fmu, frames)
     put_files(folder, files)
     return Exported(folder, called, tuple(files))
 
@@ -87,7 +92,7 @@ def _files(
     model: ArmModel,
     name: str,
     wanted: Collection[str],
-    ticks: bool,
+    tick: Tick | None,
     fmu: bool,
     frames: Sequence[str],
 ) -> dict[str, str | bytes]:
@@ -95,7 +100,6 @@ def _files(
     expected, points = Expected(model, frames), states(model)
     terms = terms_of(model, wanted, frames)
     expected.verify(terms, points)
-    tick = tick_of(model, pushed=fmu and bool(frames)) if ticks else None
     said = about(name, model)
     code = {
         f"{name}.h": library.header(name, said, model, terms, tick),

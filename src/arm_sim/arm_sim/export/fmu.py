@@ -54,9 +54,7 @@ class Mockup:
     frames: tuple[str, ...] = ()
 
 
-def mockup_of(
-    name: str, tick: Tick, sources: Mapping[str, str], frames: Sequence[str]
-) -> Mockup:
+def mockup_of(name: str, tick: Tick, sources: Mapping[str, str], frames: Sequence[str]) -> Mockup:
     """What the units of an exported library are made of.
 
     Args:
