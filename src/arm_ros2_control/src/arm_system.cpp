@@ -89,8 +89,10 @@ void ArmSystem::choose_hold() {
 
 ArmSystem::CallbackReturn ArmSystem::on_configure(const rclcpp_lifecycle::State&) {
   find_interfaces();
-  if (const int code = begin()) {
-    RCLCPP_FATAL(get_logger(), "%s", arm_->text(code));
+  try {
+    if (const int code = begin()) throw std::runtime_error(arm_->text(code));
+  } catch (const std::exception& error) {
+    RCLCPP_FATAL(get_logger(), "initial_value: %s", error.what());
     return CallbackReturn::ERROR;
   }
   return read(rclcpp::Time(), rclcpp::Duration(0, 0)) == return_type::OK ? CallbackReturn::SUCCESS : CallbackReturn::ERROR;
