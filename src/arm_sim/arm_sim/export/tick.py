@@ -54,7 +54,7 @@ def tick_of(model: ArmModel) -> Tick:
     """
     _refuse(model)
     simulator = Simulator(model)
-    plant, choice = simulator.arm.plant, simulator.arm.compiled.choice
+    plant, choice = simulator.arm.plant, simulator.choice
     functions, smooth = tick_functions(plant, choice, actuation(plant))
     numbers = _numbers(plant)
     engine = engine_source(plant, choice, functions, smooth, "tick.h")
@@ -90,7 +90,7 @@ def _refuse(model: ArmModel) -> None:
 
 def _defines(simulator: Simulator) -> str:
     """Definitions for ``native/sim.c`` besides those of the engine."""
-    plant, choice = simulator.arm.plant, simulator.arm.compiled.choice
+    plant, choice = simulator.arm.plant, simulator.choice
     project = plant.project
     values = {
         "PERIOD": repr(choice.dt),
