@@ -29,7 +29,7 @@ def tick(sim: Simulator, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndar
     """One tick at complex numbers, a column for each point."""
     plant, n, points = sim.arm.plant, sim.n, x.shape[1]
     step = build_step(
-        sim.arm.compiled.choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian
+        sim.choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian
     )
     if plant.directions:  # held joints are at rest
         place = len(plant.parameters.nominal)

@@ -68,7 +68,7 @@ def tick_of(model: ArmModel, pushed: bool = False, servo: bool = False) -> Tick:
     simulator = Simulator(model)
     if pushed:
         simulator.arm.use(simulator.arm.compiled.pushable())
-    plant, choice = simulator.arm.plant, simulator.arm.compiled.choice
+    plant, choice = simulator.arm.plant, simulator.choice
     functions, smooth = tick_functions(plant, choice, actuation(plant))
     numbers = _numbers(plant)
     engine = engine_source(plant, choice, functions, smooth, "tick.h")
@@ -110,7 +110,7 @@ def _refuse(model: ArmModel) -> None:
 
 def _defines(simulator: Simulator) -> str:
     """Definitions for ``native/sim.c`` besides those of the engine."""
-    plant, choice = simulator.arm.plant, simulator.arm.compiled.choice
+    plant, choice = simulator.arm.plant, simulator.choice
     project = plant.project
     values = {
         "PERIOD": repr(choice.dt),
