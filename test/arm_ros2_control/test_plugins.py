@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import subprocess
 from collections.abc import Sequence
@@ -140,18 +139,6 @@ def test_the_launch_file_starts_controllers_on_the_library(folder: Path) -> None
     assert set(found["spawner"].words) & set(manager) == set(manager) - {"update_rate"}
     joints = listed["joint_trajectory_controller"]["ros__parameters"]["joints"]
     assert joints == list(Simulator("panda").joint_names)
-
-
-def test_the_classes_are_those_that_are_described() -> None:
-    """In the files by which pluginlib finds them, and in the code that registers them."""
-    code = "".join(path.read_text() for path in (PACKAGE / "src").glob("*.cpp"))
-    pattern = r"PLUGINLIB_EXPORT_CLASS\(([\w:]+),\s*([\w:]+)\)"
-    described = [
-        (item.get("type"), item.get("base_class_type"))
-        for file in ("hardware.xml", "controllers.xml")
-        for item in ElementTree.parse(PACKAGE / file).getroot().iter("class")
-    ]
-    assert sorted(re.findall(pattern, code)) == sorted(described)
 
 
 def test_it_is_left_out_where_ros2_control_is_not(tmp_path: Path) -> None:
