@@ -34,6 +34,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Let a failing random test be repeated with its seed, and tests that bend input be long."""
     parser.addoption("--seed", type=int, default=None, help="seed of the random generators")
     parser.addoption("--fuzz", type=int, default=1, help="how many times as many bent inputs")
+    parser.addoption("--nightly", action="store_true", help="all of what is otherwise sampled")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -52,7 +53,13 @@ WAITING = (*ONE_BY_ONE, "test/packages/", "test/benchmarks/", "test/arm_sim/cli/
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Where several processes run tests, what takes longest comes first, and none ends late."""
+    """Leave out what belongs to long runs; where several processes run tests, begin with what
+    takes longest.
+    """
+    if not config.getoption("--nightly"):
+        left_out = [item for item in items if item.get_closest_marker("nightly")]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if not item.get_closest_marker("nightly")]
     if "PYTEST_XDIST_WORKER" not in os.environ:
         return
     sizes = Counter(item.path for item in items)
