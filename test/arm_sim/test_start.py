@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an arm of many joints starts."""
+"""How an arm starts for the second time."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ import pytest
 from arm_sim import Simulator
 from arm_sim.plant import plant
 from models.large import snake
-
-JOINTS = 17  # one more than arms whose equations are written at once
 
 
 class WrittenAnew(Exception):
@@ -30,15 +28,16 @@ def refuse(*_: object) -> None:
     raise WrittenAnew
 
 
-def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch) -> None:
-    urdf = snake(np.random.default_rng(5), JOINTS)
-    tau = np.linspace(-1.0, 1.0, JOINTS)
+@pytest.mark.parametrize("joints", [2, 17])  # more than 16 have other equations
+def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch, joints: int) -> None:
+    urdf = snake(np.random.default_rng(5), joints)
+    tau = np.linspace(-1.0, 1.0, joints)
     scene = {"robot": {"urdf": urdf}}
     first = Simulator(scene).run(0.02, tau)
     unwritten.setattr(plant, "Mechanics", refuse)
     again = Simulator(scene)
     np.testing.assert_array_equal(again.run(0.02, tau).v, first.v)
-    assert again.n == JOINTS
+    assert again.n == joints
     for other in (
         {**scene, "gravity": [0.0, 0.0, -1.62]},
         {**scene, "joints": {"*": {"friction": {"viscous": 0.3}}}},

@@ -48,6 +48,7 @@ class Plant:
 
     Attributes:
         model: The robot.
+        variant: How the equations differ from those of the scene itself.
         free: The same arm away from its stops and with comparisons for ``switches``, if nothing
             else causes events: simpler equations, with the tunable quantities alone in p. None
             without either, or if there are always modes.
@@ -65,6 +66,7 @@ class Plant:
     def __init__(self, model: ArmModel, stops: bool = True) -> None:
         """Build the equations; without ``stops``, those of ``free``."""
         self.model = model
+        self.variant = "" if stops else "free"
         self.parameters = Parameters(model)
         self.stops = stops and bool(model.stops)
         self.directions, self.pressed = mode_counts(model, stops)
@@ -107,6 +109,7 @@ class Plant:
     def under_torques(self) -> Plant:
         """The same arm without drives and friction that have states: commands are torques."""
         other = copy(self)
+        other.variant += " under torques"
         other.free = self.free and self.free.under_torques()
         other._compose(None)
         return other
@@ -117,8 +120,9 @@ class Plant:
         The last of them is the energy taken by contact friction and compliant stops.
         """
         other = copy(self)
+        other.variant += " accounted"
         other.free = self.free and self.free.accounted(ledger, powers)
-        other._compose(ledger, [*powers, self._mechanics().taken])
+        other._compose(ledger, [*powers, lambda *given: self._mechanics().taken(*given)])
         return other
 
     def _compose(self, laws: Ensemble | None, powers: Sequence[Power] = ()) -> None:
