@@ -18,14 +18,14 @@ from arm_dynamics import ArmModel
 from arm_dynamics.actuation.internal_state import Ensemble
 from arm_dynamics.actuation.joint_laws import laws_of
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_dynamics.equations.contact import ContactPoint
 from arm_dynamics.equations.derivatives import inverse_derivatives
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_dynamics.equations.rigid_body import inverse, mass_matrix
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.tree_builder import contact_points
-from arm_sim.plant.contact import ContactFunctions
+from arm_sim.plant.contact import ContactFunctions, gaps
 from arm_sim.plant.mechanics import Mechanics
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.switches import SwitchedLaw
@@ -154,6 +154,11 @@ class Plant:
     def contact(self) -> ContactFunctions | None:
         """Functions of the contacts, None without any."""
         return self._mechanics().contact if self.points else None
+
+    @built_once
+    def gaps(self) -> ca.Function:
+        """Heights of the contact points above their planes, see ``contact.gaps``."""
+        return gaps(self.model, self.points)
 
     @property
     def method(self) -> str:
