@@ -15,6 +15,11 @@ def sampled(cases: Iterable[Any], count: int) -> list[Any]:
     values = list(cases)
     chosen = set(np.linspace(0, len(values) - 1, count).round().astype(int).tolist())
     return [
-        value if k in chosen else pytest.param(value, marks=pytest.mark.nightly)
+        value if k in chosen else pytest.param(*_several(value), marks=pytest.mark.nightly)
         for k, value in enumerate(values)
     ]
+
+
+def _several(value: Any) -> tuple[Any, ...]:
+    """Values of several parameters, or of one."""
+    return value if isinstance(value, tuple) else (value,)

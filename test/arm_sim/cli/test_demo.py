@@ -148,7 +148,7 @@ def kill_sim(demo: Demo, ids: dict[str, int]) -> None:
     ("disturb", "status", "words"),
     [
         (interrupt, 130, "interrupted; all processes of the demo have been ended"),
-        (terminate, 130, "interrupted"),
+        pytest.param(terminate, 130, "interrupted", marks=pytest.mark.nightly),
         (kill_sim, 1, "Error: the sim process ended unexpectedly (killed by SIGKILL)"),
     ],
 )
