@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import models
 from arm_sim import Simulator
 from arm_sim.plant import plant
 from models.large import snake
@@ -28,6 +29,9 @@ def refuse(*_: object) -> None:
     raise WrittenAnew
 
 
+BRISTLES = {"coulomb": 1.0, "lugre": {"sigma0": 1e4, "sigma1": 50.0}}
+
+
 @pytest.mark.parametrize("joints", [2, 17])  # more than 16 have other equations
 def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch, joints: int) -> None:
     urdf = snake(np.random.default_rng(5), joints)
@@ -42,6 +46,19 @@ def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch, joi
         {**scene, "gravity": [0.0, 0.0, -1.62]},
         {**scene, "joints": {"*": {"friction": {"viscous": 0.3}}}},
         {**scene, "sim": {"integrator": "dop853"}},
+        again.model.with_viscous(np.full(joints, 0.3)),
     ):
         with pytest.raises(WrittenAnew):
             Simulator(other)
+
+
+def test_the_energy_account_has_code_of_its_own(unwritten: pytest.MonkeyPatch) -> None:
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    scene["joints"] = {"*": {"friction": BRISTLES}}
+    first = Simulator(scene).run(0.02, [3.0, 1.0])
+    assert abs(first.balance).max() < 1e-6 < first.lost[-1]
+    unwritten.setattr(plant, "Mechanics", refuse)
+    again = Simulator(scene).run(0.02, [3.0, 1.0])
+    np.testing.assert_array_equal(again.v, first.v)
+    np.testing.assert_array_equal(again.balance, first.balance)
+    np.testing.assert_array_equal(again.lost, first.lost)
