@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -46,6 +47,7 @@ def executables(package: str, monkeypatch: pytest.MonkeyPatch) -> set[str]:
     return {entry.split("=")[0].strip() for entry in said["entry_points"]["console_scripts"]}
 
 
+@cache
 def by_python(line: str) -> str:
     """``ros2 run arm_sim arm …`` without ros2."""
     words = line.split()
