@@ -23,8 +23,15 @@ STUCK = {
     "sim": {"tolerance": 1e-8},
     "tunable": ["gravity", "friction"],
 }
+ROWS = {"speed": [0, 0.5, 3], "torque": [[1, 0.5, 2], [0.5, 0.7, 1]], "position": [-1, 1]}
+SPRING = {"deflection": [-1, 0, 1], "torque": [-3, 0, 5]}
+TABLES = {
+    "robot": {"urdf": str(URDF)},
+    "joints": {"elbow": {"friction": {"table": ROWS}, "spring": {"table": SPRING}}},
+}
 SCENES: dict[str, Any] = {
     "stuck": STUCK,
+    "tables": TABLES,
     "four_bar": "four_bar",
     "panda": "panda",
     "panda_table": "panda_table",
