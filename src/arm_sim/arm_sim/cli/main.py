@@ -81,7 +81,8 @@ def _explained(error: ModuleNotFoundError) -> Exception:
         return error
     return click.ClickException(
         f"Python cannot find the module '{error.name}': this command needs ROS 2 Jazzy or "
-        "Kilted and the built workspace; ./arm sets both up, or source the workspace's install/setup.bash"
+        "Kilted and the built workspace; ./arm sets both up, or source the workspace's "
+        "install/setup.bash"
     )
 
 
