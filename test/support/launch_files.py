@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -174,6 +175,7 @@ class Launch:
         return written
 
 
+@cache
 def by_python(line: str) -> str:
     """``ros2 run arm_sim arm …`` without ros2."""
     words = line.split()

@@ -9,16 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from exported import (
-    C11,
-    CPP17,
-    MATHEMATICS,
-    STRICT,
-    Library,
-    compilers,
-    said_by,
-    symbols_of,
-)  # fmt: skip
+from exported import Library, assert_clean, assert_no_compiler_warns, run_test_program
 
 from arm_dynamics import SceneError
 from arm_dynamics.arrays import Array
@@ -32,8 +23,15 @@ STUCK = {
     "sim": {"tolerance": 1e-8},
     "tunable": ["gravity", "friction"],
 }
+ROWS = {"speed": [0, 0.5, 3], "torque": [[1, 0.5, 2], [0.5, 0.7, 1]], "position": [-1, 1]}
+SPRING = {"deflection": [-1, 0, 1], "torque": [-3, 0, 5]}
+TABLES = {
+    "robot": {"urdf": str(URDF)},
+    "joints": {"elbow": {"friction": {"table": ROWS}, "spring": {"table": SPRING}}},
+}
 SCENES: dict[str, Any] = {
     "stuck": STUCK,
+    "tables": TABLES,
     "four_bar": "four_bar",
     "panda": "panda",
     "panda_table": "panda_table",
@@ -153,31 +151,18 @@ def test_wrong_numbers_get_codes_with_texts_and_change_nothing(case: Case) -> No
     assert ticks.text(99) == "unknown code"
 
 
-@pytest.mark.parametrize("language", [C11, CPP17], ids=["C11", "C++17"])
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
-def test_no_compiler_warns(case: Case, compiler: str, language: tuple[str, ...]) -> None:
-    if compiler not in compilers():
-        pytest.skip(f"without {compiler}")
-    for file in (f"{case.name}.c", f"test_{case.name}.c"):
-        said = said_by(compiler, *language, *STRICT, "-fsyntax-only", case.folder / file)
-        assert said == ""
+def test_no_compiler_warns(case: Case) -> None:
+    assert_no_compiler_warns(case.folder, case.name)
 
 
-@pytest.mark.parametrize("level", ["-O1", "-O2"])
-def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(
-    case: Case, level: str
-) -> None:
-    symbols = symbols_of(case.folder / f"{case.name}.c", level)
-    assert {name for kind, name in symbols if kind == "U"} <= MATHEMATICS
-    assert [name for kind, name in symbols if kind.lower() in "bdc"] == []
-    mine = {name for kind, name in symbols if kind.isupper() and kind != "U"}
-    assert {name for name in mine if not name.startswith(f"{case.name}_")} == set()
+def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(case: Case) -> None:
+    assert_clean(case.folder / f"{case.name}.c", case.name)
 
 
 def test_the_test_program_passes(case: Case, tmp_path: Path) -> None:
-    sources = [case.folder / f"{name}.c" for name in (f"test_{case.name}", case.name)]
-    said_by("cc", "-O1", f"-I{case.folder}", *sources, "-o", tmp_path / "program", "-lm")
-    assert "all results are right" in said_by(tmp_path / "program")
+    source = case.folder / f"test_{case.name}.c"
+    status, said = run_test_program(case.library, source, tmp_path / "program")
+    assert status == 0 and "all results are right" in said
 
 
 def test_tunable_numbers_act_as_in_the_simulator(tmp_path: Path) -> None:
