@@ -13,6 +13,7 @@ import pytest
 import yaml
 from installed import ROOT, bare_environment, copied, runner
 from packaging.requirements import Requirement
+from samples import sampled
 
 DOCKERFILE = (ROOT / "Dockerfile").read_text()
 WORKFLOW: dict[Any, Any] = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())
@@ -57,7 +58,7 @@ IN_A_BARE_ENVIRONMENT = {
 }
 
 
-@pytest.mark.parametrize("where", IN_A_BARE_ENVIRONMENT)
+@pytest.mark.parametrize("where", sampled(["job", "image"], 1))
 def test_the_libraries_are_installed_and_work(where: str, tmp_path: Path) -> None:
     project = copied(tmp_path)
     run = runner(bare_environment(tmp_path / "environment"), project)
