@@ -15,7 +15,7 @@ import numpy as np
 
 from arm_sim.exceptions import ViewError
 from arm_sim.view.charts import WIDTH
-from arm_sim.view.server import address
+from arm_sim.view.server import CONTROLS, address
 
 if TYPE_CHECKING:
     import viser
@@ -30,7 +30,7 @@ DRAWING = (  # also without a graphics card
     "--hide-scrollbars", "--disable-dev-shm-usage",
 )  # fmt: skip
 PATIENCE = 60.0  # [s] for the page, and for each picture
-MARGIN = 8  # pixels between that panel and the drawing
+MARGIN = 8  # pixels between a panel and the drawing
 SETTLED, STILL = (
     0.5,
     3,
@@ -91,7 +91,8 @@ def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
     It returns an array of bytes, shape (height, width, 3).
     """
     known, (width, height) = set(server.get_clients()), size
-    with page_in_browser(address(server), (width + WIDTH + MARGIN, height)) as page:
+    beside = WIDTH + CONTROLS + 2 * MARGIN
+    with page_in_browser(address(server), (width + beside, height)) as page:
         for _ in range(round(PATIENCE / 0.1)):
             if arrived := set(server.get_clients()) - known:
                 break
