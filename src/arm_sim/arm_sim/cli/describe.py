@@ -121,7 +121,7 @@ def robot_of(model: ArmModel) -> dict[str, Any]:
 
 def motion_of(simulator: Simulator) -> dict[str, Any]:
     """What computes its motion, likewise."""
-    plan, choice = simulator.plan, simulator.arm.compiled.choice
+    plan, choice = simulator.plan, simulator.choice
     return {
         "dt": choice.dt, "integrator": choice.method.name, "tolerance": choice.tolerance,
         "reason": plan.reason, "algorithm": plan.algorithm, "backend": plan.backend,
@@ -280,7 +280,7 @@ def _show_physics(out: Console, simulator: Simulator, details: bool) -> None:
 
 
 def _show_cost(out: Console, simulator: Simulator) -> None:
-    plan, choice = simulator.plan, simulator.arm.compiled.choice
+    plan, choice = simulator.plan, simulator.choice
     method, microseconds = choice.method, plan.nanoseconds / 1e3
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
     step = "sub-step" if choice.tolerance else "tick"
