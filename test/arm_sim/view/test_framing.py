@@ -6,10 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from browser import Page, needed, opened
+from scipy.spatial.transform import Rotation
 
 from arm_sim import Simulator
 from arm_sim.view import show
-from arm_sim.view.framing import SAME, area, fitted, seen
+from arm_sim.view.framing import SAME, area, fitted, orientation, seen
 
 # What is in front at pixels of the page: 1 for the picture, 0 for a panel, -1 outside the page.
 _IN_FRONT = """points => points.map(([x, y]) => {
@@ -32,6 +33,16 @@ def test_a_camera_that_is_fitted_sees_all_points_and_is_as_near_as_can_be(
     assert (high <= np.array([right, top]) + 1e-9).all()
     full = np.isclose(low, [left, bottom]) & np.isclose(high, [right, top])
     assert full.any()  # in one direction the points fill it: nearer, they would not be inside
+
+
+def test_a_camera_looks_at_what_it_shall_with_the_sky_above() -> None:
+    position, look_at = np.array([1.0, -2.0, 0.5]), np.array([0.2, 0.3, 0.1])
+    w, *xyz = orientation(position, look_at)
+    right, down, forward = Rotation.from_quat([*xyz, w]).as_matrix().T
+    way = look_at - position
+    np.testing.assert_allclose(forward, way / np.linalg.norm(way), atol=1e-12)
+    assert right[2] == pytest.approx(0.0, abs=1e-12)
+    assert down[2] < 0.0
 
 
 def corners(places: np.ndarray) -> np.ndarray:

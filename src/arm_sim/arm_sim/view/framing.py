@@ -7,6 +7,7 @@ from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from arm_dynamics.arrays import Array
 
@@ -33,6 +34,13 @@ def seen(points: Array, position: Array, look_at: Array, aspect: float) -> Array
     right, up, forward = _axes(position - look_at)
     ways = (points - position) @ np.stack([right, up, forward], axis=1)
     return np.asarray(ways[:, :2] / ways[:, 2:] / np.tan(FIELD / 2) / [aspect, 1.0])
+
+
+def orientation(position: Array, look_at: Array) -> Array:
+    """Quaternion w, x, y, z of a camera, whose axes are right, down and forward, shape (4,)."""
+    right, up, forward = _axes(position - look_at)
+    turned = pin.Quaternion(np.stack([right, -up, forward], axis=1))
+    return np.asarray(np.roll(turned.coeffs(), 1))
 
 
 def fitted(points: Array, aspect: float) -> tuple[Array, Array]:

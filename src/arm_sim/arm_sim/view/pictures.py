@@ -15,6 +15,7 @@ import numpy as np
 
 from arm_sim.exceptions import ViewError
 from arm_sim.view.charts import WIDTH
+from arm_sim.view.framing import orientation
 from arm_sim.view.server import CONTROLS, address
 
 if TYPE_CHECKING:
@@ -99,16 +100,24 @@ def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
             page.wait_for_timeout(100)
         else:
             raise ViewError(f"the page did not open within {PATIENCE:g} s")
-        client = server.get_clients()[arrived.pop()]
+        client, pose = server.get_clients()[arrived.pop()], _pose(server)
 
         def shoot() -> Any:
             try:
-                return client.get_render(height, width, timeout=PATIENCE)[..., :3]
+                return client.get_render(height, width, timeout=PATIENCE, **pose)[..., :3]
             except (TimeoutError, RuntimeError) as error:
                 raise ViewError(f"the browser returned no picture: {error}") from None
 
         _wait_until_still(page, shoot)
         yield shoot
+
+
+def _pose(server: viser.ViserServer) -> dict[str, Any]:
+    """The page's first camera, whatever its panels cover: pictures have none."""
+    first = server.initial_camera
+    position, look_at = np.array(first.position), np.array(first.look_at)
+    wxyz = orientation(position, look_at)
+    return {"wxyz": wxyz, "position": position, "fov": first.fov}
 
 
 def _wait_until_still(page: Any, shoot: Callable[[], Any]) -> None:
