@@ -30,7 +30,6 @@ from arm_sim import Recording
 ROOT = Path(__file__).parents[2]
 PATIENCE = 200.0  # [s] for a line, on a machine that does other things
 AGAIN = 3.0  # [s] after which a node is asked again
-_ASK = f"exec {sys.executable} -I -S {ROOT}/test/support/forge.py"
 _ARM = f"""#!/bin/sh
 if [ "$1" = python ]; then
     shift
@@ -44,13 +43,6 @@ case $1 in
     controllers) shift 2; cd {ROOT}; exec {sys.executable} -m benchmarks.controllers "$@" ;;
 esac
 """
-_PYTHON = """
-import json, sys
-page = {"__name__": "__main__"}
-for line in sys.stdin:
-    exec(compile(json.loads(line), "the page", "exec"), page)
-    print("\\0done", flush=True)
-"""
 
 _NODE = re.compile(
     r"(?:\./arm|ros2 run \w+) (?=sim\b|controller\b|dynamics\b)(\w+)|\./arm python (\w+_node)\.py"
@@ -58,6 +50,11 @@ _NODE = re.compile(
 _SHOWN = re.compile(r"arm (?:watch|view)\b|ros2 topic (?:echo (?!.*--once)|pub (?!--once|-1))")
 _PICTURES = re.compile(r"--(?:html|png|gif|mp4)\b")
 _RECORDER = re.compile(r"arm record\b.*--out (\S+)")
+
+
+def asking(forge: Path) -> list[str | Path]:
+    """Words that have something run a command, which follows."""
+    return [sys.executable, "-I", "-S", ROOT / "test/support/forge.py", forge]
 
 
 @contextmanager
@@ -149,9 +146,11 @@ class Terminal:
         tools = folder / ".tools"
         tools.mkdir()
         for tool, before in {"arm": _ARM, "ros2": "#!/bin/sh\n"}.items():
-            (tools / tool).write_text(f'{before}{_ASK} {forge} {tool} "$@"\n')
+            ask = " ".join(map(str, asking(forge)))
+            (tools / tool).write_text(f'{before}exec {ask} {tool} "$@"\n')
             (tools / tool).chmod(0o755)
         (folder / "arm").symlink_to(tools / "arm")
+        self._forge = forge
         self._ros: Ros | None = None
         self._python: subprocess.Popen[str] | None = None
         self._running: dict[str, Started] = {}
@@ -166,7 +165,7 @@ class Terminal:
         """Run a block in the Python of the page; returns what it printed."""
         if self._python is None:
             self._python = subprocess.Popen(
-                [sys.executable, "-c", _PYTHON], cwd=self.folder, env=self._in_domain(),
+                [*asking(self._forge), "page"], cwd=self.folder, env=self._in_domain(),
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             )  # fmt: skip
         assert self._python.stdin and self._python.stdout
