@@ -10,8 +10,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from forging import asking
 from harness import surroundings
-from terminal import asking
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9]*.py"))
 

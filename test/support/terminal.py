@@ -16,11 +16,10 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
+from forging import asking
 from harness import Ros, surroundings
 from rcl_interfaces.srv import ListParameters
 
@@ -50,30 +49,6 @@ _NODE = re.compile(
 _SHOWN = re.compile(r"arm (?:watch|view)\b|ros2 topic (?:echo (?!.*--once)|pub (?!--once|-1))")
 _PICTURES = re.compile(r"--(?:html|png|gif|mp4)\b")
 _RECORDER = re.compile(r"arm record\b.*--out (\S+)")
-
-
-def asking(forge: Path) -> list[str | Path]:
-    """Words that have something run a command, which follows."""
-    return [sys.executable, "-I", "-S", ROOT / "test/support/forge.py", forge]
-
-
-@contextmanager
-def forging(folder: Path) -> Iterator[Path]:
-    """Something that runs commands; yields its socket."""
-    path = folder / "forge"
-    words = [sys.executable, "-P", ROOT / "test/support/forge.py", path]
-    environment = surroundings(
-        MPLBACKEND="Agg", PYTHONPATH=os.pathsep.join(sys.path), OPENBLAS_NUM_THREADS="1"
-    )
-    process = subprocess.Popen(words, env=environment, cwd=folder)
-    try:
-        while not path.exists():
-            assert process.poll() is None
-            time.sleep(0.02)
-        yield path
-    finally:
-        process.kill()
-        process.wait()
 
 
 def _has_states(file: Path) -> bool:
