@@ -23,7 +23,7 @@ from arm_dynamics.codegen.one_at_a_time import is_building
 # Modules of the packages that ./arm installs only when asked for, by group.
 GROUPS = {
     "bench": ("mujoco",),
-    "fmu": ("fmpy",),
+    "fmu": ("fmpy", "fmuloader"),
     "jax": ("jax",),
     "sweep": ("distributed", "joblib", "pyarrow"),
     "view": ("collada", "playwright", "viser"),

@@ -77,7 +77,7 @@ def examine(seed: int, blinded: bool = False, share: float = 0.0) -> Result:
             return Result(seed, case.label, f"{case.method}", SAME, blind=name)
     except ArmError as error:
         return Result(seed, case.label, f"{case.method}", REFUSED, told=f"{error}"[:160])
-    choice = sim.arm.compiled.choice
+    choice = sim.choice
     way = f"{choice.method.name} {choice.dt:.2g} s" + (
         "" if choice.tolerance is None else f", tolerance {choice.tolerance:.1g}"
     )

@@ -283,7 +283,7 @@ def test_a_stiff_spring_gets_error_control(cord: bool) -> None:
         (1e2, "rk4", None), (1e8, "dop853", 1e-10), (1e10, "implicit", 1e-8)
     ):  # fmt: skip
         spring = {**TO_WORLD, "stiffness": stiffness, "rest_length": 2.0, "tension_only": cord}
-        choice = Simulator({"robot": TWO_LINK, "springs": [spring]}).arm.compiled.choice
+        choice = Simulator({"robot": TWO_LINK, "springs": [spring]}).choice
         assert (choice.method.name, choice.tolerance) == (method, tolerance)
 
 

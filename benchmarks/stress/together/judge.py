@@ -202,7 +202,7 @@ def _attempt(
     told = replace(told, slowest=clock.stop(), message=truth.message)
     if not (_finite(run) and np.isfinite(sim.effort).all()):
         return replace(told, outcome=NAN)
-    return _judged(told, run, sim.arm.compiled.choice.tolerance is not None, truth)
+    return _judged(told, run, sim.choice.tolerance is not None, truth)
 
 
 class _Clock:

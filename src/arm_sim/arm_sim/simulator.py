@@ -24,7 +24,7 @@ from arm_sim.compiled_scene import CompiledScene
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import delivered
 from arm_sim.inputs import answers, named, tick_count, torque_table
-from arm_sim.integrators.selection import choose
+from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed, placed
@@ -129,6 +129,11 @@ class Simulator:
     def state(self) -> State:
         """The current state; read-only arrays that later steps do not change."""
         return self.arm.state
+
+    @property
+    def choice(self) -> Choice:
+        """Method, tick and tolerance in use, and why."""
+        return self.arm.compiled.choice
 
     @property
     def measured(self) -> State:

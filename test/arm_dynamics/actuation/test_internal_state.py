@@ -180,7 +180,7 @@ def test_replay_to_the_bit(build: Build) -> None:
 
 def test_auto_sees_how_fast_a_coil_is(build: Build) -> None:
     quick = build(Motor((True, False), L=0.01))
-    assert quick.plan.integrator == "dop853" and quick.arm.compiled.choice.tolerance
+    assert quick.plan.integrator == "dop853" and quick.choice.tolerance
     plan = build(Motor((True, False), L=1e-6)).plan
     assert plan.integrator == "implicit" and "its drive" in plan.reason
 

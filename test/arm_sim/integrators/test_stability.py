@@ -90,7 +90,7 @@ def test_a_stiff_joint_is_named_with_its_time_and_what_would_do(
         "s, 'implicit', or 'dop853' with a tolerance would do"
     )
     assert told in caplog.text and told in str(sim.plan)
-    assert sim.arm.compiled.choice.method.name == "rk4"
+    assert sim.choice.method.name == "rk4"
     caplog.clear()
     for options in (
         {"integrator": "rk4", "dt": 3.1e-4}, {"integrator": "implicit"}, {},

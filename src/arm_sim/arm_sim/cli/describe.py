@@ -121,7 +121,7 @@ def robot_of(model: ArmModel) -> dict[str, Any]:
 
 def motion_of(simulator: Simulator) -> dict[str, Any]:
     """What computes its motion, likewise."""
-    plan, choice = simulator.plan, simulator.arm.compiled.choice
+    plan, choice = simulator.plan, simulator.choice
     return {
         "dt": choice.dt, "integrator": choice.method.name, "tolerance": choice.tolerance,
         "reason": plan.reason, "algorithm": plan.algorithm, "backend": plan.backend,
@@ -218,11 +218,13 @@ def _show_springs(out: Console, model: ArmModel) -> None:
     if not springs:
         return
     names = list(model.pin.names)[1:]
-    pushing = springs.stiffness + springs.damping > 0.0
-    of_joints = zip(names, springs.stiffness, springs.rest, springs.damping, strict=True)
     rows = [
-        (name, "joint", *(number(x, 4) for x in values))
-        for (name, *values), on in zip(of_joints, pushing, strict=True) if on
+        (
+            name, "joint", number(springs.stiffness[i], 4) if table is None else "table",
+            number(springs.rest[i], 4), number(springs.damping[i], 4),
+        )
+        for i, (name, table) in enumerate(zip(names, springs.tables, strict=True))
+        if springs.of_joints[i]
     ]  # fmt: skip
     rows += [
         (spring_name(spring, i), _between(spring),
@@ -278,7 +280,7 @@ def _show_physics(out: Console, simulator: Simulator, details: bool) -> None:
 
 
 def _show_cost(out: Console, simulator: Simulator) -> None:
-    plan, choice = simulator.plan, simulator.arm.compiled.choice
+    plan, choice = simulator.plan, simulator.choice
     method, microseconds = choice.method, plan.nanoseconds / 1e3
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
     step = "sub-step" if choice.tolerance else "tick"

@@ -126,7 +126,7 @@ def _functions(name: str, terms: Sequence[Term]) -> str:
 
 def _ticks(model: ArmModel, tick: Tick) -> str:
     """About the simulation: commands, method, parameters."""
-    choice = tick.simulator.arm.compiled.choice
+    choice = tick.simulator.choice
     units = ", ".join(dict.fromkeys(model.command_unit))
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
     said = _TICKS.format(

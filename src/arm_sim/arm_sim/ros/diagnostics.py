@@ -117,7 +117,7 @@ class SimDiagnostics:
             "time [s]": state.time, "stamps": self.outputs.stamps.name, "tf": self.display.frames,
             "paused": engine.paused, "diverged": bool(engine.failure),
             "at stops": _at_stops(engine.simulator.joint_names, stops),
-            "method": engine.simulator.arm.compiled.choice.method.name,
+            "method": engine.simulator.choice.method.name,
             "error estimate": state.error,
             "time-stepped ticks": state.time_stepped,
             "energy balance [J]": "closed" if account is None else account.balance,

@@ -147,7 +147,7 @@ def simulator_of(scene: Scene, params: SimParams) -> Simulator:
 
 def greeting(simulator: Simulator, params: SimParams) -> str:
     """Start-up message: the simulated robot, method, pace and source."""
-    model, choice = simulator.model, simulator.arm.compiled.choice
+    model, choice = simulator.model, simulator.choice
     at = ", ".join(
         f"{name} {place:.4g}" for name, place in zip(model.joint_names, model.q0, strict=True)
     )

@@ -55,7 +55,7 @@ class Forward:
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
-        self._plant, self._choice = simulator.arm.plant, simulator.arm.compiled.choice
+        self._plant, self._choice = simulator.arm.plant, simulator.choice
 
     def prepare(self) -> None:
         """Compile what arms side by side need, unless that is done."""
