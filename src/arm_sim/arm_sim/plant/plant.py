@@ -55,6 +55,7 @@ class Plant:
         laws: Drives and friction with internal states z; None if the scene has none.
         directions: Number of joint directions that follow in p.
         pressed: Number of joints with compliant stops, likewise.
+        moving: Whether all joints slide and nothing touches, whatever the modes, see ``in_motion``.
         eventful: Whether joints may stick or meet stops, points touch, or drives and cords switch.
         constrained: Whether there are bilateral constraints.
         torques: CasADi function (x, u) -> torques of the drives, and of all models together, on
@@ -78,8 +79,9 @@ class Plant:
         self.constrained = bool(model.scene.bilateral)
         leaves = not (model.has_dry_friction or touches)
         self.free = Plant(model, stops=False) if (self.stops or switches) and leaves else None
-        mechanics = partial(Mechanics, model, self.parameters, stops, modes)
-        self._mechanics = cache(one_at_a_time(mechanics))
+        self._make_mechanics = partial(Mechanics, model, self.parameters, stops, modes)
+        self._mechanics = cache(one_at_a_time(self._make_mechanics))
+        self.moving = False
         self._switching = switches
         self._compose(Ensemble(laws, model.n) if laws else None)
 
@@ -109,6 +111,17 @@ class Plant:
         other = copy(self)
         other.free = self.free and self.free.under_torques()
         other._compose(None)
+        return other
+
+    def in_motion(self) -> Plant:
+        """The same arm while all joints slide and nothing touches: simpler equations.
+
+        The modes in p are the same; those of sticking and touching do nothing.
+        """
+        other = copy(self)
+        other.moving = True
+        other._mechanics = cache(one_at_a_time(partial(self._make_mechanics, moving=True)))
+        other._compose(self.laws)
         return other
 
     def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
@@ -149,7 +162,7 @@ class Plant:
     @property
     def contact(self) -> ContactFunctions | None:
         """Functions of the contacts, None without any."""
-        return self._mechanics().contact if self.points else None
+        return self._mechanics().contact if self.points and not self.moving else None
 
     @property
     def method(self) -> str:
@@ -200,7 +213,8 @@ class Plant:
     @property
     def held_by_joints(self) -> bool:
         """Whether the arm is held by its joints alone: no loops, no contacts."""
-        return not (self.model.scene.bilateral or self.model.scene.contacts)
+        touches = self.model.scene.contacts and not self.moving
+        return not (self.model.scene.bilateral or touches)
 
     def scaled_slopes(
         self, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX
