@@ -25,7 +25,10 @@ typedef struct {
  * which satisfies them. */
 static int is_closed(const calm_t* tick) {
   double off = 0.0;
-  for (int i = 0; i < 2 * NU; ++i) off = __builtin_fmax(off, __builtin_fabs(tick->after[i] - tick->end[i]));
+  for (int i = 0; i < 2 * NU; ++i) {
+    const double change = __builtin_fabs(tick->after[i] - tick->end[i]);
+    if (change > off) off = change;
+  }
   return !NC || off < CLOSED_ALREADY;
 }
 
