@@ -43,7 +43,7 @@ from arm_sim.stepping.rollout import (
     strides,
     widths,
 )
-from arm_sim.stepping.stepper import address, mode_sizes, pointer, sizes, source
+from arm_sim.stepping.stepper import MOVING, address, mode_sizes, pointer, sizes, source
 
 # Largest number of operations of a step with its derivative that is compiled, in some ten seconds:
 # an implicit method needs 520 000 for seven joints.
@@ -121,7 +121,7 @@ class Tangents:
         self._step = _Step(plant, choice, tuned)
         self._moving: _Step | None = None
         if self._calm and (plant.directions or plant.contact):
-            self._moving = _Step(plant.in_motion(), choice, tuned, "_moving")
+            self._moving = _Step(plant.in_motion(), choice, tuned, MOVING)
         self._acting, self._limit = _limits(plant)
         self._held, self._length = plant.model.n + len(tuned), np.array([choice.dt])
         self._unit = np.eye(plant.nx + self._held)
@@ -320,21 +320,23 @@ class _Step:
         plant: The equations.
         choice: Method and tick.
         tuned: Places in p of the quantities to differentiate by.
-        suffix: Of the names of the functions.
+        prefix: Of the names of the functions.
 
     Attributes:
         advance, stretch: The step with its coefficients, and the propagation of columns.
     """
 
-    def __init__(self, plant: Plant, choice: Choice, tuned: Sequence[int], suffix: str = "") -> None:
+    def __init__(
+        self, plant: Plant, choice: Choice, tuned: Sequence[int], prefix: str = ""
+    ) -> None:
         scaled, n = plant.scaled_jacobian, plant.model.n
         advance, self.stretch = build_tangent(
             choice.method, plant.rhs, Slopes(plant, tuned), n, plant.project, scaled, tuned
         )
         given = advance.mx_in()
-        self._n, self._suffix = n, suffix
+        self._n, self._prefix = n, prefix
         self.advance = (
-            ca.Function(f"advance{suffix}", given, advance.call(given)) if suffix else advance
+            ca.Function(f"{prefix}advance", given, advance.call(given)) if prefix else advance
         )
 
     @built_once
@@ -342,7 +344,7 @@ class _Step:
         """As ``stretch``, for steps of constant length."""
         c, dx, dw = (ca.SX.sym(name, self.stretch.size1_in(i)) for i, name in enumerate("cxw"))
         moved = self.stretch(c, dx, dw, 0)
-        return ca.Function(f"carry{self._suffix}", [c, dx, dw], [moved], {"cse": True})
+        return ca.Function(f"{self._prefix}carry", [c, dx, dw], [moved], {"cse": True})
 
     def back(self, limit: ca.Function) -> tuple[ca.Function, ca.Function]:
         """Transpose of ``limit`` and ``carry``: (all coefficients, λ) -> λ times both.
@@ -358,8 +360,8 @@ class _Step:
 
         def of(name: str, part: ca.SX, row: ca.SX) -> ca.Function:
             product = ca.densify(ca.jtimes(part, ca.vertcat(dx, dr, dp), row, True))
-            name = f"{name}{self._suffix}"
-            return ca.Function(name, [coefficients, row], [product], {"cse": True})
+            arguments = [coefficients, row]
+            return ca.Function(f"{self._prefix}{name}", arguments, [product], {"cse": True})
 
         return of("back_q", moved[:n], row[:n]), of("back_rest", moved[n:], row[n:])
 

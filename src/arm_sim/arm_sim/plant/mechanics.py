@@ -74,7 +74,9 @@ class Mechanics:
         self.project = held.project(joints.p) if held else None
         response: AnyResponse
         if moving:
-            self.acceleration = _stick_slip(model, s, joints, held or response_of(model, s, joints))[0]
+            self.acceleration = _stick_slip(
+                model, s, joints, held or response_of(model, s, joints)
+            )[0]
             return
         if model.scene.contacts:
             response = dense = held or Response(model, s, joints)

@@ -55,7 +55,7 @@ class Plant:
         laws: Drives and friction with internal states z; None if the scene has none.
         directions: Number of joint directions that follow in p.
         pressed: Number of joints with compliant stops, likewise.
-        moving: Whether all joints slide and nothing touches, whatever the modes, see ``in_motion``.
+        moving: Whether all joints slide and nothing touches, whatever the modes.
         eventful: Whether joints may stick or meet stops, points touch, or drives and cords switch.
         constrained: Whether there are bilateral constraints.
         torques: CasADi function (x, u) -> torques of the drives, and of all models together, on

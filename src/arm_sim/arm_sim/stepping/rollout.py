@@ -29,6 +29,7 @@ from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import (
+    MOVING,
     NATIVE,
     Stepper,
     address,
@@ -269,6 +270,9 @@ class Rollouts:
         asked = [function for function in plant.events if function.name() in FORESEEN]
         functions = [plant.rhs, step, actuate, *asked]
         more = {"EVENTS": "1"} | mode_sizes(plant)
+        if plant.points:
+            functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
+            more["MOVING"] = "1"
         return self._source(width, functions, more, "rollout.c")
 
     def _of_attempts(self, width: int) -> str:

@@ -48,6 +48,8 @@ from arm_sim.stepping.events import EventReport, Modes, Trouble, lengths
 NATIVE = Path(__file__).parent / "native"
 FREE = "free_"
 """Prefix of the functions for joints away from their stops."""
+MOVING = "moving_"
+"""Prefix of the functions for joints that all slide, without contact."""
 NOWHERE = sys.float_info.max
 """Position of a stop that does not exist: beyond every position."""
 MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1_000_000, 20, 50, 100
@@ -291,6 +293,8 @@ def tick_functions(
     if plant.free:
         smooth = smooth_motion(plant.free, choice, FREE)
         functions += [_renamed(plant.free.rhs), smooth]
+    if plant.points:
+        functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
     return functions, smooth
 
 
@@ -324,7 +328,8 @@ def engine_source(
     else:
         defines |= {"ADAPTIVE": "1"} | error_control(plant, choice)
     if plant.eventful:
-        defines |= event_sizes(plant) | _work(choice, functions, smooth)
+        more = {"MOVING": "1"} if plant.points else {}
+        defines |= more | event_sizes(plant) | _work(choice, functions, smooth)
     else:
         without.add("events.h")
     if "TOGETHER" not in defines:

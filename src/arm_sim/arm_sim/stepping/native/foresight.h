@@ -3,8 +3,8 @@
  * Ticks with events of LANES arms: functions of the motion without events are evaluated side by side, the logic of events
  * runs arm by arm.
  *
- * Before this file: arms.h, foreseen.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `actuate`, `step`, `rhs`
- * and `loads`, and with contacts `contact_geometry`, `contact_inertia` and `contact_close`.
+ * Before this file: arms.h, foreseen.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `actuate`, `step`, with
+ * MOVING `moving_step`, `rhs` and `loads`, and with contacts `contact_geometry`, `contact_inertia` and `contact_close`.
  */
 
 #pragma once
@@ -33,6 +33,27 @@ static void find_loads(const real* x, const real* u, const real* p, real* found)
   const real* arg[SZ_ARG] = {x, u, p};
   real* res[SZ_RES] = {found, found + NU, found + NU + MC, found + NU + 2 * MC};
   loads(arg, res, iw, w, 0);
+}
+
+/* Step of all lanes in their modes, by the functions that the engine of one arm takes. */
+static void step_of_lanes(const foreseen_t* tick, const real** arg, real** res) {
+  real w[SZ_W];
+  casadi_int iw[SZ_IW];
+#ifdef MOVING
+  real found[4 * NX], *moved[SZ_RES];
+  int moves[LANES], moving = 0;
+  for (int i = 0; i < 4; ++i) moved[i] = found + i * NX;
+  for (int j = 0; j < LANES; ++j) moving += moves[j] = all_moves(tick[j].p + NP);
+  if (moving < LANES) step(arg, res, iw, w, 0);
+  if (moving) moving_step(arg, moving < LANES ? moved : res, iw, w, 0);
+  if (!moving || moving == LANES) return;
+  for (int k = 0; k < 4 * NX; ++k)
+    for (int j = 0; j < LANES; ++j)
+      if (moves[j]) LANE(res[k / NX][k % NX], j) = LANE(found[k], j);
+#else
+  (void)tick;
+  step(arg, res, iw, w, 0);
+#endif
 }
 
 /* Tick of length h of the first `used` lanes from x with inputs r and parameters `tunable`: the states after it, NaN for an
@@ -69,7 +90,7 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
   res[1] = inside;
   res[2] = inside + NX;
   res[3] = inside + 2 * NX;
-  step(arg, res, iw, w, 0);
+  step_of_lanes(tick, arg, res);
   write_arms(tick->after, stride, next, NX);
   write_arms(tick->inside.slope[0], stride, inside, 3 * NX);
   find_geometry(next, place);

@@ -65,6 +65,12 @@ static int make_step(const segment_t* segment, double h, piece_t* piece, real* e
   *more++ = piece->inside.slope[0];
   *more++ = piece->inside.slope[1];
   *more = piece->inside.middle;
+#ifdef MOVING
+  if (all_moves(segment->p.direction)) {
+    MOVING_SMOOTH(arg, res, iw, w, 0);
+    return within_reach(piece->end);
+  }
+#endif
   SMOOTH(arg, res, iw, w, 0);
   return within_reach(piece->end);
 }

@@ -15,7 +15,7 @@
  * of a tick) and calm.h with what it requires; the generated `rest_begin` (x, u, p) -> those NBEGIN, `rest_end` (x, x at the end, p) -> those NEND,
  * `begin_at_rest` (columns dx -> dx) and `end_at_rest` (columns dx, dx at the end, dw -> dx at the end). Ticks without
  * events are differentiated then, in their modes; with MOVING by simpler functions of the same arguments where nothing is
- * held and nothing touches: `advance_moving`, `carry_moving`, `back_q_moving`, `back_rest_moving`.
+ * held and nothing touches: `moving_advance`, `moving_carry`, `moving_back_q`, `moving_back_rest`.
  */
 
 #include "scene_columns.h"
@@ -111,8 +111,8 @@ static void find_rest(const real* u, const calm_lanes_t* tick, real* begin, real
 #else
 #define WITH_MODES
 #endif
-#ifdef MOVING
-#define IN_MODES(function) (tick.held ? function : function##_moving) /* simpler where nothing is held or touches */
+#if defined EVENTS && defined MOVING
+#define IN_MODES(function) (tick.held ? function : moving_##function) /* simpler where nothing is held or touches */
 #else
 #define IN_MODES(function) function
 #endif
