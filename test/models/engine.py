@@ -98,8 +98,8 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
                            double* before, double* impulse) {
   geometry_t geometry;
   inertia_t inertia;
-  long long work = 0;
-  segment_t segment = {.u = still, .work = &work};
+  memory_t memory = {0};
+  segment_t segment = {.u = still, .memory = &memory};
   for (int k = 0; k < NC; ++k) segment.contact[k].touching = 1;
   for (int i = 0; i < ND; ++i) segment.p.direction[i] = 1.0;
   find_geometry(x, &segment, &geometry);
@@ -114,22 +114,22 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
   return blow.gain;
 }
 EXPORTED double hit(real* x, int rebounds) {
-  long long work = 0;
-  segment_t segment = {.u = still, .work = &work};
+  memory_t memory = {0};
+  segment_t segment = {.u = still, .memory = &memory};
   geometry_t geometry;
   return impact(x, &segment, rebounds, &geometry);
 }
 EXPORTED int rank_found(double* W) { return rank_of(W); }
 EXPORTED int stop_at(real* x, const double* direction) {
-  long long work = 0;
-  segment_t segment = {.u = still, .work = &work};
+  memory_t memory = {0};
+  segment_t segment = {.u = still, .memory = &memory};
   for (int i = 0; i < ND; ++i) segment.p.direction[i] = direction[i];
   return stop_joints(x, &segment);
 }
 EXPORTED void round_at(real* x) { stop_rounding(x); }
 EXPORTED int held_at(const real* x, const real* u) {
-  long long work = 0;
-  segment_t segment = {.u = u, .work = &work};
+  memory_t memory = {0};
+  segment_t segment = {.u = u, .memory = &memory};
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
   geometry_t geometry;
   find_geometry(x, &segment, &geometry);

@@ -28,9 +28,7 @@ SLOPE = 1e-11
 def tick(sim: Simulator, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
     """One tick at complex numbers, a column for each point."""
     plant, n, points = sim.arm.plant, sim.n, x.shape[1]
-    step = build_step(
-        sim.choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian
-    )
+    step = build_step(sim.choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian)
     if plant.directions:  # held joints are at rest
         place = len(plant.parameters.nominal)
         change = -(1.0 - p[place : place + n] ** 2) * x[n : 2 * n]

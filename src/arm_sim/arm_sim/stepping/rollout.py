@@ -33,6 +33,7 @@ from arm_sim.stepping.stepper import (
     NATIVE,
     Stepper,
     address,
+    braces,
     error_control,
     mode_sizes,
     sizes,
@@ -273,6 +274,9 @@ class Rollouts:
         if plant.points:
             functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
             more["MOVING"] = "1"
+        if not (plant.constrained or plant.pressed or plant.switches):
+            more |= {"CALM": "1", "STATIC": braces(plant.model.friction.level)}
+            more |= stop_places(plant)
         return self._source(width, functions, more, "rollout.c")
 
     def _of_attempts(self, width: int) -> str:

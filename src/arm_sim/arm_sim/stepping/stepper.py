@@ -80,6 +80,7 @@ class Stepper:
         kernel: The functions it runs.
         p: Tunable quantities, shape (np,), to be changed in place.
         tick_operations: Arithmetic operations in one tick (in one sub-step, with error control).
+        moving_operations: The same while all joints slide and nothing touches.
         report: Losses and number of impacts, and why the last tick failed.
 
     Raises:
@@ -117,7 +118,9 @@ class Stepper:
             self._control = SubstepControl(choice.tolerance, choice.method.order)
         smooth = (FREE if plant.free else "") + ("attempt" if self._control else "step")
         limits = 0 if self._control else self.kernel.operations("actuate")
-        self.tick_operations = self.kernel.operations(smooth) + limits
+        self.tick_operations = self.moving_operations = self.kernel.operations(smooth) + limits
+        if plant.points:
+            self.moving_operations = self.kernel.operations(f"{MOVING}{smooth}") + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
 
     def twin(self, choice: Choice | None = None) -> Stepper:

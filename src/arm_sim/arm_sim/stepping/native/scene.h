@@ -54,6 +54,7 @@ static inline long long AS_BITS(real x) {
 #define RIGID 1
 #define FREE 1
 #define MOVING 1
+#define CALM 1
 #define TOGETHER 1
 #define STOPS 1
 
