@@ -16,12 +16,11 @@ import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.codegen import Kernel, compiler
-from arm_sim.integrators.methods import build_step
 from arm_sim.integrators.selection import choose
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import LARGEST, SubstepControl
-from arm_sim.stepping.stepper import engine_source, source
+from arm_sim.stepping.stepper import engine_source, source, tick_functions
 
 APART, SLIDES, STICKS, UNSOLVABLE = range(4)
 _CALLBACK = ctypes.CFUNCTYPE(
@@ -248,8 +247,7 @@ class Engine:
     def __init__(self, scene: Any) -> None:
         plant = Plant(ArmModel(load_scene(scene)))
         choice = choose(plant, "rk4", None, None)
-        step = build_step(choice.method, plant.rhs, plant.model.n)
-        functions = [plant.rhs, step, actuation(plant), *plant.events]
+        functions, step = tick_functions(plant, choice, actuation(plant))
         driver = engine_source(plant, choice, functions, step) + _SCENE
         self._library = Kernel(functions, "native", driver).library
         for name in ("impulse_at", "hit"):
