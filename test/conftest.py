@@ -6,6 +6,7 @@ from __future__ import annotations
 import fcntl
 import os
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -22,7 +23,7 @@ from arm_dynamics.codegen.one_at_a_time import is_building
 # Modules of the packages that ./arm installs only when asked for, by group.
 GROUPS = {
     "bench": ("mujoco",),
-    "fmu": ("fmpy",),
+    "fmu": ("fmpy", "fmuloader"),
     "jax": ("jax",),
     "sweep": ("distributed", "joblib", "pyarrow"),
     "view": ("collada", "playwright", "viser"),
@@ -33,22 +34,50 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Let a failing random test be repeated with its seed, and tests that bend input be long."""
     parser.addoption("--seed", type=int, default=None, help="seed of the random generators")
     parser.addoption("--fuzz", type=int, default=1, help="how many times as many bent inputs")
+    parser.addoption("--nightly", action="store_true", help="all of what is otherwise sampled")
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """A process for each core to run folders of tests; a few files are quicker in this one."""
-    return len(os.sched_getaffinity(0)) if any(map(os.path.isdir, config.args)) else 0
+    """Processes to run folders of tests, more than cores, since many tests wait for processes of
+    theirs; a few files are quicker in this one.
+    """
+    return len(os.sched_getaffinity(0)) + 2 if any(map(os.path.isdir, config.args)) else 0
 
 
 # Files whose tests take long each and share nothing: they are shared out one by one.
 ONE_BY_ONE = ("test/docs/test_pages_run.py", "test/docs/test_examples.py")
+# Where tests start processes and wait for them.
+WAITING = (*ONE_BY_ONE, "test/packages/", "test/benchmarks/", "test/arm_sim/cli/", "test/docs/")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what belongs to long runs; where several processes run tests, begin with what
+    takes longest.
+    """
+    if not config.getoption("--nightly"):
+        left_out = [item for item in items if item.get_closest_marker("nightly")]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if not item.get_closest_marker("nightly")]
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return
+    sizes = Counter(item.path for item in items)
+
+    def rank(item: pytest.Item) -> tuple[int, int]:
+        first = [k for k, place in enumerate(WAITING) if item.nodeid.startswith(place)]
+        waits = len(WAITING) + (item.get_closest_marker("ros") is None)
+        return min(first, default=waits), -sizes[item.path]
+
+    items.sort(key=rank)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """The tests of a file share what they have built and stay in one process, except some."""
     from xdist.scheduler import LoadScopeScheduling
+
+    config.option.loadscopereorder = False  # see pytest_collection_modifyitems
 
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:

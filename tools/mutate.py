@@ -1038,6 +1038,8 @@ class Copy:
         path = os.environ.get("PYTHONPATH", "").split(os.pathsep)
         moved = [ours + p[len(source) :] if p.startswith(source + os.sep) else p for p in path]
         watched = {"LINE_TRACE": str(traces), "LINE_TRACE_SOURCE": f"{ours}/"} if traces else {}
+        if traces:  # with a folder of compiled scenes, tests write the equations that they use
+            watched["ARM_CACHE"] = str(self.scratch)
         return {
             **os.environ,
             **watched,

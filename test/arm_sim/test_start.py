@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an arm of many joints starts."""
+"""How an arm starts for the second time."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_sim import Simulator
+import models
+from arm_sim import Recording, Simulator
 from arm_sim.plant import plant
+from arm_sim.stepping.stepper import Stepper
 from models.large import snake
-
-JOINTS = 17  # one more than arms whose equations are written at once
 
 
 class WrittenAnew(Exception):
@@ -30,19 +30,45 @@ def refuse(*_: object) -> None:
     raise WrittenAnew
 
 
-def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch) -> None:
-    urdf = snake(np.random.default_rng(5), JOINTS)
-    tau = np.linspace(-1.0, 1.0, JOINTS)
+BRISTLES = {"coulomb": 1.0, "lugre": {"sigma0": 1e4, "sigma1": 50.0}}
+
+
+@pytest.mark.parametrize("joints", [2, 17])  # more than 16 have other equations
+def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch, joints: int) -> None:
+    urdf = snake(np.random.default_rng(5), joints)
+    tau = np.linspace(-1.0, 1.0, joints)
     scene = {"robot": {"urdf": urdf}}
     first = Simulator(scene).run(0.02, tau)
     unwritten.setattr(plant, "Mechanics", refuse)
     again = Simulator(scene)
     np.testing.assert_array_equal(again.run(0.02, tau).v, first.v)
-    assert again.n == JOINTS
+    assert again.n == joints
     for other in (
         {**scene, "gravity": [0.0, 0.0, -1.62]},
         {**scene, "joints": {"*": {"friction": {"viscous": 0.3}}}},
         {**scene, "sim": {"integrator": "dop853"}},
+        again.model.with_viscous(np.full(joints, 0.3)),
     ):
         with pytest.raises(WrittenAnew):
             Simulator(other)
+
+
+def steppers(sim: Simulator, run: Recording) -> tuple[Stepper, ...]:
+    """Of the simulator, of a recording's states, and of its energy account."""
+    return sim.arm.compiled.stepper, run.account.stepper, run.account._ledger
+
+
+def test_the_energy_account_has_code_of_its_own(unwritten: pytest.MonkeyPatch) -> None:
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    scene |= {"joints": {"*": {"friction": BRISTLES}}, "commands": {"gravity_compensated": True}}
+    sim = Simulator(scene)
+    first = sim.run(0.02, [3.0, 1.0])
+    assert abs(first.balance).max() < 1e-6 < first.lost[-1]
+    codes = [stepper.kernel._key for stepper in steppers(sim, first)]
+    assert len(set(codes)) == 3
+    unwritten.setattr(plant, "Mechanics", refuse)
+    sim = Simulator(scene)
+    again = sim.run(0.02, [3.0, 1.0])
+    assert [stepper.kernel._key for stepper in steppers(sim, again)] == codes
+    np.testing.assert_array_equal(again.v, first.v)
+    np.testing.assert_array_equal(again.balance, first.balance)

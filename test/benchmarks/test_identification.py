@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from samples import sampled
 
 from arm_dynamics import Dynamics
 from benchmarks.identification import coverage, imperfect
@@ -41,14 +42,14 @@ def test_the_truth_of_a_sum_of_parameters() -> None:
 
 @pytest.mark.parametrize(
     ("fault", "said"),
-    [
+    sampled([
         ("5 % of the positions missing", "'elbow': no position in 599 rows (0.245 s, "),
         ("efforts frozen for 2 s", "'elbow': effort frozen in 399 rows (8.005 to 9.995 s"),
         ("efforts 0 for 2 s", "'elbow': effort frozen in 399 rows (8.005 to 9.995 s"),
         ("efforts ahead by 12 ms", "'elbow': its efforts are ahead of the motion by 1"),
         ("efforts times 0.5", "'elbow': its efforts are scaled by about 0.55 ("),
-    ],
-)
+    ], 2),
+)  # fmt: skip
 def test_faults_that_are_told(fault: str, said: str) -> None:
     error, notes = imperfect.outcome(imperfect.FAULTS[fault])
     assert error is not None and error < 0.03
@@ -57,12 +58,12 @@ def test_faults_that_are_told(fault: str, said: str) -> None:
 
 @pytest.mark.parametrize(
     ("fault", "said"),
-    [
+    sampled([
         ("efforts late by 100 ms", "'elbow': its efforts are late by 100 ms"),
         ("efforts times 1000", "efforts over nominal torques: elbow 1.1e+03 ("),
         ("columns of efforts swapped", "the effort of 'shoulder' is that of 'elbow'"),
-    ],
-)
+    ], 1),
+)  # fmt: skip
 def test_faults_that_are_refused(fault: str, said: str) -> None:
     error, refusal = imperfect.outcome(imperfect.FAULTS[fault])
     assert error is None and refusal[0].startswith(said)

@@ -41,7 +41,7 @@ SMALL = Plan((1e-2, 1e-3), (1e-6,), most_joints=3, horizon=0.1, backend="vm")
 COMPILED = replace(SMALL, backend="auto", most_joints=30)
 ABSURD = (7,)  # torques that no method can follow; without a compiler giving up takes long
 SEEDS = sorted({*range(12)} - {*ABSURD})
-EASY = [seed for seed in SEEDS if not draw(seed, SMALL.most_joints).dry][:6]
+EASY = [seed for seed in SEEDS if not draw(seed, SMALL.most_joints).dry][:3]
 DRY = [seed for seed in SEEDS if draw(seed, SMALL.most_joints).dry][:1]  # needs a compiler
 ONE_STEP = replace(SMALL, steps=(1e-3,), backend="auto")
 QUIET = Setting("euler", 1e-2)  # throws a light link about; the heavy one's energy hides it
@@ -76,7 +76,7 @@ def test_error_control_delivers(found: list[Found]) -> None:
     """On motions that do not magnify errors, ten times the tolerance of a sub-step at most."""
     errors = [r.error for one in found if one.motion.sensitivity < 100
               for r in one.results if r.claimed is not None]  # fmt: skip
-    assert len(errors) > 30
+    assert len(errors) > 15
     assert max(error for error in errors if error is not None) < 1e-5
 
 

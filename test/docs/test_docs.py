@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import runpy
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -24,42 +25,38 @@ WIDTH = 100
 REFERENCE = (ROOT / "docs/reference/scene.md").read_text()
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_lead_somewhere(page: Path) -> None:
-    links = re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", page.read_text())
-    inside = [
-        (page.parent / link if link else page, part) for link, part in links if "://" not in link
-    ]
-    assert [str(target) for target, _ in inside if not target.exists()] == []
-    assert [
-        (str(target), part) for target, part in inside if part and part not in anchors(target)
-    ] == []
+def test_links_lead_somewhere() -> None:
+    for page in PAGES:
+        links = re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", page.read_text())
+        for link, part in links:
+            if "://" not in link:
+                target = page.parent / link if link else page
+                assert target.exists(), (page, link)
+                assert not part or part in anchors(target), (page, link, part)
 
 
+@cache
 def anchors(page: Path) -> set[str]:
     """Names that links may have for the headings of a page."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("page", [*PAGES, *TEMPLATES], ids=lambda p: f"{p.parent.name}/{p.name}")
-def test_text_is_broken_into_lines(page: Path) -> None:
-    text = re.sub(r"```.*?```|\$\$.*?\$\$", "", page.read_text(), flags=re.DOTALL)
-    lines = [line for line in text.splitlines() if not line.startswith(("|", "  |", "    ", "{{"))]
-    assert [line for line in lines if len(line) > WIDTH and " " in line[:WIDTH].strip()] == []
+def test_text_is_broken_into_lines() -> None:
+    for page in [*PAGES, *TEMPLATES]:
+        text = re.sub(r"```.*?```|\$\$.*?\$\$", "", page.read_text(), flags=re.DOTALL)
+        lines = [x for x in text.splitlines() if not x.startswith(("|", "  |", "    ", "{{"))]
+        long = [line for line in lines if len(line) > WIDTH and " " in line[:WIDTH].strip()]
+        assert long == [], page
 
 
 DEVELOPERS = {"laboratory", "project", ROOT.name}
-FOR_USERS = [page for page in PAGES if page.parent.name not in DEVELOPERS]
 
 
-@pytest.mark.parametrize("page", FOR_USERS, ids=lambda page: page.stem)
-def test_users_read_short_pages(page: Path) -> None:
-    assert len(page.read_text().splitlines()) <= 300
-
-
-def test_the_readme_is_short() -> None:
-    assert len((ROOT / "README.md").read_text().splitlines()) <= 120
+def test_users_read_short_pages() -> None:
+    lengths = {page: len(page.read_text().splitlines()) for page in PAGES}
+    assert lengths[ROOT / "README.md"] <= 120
+    assert [p for p, n in lengths.items() if n > 300 and p.parent.name not in DEVELOPERS] == []
 
 
 # Extending the suite shows its insides.
@@ -69,10 +66,10 @@ SHOWN = [
 ]
 
 
-@pytest.mark.parametrize("page", SHOWN, ids=lambda page: page.name)
-def test_imports_are_from_packages(page: Path) -> None:
+def test_imports_are_from_packages() -> None:
     deeper = r"\b(?:from|import) (?:arm_dynamics|arm_sim|arm_studies)\.\w+\.\S+"
-    assert re.findall(deeper, page.read_text()) == []
+    for page in SHOWN:
+        assert re.findall(deeper, page.read_text()) == [], page
 
 
 def test_figure_of_the_architecture_shows_the_layers_in_force() -> None:
@@ -105,40 +102,35 @@ def test_mistakes_get_the_answers_that_the_reference_shows(written: str, answer:
     assert re.fullmatch(".*".join(map(re.escape, answer.split("…"))), str(error.value))
 
 
-@pytest.mark.parametrize(
-    "file",
-    re.findall(
-        r"\b[DS]\s`([\w/]+\.(?:py|c))",
-        "".join(page.read_text() for page in (ROOT / "docs/concepts").glob("equations*.md")),
-    ),
-)
-def test_files_that_equations_stand_in_exist(file: str) -> None:
+def test_files_that_equations_stand_in_exist() -> None:
+    pages = (ROOT / "docs/concepts").glob("equations*.md")
+    named = re.findall(r"\b[DS]\s`([\w/]+\.(?:py|c))", "".join(p.read_text() for p in pages))
     packages = [ROOT / "src" / name / name for name in ("arm_dynamics", "arm_sim", "arm_studies")]
-    assert any((package / file).is_file() for package in packages)
+    assert named
+    for file in named:
+        assert any((package / file).is_file() for package in packages), file
 
 
 FOLLOWING = (ROOT / "docs/how-to/follow-joint-trajectory.md").read_text()
 
 
-@pytest.mark.parametrize("name", sorted(set(re.findall(r"`(test_\w+)`", FOLLOWING))))
-def test_rules_are_shown_by_tests_that_exist(name: str) -> None:
+def test_rules_are_shown_by_tests_that_exist() -> None:
     of_node = ROOT / "test/arm_dynamics/ros/test_trajectory_action.py"
     of_core = ROOT / "test/arm_dynamics/trajectory"
     marked = [of_node.with_name("test_tolerances.py"), *sorted(of_core.glob("test_*.py"))]
-    places = marked if f"†`{name}`" in FOLLOWING else [of_node]
-    assert any(f"def {name}(" in place.read_text() for place in places)
+    for name in set(re.findall(r"`(test_\w+)`", FOLLOWING)):
+        places = marked if f"†`{name}`" in FOLLOWING else [of_node]
+        assert any(f"def {name}(" in place.read_text() for place in places), name
 
 
 COMMANDS = re.compile(r"\./arm ([a-z][a-z-]*)(?: ([\w./:-]+))?|scene:=([\w./:-]+)")
 TAKE_A_SCENE = {"sim", "dynamics", "controller", "describe", "build", "export", "urdf", "view"}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_commands_exist_and_their_scenes_are_found_from_any_folder(page: Path) -> None:
-    said = COMMANDS.findall(page.read_text())
+def test_commands_exist_and_their_scenes_are_found_from_any_folder() -> None:
+    said = COMMANDS.findall("".join(page.read_text() for page in PAGES))
     script = re.findall(r"^    ([a-z-]+)\)$", (ROOT / "arm").read_text(), re.MULTILINE)
-    known = {*script, *suite.commands}
-    assert [command for command, _, _ in said if command and command not in known] == []
+    assert {command for command, _, _ in said} - {*script, *suite.commands} <= {""}
     scenes = {scene for _, _, scene in said} | {
         word for command, word, _ in said if command in TAKE_A_SCENE
     }

@@ -4,13 +4,23 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9]*.py"))
+ROOT = Path(__file__).parents[2]
+EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
+# Numbers that a page quotes from what an example prints: where they are on the page, and there.
+QUOTED = {
+    "30_identify_a_panda": (
+        "tutorials/identify.md",
+        r"tracking error falls from (\S+) to (\S+) mrad",
+        r"tracking error (\S+) mrad rms",
+    )
+}
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
@@ -22,6 +32,11 @@ def test_example_runs(example: Path, tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stdout
+    if example.stem in QUOTED:
+        page, quoted, printed = QUOTED[example.stem]
+        (numbers,) = re.findall(quoted, (ROOT / "docs" / page).read_text())
+        measured = [float(x) for x in re.findall(printed, done.stdout)]
+        assert [float(x) for x in numbers] == pytest.approx(measured, rel=0.1)
 
 
 def test_there_are_examples() -> None:

@@ -101,14 +101,11 @@ def terminal(tmp_path: Path, forge: Path) -> Iterator[Terminal]:
     made.close()
 
 
-MOVES = re.compile(r"arm go\b|send_goal")  # an arm, by the clock
 RUN = [page for page in pages.PAGES if any(pages.steps(page))]
 
 
 def marks(page: Path) -> Iterator[pytest.MarkDecorator]:
-    """Whether a page needs the machine for itself, and the groups of packages that it needs."""
-    if any(map(MOVES.search, lines(page))):
-        yield pytest.mark.alone
+    """The groups of packages that a page needs."""
     done = [step.text for step in pages.steps(page) if not elsewhere(step.text)]
     for group, needs in GROUPS.items():
         if any(re.search(needs, text, re.M) for text in done):

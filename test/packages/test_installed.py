@@ -13,6 +13,7 @@ from zipfile import ZipFile
 
 import pytest
 from installed import ROOT, Run, built
+from samples import sampled
 
 LIBRARIES = ("arm_dynamics", "arm_sim", "arm_studies")
 
@@ -41,7 +42,9 @@ def test_wheel_of_the_whole_holds_all_libraries(wheels: dict[str, Path]) -> None
     assert whole == set().union(*(files(wheels[library]) for library in LIBRARIES))
 
 
-@pytest.mark.parametrize("part", ["src/arm_dynamics", "src/arm_sim", "src/arm_studies", "."])
+@pytest.mark.parametrize(
+    "part", sampled(["src/arm_dynamics", "src/arm_sim", "src/arm_studies", "."], 2)
+)
 def test_a_source_distribution_gives_the_same_wheel(
     part: str, project: Path, wheels: dict[str, Path], tmp_path: Path
 ) -> None:
@@ -132,6 +135,7 @@ sim.reset(speed=1.0)
 """
 
 
+@pytest.mark.nightly  # the types themselves are checked by ./arm lint
 def test_strict_type_checking_sees_the_types(user: Run, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(USER_FILE)
     said = user(

@@ -74,6 +74,38 @@ def test_who_only_asks_is_answered_from_what_is_there(older: Path, line: str) ->
     assert files(older) == before
 
 
+SOURCED = {"AMENT_PREFIX_PATH": "/opt/ros"}
+
+
+@pytest.mark.parametrize(
+    ("variables", "place"),
+    [
+        ({}, ".venv"),
+        ({"ROS_DISTRO": "jazzy"}, ".venv"),
+        ({"ROS_DISTRO": "kilted"}, ".venv-pypi-kilted"),
+        ({"ROS_DISTRO": "rolling", **SOURCED}, ".venv"),
+        ({"ROS_DISTRO": "jazzy", **SOURCED}, ".venv-jazzy"),
+        ({"ROS_DISTRO": "kilted", **SOURCED}, ".venv-kilted"),
+    ],
+)
+def test_the_distribution_decides_on_the_environment(
+    variables: dict[str, str], place: str, clone: Path
+) -> None:
+    for name in (".venv", ".venv-pypi-kilted", ".venv-jazzy", ".venv-kilted"):
+        python = clone / name / "bin/python"
+        python.parent.mkdir(parents=True)
+        python.write_text('#!/bin/sh\necho "$VIRTUAL_ENV"\n')
+        python.chmod(0o755)
+        (clone / name / "stamp").touch()
+        (clone / name / "pyvenv.cfg").touch()
+    done = arm(clone, "view --help", env=WITHOUT_JAZZY | variables)
+    assert (done.stdout, done.stderr) == (f"{clone / place}\n", "")
+    # What ./arm starts finds the same: an environment of its own is no sourced ROS.
+    if "pypi" in place:
+        own = {"AMENT_PREFIX_PATH": str(clone / place)}
+        assert arm(clone, "view --help", env=WITHOUT_JAZZY | variables | own).stdout == done.stdout
+
+
 @pytest.mark.parametrize("line", ["setup --help", "lint -h", "--help", ""])
 def test_commands_without_options_show_all_commands(clone: Path, line: str) -> None:
     done = arm(clone, line)

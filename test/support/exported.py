@@ -6,6 +6,7 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from arm_dynamics.arrays import Array
 
 C11, CPP17 = ("-std=c11",), ("-x", "c++", "-std=c++17")
 STRICT = ("-Wall", "-Wextra", "-Wconversion", "-pedantic")
-BITS = ("-O1", "-ffp-contract=off")
+BITS = ("-O0", "-ffp-contract=off")
 
 MATHEMATICS = frozenset(
     "sin cos sincos sqrt exp log pow tanh fabs floor fmin fmax hypot atan atan2 acos asin memcpy "
@@ -25,8 +26,8 @@ MATHEMATICS = frozenset(
 
 
 def compilers() -> list[str]:
-    """The C compilers that are here, out of gcc and clang."""
-    return [name for name in ("gcc", "clang") if shutil.which(name)]
+    """Of gcc and clang those that are here, or what there is."""
+    return [name for name in ("gcc", "clang") if shutil.which(name)] or ["cc"]
 
 
 def said_by(*command: str | Path) -> str:
@@ -41,6 +42,9 @@ def said_by(*command: str | Path) -> str:
 class Library:
     """A library, compiled and loaded.
 
+    Attributes:
+        file: The compiled library.
+
     Args:
         folder: What ``export`` wrote.
         name: Its name.
@@ -48,9 +52,9 @@ class Library:
     """
 
     def __init__(self, folder: Path, name: str, flags: tuple[str, ...] = BITS) -> None:
-        file = folder / f"lib{name}.so"
-        said_by("cc", *flags, "-shared", "-fPIC", folder / f"{name}.c", "-o", file, "-lm")
-        self.loaded, self.name = ctypes.CDLL(str(file)), name
+        self.file, self.name = folder / f"lib{name}.so", name
+        said_by("cc", *flags, "-shared", "-fPIC", folder / f"{name}.c", "-o", self.file, "-lm")
+        self.loaded = ctypes.CDLL(str(self.file))
 
     def __call__(self, function: str, *given: Array, shape: tuple[int, ...]) -> Array:
         """The result of a term's function at a point."""
@@ -62,12 +66,31 @@ class Library:
         return result
 
 
-def symbols_of(source: Path, *flags: str) -> list[tuple[str, str]]:
-    """Kinds and names of the symbols of a compiled file, as ``nm`` prints them.
+def run_test_program(library: Library, source: Path, program: Path) -> tuple[int, str]:
+    """Exit status and words of an exported test program, which calls a compiled library."""
+    include = f"-I{library.file.parent}"
+    said_by("cc", *BITS, include, source, library.file, "-o", program, "-lm")
+    done = subprocess.run([program], capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout
+
+
+def assert_clean(source: Path, name: str) -> None:
+    """Optimized code needs mathematics only, has no data that changes, and keeps to its names.
 
     Code need not be movable, so that a table of texts needs no addresses filled in at its start.
     """
     made = source.with_suffix(".o")
-    said_by("cc", *(flags or BITS), "-fno-pie", "-c", source, "-o", made)
-    lines = (line.split()[-2:] for line in said_by("nm", made).splitlines())
-    return [(kind, name) for kind, name in lines]
+    said_by("cc", "-O2", "-fno-pie", "-c", source, "-o", made)
+    symbols = [line.split()[-2:] for line in said_by("nm", made).splitlines()]
+    assert {used for kind, used in symbols if kind == "U"} <= MATHEMATICS
+    assert [own for kind, own in symbols if kind.lower() in "bdc"] == []
+    mine = {own for kind, own in symbols if kind.isupper() and kind != "U"}
+    assert {own for own in mine if not own.startswith(f"{name}_")} == set()
+    made.unlink()
+
+
+def assert_no_compiler_warns(folder: Path, name: str) -> None:
+    """Library and test program are C11 and C++17 without a warning, for gcc and clang."""
+    for compiler, language in product(compilers(), (C11, CPP17)):
+        for file in (f"{name}.c", f"test_{name}.c"):
+            assert said_by(compiler, *language, *STRICT, "-fsyntax-only", folder / file) == ""

@@ -29,7 +29,7 @@ _turn = count(os.getpid())
 
 def surroundings(**more: str) -> dict[str, str]:
     """Environment for a process that shall talk as it does for users, on this machine."""
-    ours = {name: value for name, value in os.environ.items() if name != PROFILES}
+    ours = {name: value for name, value in os.environ.items() if name not in PROFILES}
     return {**ours, **as_usual(), **more}
 
 

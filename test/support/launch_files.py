@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import re
 import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -171,3 +173,12 @@ class Launch:
                 break
         assert "$(" not in written or "<robot" in written, written
         return written
+
+
+@cache
+def by_python(line: str) -> str:
+    """``ros2 run arm_sim arm …`` without ros2."""
+    words = line.split()
+    assert words[:4] == ["ros2", "run", "arm_sim", "arm"]
+    command = [sys.executable, "-P", "-m", "arm_sim.cli", *words[4:]]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout

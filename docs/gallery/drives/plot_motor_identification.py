@@ -53,7 +53,7 @@ def read(run):
 
 def fit(*columns, to):
     """Least squares: the factors of the columns whose sum comes closest."""
-    return np.linalg.lstsq(np.column_stack(columns), to)[0]
+    return np.linalg.lstsq(np.column_stack(columns), to, rcond=None)[0]
 
 
 # %%

@@ -163,6 +163,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("contact", contacts, f"{contacts}, solved by events", "no point touches a plane"),
         *(_law_part(kind, laws) for kind in FRICTION),
         _part("friction by position or load", tables, f"{tables} joints", "no table"),
+        _part("friction by speed", _by_speed(model), _by_speed(model), "no table"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
         _part("motors and transmissions", any(model.drives), driven, "no actuator"),
         _part("gear losses", model.friction.gears, gears, "every gear is ideal"),
@@ -234,9 +235,16 @@ def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:
 def _springs(model: ArmModel) -> str:
     """Numbers of springs by kind, for display."""
     springs = model.springs
-    joints = np.count_nonzero(springs.stiffness + springs.damping)
+    joints = np.count_nonzero(springs.of_joints)
     numbers = {"of joints": joints, "between points": len(springs.points)}
     return ", ".join(f"{count} {where}" for where, count in numbers.items() if count)
+
+
+def _by_speed(model: ArmModel) -> str:
+    """Sizes of the tables of friction by speed, for display."""
+    found = [table for table in model.friction.tables if table]
+    rows = sum(len(table.moving) for table in found)
+    return f"{len(found)} joints, {rows} rows of speeds" if found else ""
 
 
 def _at(values: Array) -> str:

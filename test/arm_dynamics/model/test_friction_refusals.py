@@ -207,6 +207,64 @@ def test_the_steepest_part_of_a_table_counts() -> None:
     assert build({"coulomb": 0.25} | table).friction.by_load
 
 
+# --- tables by speed -------------------------------------------------------------------------
+
+FLAT = {"speed": [0, 1], "torque": [1, 2]}
+TWICE = {"speed": [0, 1], "torque": [[1, 2], [2, 3]], "position": [0, 1]}
+TABLES: dict[str, tuple[dict[str, Any], str]] = {
+    "it drives the joint": (FLAT | {"torque": [1, -2]}, ".torque.1' = -2: at least 0 is expected"),
+    "so does a row": (TWICE | {"torque": [[1, 2], [1, -3]]}, ".torque.1.1' = -3: at least 0 is"),
+    "no speed 0": ({"speed": [0.1, 1], "torque": [1, 2]}, "speed = (0.1, 1.0): 0 is expected"),
+    "no positive speed": ({"speed": [-1, 0], "torque": [1, 2]}, "with speeds above it"),
+    "speeds in no order": ({"speed": [0, 2, 1], "torque": [1, 2, 3]}, "'speed' must increase"),
+    "a torque too few": ({"speed": [0, 1, 2], "torque": [1, 2]}, "3 points of 'speed', but 2 of"),
+    "one torque": ({"speed": [0, 1], "torque": [1]}, ".torque' = [1]: 1 entry; 2 are expected"),
+    "one row of two": (TWICE | {"torque": [[1, 2]]}, "positions = 2, rows of 'torque' = 1; one"),
+    "rows without positions": ({**FLAT, "torque": [[1, 2], [1, 2]]}, "positions = 1, rows of"),
+    "positions in no order": (TWICE | {"position": [1, 0]}, "'position' must increase"),
+    "a period too short": (TWICE | {"period": 1}, "period = 1.0: longer than 'position' is"),
+    "a period of nothing": (FLAT | {"period": 6.3}, "'position' is missing, which repeats"),
+    "no dry friction at one place": (
+        TWICE | {"torque": [[1, 2], [0, 3]]},
+        "torque at speed 0 = [1.0, 0.0]: more than 0 at every position, or 0 at all, is",
+    ),
+    "a function": ({"torque": abs}, ".torque' = <built-in function abs>: a list is expected"),
+}
+
+
+@pytest.mark.parametrize("case", TABLES)
+def test_a_table_by_speed(case: str) -> None:
+    table, why = TABLES[case]
+    said = refusal({"table": table})
+    assert said.startswith("joint2.friction.table")
+    assert why in said
+
+
+@pytest.mark.parametrize(
+    "beside", [{"coulomb": 1.0}, {"static": 1.0}, {"stribeck_velocity": 0.1}, WAVY, LOAD, LUGRE]
+)
+def test_a_table_contains_all_friction_but_viscous(beside: dict[str, Any]) -> None:
+    said = refusal({"table": FLAT, **beside})
+    assert said.startswith(f"joint2.friction.{next(iter(beside))}' = ")
+    assert said.endswith("'friction.table' of the joint contains it; allowed beside it: 'viscous'")
+    friction = build({"table": FLAT, "viscous": 0.5}).friction
+    assert friction.viscous.mean[1] == 0.5
+    assert friction.coulomb.mean[1] == 1.0
+
+
+def test_a_follower_has_no_table() -> None:
+    assert refusal({"table": FLAT}, "right_slide", "gripper") == (
+        "right_slide.friction.table': a mimic joint has none of its own"
+    )
+
+
+def test_a_table_replaces_the_friction_of_the_robot_description() -> None:
+    assert build({}).friction.coulomb.mean[1] == 0.2
+    assert build({}).friction.viscous.mean[1] > 0.0
+    friction = build({"table": {"speed": [0, 1], "torque": [0, 2]}}).friction
+    assert friction.viscous.mean[1] == friction.coulomb.mean[1] == 0.0
+
+
 # --- bristles ----------------------------------------------------------------------------------
 
 

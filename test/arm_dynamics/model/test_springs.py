@@ -133,11 +133,32 @@ def test_a_joints_own_spring_overrides_the_one_for_all() -> None:
     assert_close(dyn.spring([1.0, 2.0, 3.0]), [5.0, 5.0, 0.0], CLOSED_FORM)
 
 
+def test_a_table_instead_of_the_stiffness_of_all() -> None:
+    urdf = models.scene("planar_3r").robot.urdf
+    own = {"stiffness": 0.0, "table": TABLE, "rest": 0.5}
+    joints = {"*": {"spring": {"stiffness": 5.0}}, "joint2": {"spring": own}}
+    dyn = Dynamics({"robot": {"urdf": urdf}, "joints": joints})
+    assert_close(dyn.spring([1.0, 2.5, 3.0]), [5.0, 4.0, 15.0], CLOSED_FORM)
+
+
+TABLE = {"deflection": [0.0, 1.0, 2.0], "torque": [0.0, 1.0, 4.0]}
 FRAMES = {"frames": ["link1", "world"], "stiffness": 1.0}
 REFUSED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "stiffness missing": (
         {"joints": {"*": {"spring": {"rest": 1.0}}}},
         ("joints.joint1.spring.stiffness", "missing"),
+    ),
+    "a stiffness and a table": (
+        {"joints": {"joint1": {"spring": {"stiffness": 2.0, "table": TABLE}}}},
+        ("joints.joint1.spring' = ", "stiffness = 2.0 and a table; one of the two is expected"),
+    ),
+    "deflections in no order": (
+        {"joints": {"joint1": {"spring": {"table": {"deflection": [1, 0], "torque": [0, 1]}}}}},
+        ("joints.joint1.spring.table", "'deflection' must increase from point to point"),
+    ),
+    "a torque too few": (
+        {"joints": {"joint1": {"spring": {"table": {"deflection": [0, 1, 2], "torque": [0, 1]}}}}},
+        ("joints.joint1.spring.table", "3 points of 'deflection', but 2 of 'torque'"),
     ),
     "locked joint": (
         {

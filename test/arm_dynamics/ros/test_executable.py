@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from samples import sampled
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.executable import split_words, usage
@@ -28,7 +29,7 @@ def called(node: str, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
-@pytest.mark.parametrize("node", MODULES)
+@pytest.mark.parametrize("node", sampled(MODULES, 1))
 def test_help_lists_the_scene_and_every_parameter(node: str) -> None:
     told = called(node, "--help")
     assert told.returncode == 0
@@ -46,13 +47,13 @@ def test_help_of_the_controller_lists_groups_and_choices() -> None:
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [
+    sampled([
         (("nowhere",), "error: scene: no file 'nowhere' in "),
         (("pnda", "--ros-args", "-r", "__ns:=/x"), "did you mean 'panda'?"),
         (("panda", "again"), "error: 'again' is neither the scene nor behind --ros-args"),
         (("--verbose",), "error: '--verbose' is neither the scene nor behind --ros-args"),
-    ],
-)
+    ], 2),
+)  # fmt: skip
 def test_a_scene_is_given_by_position_and_refused_by_name(
     words: tuple[str, ...], said: str
 ) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from harness import Ros, surroundings
 
-from arm_dynamics.ros.common.transport import FOLDER, clear_dead
+from arm_dynamics.ros.common.transport import FOLDER, SEGMENTS, clear_dead
 
 NODE = """
 import rclpy
@@ -34,7 +34,8 @@ def node() -> subprocess.Popen[str]:
 def segments(pid: int) -> set[str]:
     """What a process has in shared memory."""
     lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
-    return {Path(line.split()[-1]).name for line in lines if f"{FOLDER}/fastrtps_" in line}
+    names = {Path(line.split()[-1]).name for line in lines if f"{FOLDER}/" in line}
+    return {name for name in names if name.startswith(SEGMENTS)}
 
 
 def there() -> set[str]:

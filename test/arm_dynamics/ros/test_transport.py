@@ -19,7 +19,7 @@ rclpy.init()
 node = rclpy.create_node("joins")
 sizes = [0]
 for line in Path("/proc/self/maps").read_text().splitlines():
-    if re.search(r"/fastrtps_[0-9a-f]+$", line):
+    if re.search(r"/fast(rtps|dds)_[0-9a-f]+$", line):
         begin, end = (int(place, 16) for place in line.split()[0].split("-"))
         sizes.append(end - begin)
 print(max(sizes))

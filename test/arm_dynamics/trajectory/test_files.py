@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
+from arm_dynamics.trajectory import JointTrajectory, Trajectory, Waypoint, quintic
 
 NAMES = ("shoulder", 'el"bow')
 MOTION = quintic([Waypoint(0.0, [0, 1e-7]), Waypoint(0.5, [0.3, 1.0]), Waypoint(1.25, [0, 1e-7])])
@@ -45,6 +45,25 @@ def test_turns_follow_one_another() -> None:
     motion = twice.motion(NAMES)
     assert motion.duration == pytest.approx(2.5)
     np.testing.assert_allclose(motion.sample(1.75).q, MOTION.sample(0.5).q)
+
+
+@pytest.mark.parametrize(
+    ("motion", "turns", "told"),
+    [
+        (MOTION, 0, "turns = 0; a whole number of at least 1 is expected"),
+        (MOTION, 1.5, "turns = 1.5; a whole number of at least 1 is expected"),
+        (
+            quintic([Waypoint(0.0, [0, 1]), Waypoint(1.0, [0, 2])]),
+            2,
+            "turns = 2: the motion begins at 1 of joint 'el\"bow' and ends at 2, so it cannot",
+        ),
+    ],
+)
+def test_motions_that_cannot_repeat_are_refused(motion: Trajectory, turns: int, told: str) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        JointTrajectory.of(motion, NAMES, turns)
+    assert told in str(caught.value)
+    assert JointTrajectory.of(motion, NAMES)
 
 
 @pytest.mark.parametrize(

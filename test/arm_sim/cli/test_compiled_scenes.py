@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from harness import reserve_domain, surroundings
+from samples import sampled
 
 import models
 from arm_dynamics import Dynamics, InvalidInput, KernelError
@@ -143,7 +144,9 @@ def test_a_process_without_a_compiler_runs_the_scene(scene: Path, compiled: Path
         assert here.run(0.3).q[-1, 0] == float.fromhex(position)
 
 
-@pytest.mark.parametrize("target", ["native", "x86-64-v2"])
+@pytest.mark.parametrize(
+    "target", ["native", pytest.param("x86-64-v2", marks=pytest.mark.nightly)]
+)
 def test_derivatives_are_compiled_on_request(
     target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -190,7 +193,7 @@ def test_controllers_are_compiled_on_request(
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("name", ["two_link", "flexible_arm"])
+@pytest.mark.parametrize("name", sampled(["flexible_arm", "two_link"], 1))
 def test_loops_of_the_nodes_are_compiled_on_request(name: str, tmp_path: Path) -> None:
     """Without a compiler they then run in C."""
     out, nothing = tmp_path / "compiled", tmp_path / "nothing"

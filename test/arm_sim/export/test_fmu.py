@@ -17,7 +17,7 @@ import pytest
 from exported import said_by
 
 import models
-from arm_dynamics import InvalidInput
+from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim import Simulator
 from arm_sim.export import export, fmu
@@ -63,9 +63,9 @@ class Importer:
         root = ElementTree.parse(place / "modelDescription.xml").getroot()
         tag = "Float64" if version == "3" else "ScalarVariable"
         self.reference = {x.get("name"): int(x.get("valueReference", "")) for x in root.iter(tag)}
-        token = root.get("instantiationToken") or root.get("guid") or ""
+        self.token = root.get("instantiationToken") or root.get("guid") or ""
         self._logger = _LOG[version](lambda *given: self.texts.append(given[-1].decode()))
-        self.unit = c_void_p(self._instance(token.encode()))
+        self.unit = c_void_p(self._instance(self.token.encode()))
 
     def _instance(self, token: bytes) -> int:
         if self.version == "3":
@@ -189,6 +189,35 @@ def test_starting_values_and_parameters_are_the_simulators(
 
 
 @pytest.mark.parametrize("version", ["3", "2"])
+def test_wrenches_act_on_the_frames_that_were_named(version: str, tmp_path: Path) -> None:
+    """Besides external torques; without any, the unit is the simulator to the bit."""
+    given, frames = scene("dry") | {"tunable": ["external"]}, ["forearm", "tip"]
+    export(scene("dry"), tmp_path, "unit", terms=(), fmu=True, frames=frames)
+    simulator, dynamics, unit = Simulator(given), Dynamics(given), Importer(tmp_path, version)
+    wrenches = {"forearm": 5.0 * np.arange(1.0, 7.0), "tip": -5.0 * np.arange(1.0, 7.0)}
+    inputs = [f"{frame}.wrench.{kind}.{axis}"
+              for frame in frames for kind in ("force", "torque") for axis in "xyz"]  # fmt: skip
+    outputs, dt = names(simulator, "position") + names(simulator, "velocity"), simulator.dt
+    unit.begin()
+    assert unit("ExitInitializationMode") == 0
+    for k in range(TICKS):
+        if k == 20:
+            assert unit.set(inputs, np.concatenate([*wrenches.values()])) == 0
+            assert unit.set(["external[1]"], [2.0]) == 0
+        if k >= 20:
+            q = simulator.state.q
+            pushed = [dynamics.jacobian(q, frame).T @ w for frame, w in wrenches.items()]
+            simulator.set_parameter("external", [0.0, 2.0] + sum(pushed))
+        assert unit.step(k * dt, dt) == 0
+        expected = simulator.step(np.zeros(2))
+        if k < 20:
+            np.testing.assert_array_equal(unit.get(outputs), [*expected.q, *expected.v])
+    np.testing.assert_allclose(unit.get(outputs), [*expected.q, *expected.v], rtol=1e-10)
+    assert abs(expected.v).max() > 0.1
+    unit.close()
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
 def test_what_is_not_allowed_is_an_error_that_says_so(made: dict[str, Path], version: str) -> None:
     unit = Importer(made["smooth"], version)
     command, position = [next(x for x in unit.reference if x and x.endswith(k))
@@ -196,7 +225,7 @@ def test_what_is_not_allowed_is_an_error_that_says_so(made: dict[str, Path], ver
     assert unit.step(0.0, 1e-3) == 3 and "initialization" in unit.texts[-1]
     unit.begin()
     unit("ExitInitializationMode")
-    for point, time in ((0.0, 0.3e-3), (0.0, -1e-3), (0.04, 1e-3), (np.nan, 1e-3)):
+    for point, time in ((0.0, 0.3e-3), (0.0, -1e-3), (0.0, 0.0), (0.04, 1e-3), (np.nan, 1e-3)):
         assert unit.step(point, time) == 3 and "from 0 s, where" in unit.texts[-1]
     assert unit.set([command], [np.nan]) == 3 and "not finite" in unit.texts[-1]
     assert unit.set([position], [0.0]) == 3 and "computed" in unit.texts[-1]
@@ -267,3 +296,23 @@ def test_fmpy_finds_nothing_wrong_and_simulates_it(made: dict[str, Path], file: 
     run = simulator.run(0.2, np.zeros(2))
     for joint, name in enumerate(position):
         np.testing.assert_array_equal(found[name], run.q[:, joint])
+
+
+@pytest.mark.group("fmu")
+def test_another_importer_runs_it_to_the_bit(made: dict[str, Path]) -> None:
+    """By FMI 3.0; by FMI 2.0 fmuloader asks co-simulation for functions of model exchange."""
+    from fmuloader.fmi3 import Fmi3Slave
+
+    simulator, own = Simulator(scene("dry")), Importer(made["dry"], "3")
+    unit = Fmi3Slave(made["dry"] / "unit.fmu", model_identifier="unit")
+    unit.instantiate_co_simulation("one", instantiation_token=own.token)
+    unit.enter_initialization_mode(start_time=0.0)
+    unit.exit_initialization_mode()
+    position = [own.reference[name] for name in names(simulator, "position")]
+    for k in range(TICKS):
+        unit.do_step(k * simulator.dt, simulator.dt)
+        expected = simulator.step(np.zeros(2)).q
+        np.testing.assert_array_equal(unit.get_float64(position), expected)
+    unit.terminate()
+    unit.free_instance()
+    own.close()

@@ -9,20 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from exported import (
-    C11,
-    CPP17,
-    MATHEMATICS,
-    STRICT,
-    Library,
-    compilers,
-    said_by,
-    symbols_of,
-)  # fmt: skip
+from exported import Library, assert_clean, assert_no_compiler_warns, run_test_program
 
 from arm_dynamics import SceneError
 from arm_dynamics.arrays import Array
-from arm_sim import Simulator
+from arm_sim import JointCommand, Simulator
 from arm_sim.export import export
 
 URDF = Path(__file__).parents[3] / "src/arm_sim/arm_sim/scenes/two_link.urdf"
@@ -32,8 +23,15 @@ STUCK = {
     "sim": {"tolerance": 1e-8},
     "tunable": ["gravity", "friction"],
 }
+ROWS = {"speed": [0, 0.5, 3], "torque": [[1, 0.5, 2], [0.5, 0.7, 1]], "position": [-1, 1]}
+SPRING = {"deflection": [-1, 0, 1], "torque": [-3, 0, 5]}
+TABLES = {
+    "robot": {"urdf": str(URDF)},
+    "joints": {"elbow": {"friction": {"table": ROWS}, "spring": {"table": SPRING}}},
+}
 SCENES: dict[str, Any] = {
     "stuck": STUCK,
+    "tables": TABLES,
     "four_bar": "four_bar",
     "panda": "panda",
     "panda_table": "panda_table",
@@ -117,6 +115,9 @@ def test_ticks_are_those_of_the_simulator_to_the_bit(case: Case) -> None:
     made = ticks.run(commands)
     assert made.tobytes() == np.hstack([expected.q, expected.v])[1:].tobytes()
     assert np.array_equal(ticks.state()[2], simulator.effort)
+    period = ticks.function("sim_period")
+    period.restype = ctypes.c_double
+    assert (ticks.function("sim_joints")(), period()) == (simulator.n, simulator.dt)
 
 
 def test_a_copy_made_in_the_middle_continues_to_the_same_bits(case: Case) -> None:
@@ -150,31 +151,18 @@ def test_wrong_numbers_get_codes_with_texts_and_change_nothing(case: Case) -> No
     assert ticks.text(99) == "unknown code"
 
 
-@pytest.mark.parametrize("language", [C11, CPP17], ids=["C11", "C++17"])
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
-def test_no_compiler_warns(case: Case, compiler: str, language: tuple[str, ...]) -> None:
-    if compiler not in compilers():
-        pytest.skip(f"without {compiler}")
-    for file in (f"{case.name}.c", f"test_{case.name}.c"):
-        said = said_by(compiler, *language, *STRICT, "-fsyntax-only", case.folder / file)
-        assert said == ""
+def test_no_compiler_warns(case: Case) -> None:
+    assert_no_compiler_warns(case.folder, case.name)
 
 
-@pytest.mark.parametrize("level", ["-O1", "-O2"])
-def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(
-    case: Case, level: str
-) -> None:
-    symbols = symbols_of(case.folder / f"{case.name}.c", level)
-    assert {name for kind, name in symbols if kind == "U"} <= MATHEMATICS
-    assert [name for kind, name in symbols if kind.lower() in "bdc"] == []
-    mine = {name for kind, name in symbols if kind.isupper() and kind != "U"}
-    assert {name for name in mine if not name.startswith(f"{case.name}_")} == set()
+def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(case: Case) -> None:
+    assert_clean(case.folder / f"{case.name}.c", case.name)
 
 
 def test_the_test_program_passes(case: Case, tmp_path: Path) -> None:
-    sources = [case.folder / f"{name}.c" for name in (f"test_{case.name}", case.name)]
-    said_by("cc", "-O1", f"-I{case.folder}", *sources, "-o", tmp_path / "program", "-lm")
-    assert "all results are right" in said_by(tmp_path / "program")
+    source = case.folder / f"test_{case.name}.c"
+    status, said = run_test_program(case.library, source, tmp_path / "program")
+    assert status == 0 and "all results are right" in said
 
 
 def test_tunable_numbers_act_as_in_the_simulator(tmp_path: Path) -> None:
@@ -190,6 +178,37 @@ def test_tunable_numbers_act_as_in_the_simulator(tmp_path: Path) -> None:
     simulator.set_parameter("friction", [simulator.model.viscous[0], 0.7])
     expected = simulator.run(200 * simulator.dt, commands)
     assert ticks.run(commands).tobytes() == np.hstack([expected.q, expected.v])[1:].tobytes()
+
+
+def test_servos_track_as_those_of_the_simulator_to_the_bit(tmp_path: Path) -> None:
+    """Positions with velocities, velocities, efforts alone and beside them."""
+    export(STUCK, tmp_path / "arm", "arm", terms=(), servo=True)
+    ticks, simulator, n = Ticks(Library(tmp_path / "arm", "arm"), 2), Simulator(STUCK), 2
+    rng, command, none = np.random.default_rng(3), np.zeros(n), np.full(n, np.nan)
+    assert ticks.init() == 0
+    for k in range(200):
+        position, velocity, effort = rng.uniform(-0.5, 0.5, (3, n))
+        given = [(position, velocity, effort), (none, velocity, none), (none, none, effort),
+                 (np.where([1, 0], position, np.nan), velocity, none)][k % 4]  # fmt: skip
+        ticks.function("sim_servo")(*map(_pointer, (ticks.memory, *given, command)))
+        assert ticks.step(command) == 0
+        state = simulator.step(JointCommand(*given))
+        assert np.array_equal(np.concatenate(ticks.state()[:2]), [*state.q, *state.v])
+    ticks.function("sim_servo")(_pointer(ticks.memory), None, None, None, _pointer(command))
+    assert not command.any()
+
+
+def test_bodies_that_cannot_be_are_refused(tmp_path: Path) -> None:
+    export(STUCK | {
+        "payloads": [{"frame": "tip", "mass": 0.5, "inertia": [1e-3, 0, 0, 1e-3, 0, 1e-3]}] * 2,
+        "tunable": ["payload"],
+    }, tmp_path / "arm", "arm", terms=())  # fmt: skip
+    ticks = Ticks(Library(tmp_path / "arm", "arm"), 2)
+    assert ticks.init() == 0
+    for place in (0, 10, 4, 7, 19):  # masses and moments of inertia
+        assert "cannot have this value" in ticks.text(ticks.set(f"payload[{place}]", -1e-3))
+    for place in (1, 5, 18):  # centres of mass and products of inertia
+        assert ticks.set(f"payload[{place}]", -1e-4) == 0
 
 
 def test_states_that_are_impossible_are_refused(tmp_path: Path) -> None:

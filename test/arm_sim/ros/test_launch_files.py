@@ -17,14 +17,14 @@ import numpy as np
 import pytest
 import yaml
 from harness import running
-from launch_files import Launch, Start
+from launch_files import Launch, Start, by_python
 
 import models
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.ros.controller.controller_params import ControllerParams
 from arm_dynamics.ros.interfaces import CONTROLLER_STATE
 from arm_sim.cli.robot.listener import Listener
-from arm_sim.cli.urdf import HARDWARE, with_hardware
+from arm_sim.cli.urdf import TOPICS, with_hardware
 from arm_sim.ros.sim_params import SimParams
 
 PACKAGE = Path(__file__).parents[3] / "src/arm_sim"
@@ -44,14 +44,6 @@ def executables(package: str, monkeypatch: pytest.MonkeyPatch) -> set[str]:
     monkeypatch.chdir(PACKAGE.parent / package)
     runpy.run_path("setup.py")
     return {entry.split("=")[0].strip() for entry in said["entry_points"]["console_scripts"]}
-
-
-def by_python(line: str) -> str:
-    """``ros2 run arm_sim arm …`` without ros2."""
-    words = line.split()
-    assert words[:4] == ["ros2", "run", "arm_sim", "arm"]
-    command = [sys.executable, "-P", "-m", "arm_sim.cli", *words[4:]]
-    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
 
 
 def started(name: str, **given: str) -> list[Start]:
@@ -124,7 +116,7 @@ def test_hardware_of_ros2_control_works_with_the_sim() -> None:
     found = {start.executable: start for start in started("ros2_control", command="effort")}
     text = str(found["robot_state_publisher"].parameters["robot_description"])
     tag = ElementTree.fromstring(text).find("ros2_control")
-    assert tag is not None and tag.findtext("hardware/plugin") == HARDWARE
+    assert tag is not None and tag.findtext("hardware/plugin") == TOPICS
     said = {p.get("name"): p.text for p in tag.findall("hardware/param")}
     remaps = found["sim"].remaps
     assert said["joint_commands_topic"] == "/" + remaps["joint_commands"]
@@ -142,7 +134,7 @@ def test_hardware_of_ros2_control_works_with_the_sim() -> None:
 def test_a_description_keeps_its_robot() -> None:
     """With the tag it is the same arm; that of other hardware (the xArm has one) is taken out."""
     model = models.dynamics("xarm7").model
-    text = with_hardware(model, "position", {"joint_states_topic": "/states"})
+    text = with_hardware(model, "position", TOPICS, {"joint_states_topic": "/states"})
     assert len(re.findall("<ros2_control", text)) == 1
     again = Dynamics(load_scene({"robot": {"urdf": text}}))
     q = np.full(model.n, 0.3)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from arm_msgs.srv import ModelInfo
 from harness import Ros, surroundings
+from samples import sampled
 from sensor_msgs.msg import JointState
 
 import models
@@ -66,7 +67,7 @@ def processes(ros: Ros) -> Iterator[Processes]:
     started.kill()
 
 
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("end", sampled([signal.SIGINT, signal.SIGTERM], 1))
 def test_three_processes_close_the_loop_and_end(
     ros: Ros, processes: Processes, end: signal.Signals
 ) -> None:
@@ -89,7 +90,7 @@ def test_three_processes_close_the_loop_and_end(
             assert "per second" in said
 
 
-@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize("node", sampled(["sim", "dynamics", "controller"], 1))
 def test_a_scene_that_cannot_be_used_ends_it_with_one_error(
     processes: Processes, node: str
 ) -> None:

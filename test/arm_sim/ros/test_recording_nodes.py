@@ -16,7 +16,9 @@ from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
 from std_msgs.msg import Float64MultiArray
 
-from arm_dynamics import InvalidInput
+from arm_dynamics import ArmError, InvalidInput
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.interfaces import EVERY
 from arm_sim import Recording
 from arm_sim.exceptions import NoRecording
@@ -25,6 +27,7 @@ from arm_sim.replay import replay
 from arm_sim.ros.record.definitions import definition_of
 from arm_sim.ros.record.player import Player
 from arm_sim.ros.record.topics import TopicRecorder
+from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
 
@@ -111,6 +114,26 @@ def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
 def test_a_path_that_cannot_be_recorded_to_is_refused(path: str, ros: Ros, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match=path.rpartition("/")[2].replace(".", r"\.")):
         by_hand(ros, record=str(tmp_path / path))
+
+
+NODES = [SimNode, ControllerNode, DynamicsNode, TopicRecorder, Player]
+
+
+@pytest.mark.parametrize("kind", NODES)
+def test_a_node_that_could_not_be_built_can_be_destroyed(kind: Any, ros: Ros) -> None:
+    """Kilted's rclpy does that at the end of the context."""
+
+    class Kept(kind):
+        made: Any = None
+
+        def __init__(self, *args: Any, **more: Any) -> None:
+            type(self).made = self
+            super().__init__(*args, **more)
+
+    unusable = Path(__file__).parent if kind is TopicRecorder else Path("nowhere.yaml")
+    with pytest.raises(ArmError):
+        Kept(unusable, context=ros.context)
+    Kept.made.destroy_node()
 
 
 def test_topics_are_recorded_as_they_come_and_played_again(ros: Ros, tmp_path: Path) -> None:

@@ -38,9 +38,9 @@ ROS_ARGS = {
 class Loop:
     """A sim and a controller in separate processes, and an observer."""
 
-    def __init__(self, ros: Ros) -> None:
+    def __init__(self, ros: Ros, logs: Path) -> None:
         self.ros = ros
-        self._environment = surroundings(ROS_DOMAIN_ID=str(ros.domain))
+        self._environment = surroundings(ROS_DOMAIN_ID=str(ros.domain), ROS_LOG_DIR=str(logs))
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         self.states: list[JointState] = []
         self.levels: dict[str, tuple[int, str]] = {}
@@ -97,17 +97,28 @@ class Loop:
             self.kill(node)
 
 
-@pytest.fixture
-def loop(ros: Ros) -> Iterator[Loop]:
-    """Processes in the domain of the test; none is left behind."""
-    made = Loop(ros)
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Loop]:
+    """Processes in a domain of their own; none is left behind."""
+    logs = tmp_path_factory.mktemp("log")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_LOG_DIR", str(logs))
+        ros = Ros()
+    made = Loop(ros, logs)
     yield made
     made.close()
+    ros.close()
+
+
+@pytest.fixture
+def loop(shared: Loop) -> Loop:
+    """A sim and a controller at work; tests may kill them."""
+    shared.start(*({"sim", "controller"} - set(shared.running)))
+    shared.until_well()
+    return shared
 
 
 def test_a_killed_controller_is_replaced_and_the_arm_stays(loop: Loop) -> None:
-    loop.start("sim", "controller")
-    loop.until_well()
     before = loop.position()
     loop.kill("controller")
     loop.until_said("sim: commands", "commands stopped")
@@ -118,8 +129,6 @@ def test_a_killed_controller_is_replaced_and_the_arm_stays(loop: Loop) -> None:
 
 
 def test_a_killed_simulation_is_replaced_and_its_controller_goes_on(loop: Loop) -> None:
-    loop.start("sim", "controller")
-    loop.until_well()
     loop.kill("sim")
     loop.until_said("controller: controller", "no joint state")
     loop.start("sim")
@@ -130,8 +139,9 @@ def test_a_killed_simulation_is_replaced_and_its_controller_goes_on(loop: Loop) 
 
 
 def test_a_flood_of_commands_from_another_source_moves_nothing(loop: Loop) -> None:
-    # On a busy machine the controller may be kept waiting for longer than 0.1 s.
-    loop.start("sim", "controller", sim=("-p", "command_timeout:=2.0"))
+    """And SIGTERM in the middle of it ends the nodes in order."""
+    loop.kill("sim")  # on a busy machine the controller may be kept waiting for more than 0.1 s
+    loop.start("sim", sim=("-p", "command_timeout:=2.0"))
     loop.until_well()
     before, began = loop.position(), loop.time()
     publisher = loop.ros.publisher(JointState, "joint_commands")
@@ -148,10 +158,25 @@ def test_a_flood_of_commands_from_another_source_moves_nothing(loop: Loop) -> No
     loop.until_said("sim: commands", "two controllers")
     np.testing.assert_allclose(loop.position(), before, atol=5e-3)
     assert loop.time() > began
+    for node in ("sim", "controller"):
+        loop.running[node].send_signal(signal.SIGTERM)
+    for _ in range(2000):
+        publisher.publish(raw)
+    for node in ("sim", "controller"):
+        assert loop.running.pop(node).wait(timeout=10.0) == 0
 
 
-def test_a_full_disk_does_not_stop_the_node(loop: Loop) -> None:
+@pytest.fixture
+def unstarted(ros: Ros, tmp_path: Path) -> Iterator[Loop]:
+    """No processes yet."""
+    made = Loop(ros, tmp_path)
+    yield made
+    made.close()
+
+
+def test_a_full_disk_does_not_stop_the_node(unstarted: Loop) -> None:
     """What the nodes say goes to a device that has no space left."""
+    loop = unstarted
     with Path("/dev/full").open("wb") as full:
         loop.start("sim", "controller", "dynamics", stdout=full, stderr=full)
     loop.until_well()
@@ -217,16 +242,3 @@ def test_the_file_may_change_while_the_simulation_runs(ros: Ros, tmp_path: Path)
     file.unlink()
     node.tick()
     assert node.simulator.arm.step_count == 2
-
-
-def test_sigterm_in_the_middle_of_a_flood_ends_in_order(loop: Loop) -> None:
-    loop.start("sim", "controller")
-    loop.until_well()
-    publisher = loop.ros.publisher(JointState, "joint_commands")
-    raw = serialize_message(JointState(name=NAMES, effort=[0.0, 0.0]))
-    for node in ("sim", "controller"):
-        loop.running[node].send_signal(signal.SIGTERM)
-    for _ in range(2000):
-        publisher.publish(raw)
-    for node in ("sim", "controller"):
-        assert loop.running[node].wait(timeout=10.0) == 0

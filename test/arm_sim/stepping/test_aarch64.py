@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rollouts on 64-bit ARM: cross-compiled, run by an emulator, and compared with this processor."""
+"""64-bit ARM: all native code compiles, and rollouts have the bits of this processor."""
 
 from __future__ import annotations
 
+import runpy
 import shutil
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +58,20 @@ def test_the_same_bits_as_on_this_processor(
     given = np.hstack([q, v]).tobytes() + tau.tobytes()
     done = subprocess.run([EMULATOR, program], input=given, capture_output=True, check=True)
     np.testing.assert_array_equal(np.frombuffer(done.stdout).reshape(here.shape), here)
+
+
+def test_all_native_code_compiles() -> None:
+    tool = runpy.run_path(str(Path(__file__).parents[3] / "tools/compile_commands.py"))
+    where = tool["places"]()
+
+    def errors(file: Path) -> str:
+        native, *options = tool["command"](file, where)
+        compiler = COMPILERS["c++" if native == "c++" else "c"]
+        return subprocess.run([compiler, *options, "-w"], capture_output=True, text=True).stderr
+
+    with ThreadPoolExecutor(2) as pool:
+        said = list(pool.map(errors, tool["files"]()))
+    assert said and not any(said), "\n".join(said)
 
 
 def cross_compiled(language: str, source: str, dt: float, folder: Path) -> Path:

@@ -31,7 +31,13 @@ def test_a_motion_is_found_written_and_drawn(tmp_path: Path) -> None:
     assert (tmp_path / "motion.png").stat().st_size > 10_000
     motion = JointTrajectory.load(out).motion(Dynamics("two_link").joint_names)
     assert motion.duration == pytest.approx(6.0)
-    np.testing.assert_allclose(motion.sample(3.0).q, motion.sample(0.0).q, atol=1e-9)
+    for t in np.linspace(0.0, 3.0, 31):
+        first, again = motion.sample(t), motion.sample(t + 3.0)
+        for part in ("q", "v", "a"):
+            np.testing.assert_allclose(getattr(again, part), getattr(first, part), atol=1e-9)
+    before, after = motion.sample(3.0 - 1e-9), motion.sample(3.0 + 1e-9)
+    np.testing.assert_allclose(before.v, after.v, atol=1e-6)
+    np.testing.assert_allclose(before.a, after.a, atol=1e-5)
 
 
 def test_a_simulated_arm_follows_it(tmp_path: Path) -> None:

@@ -88,3 +88,12 @@ def test_friction_that_is_neither_identified_nor_kept_is_refused_by_name():
     table = {"at": [-1.0, 1.0], "factor": [1.0, 1.2]}
     with pytest.raises(InvalidInput, match=r"'shoulder' has 'friction\.position', which cannot"):
         check_model(two_link(position=table))
+
+
+def test_a_table_is_replaced_by_coefficients():
+    table = {"table": {"speed": [0.0, 1.0], "torque": [1.0, 2.0]}}
+    scene = load_scene("two_link").model_dump(exclude_unset=True, mode="json")
+    scene["joints"]["shoulder"] = {"friction": table}
+    notes, friction = told({}, Shape(None, None, 1.0), model=ArmModel(load_scene(scene)))
+    assert notes == ["'shoulder': its table of friction is replaced by coefficients"]
+    assert (friction.table, friction.coulomb, friction.viscous) == (None, 1.0, 0.1)

@@ -58,7 +58,7 @@ class SteadyFriction:
 
     def __call__(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Total friction, shape (…, n)."""
-        smooth = self.joints.smooth(v)
+        smooth = self.joints.smooth(v, q)
         return smooth + self.dry(v, direction, q, load) if self.has_dry else smooth
 
     def dry(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:

@@ -33,10 +33,10 @@ def ahead(
         v: Joint velocities in [rad/s] or [m/s], shape (n,).
         q: Joint positions in [rad] or [m], for friction that depends on them, shape (n,).
         load: Torques of the drives in [N m] or [N], likewise.
-        viscous: Whether viscous friction is part of it.
+        viscous: Whether viscous friction, the mean of both directions, is part of it.
     """
     joints = friction.joints
-    tau = joints.smooth(v) if viscous else 0.0 * v
+    tau = joints.smooth(v, q) if viscous else joints.smooth(v, q, 0.0)
     if friction.has_dry:
         way = hyperbolic_tangent(v / BAND)
         tau = tau + friction.gearless.dry(v, way, q, load)

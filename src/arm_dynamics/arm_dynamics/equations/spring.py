@@ -2,8 +2,8 @@
 """Springs and dampers of joints, between points of two links, and of end stops.
 
 S(q, v) is the torque that the drives must supply against the first two, M a + C v + G + S + F = τ.
-A joint spring takes k (q - rest) + c v. A spring between points pulls them together with the
-tension
+A joint spring takes k (q - rest) + c v, or in place of k a torque tabulated by q - rest. A spring
+between points pulls them together with the tension
 
     T = k (L - L₀) + c L̇ + T₀
 
@@ -21,15 +21,19 @@ no division by zero, and energy is conserved.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.elementary import Quantity, choose, larger, root
 from arm_dynamics.equations.frame import Frame, relative
+from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import Tree, constant, spread_map
 from arm_dynamics.scene.spring import PointSpring
 
@@ -45,6 +49,7 @@ class Springs:
         stiffness: Stiffness at each link's joint in [N m/rad] or [N/m], shape (links,).
         rest: Rest position of each joint's spring in [rad] or [m], likewise.
         damping: Damping at each joint in [N m s/rad] or [N s/m], likewise.
+        tables: Torque by deflection of each joint whose spring is not linear, else None.
         points: Springs between points.
         frames: The frames that they refer to.
     """
@@ -52,12 +57,52 @@ class Springs:
     stiffness: Array
     rest: Array
     damping: Array
+    tables: tuple[Curve | None, ...]
     points: tuple[PointSpring, ...]
     frames: Mapping[str, Frame]
 
     def __bool__(self) -> bool:
         """Whether there is any spring."""
-        return bool(self.points or self.stiffness.any() or self.damping.any())
+        return bool(self.points or self.of_joints.any())
+
+    @property
+    def of_joints(self) -> NDArray[np.bool_]:
+        """Joints with a spring or a damper beside them, shape (links,)."""
+        tabulated = np.array([table is not None for table in self.tables], dtype=bool)
+        return tabulated | (self.stiffness + self.damping > 0.0)
+
+    def pull(self, bent: Quantity) -> Quantity:
+        """Elastic torques of the joints' springs in [N m] or [N], shape (links,).
+
+        Args:
+            bent: Their deflections in [rad] or [m], shape (links,), an array or an expression.
+        """
+        linear = _like(bent)(self.stiffness) * bent
+        return self._with_tables(linear, bent, Curve.__call__)
+
+    def stored(self, bent: Quantity) -> Quantity:
+        """Energies of the joints' springs in [J], shape (links,); see ``pull``."""
+        linear = _like(bent)(self.stiffness) * bent**2 / 2
+        return self._with_tables(linear, bent, _work)
+
+    def _with_tables(
+        self, linear: Quantity, bent: Quantity, value: Callable[[Curve, Quantity], Quantity]
+    ) -> Quantity:
+        if not any(self.tables):
+            return linear
+        items = enumerate(self.tables)
+        torques = [linear[i] if t is None else value(t, bent[i]) for i, t in items]
+        return ca.vertcat(*torques) if isinstance(bent, ca.SX) else np.array(torques)
+
+
+def _work(table: Curve, bent: Quantity) -> Quantity:
+    """Energy in [J] of a spring with this table, zero at no deflection."""
+    return table.integral(bent) - table.integral(0.0)
+
+
+def _like(x: Quantity) -> Any:
+    """Converter of coefficients to the type of ``x``."""
+    return constant if isinstance(x, ca.SX) else np.asarray
 
 
 def tension(spring: PointSpring, square: Quantity, rate: Quantity) -> tuple[Quantity, Quantity]:
@@ -114,7 +159,7 @@ def heat(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
 def energy(springs: Springs, tree: Tree, q: ca.SX) -> ca.SX:
     """Energy stored in the springs in [J]; arguments as of ``torque``."""
     bent = _full(tree, q) - constant(springs.rest)
-    whole = ca.dot(constant(springs.stiffness), bent**2) / 2
+    whole = ca.sum1(springs.stored(bent))
     for spring, (square, _) in zip(springs.points, _ways(springs, tree, q), strict=True):
         whole += stored(spring, square)
     return whole
@@ -130,7 +175,7 @@ def frictionless(
 def _parts(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
     """The elastic part of S, and that of the dampers."""
     E = spread_map(tree)
-    elastic = E.T @ (constant(springs.stiffness) * (_full(tree, q) - constant(springs.rest)))
+    elastic = E.T @ springs.pull(_full(tree, q) - constant(springs.rest))
     damping = E.T @ (constant(springs.damping) * (E @ v))
     for spring, (square, slope) in zip(springs.points, _ways(springs, tree, q), strict=True):
         static, moving = tension(spring, square, ca.dot(slope, v))

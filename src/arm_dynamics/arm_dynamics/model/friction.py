@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.equations import friction, transmission
 from arm_dynamics.equations.elementary import Quantity, choose, size
+from arm_dynamics.equations.friction_table import FrictionTable, steepest
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import constant
 from arm_dynamics.scene.effect import given
-from arm_dynamics.scene.friction import Friction, Sides, Table, refusal
+from arm_dynamics.scene.friction import STATEFUL, Friction, Sides, SpeedTable, Table, refusal
 
 STEEPEST = 0.5
 """Largest slope of friction over the torque that causes it, relative to the gear's efficiency;
@@ -156,13 +157,29 @@ class JointFriction(DryFriction):
 
     Attributes:
         viscous: Viscous friction in [N m s/rad] or [N s/m].
+        tables: Friction by speed and position of each joint that has a table, else None; its dry
+            part is among the others.
         by_law: Dry friction of the joints whose friction model has states, for that model.
         efficiency: Efficiency of each joint's gear.
     """
 
     viscous: Sided
+    tables: tuple[FrictionTable | None, ...]
     by_law: DryFriction
     efficiency: Array
+
+    @property
+    def by_position(self) -> bool:
+        """Whether friction depends on the joints' positions."""
+        tables = any(table is not None and table.by_position for table in self.tables)
+        return tables or super().by_position
+
+    @property
+    def rise(self) -> Array:
+        """Bound of the slope over speed in [N m s/rad] or [N s/m], shape (n,)."""
+        tables = [table.steepest_rise if table else 0.0 for table in self.tables]
+        viscous = self.viscous.mean + abs(self.viscous.skew)
+        return np.asarray(viscous + self.steepest_rise + np.maximum(tables, 0.0))
 
     @cached_property
     def has_dry(self) -> bool:
@@ -189,11 +206,24 @@ class JointFriction(DryFriction):
         """Copy with other mean viscous coefficients, shape (n,)."""
         return replace(self, viscous=self.viscous._replace(mean=read_only(viscous)))
 
-    def smooth(self, v: Quantity, coefficient: Quantity = None) -> Quantity:
-        """Viscous friction at v; ``coefficient`` replaces the scene's mean, if given."""
+    def smooth(self, v: Quantity, q: Quantity, coefficient: Quantity = None) -> Quantity:
+        """Viscous friction, and that of tables but for their dry part.
+
+        Args:
+            v: Joint velocities in [rad/s] or [m/s], shape (…, n).
+            q: Joint positions in [rad] or [m]; used only if ``by_position``.
+            coefficient: Replaces the scene's mean of viscous friction, if given, shape (n,).
+        """
         like, (mean, skew) = _like(v), self.viscous
         mean = like(mean) if coefficient is None else coefficient
-        return friction.viscous(v, mean, like(skew) if skew.any() else None)
+        torque = friction.viscous(v, mean, like(skew) if skew.any() else None)
+        added = {
+            i: _column(torque, i)
+            + table.without_dry(_column(v, i), _column(q, i) if table.by_position else None)
+            for i, table in enumerate(self.tables)
+            if table is not None
+        }
+        return _replaced(torque, added)
 
     def dry(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Sliding friction in ``direction``, without that of friction models with states.
@@ -278,17 +308,36 @@ class Given:
     more: float
     efficiency: float
 
+    @cached_property
+    def table(self) -> FrictionTable | None:
+        """Its friction by speed, if the scene gives that."""
+        return None if self.own.table is None else _tabulated(self.own.table)
+
+    @property
+    def coulomb(self) -> tuple[float, float]:
+        """Dry friction in sliding, of a table that at rest: mean of both directions, and skew."""
+        return (self.table.dry, 0.0) if self.table else _sides(self.own.coulomb, self.dry)
+
+    @property
+    def viscous(self) -> tuple[float, float]:
+        """Viscous friction, likewise, without the drive's; a table replaces the default."""
+        return _sides(self.own.viscous, 0.0 if self.table else self.damping)
+
 
 def _dry(joints: Sequence[Given], coulomb: Sided, static: Sided) -> DryFriction:
     """Dry friction of joints with these levels."""
     falls = np.array([joint.own.stribeck_velocity or 0.0 for joint in joints])
+    tables = [joint.table for joint in joints]
     excess = Sided(static.mean - coulomb.mean, static.skew - coulomb.skew)
     return DryFriction(
         coulomb=coulomb,
         static=static,
         excess=excess.times(falls > 0.0),
         stribeck_velocity=np.where(falls > 0.0, falls, 1.0),
-        position=tuple(_curve(joint.own.position) for joint in joints),
+        position=tuple(
+            table.dry_by_position if table else _curve(joint.own.position)
+            for joint, table in zip(joints, tables, strict=True)
+        ),
         load=tuple(_curve(joint.own.load) for joint in joints),
     )
 
@@ -309,9 +358,9 @@ def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) 
     """
     for joint in joints:
         (_check if joint.name in free else _check_follower)(joint)
-    viscous = np.array([_sides(joint.own.viscous, joint.damping) for joint in joints])
+    viscous = np.array([joint.viscous for joint in joints])
     viscous[:, 0] += [joint.more for joint in joints]
-    coulomb = np.array([_sides(joint.own.coulomb, joint.dry) for joint in joints])
+    coulomb = np.array([joint.coulomb for joint in joints])
     static = np.array(
         [_sides(j.own.static, *level) for j, level in zip(joints, coulomb, strict=True)]
     )
@@ -325,6 +374,7 @@ def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) 
     return JointFriction(
         **vars(dry.of(sticking)),
         viscous=Sided(*map(read_only, viscous.T @ followers**2)),
+        tables=tuple(joint.table for joint in mine),
         by_law=dry.of(lawful),
         efficiency=np.array([joint.efficiency for joint in mine]),
     )
@@ -343,8 +393,25 @@ def _curve(table: Table | None) -> Curve | None:
     return Curve.through(np.array(table.at), np.array(table.factor), table.period or 0.0)
 
 
+def _tabulated(table: SpeedTable) -> FrictionTable:
+    place = None if table.position is None else np.array(table.position)
+    return FrictionTable.of(
+        np.array(table.speed), np.array(table.rows), place, table.period or 0.0
+    )
+
+
+_IN_TABLE = ("coulomb", "static", "stribeck_velocity", "position", "load", *STATEFUL)
+"""Keys of a joint's friction that a table replaces."""
+
+
 def _check(joint: Given) -> None:
     own, law = joint.own, joint.own.stateful
+    if own.table is not None:
+        for key in _IN_TABLE:
+            if (value := given(own, key)) is not None:
+                text = f"{key}' = {value!r}: 'friction.table' of the joint contains it; allowed "
+                raise refusal(joint.name, f"{text}beside it: 'viscous'")
+        return
     if joint.efficiency < 1.0 and law:
         raise refusal(
             joint.name,
@@ -368,7 +435,7 @@ def _check(joint: Given) -> None:
 
 def _check_follower(joint: Given) -> None:
     own = joint.own
-    for key in ("static", "position", "load", own.stateful):
+    for key in ("static", "position", "load", "table", own.stateful):
         if key and getattr(own, key) is not None:
             raise refusal(joint.name, f"{key}': a mimic joint has none of its own")
     if joint.named.stribeck_velocity is not None:
@@ -378,24 +445,18 @@ def _check_follower(joint: Given) -> None:
             raise refusal(joint.name, f"{key}': a mimic joint has one number for both directions")
 
 
-def largest_slope(curve: Curve) -> float:
-    """The largest slope of a curve, between a thousand points."""
-    grid = np.linspace(curve.at[0], curve.at[-1], 1000)
-    return float(np.max(np.diff(curve(grid)) / np.diff(grid)))
-
-
 def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
     for i, (joint, curve) in enumerate(zip(joints, dry.load, strict=True)):
         if curve is None:
             continue
         level = float(dry.extremes(i)[1].max()) / float(curve.values.max())
-        steepest = level * largest_slope(curve)
+        steep = level * steepest(curve)
         allowed = STEEPEST * joint.efficiency  # the motor supplies 1/η of the friction torque
-        if steepest > allowed:
+        if steep > allowed:
             gear = f", half of the gear's efficiency {joint.efficiency}" if allowed < 0.5 else ""
             raise refusal(
                 joint.name,
-                f"load': friction grows by {steepest:.3g} of the load that causes it; allowed: "
+                f"load': friction grows by {steep:.3g} of the load that causes it; allowed: "
                 f"up to {allowed:.3g}{gear}; beyond, the joint could be self-locking",
             )
 

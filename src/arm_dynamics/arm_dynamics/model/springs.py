@@ -10,11 +10,12 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.equations.frame import Frame
+from arm_dynamics.equations.interpolation import Curve, chords
 from arm_dynamics.equations.spring import Springs, stored, tension
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.tree_builder import frame_of
-from arm_dynamics.scene.spring import spring_name
+from arm_dynamics.scene.spring import DeflectionTable, spring_name
 
 
 def springs_of(robot: Robot) -> Springs:
@@ -25,7 +26,18 @@ def springs_of(robot: Robot) -> Springs:
             relative to each other.
     """
     stiffness, rest, damping = map(read_only, _of_joints(robot))
-    return Springs(stiffness, rest, damping, robot.scene.springs, _frames(robot))
+    scene = robot.scene
+    own = [scene.joint(name).spring for name in velocity_index(robot.pin)]
+    tables = tuple(_curve(spring.table) if spring else None for spring in own)
+    return Springs(stiffness, rest, damping, tables, scene.springs, _frames(robot))
+
+
+def _curve(table: DeflectionTable | None) -> Curve | None:
+    if table is None:
+        return None
+    at, torque = np.array(table.deflection), np.array(table.torque)
+    steep = chords(at, torque)
+    return Curve.through(at, torque, ends=(steep[0], steep[-1]))
 
 
 def _of_joints(robot: Robot) -> Array:
@@ -35,12 +47,12 @@ def _of_joints(robot: Robot) -> Array:
     for column, name in zip(numbers.T, names, strict=True):
         if (spring := scene.joint(name).spring) is None:
             continue
-        if spring.stiffness is None:
+        if spring.stiffness is None and spring.table is None:
             raise SceneError(
                 f"scene: 'joints.{name}.spring.stiffness' is missing: a number of at least zero "
                 "is expected"
             )
-        column[:] = spring.stiffness, spring.rest, spring.damping
+        column[:] = spring.stiffness or 0.0, spring.rest, spring.damping
     return numbers
 
 
@@ -79,7 +91,7 @@ class SpringTerms:
             return np.zeros(self._robot.n)
         springs, robot = self.springs, self._robot
         bent, rate = q @ robot.followers.T + robot.offsets - springs.rest, robot.spread(v)
-        S = robot.gather(springs.stiffness * bent + springs.damping * rate)
+        S = robot.gather(springs.pull(bent) + springs.damping * rate)
         for spring, (d, J) in zip(springs.points, self._ways(q), strict=True):
             slope = J.T @ d
             S = S + sum(tension(spring, d @ d, slope @ v)) * slope
@@ -91,7 +103,7 @@ class SpringTerms:
         bent = q @ robot.followers.T + robot.offsets - springs.rest
         ways = zip(springs.points, self._ways(q), strict=True)
         between = sum(float(stored(spring, d @ d)) for spring, (d, _) in ways)
-        return 0.5 * float(springs.stiffness @ bent**2) + between
+        return float(springs.stored(bent).sum()) + between
 
     def _ways(self, q: Array) -> list[tuple[Array, Array]]:
         """Vector from each spring's second point to its first, in world axes, and its Jacobian."""

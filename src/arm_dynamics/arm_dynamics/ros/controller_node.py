@@ -91,6 +91,8 @@ class ControllerNode(Node):
         send: Publishes a serialized command.
     """
 
+    _complete = False  # a node that could not be built is destroyed, too, by Kilted's rclpy
+
     def __init__(self, scene: Any = None, *, own_thread: bool = False, **node_kwargs: Any) -> None:
         """Start the node.
 
@@ -132,6 +134,7 @@ class ControllerNode(Node):
         self._connect()
         watch(self, self.params, self._apply)
         self._diagnosis = Diagnosis(self, self.diagnostics)
+        self._complete = True
         self._hear(own_thread)
 
     def _connect(self) -> None:
@@ -193,10 +196,11 @@ class ControllerNode(Node):
 
     def destroy_node(self) -> None:
         """End the threads, and the node."""
-        self.answers.close()
-        self.goals.planner.close()
-        self._builder.close()
-        self.action.close()
+        if self._complete:
+            self.answers.close()
+            self.goals.planner.close()
+            self._builder.close()
+            self.action.close()
         super().destroy_node()
 
     def _obstacle(self) -> str:

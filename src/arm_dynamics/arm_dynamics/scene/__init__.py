@@ -11,7 +11,8 @@ from arm_dynamics.exceptions import ArmError
 if tuple(map(int, pydantic.VERSION.split(".")[:2])) < (2, 6):  # before anything needs it
     raise ArmError(
         f"pydantic {pydantic.VERSION} of '{pydantic.__file__}' is too old; 2.6 or newer is "
-        "expected: pip install 'pydantic>=2.6' (on Ubuntu 24.04 with --break-system-packages)"
+        "expected: pip install 'pydantic>=2.6' (in a workspace on Ubuntu 24.04 with --target "
+        "install/arm_dynamics/lib/python3.12/site-packages)"
     )
 
 from arm_dynamics.scene.constraint import (

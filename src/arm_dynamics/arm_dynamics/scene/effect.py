@@ -105,7 +105,7 @@ def _of_joint(scene: Scene, name: str, urdf: Urdf) -> Idle:
 def _of_zeros(joint: Joint) -> Iterator[tuple[str, str]]:
     for key, beside in _OF_ZERO.items():
         path, _, own = key.rpartition(".")
-        if given(joint, key) == 0.0:
+        if given(joint, key) == 0.0 and given(joint, f"{path}.table") is None:
             yield from ((f"{path}.{name}", f"'{own}' is 0; {_MORE}") for name in beside)
 
 

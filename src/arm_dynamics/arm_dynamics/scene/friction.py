@@ -38,8 +38,8 @@ Sided = Annotated[
 ]
 """One number for both directions, or one for each."""
 
-KINDS = ("number", "sides")
-"""Items that pydantic adds to the location of an error in a ``Sided``."""
+KINDS = ("number", "sides", "row", "rows")
+"""Items that pydantic adds to the location of an error in a ``Sided`` or a ``SpeedTable``."""
 
 
 class Table(Part):
@@ -68,6 +68,86 @@ class Table(Part):
         if self.period is not None and self.period <= self.at[-1] - self.at[0]:
             raise ValueError(f"period = {self.period}: longer than the table is expected")
         return self
+
+
+def _rows_or_row(value: object) -> str:
+    several = isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple)
+    return "rows" if several else "row"
+
+
+Row = Annotated[tuple[NonNegative, ...], Field(min_length=2)]
+
+
+class SpeedTable(Part):
+    """All friction of a joint by its speed, in place of coefficients.
+
+    What friction is at speed zero is its dry part, which holds the joint at rest and changes sign
+    with the direction. Between speeds it is a monotone cubic (see ``Table``), beyond the last it
+    goes on with the last slope if it rises there, else it is constant. Between positions, rows are
+    blended by smooth steps, with zero slope at each row.
+
+    Attributes:
+        speed: Speeds in [rad/s] or [m/s], increasing, one of them 0. A table that begins there
+            applies to both directions.
+        torque: Size of friction at each speed in [N m] or [N], whatever the direction: it opposes
+            the motion, hence at least 0. With ``position``, one row for each.
+        position: Positions of the rows in [rad] or [m], increasing; constant beyond them.
+        period: Position after which the rows repeat; if absent they do not.
+    """
+
+    speed: tuple[Finite, ...] = Field(min_length=2)
+    torque: Annotated[
+        Annotated[Row, Tag("row")] | Annotated[tuple[Row, ...], Tag("rows")],
+        Discriminator(_rows_or_row),
+    ]
+    position: tuple[Finite, ...] | None = Field(default=None, min_length=2)
+    period: Positive | None = None
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Torques by speed, one row for each position, or the only one."""
+        return self.torque if isinstance(self.torque[0], tuple) else (self.torque,)
+
+    @model_validator(mode="after")
+    def _by_speed(self) -> SpeedTable:
+        _check_increasing("speed", self.speed)
+        if 0.0 not in self.speed or self.speed[-1] == 0.0:
+            raise ValueError(
+                f"speed = {self.speed}: 0 is expected among them, with speeds above it; friction "
+                "there is the dry friction, 0 if there is none"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _by_position(self) -> SpeedTable:
+        rows, places = self.rows, len(self.position or (0.0,))
+        if len(rows) != places:
+            raise ValueError(
+                f"positions = {places}, rows of 'torque' = {len(rows)}; one for each is expected"
+            )
+        for row in rows:
+            if len(row) != len(self.speed):
+                points = len(self.speed)
+                raise ValueError(f"{points} points of 'speed', but {len(row)} of 'torque'")
+        still = [row[self.speed.index(0.0)] for row in rows]
+        if min(still) == 0.0 < max(still):
+            raise ValueError(
+                f"torque at speed 0 = {still}: more than 0 at every position, or 0 at all, is "
+                "expected"
+            )
+        if self.position is None:
+            if self.period is not None:
+                raise ValueError(f"period = {self.period}: 'position' is missing, which repeats")
+            return self
+        _check_increasing("position", self.position)
+        if self.period is not None and self.period <= self.position[-1] - self.position[0]:
+            raise ValueError(f"period = {self.period}: longer than 'position' is expected")
+        return self
+
+
+def _check_increasing(key: str, values: tuple[float, ...]) -> None:
+    if not (np.diff(values) > 0.0).all():
+        raise ValueError(f"'{key}' must increase from point to point")
 
 
 def _of_sizes(table: Table) -> Table:
@@ -109,6 +189,8 @@ class Friction(Part):
         load: Factor of the dry friction over the size of the drive's torque at the joint.
         lugre: LuGre model in place of stick-slip events; requires ``coulomb``, and
             ``stribeck_velocity`` where ``static`` is larger.
+        table: Friction by speed, and by position, in place of the coefficients above but
+            ``viscous``, which is added to it, and of the URDF's.
     """
 
     viscous: Sided | None = None
@@ -118,6 +200,7 @@ class Friction(Part):
     position: Table | None = None
     load: Annotated[Table, AfterValidator(_of_sizes)] | None = None
     lugre: Lugre | None = None
+    table: SpeedTable | None = None
 
     @property
     def stateful(self) -> str | None:

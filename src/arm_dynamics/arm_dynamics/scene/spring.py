@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from pydantic import Field, model_validator
 
 from arm_dynamics.scene.constraint import ORIGIN, Pair, check_frames, check_new
@@ -10,19 +12,54 @@ from arm_dynamics.scene.types import Finite, NonNegative, Part, Vector3
 from arm_dynamics.scene.urdf import Urdf
 
 
+class DeflectionTable(Part):
+    """Torque of a joint's spring by its deflection.
+
+    Between the points it is a monotone cubic (see ``friction.Table``), beyond them straight, with
+    the slope of the last two. Its energy is the integral, zero where the deflection is.
+
+    Attributes:
+        deflection: Position of the joint less ``rest`` in [rad] or [m], increasing.
+        torque: Torque in [N m] or [N] that holds the spring there: above 0 it pulls the joint
+            back towards lower positions.
+    """
+
+    deflection: tuple[Finite, ...] = Field(min_length=2)
+    torque: tuple[Finite, ...] = Field(min_length=2)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> DeflectionTable:
+        points, torques = len(self.deflection), len(self.torque)
+        if points != torques:
+            raise ValueError(f"{points} points of 'deflection', but {torques} of 'torque'")
+        if any(b <= a for a, b in pairwise(self.deflection)):
+            raise ValueError("'deflection' must increase from point to point")
+        return self
+
+
 class JointSpring(Part):
     """A spring and a damper beside a joint, on the side of the link.
 
     Attributes:
-        stiffness: Stiffness in [N m/rad] or [N/m]; required. 0 removes that of ``"*"`` from a
-            joint.
+        stiffness: Stiffness in [N m/rad] or [N/m]; required unless there is a ``table``. 0 removes
+            that of ``"*"`` from a joint.
+        table: Torque by deflection, for a spring that is not linear, in place of ``stiffness``.
         rest: Rest position in [rad] or [m].
         damping: Damping in [N m s/rad] or [N s/m].
     """
 
     stiffness: NonNegative | None = None
+    table: DeflectionTable | None = None
     rest: Finite = 0.0
     damping: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _one_law(self) -> JointSpring:
+        if self.stiffness and self.table is not None:
+            raise ValueError(
+                f"stiffness = {self.stiffness} and a table; one of the two is expected"
+            )
+        return self
 
 
 class PointSpring(Part):

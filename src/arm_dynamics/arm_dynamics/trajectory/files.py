@@ -21,6 +21,7 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
 
+_JUMP = 1e-6  # between the end of a motion and its beginning, that is rounding
 _PARTS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
 
@@ -44,9 +45,13 @@ class JointTrajectory:
             motion: The motion.
             joint_names: Names of its joints.
             turns: Number of repetitions, for a motion that ends in its initial state.
+
+        Raises:
+            InvalidInput: If ``turns`` is not a positive whole number, or the motion cannot repeat.
         """
         ends = motion.table(np.array([0.0]))
         last = motion.sample(motion.duration)
+        _check_turns(turns, joint_names, motion)
         q, v, a = (np.vstack([part, end]) for part, end in
                    zip(ends[1:], (last.q, last.v, last.a), strict=True))  # fmt: skip
         added = motion.torques if motion.torques is not None else [None] * len(motion.times)
@@ -129,6 +134,20 @@ class JointTrajectory:
         except InvalidInput as error:
             raise InvalidInput(f"'{path}': {error}") from None
         return made
+
+
+def _check_turns(turns: int, names: Sequence[str], motion: Trajectory) -> None:
+    """Reject repetitions of a motion that would jump from its end to its beginning."""
+    if isinstance(turns, bool) or not isinstance(turns, int | np.integer) or turns < 1:
+        raise InvalidInput(f"turns = {turns!r}; a whole number of at least 1 is expected")
+    first, last = motion.ends
+    apart = abs(last - first) > _JUMP * np.maximum(1.0, abs(first))
+    if turns > 1 and apart.any():
+        i = int(np.argmax(apart))
+        raise InvalidInput(
+            f"turns = {turns}: the motion begins at {first[i]:g} of joint '{names[i]}' and ends "
+            f"at {last[i]:g}, so it cannot repeat; allowed: turns = 1"
+        )
 
 
 def _waypoint(point: Mapping[str, Any]) -> Waypoint:

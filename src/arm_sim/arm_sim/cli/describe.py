@@ -218,11 +218,13 @@ def _show_springs(out: Console, model: ArmModel) -> None:
     if not springs:
         return
     names = list(model.pin.names)[1:]
-    pushing = springs.stiffness + springs.damping > 0.0
-    of_joints = zip(names, springs.stiffness, springs.rest, springs.damping, strict=True)
     rows = [
-        (name, "joint", *(number(x, 4) for x in values))
-        for (name, *values), on in zip(of_joints, pushing, strict=True) if on
+        (
+            name, "joint", number(springs.stiffness[i], 4) if table is None else "table",
+            number(springs.rest[i], 4), number(springs.damping[i], 4),
+        )
+        for i, (name, table) in enumerate(zip(names, springs.tables, strict=True))
+        if springs.of_joints[i]
     ]  # fmt: skip
     rows += [
         (spring_name(spring, i), _between(spring),

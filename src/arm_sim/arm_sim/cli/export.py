@@ -26,6 +26,9 @@ from arm_sim.cli.output import examples
               help="Prefix of all functions, a C identifier. [default: from the robot's name]",
               )  # fmt: skip
 @click.option("--tick", is_flag=True, help="Also export the simulator's tick.")
+@click.option("--servo", is_flag=True,
+              help="Also export the tick and the servos, which track positions and velocities.",
+              )  # fmt: skip
 @click.option("--fmu", is_flag=True,
               help="Also make functional mock-up units, by FMI 3.0 and 2.0.")  # fmt: skip
 @click.option("--frame", "frames", multiple=True, metavar="FRAME",
@@ -37,6 +40,7 @@ def export(
     out: Path,
     name: str | None,
     tick: bool,
+    servo: bool,
     fmu: bool,
     frames: tuple[str, ...],
     derivatives: bool,
@@ -51,5 +55,5 @@ def export(
     from arm_sim.export import export as exported
 
     terms = (*TERMS, *DERIVATIVES) if derivatives else TERMS
-    made = exported(scene, out, name, terms, tick or fmu, fmu, frames)
+    made = exported(scene, out, name, terms, tick or fmu or servo, fmu, frames, servo)
     click.echo(f"{made.folder}: library '{made.name}', {len(made.files)} files")

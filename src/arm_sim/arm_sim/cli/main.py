@@ -80,8 +80,9 @@ def _explained(error: ModuleNotFoundError) -> Exception:
     if not _OF_ROS.fullmatch((error.name or "").split(".")[0]):
         return error
     return click.ClickException(
-        f"Python cannot find the module '{error.name}': this command needs ROS 2 Jazzy and the "
-        "built workspace; ./arm sets both up, or source the workspace's install/setup.bash"
+        f"Python cannot find the module '{error.name}': this command needs ROS 2 Jazzy or "
+        "Kilted and the built workspace; ./arm sets both up, or source the workspace's "
+        "install/setup.bash"
     )
 
 
@@ -97,7 +98,7 @@ def suite(
     group = Suite(
         sections,
         name="arm",
-        help="Dynamics, simulation and control of robot arms on ROS 2 Jazzy.",
+        help="Dynamics, simulation and control of robot arms on ROS 2.",
         epilog=examples("./arm demo", "./arm describe panda"),
         context_settings={
             "help_option_names": ["-h", "--help"],

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
@@ -14,7 +15,8 @@ from arm_sim.cli.output import examples
 if TYPE_CHECKING:
     from arm_dynamics import ArmModel
 
-HARDWARE = "joint_state_topic_hardware_interface/JointStateTopicSystem"
+TOPICS = "joint_state_topic_hardware_interface/JointStateTopicSystem"
+LIBRARY = "arm_ros2_control/ArmSystem"
 COMMANDS = ("position", "velocity", "effort")
 STATES = ("position", "velocity", "effort")
 
@@ -23,17 +25,23 @@ STATES = ("position", "velocity", "effort")
     epilog=examples(
         "./arm urdf panda > panda.urdf",
         "./arm urdf panda --ros2-control position",
+        "./arm urdf panda --ros2-control effort --library $PWD/build/libpanda.so",
     )
 )
 @click.argument("scene", type=SCENE)
 @click.option("--ros2-control", "command", type=click.Choice(COMMANDS),
-              help="Add the ros2_control tag of the JointState-topic hardware with this "
-              "command interface.")  # fmt: skip
+              help="Add a ros2_control tag with this command interface, for the JointState-topic "
+              "hardware.")  # fmt: skip
+@click.option("--library", type=click.Path(exists=True, dir_okay=False, resolve_path=True),
+              metavar="FILE", help="The hardware is arm_ros2_control with this shared library, "
+              "made of SCENE by ./arm export --tick or --servo.")  # fmt: skip
 @click.option("--commands-topic", default="/robot_joint_commands", show_default=True,
               help="Topic on which the hardware publishes commands.")  # fmt: skip
 @click.option("--states-topic", default="/robot_joint_states", show_default=True,
               help="Topic on which the hardware receives joint states.")  # fmt: skip
-def urdf(scene: str, command: str | None, commands_topic: str, states_topic: str) -> None:
+def urdf(
+    scene: str, command: str | None, library: str | None, commands_topic: str, states_topic: str
+) -> None:
     """Print the URDF of SCENE: the name of a ready scene, a scene file, or a package:// URI."""
     from arm_dynamics import ArmModel, load_scene
 
@@ -41,17 +49,26 @@ def urdf(scene: str, command: str | None, commands_topic: str, states_topic: str
     if command is None:
         click.echo(loaded.description)
         return
-    topics = {"joint_commands_topic": commands_topic, "joint_states_topic": states_topic}
-    click.echo(with_hardware(ArmModel(loaded), command, topics))
+    if library is not None:
+        plugin, parameters = LIBRARY, {"library": library}
+    else:  # not positive: it always publishes, since missing messages would be stopped commands
+        plugin, parameters = TOPICS, {
+            "joint_commands_topic": commands_topic, "joint_states_topic": states_topic,
+            "trigger_joint_command_threshold": "-1",
+        }  # fmt: skip
+    click.echo(with_hardware(ArmModel(loaded), command, plugin, parameters))
 
 
-def with_hardware(model: ArmModel, command: str, topics: dict[str, str]) -> str:
-    """The arm's URDF with the tag of the JointState-topic hardware.
+def with_hardware(
+    model: ArmModel, command: str, plugin: str, parameters: Mapping[str, str]
+) -> str:
+    """The arm's URDF with the tag of its hardware.
 
     Args:
         model: The arm; locked and mimic joints are not commanded.
         command: Command interface of its joints.
-        topics: Names of the hardware's topics.
+        plugin: The hardware's plugin.
+        parameters: Its parameters.
 
     Source: README of joint_state_topic_hardware_interface (ros-controls).
     """
@@ -62,10 +79,8 @@ def with_hardware(model: ArmModel, command: str, topics: dict[str, str]) -> str:
         robot.remove(other)
     tag = ElementTree.SubElement(robot, "ros2_control", name="arm", type="system")
     hardware = ElementTree.SubElement(tag, "hardware")
-    ElementTree.SubElement(hardware, "plugin").text = HARDWARE
-    # Not positive: it always publishes, since missing messages would be treated as stopped
-    # commands.
-    for name, value in {**topics, "trigger_joint_command_threshold": "-1"}.items():
+    ElementTree.SubElement(hardware, "plugin").text = plugin
+    for name, value in parameters.items():
         ElementTree.SubElement(hardware, "param", name=name).text = value
     for name, start in zip(model.joint_names, model.q0, strict=True):
         joint = ElementTree.SubElement(tag, "joint", name=name)

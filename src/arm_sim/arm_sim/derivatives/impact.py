@@ -90,7 +90,7 @@ class ImpactDerivative:
         after_x, after_r, law_x, law_r = (
             np.array(slope) for slope in self._slopes(x, p, e, f, carries, sticks, r)
         )
-        moved: Array = np.linalg.lstsq(law_r, law_x)[0] if nc else law_x
+        moved: Array = np.linalg.lstsq(law_r, law_x, rcond=None)[0] if nc else law_x
         slope: Array = after_x - after_r @ moved
         return slope
 

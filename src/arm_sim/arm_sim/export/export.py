@@ -19,7 +19,7 @@ from arm_sim.export.fmu import mockup_of, units
 from arm_sim.export.folder import check_folder, put_files
 from arm_sim.export.names import from_title, library_name
 from arm_sim.export.terms import TERMS, chosen, terms_of
-from arm_sim.export.tick import tick_of
+from arm_sim.export.tick import Tick, tick_of
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE
 
 _NATIVE = Path(__file__).parent / "native"
@@ -48,6 +48,7 @@ def export(
     tick: bool = True,
     fmu: bool = False,
     frames: Sequence[str] = (),
+    servo: bool = False,
 ) -> Exported:
     """Write a scene as a C library into a folder that needs nothing of the suite.
 
@@ -60,7 +61,9 @@ def export(
         tick: Whether to export the simulator's tick, too.
         fmu: Whether to add functional mock-up units for co-simulation, ``N.fmu`` by FMI 3.0 and
             ``N_fmi2.fmu`` by FMI 2.0, which need the tick.
-        frames: Frames whose poses and Jacobians are wanted.
+        frames: Frames whose poses and Jacobians are wanted, and on which wrenches may act in the
+            units.
+        servo: Whether to add the servos, which track positions and velocities, to the tick.
 
     Raises:
         InvalidInput: If an argument is not allowed; nothing is written.
@@ -72,12 +75,15 @@ def export(
     folder, wanted = Path(out), chosen(terms)
     if fmu and not tick:
         raise InvalidInput("fmu = True with tick = False; allowed: units with the tick")
+    if servo and not tick:
+        raise InvalidInput("servo = True with tick = False; allowed: servos with the tick")
     called = None if name is None else library_name(name)
     check_folder(folder)
     model = arm_model(scene)
     called = called or from_title(model.pin.name)
     with naming(scene):
-        files = _files(model, called, wanted, tick, fmu, frames)
+        made = tick_of(model, fmu and bool(frames), servo) if tick else None
+        files = _files(model, called, wanted, made, fmu, frames)
     put_files(folder, files)
     return Exported(folder, called, tuple(files))
 
@@ -86,7 +92,7 @@ def _files(
     model: ArmModel,
     name: str,
     wanted: Collection[str],
-    ticks: bool,
+    tick: Tick | None,
     fmu: bool,
     frames: Sequence[str],
 ) -> dict[str, str | bytes]:
@@ -94,7 +100,6 @@ def _files(
     expected, points = Expected(model, frames), states(model)
     terms = terms_of(model, wanted, frames)
     expected.verify(terms, points)
-    tick = tick_of(model) if ticks else None
     said = about(name, model)
     code = {
         f"{name}.h": library.header(name, said, model, terms, tick),
@@ -102,7 +107,7 @@ def _files(
     }
     return {
         **code,
-        **(units(mockup_of(name, tick, code)) if fmu and tick else {}),
+        **(units(mockup_of(name, tick, code, frames)) if fmu and tick else {}),
         f"test_{name}.c": check_program(name, said, terms, expected, points, tick),
         "CMakeLists.txt": (_NATIVE / "CMakeLists.txt").read_text().replace("@NAME@", name),
         "README.md": readme(name, model, terms, tick),

@@ -8,7 +8,7 @@ import os
 import subprocess
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from uuid import NAMESPACE_URL, uuid5
@@ -23,6 +23,7 @@ from arm_sim.export.model_description import (
     fmi2_description,
     fmi3_description,
 )
+from arm_sim.export.names import of_frames
 from arm_sim.export.tick import Tick
 from arm_sim.export.variables import Variable, variables
 
@@ -42,6 +43,7 @@ class Mockup:
         period: Length of a tick in [s].
         variables: Variables in the order of their value references.
         sources: The library's files, ``N.h`` and ``N.c``, by name.
+        frames: Parts of the names of the library's functions for the frames that take wrenches.
     """
 
     name: str
@@ -49,22 +51,24 @@ class Mockup:
     period: float
     variables: tuple[Variable, ...]
     sources: Mapping[str, str]
+    frames: tuple[str, ...] = ()
 
 
-def mockup_of(name: str, tick: Tick, sources: Mapping[str, str]) -> Mockup:
+def mockup_of(name: str, tick: Tick, sources: Mapping[str, str], frames: Sequence[str]) -> Mockup:
     """What the units of an exported library are made of.
 
     Args:
         name: Name of the library.
         tick: Its tick.
         sources: The files ``N.h`` and ``N.c`` by name.
+        frames: Frames that take wrenches; the tick of an arm with some has external torques.
     """
     simulator = tick.simulator
     model, nominal = simulator.model, simulator.arm.plant.parameters.nominal
     parameters = list(zip(tick.parameters, map(float, nominal), strict=False))
     about = f"robot '{model.pin.name}', {model.n} joints"
-    found = variables(model, simulator.state, parameters)
-    return Mockup(name, about, simulator.dt, found, sources)
+    found = variables(model, simulator.state, parameters, frames)
+    return Mockup(name, about, simulator.dt, found, sources, tuple(of_frames(frames)))
 
 
 def units(mockup: Mockup) -> dict[str, bytes]:
@@ -115,13 +119,18 @@ def _wrapper(mockup: Mockup, file: str, token: str) -> str:
     parameters = [v.name for v in mockup.variables if v.variability == "tunable"]
     starts = ", ".join(repr(0.0 if v.start is None else v.start) for v in mockup.variables)
     values = {
-        "JOINTS": str(sum(v.causality == "input" for v in mockup.variables)),
+        "JOINTS": str(sum(v.name.endswith(".position") for v in mockup.variables)),
         "PARAMETERS": str(len(parameters)),
         "NAMES": ", ".join(f'"{name}"' for name in parameters) or "0",
         "PERIOD": repr(mockup.period),
         "DEFAULTS": f"{{{starts}}}",
         "TOKEN": f'"{token}"',
+        "FRAMES": str(len(mockup.frames)),
     }
+    if mockup.frames:
+        jacobians = (f"{mockup.name}_jacobian_{frame}" for frame in mockup.frames)
+        values["JACOBIANS"] = ", ".join(jacobians)
+        values["EXTERNAL"] = str(parameters.index("external[0]"))
     defined = "".join(f"#define {key} {value}\n" for key, value in values.items())
     common = (NATIVE / "instance.h").read_text()
     for line in ("#pragma once\n", '#include "library.h"\n'):

@@ -15,7 +15,7 @@ from arm_sim.export.conditions import decided
 from arm_sim.export.generated import static_functions, without_unused
 from arm_sim.export.names import c_string
 from arm_sim.export.terms import Term
-from arm_sim.export.tick import Tick, declarations
+from arm_sim.export.tick import Tick
 
 _INCLUDE = re.compile(r'#include "(\w+\.h)"\n')
 _FOR_EDITORS = re.compile(
@@ -87,7 +87,7 @@ def source(
 def _of_tick(name: str, tick: Tick) -> list[str]:
     """Declarations of the tick."""
     period = f"#define {name.upper()}_PERIOD {tick.simulator.dt!r}\n"
-    return [comment("Length of a tick in [s].") + period, named(name, declarations())]
+    return [comment("Length of a tick in [s].") + period, named(name, tick.declarations)]
 
 
 def named(name: str, text: str) -> str:

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 
 import casadi as ca
@@ -18,11 +19,14 @@ from arm_dynamics.model.stops import ROUNDED
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
+from arm_sim.servo.law import servo_law
 from arm_sim.simulator import Simulator
 from arm_sim.stepping.stepper import braces, engine_source, tick_functions
 
 NATIVE = Path(__file__).parent / "native"
-_INCLUDES = re.compile(r'^#include "[^"]*"\n', re.MULTILINE)
+_INCLUDES = re.compile(r'^(#include ["<][^"]*[">]|#pragma once)\n', re.MULTILINE)
+_ANY = [-math.inf]
+_LEAST_OF_A_BODY = [0.0, *3 * _ANY, 0.0, *2 * _ANY, 0.0, *_ANY, 0.0]  # mass, com, ixx ixy ... izz
 _COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
 
 
@@ -35,17 +39,25 @@ class Tick:
         parameters: Names of the numbers that may be set, in the order of p.
         functions: Functions that the source calls.
         source: C source, with ``library`` for the library's name.
+        declarations: What the header declares of it, likewise.
     """
 
     simulator: Simulator
     parameters: tuple[str, ...]
     functions: tuple[ca.Function, ...]
     source: str
+    declarations: str
 
 
 @one_at_a_time
-def tick_of(model: ArmModel) -> Tick:
+def tick_of(model: ArmModel, pushed: bool = False, servo: bool = False) -> Tick:
     """Build the tick of an arm.
+
+    Args:
+        model: The arm.
+        pushed: Whether external torques on the joints may be set even if the scene does not
+            declare them tunable.
+        servo: Whether to add the servos of the joints.
 
     Raises:
         SceneError: If the scene has sensors or lines of commands that are not perfect, or a drive
@@ -54,24 +66,32 @@ def tick_of(model: ArmModel) -> Tick:
     """
     _refuse(model)
     simulator = Simulator(model)
+    if pushed:
+        simulator.arm.use(simulator.arm.compiled.pushable())
     plant, choice = simulator.arm.plant, simulator.choice
     functions, smooth = tick_functions(plant, choice, actuation(plant))
     numbers = _numbers(plant)
     engine = engine_source(plant, choice, functions, smooth, "tick.h")
     engine = engine.replace("\nEXPORTED ", "\nstatic ")
-    door = _INCLUDES.sub("", _COMMENT.sub("", (NATIVE / "sim.c").read_text()))
     more = [f for f in (plant.project, plant.torques) if f is not None]
+    files = ["library.h", "sim.c"]
+    if servo:
+        more.append(servo_law(plant, choice.dt))
+        files += ["servo.h", "servo.c"]
+    headers, sources = files[::2], files[1::2]
     return Tick(
         simulator,
         tuple(number.name for number in numbers),
         (*functions, *more),
-        f"{engine}\n{_defines(simulator)}\n{door}{_setter(numbers)}",
+        f"{engine}\n{_defines(simulator)}\n{_plain(sources)}{_setter(numbers)}",
+        _plain(headers).removeprefix("\n"),
     )
 
 
-def declarations() -> str:
-    """What the header declares, with ``library`` for the library's name."""
-    return _COMMENT.sub("", (NATIVE / "library.h").read_text()).split("\n", 3)[3]
+def _plain(files: Sequence[str]) -> str:
+    """Files of the door without their first comments and what they include."""
+    texts = (_COMMENT.sub("", (NATIVE / file).read_text()) for file in files)
+    return "".join(_INCLUDES.sub("", text) for text in texts)
 
 
 def _refuse(model: ArmModel) -> None:
@@ -103,6 +123,7 @@ def _defines(simulator: Simulator) -> str:
         "TOLERANCE": repr(choice.tolerance or 0.0),
         **({"LOOPS": str(project.size1_in(2))} if project else {}),
         **({"DRIVEN": "1"} if plant.torques else {}),
+        "SERVO": "1",
     }
     return "\n".join(f"#define {name} {value}" for name, value in values.items())
 
@@ -137,11 +158,13 @@ class _Number:
 
 def _numbers(plant: Plant) -> list[_Number]:
     """The tunable numbers in the order of p; switches of constraints, which come last, are not."""
-    found, least = list[_Number](), abs(plant.model.friction.viscous.skew)
+    friction = abs(plant.model.friction.viscous.skew).tolist()
+    least = {"friction": friction, "payload": _LEAST_OF_A_BODY}
+    found = list[_Number]()
     for item in plant.parameters.items:
+        lower = cycle(least.get(item.name, _ANY))
         for i in range(item.nominal.size if item.name != "constraints" else 0):
-            lower = float(least[i]) if item.name == "friction" else -math.inf
-            found.append(_Number(f"{item.name}[{i}]", lower))
+            found.append(_Number(f"{item.name}[{i}]", next(lower)))
     return found
 
 

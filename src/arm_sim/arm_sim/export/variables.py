@@ -51,7 +51,10 @@ class Variable:
 
 
 def variables(
-    model: ArmModel, state: State, parameters: Sequence[tuple[str, float]]
+    model: ArmModel,
+    state: State,
+    parameters: Sequence[tuple[str, float]],
+    frames: Sequence[str] = (),
 ) -> tuple[Variable, ...]:
     """Variables in the order of their value references, which ``native/instance.h`` fixes.
 
@@ -59,10 +62,12 @@ def variables(
         model: The arm.
         state: The state in which a simulation begins by default.
         parameters: Names and nominal values of what may be set.
+        frames: Frames that take wrenches.
     """
     return (
         Variable("time", "independent", "continuous", "s"),
         *_commands(model),
+        *_wrenches(frames),
         *_outputs(model),
         *_starts(model, state),
         *(Variable(name, "parameter", "tunable", start=value) for name, value in parameters),
@@ -74,6 +79,16 @@ def _commands(model: ArmModel) -> Iterator[Variable]:
         unit, limit = model.command_unit[i].replace(" ", "."), float(model.command_limit[i])
         about = "command of the joint's drive, clipped at its limit"
         yield Variable(f"{joint}.command", "input", "continuous", unit, 0.0, -limit, limit, about)
+
+
+def _wrenches(frames: Sequence[str]) -> Iterator[Variable]:
+    """Force and moment on each frame, in the order of the rows of its Jacobian."""
+    for frame in frames:
+        for kind, unit in (("force", "N"), ("torque", "N.m")):
+            for axis in "xyz":
+                about = f"{kind} on the frame at its origin, along an axis of the world"
+                name = f"{frame}.wrench.{kind}.{axis}"
+                yield Variable(name, "input", "continuous", unit, 0.0, about=about)
 
 
 def _outputs(model: ArmModel) -> Iterator[Variable]:

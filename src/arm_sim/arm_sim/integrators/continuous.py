@@ -53,7 +53,7 @@ def middle_weights(tableau: Tableau) -> tuple[float, ...]:
             conditions.append(_weight(tree, a))
             known.append(0.5**order / _density(tree))
         matrix, wanted = np.array(conditions), np.array(known)
-        weights = np.linalg.lstsq(matrix, wanted)[0]
+        weights = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
         if abs(matrix @ weights - wanted).max() > SOLVED:
             break
         found = weights

@@ -113,8 +113,7 @@ class _Parts:
     def __init__(self, plant: Plant) -> None:
         self._plant, self._dynamics = plant, Dynamics(plant.model)
         friction, stops = plant.model.friction, plant.model.stops
-        rises = plant.model.viscous + abs(friction.viscous.skew) + friction.steepest_rise
-        self._friction = np.diag(rises)
+        self._friction = np.diag(friction.rise)
         self._stops = stops.stiffness.max(axis=0), stops.damping.max(axis=0)
         self._springs = _spring_slopes(plant.model) if plant.model.springs else None
         self._laws = _law_slopes(plant) if plant.laws else None

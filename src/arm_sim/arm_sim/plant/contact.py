@@ -16,7 +16,7 @@ from arm_dynamics import ArmModel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import contact
 from arm_dynamics.equations.contact import ContactPoint, Delassus, Mode
-from arm_dynamics.model.tree_builder import contact_points
+from arm_dynamics.model.tree_builder import contact_points, tree_of
 from arm_sim.plant.response import Response
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
@@ -69,6 +69,13 @@ class ContactFunctions:
     lost: ca.Function
     slopes: Callable[[], ca.Function]
     closing: Callable[[], ca.Function]
+
+
+def gaps(model: ArmModel, points: tuple[ContactPoint, ...]) -> ca.Function:
+    """CasADi function q -> heights of contact points above their planes in [m], shape (nc,)."""
+    q = ca.SX.sym("q", model.n)
+    place = contact.geometry(tree_of(model), list(points), q).place
+    return ca.Function("gaps", [q], [place[::3]])
 
 
 def contact_functions(

@@ -123,9 +123,9 @@ def constraint_hint(plant: Plant, q: Array, v: Array, names: tuple[str, ...]) ->
 
 def _check_outside(plant: Plant, x: Array) -> None:
     """Reject contact points inside their planes, naming the deepest; a nanometre is tolerated."""
-    if plant.contact is None:
+    if not plant.points:
         return
-    gaps = np.array(plant.contact.geometry(x[: 2 * plant.model.n])[0]).ravel()[::3]
+    gaps = np.array(plant.gaps(x[: plant.model.n])).ravel()
     k = np.argmin(gaps)
     if gaps[k] < -INSIDE:
         depths = {point.name: float(gap) for point, gap in zip(plant.points, gaps, strict=True)}

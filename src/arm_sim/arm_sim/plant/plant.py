@@ -18,14 +18,14 @@ from arm_dynamics import ArmModel
 from arm_dynamics.actuation.internal_state import Ensemble
 from arm_dynamics.actuation.joint_laws import laws_of
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_dynamics.equations.contact import ContactPoint
 from arm_dynamics.equations.derivatives import inverse_derivatives
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_dynamics.equations.rigid_body import inverse, mass_matrix
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.tree_builder import contact_points
-from arm_sim.plant.contact import ContactFunctions
+from arm_sim.plant.contact import ContactFunctions, gaps
 from arm_sim.plant.mechanics import Mechanics
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.switches import SwitchedLaw
@@ -48,6 +48,7 @@ class Plant:
 
     Attributes:
         model: The robot.
+        variant: How the equations differ from those of the scene itself.
         free: The same arm away from its stops and with comparisons for ``switches``, if nothing
             else causes events: simpler equations, with the tunable quantities alone in p. None
             without either, or if there are always modes.
@@ -66,6 +67,7 @@ class Plant:
     def __init__(self, model: ArmModel, stops: bool = True) -> None:
         """Build the equations; without ``stops``, those of ``free``."""
         self.model = model
+        self.variant = "" if stops else "free"
         self.parameters = Parameters(model)
         self.stops = stops and bool(model.stops)
         self.directions, self.pressed = mode_counts(model, stops)
@@ -109,6 +111,7 @@ class Plant:
     def under_torques(self) -> Plant:
         """The same arm without drives and friction that have states: commands are torques."""
         other = copy(self)
+        other.variant += " under torques"
         other.free = self.free and self.free.under_torques()
         other._compose(None)
         return other
@@ -130,8 +133,9 @@ class Plant:
         The last of them is the energy taken by contact friction and compliant stops.
         """
         other = copy(self)
+        other.variant += " accounted"
         other.free = self.free and self.free.accounted(ledger, powers)
-        other._compose(ledger, [*powers, self._mechanics().taken])
+        other._compose(ledger, [*powers, lambda *given: self._mechanics().taken(*given)])
         return other
 
     def _compose(self, laws: Ensemble | None, powers: Sequence[Power] = ()) -> None:
@@ -163,6 +167,11 @@ class Plant:
     def contact(self) -> ContactFunctions | None:
         """Functions of the contacts, None without any."""
         return self._mechanics().contact if self.points and not self.moving else None
+
+    @built_once
+    def gaps(self) -> ca.Function:
+        """Heights of the contact points above their planes, see ``contact.gaps``."""
+        return gaps(self.model, self.points)
 
     @property
     def method(self) -> str:

@@ -37,7 +37,7 @@ class Symbols:
         self.gravity = p.get("gravity", gravity_of(model))
         self._switches = ca.vertsplit(p["constraints"]) if "constraints" in p else []
         self._switchable = switchable(model.scene.constraints)
-        self.passive = model.friction.smooth(self.v, p.get("friction"))
+        self.passive = model.friction.smooth(self.v, self.q, p.get("friction"))
         self.cords: Switches | None = None
         if model.springs:
             torque = spring.torque(model.springs, self.tree, self.q, self.v)

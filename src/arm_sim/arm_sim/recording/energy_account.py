@@ -331,7 +331,7 @@ def friction_heat(plant: Plant) -> Power:
     law, tree = model.friction, tree_of(model)
 
     def power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
-        torque = law.smooth(v, None if tuned is None else p[tuned])
+        torque = law.smooth(v, q, None if tuned is None else p[tuned])
         if law.has_dry:
             torque = torque + law.dry(v, ca.sign(v), q, tau)
         return ca.dot(torque, v) + spring.heat(model.springs, tree, q, v)

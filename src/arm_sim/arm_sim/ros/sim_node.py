@@ -53,6 +53,8 @@ class SimNode(Node):
         diagnostics: Inspects all of these.
     """
 
+    _complete = False  # a node that could not be built is destroyed, too, by Kilted's rclpy
+
     def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
         """Build the simulation and start it.
 
@@ -111,6 +113,7 @@ class SimNode(Node):
         self.diagnosis = Diagnosis(self, self.diagnostics)
         publish_description(self, params, chosen.description, source)
         watch(self, params, self._apply)
+        self._complete = True
         self._start()
 
     def _engine_of(self, params: SimParams) -> TickEngine:
@@ -194,6 +197,11 @@ class SimNode(Node):
 
     def destroy_node(self) -> None:
         """Stop ticking, log the timing, and destroy the node."""
+        if self._complete:
+            self._end()
+        super().destroy_node()
+
+    def _end(self) -> None:
         self.loop.stop()
         self.engine.queue.served = False
         self._outputs.energy.close()
@@ -210,7 +218,6 @@ class SimNode(Node):
                 f"a tick, {loop.dropped} dropped; lateness {loop.lateness}; "
                 f"{round_trip.count} answers, round trip {round_trip}"
             )
-        super().destroy_node()
 
 
 def main(args: list[str] | None = None) -> None:

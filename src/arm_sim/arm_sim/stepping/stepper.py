@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 import arm_dynamics
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen import compiled_scenes
 from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.codegen.known_kernels import digest_of
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
@@ -98,14 +99,14 @@ class Stepper:
         *,
         acted: bool = False,
     ) -> None:
-        recipe = _recipe(plant, choice) if control is None and not acted else ""
-        known = Kernel.recalled(recipe) if recipe and backend != "vm" else None
+        recipe = _recipe(plant, choice, acted) if control is None and backend != "vm" else ""
+        known = Kernel.recalled(recipe) if recipe else None
         self.kernel = known or _built(plant, choice, backend, control, acted)
-        if recipe and not known:
-            self.kernel.keep(recipe)
         _check(plant, self.kernel, "rhs")
         if plant.free:
             _check(plant.free, self.kernel, f"{FREE}rhs")
+        if recipe and not known:
+            self.kernel.keep(recipe)
         self._plant, self._choice = plant, choice
         self._begin()
 
@@ -268,13 +269,17 @@ class Stepper:
         return True
 
 
-def _recipe(plant: Plant, choice: Choice) -> str:
-    """Key of all inputs of a scene's code; empty for few joints, whose code is quick to write."""
-    if plant.model.n <= DENSE_AT_MOST:
+def _recipe(plant: Plant, choice: Choice, acted: bool) -> str:
+    """Key of all inputs of a scene's code.
+
+    It is empty for few joints, whose code is quick to write, where ARM_CACHE lists folders: if the
+    code in them cannot be used, ``build`` says why.
+    """
+    if plant.model.n <= DENSE_AT_MOST and compiled_scenes.folders():
         return ""
     sources = digest_of(str(Path(arm_dynamics.__file__).parent), str(Path(__file__).parents[1]))
-    made_of = plant.model.scene, choice, sources, ca.__version__, np.__version__
-    return repr(made_of)
+    made_of = plant.model.scene, plant.model.viscous.tolist(), plant.variant, choice, acted
+    return repr((made_of, sources, ca.__version__, np.__version__))
 
 
 def _built(

@@ -12,10 +12,11 @@ import numpy as np
 
 from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations.friction_table import steepest
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.exceptions import InvalidInput, SceneError
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.friction import STEEPEST, largest_slope
+from arm_dynamics.model.friction import STEEPEST
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Scene, validated
 from arm_dynamics.scene.urdf import set_inertial, xml_root
@@ -31,7 +32,7 @@ from arm_studies.identification.regression.friction_columns import (
 from arm_studies.identification.regression.regressor import EACH, TINY
 from arm_studies.identification.regression.selection import STEEPEST as IDENTIFIED
 
-REPLACED = ("viscous", "coulomb", "static", "stribeck_velocity", "load")
+REPLACED = ("viscous", "coulomb", "static", "stribeck_velocity", "load", "table")
 """Keys of a joint's friction whose values are identified; the others stay as they are."""
 HELD = 1e-3
 """Smallest static friction relative to Coulomb friction: a joint has to be able to rest."""
@@ -161,6 +162,8 @@ def _joint(
         before = entry.get("friction", {})
         kept = {key: value for key, value in before.items() if key not in REPLACED}
         entry["friction"] = kept | _friction(name, model, j, fit, notes)
+        if "table" in before:
+            notes.append(f"'{name}': its table of friction is replaced by coefficients")
     if np.isfinite(armature):
         entry["armature"] = max(armature - _of_drive(model, j, "armature"), 0.0)
     gear = entry.get("actuator", {})
@@ -231,13 +234,13 @@ def _static(
 
 def _growth(name: str, shape: Shape, highest: float, notes: list[str]) -> dict[str, list[float]]:
     """The table of friction over load, where the highest friction grows no faster than allowed."""
-    steepest = highest * largest_slope(Curve.through(*shape.table))
-    if steepest > STEEPEST:
+    steep = highest * steepest(Curve.through(*shape.table))
+    if steep > STEEPEST:
         notes.append(
-            f"'{name}': friction grows by up to {steepest:.3g} of the load that causes it; the "
+            f"'{name}': friction grows by up to {steep:.3g} of the load that causes it; the "
             f"scene limits that to {STEEPEST}"
         )
-        shape = replace(shape, load=(shape.load or 0.0) * LESS * STEEPEST / steepest)
+        shape = replace(shape, load=(shape.load or 0.0) * LESS * STEEPEST / steep)
     at, factor = shape.table
     return {"at": at.tolist(), "factor": factor.tolist()}
 

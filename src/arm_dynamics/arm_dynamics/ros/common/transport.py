@@ -16,14 +16,19 @@ is killed cannot release them; after killing one, call ``clear_dead``, which doe
 from __future__ import annotations
 
 import fcntl
+import os
 from pathlib import Path
 
 DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Variables with the path of a profile: of version 2 (Jazzy); of 3 (Kilted), which warns of the
+first."""
 THIS_MACHINE = Path(__file__).with_name("this_machine.xml")
 LARGE_BATCHES = Path(__file__).with_name("large_batches.xml")
 """A profile of Fast DDS with 64 MB of shared memory, for service calls of many points."""
 FOLDER = Path("/dev/shm")
+SEGMENTS = ("fastrtps_", "fastdds_")
+"""How the names of segments in shared memory begin: of version 2, and of 3."""
 _LOCKS = ("_el", "_sl")
 
 
@@ -47,7 +52,13 @@ def as_usual() -> dict[str, str]:
 
 def _profiled(profile: Path) -> dict[str, str]:
     # With the range LOCALHOST, ROS ignores the transports of a profile.
-    return {PROFILES: str(profile), DISCOVERY: "SYSTEM_DEFAULT"}
+    return {PROFILES[_is_version_3()]: str(profile), DISCOVERY: "SYSTEM_DEFAULT"}
+
+
+def _is_version_3() -> bool:
+    """Whether the ROS 2 in use has Fast DDS 3, whose package has another name."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    return any(Path(prefix, "share/fastdds").is_dir() for prefix in prefixes if prefix)
 
 
 def clear_dead(folder: Path = FOLDER) -> int:
@@ -59,14 +70,15 @@ def clear_dead(folder: Path = FOLDER) -> int:
     Returns:
         Number of segments that were removed.
     """
-    paths = folder.glob("fastrtps_*")
+    paths = [path for begin in SEGMENTS for path in folder.glob(f"{begin}*")]
     names = {path.name.removesuffix("_el").removesuffix("_sl") for path in paths}
     return sum(_removed(folder, name) for name in sorted(names))
 
 
 def _removed(folder: Path, name: str) -> bool:
     locks = [folder / f"{name}{lock}" for lock in _LOCKS]
-    begun = not name.startswith("fastrtps_port") and not any(lock.exists() for lock in locks)
+    is_port = name.startswith(tuple(f"{begin}port" for begin in SEGMENTS))
+    begun = not is_port and not any(lock.exists() for lock in locks)
     if begun or any(map(_is_held, locks)):  # a segment gets its lock last, a port first
         return False
     for path in (folder / name, *locks, folder / f"sem.{name}_mutex"):

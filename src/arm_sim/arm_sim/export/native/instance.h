@@ -4,7 +4,8 @@
  * exported library.
  *
  * Required definitions: JOINTS, PARAMETERS (how many), NAMES (of the parameters), PERIOD (length of a tick in [s]), DEFAULTS
- * (of all variables), TOKEN (text that identifies the model description).
+ * (of all variables), TOKEN (text that identifies the model description), FRAMES (how many take wrenches), and where there
+ * are any JACOBIANS (their functions) and EXTERNAL (number of the parameter that is the first external torque).
  */
 #pragma once
 #include "library.h"
@@ -22,6 +23,9 @@
 #define PERIOD 1e-3
 #define DEFAULTS {0.0}
 #define TOKEN ""
+#define FRAMES 1
+#define JACOBIANS NULL
+#define EXTERNAL 0
 #endif
 
 #define EXPORT __attribute__((visibility("default")))
@@ -32,7 +36,8 @@
 enum {
   TIME,
   COMMAND,
-  POSITION = COMMAND + JOINTS,
+  WRENCH = COMMAND + JOINTS, /* force and moment on each frame, in axes of the world */
+  POSITION = WRENCH + 6 * FRAMES,
   VELOCITY = POSITION + JOINTS,
   EFFORT = VELOCITY + JOINTS,
   START_POSITION = EFFORT + JOINTS,
@@ -155,17 +160,35 @@ static int set_values(instance_t* i, const unsigned int* references, size_t coun
   return found;
 }
 
+/* Let the wrenches on frames act in the next tick, as torques on the joints: J^T f besides the external torques. */
+static int push(instance_t* i) {
+  int code = LIBRARY_OK;
+#if FRAMES
+  static void (*const jacobians[FRAMES])(const double* q, double* J) = {JACOBIANS};
+  double J[6][JOINTS], torque[JOINTS];
+  memcpy(torque, i->memory.values + PARAMETER + EXTERNAL, sizeof torque);
+  for (int f = 0; f < FRAMES; ++f) {
+    jacobians[f](i->memory.values + POSITION, J[0]);
+    for (int row = 0; row < 6; ++row)
+      for (int k = 0; k < JOINTS; ++k) torque[k] += J[row][k] * i->memory.values[WRENCH + 6 * f + row];
+  }
+  for (int k = 0; k < JOINTS && code == LIBRARY_OK; ++k) code = set_parameter(i, EXTERNAL + k, torque[k]);
+#endif
+  return outcome(i, code);
+}
+
 /* Advance from a communication point, the end of the last tick, by a time of whole ticks. */
 static int advance(instance_t* i, double point, double time) {
   const double beside = (point - reached(i)) / PERIOD, ticks = floor(time / PERIOD + 0.5);
   char text[200];
   if (!i->memory.begun) return fail(i, "initialization is not over");
-  if (!(fabs(beside) < NEAR) || !(fabs(time / PERIOD - ticks) <= CLOSE) || ticks < 0.0) {
+  if (!(fabs(beside) < NEAR) || !(fabs(time / PERIOD - ticks) <= CLOSE) || ticks < 1.0) {
     snprintf(text, sizeof text, "a step from %g s by %g s; allowed: from %g s, where the last one ended, by ticks of %g s",
              point, time, reached(i), PERIOD);
     return fail(i, text);
   }
   for (const int64_t goal = i->memory.ticks + (int64_t)ticks; i->memory.ticks < goal;) {
+    if (push(i) != OK) return ERROR;
     const int code = library_sim_step(i->sim, i->memory.values + COMMAND);
     if (code != LIBRARY_OK) return outcome(i, code);
     ++i->memory.ticks;

@@ -27,6 +27,10 @@ const char* library_error_text(int code);
 
 size_t library_sim_size(void);
 
+/* The number of joints, and the length of a tick in [s], for programs that load the library at run time. */
+int library_sim_joints(void);
+double library_sim_period(void);
+
 /* Begin at positions and velocities; NULL: those of the scene. Drives and bristles begin without load. Returns 0 or a code;
  * after a code the simulation cannot be stepped. */
 int library_sim_init(library_sim* sim, const double* q, const double* v);

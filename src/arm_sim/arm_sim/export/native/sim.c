@@ -44,6 +44,10 @@ __extension__ struct library_sim {
 
 size_t library_sim_size(void) { return sizeof(struct library_sim); }
 
+int library_sim_joints(void) { return NU; }
+
+double library_sim_period(void) { return PERIOD; }
+
 static int all_finite(const double* values, int count) {
   int finite = 1;
   for (int i = 0; i < count; ++i) finite &= values[i] - values[i] == 0.0;

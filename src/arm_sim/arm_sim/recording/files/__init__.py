@@ -112,7 +112,8 @@ def bag_metadata(mcap: McapWriter, name: str) -> str:
     content = {
         "version": 9, "storage_identifier": "mcap", **span, "topics_with_message_count": topics,
         "compression_format": "", "compression_mode": "", "relative_file_paths": [name],
-        "files": [{"path": name, **span}], "custom_data": None, "ros_distro": "jazzy",
+        "files": [{"path": name, **span}], "custom_data": None,
+        "ros_distro": os.environ.get("ROS_DISTRO", "jazzy"),
     }  # fmt: skip
     return yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
 

@@ -34,6 +34,8 @@ class TopicRecorder(Node):
         thread: The writing thread.
     """
 
+    _complete = False  # a node that could not be built is destroyed, too, by Kilted's rclpy
+
     def __init__(self, path: Path, topics: tuple[str, ...] = (), **node_kwargs: Any) -> None:
         """Create the file.
 
@@ -54,6 +56,7 @@ class TopicRecorder(Node):
         self.path, (self._file, self._folder) = path, where(path)
         self.thread = ChunkThread(McapWriter(self._file), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
+        self._complete = True
         self.look()
         self.create_timer(_LOOK, self.look)
 
@@ -113,8 +116,12 @@ class TopicRecorder(Node):
 
     def destroy_node(self) -> None:
         """Write the remaining messages, and destroy the node."""
+        if self._complete:
+            self._end()
+        super().destroy_node()
+
+    def _end(self) -> None:
         self.thread.close()
         if self._folder is not None and not self.thread.failure:
             text = bag_metadata(self.thread.mcap, self._file.name)
             (self._folder / "metadata.yaml").write_text(text)
-        super().destroy_node()

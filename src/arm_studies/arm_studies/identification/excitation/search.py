@@ -226,7 +226,7 @@ class _Search:
         q, v, a = (ca.SX.sym(name, n) for name in "qva")
         tau = rigid_body.inverse(tree_of(model), q, v, a, gravity_of(model))
         friction = model.friction.coulomb.mean * ca.tanh(v / (_SOFT * self.speed))
-        tau += ca.DM(model.viscous) * v + friction
+        tau += model.friction.smooth(v, q) + friction
         gaps, names = room.gaps
         rows = ca.vertcat(q, v, a, tau, gaps(q))
         limits, none = room.limits, np.full(len(names), np.inf)

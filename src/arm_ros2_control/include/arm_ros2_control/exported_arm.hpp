@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace arm_ros2_control {
+
+/// A shared library made of a scene by `./arm export SCENE --tick`, loaded at run time, and one
+/// simulation of its arm. What is `noexcept` allocates nothing and takes no lock.
+class ExportedArm {
+public:
+  /// Load a library.
+  ///
+  /// @param path The file, `libNAME.so` for a library called NAME.
+  /// @throws std::runtime_error if it cannot be loaded, or was exported without its tick.
+  explicit ExportedArm(const std::string& path);
+
+  /// Names of the joints, the order of all vectors.
+  const std::vector<std::string>& joints() const noexcept { return joints_; }
+
+  /// Length of a tick in [s].
+  double period() const noexcept { return period_; }
+
+  /// Whether there are servos, which track positions and velocities.
+  bool has_servos() const noexcept { return servo_ != nullptr; }
+
+  /// Whether there is a model: inverse dynamics.
+  bool has_model() const noexcept { return inverse_dynamics_ != nullptr; }
+
+  /// Begin at positions and velocities; null: those of the scene. Returns 0, or a code.
+  int begin(const double* q, const double* v) noexcept { return init_(memory_.get(), q, v); }
+
+  /// Advance by a tick under commands of the drives. Returns 0, or a code: then the state is kept.
+  int step(const double* command) noexcept { return step_(memory_.get(), command); }
+
+  /// Commands with which the servos track positions and velocities, NaN where there are none.
+  void servo(const double* position, const double* velocity, const double* effort, double* command) const noexcept {
+    servo_(memory_.get(), position, velocity, effort, command);
+  }
+
+  /// The state, and the torques or forces of the last tick on the joints.
+  void state(double* q, double* v, double* effort) const noexcept { state_(memory_.get(), q, v, effort); }
+
+  /// Torques or forces of the joints for a motion.
+  void inverse_dynamics(const double* q, const double* v, const double* a, double* tau) const noexcept {
+    inverse_dynamics_(q, v, a, tau);
+  }
+
+  /// What a code means.
+  const char* text(int code) const noexcept { return error_text_(code); }
+
+private:
+  struct Simulation;
+  struct Close {
+    void operator()(void* library) const noexcept;
+  };
+  struct Free {
+    void operator()(Simulation* memory) const noexcept;
+  };
+
+  /// The function `NAME_what`; null if there is none and it is not demanded.
+  template <class Function> void find(Function*& function, const char* what, bool demanded = true);
+
+  std::string path_, name_;
+  std::unique_ptr<void, Close> library_;
+  int (*init_)(Simulation*, const double*, const double*) = nullptr;
+  int (*step_)(Simulation*, const double*) = nullptr;
+  void (*state_)(const Simulation*, double*, double*, double*) = nullptr;
+  void (*servo_)(const Simulation*, const double*, const double*, const double*, double*) = nullptr;
+  void (*inverse_dynamics_)(const double*, const double*, const double*, double*) = nullptr;
+  const char* (*error_text_)(int) = nullptr;
+  std::unique_ptr<Simulation, Free> memory_;
+  std::vector<std::string> joints_;
+  double period_ = 0.0;
+};
+
+}  // namespace arm_ros2_control

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "arm_ros2_control/arm_system.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <tuple>
+
+#include "pluginlib/class_list_macros.hpp"
+#include "rclcpp/logging.hpp"
+
+namespace arm_ros2_control {
+
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr std::array<const char*, 3> kNames{"position", "velocity", "effort"};
+
+template <class Parts> auto named(const Parts& parts, const std::string& name) {
+  return std::find_if(parts.begin(), parts.end(), [&](const auto& p) { return p.name == name; });
+}
+
+/// A parameter of the hardware, or a default.
+std::string parameter(const hardware_interface::HardwareInfo& info, const std::string& name, const std::string& otherwise) {
+  const auto found = info.hardware_parameters.find(name);
+  return found == info.hardware_parameters.end() ? otherwise : found->second;
+}
+
+}  // namespace
+
+ArmSystem::CallbackReturn ArmSystem::on_init(const hardware_interface::HardwareComponentInterfaceParams& params) {
+  if (SystemInterface::on_init(params) != CallbackReturn::SUCCESS) return CallbackReturn::ERROR;
+  try {
+    arm_ = std::make_unique<ExportedArm>(parameter(info_, "library", ""));
+    check_joints();
+    check_rate();
+    choose_hold();
+  } catch (const std::exception& error) {
+    RCLCPP_FATAL(get_logger(), "%s", error.what());
+    return CallbackReturn::ERROR;
+  }
+  const std::size_t n = arm_->joints().size();
+  joints_.assign(n, Joint());
+  for (auto* rows : {&state_, &reference_})
+    for (auto& row : *rows) row.assign(n, 0.0);
+  command_.assign(n, 0.0);
+  return CallbackReturn::SUCCESS;
+}
+
+/// Compare the joints of the description with those of the library.
+void ArmSystem::check_joints() const {
+  const auto& joints = arm_->joints();
+  for (const auto& joint : info_.joints) {
+    if (std::find(joints.begin(), joints.end(), joint.name) == joints.end())
+      throw std::runtime_error("joint '" + joint.name + "' is not one of the library");
+    for (const auto& command : joint.command_interfaces) {
+      if (std::find(kNames.begin(), kNames.end(), command.name) == kNames.end())
+        throw std::runtime_error("joint '" + joint.name + "': command interface '" + command.name
+                                 + "'; position, velocity and effort are allowed");
+      if (command.name != kNames[kEffort] && !arm_->has_servos())
+        throw std::runtime_error("joint '" + joint.name + "': command interface '" + command.name
+                                 + "' needs a library exported by ./arm export --servo");
+    }
+  }
+  for (const auto& joint : joints)
+    if (named(info_.joints, joint) == info_.joints.end())
+      throw std::runtime_error("joint '" + joint + "' of the library is not described");
+}
+
+/// The number of ticks in a period.
+void ArmSystem::check_rate() {
+  if (info_.rw_rate == 0) return;
+  const double ticks = 1.0 / (info_.rw_rate * arm_->period());
+  ticks_ = static_cast<int>(std::lround(ticks));
+  if (ticks_ < 1 || std::abs(ticks - ticks_) > 1e-6)
+    throw std::runtime_error("the rate is " + std::to_string(info_.rw_rate) + " Hz; a period of one or more ticks of "
+                             + std::to_string(arm_->period()) + " s is expected");
+}
+
+/// Whether joints without a command stay where they are.
+void ArmSystem::choose_hold() {
+  const std::string hold = parameter(info_, "hold", arm_->has_servos() ? "true" : "false");
+  if (hold != "true" && hold != "false") throw std::runtime_error("hold = '" + hold + "'; true and false are allowed");
+  if (hold == "true" && !arm_->has_servos())
+    throw std::runtime_error("hold = 'true' needs a library exported by ./arm export --servo");
+  hold_ = hold == "true";
+}
+
+ArmSystem::CallbackReturn ArmSystem::on_configure(const rclcpp_lifecycle::State&) {
+  find_interfaces();
+  try {
+    if (const int code = begin()) throw std::runtime_error(arm_->text(code));
+  } catch (const std::exception& error) {
+    RCLCPP_FATAL(get_logger(), "initial_value: %s", error.what());
+    return CallbackReturn::ERROR;
+  }
+  return read(rclcpp::Time(), rclcpp::Duration(0, 0)) == return_type::OK ? CallbackReturn::SUCCESS : CallbackReturn::ERROR;
+}
+
+/// Keep the interfaces, so that no name is looked up in the loop.
+void ArmSystem::find_interfaces() {
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
+    const auto& described = *named(info_.joints, arm_->joints()[i]);
+    Joint& joint = joints_[i];
+    for (int kind = 0; kind < kKinds; ++kind) {
+      joint.names[kind] = described.name + "/" + kNames[kind];
+      if (has_state(joint.names[kind])) joint.states[kind] = get_state_interface_handle(joint.names[kind]);
+      if (has_command(joint.names[kind])) joint.commands[kind] = get_command_interface_handle(joint.names[kind]);
+    }
+  }
+}
+
+/// Begin where the description says, else where the scene does: 0, or a code.
+int ArmSystem::begin() {
+  if (const int code = arm_->begin(nullptr, nullptr)) return code;
+  arm_->state(state_[kPosition].data(), state_[kVelocity].data(), state_[kEffort].data());
+  bool given = false;
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
+    const auto& described = *named(info_.joints, arm_->joints()[i]);
+    for (int kind : {kPosition, kVelocity}) {
+      const auto found = named(described.state_interfaces, kNames[kind]);
+      if (found == described.state_interfaces.end() || found->initial_value.empty()) continue;
+      state_[kind][i] = std::stod(found->initial_value);
+      given = true;
+    }
+    joints_[i].holds = false;
+    joints_[i].last = kNone;
+  }
+  return given ? arm_->begin(state_[kPosition].data(), state_[kVelocity].data()) : 0;
+}
+
+ArmSystem::return_type ArmSystem::perform_command_mode_switch(const std::vector<std::string>& start,
+                                                              const std::vector<std::string>& stop) {
+  for (Joint& joint : joints_)
+    for (int kind = 0; kind < kKinds; ++kind) {
+      const auto& name = joint.names[kind];
+      if (std::find(stop.begin(), stop.end(), name) != stop.end()) joint.given[kind] = false;
+      if (std::find(start.begin(), start.end(), name) != start.end()) joint.given[kind] = true;
+    }
+  return return_type::OK;
+}
+
+ArmSystem::return_type ArmSystem::read(const rclcpp::Time&, const rclcpp::Duration&) {
+  arm_->state(state_[kPosition].data(), state_[kVelocity].data(), state_[kEffort].data());
+  for (std::size_t i = 0; i < joints_.size(); ++i)
+    for (int kind = 0; kind < kKinds; ++kind)
+      if (const State& state = joints_[i].states[kind]) std::ignore = state->set_value(state_[kind][i]);
+  return return_type::OK;
+}
+
+/// Read the commands of a joint into the reference. A position without a velocity has that of the
+/// stream of positions, as in `Simulator`; without any command the joint stays where it is.
+void ArmSystem::follow(std::size_t i) {
+  Joint& joint = joints_[i];
+  std::array<double, kKinds> value{kNone, kNone, kNone};
+  for (int kind = 0; kind < kKinds; ++kind)
+    if (joint.given[kind] && joint.commands[kind])
+      value[kind] = joint.commands[kind]->get_optional().value_or(reference_[kind][i]);
+  const bool commanded = std::any_of(value.begin(), value.end(), [](double x) { return !std::isnan(x); });
+  if (!commanded && hold_) {
+    if (!joint.holds) joint.held = state_[kPosition][i];
+    value[kPosition] = joint.held;
+    value[kVelocity] = 0.0;
+  }
+  joint.holds = !commanded && hold_;
+  const double moved = value[kPosition] - joint.last;
+  joint.last = commanded ? value[kPosition] : kNone;
+  if (std::isnan(value[kVelocity]) && !std::isnan(value[kPosition]))
+    value[kVelocity] = std::isnan(moved) ? 0.0 : moved / (ticks_ * arm_->period());
+  for (int kind = 0; kind < kKinds; ++kind) reference_[kind][i] = value[kind];
+}
+
+/// Whether a servo has something to track.
+bool ArmSystem::is_tracking() const {
+  const auto given = [](double x) { return !std::isnan(x); };
+  return std::any_of(reference_[kPosition].begin(), reference_[kPosition].end(), given)
+         || std::any_of(reference_[kVelocity].begin(), reference_[kVelocity].end(), given);
+}
+
+ArmSystem::return_type ArmSystem::write(const rclcpp::Time&, const rclcpp::Duration&) {
+  for (std::size_t i = 0; i < joints_.size(); ++i) follow(i);
+  const bool tracking = is_tracking();
+  for (std::size_t i = 0; i < joints_.size() && !tracking; ++i)
+    command_[i] = std::isnan(reference_[kEffort][i]) ? 0.0 : reference_[kEffort][i];
+  for (int tick = 0; tick < ticks_; ++tick) {
+    if (tracking)
+      arm_->servo(reference_[kPosition].data(), reference_[kVelocity].data(), reference_[kEffort].data(), command_.data());
+    if (const int code = arm_->step(command_.data())) {
+      RCLCPP_ERROR(get_logger(), "%s", arm_->text(code));
+      return return_type::ERROR;
+    }
+  }
+  return return_type::OK;
+}
+
+}  // namespace arm_ros2_control
+
+PLUGINLIB_EXPORT_CLASS(arm_ros2_control::ArmSystem, hardware_interface::SystemInterface)

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "arm_ros2_control/computed_torque_controller.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <tuple>
+
+#include "pluginlib/class_list_macros.hpp"
+#include "rclcpp/logging.hpp"
+
+namespace arm_ros2_control {
+
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr std::array<const char*, 3> kReferences{"position", "velocity", "acceleration"};
+
+using Configuration = controller_interface::InterfaceConfiguration;
+
+/// Some interfaces of every joint.
+Configuration of_all(const std::vector<std::string>& joints, std::initializer_list<const char*> interfaces) {
+  Configuration found{controller_interface::interface_configuration_type::INDIVIDUAL, {}};
+  for (const char* interface : interfaces)
+    for (const auto& joint : joints) found.names.push_back(joint + "/" + interface);
+  return found;
+}
+
+}  // namespace
+
+ComputedTorqueController::CallbackReturn ComputedTorqueController::on_init() {
+  auto_declare<std::string>("library", "");
+  auto_declare<double>("bandwidth", 50.0);
+  auto_declare<double>("damping_ratio", 1.0);
+  return CallbackReturn::SUCCESS;
+}
+
+Configuration ComputedTorqueController::command_interface_configuration() const { return of_all(arm_->joints(), {"effort"}); }
+
+Configuration ComputedTorqueController::state_interface_configuration() const {
+  return of_all(arm_->joints(), {"position", "velocity"});
+}
+
+ComputedTorqueController::CallbackReturn ComputedTorqueController::on_configure(const rclcpp_lifecycle::State&) {
+  bandwidth_ = get_node()->get_parameter("bandwidth").as_double();
+  damping_ratio_ = get_node()->get_parameter("damping_ratio").as_double();
+  try {
+    if (!(bandwidth_ > 0.0) || !(damping_ratio_ > 0.0))
+      throw std::runtime_error("bandwidth and damping_ratio must be positive");
+    arm_ = std::make_unique<ExportedArm>(get_node()->get_parameter("library").as_string());
+    if (!arm_->has_model()) throw std::runtime_error("the library has no inverse dynamics");
+  } catch (const std::exception& error) {
+    RCLCPP_FATAL(get_node()->get_logger(), "%s", error.what());
+    return CallbackReturn::ERROR;
+  }
+  for (auto* row : {&q_, &v_, &a_, &tau_, &held_}) row->assign(arm_->joints().size(), 0.0);
+  return CallbackReturn::SUCCESS;
+}
+
+std::vector<hardware_interface::CommandInterface::SharedPtr> ComputedTorqueController::on_export_reference_interfaces_list() {
+  std::vector<hardware_interface::CommandInterface::SharedPtr> found;
+  for (const char* kind : kReferences)
+    for (const auto& joint : arm_->joints()) {
+      hardware_interface::InterfaceInfo info{};
+      info.name = kind;
+      info.data_type = "double";
+      const hardware_interface::InterfaceDescription described(std::string(get_node()->get_name()) + "/" + joint, info);
+      found.push_back(std::make_shared<hardware_interface::CommandInterface>(described));
+    }
+  return found;
+}
+
+ComputedTorqueController::CallbackReturn ComputedTorqueController::on_activate(const rclcpp_lifecycle::State&) {
+  read_state();
+  held_ = q_;
+  for (const auto& interface : ordered_exported_reference_interfaces_) std::ignore = interface->set_value(kNone);
+  return CallbackReturn::SUCCESS;
+}
+
+void ComputedTorqueController::read_state() {
+  const std::size_t n = arm_->joints().size();
+  for (std::size_t i = 0; i < n; ++i) {
+    q_[i] = state_interfaces_[i].get_optional().value_or(q_[i]);
+    v_[i] = state_interfaces_[n + i].get_optional().value_or(v_[i]);
+  }
+}
+
+/// A number of the reference; NaN for none.
+double ComputedTorqueController::reference(std::size_t kind, std::size_t joint) const {
+  const std::size_t place = kind * arm_->joints().size() + joint;
+  if (!is_in_chained_mode()) return kNone;
+  return ordered_exported_reference_interfaces_[place]->get_optional().value_or(kNone);
+}
+
+ComputedTorqueController::return_type ComputedTorqueController::update_reference_from_subscribers(const rclcpp::Time&,
+                                                                                                  const rclcpp::Duration&) {
+  return return_type::OK;
+}
+
+ComputedTorqueController::return_type ComputedTorqueController::update_and_write_commands(const rclcpp::Time&,
+                                                                                          const rclcpp::Duration&) {
+  read_state();
+  const auto or_zero = [](double x) { return std::isnan(x) ? 0.0 : x; };
+  for (std::size_t i = 0; i < q_.size(); ++i) {
+    const double q = reference(0, i), v = or_zero(reference(1, i)), a = or_zero(reference(2, i));
+    if (!std::isnan(q)) held_[i] = q;
+    a_[i] = a + 2.0 * damping_ratio_ * bandwidth_ * (v - v_[i]) + bandwidth_ * bandwidth_ * (held_[i] - q_[i]);
+  }
+  arm_->inverse_dynamics(q_.data(), v_.data(), a_.data(), tau_.data());
+  bool written = true;
+  for (std::size_t i = 0; i < q_.size(); ++i) written &= command_interfaces_[i].set_value(tau_[i]);
+  return written ? return_type::OK : return_type::ERROR;
+}
+
+}  // namespace arm_ros2_control
+
+PLUGINLIB_EXPORT_CLASS(arm_ros2_control::ComputedTorqueController, controller_interface::ChainableControllerInterface)

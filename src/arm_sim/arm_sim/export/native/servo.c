@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The servos of an exported library. `library` stands for the library's name.
+ *
+ * Required definitions: sim.c with SERVO, and the generated `servo` (commands of the drives, by state, reference and tunable
+ * numbers).
+ */
+
+#include "sim.c"
+
+#ifndef SERVO /* read alone, as editors do */
+#define SERVO 1
+GENERATED(servo);
+#endif
+
+/* A number of a command, and whether there is one: 0 where there is none. */
+static double commanded(const double* values, int i, double* given) {
+  *given = values && values[i] == values[i] ? 1.0 : 0.0;
+  return *given > 0.0 ? values[i] : 0.0;
+}
+
+void library_sim_servo(const library_sim* sim, const double* position, const double* velocity, const double* effort,
+                       double* command) {
+  double reference[5][NU], follows, added;
+  WORKSPACE;
+  for (int i = 0; i < NU; ++i) {
+    reference[2][i] = commanded(position, i, &reference[1][i]);
+    reference[3][i] = commanded(velocity, i, &follows);
+    reference[4][i] = commanded(effort, i, &added);
+    reference[0][i] = reference[1][i] > 0.0 ? 1.0 : follows;
+  }
+  arg[0] = sim->x;
+  arg[1] = reference[0];
+  arg[2] = sim->p;
+  res[0] = command;
+  servo(arg, res, iw, w, 0);
+}
