@@ -122,25 +122,23 @@ class Plant:
         The modes in p are the same; those of sticking and touching do nothing.
         """
         other = copy(self)
+        other.variant += " in motion"
         other.moving = True
         other._mechanics = cache(one_at_a_time(partial(self._make_mechanics, moving=True)))
-        other._compose(self.laws)
+        other._compose(self.laws, self._powers)
         return other
 
     def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
-        """The same arm with additional states that integrate powers.
-
-        The last of them is the energy taken by contact friction and compliant stops.
-        """
+        """The same arm with additional states that integrate powers, see ``_composed``."""
         other = copy(self)
         other.variant += " accounted"
         other.free = self.free and self.free.accounted(ledger, powers)
-        other._compose(ledger, [*powers, lambda *given: self._mechanics().taken(*given)])
+        other._compose(ledger, powers)
         return other
 
     def _compose(self, laws: Ensemble | None, powers: Sequence[Power] = ()) -> None:
         """Add models with states, and powers as additional states, to the arm."""
-        self.laws = laws
+        self.laws, self._powers = laws, powers
         self.torques = _torques(laws) if laws else None
         if laws:
             moded = tuple(self._drives.get(law, law) for law in laws.laws)
@@ -352,8 +350,12 @@ def _composed(
     laws: Ensemble | None,
     powers: Sequence[Power],
 ) -> tuple[ca.Function, tuple[ca.Function, ...]]:
-    """``rhs`` and ``events`` of an arm with internal states, and powers as additional states."""
+    """``rhs`` and ``events`` of an arm with internal states, and powers as additional states.
+
+    The last of them is the energy taken by contact friction and compliant stops.
+    """
     arm = mechanics()
+    powers = [*powers, arm.taken] if powers else ()
     a, n = arm.acceleration, arm.symbols.q.shape[0]
     rhs = _driven(a, arm.joints, laws, powers) if laws else _state_space(a, n)
     of_state = (_of_state(function, arm.joints, laws, n) for function in arm.loads)

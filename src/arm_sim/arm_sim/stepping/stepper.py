@@ -170,6 +170,43 @@ class Stepper:
         """Advance once, see ``bound``; return the number of good ticks."""
         return self.bound(x, command, trace, effort, notes)()
 
+    def each(self, x: Array, command: Array, p: Array, ticks: int) -> tuple[Array, Array]:
+        """Advance from each of many states by some ticks, as after a restart.
+
+        Args:
+            x: States, shape (k, nx).
+            command: Commands, held, shape (k, n).
+            p: Tunable quantities, shape (k, np).
+            ticks: Number of ticks.
+
+        Returns:
+            States after them, shape (k, nx), and energies lost in impacts in [J], shape (k,); NaN
+            where a tick cannot be computed.
+        """
+        self.restart()
+        after, lost = np.array(x, order="C"), np.empty(len(x))
+        if self.kernel.library is None:
+            return self._each_by_call(after, command, p, ticks), 0.0 * lost
+        control = None if self._control is None else ctypes.byref(self._control)
+        roll = self.kernel.library.roll_each
+        roll.restype = None
+        roll(
+            pointer(after), pointer(np.ascontiguousarray(command)),
+            pointer(np.ascontiguousarray(p)), ctypes.c_longlong(len(x)),
+            ctypes.c_double(self._choice.dt), ctypes.c_longlong(ticks), pointer(lost), control,
+            ctypes.byref(self.report),
+        )  # fmt: skip
+        return after, lost
+
+    def _each_by_call(self, x: Array, command: Array, p: Array, ticks: int) -> Array:
+        trace, effort = np.empty((ticks, x.shape[1])), np.empty((ticks, command.shape[1]))
+        for k, state in enumerate(x):
+            self.restart()
+            self.p[:] = p[k]
+            if self._by_call(state, command[k], trace, effort, np.empty((ticks, 2))) < ticks:
+                state[:] = np.nan
+        return x
+
     def restart(self) -> None:
         """Reset the report and the error control."""
         self.report.restart()

@@ -133,6 +133,7 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
 }
 
 static long long count_time_stepped(const report_t* report) { return report->time_stepped; }
+static double lost_in_impacts(const report_t* report) { return report->impact_loss; }
 
 /* The next record of a traced tick, which begins at x; null if there is no room. */
 static record_t* next_record(trace_t* trace, const real* x) {
