@@ -128,6 +128,27 @@ def test_only_what_is_said_of_a_joint_takes_the_place_of_what_is_said_of_all() -
     assert (found.armature, found.limits.effort) == (0.5, 3.0)
 
 
+POINTS = {"speed": [0, 1], "torque": [0.5, 0.2]}
+BENDS = {"deflection": [0, 1], "torque": [0, 2]}
+
+
+def test_a_table_and_what_it_contains_take_each_others_place() -> None:
+    """Of a table nothing is left that belongs to other points; what stands beside it stays."""
+    several = {"speed": [0, 2], "torque": [[1, 1], [2, 2]], "position": [0, 1], "period": 7}
+    dry = {"coulomb": 1.0, "stribeck_velocity": 0.1, "position": {"at": [0, 1], "factor": [1, 2]}}
+    for common, own in (
+        ({"friction": {"table": several}}, {"friction": {"table": POINTS}}),
+        ({"friction": dry}, {"friction": {"table": POINTS}}),
+        ({"friction": {"table": POINTS}}, {"friction": dry}),
+        ({"friction": {"position": dry["position"] | {"period": 7}}}, {"friction": dry}),
+        ({"spring": {"stiffness": 5.0}}, {"spring": {"table": BENDS}}),
+        ({"spring": {"table": BENDS}}, {"spring": {"stiffness": 0.0}}),
+    ):
+        assert joint1(common, own) == joint1({}, own)
+    found = joint1({"friction": {"viscous": 2.0} | dry}, {"friction": {"table": POINTS}}).friction
+    assert (found.viscous, found.coulomb) == (2.0, None)
+
+
 def test_a_number_and_a_pair_of_numbers_take_each_others_place() -> None:
     pair = {"positive": 1.0, "negative": 2.0}
     for common, own in ((0.5, pair), (pair, 0.5), (pair, {"positive": 3.0, "negative": 4.0})):

@@ -22,7 +22,7 @@ from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import constant
 from arm_dynamics.model.friction_table import FrictionTable, steepest
 from arm_dynamics.scene.effect import given
-from arm_dynamics.scene.friction import STATEFUL, Friction, Sides, SpeedTable, Table, refusal
+from arm_dynamics.scene.friction import IN_TABLE, Friction, Sides, SpeedTable, Table, refusal
 
 STEEPEST = 0.5
 """Largest slope of friction over the torque that causes it, relative to the gear's efficiency;
@@ -400,14 +400,10 @@ def _tabulated(table: SpeedTable) -> FrictionTable:
     )
 
 
-_IN_TABLE = ("coulomb", "static", "stribeck_velocity", "position", "load", *STATEFUL)
-"""Keys of a joint's friction that a table replaces."""
-
-
 def _check(joint: Given) -> None:
     own, law = joint.own, joint.own.stateful
     if own.table is not None:
-        for key in _IN_TABLE:
+        for key in IN_TABLE:
             if (value := given(own, key)) is not None:
                 text = f"{key}' = {value!r}: 'friction.table' of the joint contains it; allowed "
                 raise refusal(joint.name, f"{text}beside it: 'viscous'")

@@ -211,6 +211,9 @@ class Friction(Part):
 STATEFUL = ("lugre",)
 """Keys of a joint's friction that select a model with internal states."""
 
+IN_TABLE = ("coulomb", "static", "stribeck_velocity", "position", "load", *STATEFUL)
+"""Keys of a joint's friction that a table replaces."""
+
 
 def refusal(joint: str, text: str) -> SceneError:
     """The error for a joint's friction; ``text`` begins with the key and a '."""

@@ -29,7 +29,7 @@ from arm_dynamics.scene.constraint import (
     label,
 )
 from arm_dynamics.scene.drive import Actuator, Transmission
-from arm_dynamics.scene.friction import KINDS, Friction
+from arm_dynamics.scene.friction import IN_TABLE, KINDS, Friction
 from arm_dynamics.scene.imperfections import Commands, Sensors
 from arm_dynamics.scene.inertia import Body, LinkBody
 from arm_dynamics.scene.servo import Servo
@@ -192,7 +192,8 @@ class Scene(Part):
         robot: The robot.
         gravity: Gravity in the world frame in [m/s²].
         joints: Settings of joints by name; ``"*"`` applies to all, and a joint's own entry
-            overrides it, number by number.
+            overrides it, number by number, and tables as a whole: a table replaces the
+            coefficients that it contains, and they replace a table.
         links: Inertias of links by name, in place of those of the URDF.
         payloads: Rigid bodies attached to frames.
         springs: Springs between points of two frames.
@@ -264,10 +265,18 @@ def _given(part: Part) -> dict[str, Any]:
     return part.model_dump(exclude_unset=True, exclude_none=True)
 
 
+_TABLES = ("table", "position", "load")
+"""Keys of a joint's friction and spring that are tables, whose points belong together."""
+_IN_TABLES = {*IN_TABLE, "stiffness"}
+"""Keys beside a table of friction or of a spring in place of which it is."""
+
+
 def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    merged = dict(below)
+    replaced = _IN_TABLES if "table" in above else {"table"} if _IN_TABLES & set(above) else set()
+    merged = {key: value for key, value in below.items() if key not in replaced}
     for key, value in above.items():
-        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        parts = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        both = parts and key not in _TABLES
         merged[key] = _overlay(merged[key], value) if both else value
     return merged
 
