@@ -131,6 +131,15 @@ for _kind in (ca.SX, ca.MX):
     _kind.sym = staticmethod(_in_turn(_kind.sym))
 
 
+@pytest.fixture(scope="session")
+def forge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Socket of what starts programs of the suite without importing it again."""
+    from forging import forging
+
+    with forging(tmp_path_factory.mktemp("forge")) as made:
+        yield made
+
+
 @pytest.fixture
 def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     """A generator of its own for each test, the same on every run; the seed shows when the test

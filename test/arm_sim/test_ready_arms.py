@@ -15,7 +15,7 @@ from tolerances import ALGEBRA, assert_close
 G = 9.81
 
 
-@pytest.mark.parametrize("name", (*models.REAL, *models.ARMS))
+@pytest.mark.parametrize("name", (*models.REAL, *models.ARMS, *models.REAL_DRIVES))
 def test_an_arm_begins_within_its_limits_and_can_hold_itself(name: str) -> None:
     model = models.dynamics(name).model
     assert (model.position_lower < model.q0).all() and (model.q0 < model.position_upper).all()
@@ -24,7 +24,7 @@ def test_an_arm_begins_within_its_limits_and_can_hold_itself(name: str) -> None:
     assert_close(holding, models.oracle(name).gravity(model.q0), ALGEBRA)
 
 
-@pytest.mark.parametrize("name", models.ARMS)
+@pytest.mark.parametrize("name", (*models.ARMS, *models.REAL_DRIVES))
 def test_an_arm_stays_where_its_weight_is_carried(name: str) -> None:
     sim = models.simulator(name)
     run = sim.run(0.2, lambda state: sim.dynamics.gravity(state.q))

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every example runs in a process of its own; what it claims it asserts itself."""
+"""Every example runs in a process of its own; what it claims it asserts itself.
+
+The processes are made by ``forge.py``, so that none of them imports the suite again.
+"""
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from forging import asking
+from harness import surroundings
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
@@ -24,10 +27,9 @@ QUOTED = {
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_example_runs(example: Path, tmp_path: Path) -> None:
+def test_example_runs(example: Path, tmp_path: Path, forge: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-P", str(example)],
-        cwd=tmp_path, env={**os.environ, "MPLBACKEND": "Agg"},
+        [*asking(forge), "script", example], cwd=tmp_path, env=surroundings(MPLBACKEND="Agg"),
         capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]

@@ -19,7 +19,7 @@ import pages
 import pytest
 import yaml
 from browser import needed
-from terminal import Terminal, forging
+from terminal import Terminal
 
 pytestmark = pytest.mark.ros
 
@@ -86,12 +86,6 @@ def elsewhere(line: str) -> dict[str, str | bool] | None:
 def shelf(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where files that several pages are given are made once."""
     return tmp_path_factory.mktemp("shelf")
-
-
-@pytest.fixture(scope="session")  # pages are shared out one by one
-def forge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    with forging(tmp_path_factory.mktemp("forge")) as made:
-        yield made
 
 
 @pytest.fixture

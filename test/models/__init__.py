@@ -31,6 +31,7 @@ TOUCHING = (
     "lifting_gripper",
 )  # with constraints and contacts: a torque is not all that acts there
 ARMS = ("fr3", "ur5e", "xarm7")  # further ready arms, like REAL to all features
+REAL_DRIVES = ("real_panda", "real_fr3", "real_ur10")  # with dry friction and rotors
 ROBOTS = (*REAL, *OWN, *MADE)
 
 

@@ -10,6 +10,7 @@ import array
 import ctypes
 import json
 import os
+import runpy
 import select
 import signal
 import socket
@@ -121,7 +122,26 @@ def _tools() -> dict:
 
     from arm_studies.cli.main import main
 
-    return {"arm": lambda words: main(words, prog_name="./arm"), "ros2": ros2.main}
+    return {
+        "arm": lambda words: main(words, prog_name="./arm"),
+        "ros2": ros2.main,
+        "page": _blocks,
+        "script": _script,
+    }
+
+
+def _blocks(_: list) -> None:
+    """Run the blocks of a page, a line of JSON each, and say when each is done."""
+    page = {"__name__": "__main__"}
+    for line in sys.stdin:
+        exec(compile(json.loads(line), "the page", "exec"), page)
+        print("\0done", flush=True)
+
+
+def _script(words: list) -> None:
+    """Run a script as ``python -P`` does."""
+    sys.argv = words
+    runpy.run_path(words[0], run_name="__main__")
 
 
 if __name__ == "__main__":

@@ -5,13 +5,9 @@ from __future__ import annotations
 
 import os
 import socket
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -47,36 +43,6 @@ def reserve_domain() -> tuple[int, socket.socket]:
         else:
             return domain, reservation
     raise RuntimeError("all domains are in use")
-
-
-@contextmanager
-def running(logs: Path, *commands: Sequence[str]) -> Iterator[int]:
-    """Nodes in processes of their own, killed in the end.
-
-    Args:
-        logs: Folder for what they log.
-        commands: What ``./arm`` is given to start each of them.
-
-    Yields:
-        Their domain.
-    """
-    domain, reservation = reserve_domain()
-    environment = surroundings(ROS_DOMAIN_ID=str(domain), ROS_LOG_DIR=str(logs))
-    started = []
-    try:
-        for command, *rest in commands:
-            words = [sys.executable, "-P", "-m", "arm_sim.cli", command, "--with-parent", *rest]
-            started.append(
-                subprocess.Popen(
-                    words, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-                )
-            )
-        yield domain
-    finally:
-        for process in started:
-            process.kill()
-            process.wait()
-        reservation.close()
 
 
 class Ros:

@@ -16,11 +16,10 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
+from forging import asking
 from harness import Ros, surroundings
 from rcl_interfaces.srv import ListParameters
 
@@ -30,7 +29,6 @@ from arm_sim import Recording
 ROOT = Path(__file__).parents[2]
 PATIENCE = 200.0  # [s] for a line, on a machine that does other things
 AGAIN = 3.0  # [s] after which a node is asked again
-_ASK = f"exec {sys.executable} -I -S {ROOT}/test/support/forge.py"
 _ARM = f"""#!/bin/sh
 if [ "$1" = python ]; then
     shift
@@ -44,13 +42,6 @@ case $1 in
     controllers) shift 2; cd {ROOT}; exec {sys.executable} -m benchmarks.controllers "$@" ;;
 esac
 """
-_PYTHON = """
-import json, sys
-page = {"__name__": "__main__"}
-for line in sys.stdin:
-    exec(compile(json.loads(line), "the page", "exec"), page)
-    print("\\0done", flush=True)
-"""
 
 _NODE = re.compile(
     r"(?:\./arm|ros2 run \w+) (?=sim\b|controller\b|dynamics\b)(\w+)|\./arm python (\w+_node)\.py"
@@ -58,25 +49,6 @@ _NODE = re.compile(
 _SHOWN = re.compile(r"arm (?:watch|view)\b|ros2 topic (?:echo (?!.*--once)|pub (?!--once|-1))")
 _PICTURES = re.compile(r"--(?:html|png|gif|mp4)\b")
 _RECORDER = re.compile(r"arm record\b.*--out (\S+)")
-
-
-@contextmanager
-def forging(folder: Path) -> Iterator[Path]:
-    """Something that runs commands; yields its socket."""
-    path = folder / "forge"
-    words = [sys.executable, "-P", ROOT / "test/support/forge.py", path]
-    environment = surroundings(
-        MPLBACKEND="Agg", PYTHONPATH=os.pathsep.join(sys.path), OPENBLAS_NUM_THREADS="1"
-    )
-    process = subprocess.Popen(words, env=environment, cwd=folder)
-    try:
-        while not path.exists():
-            assert process.poll() is None
-            time.sleep(0.02)
-        yield path
-    finally:
-        process.kill()
-        process.wait()
 
 
 def _has_states(file: Path) -> bool:
@@ -149,9 +121,11 @@ class Terminal:
         tools = folder / ".tools"
         tools.mkdir()
         for tool, before in {"arm": _ARM, "ros2": "#!/bin/sh\n"}.items():
-            (tools / tool).write_text(f'{before}{_ASK} {forge} {tool} "$@"\n')
+            ask = " ".join(map(str, asking(forge)))
+            (tools / tool).write_text(f'{before}exec {ask} {tool} "$@"\n')
             (tools / tool).chmod(0o755)
         (folder / "arm").symlink_to(tools / "arm")
+        self._forge = forge
         self._ros: Ros | None = None
         self._python: subprocess.Popen[str] | None = None
         self._running: dict[str, Started] = {}
@@ -166,7 +140,7 @@ class Terminal:
         """Run a block in the Python of the page; returns what it printed."""
         if self._python is None:
             self._python = subprocess.Popen(
-                [sys.executable, "-c", _PYTHON], cwd=self.folder, env=self._in_domain(),
+                [*asking(self._forge), "page"], cwd=self.folder, env=self._in_domain(),
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             )  # fmt: skip
         assert self._python.stdin and self._python.stdout

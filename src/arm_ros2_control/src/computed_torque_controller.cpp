@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <limits>
 #include <stdexcept>
 #include <tuple>
@@ -43,19 +44,29 @@ Configuration ComputedTorqueController::state_interface_configuration() const {
 }
 
 ComputedTorqueController::CallbackReturn ComputedTorqueController::on_configure(const rclcpp_lifecycle::State&) {
-  bandwidth_ = get_node()->get_parameter("bandwidth").as_double();
-  damping_ratio_ = get_node()->get_parameter("damping_ratio").as_double();
   try {
-    if (!(bandwidth_ > 0.0) || !(damping_ratio_ > 0.0))
-      throw std::runtime_error("bandwidth and damping_ratio must be positive");
+    choose_gains(get_node()->get_parameter("bandwidth").as_double(), get_node()->get_parameter("damping_ratio").as_double());
     arm_ = std::make_unique<ExportedArm>(get_node()->get_parameter("library").as_string());
     if (!arm_->has_model()) throw std::runtime_error("the library has no inverse dynamics");
   } catch (const std::exception& error) {
     RCLCPP_FATAL(get_node()->get_logger(), "%s", error.what());
     return CallbackReturn::ERROR;
   }
-  for (auto* row : {&q_, &v_, &a_, &tau_, &held_}) row->assign(arm_->joints().size(), 0.0);
+  for (auto* row : {&q_, &v_, &middle_, &speed_, &a_, &tau_, &held_}) row->assign(arm_->joints().size(), 0.0);
   return CallbackReturn::SUCCESS;
+}
+
+/// Gains with which the error falls by z = exp(λ dt) in a period dt, where λ² + 2 ζ ω λ + ω² = 0.
+void ComputedTorqueController::choose_gains(double bandwidth, double damping_ratio) {
+  const double damped = damping_ratio * bandwidth;
+  if (!(bandwidth > 0.0) || !(damping_ratio > 0.0) || !std::isfinite(damped))
+    throw std::runtime_error("bandwidth = " + std::to_string(bandwidth) + ", damping_ratio = " + std::to_string(damping_ratio)
+                             + "; positive numbers are expected");
+  period_ = 1.0 / get_update_rate();
+  const auto root = std::sqrt(std::complex<double>(damped * damped - bandwidth * bandwidth));
+  const auto first = std::exp((root - damped) * period_), second = std::exp(-(root + damped) * period_);
+  kp_ = ((1.0 - first) * (1.0 - second)).real() / (period_ * period_);
+  kd_ = (3.0 - first - second - first * second).real() / (2.0 * period_);
 }
 
 std::vector<hardware_interface::CommandInterface::SharedPtr> ComputedTorqueController::on_export_reference_interfaces_list() {
@@ -105,9 +116,11 @@ ComputedTorqueController::return_type ComputedTorqueController::update_and_write
   for (std::size_t i = 0; i < q_.size(); ++i) {
     const double q = reference(0, i), v = or_zero(reference(1, i)), a = or_zero(reference(2, i));
     if (!std::isnan(q)) held_[i] = q;
-    a_[i] = a + 2.0 * damping_ratio_ * bandwidth_ * (v - v_[i]) + bandwidth_ * bandwidth_ * (held_[i] - q_[i]);
+    a_[i] = a + kd_ * (v - v_[i]) + kp_ * (held_[i] - q_[i]);
+    middle_[i] = q_[i] + 0.5 * period_ * v_[i];
+    speed_[i] = v_[i] + 0.5 * period_ * a_[i];
   }
-  arm_->inverse_dynamics(q_.data(), v_.data(), a_.data(), tau_.data());
+  arm_->inverse_dynamics(middle_.data(), speed_.data(), a_.data(), tau_.data());
   bool written = true;
   for (std::size_t i = 0; i < q_.size(); ++i) written &= command_interfaces_[i].set_value(tau_[i]);
   return written ? return_type::OK : return_type::ERROR;

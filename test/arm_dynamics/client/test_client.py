@@ -7,12 +7,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from arm_msgs.srv import InverseKinematics, ModelInfo, SetPayload, Step
-from harness import Ros, running
+from forging import running
+from harness import Ros
 from rclpy.service import Service
 from std_srvs.srv import SetBool, Trigger
 
@@ -32,10 +34,10 @@ JOINTS = ["elbow", "shoulder"]
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ArmClient]:
+def arm(tmp_path_factory: pytest.TempPathFactory, forge: Path) -> Iterator[ArmClient]:
     """A client of two nodes in separate processes, in a separate domain."""
     logs = tmp_path_factory.mktemp("log")
-    with running(logs, ("dynamics", SCENE), ("sim", SCENE)) as domain:
+    with running(forge, logs, ("dynamics", SCENE), ("sim", SCENE)) as domain:
         with ArmClient(timeout=20.0, domain=domain) as client:
             yield client
 

@@ -6,11 +6,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from harness import running
+from forging import running
 from typist import Typist, answer
 
 import models
@@ -30,13 +31,13 @@ Q0, V0 = FOUR_BAR.model.q0, 0.1 * FOUR_BAR.model.v0
 
 
 @pytest.fixture(scope="module")
-def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+def domain(tmp_path_factory: pytest.TempPathFactory, forge: Path) -> Iterator[int]:
     """A domain with a dynamics node that knows a closed chain, and one that knows an open one."""
     commands = [
         ("dynamics", str(models.SCENES / f"{name}.yaml"), "--ros-args", "-r", f"__ns:=/{space}")
         for space, name in SCENES.items()
     ]
-    with running(tmp_path_factory.mktemp("log"), *commands) as number:
+    with running(forge, tmp_path_factory.mktemp("log"), *commands) as number:
         yield number
 
 

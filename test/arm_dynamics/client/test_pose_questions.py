@@ -6,11 +6,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from harness import running
+from forging import running
 from typist import Typist, answer
 
 import models
@@ -30,10 +31,10 @@ REACHED = 2e-9  # [m], [rad]; the search promises half of it
 
 
 @pytest.fixture(scope="module")
-def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+def domain(tmp_path_factory: pytest.TempPathFactory, forge: Path) -> Iterator[int]:
     """A domain with a dynamics node that knows the Panda."""
     logs, scene = tmp_path_factory.mktemp("log"), str(models.SCENES / "panda.yaml")
-    with running(logs, ("dynamics", scene)) as number:
+    with running(forge, logs, ("dynamics", scene)) as number:
         yield number
 
 

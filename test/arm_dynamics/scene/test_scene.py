@@ -32,7 +32,7 @@ def test_every_scene_loads(name: str) -> None:
 def test_every_ready_scene_is_among_the_tested_robots(path: Path) -> None:
     others = (
         *models.DRIVEN, *models.HELD, *models.BOTH, *models.TOUCHING, *models.BALANCED,
-        *models.ARMS,
+        *models.ARMS, *models.REAL_DRIVES,
     )  # fmt: skip
     assert path.stem in (*models.ROBOTS, *others)
 

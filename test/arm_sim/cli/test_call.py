@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from harness import running
+from forging import running
 from typist import Typist, answer
 
 import models
@@ -25,10 +25,10 @@ NAMES = ["shoulder", "elbow"]
 
 
 @pytest.fixture(scope="module")
-def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+def domain(tmp_path_factory: pytest.TempPathFactory, forge: Path) -> Iterator[int]:
     """A domain in which a dynamics and a sim node run."""
     logs = tmp_path_factory.mktemp("log")
-    with running(logs, ("dynamics", SCENE), ("sim", SCENE)) as number:
+    with running(forge, logs, ("dynamics", SCENE), ("sim", SCENE)) as number:
         yield number
 
 

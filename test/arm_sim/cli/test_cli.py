@@ -117,6 +117,12 @@ def test_a_panda_is_described_in_one_screen() -> None:
     assert re.search(r"skipped +springs +none", run("describe", PANDA, "--details").output)
 
 
+def test_describe_says_where_the_numbers_of_a_scene_are_from() -> None:
+    details = " ".join(run("describe", "real_panda", "--details").output.split())
+    assert "Friction: Gaz, Cognetti, Oliva" in details and "Drake" in details
+    assert "Gaz" not in run("describe", "real_panda").output
+
+
 def test_description_for_scripts() -> None:
     found = json.loads(run("describe", PANDA, "--json").output)
     sim = Simulator(PANDA)

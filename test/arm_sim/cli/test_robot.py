@@ -15,7 +15,7 @@ import click
 import pytest
 from click.testing import CliRunner
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from harness import running
+from forging import running
 from sensor_msgs.msg import JointState
 from typist import Result
 
@@ -97,10 +97,10 @@ ros = pytest.mark.ros
 
 
 @pytest.fixture(scope="module")
-def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+def domain(tmp_path_factory: pytest.TempPathFactory, forge: Path) -> Iterator[int]:
     """A domain in which a simulator and a controller run."""
     logs = tmp_path_factory.mktemp("log")
-    with running(logs, ("sim", SCENE), ("controller", SCENE)) as number:
+    with running(forge, logs, ("sim", SCENE), ("controller", SCENE)) as number:
         yield number
 
 
@@ -298,9 +298,9 @@ def test_who_is_not_there_is_named(
 
 @ros
 def test_a_controller_without_a_robot_is_distinguished(
-    tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    tmp_path: Any, forge: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with running(tmp_path, ("controller", SCENE)) as alone:
+    with running(forge, tmp_path, ("controller", SCENE)) as alone:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(alone))
         with Listener() as listener:
             assert listener.until(lambda: "/controller" in listener.nodes(), 20.0)

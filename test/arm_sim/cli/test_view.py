@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from harness import running
+from forging import running
 
 import models
 from arm_sim import Simulator
@@ -120,13 +120,15 @@ def heard(arm: live.RunningArm, listener: Listener) -> News:
 
 @ros
 def test_a_running_arm_is_followed_whatever_its_description_locks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, forge: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live, "_WAIT", 40.0)
     scene = tmp_path / "locked.yaml"
     urdf = models.SCENES / "two_link.urdf"
     scene.write_text(f"robot: {{urdf: {urdf}, lock: [elbow]}}\n{START}\n")
-    with running(tmp_path, ("sim", str(scene), "--ros-args", "-p", "paused:=true")) as domain:
+    with running(
+        forge, tmp_path, ("sim", str(scene), "--ros-args", "-p", "paused:=true")
+    ) as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         with live.RunningArms([""]) as hearing:
             (arm,) = hearing.arms

@@ -196,6 +196,7 @@ def test_servos_track_as_those_of_the_simulator_to_the_bit(tmp_path: Path) -> No
         assert np.array_equal(np.concatenate(ticks.state()[:2]), [*state.q, *state.v])
     ticks.function("sim_servo")(_pointer(ticks.memory), None, None, None, _pointer(command))
     assert not command.any()
+    assert "arm_sim_servo" in (tmp_path / "arm/README.md").read_text()
 
 
 def test_bodies_that_cannot_be_are_refused(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
-from harness import running
+from forging import running
 from launch_files import Launch, Start, by_python
 
 import models
@@ -143,13 +143,13 @@ def test_a_description_keeps_its_robot() -> None:
 
 @pytest.mark.ros
 def test_two_arms_are_led_each_in_its_namespace(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, forge: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By plain processes with the arguments of the launch file."""
     starts = started("two_arms", left="two_link", right="two_link")
     commands = [(s.executable, "--ros-args", *s.ros_arguments()) for s in starts]
     states: dict[str, list[Any]] = {"left": [], "right": []}
-    with running(tmp_path, *commands) as domain:
+    with running(forge, tmp_path, *commands) as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         with Listener() as listener:
             for arm, heard in states.items():

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_sim.view.charts import Chart, thinned, with_curves
+from arm_sim.view.charts import Chart, _columns, legend, thinned, with_curves
 
 PAGE = "<html><head></head><body><div></div></body></html>"
 
@@ -24,6 +24,29 @@ def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
     np.testing.assert_array_equal(y.min(axis=0), values.min(axis=0))
     few = thinned(time[:10], values[:10])
     np.testing.assert_array_equal(few[1], values[:10])
+
+
+def test_axes_suit_what_is_there() -> None:
+    """About zeros and single points they would reach from 0 to 100: an unseen curve opens them."""
+    time, zeros = np.arange(5.0), np.zeros((5, 2))
+    x, *curves, room = _columns(time, zeros)
+    assert (x == time).all() and not np.any(curves)
+    assert (room.min(), room.max()) == (-1.0, 1.0)
+    *_, room = _columns(time, zeros + 5.0)
+    assert (room.min(), room.max()) == (4.0, 6.0)
+    *_, room = _columns(time, np.column_stack([time, -time]))
+    assert np.ptp(room) == 0.0  # there is something to see
+    for count in (0, 1):
+        x, curve, room = _columns(time[:count] + 3.0, np.full((count, 1), 7.0))
+        assert np.ptp(x) == 1.0 and (curve == (7.0 if count else 0.0)).all()
+        assert np.isfinite(room).all()
+
+
+def test_a_legend_has_numbers() -> None:
+    text = legend(("hip", "<knee>"), np.array([1.23456, np.nan]))
+    assert ">hip<" in text and ">1.235<" in text
+    assert "&lt;knee&gt;" in text and "–" in text
+    assert ">0<" in legend(("hip",), np.array([5e-17]))
 
 
 def drawn(page: str) -> Any:

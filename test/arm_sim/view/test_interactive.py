@@ -29,6 +29,7 @@ from arm_sim.view.stage import DrawnArm
 def test_a_push_accelerates_as_its_torque_does() -> None:
     sim = Simulator("two_link")
     rig, before = InteractiveArm(sim), sim.state
+    rig.choose(NOTHING)
     rig.push("forearm", np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]), ticks=2)
     free = sim.dynamics.forward(before.q, before.v, np.zeros(2))
     torque = rig.wrenches.torque(before.q, 0)

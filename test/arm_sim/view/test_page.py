@@ -15,6 +15,7 @@ from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.exceptions import ViewError
 from arm_sim.view import Chart, Film, View, show
+from arm_sim.view.interactive import NOTHING
 from arm_sim.view.player import Player
 
 SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave
@@ -37,8 +38,16 @@ def panda() -> Simulator:
 def touched(panda: Simulator) -> Iterator[tuple[View, Page]]:
     """A simulation in a page."""
     panda.reset()
-    with show(panda, port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
+    with (
+        show(panda, port=0) as view,
+        opened(view.url, "/arm/panda_joint7", size=(1300, 560)) as page,
+    ):
         yield view, page
+
+
+def let_fall(view: View) -> None:
+    """Choose no controller, as the menu of the page does."""
+    view.source.loop.order(lambda: view.source._choose(NOTHING))
 
 
 def assert_drawn(page: Page, simulator: Simulator, name: str = "arm") -> None:
@@ -55,12 +64,18 @@ def assert_drawn(page: Page, simulator: Simulator, name: str = "arm") -> None:
 def test_a_scene_runs_pauses_steps_and_resets(
     touched: tuple[View, Page], panda: Simulator
 ) -> None:
-    _, page = touched
+    view, page = touched
     assert_drawn(page, panda)
     page.click("Step")
     page.until(lambda: panda.state.step == 1, "a tick")
     page.click("Run")
     page.until(lambda: panda.state.time > 0.2, "time to pass")
+    assert abs(panda.state.q - panda.model.q0).max() < 1e-6  # its weight is carried
+    weight = f"{panda.dynamics.gravity(panda.model.q0)[3]:.4g}"
+    page.until(lambda: page.handle.get_by_text(weight).count(), "its torque in the legend")
+    fall = panda.state.time
+    let_fall(view)
+    page.until(lambda: panda.state.time > fall + 0.2, "time to pass")
     page.click("Pause")
     page.until(lambda: page.handle.get_by_text("paused").is_visible(), "the pause")
     stopped = panda.state.step
@@ -85,6 +100,7 @@ def test_a_slider_places_a_joint(touched: tuple[View, Page], panda: Simulator) -
 
 def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
     view, page = touched
+    let_fall(view)
     alone = Dynamics(panda.model)  # which nothing pushes
     page.handle.get_by_text("Push arm").dispatch_event("click")
     page.until(lambda: page.handle.get_by_role("button", name="Push", exact=True).count(), "it")
@@ -102,24 +118,55 @@ def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
     assert not outside.any()  # a page takes its pushes along
 
 
-def test_the_mouse_pulls_a_link_until_released(panda: Simulator) -> None:
+class Touch:
+    """A finger on a page, with the methods of playwright's mouse."""
+
+    def __init__(self, page: Page) -> None:
+        self._session = page.handle.context.new_cdp_session(page.handle)
+        self._at, self._down = (0.0, 0.0), False
+
+    def move(self, x: float, y: float, steps: int = 1) -> None:
+        begin = np.array(self._at)
+        for k in range(1, steps + 1):
+            self._at = tuple(begin + k / steps * (np.array([x, y]) - begin))
+            if self._down:
+                self._send("touchMove")
+
+    def down(self) -> None:
+        self._down = True
+        self._send("touchStart")
+
+    def up(self) -> None:
+        if self._down:
+            self._send("touchEnd")
+        self._down = False
+
+    def _send(self, kind: str) -> None:
+        x, y = self._at
+        points = [] if kind == "touchEnd" else [{"x": x, "y": y}]
+        self._session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+
+@pytest.mark.parametrize("by", ["mouse", "touch"])
+def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
     panda.reset()
     alone = Dynamics(panda.model)  # which nothing pushes
     with (
         show(panda, port=0) as view,
         opened(view.url, "/arm/panda_joint7", size=(1600, 900)) as page,
     ):
-        rig, mouse = view.source.rigs[0], page.handle.mouse
+        let_fall(view)
+        rig, finger = view.source.rigs[0], Touch(page) if by == "touch" else page.handle.mouse
 
         def pulled() -> bool:
             """Drag the elbow sideways, wherever the camera is by now."""
-            mouse.up()
+            finger.up()
             base, elbow = page.places("/arm/base", "/arm/panda_joint4")
             ends = np.array([elbow[:3, 3], elbow[:3, 3] + 0.3 * base[:3, 1]])
             (x, y), (beside, _) = page.pixels(ends)
-            mouse.move(x, y)
-            mouse.down()
-            mouse.move(beside, y, steps=8)
+            finger.move(x, y)
+            finger.down()
+            finger.move(beside, y, steps=8)
             page.handle.wait_for_timeout(200)
             return bool(rig.wrenches.active)
 
@@ -130,8 +177,8 @@ def test_the_mouse_pulls_a_link_until_released(panda: Simulator) -> None:
         (frame,) = rig.wrenches.active
         task = TaskSpace(alone, frame, "local_world_aligned")
         gained = panda.state.v / panda.dt - alone.forward(q, v, np.zeros(7))
-        assert (task.jacobian(q) @ gained)[1] > 1.0  # to where the mouse is, in m/s²
-        mouse.up()
+        assert (task.jacobian(q) @ gained)[1] > 1.0  # to where the finger is, in m/s²
+        finger.up()
         page.until(lambda: not rig.wrenches.active, "its end")
 
 

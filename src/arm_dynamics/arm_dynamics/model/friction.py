@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.equations import friction, transmission
 from arm_dynamics.equations.elementary import Quantity, choose, size
-from arm_dynamics.equations.friction_table import FrictionTable, steepest
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import constant
+from arm_dynamics.model.friction_table import FrictionTable, steepest
 from arm_dynamics.scene.effect import given
 from arm_dynamics.scene.friction import STATEFUL, Friction, Sides, SpeedTable, Table, refusal
 

@@ -11,8 +11,11 @@
 
 namespace arm_ros2_control {
 
-/// Torques by which an arm follows a motion: τ = M(q) a + C(q, v) v + G(q) + F(v), with
-/// a = a_d + 2 ζ ω (v_d - v) + ω² (q_d - q) (Craig, Introduction to Robotics, section 10.4).
+/// Torques by which an arm follows a motion: τ = M(q) a + C(q, v) v + G(q) + F(v) with
+/// a = a_d + K_d (v_d - v) + K_p (q_d - q) (Craig, Introduction to Robotics, section 10.4), in the
+/// middle of the period for which they are held, and with gains whose error, seen once a period,
+/// falls as ë + 2 ζ ω ė + ω² e = 0 says (Åström and Wittenmark, Computer-Controlled Systems,
+/// section 4.3).
 ///
 /// Another controller, such as joint_trajectory_controller, commands its reference interfaces
 /// `JOINT/position`, `JOINT/velocity` and `JOINT/acceleration`. Without one it holds the arm where
@@ -35,7 +38,7 @@ public:
   /// Positions and velocities of all joints.
   Configuration state_interface_configuration() const override;
 
-  /// Load the library.
+  /// Load the library, and compute the gains.
   CallbackReturn on_configure(const rclcpp_lifecycle::State& previous) override;
 
   /// Hold the arm where it is until there is another reference.
@@ -47,12 +50,13 @@ protected:
   return_type update_and_write_commands(const rclcpp::Time& time, const rclcpp::Duration& period) override;
 
 private:
+  void choose_gains(double bandwidth, double damping_ratio);
   void read_state();
   double reference(std::size_t kind, std::size_t joint) const;
 
   std::unique_ptr<ExportedArm> arm_;
-  std::vector<double> q_, v_, a_, tau_, held_;
-  double bandwidth_ = 0.0, damping_ratio_ = 0.0;
+  std::vector<double> q_, v_, middle_, speed_, a_, tau_, held_;
+  double period_ = 0.0, kp_ = 0.0, kd_ = 0.0; // [s], [1/s²], [1/s]
 };
 
 }  // namespace arm_ros2_control

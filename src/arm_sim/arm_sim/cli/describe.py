@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import json
 import math
+from itertools import takewhile
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -42,7 +44,11 @@ if TYPE_CHECKING:
 @click.option("--integrator", help="Integration method, instead of the scene's, e.g. rk4, dop853.")
 @click.option("--dt", type=float, help="Length of a tick in s, instead of the scene's.")
 @click.option("--tolerance", type=float, help="Control the error inside each tick, e.g. 1e-8.")
-@click.option("--details", is_flag=True, help="Also show why each part is skipped.")
+@click.option(
+    "--details",
+    is_flag=True,
+    help="Also show the comment at the top of the file, and why each part is skipped.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def describe(
     scene: str,
@@ -75,6 +81,8 @@ def describe(
         click.echo(json.dumps({**robot_of(model), **motion_of(simulator)}, indent=1))
         return
     out = console()
+    if details:
+        _show_comment(out, scene)
     _show_robot(out, model)
     _show_joints(out, model)
     _show_physics(out, simulator, details)
@@ -133,6 +141,17 @@ def motion_of(simulator: Simulator) -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
+
+
+def _show_comment(out: Console, scene: str) -> None:
+    """Show the comment that begins a scene file, such as where its numbers are from."""
+    from arm_dynamics.scene.files import find_scene
+
+    lines = find_scene(scene, Path.cwd()).read_text(encoding="utf-8").splitlines()
+    comment = takewhile(lambda line: line.startswith("#"), lines)
+    said = " ".join(line.lstrip("# ") for line in comment)
+    if said:
+        out.print(f"\n{said}", style="dim", markup=False, highlight=False)
 
 
 def _show_robot(out: Console, model: ArmModel) -> None:

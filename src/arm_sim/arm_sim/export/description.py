@@ -56,6 +56,10 @@ while (!code) {{ /* @NAME@_error_text(code) says why */
 
 A copy of that memory continues to the same bits.
 """
+_SERVO = """
+`@NAME@_sim_servo` turns positions, velocities and efforts, NaN where there are none, into the
+command with which the servos of the joints track them in the next tick.
+"""
 _LICENCE = """\
 ## Licence
 
@@ -133,6 +137,7 @@ def _ticks(model: ArmModel, tick: Tick) -> str:
         dt=choice.dt, method=choice.method.name, control=control, units=units,
         states=tick.simulator.arm.plant.nx,
     )  # fmt: skip
+    said += _SERVO if "_sim_servo" in tick.declarations else ""
     numbers = zip(tick.parameters, tick.simulator.arm.plant.parameters.nominal, strict=False)
     rows = [f"| `{name}` | {value:.17g} |\n" for name, value in numbers]
     if not rows:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import viser
 
 NOTHING, WEIGHT, SLIDERS = "nothing", "gravity compensation", "move to sliders"
-CONTROLS = (NOTHING, WEIGHT, SLIDERS)
+CONTROLS = (WEIGHT, SLIDERS, NOTHING)
 SPEEDS = ("0.05", "0.1", "0.25", "0.5", "1", "2")
 AT_ONCE = 0.025  # [s] of real time that ticks may take between two frames
 MEMORY = 10.0  # [s] that curves go back
@@ -48,7 +48,7 @@ class InteractiveArm:
     def __init__(self, simulation: Simulator) -> None:
         self.simulation, self.account = simulation, LiveAccount(simulation)
         self._seen = simulation.state.step
-        self.control, self.target = NOTHING, simulation.state.q.copy()
+        self.control, self.target = WEIGHT, simulation.state.q.copy()
         self.wrenches = ExternalWrenches(simulation.dynamics, "local_world_aligned")
         self._reference = self.target.copy(), np.zeros(simulation.n)
         self._pushable = self._pushed = False
@@ -292,7 +292,7 @@ class Interactive:
         step.on_click(lambda _: order(lambda: self.step(int(self._ticks.value))))
         gui.add_button("Reset").on_click(lambda _: order(self.reset))
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
-        control = gui.add_dropdown("controller", CONTROLS, initial_value=NOTHING)
+        control = gui.add_dropdown("controller", CONTROLS, initial_value=WEIGHT)
         control.on_update(self.loop.moved(self._choose))
         self._status = gui.add_markdown("")
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from arm_sim.exceptions import ViewError
 from arm_sim.view.charts import WIDTH
-from arm_sim.view.server import address
+from arm_sim.view.framing import orientation
+from arm_sim.view.server import CONTROLS, address
 
 if TYPE_CHECKING:
     import viser
@@ -30,7 +31,7 @@ DRAWING = (  # also without a graphics card
     "--hide-scrollbars", "--disable-dev-shm-usage",
 )  # fmt: skip
 PATIENCE = 60.0  # [s] for the page, and for each picture
-MARGIN = 8  # pixels between that panel and the drawing
+MARGIN = 8  # pixels between a panel and the drawing
 SETTLED, STILL = (
     0.5,
     3,
@@ -91,23 +92,32 @@ def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
     It returns an array of bytes, shape (height, width, 3).
     """
     known, (width, height) = set(server.get_clients()), size
-    with page_in_browser(address(server), (width + WIDTH + MARGIN, height)) as page:
+    beside = WIDTH + CONTROLS + 2 * MARGIN
+    with page_in_browser(address(server), (width + beside, height)) as page:
         for _ in range(round(PATIENCE / 0.1)):
             if arrived := set(server.get_clients()) - known:
                 break
             page.wait_for_timeout(100)
         else:
             raise ViewError(f"the page did not open within {PATIENCE:g} s")
-        client = server.get_clients()[arrived.pop()]
+        client, pose = server.get_clients()[arrived.pop()], _pose(server)
 
         def shoot() -> Any:
             try:
-                return client.get_render(height, width, timeout=PATIENCE)[..., :3]
+                return client.get_render(height, width, timeout=PATIENCE, **pose)[..., :3]
             except (TimeoutError, RuntimeError) as error:
                 raise ViewError(f"the browser returned no picture: {error}") from None
 
         _wait_until_still(page, shoot)
         yield shoot
+
+
+def _pose(server: viser.ViserServer) -> dict[str, Any]:
+    """The page's first camera, whatever its panels cover: pictures have none."""
+    first = server.initial_camera
+    position, look_at = np.array(first.position), np.array(first.look_at)
+    wxyz = orientation(position, look_at)
+    return {"wxyz": wxyz, "position": position, "fov": first.fov}
 
 
 def _wait_until_still(page: Any, shoot: Callable[[], Any]) -> None:

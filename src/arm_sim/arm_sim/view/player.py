@@ -57,7 +57,7 @@ class Player:
         self._button.on_click(lambda _: self.loop.order(self._toggle))
         self._slider.on_update(self.loop.moved(self.seek))
         self.charts = tuple(chart for pair in self._pairs for chart in self._charted(*pair))
-        Charts(server, self.charts)
+        self._charts = Charts(server, self.charts)
         for film, actor in self._pairs:
             rows = np.unique(np.linspace(0, len(film.time) - 1, WAY_POINTS).astype(int))
             actor.show_path(actor.marker.path(film.q[rows]))
@@ -77,6 +77,7 @@ class Player:
             for film, actor in self._pairs:
                 actor.draw(film.at(self.time))
         self._slider.value = self.time
+        self._charts.read(self.time)
         self._show_status("")
 
     def _charted(self, film: Film, actor: DrawnArm) -> Iterator[Chart]:

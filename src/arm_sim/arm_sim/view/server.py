@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 HERE = "127.0.0.1"
 PORT = 8080
+CONTROLS = 320  # width of the panel of controls in pixels
 TRIED = 50  # ports tried after the default one
 
 _log = logging.getLogger(__name__)
@@ -60,6 +61,8 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
     # The library can publish the page through a tunnel, on request of any visitor.
     server.request_share_url = lambda verbose=True: None
     server.gui.configure_theme(show_share_button=False, show_logo=False)
+    server.gui.main_panel.dock_right()  # beside the picture, not over it
+    server.gui.main_panel.set_width(CONTROLS)
     return server
 
 

@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
+from arm_sim.view.framing import FIELD, WAY, Framing
 from arm_sim.view.marks import Instant, Marker, Marks
 from arm_sim.view.shapes import (
     METAL,
@@ -35,13 +36,12 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-CONTACT, TIE, SPRING, STOP, WAY = (
+CONTACT, TIE, SPRING, STOP, PATH = (
     (40, 130, 60), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20)
 )  # fmt: skip
 """Colours of forces of contacts and constraints, springs, stops, and the path of the hand."""
 
 LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
-FIELD = 0.7  # [rad] vertical field of view of the camera
 KEPT = 300  # points of the path behind a moving hand
 _KINDS = ("contact forces", "constraint forces", "springs", "path")
 _NOTHING = np.zeros((1, 2, 3))
@@ -64,7 +64,7 @@ class DrawnArm:
         marker: Computes positions.
         size: Size of the arm in [m].
         links: Drawn links and joints: names and handles.
-        extent: Points around the arm at its start, in [m], shape (k, 3).
+        extent: Points around the arm at its start, and of its path, in [m], shape (k, 3).
     """
 
     def __init__(
@@ -132,7 +132,8 @@ class DrawnArm:
         self._lines["path"].visible = False
 
     def show_path(self, path: Array) -> None:
-        """Draw a complete, permanent path of the hand, shape (k, 3)."""
+        """Draw a complete, permanent path of the hand, shape (k, 3), which extends the arm."""
+        self.extent = np.vstack([self.extent, self.base + path])
         self._set(self._lines["whole path"], _pairs(path), self._shown["path"])
 
     def show_axes(self, on: bool) -> None:
@@ -190,7 +191,7 @@ class DrawnArm:
                 thickness_units="screen",
             )
             for kind, colour, width in (
-                ("springs", SPRING, 4.0), ("path", WAY, 2.5), ("whole path", (150, 150, 150), 1.5)
+                ("springs", SPRING, 4.0), ("path", PATH, 2.5), ("whole path", (150, 150, 150), 1.5)
             )
         }  # fmt: skip
 
@@ -238,11 +239,11 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[DrawnArm], width: flo
     places = np.concatenate([actor.extent for actor in actors])
     middle = (places.min(axis=0) + places.max(axis=0)) / 2
     radius = float(np.linalg.norm(places - middle, axis=1).max())
-    way = np.array([1.1, -0.8, 0.5])
-    whole = radius / np.sin(FIELD / 2) / np.linalg.norm(way)
+    whole = radius / np.sin(FIELD / 2) / np.linalg.norm(WAY)
     server.initial_camera.look_at = middle
-    server.initial_camera.position = middle + way * max(1.05 * size + 0.8 * width, whole)
+    server.initial_camera.position = middle + WAY * max(1.05 * size + 0.8 * width, whole)
     server.initial_camera.fov = FIELD
+    Framing(server, places)
 
 
 def _sky() -> Any:

@@ -324,15 +324,17 @@ def _opened(
 ) -> View:  # fmt: skip
     """A page with these arms, and the source of their motion that ``begin`` makes for them."""
     server = open_server("arm view", host, port)
-    actors = _cast(server, _different(names), models, folder, together)
-    return View(server, actors, begin(server, actors))
+    actors, width = _cast(server, _different(names), models, folder, together)
+    source = begin(server, actors)
+    lay_ground(server, actors, width)
+    return View(server, actors, source)
 
 
 def _cast(
     server: viser.ViserServer, names: Sequence[str], models: Sequence[ArmModel],
     folder: Path | None, together: bool,
-) -> list[DrawnArm]:  # fmt: skip
-    """Place arms side by side about the centre, the first at the left."""
+) -> tuple[list[DrawnArm], float]:  # fmt: skip
+    """Place arms side by side about the centre, the first at the left; and their width in [m]."""
     sizes = np.array([model.reach for model in models])
     gaps = np.zeros(len(sizes) - 1) if together else GAP * (sizes[:-1] + sizes[1:])
     places = np.concatenate([[0.0], np.cumsum(gaps)])
@@ -341,8 +343,7 @@ def _cast(
         DrawnArm(server, model, name, (0.0, -place, 0.0), folder)
         for name, model, place in zip(names, models, places.tolist(), strict=True)
     ]
-    lay_ground(server, actors, float(np.ptp(places)))
-    return actors
+    return actors, float(np.ptp(places))
 
 
 def _different(names: Sequence[str]) -> list[str]:

@@ -60,6 +60,7 @@ public:
     return update_and_write_commands(time, period);
   }
   bool is_in_chained_mode() const { return chained_; }
+  unsigned get_update_rate() const { return 1000; }
   std::shared_ptr<Node> get_node() const { return node_; }
   std::vector<Loaned> command_interfaces_, state_interfaces_;
 

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole arm is in what the panels of a page leave free, whatever the size of the page."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from browser import Page, needed, opened
+from scipy.spatial.transform import Rotation
+
+from arm_sim import Simulator
+from arm_sim.view import show
+from arm_sim.view.framing import SAME, area, fitted, orientation, seen
+
+# What is in front at pixels of the page: 1 for the picture, 0 for a panel, -1 outside the page.
+_IN_FRONT = """points => points.map(([x, y]) => {
+  const top = document.elementFromPoint(x, y);
+  if (!top) return -1;
+  return Number(top === window.viewer.canvas);
+})"""
+
+
+@pytest.mark.parametrize("aspect", [0.3, 0.56, 0.9, 1.6, 4.0])
+def test_a_camera_that_is_fitted_sees_all_points_and_is_as_near_as_can_be(
+    aspect: float, rng: np.random.Generator
+) -> None:
+    points = rng.uniform(-1.0, 1.0, (60, 3)) * [0.5, 0.3, 1.0] + [1.0, 2.0, 3.0]
+    left, right, bottom, top = area(aspect)
+    position, look_at = fitted(points, aspect)
+    at = seen(points, position, look_at, aspect)
+    low, high = at.min(axis=0), at.max(axis=0)
+    assert (low >= np.array([left, bottom]) - 1e-9).all()
+    assert (high <= np.array([right, top]) + 1e-9).all()
+    full = np.isclose(low, [left, bottom]) & np.isclose(high, [right, top])
+    assert full.any()  # in one direction the points fill it: nearer, they would not be inside
+
+
+def test_a_camera_looks_at_what_it_shall_with_the_sky_above() -> None:
+    position, look_at = np.array([1.0, -2.0, 0.5]), np.array([0.2, 0.3, 0.1])
+    w, *xyz = orientation(position, look_at)
+    right, down, forward = Rotation.from_quat([*xyz, w]).as_matrix().T
+    way = look_at - position
+    np.testing.assert_allclose(forward, way / np.linalg.norm(way), atol=1e-12)
+    assert right[2] == pytest.approx(0.0, abs=1e-12)
+    assert down[2] < 0.0
+
+
+def corners(places: np.ndarray) -> np.ndarray:
+    """Pixels of the corners of the box around pixels, and of points along its edges."""
+    (left, top), (right, bottom) = places.min(axis=0), places.max(axis=0)
+    x, y = np.meshgrid(np.linspace(left, right, 9), np.linspace(top, bottom, 9))
+    return np.stack([x.ravel(), y.ravel()], axis=1)
+
+
+def free(page: Page, places: np.ndarray) -> bool:
+    return page.handle.evaluate(_IN_FRONT, corners(places).tolist()) == [1] * 81
+
+
+@pytest.mark.group("view")
+@pytest.mark.parametrize("size", [(480, 854), (1000, 640), (1440, 900), (3840, 1200)])
+def test_the_box_of_the_arm_is_in_what_the_panels_leave_free(size: tuple[int, int]) -> None:
+    needed()
+    with (
+        show(Simulator("two_link"), port=0) as view,
+        opened(view.url, "/arm/elbow", size=size) as page,
+    ):
+        page.handle.add_style_tag(content=".mantine-Notifications-root {display: none}")
+        (base,) = page.places("/arm/base")
+        points = view.actors[0].extent @ base[:3, :3].T + base[:3, 3]  # in the axes of the page
+        page.until(lambda: free(page, page.pixels(points)), "the arm in the free area")
+        box = page.pixels(points)
+        spans = np.ptp(box, axis=0) / page.handle.evaluate(
+            "() => [window.viewer.canvas.clientWidth, window.viewer.canvas.clientHeight]"
+        )
+        assert spans.max() > 0.2  # and not just a dot
+        folded = page.handle.locator(".uplot").filter(visible=True).count() == 0
+        assert folded == (size[0] < 1200)
+
+
+@pytest.mark.group("view")
+def test_a_camera_that_a_visitor_has_moved_stays() -> None:
+    needed()
+    with (
+        show(Simulator("two_link"), port=0) as view,
+        opened(view.url, "/arm/elbow", size=(1440, 700)) as page,
+    ):
+        server = view._server
+        (client,) = server.get_clients().values()
+        first = np.array(server.initial_camera.position)
+        page.until(lambda: np.linalg.norm(client.camera.position - first) < SAME, "the camera")
+        page.handle.wait_for_timeout(1000)
+        mine = first + [0.3, 0.0, 0.0]
+        client.camera.position = mine
+        page.handle.wait_for_timeout(1000)
+        page.handle.set_viewport_size({"width": 700, "height": 800})
+        page.until(lambda: client.camera.aspect < 1.0, "another size")
+        page.handle.wait_for_timeout(300)
+        assert np.linalg.norm(client.camera.position - mine) < SAME

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts ``forge.py``, and programs by it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from harness import reserve_domain, surroundings
+
+ROOT = Path(__file__).parents[2]
+
+
+def asking(forge: Path) -> list[str | Path]:
+    """Words that have something run a command, which follows."""
+    return [sys.executable, "-I", "-S", ROOT / "test/support/forge.py", forge]
+
+
+@contextmanager
+def forging(folder: Path) -> Iterator[Path]:
+    """Something that runs commands; yields its socket."""
+    path = folder / "forge"
+    words = [sys.executable, "-P", ROOT / "test/support/forge.py", path]
+    environment = surroundings(
+        MPLBACKEND="Agg", PYTHONPATH=os.pathsep.join(sys.path), OPENBLAS_NUM_THREADS="1"
+    )
+    process = subprocess.Popen(words, env=environment, cwd=folder)
+    try:
+        while not path.exists():
+            assert process.poll() is None
+            time.sleep(0.02)
+        yield path
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def running(forge: Path, logs: Path, *commands: Sequence[str | Path]) -> Iterator[int]:
+    """Nodes in processes of their own, killed in the end.
+
+    Args:
+        forge: Socket of what starts them.
+        logs: Folder for what they log.
+        commands: What ``./arm`` is given to start each of them.
+
+    Yields:
+        Their domain.
+    """
+    domain, reservation = reserve_domain()
+    environment = surroundings(ROS_DOMAIN_ID=str(domain), ROS_LOG_DIR=str(logs))
+    started = []
+    try:
+        for command, *rest in commands:
+            words = [*asking(forge), "arm", command, "--with-parent", *rest]
+            started.append(
+                subprocess.Popen(
+                    words, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+                )
+            )
+        yield domain
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+        reservation.close()
