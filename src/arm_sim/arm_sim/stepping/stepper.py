@@ -307,7 +307,7 @@ class Stepper:
 
 
 def _recipe(plant: Plant, choice: Choice, acted: bool) -> str:
-    """Key of all inputs of a scene's code.
+    """Key of all inputs of a scene's code, with what of a model may differ from its scene.
 
     It is empty for few joints, whose code is quick to write, where ARM_CACHE lists folders: if the
     code in them cannot be used, ``build`` says why.
@@ -315,7 +315,9 @@ def _recipe(plant: Plant, choice: Choice, acted: bool) -> str:
     if plant.model.n <= DENSE_AT_MOST and compiled_scenes.folders():
         return ""
     sources = digest_of(str(Path(arm_dynamics.__file__).parent), str(Path(__file__).parents[1]))
-    made_of = plant.model.scene, plant.model.viscous.tolist(), plant.variant, choice, acted
+    model = plant.model
+    numbers = model.viscous.tolist(), model.command_limit.tolist()
+    made_of = model.scene, numbers, plant.variant, choice, acted
     return repr((made_of, sources, ca.__version__, np.__version__))
 
 
