@@ -94,6 +94,13 @@ def test_order_of_work_by_method(whole: Simulator) -> None:
     assert 3.5 < whole.plan.operations / euler.operations < 4.5
 
 
+def test_a_contact_costs_no_operation_of_a_step_while_it_is_apart(whole: Simulator) -> None:
+    table = {"type": "contact", "frame": "panda_hand", "plane": {"point": [0, 0, -1]}}
+    above = Simulator({**PANDA, "constraints": [table]}, integrator="rk4")
+    assert above.plan.apart <= 1.05 * whole.plan.operations < above.plan.operations
+    assert f"({above.plan.apart} while nothing touches)" in str(above.plan)
+
+
 def test_a_planar_arm_costs_less_than_one_in_space() -> None:
     """Same number of joints, but everything out of the plane folds away."""
     planar, spatial = (

@@ -16,12 +16,11 @@ import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.codegen import Kernel, compiler
-from arm_sim.integrators.methods import build_step
 from arm_sim.integrators.selection import choose
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import LARGEST, SubstepControl
-from arm_sim.stepping.stepper import engine_source, source
+from arm_sim.stepping.stepper import engine_source, source, tick_functions
 
 APART, SLIDES, STICKS, UNSOLVABLE = range(4)
 _CALLBACK = ctypes.CFUNCTYPE(
@@ -98,8 +97,8 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
                            double* before, double* impulse) {
   geometry_t geometry;
   inertia_t inertia;
-  long long work = 0;
-  segment_t segment = {.u = still, .work = &work};
+  memory_t memory = {0};
+  segment_t segment = {.u = still, .memory = &memory};
   for (int k = 0; k < NC; ++k) segment.contact[k].touching = 1;
   for (int i = 0; i < ND; ++i) segment.p.direction[i] = 1.0;
   find_geometry(x, &segment, &geometry);
@@ -114,22 +113,22 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
   return blow.gain;
 }
 EXPORTED double hit(real* x, int rebounds) {
-  long long work = 0;
-  segment_t segment = {.u = still, .work = &work};
+  memory_t memory = {0};
+  segment_t segment = {.u = still, .memory = &memory};
   geometry_t geometry;
   return impact(x, &segment, rebounds, &geometry);
 }
 EXPORTED int rank_found(double* W) { return rank_of(W); }
 EXPORTED int stop_at(real* x, const double* direction) {
-  long long work = 0;
-  segment_t segment = {.u = still, .work = &work};
+  memory_t memory = {0};
+  segment_t segment = {.u = still, .memory = &memory};
   for (int i = 0; i < ND; ++i) segment.p.direction[i] = direction[i];
   return stop_joints(x, &segment);
 }
 EXPORTED void round_at(real* x) { stop_rounding(x); }
 EXPORTED int held_at(const real* x, const real* u) {
-  long long work = 0;
-  segment_t segment = {.u = u, .work = &work};
+  memory_t memory = {0};
+  segment_t segment = {.u = u, .memory = &memory};
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
   geometry_t geometry;
   find_geometry(x, &segment, &geometry);
@@ -248,8 +247,7 @@ class Engine:
     def __init__(self, scene: Any) -> None:
         plant = Plant(ArmModel(load_scene(scene)))
         choice = choose(plant, "rk4", None, None)
-        step = build_step(choice.method, plant.rhs, plant.model.n)
-        functions = [plant.rhs, step, actuation(plant), *plant.events]
+        functions, step = tick_functions(plant, choice, actuation(plant))
         driver = engine_source(plant, choice, functions, step) + _SCENE
         self._library = Kernel(functions, "native", driver).library
         for name in ("impulse_at", "hit"):

@@ -72,6 +72,7 @@ class Plan:
     Attributes:
         parts: The physics, computed and skipped.
         operations: Arithmetic operations of one tick (of one sub-step with error control).
+        apart: The same while all joints move and nothing touches.
         evaluation: Operations of one evaluation of the acceleration.
         algorithm: How accelerations are computed.
         integrator: Name of the method.
@@ -82,7 +83,7 @@ class Plan:
     def __init__(self, plant: Plant, choice: Choice, stepper: Stepper) -> None:
         self._plant, self._choice, self._stepper = plant, choice, stepper
         self.parts = _parts(plant)
-        self.operations = stepper.tick_operations
+        self.operations, self.apart = stepper.tick_operations, stepper.moving_operations
         self.evaluation = operations((plant.free or plant).acceleration)
         self.algorithm = plant.method
         self.integrator = choice.method.name
@@ -120,7 +121,8 @@ class Plan:
         control = "" if choice.tolerance is None else f", tolerance {choice.tolerance:g}"
         per = "sub-step" if choice.tolerance is not None else "tick"
         method = f"{self.integrator} (order {choice.method.order}), dt {choice.dt:g} s{control}"
-        cost = f"{self.operations} operations per {per}, {self.evaluation} per evaluation"
+        apart = f" ({self.apart} while nothing touches)" if self.apart < self.operations else ""
+        cost = f"{self.operations} operations per {per}{apart}, {self.evaluation} per evaluation"
         lines = [
             f"integrator  {method}: {self.reason}",
             f"algorithm   {self.algorithm}",

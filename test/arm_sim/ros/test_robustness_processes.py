@@ -47,12 +47,13 @@ class Loop:
         ros.peer.create_subscription(JointState, "joint_states", self._on_state, NEWEST)
         ros.peer.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
-    def start(self, *nodes: str, **streams: Any) -> None:
+    def start(self, *nodes: str, sim: tuple[str, ...] = (), **streams: Any) -> None:
+        """Start nodes; ``sim``: more ROS arguments of the sim."""
         streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, **streams}
         for node in nodes:
             self.running[node] = subprocess.Popen(
                 [sys.executable, "-P", "-m", "arm_sim.cli", node, SCENE, "--with-parent",
-                 "--ros-args", *ROS_ARGS[node]],
+                 "--ros-args", *ROS_ARGS[node], *(sim if node == "sim" else ())],
                 env=self._environment, **streams,
             )  # fmt: skip
 
@@ -139,6 +140,9 @@ def test_a_killed_simulation_is_replaced_and_its_controller_goes_on(loop: Loop) 
 
 def test_a_flood_of_commands_from_another_source_moves_nothing(loop: Loop) -> None:
     """And SIGTERM in the middle of it ends the nodes in order."""
+    loop.kill("sim")  # on a busy machine the controller may be kept waiting for more than 0.1 s
+    loop.start("sim", sim=("-p", "command_timeout:=2.0"))
+    loop.until_well()
     before, began = loop.position(), loop.time()
     publisher = loop.ros.publisher(JointState, "joint_commands")
     message = JointState(name=NAMES, effort=[50.0, 50.0])

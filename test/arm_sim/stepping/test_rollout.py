@@ -180,6 +180,7 @@ EVENTFUL: dict[str, tuple[str, ...]] = {
     "end stops": ("coulomb", "end stop", "payload"),
     "a loop": ("coulomb", "bilateral"),
     "a contact": ("contact", "viscous"),
+    "a contact, dry friction": ("contact", "coulomb"),
     "everything": ("table", "lossy gear", "contact", "end stop", "mimic"),
 }
 

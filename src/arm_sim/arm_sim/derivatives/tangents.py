@@ -43,7 +43,7 @@ from arm_sim.stepping.rollout import (
     strides,
     widths,
 )
-from arm_sim.stepping.stepper import address, mode_sizes, pointer, sizes, source
+from arm_sim.stepping.stepper import MOVING, address, mode_sizes, pointer, sizes, source
 
 # Largest number of operations of a step with its derivative that is compiled, in some ten seconds:
 # an implicit method needs 520 000 for seven joints.
@@ -118,12 +118,12 @@ class Tangents:
         self.plant, self._backend, self._engine = plant, backend, engine
         self._calm = CalmTick.of(plant, tuned) if engine and backend != "vm" else None
         self._libraries: dict[int, ctypes.CDLL | None] = {}
-        method, scaled, n = choice.method, plant.scaled_jacobian, plant.model.n
-        self._advance, self._stretch = build_tangent(
-            method, plant.rhs, Slopes(plant, tuned), n, plant.project, scaled, tuned
-        )
+        self._step = _Step(plant, choice, tuned)
+        self._moving: _Step | None = None
+        if self._calm and (plant.directions or plant.contact):
+            self._moving = _Step(plant.in_motion(), choice, tuned, MOVING)
         self._acting, self._limit = _limits(plant)
-        self._held, self._length = n + len(tuned), np.array([choice.dt])
+        self._held, self._length = plant.model.n + len(tuned), np.array([choice.dt])
         self._unit = np.eye(plant.nx + self._held)
         # Columns of the state at the beginning, the same for all arms, and those of what is held
         # below them, the same for all ticks too.
@@ -145,8 +145,8 @@ class Tangents:
         """
         nx = self.plant.nx
         if (library := self.library(1)) is None:
-            after, c = self._advance(x, u, p, h)
-            moved = self._stretch(c, *np.split(columns, (nx, nx + self._held)))
+            after, c = self._step.advance(x, u, p, h)
+            moved = self._step.stretch(c, *np.split(columns, (nx, nx + self._held)))
             return np.array(after).ravel(), np.array(moved)
         x, u, p, columns = (np.ascontiguousarray(array) for array in (x, u, p, columns))
         after, moved, length = np.empty(nx), np.empty((nx, columns.shape[1])), np.array([h])
@@ -258,7 +258,7 @@ class Tangents:
         return self._libraries[lanes]
 
     def _built(self, lanes: int) -> ctypes.CDLL | None:
-        if self._backend == "vm" or operations(self._advance) > LONGEST:
+        if self._backend == "vm" or operations(self._step.advance) > LONGEST:
             return None
         types = [
             *BEGINNING, ADDRESS, NUMBER, ADDRESS, NUMBER, NUMBER, ctypes.c_int, NUMBER, ADDRESS,
@@ -275,53 +275,34 @@ class Tangents:
     def _steps_only(self) -> bool:
         return self.plant.eventful and self._calm is None
 
-    @built_once
-    def _carry(self) -> ca.Function:
-        """As ``stretch``, for steps of constant length."""
-        c, dx, dw = (ca.SX.sym(name, self._stretch.size1_in(i)) for i, name in enumerate("cxw"))
-        moved = self._stretch(c, dx, dw, 0)
-        return ca.Function("carry", [c, dx, dw], [moved], {"cse": True})
-
-    @built_once
-    def _back(self) -> tuple[ca.Function, ca.Function]:
-        """Transpose of ``_limit`` and ``_carry``: (all coefficients, λ) -> λ times both.
-
-        For rows of positions and for the others: in an explicit method, the last stage does not
-        change positions.
-        """
-        n, c = self.plant.model.n, self._carry.sx_in(0)
-        limits, dx, dr = self._limit.sx_in()
-        row, dp = ca.SX.sym("row", dx.shape[0]), ca.SX.sym("dp", self._held - n)
-        moved = self._carry(c, dx, ca.vertcat(self._limit(limits, dx, dr), dp))
-        coefficients = ca.vertcat(limits, c)
-
-        def of(name: str, part: ca.SX, row: ca.SX) -> ca.Function:
-            product = ca.densify(ca.jtimes(part, ca.vertcat(dx, dr, dp), row, True))
-            return ca.Function(name, [coefficients, row], [product], {"cse": True})
-
-        return of("back_q", moved[:n], row[:n]), of("back_rest", moved[n:], row[n:])
-
     def _source(self, lanes: int) -> str:
-        functions, plant = [self._advance, self._acting], self.plant
-        columns = [self._carry, self._limit, *([] if self._steps_only else self._back)]
-        more = {"STEPS_ONLY": "1"} if self._steps_only else {}
-        stops, without = {}, {"calm.h", "foreseen.h"}
+        functions, columns = [self._step.advance, self._acting], [self._step.carry, self._limit]
+        plant, more, stops, without = self.plant, dict[str, str](), dict[str, str](), set[str]()
+        if not self._steps_only:
+            columns += self._step.back(self._limit)
         if self._calm:
-            functions, columns = (
-                [*functions, *self._calm.functions],
-                [*columns, *self._calm.columns],
-            )
-            more, without = self._calm.defines | mode_sizes(plant) | {"EVENTS": "1"}, set()
-        elif not self._steps_only:
-            stops = stop_defines(plant)
+            functions += self._calm.functions
+            columns += self._calm.columns
+            more = self._calm.defines | mode_sizes(plant) | {"EVENTS": "1"}
+            if moving := self._moving:
+                functions.append(moving.advance)
+                columns += [moving.carry, *moving.back(self._limit)]
+                more["MOVING"] = "1"
+        else:
+            without = {"calm.h", "foreseen.h"}
+            if self._steps_only:
+                more = {"STEPS_ONLY": "1"}
+            else:
+                stops = stop_defines(plant)
+        steps = [step for step in (self._step, self._moving) if step]
         defines = sizes(plant, functions) | {
-            "NSTEP": str(self._advance.size1_out(1)),
+            "NSTEP": str(max(step.advance.size1_out(1) for step in steps)),
             "NA": str(self._acting.size1_out(1)),
             "NT": str(self._held - plant.model.n),
         }
         if lanes == 1:
             defines["STRETCH"] = "1"
-            columns.append(self._stretch)
+            columns.append(self._step.stretch)
         text = "\n".join(map(column_function, columns))
         return (
             of_lanes(generate(functions), lanes)
@@ -330,6 +311,59 @@ class Tangents:
             + text
             + source({}, "tangents.c", without if stops else {"stops.h", *without})
         )
+
+
+class _Step:
+    """The derivative of a step under some equations, in functions of columns.
+
+    Args:
+        plant: The equations.
+        choice: Method and tick.
+        tuned: Places in p of the quantities to differentiate by.
+        prefix: Of the names of the functions.
+
+    Attributes:
+        advance, stretch: The step with its coefficients, and the propagation of columns.
+    """
+
+    def __init__(
+        self, plant: Plant, choice: Choice, tuned: Sequence[int], prefix: str = ""
+    ) -> None:
+        scaled, n = plant.scaled_jacobian, plant.model.n
+        advance, self.stretch = build_tangent(
+            choice.method, plant.rhs, Slopes(plant, tuned), n, plant.project, scaled, tuned
+        )
+        given = advance.mx_in()
+        self._n, self._prefix = n, prefix
+        self.advance = (
+            ca.Function(f"{prefix}advance", given, advance.call(given)) if prefix else advance
+        )
+
+    @built_once
+    def carry(self) -> ca.Function:
+        """As ``stretch``, for steps of constant length."""
+        c, dx, dw = (ca.SX.sym(name, self.stretch.size1_in(i)) for i, name in enumerate("cxw"))
+        moved = self.stretch(c, dx, dw, 0)
+        return ca.Function(f"{self._prefix}carry", [c, dx, dw], [moved], {"cse": True})
+
+    def back(self, limit: ca.Function) -> tuple[ca.Function, ca.Function]:
+        """Transpose of ``limit`` and ``carry``: (all coefficients, λ) -> λ times both.
+
+        For rows of positions and for the others: in an explicit method, the last stage does not
+        change positions.
+        """
+        n, (c, _, dw) = self._n, self.carry.sx_in()
+        limits, dx, dr = limit.sx_in()
+        row, dp = ca.SX.sym("row", dx.shape[0]), ca.SX.sym("dp", dw.shape[0] - n)
+        moved = self.carry(c, dx, ca.vertcat(limit(limits, dx, dr), dp))
+        coefficients = ca.vertcat(limits, c)
+
+        def of(name: str, part: ca.SX, row: ca.SX) -> ca.Function:
+            product = ca.densify(ca.jtimes(part, ca.vertcat(dx, dr, dp), row, True))
+            arguments = [coefficients, row]
+            return ca.Function(f"{self._prefix}{name}", arguments, [product], {"cse": True})
+
+        return of("back_q", moved[:n], row[:n]), of("back_rest", moved[n:], row[n:])
 
 
 def _limits(plant: Plant) -> tuple[ca.Function, ca.Function]:

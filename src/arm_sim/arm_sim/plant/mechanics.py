@@ -33,6 +33,7 @@ class Mechanics:
         parameters: Tunable quantities.
         stops: Whether joints may be at their stops, and comparisons are modes.
         drives: Symbols of the drives' modes.
+        moving: Whether all joints slide and nothing touches, whatever the modes.
 
     Attributes:
         symbols: Symbols of the expressions.
@@ -51,13 +52,18 @@ class Mechanics:
     """
 
     def __init__(
-        self, model: ArmModel, parameters: Parameters, stops: bool, drives: ca.SX
+        self,
+        model: ArmModel,
+        parameters: Parameters,
+        stops: bool,
+        drives: ca.SX,
+        moving: bool = False,
     ) -> None:
         if model.n > DENSE_AT_MOST and stops:
             _log.info("generating the equations of %d joints", model.n)
         self.symbols = s = Symbols(model, parameters, stops)
         cords = s.cords.modes if s.cords else ca.SX(0, 1)
-        self.joints = joints = Joints(model, s, stops, ca.vertcat(cords, drives))
+        self.joints = joints = Joints(model, s, stops, ca.vertcat(cords, drives), moving)
         self.contact: ContactFunctions | None = None
         self.loads: tuple[ca.Function, ...] = ()
         self.of_joints: tuple[ca.Function, ...] = ()
@@ -67,6 +73,11 @@ class Mechanics:
         held = Bilateral(model, s, joints) if model.scene.bilateral else None
         self.project = held.project(joints.p) if held else None
         response: AnyResponse
+        if moving:
+            self.acceleration = _stick_slip(
+                model, s, joints, held or response_of(model, s, joints)
+            )[0]
+            return
         if model.scene.contacts:
             response = dense = held or Response(model, s, joints)
             self.contact = contact_functions(model, s, joints, dense)

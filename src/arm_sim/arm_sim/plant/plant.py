@@ -56,6 +56,7 @@ class Plant:
         laws: Drives and friction with internal states z; None if the scene has none.
         directions: Number of joint directions that follow in p.
         pressed: Number of joints with compliant stops, likewise.
+        moving: Whether all joints slide and nothing touches, whatever the modes.
         eventful: Whether joints may stick or meet stops, points touch, or drives and cords switch.
         constrained: Whether there are bilateral constraints.
         torques: CasADi function (x, u) -> torques of the drives, and of all models together, on
@@ -80,8 +81,9 @@ class Plant:
         self.constrained = bool(model.scene.bilateral)
         leaves = not (model.has_dry_friction or touches)
         self.free = Plant(model, stops=False) if (self.stops or switches) and leaves else None
-        mechanics = partial(Mechanics, model, self.parameters, stops, modes)
-        self._mechanics = cache(one_at_a_time(mechanics))
+        self._make_mechanics = partial(Mechanics, model, self.parameters, stops, modes)
+        self._mechanics = cache(one_at_a_time(self._make_mechanics))
+        self.moving = False
         self._switching = switches
         self._compose(Ensemble(laws, model.n) if laws else None)
 
@@ -114,20 +116,29 @@ class Plant:
         other._compose(None)
         return other
 
-    def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
-        """The same arm with additional states that integrate powers.
+    def in_motion(self) -> Plant:
+        """The same arm while all joints slide and nothing touches: simpler equations.
 
-        The last of them is the energy taken by contact friction and compliant stops.
+        The modes in p are the same; those of sticking and touching do nothing.
         """
+        other = copy(self)
+        other.variant += " in motion"
+        other.moving = True
+        other._mechanics = cache(one_at_a_time(partial(self._make_mechanics, moving=True)))
+        other._compose(self.laws, self._powers)
+        return other
+
+    def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
+        """The same arm with additional states that integrate powers, see ``_composed``."""
         other = copy(self)
         other.variant += " accounted"
         other.free = self.free and self.free.accounted(ledger, powers)
-        other._compose(ledger, [*powers, lambda *given: self._mechanics().taken(*given)])
+        other._compose(ledger, powers)
         return other
 
     def _compose(self, laws: Ensemble | None, powers: Sequence[Power] = ()) -> None:
         """Add models with states, and powers as additional states, to the arm."""
-        self.laws = laws
+        self.laws, self._powers = laws, powers
         self.torques = _torques(laws) if laws else None
         if laws:
             moded = tuple(self._drives.get(law, law) for law in laws.laws)
@@ -153,7 +164,7 @@ class Plant:
     @property
     def contact(self) -> ContactFunctions | None:
         """Functions of the contacts, None without any."""
-        return self._mechanics().contact if self.points else None
+        return self._mechanics().contact if self.points and not self.moving else None
 
     @built_once
     def gaps(self) -> ca.Function:
@@ -209,7 +220,8 @@ class Plant:
     @property
     def held_by_joints(self) -> bool:
         """Whether the arm is held by its joints alone: no loops, no contacts."""
-        return not (self.model.scene.bilateral or self.model.scene.contacts)
+        touches = self.model.scene.contacts and not self.moving
+        return not (self.model.scene.bilateral or touches)
 
     def scaled_slopes(
         self, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX
@@ -338,8 +350,12 @@ def _composed(
     laws: Ensemble | None,
     powers: Sequence[Power],
 ) -> tuple[ca.Function, tuple[ca.Function, ...]]:
-    """``rhs`` and ``events`` of an arm with internal states, and powers as additional states."""
+    """``rhs`` and ``events`` of an arm with internal states, and powers as additional states.
+
+    The last of them is the energy taken by contact friction and compliant stops.
+    """
     arm = mechanics()
+    powers = [*powers, arm.taken] if powers else ()
     a, n = arm.acceleration, arm.symbols.q.shape[0]
     rhs = _driven(a, arm.joints, laws, powers) if laws else _state_space(a, n)
     of_state = (_of_state(function, arm.joints, laws, n) for function in arm.loads)

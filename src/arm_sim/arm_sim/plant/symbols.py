@@ -62,6 +62,7 @@ class Joints:
         s: Its symbols.
         stops: Whether joints may be at their stops.
         switches: Symbols of the modes of drives and cords.
+        moving: Whether all joints slide, whatever their modes.
 
     Attributes:
         direction: Symbols: -1 or 1 for sliding, 0 for sticking or being held by a rigid stop;
@@ -78,7 +79,12 @@ class Joints:
     """
 
     def __init__(
-        self, model: ArmModel, s: Symbols, stops: bool = True, switches: ca.SX | None = None
+        self,
+        model: ArmModel,
+        s: Symbols,
+        stops: bool = True,
+        switches: ca.SX | None = None,
+        moving: bool = False,
     ) -> None:
         n, contacts = model.n, len(model.scene.contacts)
         rigid = model.stops.rigid.any(axis=0) & stops
@@ -89,7 +95,7 @@ class Joints:
         self.switches = ca.SX(0, 1) if switches is None else switches
         self.p = ca.vertcat(s.p, self.direction, self.pressed, self.switches, self.contacts)
         self.sliding, self.friction, self.stop = ca.SX.ones(n), ca.SX(n, 1), ca.SX(n, 1)
-        if directions:
+        if directions and not moving:
             may = (model.friction.level > 0.0) | rigid
             self.sliding = ca.vertcat(*(self.direction[i] ** 2 if may[i] else 1 for i in range(n)))
         if model.has_dry_friction:

@@ -238,17 +238,7 @@ class EnergyAccount:
         Returns:
             States, shape (k, nx); NaN for a tick that cannot be computed.
         """
-        stepper, (nx, many) = self._finer, (x.shape[1], len(FLOWS))
-        ends = np.full(x.shape, np.nan)
-        state, command = np.zeros(nx + many), np.empty(u.shape[1])
-        trace, effort = np.empty((2, nx + many)), np.empty((2, u.shape[1]))
-        halves = stepper.bound(state, command, trace, effort, np.empty((2, 2)))
-        for k in range(len(u)):
-            stepper.restart()
-            state[:nx], state[nx:], command[:], stepper.p[:] = x[k], 0.0, u[k], p[k]
-            if halves() == 2:
-                ends[k] = trace[1, :nx]
-        return ends
+        return self._finer.each(_unpaid(x), u, p, ticks=2)[0][:, : x.shape[1]]
 
     @cached_property
     def _finer(self) -> Stepper:
@@ -266,19 +256,8 @@ class EnergyAccount:
 
     def _made_again(self, x: Array, u: Array, p: Array) -> Array:
         """The energies of ``FLOWS``, and losses in impacts, of each tick, shape (k, 6)."""
-        stepper, many, nx = self._ledger, len(FLOWS), x.shape[1]
-        flows = np.full((len(u), many + 1), np.nan)
-        state, command = np.empty(nx + many), np.empty(u.shape[1])
-        trace, effort = np.empty((1, nx + many)), np.empty((1, u.shape[1]))
-        tick = stepper.bound(state, command, trace, effort, np.empty((1, 2)))
-        stepper.restart()
-        for k in range(len(u)):
-            state[:nx], state[nx:], command[:], stepper.p[:] = x[k], 0.0, u[k], p[k]
-            stepper.substep = 0.0  # a tick's energies must not depend on other ticks
-            before = stepper.report.impact_loss
-            if tick() == 1:
-                flows[k] = [*trace[0, nx:], stepper.report.impact_loss - before]
-        return flows
+        after, lost = self._ledger.each(_unpaid(x), u, p, ticks=1)
+        return np.column_stack([after[:, x.shape[1] :], lost])
 
     @built_once
     def _stored(self) -> ca.Function:
@@ -297,6 +276,11 @@ class EnergyAccount:
         powers = friction_heat(self._plant), outside_work(self._plant)
         plant = self._plant.accounted(ledger, powers)
         return Stepper(plant, self.choice, self._backend, acted=True)
+
+
+def _unpaid(x: Array) -> Array:
+    """States with energies of ``FLOWS`` behind them, all zero, shape (k, nx + 5)."""
+    return np.hstack([x, np.zeros((len(x), len(FLOWS)))])
 
 
 def verdict(error: float) -> str:

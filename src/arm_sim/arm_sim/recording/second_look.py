@@ -133,7 +133,9 @@ def drawn(usable: Indices, change: Array) -> tuple[Indices, Indices]:
     kept = change[usable]
     jerk = np.abs(np.diff(kept, axis=0, prepend=kept[:1])).max(axis=1, initial=0.0)
     abrupt = np.argsort(-jerk, kind="stable")[: (count + 1) // 2]
-    others = np.setdiff1d(np.arange(len(usable)), abrupt)
+    left = np.ones(len(usable), dtype=bool)
+    left[abrupt] = False
+    others = np.flatnonzero(left)
     chance = np.random.default_rng(len(usable))
     random = chance.choice(others, size=min(len(others), count - len(abrupt)), replace=False)
     return usable[np.sort(abrupt)], usable[np.sort(random)]

@@ -29,9 +29,11 @@ from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import (
+    MOVING,
     NATIVE,
     Stepper,
     address,
+    braces,
     error_control,
     mode_sizes,
     sizes,
@@ -269,6 +271,12 @@ class Rollouts:
         asked = [function for function in plant.events if function.name() in FORESEEN]
         functions = [plant.rhs, step, actuate, *asked]
         more = {"EVENTS": "1"} | mode_sizes(plant)
+        if plant.points:
+            functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
+            more["MOVING"] = "1"
+        if not (plant.constrained or plant.pressed or plant.switches):
+            more |= {"CALM": "1", "STATIC": braces(plant.model.friction.level)}
+            more |= stop_places(plant)
         return self._source(width, functions, more, "rollout.c")
 
     def _of_attempts(self, width: int) -> str:

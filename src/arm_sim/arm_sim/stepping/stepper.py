@@ -49,6 +49,8 @@ from arm_sim.stepping.events import EventReport, Modes, Trouble, lengths
 NATIVE = Path(__file__).parent / "native"
 FREE = "free_"
 """Prefix of the functions for joints away from their stops."""
+MOVING = "moving_"
+"""Prefix of the functions for joints that all slide, without contact."""
 NOWHERE = sys.float_info.max
 """Position of a stop that does not exist: beyond every position."""
 MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1_000_000, 20, 50, 100
@@ -79,6 +81,7 @@ class Stepper:
         kernel: The functions it runs.
         p: Tunable quantities, shape (np,), to be changed in place.
         tick_operations: Arithmetic operations in one tick (in one sub-step, with error control).
+        moving_operations: The same while all joints slide and nothing touches.
         report: Losses and number of impacts, and why the last tick failed.
 
     Raises:
@@ -116,7 +119,9 @@ class Stepper:
             self._control = SubstepControl(choice.tolerance, choice.method.order)
         smooth = (FREE if plant.free else "") + ("attempt" if self._control else "step")
         limits = 0 if self._control else self.kernel.operations("actuate")
-        self.tick_operations = self.kernel.operations(smooth) + limits
+        self.tick_operations = self.moving_operations = self.kernel.operations(smooth) + limits
+        if plant.points:
+            self.moving_operations = self.kernel.operations(f"{MOVING}{smooth}") + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
 
     def twin(self, choice: Choice | None = None) -> Stepper:
@@ -164,6 +169,43 @@ class Stepper:
     def roll(self, x: Array, command: Array, trace: Array, effort: Array, notes: Array) -> int:
         """Advance once, see ``bound``; return the number of good ticks."""
         return self.bound(x, command, trace, effort, notes)()
+
+    def each(self, x: Array, command: Array, p: Array, ticks: int) -> tuple[Array, Array]:
+        """Advance from each of many states by some ticks, as after a restart.
+
+        Args:
+            x: States, shape (k, nx).
+            command: Commands, held, shape (k, n).
+            p: Tunable quantities, shape (k, np).
+            ticks: Number of ticks.
+
+        Returns:
+            States after them, shape (k, nx), and energies lost in impacts in [J], shape (k,); NaN
+            where a tick cannot be computed.
+        """
+        self.restart()
+        after, lost = np.array(x, order="C"), np.empty(len(x))
+        if self.kernel.library is None:
+            return self._each_by_call(after, command, p, ticks), 0.0 * lost
+        control = None if self._control is None else ctypes.byref(self._control)
+        roll = self.kernel.library.roll_each
+        roll.restype = None
+        roll(
+            pointer(after), pointer(np.ascontiguousarray(command)),
+            pointer(np.ascontiguousarray(p)), ctypes.c_longlong(len(x)),
+            ctypes.c_double(self._choice.dt), ctypes.c_longlong(ticks), pointer(lost), control,
+            ctypes.byref(self.report),
+        )  # fmt: skip
+        return after, lost
+
+    def _each_by_call(self, x: Array, command: Array, p: Array, ticks: int) -> Array:
+        trace, effort = np.empty((ticks, x.shape[1])), np.empty((ticks, command.shape[1]))
+        for k, state in enumerate(x):
+            self.restart()
+            self.p[:] = p[k]
+            if self._by_call(state, command[k], trace, effort, np.empty((ticks, 2))) < ticks:
+                state[:] = np.nan
+        return x
 
     def restart(self) -> None:
         """Reset the report and the error control."""
@@ -298,6 +340,8 @@ def tick_functions(
     if plant.free:
         smooth = smooth_motion(plant.free, choice, FREE)
         functions += [_renamed(plant.free.rhs), smooth]
+    if plant.points:
+        functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
     return functions, smooth
 
 
@@ -331,7 +375,8 @@ def engine_source(
     else:
         defines |= {"ADAPTIVE": "1"} | error_control(plant, choice)
     if plant.eventful:
-        defines |= event_sizes(plant) | _work(choice, functions, smooth)
+        more = {"MOVING": "1"} if plant.points else {}
+        defines |= more | event_sizes(plant) | _work(choice, functions, smooth)
     else:
         without.add("events.h")
     if "TOGETHER" not in defines:

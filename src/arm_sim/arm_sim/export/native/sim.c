@@ -88,9 +88,9 @@ static int are_loops_closed(const struct library_sim* sim) {
 
 static int is_above_planes(const double* x) {
 #ifdef EVENTS
-  long long work = 0;
+  memory_t memory;
   segment_t segment;
-  begin_tick(&segment, NULL, &work);
+  begin_tick(&segment, NULL, &memory);
   return !is_inside(x, &segment);
 #else
   (void)x;

@@ -25,14 +25,16 @@ typedef struct {
  * which satisfies them. */
 static int is_closed(const calm_t* tick) {
   double off = 0.0;
-  for (int i = 0; i < 2 * NU; ++i) off = __builtin_fmax(off, __builtin_fabs(tick->after[i] - tick->end[i]));
+  for (int i = 0; i < 2 * NU; ++i) {
+    const double change = __builtin_fabs(tick->after[i] - tick->end[i]);
+    if (change > off) off = change;
+  }
   return !NC || off < CLOSED_ALREADY;
 }
 
-/* Whether anything is held, or with `contacts` whether a contact is closed. */
-static int holds_any(const double* p, int contacts) {
+/* Whether a contact is closed, in parameters with modes. */
+static int touches(const double* p) {
   int any = 0;
-  for (int i = 0; i < ND && !contacts; ++i) any |= p[NP + i] == 0.0;
   for (int k = 0; k < NC; ++k) any |= p[NP + ND + NQ + NK + 5 * k] != 0.0;
   return any;
 }
@@ -65,8 +67,8 @@ static void make_calm(const real* x, const real* u, const real* tunable, double 
     tick[j].length = h;
     calm[j] = calm[j] && engine->calm_tick(tick + j) && is_closed(tick + j);
     if (!calm[j]) continue;
-    found->held |= holds_any(tick[j].p, 0);
-    found->closed |= holds_any(tick[j].p, 1);
+    found->held |= !all_moves(tick[j].p + NP);
+    found->closed |= touches(tick[j].p);
   }
   read_arms(found->p, NP + MODES, tick->p, stride, of_lane);
   read_arms(limit, NC, tick->limit, stride, of_lane);

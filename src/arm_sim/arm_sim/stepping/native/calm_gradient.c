@@ -90,7 +90,7 @@ EXPORTED void calm_gradient(const kept_t* motion, const double* tau, double h, l
     real* res[SZ_RES] = {u};
     memset(begun, 0, sizeof begun);
     acting(arg, res, iw, w, 0);
-    if (holds_any(tick->p, 1)) through_end(tick, weight, begun, by_p);
+    if (touches(tick->p)) through_end(tick, weight, begun, by_p);
     arg[0] = tick->begin;
     arg[1] = u;
     arg[2] = tick->p;
@@ -101,7 +101,7 @@ EXPORTED void calm_gradient(const kept_t* motion, const double* tau, double h, l
     res[2] = of_p;
     adjoint(arg, res, iw, w, 0);
     for (int i = 0; i < NX; ++i) back[i] += begun[i];
-    if (holds_any(tick->p, 0)) through_begin(tick, u, back);
+    if (!all_moves(tick->p + NP)) through_begin(tick, u, back);
     arg[0] = tick->x;
     arg[1] = tau + k * NU;
     arg[2] = of_u;

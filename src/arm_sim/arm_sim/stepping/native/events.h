@@ -133,6 +133,7 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
 }
 
 static long long count_time_stepped(const report_t* report) { return report->time_stepped; }
+static double lost_in_impacts(const report_t* report) { return report->impact_loss; }
 
 /* The next record of a traced tick, which begins at x; null if there is no room. */
 static record_t* next_record(trace_t* trace, const real* x) {
@@ -166,7 +167,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
   double left = h;
   for (int i = 0; i < NX; ++i) now[i] = x[i];
   if (is_inside(now, segment)) return INSIDE;
-  while (*segment->work < MOST_WORK) {
+  while (segment->memory->work < MOST_WORK) {
     __extension__ real after[NX], anchor[2 * NC];
     int calm;
     segment->record = next_record(trace, now);
@@ -275,9 +276,9 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
     return 1;
   }
 #endif
-  long long work = 0;
+  memory_t memory;
   segment_t segment;
-  begin_tick(&segment, u, &work);
+  begin_tick(&segment, u, &memory);
   segment.control = control;
   segment.halves = report->halves;
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
@@ -287,10 +288,10 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
 
 /* Find the probable modes of a tick. */
 EXPORTED void foresee(foreseen_t* tick) {
-  long long work = 0;
+  memory_t memory;
   segment_t segment;
   geometry_t geometry;
-  begin_tick(&segment, tick->u, &work);
+  begin_tick(&segment, tick->u, &memory);
   memcpy(&segment.p, tick->p, sizeof segment.p);
   memcpy(&geometry, tick->geometry, sizeof geometry);
   guess_modes(tick->x, &segment, &geometry);
@@ -306,11 +307,11 @@ EXPORTED void foresee(foreseen_t* tick) {
 
 /* The foreseen tick, whatever happens in it: 0 if it cannot be computed. */
 EXPORTED int tick_as_foreseen(const foreseen_t* tick, double* after) {
-  long long work = 0;
+  memory_t memory;
   report_t report;
   segment_t segment;
   set_zero(&report, sizeof report);
-  begin_tick(&segment, tick->u, &work);
+  begin_tick(&segment, tick->u, &memory);
   segment.foreseen = tick;
   memcpy(segment.p.tunable, tick->p, sizeof segment.p.tunable);
   return tick_with_events(tick->x, &segment, tick->length, &report, 0, after) == NONE;
@@ -319,10 +320,10 @@ EXPORTED int tick_as_foreseen(const foreseen_t* tick, double* after) {
 /* One traced tick: returns the number of segments, even if there was room for fewer, or -1. */
 EXPORTED long long trace_tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report,
                               record_t* records, long long most, real* after) {
-  long long work = 0;
+  memory_t memory;
   segment_t segment;
   trace_t trace = {records, most, 0};
-  begin_tick(&segment, u, &work);
+  begin_tick(&segment, u, &memory);
   segment.control = control;
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
   report->trouble = tick_with_events(x, &segment, h, report, &trace, after);
@@ -331,11 +332,12 @@ EXPORTED long long trace_tick(const real* x, const real* u, const real* p, doubl
 
 /* A tick without events: 0 if there is one, or it cannot be computed. */
 EXPORTED int calm_tick(calm_t* tick) {
-  long long work = 0;
+  memory_t memory;
   report_t report = {0};
   record_t record;
   trace_t trace = {.records = &record, .most = 1};
-  segment_t segment = {.u = tick->u, .work = &work};
+  segment_t segment;
+  begin_tick(&segment, tick->u, &memory);
   memcpy(segment.p.tunable, tick->tunable, sizeof segment.p.tunable);
   if (tick_with_events(tick->x, &segment, tick->length, &report, &trace, tick->after) != NONE) return 0;
   if (trace.count != 1 || record.calm == 0.0 || record.hit != 0.0 || report.time_stepped) return 0;

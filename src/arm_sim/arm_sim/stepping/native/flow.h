@@ -5,6 +5,7 @@
  * Required definitions: NX, NU (lengths of state and command), LARGEST (number of a state), SZ_ARG, SZ_RES, SZ_IW, SZ_W
  * (work space of the generated functions), the generated `step`, or with ADAPTIVE the generated `attempt`, substeps.h and
  * MOST_SUBSTEPS (a tick may try).
+ * With MOVING also `moving_step` or `moving_attempt`: the same where every joint slides and nothing touches.
  * With FREE also `free_step` or `free_attempt`: the same while no joint is at a stop, with tunable numbers alone in p.
  */
 
@@ -41,6 +42,7 @@ typedef int (*generated_t)(const real**, real**, casadi_int*, real*, int);
 #ifdef ADAPTIVE
 #define SMOOTH attempt
 #define FREE_SMOOTH free_attempt
+#define MOVING_SMOOTH moving_attempt
 
 static inline int flow_by(generated_t smooth, const real* x, const real* u, const real* p, double h, control_t* c,
                           real* after) {
@@ -74,6 +76,7 @@ static inline int flow_by(generated_t smooth, const real* x, const real* u, cons
 #else
 #define SMOOTH step
 #define FREE_SMOOTH free_step
+#define MOVING_SMOOTH moving_step
 
 static inline int flow_by(generated_t smooth, const real* x, const real* u, const real* p, double h, control_t* c,
                           real* after) {

@@ -27,6 +27,14 @@
 #define PLACES (7 * NC)
 #define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
 
+/* Whether every joint slides and every contact is apart, in modes after the tunable numbers. */
+static inline int all_moves(const double* modes) {
+  int moves = 1;
+  for (int i = 0; i < ND; ++i) moves &= modes[i] != 0.0;
+  for (int k = 0; k < NC; ++k) moves &= modes[ND + NQ + NK + 5 * k] == 0.0; /* closed, of five */
+  return moves;
+}
+
 /* Continuous output of a step: derivatives at its ends, and the state in its middle. */
 typedef struct {
   double slope[2][NX], middle[NX];

@@ -3,8 +3,10 @@
  * Ticks with events of LANES arms: functions of the motion without events are evaluated side by side, the logic of events
  * runs arm by arm.
  *
- * Before this file: arms.h, foreseen.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `actuate`, `step`, `rhs`
- * and `loads`, and with contacts `contact_geometry`, `contact_inertia` and `contact_close`.
+ * Before this file: arms.h, foreseen.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `actuate`, `step`, with
+ * MOVING `moving_step`, `rhs` and `loads`, and with contacts `contact_geometry`, `contact_inertia` and `contact_close`. With
+ * CALM, where modes are those of sliding joints and of contacts alone, also STATIC, LOWEST and HIGHEST (levels of static
+ * friction and stops, by joint).
  */
 
 #pragma once
@@ -12,11 +14,20 @@
 #include "foreseen.h"
 
 #define MC (3 * NC)
+#define NEARBY 0.1 /* as NEAR in segments.h */
+#define FEW (LANES / 4) /* lanes for which foreseeing takes longer than it saves */
 
 /* Store some numbers of each arm; those of lane j go to to + j * stride. */
 static void write_arms(double* to, long long stride, const real* from, int count) {
   for (int j = 0; j < LANES; ++j)
     for (int i = 0; i < count; ++i) to[j * stride + i] = LANE(from[i], j);
+}
+
+/* Nothing is foreseen, in no modes and for no end of the tick. */
+static void forget(foreseen_t* tick) {
+  tick->after[0] = __builtin_nan("");
+  tick->rests = tick->slides = tick->closes = 0;
+  for (int i = NP; i < NP + MODES; ++i) tick->p[i] = __builtin_nan("");
 }
 
 static void find_geometry(const real* x, real* found) {
@@ -35,41 +46,153 @@ static void find_loads(const real* x, const real* u, const real* p, real* found)
   loads(arg, res, iw, w, 0);
 }
 
-/* Tick of length h of the first `used` lanes from x with inputs r and parameters `tunable`: the states after it, NaN for an
- * arm that cannot be advanced, and the effective commands. */
-static void tick_of_lanes(const real* x, const real* r, const real* tunable, const real* h, int used, const engine_t* engine,
-                          real* next, real* acted) {
-  const long long stride = sizeof(foreseen_t) / sizeof(double);
-  foreseen_t tick[LANES];
-  long long of_lane[LANES], rests = 0, slides = 0, closes = 0;
-  real p[NP + MODES], slope[NX], load[LOADS], place[PLACES], inertia[INERTIA], anchor[2 * NC], closed[2 * NU], w[SZ_W];
-  real inside[3 * NX];
+/* Step of all lanes in their modes p, by the functions that the engine of one arm takes. */
+static void step_of_lanes(const real* p, const real** arg, real** res) {
+  real w[SZ_W];
   casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG] = {x, r};
-  real* res[SZ_RES] = {acted};
-  actuate(arg, res, iw, w, 0);
-  write_arms(tick->x, stride, x, NX);
-  write_arms(tick->u, stride, acted, NU);
-  write_arms(tick->p, stride, tunable, NP);
-  find_geometry(x, place);
-  write_arms(tick->geometry, stride, place, PLACES);
+#ifdef MOVING
+  real found[4 * NX], *moved[SZ_RES];
+  int moves[LANES], moving = 0;
+  for (int i = 0; i < 4; ++i) moved[i] = found + i * NX;
+  for (int j = 0; j < LANES; ++j) {
+    double modes[MODES + 1];
+    for (int i = 0; i < MODES; ++i) modes[i] = LANE(p[NP + i], j);
+    moving += moves[j] = all_moves(modes);
+  }
+  if (moving < LANES) step(arg, res, iw, w, 0);
+  if (moving) moving_step(arg, moving < LANES ? moved : res, iw, w, 0);
+  if (!moving || moving == LANES) return;
+  for (int k = 0; k < 4 * NX; ++k)
+    for (int j = 0; j < LANES; ++j)
+      if (moves[j]) LANE(res[k / NX][k % NX], j) = LANE(found[k], j);
+#else
+  (void)p;
+  step(arg, res, iw, w, 0);
+#endif
+}
+
+#ifdef CALM
+#define MOVES 1e-9 /* speeds that are not rounding, relative to the fastest joint; gaps, relative to their lengths */
+#define FAR_BELOW (0.9 - NEARBY) /* loads that are not near a limit at either end of a tick */
+static const double static_of[NU] = STATIC, lowest[NU] = LOWEST, highest[NU] = HIGHEST;
+
+/* Bounds of a number inside a step, as find_bounds in segments.h. */
+static void bounds_of(const real* x, const real* next, const real* inside, real h, int i, real* low, real* high) {
+  const real third = h / 3.0, a = third * inside[i], b = third * inside[NX + i];
+  const real bend = 2.0 * fabs(inside[2 * NX + i] - 0.5 * (x[i] + next[i]) - 0.375 * (a - b));
+  *low = fmin(fmin(x[i], next[i]), fmin(x[i] + a, next[i] - b)) - bend;
+  *high = fmax(fmax(x[i], next[i]), fmax(x[i] + a, next[i] - b)) + bend;
+}
+
+/* Lanes in which every contact is apart and every joint slides or is at rest, clearly so; `p` receives their modes if what is
+ * at rest stays there. */
+static real find_modes_of_lanes(const real* x, const real* place, real* p) {
+  const real none = 0.0;
+  real clear = 1.0, fastest = 1.0;
+  for (int i = 0; i < NU; ++i) fastest = fmax(fastest, fabs(x[NU + i]));
+  for (int i = 0; i < ND; ++i) {
+    const real speed = fabs(x[NU + i]);
+    p[i] = 1.0;
+    if (!(static_of[i] > 0.0)) continue;
+    p[i] = (none < x[NU + i]) - (x[NU + i] < none);
+    clear = clear && (MOVES * fastest < speed || speed == none);
+  }
+  for (int i = 0; i < 5 * NC; ++i) p[ND + i] = 0.0;
+  for (int k = 0; k < NC; ++k) clear = clear && MOVES * place[2 * MC + k] < place[3 * k];
+  return clear;
+}
+
+/* Whether a joint is held in some lane. */
+static int holds_any(const real* p) {
+  int any = 0;
+  for (int i = 0; i < ND; ++i)
+    for (int j = 0; j < LANES; ++j) any |= LANE(p[i], j) == 0.0;
+  return any;
+}
+
+/* Lanes in which what is at rest stays there, far below the limits of friction. */
+static real find_held(const real* x, const real* u, const real* p) {
+  const real none = 0.0;
+  real held = 1.0, load[LOADS + 1];
+  find_loads(x, u, p, load);
+  for (int i = 0; i < ND; ++i)
+    if (static_of[i] > 0.0) held = held && (p[NP + i] != none || fabs(load[i]) < FAR_BELOW * static_of[i]);
+  return held;
+}
+
+/* Of lanes whose modes are clear, those in which no joint turns or meets a stop and no contact comes near within a step. */
+static real find_calm(const real* x, const real* next, const real* inside, const real* place, const real* after, const real* p,
+                      real h) {
+  const real none = 0.0;
+  real calm = 1.0, low, high;
+  for (int i = 0; i < NX; ++i) calm = calm && fabs(next[i]) <= LARGEST;
+  for (int i = 0; i < NU; ++i) {
+    bounds_of(x, next, inside, h, i, &low, &high);
+    calm = calm && lowest[i] < low && high < highest[i];
+    if (!(ND && static_of[i] > 0.0)) continue;
+    bounds_of(x, next, inside, h, NU + i, &low, &high);
+    const real ahead = 0.5 * (p[i] * (low + high) + low - high); /* low, or -high for a joint that moves back */
+    calm = calm && (p[i] == none || none < ahead);
+  }
+  for (int k = 0; k < NC; ++k) {
+    const real begin = place[3 * k], end = after[3 * k], third = h / 3.0;
+    const real b = begin + third * place[MC + 3 * k], c = end - third * after[MC + 3 * k];
+    low = fmin(fmin(begin, end), fmin(b, c));
+    high = fmax(fmax(begin, end), fmax(b, c));
+    calm = calm && NEARBY * (high - low) + MOVES * place[2 * MC + k] < low;
+  }
+  return calm;
+}
+
+/* Steps of lanes whose modes are clear, which the engine of one arm may then take from `tick`: 1 in `done` for those that
+ * surely have no event, so that it need not be asked. Returns the number of other lanes, of the first `used`; where they
+ * are most, no step is made. */
+static int foresee_clear(const real* x, const real* u, const real* tunable, const real* h, const real* place, int used,
+                         foreseen_t* tick, real* next, real* done) {
+  const long long stride = sizeof(foreseen_t) / sizeof(double);
+  real p[NP + MODES + 1], inside[3 * NX], after[PLACES + 1];
+  const real* arg[SZ_ARG] = {x, u, p, h};
+  real* res[SZ_RES] = {next, inside, inside + NX, inside + 2 * NX};
+  int others = 0, left = 0;
+  for (int i = 0; i < NP; ++i) p[i] = tunable[i];
+  real clear = find_modes_of_lanes(x, place, p + NP);
+  const int holds = holds_any(p + NP);
+  if (holds && NX == 2 * NU) clear = clear && find_held(x, u, p);
+  for (int j = 0; j < used; ++j) others += LANE(clear, j) == 0.0;
+  if (2 * others > used) return others;
+  step_of_lanes(p, arg, res);
+  find_geometry(next, after);
+  *done = clear && find_calm(x, next, inside, place, after, p + NP, *h);
+  if (holds) *done = NX == 2 * NU ? *done && find_held(next, u, p) : 0.0 * *done;
+  for (int j = 0; j < used; ++j) left += LANE(*done, j) == 0.0;
+  if (!left) return 0;
+  write_arms(tick->after, stride, next, NX);
+  write_arms(tick->inside.slope[0], stride, inside, 3 * NX);
+  write_arms(tick->geometry_after, stride, after, PLACES);
+  for (int j = 0; j < used; ++j)
+    for (int i = NP; i < NP + MODES && LANE(clear, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
+  return others;
+}
+#endif
+
+/* What lanes will ask for in the modes that the engine guesses. */
+static void foresee_guess(const real* x, const real* u, const real* h, const engine_t* engine, foreseen_t* tick) {
+  const long long stride = sizeof(foreseen_t) / sizeof(double);
+  long long of_lane[LANES], rests = 0, slides = 0, closes = 0;
+  real p[NP + MODES], next[NX], slope[NX], load[LOADS], place[PLACES], inertia[INERTIA], anchor[2 * NC], closed[2 * NU];
+  real inside[3 * NX], w[SZ_W];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG] = {x, u, p, h};
+  real* res[SZ_RES] = {next, inside, inside + NX, inside + 2 * NX};
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
-    tick[j].length = LANE(*h, j);
     engine->foresee(tick + j);
     rests |= tick[j].rests;
     slides |= tick[j].slides;
     closes |= tick[j].closes;
   }
   read_arms(p, NP + MODES, tick->p, stride, of_lane);
-  arg[1] = acted;
-  arg[2] = p;
-  arg[3] = h;
-  res[0] = next;
-  res[1] = inside;
-  res[2] = inside + NX;
-  res[3] = inside + 2 * NX;
-  step(arg, res, iw, w, 0);
+  step_of_lanes(p, arg, res);
   write_arms(tick->after, stride, next, NX);
   write_arms(tick->inside.slope[0], stride, inside, 3 * NX);
   find_geometry(next, place);
@@ -78,9 +201,9 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
     res[0] = slope;
     rhs(arg, res, iw, w, 0);
     write_arms(tick->slope, stride, slope, NX);
-    find_loads(x, acted, p, load);
+    find_loads(x, u, p, load);
     write_arms(tick->loads, stride, load, LOADS);
-    find_loads(next, acted, p, load);
+    find_loads(next, u, p, load);
     write_arms(tick->loads_after, stride, load, LOADS);
   }
   if (slides) {
@@ -99,8 +222,37 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
     contact_close(arg, res, iw, w, 0);
     write_arms(tick->closed, stride, closed, 2 * NU);
   }
+}
+
+/* Tick of length h of the first `used` lanes from x with inputs r and parameters `tunable`: the states after it, NaN for an
+ * arm that cannot be advanced, and the effective commands. */
+static void tick_of_lanes(const real* x, const real* r, const real* tunable, const real* h, int used, const engine_t* engine,
+                          real* next, real* acted) {
+  const long long stride = sizeof(foreseen_t) / sizeof(double);
+  foreseen_t tick[LANES];
+  real place[PLACES], done = 0.0, w[SZ_W];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG] = {x, r};
+  real* res[SZ_RES] = {acted};
+  int others = used, left = 0;
+  actuate(arg, res, iw, w, 0);
+  find_geometry(x, place);
+  write_arms(tick->x, stride, x, NX);
+  write_arms(tick->u, stride, acted, NU);
+  write_arms(tick->p, stride, tunable, NP);
+  write_arms(tick->geometry, stride, place, PLACES);
+  for (int j = 0; j < LANES; ++j) {
+    tick[j].length = LANE(*h, j);
+    forget(tick + j);
+  }
+#ifdef CALM
+  others = foresee_clear(x, acted, tunable, h, place, used, tick, next, &done);
+#endif
+  for (int j = 0; j < used; ++j) left += LANE(done, j) == 0.0;
+  if (left && others > FEW) foresee_guess(x, acted, h, engine, tick);
   for (int j = 0; j < used; ++j) {
     double after[NX];
+    if (LANE(done, j) != 0.0) continue;
     const int good = tick[j].x[0] == tick[j].x[0] && engine->tick_as_foreseen(tick + j, after);
     for (int i = 0; i < NX; ++i) LANE(next[i], j) = good ? after[i] : __builtin_nan("");
   }

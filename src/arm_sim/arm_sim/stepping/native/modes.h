@@ -111,15 +111,28 @@ typedef struct {
   long long most, count;
 } trace_t;
 
+__extension__ typedef struct {
+  real place[MC], speed[MC], size[NC];
+} geometry_t; /* contact points in their planes' axes */
+
+/* What is kept during a tick: the operations of the generated functions, and where the contacts are in the last states for
+ * which that was computed, such as those at its beginning and at its end. */
+#define STATES 2
+__extension__ typedef struct {
+  long long work, states;
+  real x[STATES][2 * NU];
+  geometry_t geometry[STATES];
+} memory_t;
+
 /* A smooth segment of a tick: command, and modes of joints and contacts. */
 __extension__ typedef struct {
   const real* u;
   control_t* control;
   modes_t p;
   contact_t contact[NC];
-  int turned[ND];  /* whether the other direction has been tried for a joint that moved the wrong way */
-  long long* work; /* operations of the generated functions in the tick */
-  double step;     /* length of the steps if the tick is time-stepped, else 0 */
+  int turned[ND]; /* whether the other direction has been tried for a joint that moved the wrong way */
+  memory_t* memory;
+  double step; /* length of the steps if the tick is time-stepped, else 0 */
   int yields;      /* whether what holds together has just reached its limits */
   long long halves; /* whether steps of fixed length that begin or end with an event are halved ... */
   int later;        /* ... and whether this segment begins with one */
@@ -127,9 +140,6 @@ __extension__ typedef struct {
   record_t* record; /* record of this segment, if the tick is traced */
 } segment_t;
 
-__extension__ typedef struct {
-  real place[MC], speed[MC], size[NC];
-} geometry_t; /* contact points in their planes' axes */
 __extension__ typedef struct {
   real load[NU], force[MC], rate[MC], grip[NC];
 } loads_t;
@@ -156,11 +166,12 @@ static int at_stop(const real* x, int joint) {
 #endif
 static const double soft_stop[2][NU] = {SOFT_LOWER, SOFT_UPPER};
 
-/* Of a tick, of which nothing but the command is known yet; `work` counts its operations. */
-static void begin_tick(segment_t* segment, const real* u, long long* work) {
+/* Of a tick, of which nothing but the command is known yet. */
+static void begin_tick(segment_t* segment, const real* u, memory_t* memory) {
   set_zero(segment, sizeof *segment);
+  memory->work = memory->states = 0;
   segment->u = u;
-  segment->work = work;
+  segment->memory = memory;
   for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
 }
 
@@ -185,6 +196,9 @@ static void find_geometry(const real* x, const segment_t* segment, geometry_t* g
   const foreseen_t* known = segment->foreseen;
   const double* answer = NC && known ? answer_at(x, known, 2 * NU, known->geometry, known->geometry_after) : 0;
   WORKSPACE;
+  memory_t* memory = segment->memory;
+  for (int i = 0; NC && !answer && i < STATES && i < memory->states; ++i)
+    if (same(x, memory->x[i], 2 * NU)) answer = (const double*)(memory->geometry + i);
   if (answer) {
     memcpy(geometry, answer, sizeof *geometry);
     return;
@@ -194,6 +208,9 @@ static void find_geometry(const real* x, const segment_t* segment, geometry_t* g
   res[1] = geometry->speed;
   res[2] = geometry->size;
   contact_geometry(arg, res, iw, w, 0);
+  const long long place = memory->states++ % STATES;
+  memcpy(memory->x[place], x, sizeof memory->x[place]);
+  memory->geometry[place] = *geometry;
 }
 
 /* Holding torques of sticking joints, relative to their level; forces, accelerations and grips of contacts. */
@@ -201,7 +218,7 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
   const foreseen_t* known = segment->foreseen;
   const double* answer = is_foreseen(segment) && known->rests ? answer_at(x, known, NX, known->loads, known->loads_after) : 0;
   WORKSPACE;
-  *segment->work += COST_LOADS;
+  segment->memory->work += COST_LOADS;
   if (answer) {
     memcpy(found, answer, sizeof *found);
     return;
@@ -219,7 +236,7 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
 static void find_inertia(const real* x, const segment_t* segment, inertia_t* inertia) {
   const foreseen_t* known = segment->foreseen;
   WORKSPACE;
-  *segment->work += COST_INERTIA;
+  segment->memory->work += COST_INERTIA;
   if (NC && is_foreseen(segment) && known->slides && same(x, known->x, NX)) {
     memcpy(inertia, known->inertia, sizeof *inertia);
     return;
@@ -236,7 +253,7 @@ static void find_inertia(const real* x, const segment_t* segment, inertia_t* ine
 static void find_slope(const real* x, const segment_t* segment, real* slope) {
   const foreseen_t* known = segment->foreseen;
   WORKSPACE;
-  *segment->work += COST_SLOPE;
+  segment->memory->work += COST_SLOPE;
   if (is_foreseen(segment) && known->rests && same(x, known->x, NX)) {
     memcpy(slope, known->slope, sizeof known->slope);
     return;
@@ -406,7 +423,7 @@ static void guess(const real* x, segment_t* segment, const geometry_t* geometry)
 #ifdef TOGETHER
 static void find_statics(const real* x, const segment_t* segment, statics_t* found) {
   WORKSPACE;
-  *segment->work += COST_STATICS;
+  segment->memory->work += COST_STATICS;
   arg[0] = x;
   arg[1] = segment->u;
   arg[2] = (const real*)&segment->p;
@@ -786,10 +803,10 @@ static int settle(const real* x, segment_t* segment, const geometry_t* geometry)
 /* Determine the modes of all joints and contacts at x under u, with the tunable quantities of p given; returns NONE or the
  * reason of a failure. */
 EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
-  long long work = 0;
+  memory_t memory;
   segment_t segment;
   geometry_t geometry;
-  begin_tick(&segment, u, &work);
+  begin_tick(&segment, u, &memory);
   segment.p = *p;
   find_geometry(x, &segment, &geometry);
   const int settled = settle(x, &segment, &geometry);
@@ -801,12 +818,12 @@ EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
 /* Change of the reactions of the least norm in given modes, those of contacts (normal, and tangential ones where they stick)
  * and then of joints, to the nearest within all limits. */
 EXPORTED void share_reactions(const real* x, const real* u, const modes_t* p, double* change) {
-  long long work = 0;
+  memory_t memory;
   segment_t segment;
   loads_t found;
   statics_t balance;
   part_t parts[PARTS];
-  begin_tick(&segment, u, &work);
+  begin_tick(&segment, u, &memory);
   segment.p = *p;
   for (int i = 0; i < FORCES; ++i) change[i] = 0.0;
   find_loads(x, &segment, &found);

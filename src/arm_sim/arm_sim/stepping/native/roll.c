@@ -27,3 +27,21 @@ EXPORTED long long roll(real* x, const real* command, long long stride, const re
   }
   return ticks;
 }
+
+/* Advance by `ticks` ticks from each of many states, in place and as after a restart; NaN where a tick cannot be computed.
+ *
+ * x, command, p: NX, NU and NP numbers for each state, its command held.
+ * lost: receives the energies lost in impacts.
+ */
+EXPORTED void roll_each(real* x, const real* command, const real* p, long long states, double h, long long ticks, real* lost,
+                        control_t* control, report_t* report) {
+  for (long long k = 0; k < states; ++k) {
+    real trace[NX], effort[NU], notes[2], *own = x + k * NX;
+    const double before = lost_in_impacts(report);
+    long long done = 0;
+    if (control) control->step = 0.0;
+    while (done < ticks && roll(own, command + k * NU, 0, p + k * NP, h, 1, trace, effort, notes, control, report)) ++done;
+    lost[k] = lost_in_impacts(report) - before;
+    for (int i = 0; i < NX && done < ticks; ++i) own[i] = lost[k] = __builtin_nan("");
+  }
+}

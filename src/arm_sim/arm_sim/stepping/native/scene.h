@@ -53,6 +53,8 @@ static inline long long AS_BITS(real x) {
 #define TOLERANCE 1e-8
 #define RIGID 1
 #define FREE 1
+#define MOVING 1
+#define CALM 1
 #define TOGETHER 1
 #define STOPS 1
 
@@ -88,6 +90,8 @@ GENERATED(step);
 GENERATED(free_step);
 GENERATED(attempt);
 GENERATED(free_attempt);
+GENERATED(moving_step);
+GENERATED(moving_attempt);
 GENERATED(rhs);
 GENERATED(actuate);
 GENERATED(loads);

@@ -65,6 +65,12 @@ static int make_step(const segment_t* segment, double h, piece_t* piece, real* e
   *more++ = piece->inside.slope[0];
   *more++ = piece->inside.slope[1];
   *more = piece->inside.middle;
+#ifdef MOVING
+  if (all_moves(segment->p.direction)) {
+    MOVING_SMOOTH(arg, res, iw, w, 0);
+    return within_reach(piece->end);
+  }
+#endif
   SMOOTH(arg, res, iw, w, 0);
   return within_reach(piece->end);
 }
@@ -193,7 +199,7 @@ __extension__ typedef struct {
 static double excess_at(const search_t* search, double t, limits_t* limits) {
   piece_t part;
   real error[2];
-  *search->segment->work += COST_STEP;
+  search->segment->memory->work += COST_STEP;
   memcpy(part.begin, search->piece.begin, sizeof part.begin);
   memcpy(part.end, part.begin, sizeof part.end);
   if (t == 0.0 || make_step(search->segment, t, &part, error))
@@ -464,7 +470,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     limits_t limits;
     real error[2] = {0.0, 0.0};
     int last = 1;
-    *segment->work += COST_STEP;
+    segment->memory->work += COST_STEP;
 #ifdef ADAPTIVE
     const double h = next_length(&at, reach);
     ++control->attempts;

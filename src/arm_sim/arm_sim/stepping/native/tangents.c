@@ -14,7 +14,8 @@
  * In a scene with events also EVENTS, NBEGIN and NEND (numbers of coefficients of the projections at the beginning and at the end
  * of a tick) and calm.h with what it requires; the generated `rest_begin` (x, u, p) -> those NBEGIN, `rest_end` (x, x at the end, p) -> those NEND,
  * `begin_at_rest` (columns dx -> dx) and `end_at_rest` (columns dx, dx at the end, dw -> dx at the end). Ticks without
- * events are differentiated then, in their modes.
+ * events are differentiated then, in their modes; with MOVING by simpler functions of the same arguments where nothing is
+ * held and nothing touches: `moving_advance`, `moving_carry`, `moving_back_q`, `moving_back_rest`.
  */
 
 #include "scene_columns.h"
@@ -110,6 +111,11 @@ static void find_rest(const real* u, const calm_lanes_t* tick, real* begin, real
 #else
 #define WITH_MODES
 #endif
+#if defined EVENTS && defined MOVING
+#define IN_MODES(function) (tick.held ? function : moving_##function) /* simpler where nothing is held or touches */
+#else
+#define IN_MODES(function) function
+#endif
 
 /* Propagate tangents of the arms first … last-1 over `ticks` ticks.
  *
@@ -180,7 +186,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
       arg[3] = &length;
       res[0] = next;
       res[1] = derivatives;
-      advance(arg, res, iw, w, 0);
+      IN_MODES(advance)(arg, res, iw, w, 0);
 #ifdef EVENTS
       const int by_rows = unit && !k && !tick.held;
       memcpy(next, tick.after, sizeof next);
@@ -192,7 +198,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
         const column* weights[1] = {dx};
         for (int row = start; row < end; row += WIDTH) {
           take(dx, given + start * count, of_lane, given_arm, end - start, count, row);
-          (part ? back_rest : back_q)(limits, weights, moved);
+          (part ? IN_MODES(back_rest) : IN_MODES(back_q))(limits, weights, moved);
           put_rows(moved, reached, of_lane, columns_arm, end, NX + NU + NT, row);
         }
       }
@@ -206,7 +212,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
         for (int i = NU; i < NU + NT; ++i) dw[i] = dr[i];
 #ifdef EVENTS
         begin_columns(&tick, rest, dx);
-        carry(derivatives, acting_columns, moved);
+        IN_MODES(carry)(derivatives, acting_columns, moved);
         end_columns(&tick, returning, dx, dw, moved);
 #else
         carry(derivatives, acting_columns, moved);

@@ -22,6 +22,11 @@ static long long count_time_stepped(const report_t* report) {
   (void)report;
   return 0;
 }
+
+static double lost_in_impacts(const report_t* report) {
+  (void)report;
+  return 0.0;
+}
 #endif
 
 /* Advance by a tick of length h from x, in place: 0 if it cannot be computed, then x is kept.
