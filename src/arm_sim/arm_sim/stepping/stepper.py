@@ -99,7 +99,8 @@ class Stepper:
         *,
         acted: bool = False,
     ) -> None:
-        recipe = _recipe(plant, choice, acted) if control is None and backend != "vm" else ""
+        compiled = control is None and backend in ("auto", "native")
+        recipe = recipe_of(plant, choice, acted) if compiled else ""
         known = Kernel.recalled(recipe) if recipe else None
         self.kernel = known or _built(plant, choice, backend, control, acted)
         _check(plant, self.kernel, "rhs")
@@ -306,7 +307,7 @@ class Stepper:
         return True
 
 
-def _recipe(plant: Plant, choice: Choice, acted: bool) -> str:
+def recipe_of(plant: Plant, choice: Choice, acted: bool) -> str:
     """Key of all inputs of a scene's code, with what of a model may differ from its scene.
 
     It is empty for few joints, whose code is quick to write, where ARM_CACHE lists folders: if the
