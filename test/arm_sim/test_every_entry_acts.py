@@ -92,6 +92,13 @@ SCENES: dict[str, dict[str, Any]] = {
         },
     },
     "gear": {"joints": {"joint2": {"actuator": {"efficiency": 0.8}}}},
+    "curves": {"joints": {"joint1": {
+        "friction": {"table": {
+            "speed": [0, 1, 5], "torque": [[0.3, 0.5, 0.9], [0.6, 0.8, 1.4]],
+            "position": [-1, 1], "period": 7.0,
+        }},
+        "spring": {"table": {"deflection": [-2, 0, 2], "torque": [-9, 0, 5]}},
+    }}},
     "springs": {"springs": [{
         "frames": TIP, "points": ENDS, "stiffness": 30.0, "rest_length": 0.9, "damping": 0.5,
         "force": 2.0, "tension_only": True, "name": "cord",

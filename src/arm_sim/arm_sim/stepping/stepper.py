@@ -99,7 +99,8 @@ class Stepper:
         *,
         acted: bool = False,
     ) -> None:
-        recipe = _recipe(plant, choice, acted) if control is None and backend != "vm" else ""
+        compiled = control is None and backend in ("auto", "native")
+        recipe = recipe_of(plant, choice, acted) if compiled else ""
         known = Kernel.recalled(recipe) if recipe else None
         self.kernel = known or _built(plant, choice, backend, control, acted)
         _check(plant, self.kernel, "rhs")
@@ -306,8 +307,8 @@ class Stepper:
         return True
 
 
-def _recipe(plant: Plant, choice: Choice, acted: bool) -> str:
-    """Key of all inputs of a scene's code.
+def recipe_of(plant: Plant, choice: Choice, acted: bool) -> str:
+    """Key of all inputs of a scene's code, with what of a model may differ from its scene.
 
     It is empty for few joints, whose code is quick to write, where ARM_CACHE lists folders: if the
     code in them cannot be used, ``build`` says why.
@@ -315,7 +316,9 @@ def _recipe(plant: Plant, choice: Choice, acted: bool) -> str:
     if plant.model.n <= DENSE_AT_MOST and compiled_scenes.folders():
         return ""
     sources = digest_of(str(Path(arm_dynamics.__file__).parent), str(Path(__file__).parents[1]))
-    made_of = plant.model.scene, plant.model.viscous.tolist(), plant.variant, choice, acted
+    model = plant.model
+    numbers = model.viscous.tolist(), model.command_limit.tolist()
+    made_of = model.scene, numbers, plant.variant, choice, acted
     return repr((made_of, sources, ca.__version__, np.__version__))
 
 

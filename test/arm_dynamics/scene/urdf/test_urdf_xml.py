@@ -12,7 +12,7 @@ import models
 from arm_dynamics import ArmModel, Dynamics, ModelError, load_scene
 from arm_dynamics.scene import SceneSource
 from arm_dynamics.scene.urdf import xml_root
-from arm_sim.cli.urdf import with_hardware
+from arm_sim.cli.urdf import TOPICS, with_hardware
 from arm_sim.view.shapes import visuals_of
 from arm_studies.identification.described import urdf_with
 
@@ -53,7 +53,7 @@ def test_all_that_reads_descriptions_reads_it(text: str) -> None:
     model, expected = arm(text), arm(URDF)
     assert len(visuals_of(model)) == len(visuals_of(expected))
     theta = np.concatenate([body.toDynamicParameters() for body in list(model.pin.inertias)[1:]])
-    for written in (urdf_with(model, theta), with_hardware(model, "effort", {})):
+    for written in (urdf_with(model, theta), with_hardware(model, "effort", TOPICS, {})):
         q = [0.3, 0.2, -0.4]
         np.testing.assert_allclose(
             Dynamics(written).gravity(q), Dynamics(URDF).gravity(q), rtol=1e-12

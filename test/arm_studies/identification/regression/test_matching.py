@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Efforts are matched with the motions that explain them; bodies and friction are unknown."""
 
+from itertools import product
+
 import numpy as np
 import pytest
+from samples import sampled
 
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
@@ -42,8 +45,10 @@ def swapped(tau):
     return tau[:, [0, 2, 1, *range(3, tau.shape[1])]]
 
 
-@pytest.mark.parametrize("scene", ["two_link", "panda"])
-@pytest.mark.parametrize("heavier", [0.3, 1.0, 5.0])
+BODIES = list(product(["two_link", "panda"], [0.3, 1.0, 5.0]))
+
+
+@pytest.mark.parametrize(("scene", "heavier"), sampled(BODIES, 2))
 def test_bodies_may_be_far_from_nominal(scene, heavier):
     assert matched(scene, heavier, lambda tau: tau) == []
     signs = np.ones(ArmModel(load_scene(scene)).n)
@@ -75,8 +80,7 @@ def late(by: int, joint: int = 1):
     return change
 
 
-@pytest.mark.parametrize("scene", ["two_link", "panda"])
-@pytest.mark.parametrize("heavier", [0.3, 1.0, 5.0])
+@pytest.mark.parametrize(("scene", "heavier"), sampled(BODIES, 2))
 @pytest.mark.parametrize("by", [-12, 7, 40])
 def test_delays_whatever_the_bodies(scene, heavier, by):
     rows, _ = recorded(scene, heavier, late(by))
@@ -86,8 +90,7 @@ def test_delays_whatever_the_bodies(scene, heavier, by):
     assert found.after == pytest.approx(0.05, abs=0.02)  # the noise
 
 
-@pytest.mark.parametrize("scene", ["two_link", "panda"])
-@pytest.mark.parametrize("heavier", [0.3, 1.0, 5.0])
+@pytest.mark.parametrize(("scene", "heavier"), sampled(BODIES, 2))
 def test_no_delay_is_told_where_there_is_none(scene, heavier):
     rows, _ = recorded(scene, heavier, lambda tau: tau)
     assert delayed(rows, rows.use) == []
