@@ -217,6 +217,10 @@ TABLES: dict[str, tuple[dict[str, Any], str]] = {
     "no speed 0": ({"speed": [0.1, 1], "torque": [1, 2]}, "speed = (0.1, 1.0): 0 is expected"),
     "no positive speed": ({"speed": [-1, 0], "torque": [1, 2]}, "with speeds above it"),
     "speeds in no order": ({"speed": [0, 2, 1], "torque": [1, 2, 3]}, "'speed' must increase"),
+    "two speeds that are one": (
+        {"speed": [0, 1e-300, 1], "torque": [1, 2, 3]},
+        "a slope of 1e+300 between two points; less than 1e+100 is expected",
+    ),
     "a torque too few": ({"speed": [0, 1, 2], "torque": [1, 2]}, "3 points of 'speed', but 2 of"),
     "one torque": ({"speed": [0, 1], "torque": [1]}, ".torque' = [1]: 1 entry; 2 are expected"),
     "one row of two": (TWICE | {"torque": [[1, 2]]}, "positions = 2, rows of 'torque' = 1; one"),

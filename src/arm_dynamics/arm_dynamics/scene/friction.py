@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from arm_dynamics.exceptions import SceneError
-from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
+from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive, check_curve
 
 
 class Sides(Part):
@@ -63,8 +62,7 @@ class Table(Part):
     def _consistent(self) -> Table:
         if len(self.at) != len(self.factor):
             raise ValueError(f"{len(self.at)} points 'at', but {len(self.factor)} of 'factor'")
-        if not (np.diff(self.at) > 0.0).all():
-            raise ValueError("'at' must increase from point to point")
+        check_curve("at", self.at, self.factor)
         if self.period is not None and self.period <= self.at[-1] - self.at[0]:
             raise ValueError(f"period = {self.period}: longer than the table is expected")
         return self
@@ -110,7 +108,7 @@ class SpeedTable(Part):
 
     @model_validator(mode="after")
     def _by_speed(self) -> SpeedTable:
-        _check_increasing("speed", self.speed)
+        check_curve("speed", self.speed)
         if 0.0 not in self.speed or self.speed[-1] == 0.0:
             raise ValueError(
                 f"speed = {self.speed}: 0 is expected among them, with speeds above it; friction "
@@ -129,6 +127,7 @@ class SpeedTable(Part):
             if len(row) != len(self.speed):
                 points = len(self.speed)
                 raise ValueError(f"{points} points of 'speed', but {len(row)} of 'torque'")
+        check_curve("speed", self.speed, *rows)
         still = [row[self.speed.index(0.0)] for row in rows]
         if min(still) == 0.0 < max(still):
             raise ValueError(
@@ -139,15 +138,10 @@ class SpeedTable(Part):
             if self.period is not None:
                 raise ValueError(f"period = {self.period}: 'position' is missing, which repeats")
             return self
-        _check_increasing("position", self.position)
+        check_curve("position", self.position)
         if self.period is not None and self.period <= self.position[-1] - self.position[0]:
             raise ValueError(f"period = {self.period}: longer than 'position' is expected")
         return self
-
-
-def _check_increasing(key: str, values: tuple[float, ...]) -> None:
-    if not (np.diff(values) > 0.0).all():
-        raise ValueError(f"'{key}' must increase from point to point")
 
 
 def _of_sizes(table: Table) -> Table:

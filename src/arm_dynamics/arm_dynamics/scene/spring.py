@@ -3,12 +3,10 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 from pydantic import Field, model_validator
 
 from arm_dynamics.scene.constraint import ORIGIN, Pair, check_frames, check_new
-from arm_dynamics.scene.types import Finite, NonNegative, Part, Vector3
+from arm_dynamics.scene.types import Finite, NonNegative, Part, Vector3, check_curve
 from arm_dynamics.scene.urdf import Urdf
 
 
@@ -32,8 +30,7 @@ class DeflectionTable(Part):
         points, torques = len(self.deflection), len(self.torque)
         if points != torques:
             raise ValueError(f"{points} points of 'deflection', but {torques} of 'torque'")
-        if any(b <= a for a, b in pairwise(self.deflection)):
-            raise ValueError("'deflection' must increase from point to point")
+        check_curve("deflection", self.deflection, self.torque)
         return self
 
 

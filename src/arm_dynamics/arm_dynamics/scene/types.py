@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -34,6 +35,8 @@ def _finite(value: float) -> float:
     return value
 
 
+STEEPEST = 1e100
+"""Slopes of curves are below it, so that products of them can be computed."""
 AS_CHECKED = {"as checked": True}
 """Context of a validation of content that was checked before and must not change."""
 
@@ -62,3 +65,27 @@ class Part(BaseModel):
     """A part of a scene: immutable, with unknown keys refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+
+
+def check_curve(key: str, at: Sequence[float], *rows: Sequence[float]) -> None:
+    """Refuse points that no curve passes through.
+
+    Args:
+        key: Name of the abscissas, for the error.
+        at: Abscissas.
+        rows: Values there, of one curve each.
+
+    Raises:
+        ValueError: If the abscissas do not increase, or a curve is too steep for its slopes to be
+            computed.
+    """
+    steps = np.diff(at)
+    if not (steps > 0.0).all():
+        raise ValueError(f"'{key}' must increase from point to point")
+    with np.errstate(over="ignore"):
+        steepest = max((abs(np.diff(row) / steps).max() for row in rows), default=0.0)
+    if not steepest < STEEPEST:
+        raise ValueError(
+            f"'{key}' = {list(at)}: a slope of {steepest:.3g} between two points; less than "
+            f"{STEEPEST:g} is expected"
+        )
