@@ -166,6 +166,18 @@ def test_a_recording_keeps_the_tables(tmp_path: Any) -> None:
     assert (Dynamics(scene).friction(v, q=q) == sim.dynamics.friction(v, q=q)).all()
 
 
+def test_a_table_that_rises_steeply_at_rest_is_followed_by_default() -> None:
+    """J v' = τ - 5 v / v1 there, with v1 = 1e-4 rad/s: v is soon where friction is the torque."""
+    steep = {"speed": [0.0, 1e-4, 1.0], "torque": [0.0, 5.0, 5.0]}
+    sim = Simulator(rotor(J, table=steep))
+    sim.reset()
+    run = sim.run(0.05, [2.0])
+    creep = wheel(steep)
+    creep.reset()
+    assert_close(run.v[-1], creep.run(0.05, [2.0]).v[-1], SPRING)
+    assert 0.0 < run.v[-1, 0] < 1e-4 and run.trusted
+
+
 def test_the_plan_says_what_tables_there_are() -> None:
     plan = str(Simulator(arm()).plan)
     assert "computed    friction by speed: 2 joints, 3 rows of speeds" in plan

@@ -128,6 +128,8 @@ def _automatic(plant: Plant, dt: float, tolerance: float | None) -> Choice:
     if plant.nz or any(_swings(response, dt) for response in found):
         return _controlled(plant, dt, tolerance, found)
     if any(response.fastest * dt > _most(response) for response in found):
+        if any(plant.model.friction.tables):  # slopes at the start say little about others
+            return _controlled(plant, dt, tolerance, found)
         return Choice(METHODS["implicit"], dt, tolerance, f"stiff: {_fastest(plant, found)}")
     if tolerance is None:
         return Choice(METHODS["rk4"], dt, None, "the scene is not stiff")
