@@ -31,7 +31,7 @@ def build(monkeypatch: pytest.MonkeyPatch) -> Build:
         scene = models.scene("double_pendulum").model_dump(exclude_unset=True)
         scene["joints"] = {"*": {"friction": friction}}
         monkeypatch.setattr("arm_sim.plant.plant.laws_of", lambda model: (law,))
-        monkeypatch.setattr("arm_sim.stepping.stepper._recipe", lambda *_: "")  # has no such law
+        monkeypatch.setattr("arm_sim.stepping.stepper.recipe_of", lambda *_: "")  # has no such law
         return Simulator(scene, **options)
 
     return make
