@@ -185,9 +185,9 @@ class Stepper:
             where a tick cannot be computed.
         """
         self.restart()
-        after, lost = np.array(x, order="C"), np.empty(len(x))
+        after, lost = np.array(x, order="C"), np.zeros(len(x))
         if self.kernel.library is None:
-            return self._each_by_call(after, command, p, ticks), 0.0 * lost
+            return self._each_by_call(after, command, p, ticks), lost
         control = None if self._control is None else ctypes.byref(self._control)
         roll = self.kernel.library.roll_each
         roll.restype = None
