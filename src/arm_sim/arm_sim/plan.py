@@ -140,7 +140,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     gravity, viscous, armature = scene.gravity, model.viscous, model.armature
     dry = model.friction.static.mean
     locked, loads = len(scene.robot.lock), len(scene.payloads)
-    contacts = _contacts(scene)
+    contacts, by_speed = _contacts(scene), _by_speed(model)
     folded = f"{loads} bodies, merged into their links"
     limited = int(np.isfinite(model.effort_limit).sum())
     followers = model.pin.nv - model.n
@@ -163,7 +163,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("contact", contacts, f"{contacts}, solved by events", "no point touches a plane"),
         *(_law_part(kind, laws) for kind in FRICTION),
         _part("friction by position or load", tables, f"{tables} joints", "no table"),
-        _part("friction by speed", _by_speed(model), _by_speed(model), "no table"),
+        _part("friction by speed", by_speed, by_speed, "no table"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
         _part("motors and transmissions", any(model.drives), driven, "no actuator"),
         _part("gear losses", model.friction.gears, gears, "every gear is ideal"),

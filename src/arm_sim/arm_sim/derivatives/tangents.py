@@ -277,7 +277,8 @@ class Tangents:
 
     def _source(self, lanes: int) -> str:
         functions, columns = [self._step.advance, self._acting], [self._step.carry, self._limit]
-        plant, more, stops, without = self.plant, dict[str, str](), dict[str, str](), set[str]()
+        plant, more, stops = self.plant, dict[str, str](), dict[str, str]()
+        without = set[str]() if self._calm else {"calm.h", "foreseen.h"}
         if not self._steps_only:
             columns += self._step.back(self._limit)
         if self._calm:
@@ -288,12 +289,10 @@ class Tangents:
                 functions.append(moving.advance)
                 columns += [moving.carry, *moving.back(self._limit)]
                 more["MOVING"] = "1"
+        elif self._steps_only:
+            more = {"STEPS_ONLY": "1"}
         else:
-            without = {"calm.h", "foreseen.h"}
-            if self._steps_only:
-                more = {"STEPS_ONLY": "1"}
-            else:
-                stops = stop_defines(plant)
+            stops = stop_defines(plant)
         steps = [step for step in (self._step, self._moving) if step]
         defines = sizes(plant, functions) | {
             "NSTEP": str(max(step.advance.size1_out(1) for step in steps)),

@@ -376,8 +376,7 @@ def engine_source(
     else:
         defines |= {"ADAPTIVE": "1"} | error_control(plant, choice)
     if plant.eventful:
-        more = {"MOVING": "1"} if plant.points else {}
-        defines |= more | event_sizes(plant) | _work(choice, functions, smooth)
+        defines |= event_sizes(plant) | _work(choice, functions, smooth)
     else:
         without.add("events.h")
     if "TOGETHER" not in defines:
@@ -493,6 +492,7 @@ def event_sizes(plant: Plant) -> dict[str, str]:
         "NB": "1" if plant.constrained else "0",
         **({"RIGID": "1"} if stops.rigid.any() else {}),
         **({"FREE": "1"} if plant.free else {}),
+        **({"MOVING": "1"} if plant.points else {}),
         **_together_sizes(plant),
         "LOWER": braces(lower),
         "UPPER": braces(upper),

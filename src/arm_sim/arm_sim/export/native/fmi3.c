@@ -65,17 +65,10 @@ EXPORT void* fmi3InstantiateModelExchange(const char* name, const char* token, c
 EXPORT void* fmi3InstantiateScheduledExecution(const char* name, const char* token, const char* resources, bool visible,
                                                bool logging, void* environment, log_t logger, void* update, void* lock,
                                                void* unlock) {
-  (void)name;
-  (void)token;
-  (void)resources;
-  (void)visible;
-  (void)logging;
-  (void)environment;
-  (void)logger;
   (void)update;
   (void)lock;
   (void)unlock;
-  return NULL;
+  return fmi3InstantiateModelExchange(name, token, resources, visible, logging, environment, logger);
 }
 
 EXPORT void fmi3FreeInstance(void* c) { free_instance(c); }

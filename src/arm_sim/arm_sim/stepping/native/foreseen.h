@@ -35,6 +35,25 @@ static inline int all_moves(const double* modes) {
   return moves;
 }
 
+#define NEAR 0.1 /* distance to a limit at which it may be reached within a step, relative to the limit */
+
+/* Bounds of a cubic by its Bernstein coefficients, from its ends and its slopes there. */
+static inline void bound_cubic(real begin, real slope, real end, real end_slope, real h, real* low, real* high) {
+  const real third = h / 3.0, b = begin + third * slope, c = end - third * end_slope;
+  *low = fmin(fmin(begin, end), fmin(b, c));
+  *high = fmax(fmax(begin, end), fmax(b, c));
+}
+
+/* Bounds of a number of the state inside a step of length h with its continuous output: those of the cubic through its ends,
+ * widened by twice the distance of the cubic from the middle. */
+static inline void bound_inside(const real* x, const real* next, const real* inside, real h, int i, real* low, real* high) {
+  const real third = h / 3.0, a = third * inside[i], b = third * inside[NX + i];
+  const real bend = 2.0 * fabs(inside[2 * NX + i] - 0.5 * (x[i] + next[i]) - 0.375 * (a - b));
+  bound_cubic(x[i], inside[i], next[i], inside[NX + i], h, low, high);
+  *low -= bend;
+  *high += bend;
+}
+
 /* Continuous output of a step: derivatives at its ends, and the state in its middle. */
 typedef struct {
   double slope[2][NX], middle[NX];

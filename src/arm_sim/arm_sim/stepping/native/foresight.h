@@ -14,7 +14,6 @@
 #include "foreseen.h"
 
 #define MC (3 * NC)
-#define NEARBY 0.1 /* as NEAR in segments.h */
 #define FEW (LANES / 4) /* lanes for which foreseeing takes longer than it saves */
 
 /* Store some numbers of each arm; those of lane j go to to + j * stride. */
@@ -73,16 +72,8 @@ static void step_of_lanes(const real* p, const real** arg, real** res) {
 
 #ifdef CALM
 #define MOVES 1e-9 /* speeds that are not rounding, relative to the fastest joint; gaps, relative to their lengths */
-#define FAR_BELOW (0.9 - NEARBY) /* loads that are not near a limit at either end of a tick */
+#define FAR_BELOW (0.9 - NEAR) /* loads that are not near a limit at either end of a tick */
 static const double static_of[NU] = STATIC, lowest[NU] = LOWEST, highest[NU] = HIGHEST;
-
-/* Bounds of a number inside a step, as find_bounds in segments.h. */
-static void bounds_of(const real* x, const real* next, const real* inside, real h, int i, real* low, real* high) {
-  const real third = h / 3.0, a = third * inside[i], b = third * inside[NX + i];
-  const real bend = 2.0 * fabs(inside[2 * NX + i] - 0.5 * (x[i] + next[i]) - 0.375 * (a - b));
-  *low = fmin(fmin(x[i], next[i]), fmin(x[i] + a, next[i] - b)) - bend;
-  *high = fmax(fmax(x[i], next[i]), fmax(x[i] + a, next[i] - b)) + bend;
-}
 
 /* Lanes in which every contact is apart and every joint slides or is at rest, clearly so; `p` receives their modes if what is
  * at rest stays there. */
@@ -127,26 +118,23 @@ static real find_calm(const real* x, const real* next, const real* inside, const
   real calm = 1.0, low, high;
   for (int i = 0; i < NX; ++i) calm = calm && fabs(next[i]) <= LARGEST;
   for (int i = 0; i < NU; ++i) {
-    bounds_of(x, next, inside, h, i, &low, &high);
+    bound_inside(x, next, inside, h, i, &low, &high);
     calm = calm && lowest[i] < low && high < highest[i];
     if (!(ND && static_of[i] > 0.0)) continue;
-    bounds_of(x, next, inside, h, NU + i, &low, &high);
+    bound_inside(x, next, inside, h, NU + i, &low, &high);
     const real ahead = 0.5 * (p[i] * (low + high) + low - high); /* low, or -high for a joint that moves back */
     calm = calm && (p[i] == none || none < ahead);
   }
   for (int k = 0; k < NC; ++k) {
-    const real begin = place[3 * k], end = after[3 * k], third = h / 3.0;
-    const real b = begin + third * place[MC + 3 * k], c = end - third * after[MC + 3 * k];
-    low = fmin(fmin(begin, end), fmin(b, c));
-    high = fmax(fmax(begin, end), fmax(b, c));
-    calm = calm && NEARBY * (high - low) + MOVES * place[2 * MC + k] < low;
+    bound_cubic(place[3 * k], place[MC + 3 * k], after[3 * k], after[MC + 3 * k], h, &low, &high);
+    calm = calm && NEAR * (high - low) + MOVES * place[2 * MC + k] < low;
   }
   return calm;
 }
 
 /* Steps of lanes whose modes are clear, which the engine of one arm may then take from `tick`: 1 in `done` for those that
  * surely have no event, so that it need not be asked. Returns the number of other lanes, of the first `used`; where they
- * are most, no step is made. */
+ * are most, no step is made. With contacts, the engine's modes contain more, and it makes a step of its own. */
 static int foresee_clear(const real* x, const real* u, const real* tunable, const real* h, const real* place, int used,
                          foreseen_t* tick, real* next, real* done) {
   const long long stride = sizeof(foreseen_t) / sizeof(double);

@@ -21,8 +21,7 @@
 #define SURELY 1.2          /* time at which a mode has certainly ended, as a multiple of the predicted one ... */
 #define FARTHER 4.0         /* ... and the next trial if no mode has ended by then */
 #define LOOKS 5             /* states of a step, both ends included, at which modes are looked at where one may end inside */
-#define NEAR 0.1            /* distance to a limit at which it may be reached within a step, relative to the limit ... */
-#define SLOWED 0.25         /* ... and ratio of the speeds of a sliding contact at its ends */
+#define SLOWED 0.25         /* ratio of the speeds of a sliding contact at its ends */
 #define PEAK_MARGIN 0.6     /* error of the largest sample of a guard, relative to the second difference of samples ... */
 #define PEAK_DOUBT 0.1      /* ... and of its value at a predicted maximum, relative to the differences ... */
 #define PEAK_GAIN 1e-2      /* ... which falls by this factor with every prediction ... */
@@ -210,14 +209,9 @@ static double excess_at(const search_t* search, double t, limits_t* limits) {
 
 static void limits_at(const void* asked, double t, double* limits) { excess_at((const search_t*)asked, t, (limits_t*)limits); }
 
-/* Bounds of a number of the state inside a piece: the Bernstein coefficients of the cubic through its ends, widened by twice
- * the distance of the cubic from the middle. */
+/* Bounds of a number of the state inside a piece. */
 static void find_bounds(const piece_t* piece, int i, double* low, double* high) {
-  const double h = piece->length, x0 = piece->begin[i], x1 = piece->end[i];
-  const double a = h / 3.0 * piece->inside.slope[0][i], b = h / 3.0 * piece->inside.slope[1][i];
-  const double bend = 2.0 * fabs(piece->inside.middle[i] - 0.5 * (x0 + x1) - 0.375 * (a - b));
-  *low = fmin(fmin(x0, x1), fmin(x0 + a, x1 - b)) - bend;
-  *high = fmax(fmax(x0, x1), fmax(x0 + a, x1 - b)) + bend;
+  bound_inside(piece->begin, piece->end, (const real*)&piece->inside, piece->length, i, low, high);
 }
 
 /* Whether the speed of a sliding joint may reach zero inside a piece, or a joint its stop. */
@@ -236,10 +230,9 @@ static int contact_may_stray(const segment_t* segment, const geometry_t* begin, 
   const contact_mode_t* mode = segment->p.contact + k;
   const real *s0 = begin->speed + 3 * k, *s1 = end->speed + 3 * k;
   if (mode->closed == 0.0) {
-    const double gap[4] = {begin->place[3 * k], begin->place[3 * k] + h / 3.0 * s0[0], end->place[3 * k] - h / 3.0 * s1[0],
-                           end->place[3 * k]};
-    const double low = fmin(fmin(gap[0], gap[3]), fmin(gap[1], gap[2]));
-    return low <= NEAR * (fmax(fmax(gap[0], gap[3]), fmax(gap[1], gap[2])) - low);
+    double low, high;
+    bound_cubic(begin->place[3 * k], s0[0], end->place[3 * k], s1[0], h, &low, &high);
+    return low <= NEAR * (high - low);
   }
   if (mode->sticks != 0.0 || !(holding[k] > 0.0)) return 0;
   const double ahead0 = mode->along[0] * s0[1] + mode->along[1] * s0[2],
