@@ -118,10 +118,10 @@ class Tangents:
         self.plant, self._backend, self._engine = plant, backend, engine
         self._calm = CalmTick.of(plant, tuned) if engine and backend != "vm" else None
         self._libraries: dict[int, ctypes.CDLL | None] = {}
-        self._step = _Step(plant, choice, tuned)
+        self._step = _Step(plant, choice, tuned, dense=self._calm is not None)
         self._moving: _Step | None = None
         if self._calm and (plant.directions or plant.contact):
-            self._moving = _Step(plant.in_motion(), choice, tuned, MOVING)
+            self._moving = _Step(plant.in_motion(), choice, tuned, MOVING, dense=True)
         self._acting, self._limit = _limits(plant)
         self._held, self._length = plant.model.n + len(tuned), np.array([choice.dt])
         self._unit = np.eye(plant.nx + self._held)
@@ -145,7 +145,7 @@ class Tangents:
         """
         nx = self.plant.nx
         if (library := self.library(1)) is None:
-            after, c = self._step.advance(x, u, p, h)
+            after, c, *_ = self._step.advance(x, u, p, h)
             moved = self._step.stretch(c, *np.split(columns, (nx, nx + self._held)))
             return np.array(after).ravel(), np.array(moved)
         x, u, p, columns = (np.ascontiguousarray(array) for array in (x, u, p, columns))
@@ -278,13 +278,16 @@ class Tangents:
     def _source(self, lanes: int) -> str:
         functions, columns = [self._step.advance, self._acting], [self._step.carry, self._limit]
         plant, more, stops = self.plant, dict[str, str](), dict[str, str]()
-        without = set[str]() if self._calm else {"calm.h", "foreseen.h"}
+        without = set[str]() if self._calm else {"calm.h", "ticks.h", "foreseen.h"}
         if not self._steps_only:
             columns += self._step.back(self._limit)
         if self._calm:
             functions += self._calm.functions
             columns += self._calm.columns
             more = self._calm.defines | mode_sizes(plant) | {"EVENTS": "1"}
+            functions += [event for event in plant.events if event.name() == "contact_geometry"]
+            if self._step.advance.n_out() > 2:
+                more["FORETELLS"] = "1"
             if moving := self._moving:
                 functions.append(moving.advance)
                 columns += [moving.carry, *moving.back(self._limit)]
@@ -320,17 +323,19 @@ class _Step:
         choice: Method and tick.
         tuned: Places in p of the quantities to differentiate by.
         prefix: Of the names of the functions.
+        dense: As for ``build_tangent``.
 
     Attributes:
         advance, stretch: The step with its coefficients, and the propagation of columns.
     """
 
     def __init__(
-        self, plant: Plant, choice: Choice, tuned: Sequence[int], prefix: str = ""
-    ) -> None:
+        self, plant: Plant, choice: Choice, tuned: Sequence[int], prefix: str = "",
+        dense: bool = False,
+    ) -> None:  # fmt: skip
         scaled, n = plant.scaled_jacobian, plant.model.n
         advance, self.stretch = build_tangent(
-            choice.method, plant.rhs, Slopes(plant, tuned), n, plant.project, scaled, tuned
+            choice.method, plant.rhs, Slopes(plant, tuned), n, plant.project, scaled, tuned, dense
         )
         given = advance.mx_in()
         self._n, self._prefix = n, prefix

@@ -22,7 +22,7 @@ import casadi as ca
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators import nystrom
 from arm_sim.integrators.implicit_tangents import implicit_tangent
-from arm_sim.integrators.methods import Method, Scaled, build_step
+from arm_sim.integrators.methods import Method, Scaled, Step, build_step
 from arm_sim.integrators.tableaux import Tableau, weighed_sum
 from arm_sim.plant.slopes import Kept, Slopes, jacobian_by
 
@@ -39,6 +39,7 @@ def build_tangent(
     project: ca.Function | None = None,
     scaled: Scaled | None = None,
     tuned: Sequence[int] = (),
+    dense: bool = False,
 ) -> Pair:
     """Build the derivative of one step of ``build_step``.
 
@@ -50,6 +51,8 @@ def build_tangent(
         project: Projection of (q, v) onto the constraints, see ``Plant.project``.
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
         tuned: Indices in p of the quantities to differentiate by, those of ``slopes``.
+        dense: Whether ``advance`` is to return the continuous output, too, where all stages of an
+            explicit method are used, see ``Step.inside``.
 
     Returns:
         ``advance`` and ``stretch``: the step with its coefficients, and the propagation of
@@ -62,7 +65,7 @@ def build_tangent(
     elif method.tableau is None:
         pair = _semi_implicit(slopes, n)
     else:
-        pair = _staged(method.tableau, slopes, n)
+        pair = _staged(method.tableau, slopes, n, dense)
     return pair if project is None else _projected(pair, project, n, tuned)
 
 
@@ -77,7 +80,7 @@ def _changes(slopes: Slopes) -> tuple[ca.SX, ca.SX, ca.SX]:
     return dx, dw, ca.SX.sym("dh")
 
 
-def _staged(tableau: Tableau, slopes: Slopes, n: int) -> Pair:
+def _staged(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> Pair:
     """Runge-Kutta methods; stages that do not affect the result are omitted."""
     used = stages_used(tableau)
     x, u, p, h = _symbols(slopes)
@@ -87,7 +90,11 @@ def _staged(tableau: Tableau, slopes: Slopes, n: int) -> Pair:
         k[i], c[i] = slopes.coefficients(_state(tableau, i, k, x, h, n), u, p)
     kept = ca.vertcat(h, *(k[i] for i in used), *(c[i] for i in used))
     after = _state(tableau, len(tableau.b), k, x, h, n)
-    advance = ca.Function("advance", [x, u, p, h], [after, kept], {"cse": True})
+    results = [after, kept]
+    if dense and len(used) == len(tableau.b):
+        step = Step(x, h, after, [], tableau, list(k.values()))
+        results += step.inside(lambda y: slopes.coefficients(y, u, p)[0])
+    advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
 
     dx, dw, dh = _changes(slopes)
     h, s, t = (ca.SX.sym(name, *shape) for name, shape in (
@@ -156,9 +163,9 @@ def _projected(pair: Pair, project: ca.Function, n: int, tuned: Sequence[int]) -
     held = ca.Function("held", [before, after, p], [found, kept.values], {"cse": True})
 
     x, u, p, h = (advance.mx_in(i) for i in range(4))
-    moved, c = advance(x, u, p, h)
+    moved, c, *inside = advance(x, u, p, h)
     found, more = held(x[: 2 * n], moved[: 2 * n], p)
-    results = [ca.vertcat(found, moved[2 * n :]), ca.vertcat(c, more)]
+    results = [ca.vertcat(found, moved[2 * n :]), ca.vertcat(c, more), *inside]
     whole = ca.Function("advance", [x, u, p, h], results, {"cse": True})
 
     c, dx, dw, dh = (ca.SX.sym(name, stretch.size1_in(i)) for i, name in enumerate("cxwh"))

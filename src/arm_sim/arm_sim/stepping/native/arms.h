@@ -42,6 +42,12 @@ static void read_arms(real* to, int count, const double* from, long long stride,
     for (int i = 0; i < count; ++i) LANE(to[i], j) = from[of_lane[j] * stride + i];
 }
 
+/* Store some numbers of each arm; those of lane j go to to + j * stride. */
+static inline void write_arms(double* to, long long stride, const real* from, int count) {
+  for (int j = 0; j < LANES; ++j)
+    for (int i = 0; i < count; ++i) to[j * stride + i] = LANE(from[i], j);
+}
+
 /* Whether every number of a lane's state is finite and not too large. */
 static inline int within_reach(const real* x, int lane) {
   int reached = 1;

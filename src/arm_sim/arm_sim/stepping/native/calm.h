@@ -2,14 +2,13 @@
  *
  * Ticks without events of LANES arms in a scene with events, for derivatives: the engine of one arm finds the modes.
  *
- * Required definitions: foreseen.h, arms.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated functions), and the
+ * Required definitions: ticks.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated functions), and the
  * generated `clear` (x, u, p, limit) -> two margins, positive if the state is on no boundary between two modes, the second
  * also if a motion that begins there differs little from those nearby; `clear_in_motion`: the same where nothing is held.
  */
 
 #pragma once
-#include "arms.h"
-#include "foreseen.h"
+#include "ticks.h"
 
 #include <string.h>
 
@@ -19,6 +18,7 @@
 typedef struct {
   real begin[NX], after[NX], p[NP + MODES + 1], end[NX]; /* the motion's beginning, state after the tick, modes, its end */
   int held, closed;                                      /* whether anything is held, or a contact closed, in any lane */
+  int foreseen;                                          /* whether the motions of all lanes are those foreseen */
 } calm_lanes_t;
 
 /* Whether closing the contacts at the end of a tick changed the state so little that its derivative can be that of a state
@@ -39,6 +39,27 @@ static int touches(const double* p) {
   return any;
 }
 
+#ifdef FORETELLS
+/* Ask the engine for the probable modes of the ticks, for steps that are made before its own. */
+static void foresee_modes(const engine_t* engine, foreseen_t* tick, calm_lanes_t* found) {
+  long long of_lane[LANES];
+  found->held = 0;
+  for (int j = 0; j < LANES; ++j) {
+    of_lane[j] = j;
+    engine->foresee(tick + j);
+    tick[j].rests = tick[j].slides = tick[j].closes = 0; /* loads and the like are not foreseen */
+    found->held |= !all_moves(tick[j].p + NP);
+  }
+  read_arms(found->p, NP + MODES, tick->p, sizeof(foreseen_t) / sizeof(double), of_lane);
+}
+#endif
+
+/* Whether a motion begins with the foreseen numbers: it then is the foreseen one. */
+static int is_as_foreseen(const foreseen_t* tick, const calm_t* made) {
+  return !memcmp(tick->x, made->begin, sizeof tick->x) && !memcmp(tick->p, made->p, sizeof tick->p) &&
+         !memcmp(tick->after, made->end, sizeof tick->after);
+}
+
 /* Margins to boundaries between modes of a state in the tick. */
 static void find_margins(const real* x, const real* u, const calm_lanes_t* tick, const real* limit, real* margins) {
   real w[SZ_W];
@@ -49,32 +70,30 @@ static void find_margins(const real* x, const real* u, const calm_lanes_t* tick,
   else clear_in_motion(arg, res, iw, w, 0);
 }
 
-/* Make a tick of length h of all lanes from x under the command u that acts; `starts`: whether its beginning itself is
- * varied. `calm` is cleared for lanes that have an event, or are too close to one; those lanes are not advanced. */
-static void make_calm(const real* x, const real* u, const real* tunable, double h, const engine_t* engine, int starts,
-                      int* calm, calm_lanes_t* found) {
-  calm_t tick[LANES];
+/* Make the ticks of all lanes; `starts`: whether their beginning itself is varied. `calm` is cleared for lanes that have an
+ * event, or are too close to one; those lanes are not advanced. */
+static void make_calm(const foreseen_t* tick, const real* x, const real* u, const engine_t* engine, int starts, int* calm,
+                      calm_lanes_t* found) {
+  calm_t made[LANES];
   const long long stride = sizeof(calm_t) / sizeof(double);
   long long of_lane[LANES];
   real limit[NC + 1], margins[2][2];
-  memset(tick, 0, sizeof tick);
+  if (LANES > 1) memset(made, 0, sizeof made);
   found->held = found->closed = 0;
+  found->foreseen = 1;
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
-    for (int i = 0; i < NX; ++i) tick[j].x[i] = LANE(x[i], j);
-    for (int i = 0; i < NU; ++i) tick[j].u[i] = LANE(u[i], j);
-    for (int i = 0; i < NP; ++i) tick[j].tunable[i] = LANE(tunable[i], j);
-    tick[j].length = h;
-    calm[j] = calm[j] && engine->calm_tick(tick + j) && is_closed(tick + j);
+    calm[j] = calm[j] && engine->calm_tick(tick + j, made + j) && is_closed(made + j);
     if (!calm[j]) continue;
-    found->held |= !all_moves(tick[j].p + NP);
-    found->closed |= touches(tick[j].p);
+    found->held |= !all_moves(made[j].p + NP);
+    found->closed |= touches(made[j].p);
+    found->foreseen &= is_as_foreseen(tick + j, made + j);
   }
-  read_arms(found->p, NP + MODES, tick->p, stride, of_lane);
-  read_arms(limit, NC, tick->limit, stride, of_lane);
-  read_arms(found->begin, NX, tick->begin, stride, of_lane);
-  read_arms(found->end, NX, tick->end, stride, of_lane);
-  read_arms(found->after, NX, tick->after, stride, of_lane);
+  read_arms(found->p, NP + MODES, made->p, stride, of_lane);
+  read_arms(limit, NC, made->limit, stride, of_lane);
+  read_arms(found->begin, NX, made->begin, stride, of_lane);
+  read_arms(found->end, NX, made->end, stride, of_lane);
+  read_arms(found->after, NX, made->after, stride, of_lane);
   find_margins(found->begin, u, found, limit, margins[0]);
   find_margins(found->end, u, found, limit, margins[1]);
   for (int j = 0; j < LANES; ++j) {

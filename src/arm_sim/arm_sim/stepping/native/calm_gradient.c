@@ -30,10 +30,13 @@ EXPORTED long long calm_motion(const double* x0, const double* tau, const double
     casadi_int iw[SZ_IW];
     const real* arg[SZ_ARG] = {after, tau + k * NU};
     real* res[SZ_RES] = {u};
+    foreseen_t begun;
     calm_lanes_t tick;
+    real place[PLACES + 1];
     int calm = 1;
     acting(arg, res, iw, w, 0);
-    make_calm(after, u, p, h, engine, starts && !k, &calm, &tick);
+    begin_ticks(after, u, p, &h, &begun, place);
+    make_calm(&begun, after, u, engine, starts && !k, &calm, &tick);
     if (!calm) return k;
     memcpy(motion[k].x, after, sizeof motion[k].x);
     memcpy(motion[k].begin, tick.begin, sizeof tick.begin);

@@ -305,16 +305,35 @@ EXPORTED void foresee(foreseen_t* tick) {
   }
 }
 
-/* The foreseen tick, whatever happens in it: 0 if it cannot be computed. */
-EXPORTED int tick_as_foreseen(const foreseen_t* tick, double* after) {
+/* A foreseen tick: NONE, or why it cannot be computed. */
+static enum trouble make_foreseen(const foreseen_t* tick, report_t* report, trace_t* trace, double* after) {
   memory_t memory;
-  report_t report;
   segment_t segment;
-  set_zero(&report, sizeof report);
+  set_zero(report, sizeof *report);
   begin_tick(&segment, tick->u, &memory);
   segment.foreseen = tick;
   memcpy(segment.p.tunable, tick->p, sizeof segment.p.tunable);
-  return tick_with_events(tick->x, &segment, tick->length, &report, 0, after) == NONE;
+  return tick_with_events(tick->x, &segment, tick->length, report, trace, after);
+}
+
+/* The foreseen tick, whatever happens in it: 0 if it cannot be computed. */
+EXPORTED int tick_as_foreseen(const foreseen_t* tick, double* after) {
+  report_t report;
+  return make_foreseen(tick, &report, 0, after) == NONE;
+}
+
+/* The foreseen tick without events: 0 if there is one, or it cannot be computed. */
+EXPORTED int calm_tick(const foreseen_t* tick, calm_t* found) {
+  report_t report;
+  record_t record;
+  trace_t trace = {.records = &record, .most = 1};
+  if (make_foreseen(tick, &report, &trace, found->after) != NONE) return 0;
+  if (trace.count != 1 || record.calm == 0.0 || record.hit != 0.0 || report.time_stepped) return 0;
+  memcpy(found->p, &record.p, sizeof record.p);
+  memcpy(found->limit, record.limit, sizeof record.limit);
+  memcpy(found->begin, record.begin, sizeof record.begin);
+  memcpy(found->end, record.end, sizeof record.end);
+  return within_reach(found->after);
 }
 
 /* One traced tick: returns the number of segments, even if there was room for fewer, or -1. */
@@ -328,22 +347,4 @@ EXPORTED long long trace_tick(const real* x, const real* u, const real* p, doubl
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
   report->trouble = tick_with_events(x, &segment, h, report, &trace, after);
   return report->trouble == NONE ? trace.count : -1;
-}
-
-/* A tick without events: 0 if there is one, or it cannot be computed. */
-EXPORTED int calm_tick(calm_t* tick) {
-  memory_t memory;
-  report_t report = {0};
-  record_t record;
-  trace_t trace = {.records = &record, .most = 1};
-  segment_t segment;
-  begin_tick(&segment, tick->u, &memory);
-  memcpy(segment.p.tunable, tick->tunable, sizeof segment.p.tunable);
-  if (tick_with_events(tick->x, &segment, tick->length, &report, &trace, tick->after) != NONE) return 0;
-  if (trace.count != 1 || record.calm == 0.0 || record.hit != 0.0 || report.time_stepped) return 0;
-  memcpy(tick->p, &record.p, sizeof record.p);
-  memcpy(tick->limit, record.limit, sizeof record.limit);
-  memcpy(tick->begin, record.begin, sizeof record.begin);
-  memcpy(tick->end, record.end, sizeof record.end);
-  return within_reach(tick->after);
 }

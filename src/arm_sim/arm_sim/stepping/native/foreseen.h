@@ -72,7 +72,6 @@ __extension__ typedef struct {
 
 /* A tick without events, for derivatives: one smooth motion. */
 __extension__ typedef struct {
-  double x[NX], u[NU], tunable[NP], length; /* given: its beginning, command, parameters, and length */
   double p[NP + MODES], limit[NC]; /* its modes, and the fraction of its normal force up to which a contact sticks */
   double begin[NX], end[NX], after[NX]; /* the motion's ends, and the state after the tick, with closed contacts */
 } calm_t;
@@ -82,5 +81,5 @@ __extension__ typedef struct {
 typedef struct {
   void (*foresee)(foreseen_t* tick);
   int (*tick_as_foreseen)(const foreseen_t* tick, double* after);
-  int (*calm_tick)(calm_t* tick);
+  int (*calm_tick)(const foreseen_t* tick, calm_t* found);
 } engine_t;

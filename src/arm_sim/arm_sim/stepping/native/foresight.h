@@ -3,39 +3,16 @@
  * Ticks with events of LANES arms: functions of the motion without events are evaluated side by side, the logic of events
  * runs arm by arm.
  *
- * Before this file: arms.h, foreseen.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `actuate`, `step`, with
+ * Before this file: ticks.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `actuate`, `step`, with
  * MOVING `moving_step`, `rhs` and `loads`, and with contacts `contact_geometry`, `contact_inertia` and `contact_close`. With
  * CALM, where modes are those of sliding joints and of contacts alone, also STATIC, LOWEST and HIGHEST (levels of static
  * friction and stops, by joint).
  */
 
 #pragma once
-#include "arms.h"
-#include "foreseen.h"
+#include "ticks.h"
 
-#define MC (3 * NC)
 #define FEW (LANES / 4) /* lanes for which foreseeing takes longer than it saves */
-
-/* Store some numbers of each arm; those of lane j go to to + j * stride. */
-static void write_arms(double* to, long long stride, const real* from, int count) {
-  for (int j = 0; j < LANES; ++j)
-    for (int i = 0; i < count; ++i) to[j * stride + i] = LANE(from[i], j);
-}
-
-/* Nothing is foreseen, in no modes and for no end of the tick. */
-static void forget(foreseen_t* tick) {
-  tick->after[0] = __builtin_nan("");
-  tick->rests = tick->slides = tick->closes = 0;
-  for (int i = NP; i < NP + MODES; ++i) tick->p[i] = __builtin_nan("");
-}
-
-static void find_geometry(const real* x, real* found) {
-  real w[SZ_W];
-  casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG] = {x};
-  real* res[SZ_RES] = {found, found + MC, found + 2 * MC};
-  contact_geometry(arg, res, iw, w, 0);
-}
 
 static void find_loads(const real* x, const real* u, const real* p, real* found) {
   real w[SZ_W];
@@ -154,9 +131,7 @@ static int foresee_clear(const real* x, const real* u, const real* tunable, cons
   if (holds) *done = NX == 2 * NU ? *done && find_held(next, u, p) : 0.0 * *done;
   for (int j = 0; j < used; ++j) left += LANE(*done, j) == 0.0;
   if (!left) return 0;
-  write_arms(tick->after, stride, next, NX);
-  write_arms(tick->inside.slope[0], stride, inside, 3 * NX);
-  write_arms(tick->geometry_after, stride, after, PLACES);
+  write_steps(next, inside, after, tick);
   for (int j = 0; j < used; ++j)
     for (int i = NP; i < NP + MODES && LANE(clear, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
   return others;
@@ -181,10 +156,8 @@ static void foresee_guess(const real* x, const real* u, const real* h, const eng
   }
   read_arms(p, NP + MODES, tick->p, stride, of_lane);
   step_of_lanes(p, arg, res);
-  write_arms(tick->after, stride, next, NX);
-  write_arms(tick->inside.slope[0], stride, inside, 3 * NX);
   find_geometry(next, place);
-  write_arms(tick->geometry_after, stride, place, PLACES);
+  write_steps(next, inside, place, tick);
   if (rests) {
     res[0] = slope;
     rhs(arg, res, iw, w, 0);
@@ -216,7 +189,6 @@ static void foresee_guess(const real* x, const real* u, const real* h, const eng
  * arm that cannot be advanced, and the effective commands. */
 static void tick_of_lanes(const real* x, const real* r, const real* tunable, const real* h, int used, const engine_t* engine,
                           real* next, real* acted) {
-  const long long stride = sizeof(foreseen_t) / sizeof(double);
   foreseen_t tick[LANES];
   real place[PLACES], done = 0.0, w[SZ_W];
   casadi_int iw[SZ_IW];
@@ -224,15 +196,7 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
   real* res[SZ_RES] = {acted};
   int others = used, left = 0;
   actuate(arg, res, iw, w, 0);
-  find_geometry(x, place);
-  write_arms(tick->x, stride, x, NX);
-  write_arms(tick->u, stride, acted, NU);
-  write_arms(tick->p, stride, tunable, NP);
-  write_arms(tick->geometry, stride, place, PLACES);
-  for (int j = 0; j < LANES; ++j) {
-    tick[j].length = LANE(*h, j);
-    forget(tick + j);
-  }
+  begin_ticks(x, acted, tunable, h, tick, place);
 #ifdef CALM
   others = foresee_clear(x, acted, tunable, h, place, used, tick, next, &done);
 #endif

@@ -14,7 +14,8 @@
  * In a scene with events also EVENTS, NBEGIN and NEND (numbers of coefficients of the projections at the beginning and at the end
  * of a tick) and calm.h with what it requires; the generated `rest_begin` (x, u, p) -> those NBEGIN, `rest_end` (x, x at the end, p) -> those NEND,
  * `begin_at_rest` (columns dx -> dx) and `end_at_rest` (columns dx, dx at the end, dw -> dx at the end). Ticks without
- * events are differentiated then, in their modes; with MOVING by simpler functions of the same arguments where nothing is
+ * events are differentiated then, in their modes; with FORETELLS `advance` also returns the continuous output of the step,
+ * which the engine then need not make again; with MOVING by simpler functions of the same arguments where nothing is
  * held and nothing touches: `moving_advance`, `moving_carry`, `moving_back_q`, `moving_back_rest`.
  */
 
@@ -152,7 +153,11 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
     read_arms(par, NP, p, p_arm, of_lane);
 #ifdef EVENTS
     calm_lanes_t tick;
-    real rest[NBEGIN + 1], returning[NEND + 1];
+    foreseen_t begun[LANES];
+    real rest[NBEGIN + 1], returning[NEND + 1], place[PLACES + 1];
+#ifdef FORETELLS
+    real inside[3 * NX];
+#endif
     int calm[LANES], any = 1;
     for (int j = 0; j < LANES; ++j) {
       calm[j] = 1;
@@ -167,8 +172,23 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
       res[0] = u;
       res[1] = limits;
       acting(arg, res, iw, w, 0);
+      arg[0] = x;
+      arg[1] = u;
+      arg[2] = par;
+      arg[3] = &length;
+      res[0] = next;
+      res[1] = derivatives;
 #ifdef EVENTS
-      make_calm(x, u, par, h[0], engine, begins && !k, calm, &tick);
+      begin_ticks(x, u, par, &length, begun, place);
+#ifdef FORETELLS
+      foresee_modes(engine, begun, &tick);
+      arg[2] = tick.p;
+      for (int i = 0; i < 3; ++i) res[2 + i] = inside + i * NX;
+      IN_MODES(advance)(arg, res, iw, w, 0);
+      find_geometry(next, place);
+      write_steps(next, inside, place, begun);
+#endif
+      make_calm(begun, x, u, engine, begins && !k, calm, &tick);
       for (int j = any = 0; j < LANES; ++j) {
         any |= calm[j];
         if (calm[j]) done[of_lane[j]] = k + 1;
@@ -178,15 +198,9 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
       find_rest(u, &tick, rest, returning);
       arg[0] = tick.begin;
       arg[2] = tick.p;
-#else
-      arg[0] = x;
-      arg[2] = par;
+      if (!tick.foreseen)
 #endif
-      arg[1] = u;
-      arg[3] = &length;
-      res[0] = next;
-      res[1] = derivatives;
-      IN_MODES(advance)(arg, res, iw, w, 0);
+        IN_MODES(advance)(arg, res, iw, w, 0);
 #ifdef EVENTS
       const int by_rows = unit && !k && !tick.held;
       memcpy(next, tick.after, sizeof next);
@@ -244,16 +258,10 @@ EXPORTED void carry_step(const double* x, const double* u, const double* p, cons
   real w[SZ_W], derivatives[NSTEP];
   column rows[NX + NU + NT + 1], moved[NX];
   casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG];
-  real* res[SZ_RES];
+  const real* arg[SZ_ARG] = {x, u, p, h};
+  real* res[SZ_RES] = {after, derivatives};
   const long long alone[1] = {0};
   const column* parts[3] = {rows, rows + NX, rows + NX + NU + NT};
-  arg[0] = x;
-  arg[1] = u;
-  arg[2] = p;
-  arg[3] = h;
-  res[0] = after;
-  res[1] = derivatives;
   advance(arg, res, iw, w, 0);
   for (long long c = 0; c < count; c += WIDTH) {
     take(rows, given, alone, 0, NX + NU + NT + 1, count, c);

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Ticks of LANES arms for the engine of one arm: what is given, and steps that it need not make again.
+ *
+ * Required definitions: arms.h, foreseen.h; with contacts the generated `contact_geometry`.
+ */
+
+#pragma once
+#include "arms.h"
+#include "foreseen.h"
+
+#define MC (3 * NC)
+
+static inline void find_geometry(const real* x, real* found) {
+  real w[SZ_W];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG] = {x};
+  real* res[SZ_RES] = {found, found + MC, found + 2 * MC};
+  contact_geometry(arg, res, iw, w, 0);
+}
+
+/* Beginnings of ticks of length h from x under commands that act. Nothing is foreseen, in no modes and for no end of the
+ * tick; `place` receives where the contacts are. */
+static inline void begin_ticks(const real* x, const real* u, const real* tunable, const real* h, foreseen_t* tick, real* place) {
+  const long long stride = sizeof(foreseen_t) / sizeof(double);
+  find_geometry(x, place);
+  write_arms(tick->x, stride, x, NX);
+  write_arms(tick->u, stride, u, NU);
+  write_arms(tick->p, stride, tunable, NP);
+  write_arms(tick->geometry, stride, place, PLACES);
+  for (int j = 0; j < LANES; ++j) {
+    tick[j].length = LANE(*h, j);
+    tick[j].after[0] = __builtin_nan("");
+    tick[j].rests = tick[j].slides = tick[j].closes = 0;
+    for (int i = NP; i < NP + MODES; ++i) tick[j].p[i] = __builtin_nan("");
+  }
+}
+
+/* Steps from the beginnings of ticks, with their continuous output and where the contacts are after them. */
+static inline void write_steps(const real* next, const real* inside, const real* place, foreseen_t* tick) {
+  const long long stride = sizeof(foreseen_t) / sizeof(double);
+  write_arms(tick->after, stride, next, NX);
+  write_arms(tick->inside.slope[0], stride, inside, 3 * NX);
+  write_arms(tick->geometry_after, stride, place, PLACES);
+}
