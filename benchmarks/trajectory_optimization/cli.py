@@ -18,9 +18,16 @@ from benchmarks.measurement.intervals import of_median
 from benchmarks.measurement.timing import Job, Noise, interleaved
 from benchmarks.reporting.markdown import table
 from benchmarks.robots.models import panda
-from benchmarks.trajectory_optimization.problem import FRICTION, MOTORS, Problem
+from benchmarks.trajectory_optimization.problem import (
+    DRY,
+    FRICTION,
+    MOTORS,
+    SMOOTHING,
+    Problem,
+)
 
 OURS, RIGID = "`ILQR`, motors and friction in the model", "`ILQR`, the rigid arm alone"
+ROUGH = "`ILQR`, motors and dry friction in the model"
 SOLVERS = {"SolverDDP": "Crocoddyl, DDP", "SolverBoxDDP": "Crocoddyl, DDP with limits"}
 THERE = Path(__file__).with_name("crocoddyl_side.py")
 
@@ -36,10 +43,11 @@ THERE = Path(__file__).with_name("crocoddyl_side.py")
 def main(python: str | None, repeats: int, out: Path) -> None:
     """Time an iteration of iLQR on a Panda, 100 nodes of 10 ms, next to Crocoddyl's DDP."""
     full = Problem(panda(), {"actuator": MOTORS, "friction": FRICTION})
+    rough = Problem(panda(), {"actuator": MOTORS, "friction": DRY}, SMOOTHING)
     rigid = Problem(panda(), {})
-    jobs: dict[str, Job] = {OURS: full.iteration, RIGID: rigid.iteration}
-    noise = Noise()
-    for name, problem in ((OURS, full), (RIGID, rigid)):
+    ours, noise = {OURS: full, ROUGH: rough, RIGID: rigid}, Noise()
+    jobs: dict[str, Job] = {name: problem.iteration for name, problem in ours.items()}
+    for name, problem in ours.items():
         done = problem.solve()  # compiles
         click.echo(f"{name}: cost {done.costs[0]:.4f} -> {done.cost:.4f} in "
                    f"{len(done.costs) - 1} iterations")  # fmt: skip
@@ -50,10 +58,10 @@ def main(python: str | None, repeats: int, out: Path) -> None:
         for name, c in measured.items()
     ]) + "\n")  # fmt: skip
     found = {}
-    for ours in (OURS, RIGID):
+    for name in ours:
         for other in others:
-            ratio = np.array(measured[ours].samples) / np.array(measured[other].samples)
-            found[f"{ours} ÷ {other}"] = [float(np.median(ratio)), *of_median(ratio.tolist())]
+            ratio = np.array(measured[name].samples) / np.array(measured[other].samples)
+            found[f"{name} ÷ {other}"] = [float(np.median(ratio)), *of_median(ratio.tolist())]
     click.echo(table(("ratio, within each round", "median", "95 % interval"), [
         (name, f"{m:.2f}", f"{low:.2f} – {high:.2f}") for name, (m, low, high) in found.items()
     ]) + "\n")  # fmt: skip

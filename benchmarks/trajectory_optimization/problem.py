@@ -19,6 +19,7 @@ NODES, DT, ITERATIONS = 100, 0.01, 3  # after which there is nothing left to imp
 WEIGHTS = {"position": 1.0, "velocity": 0.1, "effort": 1e-3, "last": 1e3}
 MOTORS = {"command": "torque", "gear_ratio": 100, "rotor_inertia": 2e-5, "rotor_damping": 1e-5}
 FRICTION = {"viscous": 0.5}
+DRY, SMOOTHING = {"viscous": 0.5, "coulomb": 0.8}, 0.1
 LIMIT = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # [N m]
 
 
@@ -29,10 +30,12 @@ class Problem:
     Attributes:
         robot: The arm.
         features: What of a scene's joints is in the model beside the rigid arm.
+        smoothing: As for ``ILQR``.
     """
 
     robot: Robot
     features: dict[str, Any]
+    smoothing: float | None = None
 
     @property
     def goal(self) -> np.ndarray:
@@ -67,7 +70,10 @@ class Problem:
             np.tile(self.goal, (NODES + 1, 1)), states, np.zeros((NODES, n)), efforts
         )
         phases = [Phase(self.simulator, NODES)]
-        return ILQR(phases, cost, low=-LIMIT, high=LIMIT, tolerance=0.0, threads=1)
+        return ILQR(
+            phases, cost, low=-LIMIT, high=LIMIT, tolerance=0.0, threads=1,
+            smoothing=self.smoothing,
+        )  # fmt: skip
 
     def solve(self, iterations: int = ITERATIONS) -> Trajectory:
         """Improve the guess so many times."""

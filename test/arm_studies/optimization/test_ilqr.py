@@ -167,15 +167,56 @@ def test_arms_that_meet_a_stop_are_simulated_with_it() -> None:
     assert made.x[:, 0].max() <= q[0] + 0.2 and sim.impacts > 0
 
 
-def test_a_joint_that_rests_at_its_stop_is_refused_with_a_way_out() -> None:
+def test_a_guess_that_rests_at_a_stop_is_improved() -> None:
     scene = load_scene("two_link").model_dump(exclude_unset=True)
     q = Simulator(scene).arm.x[:2]
     stops = {"lower": q[0], "upper": q[0] + 1.0}
     scene["joints"] = {Simulator(scene).joint_names[0]: {"limits": stops}}
     sim = Simulator(scene, integrator="rk4", dt=DT)
-    optimizer = ILQR([Phase(sim, NODES)], to_goal(sim, goal_of(sim)))
-    with pytest.raises(NotDifferentiable, match="cannot be improved: .*without stops"):
-        optimizer.solve(sim.arm.x, np.tile([-5.0, 0.0], (NODES, 1)))
+    cost, guess = to_goal(sim, goal_of(sim)), np.tile([-5.0, 0.0], (NODES, 1))
+    best = ILQR([Phase(sim, NODES)], cost).solve(sim.arm.x, guess, iterations=10)
+    assert best.cost < 0.2 * best.costs[0] and best.x[:, 0].min() == q[0]
+
+
+def dry_arm() -> tuple[Simulator, np.ndarray]:
+    """An arm with dry friction, and commands under which it stays at rest."""
+    sim = arm(friction={"viscous": 0.1, "coulomb": 0.4, "static": 0.6})
+    return sim, np.tile(sim.dynamics.gravity(sim.arm.x[: sim.n]), (NODES, 1))
+
+
+def test_with_dry_friction_no_motion_nearby_is_better_at_the_end(rng: np.random.Generator) -> None:
+    sim, still = dry_arm()
+    cost, phases = to_goal(sim, goal_of(sim)), [Phase(sim, NODES)]
+    rough = ILQR(phases, cost, smoothing=0.1).solve(sim.arm.x, still)
+    optimizer = ILQR(phases, cost, tolerance=1e-13)
+    best = optimizer.solve(sim.arm.x, rough.u)
+    assert best.cost <= rough.cost < 0.3 * rough.costs[0]
+    for way in rng.normal(size=(20, *best.u.shape)):
+        near = [optimizer.start(sim.arm.x, best.u + h * way).cost for h in (-1e-4, 1e-4)]
+        assert min(near) > best.cost * (1.0 - 1e-9)
+
+
+def test_a_joint_that_friction_holds_needs_smooth_derivatives() -> None:
+    sim, still = dry_arm()
+    cost, phases = to_goal(sim, goal_of(sim)), [Phase(sim, NODES)]
+    held = ILQR(phases, cost).solve(sim.arm.x, still)
+    moved = ILQR(phases, cost, smoothing=0.1).solve(sim.arm.x, still)
+    assert (held.x == held.x[0]).all() and held.verdict == "stuck"
+    assert moved.cost < 0.3 * held.cost
+
+
+def test_derivatives_along_a_motion_are_those_on_its_own_side() -> None:
+    sim, still = dry_arm()
+    x, u, n, h = sim.arm.x[None], still[:1] + [5.0, -3.0], sim.n, 1e-7
+    linearizer = sim.arm.compiled.derivatives.linearizer()
+    with pytest.raises(NotDifferentiable, match="boundary between two modes at the beginning"):
+        linearizer.many(x, u, 1, threads=1, lanes=1)
+    slope = linearizer.along(x, u, threads=1)[0]
+    q, v, ends = x[:, :n], x[:, n:], []
+    for push in (0.0, h):  # of the joint that breaks away, ahead
+        ends.append(sim.rollout(q, v + [push, 0.0], u[0], 1, last_only=True)[0])
+    assert ends[0][n] > 0.0
+    assert_close(slope[:, n], (ends[1] - ends[0]) / h, 1e-6)
 
 
 def test_what_is_refused() -> None:
@@ -185,6 +226,10 @@ def test_what_is_refused() -> None:
         ILQR([], cost)
     with pytest.raises(InvalidInput, match="same joints"):
         ILQR([Phase(sim, 5), Phase(arm("pendulum"), 5)], cost)
+    with pytest.raises(InvalidInput, match="smoothing is 0.0; allowed: a positive speed"):
+        ILQR([Phase(sim, 5)], cost, smoothing=0.0)
+    with pytest.raises(InvalidInput, match="the arm has contacts"):
+        ILQR([Phase(Simulator("panda_table"), 5)], cost, smoothing=0.1)
     with pytest.raises(InvalidInput, match="low is above high"):
         ILQR([Phase(sim, 5)], cost, low=1.0, high=-1.0)
     with pytest.raises(InvalidInput, match=r"high has shape \(3,\)"):

@@ -67,8 +67,8 @@ class Guards:
         slopes = ca.jacobian(values, x), by_w
         arguments = [x, u, p, limit]
         results = [values, sizes, rates, watched]
-        self._values = ca.Function("guards", arguments, results, {"cse": True})
-        self._slopes = ca.Function("slopes", arguments, list(slopes), {"cse": True})
+        self._values = ca.Function("guards", arguments, results).expand("guards", {"cse": True})
+        self._slopes = ca.Function("slopes", arguments, slopes).expand("slopes", {"cse": True})
 
     def zero(self, x: Array, u: Array, modes: Modes, limit: Array, h: float) -> list[int]:
         """Active guards that are zero, or pass zero within an instant, in a tick ``h``.

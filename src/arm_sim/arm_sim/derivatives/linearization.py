@@ -73,6 +73,7 @@ class Linearizer:
         results = [u, ca.jacobian(u, x), ca.jacobian(u, r)]
         self._actuation = ca.Function("actuation", [x, r], results)
         self.kinks = Kinks(plant)
+        self._of_smoothed = dict[float, Tangents]()
 
     def __call__(self, x: Array, r: Array, ticks: int, side: int | None = None) -> Array:
         """Differentiate ``ticks`` ticks from ``x`` under the held command ``r``.
@@ -131,6 +132,46 @@ class Linearizer:
         for arm in alone:
             with _naming(arm, len(x)):
                 *_, slopes[arm] = self._alone(arms, arm, side)
+        return slopes
+
+    def along(self, x: Array, r: Array, threads: int | None) -> Array:
+        """Derivatives of ticks of one motion, each from a state in which the one before ends.
+
+        Ticks that have no derivative because they begin or end on the boundary of a mode, such as
+        one in which a joint breaks away, are given that of the motion's own modes: the one-sided
+        derivative in the direction in which the arm moves.
+
+        Args:
+            x: States, shape (b, nx).
+            r: Commands, shape (b, n).
+            threads: Cores to use; None for all.
+
+        Returns:
+            As ``many``.
+
+        Raises:
+            SimulationDiverged: If a tick cannot be computed.
+            NotDifferentiable: If there is no such derivative either, as where a motion grazes.
+        """
+        if not (fast := self._compiled):
+            return self.many(x, r, 1, threads, None)
+        p = self._stepper.p
+        _, slopes, alone = fast.slopes(x, r, p, 1, threads, None, begins=False)
+        for arm in self._one_by_one(alone, x, r[:, None], 1):
+            place, control = TickPoint(x[arm], r[arm], p), self.control()
+            with _naming(arm, len(x)):
+                try:
+                    slopes[arm] = self.differentiated(place, control, True, begins=False)[1]
+                except NotDifferentiable:
+                    slopes[arm] = self.differentiated(place, control, False, begins=False)[1]
+        return slopes
+
+    def smoothed(self, x: Array, r: Array, speed: float, threads: int | None) -> Array:
+        """As ``along``, of the arm with smooth friction and without stops: ``Plant.smoothed``."""
+        if speed not in self._of_smoothed:
+            plant = self._plant.smoothed(speed)
+            self._of_smoothed[speed] = Tangents(plant, self._choice, self._backend, self._tuned)
+        _, slopes, _ = self._of_smoothed[speed].slopes(x, r, self._stepper.p, 1, threads, None)
         return slopes
 
     def _unit_columns(self, x: Array, r: Array, p: Array, ticks: int) -> Arms:

@@ -34,6 +34,7 @@ class Mechanics:
         stops: Whether joints may be at their stops, and comparisons are modes.
         drives: Symbols of the drives' modes.
         moving: Whether all joints slide and nothing touches, whatever the modes.
+        smoothing: As for ``Joints``.
 
     Attributes:
         symbols: Symbols of the expressions.
@@ -58,12 +59,14 @@ class Mechanics:
         stops: bool,
         drives: ca.SX,
         moving: bool = False,
+        smoothing: float = 0.0,
     ) -> None:
         if model.n > DENSE_AT_MOST and stops:
             _log.info("generating the equations of %d joints", model.n)
         self.symbols = s = Symbols(model, parameters, stops)
         cords = s.cords.modes if s.cords else ca.SX(0, 1)
-        self.joints = joints = Joints(model, s, stops, ca.vertcat(cords, drives), moving)
+        switches = ca.vertcat(cords, drives)
+        self.joints = joints = Joints(model, s, stops, switches, moving, smoothing)
         self.contact: ContactFunctions | None = None
         self.loads: tuple[ca.Function, ...] = ()
         self.of_joints: tuple[ca.Function, ...] = ()

@@ -121,10 +121,24 @@ class Plant:
 
         The modes in p are the same; those of sticking and touching do nothing.
         """
+        return self._moving(f"{self.variant} in motion")
+
+    def smoothed(self, speed: float) -> Plant:
+        """The same arm with dry friction of the smooth direction v / √(v² + speed²).
+
+        For derivatives that do not vanish where friction holds a joint. Its motion has no events:
+        nothing sticks or touches, and joints pass their stops.
+        """
+        away = Plant(self.model, stops=False)
+        other = away._moving(f"{away.variant} smoothed over {speed!r}", smoothing=speed)
+        other.eventful = False
+        return other
+
+    def _moving(self, variant: str, smoothing: float = 0.0) -> Plant:
         other = copy(self)
-        other.variant += " in motion"
-        other.moving = True
-        other._mechanics = cache(one_at_a_time(partial(self._make_mechanics, moving=True)))
+        other.variant, other.moving = variant, True
+        make = partial(self._make_mechanics, moving=True, smoothing=smoothing)
+        other._mechanics = cache(one_at_a_time(make))
         other._compose(self.laws, self._powers)
         return other
 

@@ -63,6 +63,7 @@ class Joints:
         stops: Whether joints may be at their stops.
         switches: Symbols of the modes of drives and cords.
         moving: Whether all joints slide, whatever their modes.
+        smoothing: Speed s of v / √(v² + s²) in place of the sliding direction; 0: it is a mode.
 
     Attributes:
         direction: Symbols: -1 or 1 for sliding, 0 for sticking or being held by a rigid stop;
@@ -85,6 +86,7 @@ class Joints:
         stops: bool = True,
         switches: ca.SX | None = None,
         moving: bool = False,
+        smoothing: float = 0.0,
     ) -> None:
         n, contacts = model.n, len(model.scene.contacts)
         rigid = model.stops.rigid.any(axis=0) & stops
@@ -99,7 +101,8 @@ class Joints:
             may = (model.friction.level > 0.0) | rigid
             self.sliding = ca.vertcat(*(self.direction[i] ** 2 if may[i] else 1 for i in range(n)))
         if model.has_dry_friction:
-            self.friction = ca.sparsify(model.friction.dry(s.v, self.direction, s.q, s.tau))
+            slides = s.v / ca.sqrt(s.v**2 + smoothing**2) if smoothing else self.direction
+            self.friction = ca.sparsify(model.friction.dry(s.v, slides, s.q, s.tau))
         if pressed:
             at = model.stops
             self.pressures = spring.stop_pressures(s.q, s.v, at.place, at.stiffness, at.damping)

@@ -255,51 +255,65 @@ class Rollouts:
         controlled, eventful = self._choice.tolerance is not None, self._smooth.eventful
         if width == 1 and (controlled or eventful):
             return None
-        smooth = self._of_attempts if controlled else self._of_ticks
+        write = self._of_attempts if controlled and not eventful else self._of_ticks
         more = (self._control is not None) + eventful
         types = [*BEGINNING, ADDRESS, ctypes.c_int, *[ADDRESS] * (1 + more)]
-        return built_of_lanes(self._of_events if eventful else smooth, width, "rollout", types)
+        return built_of_lanes(write, width, "rollout", types)
 
     def _of_ticks(self, width: int) -> str:
-        plant = self._smooth
-        tick = build_tick(smooth_motion(plant, self._choice), actuation(plant, self._control))
-        return self._source(width, [tick], {"TICK": "tick"}, "rollout.c", {"foresight.h"})
-
-    def _of_events(self, width: int) -> str:
-        plant, choice = self._plant, self._choice
-        step, actuate = smooth_motion(plant, choice), actuation(plant, self._control)
-        asked = [function for function in plant.events if function.name() in FORESEEN]
-        functions = [plant.rhs, step, actuate, *asked]
-        more = {"EVENTS": "1"} | mode_sizes(plant)
-        if plant.points:
-            functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
-            more["MOVING"] = "1"
-        if not (plant.constrained or plant.pressed or plant.switches):
-            more |= {"CALM": "1", "STATIC": braces(plant.model.friction.level)}
-            more |= stop_places(plant)
-        return self._source(width, functions, more, "rollout.c")
+        plant = self._plant if self._smooth.eventful else self._smooth
+        return ticks_of_lanes(plant, self._choice, width, "rollout.c", self._control)
 
     def _of_attempts(self, width: int) -> str:
         plant, choice = self._smooth, self._choice
         functions = [smooth_motion(plant, choice), actuation(plant, self._control)]
         more = error_control(plant, choice) | {"TOLERANCE": repr(choice.tolerance)}
-        return self._source(width, functions, more, "controlled_rollout.c")
+        file = "controlled_rollout.c"
+        return _source(plant, width, functions, more | stop_defines(plant), file, self._control)
 
-    def _source(
-        self,
-        width: int,
-        functions: list[ca.Function],
-        more: dict[str, str],
-        file: str,
-        without: Collection[str] = (),
-    ) -> str:
-        stops = {} if self._smooth.eventful else stop_defines(self._smooth)
-        defines = sizes(self._smooth, functions) | more | stops
-        if self._control is not None:
-            defines["NR"] = str(self._control.law.size1_in(1))
-        if not stops:
-            without = {"stops.h", *without}
-        return of_lanes(generate(functions), width) + source(defines, file, without)
+
+def ticks_of_lanes(
+    plant: Plant, choice: Choice, width: int, file: str, control: CompiledControl | None = None
+) -> str:
+    """C of ticks of arms side by side, with what lanes ask for where there are events.
+
+    Args:
+        plant: Their equations, away from stops where these are all that causes events.
+        choice: Method and tick.
+        width: Number of arms.
+        file: Of ``native``, what calls the ticks, or headers that it needs.
+        control: Controller to compile in, if any.
+    """
+    motion, actuate = smooth_motion(plant, choice), actuation(plant, control)
+    if not plant.eventful:
+        more, without = {"TICK": "tick"} | stop_defines(plant), {"foresight.h"}
+        return _source(plant, width, [build_tick(motion, actuate)], more, file, control, without)
+    asked = [function for function in plant.events if function.name() in FORESEEN]
+    functions, more = [plant.rhs, motion, actuate, *asked], {"EVENTS": "1"} | mode_sizes(plant)
+    if plant.points:
+        functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
+        more["MOVING"] = "1"
+    if not (plant.constrained or plant.pressed or plant.switches):
+        more |= {"CALM": "1", "STATIC": braces(plant.model.friction.level)}
+        more |= stop_places(plant)
+    return _source(plant, width, functions, more, file, control)
+
+
+def _source(
+    plant: Plant,
+    width: int,
+    functions: list[ca.Function],
+    more: dict[str, str],
+    file: str,
+    control: CompiledControl | None,
+    without: Collection[str] = (),
+) -> str:
+    defines = sizes(plant, functions) | more
+    if control is not None:
+        defines["NR"] = str(control.law.size1_in(1))
+    if "STOPS" not in defines:
+        without = {"stops.h", *without}
+    return of_lanes(generate(functions), width) + source(defines, file, without)
 
 
 def alike(plant: Plant, choice: Choice) -> bool:

@@ -10,24 +10,21 @@ from functools import cached_property
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.kernel import generate
-from arm_sim.integrators import build_step, build_tick
-from arm_sim.plant.actuation import actuation
+from arm_sim.plant.plant import Plant
 from arm_sim.simulator import Simulator
 from arm_sim.stepping import Stepper
 from arm_sim.stepping.rollout import (
     ADDRESS,
     NUMBER,
-    alike,
+    Engine,
     built_of_lanes,
     marked,
     marks,
-    of_lanes,
-    stop_defines,
     strides,
+    ticks_of_lanes,
     widths,
 )
-from arm_sim.stepping.stepper import address, sizes, source
+from arm_sim.stepping.stepper import address
 from arm_studies.optimization.backward import NATIVE, Policy
 
 
@@ -92,6 +89,7 @@ class Forward:
         library.follow(
             *map(address, given), len(course.u), len(size),
             address(x), *strides(x, 1), address(u), *strides(u, 1), met,
+            *([] if self._engine is None else [ctypes.byref(self._engine)]),
         )  # fmt: skip
         return marked(met)
 
@@ -116,21 +114,29 @@ class Forward:
         return self._simulator.arm.compiled.stepper.twin()
 
     @cached_property
+    def _engine(self) -> Engine | None:
+        """In a scene with events, what arms in lanes ask; it has its own memory."""
+        return Engine.of(self._stepper) if self._ticking.eventful else None
+
+    @property
+    def _ticking(self) -> Plant:
+        """The equations in lanes: away from stops, if those are all that causes events."""
+        return self._plant.free or self._plant
+
+    @cached_property
     def _library(self) -> ctypes.CDLL | None:
         """Compiled code for the widest registers; None where arms are simulated alone."""
-        if self._simulator.arm.compiled.backend == "vm" or not alike(self._plant, self._choice):
+        alone = self._choice.tolerance is not None or (self._plant.free and self._plant.switches)
+        if alone or self._simulator.arm.compiled.backend == "vm":
             return None
         types = [*[ADDRESS] * 9, NUMBER, NUMBER, ADDRESS, NUMBER, ADDRESS, NUMBER, ADDRESS]
+        if self._engine:
+            types.append(ADDRESS)
         built = (built_of_lanes(self._source, width, "follow", types) for width in widths(None))
         return next((library for library in built if library is not None), None)
 
     def _source(self, width: int) -> str:
-        plant = self._plant.free or self._plant
-        method, scaled = self._choice.method, plant.scaled_jacobian
-        step = build_step(method, plant.rhs, plant.model.n, plant.project, scaled)
-        tick = build_tick(step, actuation(plant))
-        stops = stop_defines(plant)
-        defines = sizes(plant, [tick]) | {"TICK": "tick"} | stops
-        code = of_lanes(generate([tick]), width)
-        code += source(defines, "arms.h", () if stops else ("stops.h",))
+        plant = self._ticking
+        headers = "foresight.h" if plant.eventful else "arms.h"
+        code = ticks_of_lanes(plant, self._choice, width, headers)
         return code + (NATIVE / "forward.c").read_text()

@@ -85,9 +85,14 @@ class ILQR:
         high: Upper command limits, likewise.
         tolerance: Relative reduction of the cost below which to stop.
         threads: Number of threads for derivatives; None for all cores.
+        smoothing: With a speed in [rad/s] or [m/s], derivatives are those of an arm whose dry
+            friction has the direction v / √(v² + smoothing²) and that has no stops; motions are
+            those of the arm itself. With None they are those of its motion, in which a joint that
+            friction holds does not respond to its command.
 
     Raises:
-        InvalidInput: If the phases do not match, or limits leave no admissible command.
+        InvalidInput: If the phases do not match, limits leave no admissible command, or
+            ``smoothing`` is not positive, or given for an arm with contacts.
 
     Example:
         >>> optimizer = ILQR([Phase(sim, 100)], cost)
@@ -103,10 +108,12 @@ class ILQR:
         high: ArrayLike | None = None,
         tolerance: float = 1e-6,
         threads: int | None = None,
+        smoothing: float | None = None,
     ) -> None:
         self._phases, self.cost = tuple(phases), cost
         self._tolerance, self._threads = tolerance, threads
         _check(self._phases)
+        self._smoothing = _smoothing(smoothing, self._phases)
         self._forward = [Forward(phase.simulator) for phase in phases]
         ends = np.cumsum([0, *(phase.nodes for phase in phases)]).tolist()
         self._parts = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
@@ -220,13 +227,16 @@ class ILQR:
         parts = []
         for phase, part in zip(self._phases, self._parts, strict=True):
             linearizer = phase.simulator.arm.compiled.derivatives.linearizer()
+            x, u, width, threads = at.x[part], at.u[part], self._smoothing, self._threads
             try:
-                parts.append(linearizer.many(at.x[part], at.u[part], 1, self._threads, None))
+                parts.append(
+                    linearizer.along(x, u, threads) if width is None
+                    else linearizer.smoothed(x, u, width, threads)
+                )  # fmt: skip
             except NotDifferentiable as error:
                 raise NotDifferentiable(
                     f"the trajectory cannot be improved: {error} (arms are the nodes of a phase, "
-                    f"here from node {part.start} on); allowed: motions that do not rest at stops "
-                    "or stick, or scenes without stops and dry friction"
+                    f"here from node {part.start} on); allowed: another guess, or smoothing"
                 ) from None
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
@@ -281,6 +291,19 @@ def _check(phases: tuple[Phase, ...]) -> None:
     if len(set(sizes)) > 1:
         raise InvalidInput(f"phases have states of {[size[0] for size in sizes]} numbers; arms of "
                            "the same joints and states are expected")  # fmt: skip
+
+
+def _smoothing(given: float | None, phases: tuple[Phase, ...]) -> float | None:
+    if given is None:
+        return None
+    speed = float(given)
+    if not (speed > 0.0 and np.isfinite(speed)):
+        raise InvalidInput(f"smoothing is {given!r}; allowed: a positive speed in rad/s or m/s")
+    if any(phase.simulator.arm.plant.points for phase in phases):
+        raise InvalidInput(
+            f"smoothing is {speed:g}, but the arm has contacts, which it leaves out; allowed: None"
+        )
+    return speed
 
 
 def _size(simulator: Simulator) -> tuple[int, tuple[str, ...]]:

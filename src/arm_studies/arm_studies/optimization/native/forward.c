@@ -6,6 +6,7 @@
  */
 #ifndef NX /* read alone, as editors do */
 #include "../../../../arm_sim/arm_sim/stepping/native/arms.h"
+#include "../../../../arm_sim/arm_sim/stepping/native/foresight.h"
 #endif
 
 /* Simulate arms over `nodes` ticks under u + size k + K (x' - x), within limits.
@@ -17,10 +18,11 @@
  * out:        states; that of arm i at a node at out + i * out_arm + node * NX. The first is an input.
  * used:       receives commands, likewise, of NU numbers.
  * met:        set to 1 for an arm that meets a stop; its states are invalid from there on.
+ * engine:     in a scene with events, that of one arm.
  */
 EXPORTED void follow(const double* x, const double* u, const double* k, const double* K, const double* low, const double* high,
                      const double* sizes, const double* p, const double* h, long long nodes, long long arms, double* out,
-                     long long out_arm, double* used, long long used_arm, signed char* met) {
+                     long long out_arm, double* used, long long used_arm, signed char* met WITH_ENGINE) {
   const real length = h[0];
   for (long long arm = 0; arm < arms; arm += LANES) {
     real now[NX], next[NX], off[NX], r[NU], acted[NU], par[NP + 1], size[1], w[SZ_W];
@@ -41,6 +43,9 @@ EXPORTED void follow(const double* x, const double* u, const double* k, const do
         for (int j = 0; j < NX; ++j) r[i] = r[i] + off[j] * K[row * NX + j];
         r[i] = fmin(fmax(r[i], bottom), top);
       }
+#ifdef EVENTS
+      tick_of_lanes(now, r, par, &length, arms - arm < LANES ? (int)(arms - arm) : LANES, engine, next, acted);
+#else
       arg[0] = now;
       arg[1] = r;
       arg[2] = par;
@@ -48,6 +53,7 @@ EXPORTED void follow(const double* x, const double* u, const double* k, const do
       res[0] = next;
       res[1] = acted;
       TICK(arg, res, iw, w, 0);
+#endif
       for (int j = 0; j < LANES && arm + j < arms; ++j) {
         for (int i = 0; i < NX; ++i) out[(arm + j) * out_arm + (node + 1) * NX + i] = LANE(next[i], j);
         for (int i = 0; i < NU; ++i) used[(arm + j) * used_arm + node * NU + i] = LANE(r[i], j);
