@@ -54,6 +54,11 @@ class Forward:
         self._simulator = simulator
         self._plant, self._choice = simulator.arm.plant, simulator.choice
 
+    @property
+    def eventful(self) -> bool:
+        """Whether ticks of arms in lanes may have events."""
+        return self._ticking.eventful
+
     def prepare(self) -> None:
         """Compile what arms side by side need, unless that is done."""
         _ = self._library
@@ -116,7 +121,7 @@ class Forward:
     @cached_property
     def _engine(self) -> Engine | None:
         """In a scene with events, what arms in lanes ask; it has its own memory."""
-        return Engine.of(self._stepper) if self._ticking.eventful else None
+        return Engine.of(self._stepper) if self.eventful else None
 
     @property
     def _ticking(self) -> Plant:

@@ -4,8 +4,8 @@
 Trajectories are improved by differential dynamic programming without second derivatives of the
 steps: Li and Todorov, "Iterative linear quadratic regulator design for nonlinear biological
 movement systems", ICINCO 2004. Limits are enforced in the backward pass (Tassa, Mansard and
-Todorov, "Control-limited differential dynamic programming", ICRA 2014). All step sizes are tried
-at once, each by an arm in a SIMD lane.
+Todorov, "Control-limited differential dynamic programming", ICRA 2014). Step sizes are tried at
+once, each by an arm in a SIMD lane.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ from arm_studies.optimization.forward import Course, Forward
 
 SIZES: Final[Array] = np.array([0.5**k for k in range(8)])
 """Step sizes that are tried."""
+AT_ONCE: Final = 2
+"""Of them at once, where arms have events, which are located arm by arm."""
 FIRST, FACTOR, LEAST, MOST = 1e-2, 5.0, 1e-8, 1e8
 """Regularization: initial value, factor, value below which it is zero, value above which to
 stop."""
@@ -115,6 +117,7 @@ class ILQR:
         _check(self._phases)
         self._smoothing = _smoothing(smoothing, self._phases)
         self._forward = [Forward(phase.simulator) for phase in phases]
+        self._eventful = any(forward.eventful for forward in self._forward)
         ends = np.cumsum([0, *(phase.nodes for phase in phases)]).tolist()
         self._parts = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
         first = self._phases[0].simulator
@@ -180,8 +183,8 @@ class ILQR:
         low, high, damping = self._low - old.u, self._high - old.u, old.damping
         while damping <= MOST:
             policy = backward(slopes, expansion, low, high, damping)
-            made = self._step(old, policy, SIZES) if policy else None
-            if made is not None and made.cost < old.cost:
+            made = self._line_search(old, policy) if policy else None
+            if made is not None:
                 less = damping / FACTOR if damping > LEAST else 0.0
                 small = old.cost - made.cost <= self._tolerance * abs(old.cost)
                 done = "converged" if small and damping <= FIRST else ""
@@ -239,6 +242,15 @@ class ILQR:
                     f"here from node {part.start} on); allowed: another guess, or smoothing"
                 ) from None
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def _line_search(self, old: Trajectory, policy: Policy) -> Trajectory | None:
+        """The best of the motions of a policy, or of the first that are better; None if none is."""
+        count = AT_ONCE if self._eventful else len(SIZES)
+        for first in range(0, len(SIZES), count):
+            made = self._step(old, policy, SIZES[first : first + count])
+            if made is not None and made.cost < old.cost:
+                return made
+        return None
 
     def _step(
         self, old: Trajectory, policy: Policy, sizes: Array, x0: Array | None = None

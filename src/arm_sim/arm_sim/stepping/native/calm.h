@@ -56,8 +56,8 @@ static void foresee_modes(const engine_t* engine, foreseen_t* tick, calm_lanes_t
 
 /* Whether a motion begins with the foreseen numbers: it then is the foreseen one. */
 static int is_as_foreseen(const foreseen_t* tick, const calm_t* made) {
-  return !memcmp(tick->x, made->begin, sizeof tick->x) && !memcmp(tick->p, made->p, sizeof tick->p) &&
-         !memcmp(tick->after, made->end, sizeof tick->after);
+  return !memcmp(tick->x, made->begin, sizeof tick->x) && !memcmp(tick->p, made->p, sizeof tick->p)
+         && !memcmp(tick->after, made->end, sizeof tick->after);
 }
 
 /* Margins to boundaries between modes of a state in the tick. */

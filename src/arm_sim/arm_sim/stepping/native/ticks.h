@@ -21,7 +21,8 @@ static inline void find_geometry(const real* x, real* found) {
 
 /* Beginnings of ticks of length h from x under commands that act. Nothing is foreseen, in no modes and for no end of the
  * tick; `place` receives where the contacts are. */
-static inline void begin_ticks(const real* x, const real* u, const real* tunable, const real* h, foreseen_t* tick, real* place) {
+static inline void begin_ticks(const real* x, const real* u, const real* tunable, const real* h, foreseen_t* tick,
+                               real* place) {
   const long long stride = sizeof(foreseen_t) / sizeof(double);
   find_geometry(x, place);
   write_arms(tick->x, stride, x, NX);
