@@ -8,6 +8,8 @@ the source such as scene, method and versions, to its code.
 
 from __future__ import annotations
 
+import hashlib
+import os
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -76,11 +78,15 @@ def keep(
 @cache
 def digest_of(*packages: str) -> str:
     """Digest of all Python and C files below folders, such as those of packages."""
-    files = sorted(
-        path for folder in packages for path in Path(folder).rglob("*")
-        if path.suffix in (".py", ".c", ".h", ".hpp")
-    )  # fmt: skip
-    return compiler.digest(*(text for path in files for text in (path.name, path.read_text())))
+    found = hashlib.sha256()
+    for package in packages:
+        for folder, folders, files in os.walk(package):
+            folders.sort()
+            for name in sorted(files):
+                if name.endswith((".py", ".c", ".h", ".hpp")):
+                    with open(os.path.join(folder, name), "rb") as file:
+                        found.update(f"\0{name}\0".encode() + file.read())
+    return found.hexdigest()
 
 
 def _place(recipe: str) -> Path:

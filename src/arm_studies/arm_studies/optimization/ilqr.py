@@ -244,7 +244,7 @@ class ILQR:
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def _line_search(self, old: Trajectory, policy: Policy) -> Trajectory | None:
-        """The best of the motions of a policy, or of the first that are better; None if none is."""
+        """The best motion of a policy, of the first step sizes with a better one; else None."""
         count = AT_ONCE if self._eventful else len(SIZES)
         for first in range(0, len(SIZES), count):
             made = self._step(old, policy, SIZES[first : first + count])

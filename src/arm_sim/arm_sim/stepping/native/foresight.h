@@ -114,7 +114,6 @@ static real find_calm(const real* x, const real* next, const real* inside, const
  * are most, no step is made. With contacts, the engine's modes contain more, and it makes a step of its own. */
 static int foresee_clear(const real* x, const real* u, const real* tunable, const real* h, const real* place, int used,
                          foreseen_t* tick, real* next, real* done) {
-  const long long stride = sizeof(foreseen_t) / sizeof(double);
   real p[NP + MODES + 1], inside[3 * NX], after[PLACES + 1];
   const real* arg[SZ_ARG] = {x, u, p, h};
   real* res[SZ_RES] = {next, inside, inside + NX, inside + 2 * NX};
