@@ -10,9 +10,14 @@ from textwrap import indent
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.animation import Animation
 from sphinx_gallery.scrapers import matplotlib_scraper
+
+from arm_sim.figures import fill_with
+
+THUMBNAIL = 4.0, 2.8  # inches; the shape of the gallery's frames
 
 matplotlib.use("agg")
 
@@ -29,10 +34,18 @@ def pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any
 
 
 def _player(animation: Animation, path: str) -> str:
-    """An animation as a player of HTML; its last picture is saved for the thumbnail."""
+    """An animation as a player of HTML; what moves is saved for the thumbnail, as it ends."""
     player = animation.to_jshtml()
     figure = animation._fig
-    figure.savefig(path)
+    for legend in figure.legends:
+        legend.remove()
+    (axes,) = figure.axes
+    axes.set(position=(0.0, 0.0, 1.0, 1.0), title="")
+    axes.set_axis_off()
+    axes.texts[0].set_visible(False)  # the clock
+    figure.set_size_inches(*THUMBNAIL)
+    fill_with(axes, np.vstack([line.get_xydata() for line in axes.lines]))
+    figure.savefig(path, dpi=200)
     plt.close(figure)
     html = indent(player, " " * 8)
     return f"\n.. container:: sphx-glr-animation\n\n    .. raw:: html\n\n{html}\n\n"

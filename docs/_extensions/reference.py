@@ -12,7 +12,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from . import commands, interfaces, node_parameters, public_names, scene_keys
+from . import commands, interfaces, lectures, node_parameters, public_names, scene_keys
 
 
 def directive(markdown: Callable[..., str]) -> type[SphinxDirective]:
@@ -34,13 +34,32 @@ def package(name: str) -> str:
     return f"{words}\n```{{eval-rst}}\n{public_names.directives(name)}\n```\n"
 
 
-def without_aliases(
+def without_foreign_words(
     app: Sphinx, what: str, name: str, thing: Any, skip: bool, options: Any
 ) -> bool | None:
-    """Leave away members of which Python itself wrote the words."""
-    if (inspect.getdoc(thing) or "").startswith("Alias for field number"):
+    """Leave away members of which Python or pydantic wrote the words."""
+    if (inspect.getdoc(thing) or "").startswith("Alias for field number") or name == "model_config":
         return True
     return None
+
+
+def without_constructors(
+    app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]
+) -> None:
+    """Cut what pydantic says of every constructor."""
+    begins = [k for k, line in enumerate(lines) if line.startswith("Create a new model by parsing")]
+    if what == "class" and begins:
+        del lines[begins[0] :]
+
+
+def without_repetition(app: Sphinx, domain: str, kind: str, content: nodes.Element) -> None:
+    """Leave away arguments of a constructor that are attributes, which are described."""
+    for fields in content.findall(nodes.field_list) if kind == "class" else ():
+        names = [field[0].astext() for field in fields]
+        said = {name.split()[-1] for name in names if name.startswith("ivar ")}
+        for name, field in zip(names, list(fields), strict=True):
+            if name.startswith(("type ", "param ")) and name.split()[-1] in said:
+                fields.remove(field)
 
 
 def with_bars(
@@ -62,7 +81,10 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("commands", directive(commands.markdown))
     app.add_directive("commands-overview", directive(commands.overview))
     app.add_directive("interfaces", directive(interfaces.markdown))
+    app.add_directive("lectures", directive(lectures.markdown))
     app.add_directive("package", directive(package))
-    app.connect("autodoc-skip-member", without_aliases)
+    app.connect("autodoc-skip-member", without_foreign_words)
+    app.connect("autodoc-process-docstring", without_constructors)
+    app.connect("object-description-transform", without_repetition, priority=900)
     app.connect("autodoc-process-docstring", with_bars)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -44,7 +44,23 @@ def test_everything_is_inside_the_picture() -> None:
     animation(TIME, [ROD])
     axes = plt.gca()
     assert axes.get_xlim()[0] < TIP[:, 0].min() and axes.get_ylim()[1] > TIP[:, 1].max()
-    assert axes.get_aspect() == 1.0
+    scale = axes.transData.transform([[0.0, 0.0], [1.0, 1.0]])
+    assert np.ptp(scale[:, 0]) == pytest.approx(np.ptp(scale[:, 1]))  # a circle is round
+
+
+def test_labels_are_shown_below_the_axes_and_inside_the_picture() -> None:
+    long = "a label that takes half of the picture"
+    animation(TIME, [(ROD, {"label": long}), (ROD, {"label": "b"})], trail=(TIP, {"label": long}))
+    figure = plt.gcf()
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.texts] == [long, long, "b"]
+    box, axes = legend.get_window_extent(), plt.gca().get_tightbbox()
+    assert box.y1 <= axes.y0 + 1.0 and 0.0 <= box.x0 and box.x1 <= figure.bbox.width
+
+
+def test_nothing_but_a_point_has_limits_around_it() -> None:
+    animation(TIME, [np.zeros((401, 1, 2))])
+    assert plt.gca().get_xlim()[0] < 0.0 < plt.gca().get_xlim()[1]
 
 
 @pytest.mark.parametrize("size", [(4.4, 4.4), (6.4, 2.6), (5.5, 5.0)])

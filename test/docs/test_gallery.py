@@ -9,9 +9,12 @@ import runpy
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib import pyplot as plt
 from matplotlib.animation import FuncAnimation
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
 from pictures import unseen
 
 from arm_dynamics.scene import ready_scenes
@@ -34,9 +37,26 @@ def test_page_runs(page: Path, paper: None, tmp_path: Path) -> None:
     moving = [value for value in made.values() if isinstance(value, FuncAnimation)]
     assert len(moving) == 1
     assert len(plt.get_fignums()) >= 2  # the animation is one
-    for number in plt.get_fignums():
-        plt.figure(number).canvas.draw()
+    film = moving[0]._fig
+    for figure in map(plt.figure, plt.get_fignums()):
+        figure.canvas.draw()
+        for axes in figure.axes:
+            silent, said = coloured(axes)
+            assert not silent or (figure is not film and len(silent) == 1 and not said), (
+                f"figure {figure.number}, '{axes.get_title()}': no label of {silent}"
+            )
+            assert not said or axes.get_legend() or figure.legends, axes.get_title()
     assert list(tmp_path.iterdir()) == []
+
+
+def coloured(axes: Axes) -> tuple[set[str], set[str]]:
+    """Colours of lines, black and grey apart: those that no label names, and those that one does."""
+    silent, said = set[str](), set[str]()
+    for line in axes.lines:
+        color = to_rgb(line.get_color())
+        if max(color) - min(color) > 0.1 and np.isfinite(line.get_xydata()).any():
+            (silent if line.get_label().startswith("_") else said).add(to_hex(color))
+    return silent - said, said
 
 
 def test_pages_leave_nothing_in_their_folders() -> None:

@@ -31,6 +31,10 @@ with :math:`h = -m_2 l_1 l_{c2} \sin q_2` and
 
    A controller that carries the weight as printed leaves the hand millimetres from its goal, as
    seen at the end of the comparison.
+
+:Lectures: ME 6102, task 1: regulation
+:Equations: 1; 13; 16
+:Shows: four controllers on the way to a point
 """
 
 import matplotlib.pyplot as plt
@@ -224,9 +228,11 @@ shown = runs["PD"].time <= 1.5
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     runs["PD"].time[shown],
-    [(chain(runs["PD"].q[shown]), {"color": "0.7"}), chain(runs["computed torque"].q[shown]),
-     (np.array([P_f, P_f]), {"marker": "+", "markersize": 12, "color": "k"})],
-    trail=hand(runs["computed torque"].q[shown]),
+    [(chain(runs["PD"].q[shown]), {"color": "0.7", "label": "PD"}),
+     (chain(runs["computed torque"].q[shown]), {"label": "computed torque"}),
+     (np.array([P_f, P_f]),
+      {"marker": "+", "markersize": 12, "color": "k", "linestyle": "", "label": "goal"})],
+    trail=(hand(runs["computed torque"].q[shown]), {"label": "path of the hand"}),
     speed=0.5,
 )  # fmt: skip
 

@@ -27,6 +27,10 @@ and three controllers, with :math:`e = q_d - q`, are compared:
    + C(q, \dot q)\,\dot q + G(q) + b\,\dot q
 
 The arm and its equations are those of :doc:`plot_regulation`.
+
+:Lectures: ME 6102, task 2: tracking
+:Equations: 13; 14; 16
+:Shows: how far the hand leaves a line, by pace and by model
 """
 
 import matplotlib.pyplot as plt
@@ -233,8 +237,9 @@ def chain(q):
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     runs["PID"].time,
-    [np.array([P_s, P_f]), (chain(runs["PID"].q), {"color": "tab:orange"}),
-     chain(runs["computed torque"].q)],
+    [(np.array([P_s, P_f]), {"label": "line"}),
+     (chain(runs["PID"].q), {"color": "tab:orange", "label": "PID, and its path"}),
+     (chain(runs["computed torque"].q), {"label": "computed torque"})],
     trail=hand(runs["PID"].q),
     speed=0.5,
 )  # fmt: skip

@@ -24,6 +24,10 @@ other shortens, so that :math:`P = 2 \cdot \tfrac12 k x^2`:
 
    J_m \ddot\theta_m + B_m \dot\theta_m + r_1 (2 k x + 2 c \dot x) &= \tau \\
    J_l \ddot\theta_l + B_l \dot\theta_l - r_2 (2 k x + 2 c \dot x) &= 0
+
+:Lectures: ME 6102, "Belt drive with and without flexible belt"
+:Equations: Flexible joint, belt, harmonic drive
+:Shows: the inertia that a motor feels, and a belt that gives
 """
 
 from importlib.resources import files
@@ -164,12 +168,13 @@ motor, wheel = two[shown, 0], two[shown, 1]
 motion = animation(
     t[shown],
     [left + r1 * circle, right + r2 * circle, *runs,
-     (mark(motor, r1, left), {"marker": ""}),
+     (mark(motor, r1, left), {"marker": "", "label": "motor, wheel"}),
      (mark(motor / N - 20 * (motor / N - wheel), r2, right), {"marker": ""}),
-     (mark(motor / N, 1.25 * r2, right, 1.08 * r2), {"marker": "", "color": "tab:orange"})],
+     (mark(motor / N, 1.25 * r2, right, 1.08 * r2),
+      {"marker": "", "color": "tab:orange", "label": "wheel with a rigid belt"})],
     speed=0.05,
     size=(6.4, 3.6),
-    title="belt drive, stretch × 20",
+    title="Belt drive, stretch × 20",
 )  # fmt: skip
 
 # %%

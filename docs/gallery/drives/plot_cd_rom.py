@@ -25,6 +25,10 @@ that slides, with a force :math:`K_f\,i` and a back-EMF :math:`K_f\,\dot x`:
 
 with :math:`L_j\,di_j/dt + R_j\,i_j + E_j = V_j` for each winding, :math:`E_s = N K \dot x_s`,
 :math:`E_l = K_f \dot x_l`, :math:`E_z = K_f \dot z`.
+
+:Lectures: ME 6102, "Gross Tracking", "Fine Tracking and Focussing"
+:Equations: 20; Motor
+:Shows: a sled and a lens that follow a track to a micrometre
 """
 
 from importlib.resources import files
@@ -180,12 +184,15 @@ thin = {"marker": "", "linewidth": 1.2}
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     run.time,
-    [(sled, {"marker": ""}), (lens, {"marker": ""}), (spring, thin | {"color": "0.5"}),
-     (plate, thin | {"color": "0.2"}), (beam, thin | {"color": "tab:red"}),
-     (spot, {"color": "tab:orange"})],
+    [(sled, {"marker": "", "label": "sled"}),
+     (lens, {"marker": "", "color": "tab:green", "label": "lens"}),
+     (spring, thin | {"color": "0.5", "label": "suspension"}),
+     (plate, thin | {"color": "0.2", "label": "disc"}),
+     (beam, thin | {"color": "tab:red", "label": "beam"}),
+     (spot, {"color": "tab:orange", "label": "track"})],
     speed=0.1,
     size=(7.0, 3.8),
-    title="pickup and disc",
+    title="Pickup and disc",
 )  # fmt: skip
 
 # %%

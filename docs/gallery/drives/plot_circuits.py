@@ -33,6 +33,10 @@ A scene has no capacitors, but it has motors, and a motor makes all three circui
 * its rotor is a capacitor: the back-EMF is :math:`E = K\omega` and :math:`J\dot\omega = K i`, so
   :math:`i = (J/K^2)\,\dot E` and :math:`C = J/K^2`; without inductance it is an RC circuit;
 * with both it is the series circuit of L, R and C.
+
+:Lectures: ME 6102, "Energies in Mech Electrical domain"
+:Equations: Motor
+:Shows: LR, RC and RLC circuits, built from motors
 """
 
 from importlib.resources import files
@@ -42,7 +46,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from arm_sim import Simulator
-from arm_sim.figures import animation, use_style
+from arm_sim.figures import animation, axis_at_right, use_style
 
 use_style()
 
@@ -133,15 +137,19 @@ axes[0].plot(ms, run.z[:, 0])
 axes[0].set(ylabel="current [A]", title="LR: the blocked motor")
 axes[1].plot(ms, E[:, 1])
 axes[1].set(ylabel="voltage [V]", title="RC: the motor without inductance")
-axes[2].plot(ms, run.z[:, 1], label="current [A]")
-axes[2].plot(ms, E[:, 2], label="voltage of the capacitor [V]")
-axes[2].set(title="RLC: the whole motor", ylim=(-1.8, 8.5))
-axes[2].legend(loc="upper right")
+axes[2].plot(ms, run.z[:, 1])
+axes[2].set(title="RLC: the whole motor", ylim=(-1.75, 1.75))
+axes[2].set_ylabel("current [A]", color="tab:blue")
+other = axis_at_right(axes[2], "voltage of the capacitor [V]", "tab:orange")
+other.plot(ms, E[:, 2], color="tab:orange")
+other.set_ylim(-7.0, 7.0)
 for axis in axes:
     axis.axvline(1e3 * on, color="0.7", lw=0.8)
     axis.set_xlabel("time [ms]")
-axes[0].axvline(1e3 * L / R, color="tab:orange", ls="--", lw=1.0)
-axes[1].axvline(1e3 * R * C, color="tab:orange", ls="--", lw=1.0)
+axes[0].axvline(1e3 * L / R, color="0.4", ls="--", lw=1.0, label="L / R")
+axes[1].axvline(1e3 * R * C, color="0.4", ls="--", lw=1.0, label="R C")
+for axis in axes[:2]:
+    axis.legend()
 
 # %%
 # In motion
@@ -153,14 +161,19 @@ turn = np.linspace(0.0, 2 * np.pi, 61)
 rim = np.column_stack([np.cos(turn), np.sin(turn)])
 spoke = np.stack([np.sin(run.q), -np.cos(run.q)], axis=-1)  # (k, 3, 2)
 centres = np.array([[0.0, 0.0], [2.6, 0.0], [5.2, 0.0]])
+looks = [
+    {"marker": "", "color": color, "label": label}
+    for color, label in (("tab:blue", "LR"), ("tab:orange", "RC"), ("tab:green", "RLC"))
+]
+# sphinx_gallery_thumbnail_number = 2
 motion = animation(
     t,
     [rim + centre for centre in centres]
-    + [(np.stack([c - spoke[:, j], c + spoke[:, j]], axis=1), {"marker": ""})
+    + [(np.stack([c - spoke[:, j], c + spoke[:, j]], axis=1), looks[j])
        for j, c in enumerate(centres)],
     speed=0.02,
     size=(7.0, 3.2),
-    title="LR, RC, RLC",
+    title="The rotors of the three circuits",
 )  # fmt: skip
 plt.gca().set_axis_off()  # a sketch, not to scale
 

@@ -23,6 +23,10 @@ gear of ratio :math:`N`:
 The load is a flywheel :math:`J_l` and a torque :math:`\tau_e` that pulls it back, so that
 :math:`\tau_l = J_l \dot\omega_l + \tau_e` with :math:`\omega_l = \omega / N`. The equivalent
 inertia at the motor, which the notes leave to the lecture, is :math:`J = J_m + J_l / N^2`.
+
+:Lectures: ME 6102, "Motor dynamics"
+:Equations: Motor
+:Shows: winding, back-EMF and the torque–speed curve
 """
 
 from importlib.resources import files
@@ -33,7 +37,7 @@ import yaml
 from scipy.linalg import expm
 
 from arm_sim import Simulator
-from arm_sim.figures import animation, use_style
+from arm_sim.figures import animation, axis_at_right, use_style
 
 use_style()
 
@@ -127,10 +131,11 @@ assert abs(cut.z[:, 0].max() - 8.0) < 1e-6
 # -----------
 
 figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.7))
-axes[0].plot(time, current, label="current [A]")
-axes[0].plot(time, speed, label="speed of the flywheel [rad/s]")
+axes[0].plot(time, current)
 axes[0].set(xlabel="time [s]", title="12 V, and a load from 0.3 s on")
-axes[0].legend()
+axes[0].set_ylabel("current [A]", color="tab:blue")
+other = axis_at_right(axes[0], "speed of the flywheel [rad/s]", "tab:orange")
+other.plot(time, speed, color="tab:orange")
 
 w = np.linspace(0.0, volts / K, 200)
 axes[1].plot(w, K * (volts - K * w) / R, color="0.6", label="constant current")
@@ -161,12 +166,18 @@ bar[:, 1, 1] = height
 rest = np.array([[1.5, -1.0], [1.5, -1.0]]) + np.zeros((len(height), 1, 1))
 rest[:, 1, 1] = -height
 thick = {"linewidth": 12, "marker": "", "solid_capstyle": "butt"}
+# sphinx_gallery_thumbnail_number = 2
 motion = animation(
     time[shown],
-    [rim, (wheel, {"marker": ""}), (bar, thick), (rest, thick | {"color": "tab:orange"})],
+    [
+        rim,
+        (wheel, {"marker": "", "label": "flywheel"}),
+        (bar, thick | {"color": "tab:green", "label": "back-EMF"}),
+        (rest, thick | {"color": "tab:orange", "label": "winding"}),
+    ],
     speed=0.1,
     size=(5.4, 3.8),
-    title="winding and back-EMF",
+    title="Flywheel and the parts of the voltage",
 )
 plt.gca().set_axis_off()  # a sketch, not to scale
 

@@ -37,6 +37,10 @@ centre of mass at the distance :math:`l = L/2`:
    :math:`\theta_m = r\,\theta_1` should be :math:`r\,\theta_l`; :math:`B` is called a damping
    torque, which is :math:`-B\dot\theta_l`; and :math:`J_l` is the inertia about the hinge,
    :math:`M L^2 / 3`, not about the centre of mass.
+
+:Lectures: session 17, single link with a gear; ME 6102, single link manipulator with gear box
+:Equations: 8; 9
+:Shows: how a gear reflects inertia and damping, and the best ratio
 """
 
 from importlib.resources import files
@@ -121,6 +125,7 @@ for inertia, label in ((J_m, "this rotor"), (J_m / 4, "one with a quarter of its
     axes[1].plot(ratios, ratios * pull / (ratios**2 * inertia + J_l), label=label)
     best = np.sqrt(J_l / inertia)
     axes[1].plot(best, pull / (2 * np.sqrt(inertia * J_l)), "ko", ms=4)
+axes[1].plot([], [], "ko", ms=4, label="largest")
 axes[1].set(xlabel="gear ratio r", ylabel="acceleration [rad/s²]", ylim=(0, None),
             title="First acceleration under 0.1 N m")  # fmt: skip
 axes[1].legend()
@@ -136,10 +141,17 @@ rod = np.stack([np.zeros((len(q), 2)), L * np.column_stack([np.sin(q), -np.cos(q
 turn = np.linspace(0.0, 2 * np.pi, 61)
 rotor = np.array([-0.35, 0.0]) + 0.12 * np.column_stack([np.cos(turn), np.sin(turn)])
 mark = 0.12 * np.column_stack([np.sin(r * q), -np.cos(r * q)])
-hand = (np.stack([-mark, mark], axis=1) + np.array([-0.35, 0.0]), {"marker": ""})
+hand = (
+    np.stack([-mark, mark], axis=1) + np.array([-0.35, 0.0]),
+    {"marker": "", "color": "tab:green", "label": "rotor"},
+)
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
-    run.time[first], [rod, rotor, hand], trail=rod[:, 1], speed=0.2, title="geared link"
+    run.time[first],
+    [(rod, {"label": "link"}), rotor, hand],
+    trail=(rod[:, 1], {"label": "path of its end"}),
+    speed=0.2,
+    title="A link and the rotor",
 )
 
 # %%

@@ -24,6 +24,10 @@ The rate :math:`dw/d\delta` depends on the direction of :math:`\dot\delta` and o
 it: the loop is the same at any speed. While a twist grows, :math:`1 - w` falls as
 :math:`e^{-\delta / D}`; after a reversal :math:`w` comes down as a straight line, like that of a
 spring :math:`H/D`.
+
+:Lectures: ME 6102, "hysteresis in harmonic drives"
+:Equations: Flexible joint, belt, harmonic drive
+:Shows: a twist that remembers the way that led to it
 """
 
 from importlib.resources import files
@@ -116,7 +120,9 @@ for amplitude, loop in reversed(runs.items()):
     axes[1].plot(1e3 * loop.z[:, 0], H * loop.z[:, 2], label=f"±{amplitude:g} N m")
 axes[0].set(xlabel="twist [mrad]", ylabel="torque [N m]", title="Output clamped")
 axes[1].set(xlabel="twist [mrad]", ylabel="H w [N m]", title="The part with a memory")
-axes[0].legend()
+for each in axes:
+    each.legend(loc="upper left")
+axes[1].set_ylim(-4.4, 7.0)
 
 # %%
 # In motion
@@ -137,11 +143,12 @@ place = np.column_stack([2.6 + loop.z[seen, 0] / loop.z[:, 0].max(), torque / 30
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     loop.time[seen],
-    [np.column_stack([np.cos(turn), np.sin(turn)]), (spline, {"marker": ""}),
-     (arrow, {"marker": "", "linewidth": 1.0}), place[:, None]],
-    trail=place,
+    [np.column_stack([np.cos(turn), np.sin(turn)]), (spline, {"marker": "", "label": "spline"}),
+     (arrow, {"marker": "", "linewidth": 1.0, "color": "0.3"}),
+     (place[:, None], {"color": "tab:red", "label": "now"})],
+    trail=(place, {"label": "torque over twist"}),
     size=(6.4, 3.6),
-    title="wave generator; torque over twist",
+    title="Wave generator, and its place on the loop",
 )  # fmt: skip
 plt.gca().set_axis_off()  # a sketch, not to scale
 

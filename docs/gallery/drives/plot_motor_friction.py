@@ -30,6 +30,10 @@ with the bristles' deflection :math:`\chi`:
 
 What the notes do not say: the model may give out energy where :math:`\sigma_1` is large. It never
 does if :math:`\sigma_2 \ge \sigma_1 (F_s - F_c) / F_c`; a scene without that is refused.
+
+:Lectures: ME 6102, "Motor Dynamics + friction", "Friction models"
+:Equations: 8; Motor
+:Shows: bristles that bend, hold and let slip
 """
 
 from importlib.resources import files
@@ -153,13 +157,14 @@ up = np.linspace(0.0, 1.0, 9)
 bristle = np.stack(
     [bent[:, None] * up**2, np.broadcast_to(-1.6 + 0.6 * up, (len(bent), len(up)))], axis=-1
 )
+# sphinx_gallery_thumbnail_number = 2
 motion = animation(
     run.time[seen],
     [np.column_stack([np.cos(turn), np.sin(turn)]), np.array([[-0.5, -1.6], [0.5, -1.6]]),
-     (np.stack([0 * mark, mark], axis=1), {"marker": ""}),
-     (bristle, {"marker": "", "color": "tab:orange"})],
+     (np.stack([0 * mark, mark], axis=1), {"marker": "", "label": "rotor"}),
+     (bristle, {"marker": "", "color": "tab:orange", "label": "bristle, × 10"})],
     speed=0.1,
-    title="rotor and bristle",
+    title="Rotor and bristle",
 )  # fmt: skip
 plt.gca().set_axis_off()  # a sketch, not to scale
 

@@ -19,6 +19,10 @@ every laboratory makes are four, each chosen so that most of the model drops out
 * **coast-down**, :math:`i = 0`: :math:`J \dot\omega = -\tau_f`, for :math:`J`.
 
 All four are linear least squares, but for the one number :math:`v_s`.
+
+:Lectures: ME 6102, "Identification of motor model parameters"
+:Equations: 8; Motor
+:Shows: four measurements that give a motor's numbers
 """
 
 from importlib.resources import files
@@ -218,9 +222,10 @@ assert off < 0.02 * motor.v.max()
 
 figure, axes = plt.subplots(2, 2, figsize=(9.0, 6.2))
 axes = axes.flat
-axes[0].plot(1e3 * blocked.time, blocked.z[:, 0])
-axes[0].axhline(0.6 / R, color="0.7", ls="--")
-axes[0].axvline(1e3 * L / R, color="0.7", ls="--")
+axes[0].plot(1e3 * blocked.time, blocked.z[:, 0], label="measured")
+axes[0].axhline(0.6 / R, color="0.5", ls="--", label="V / R")
+axes[0].axvline(1e3 * L / R, color="0.5", ls=":", label="L / R")
+axes[0].legend()
 axes[0].set(xlabel="time [ms]", ylabel="current [A]", title="Rotor blocked: R, L")
 fine = np.geomspace(0.3, 220.0, 300)
 axes[1].semilogx(w, 1e3 * torque, "o", ms=4, label="measured")
@@ -253,14 +258,15 @@ def place(w):
     return np.array([1.4, -2.4]) + scale * np.column_stack([w, friction(w)])
 
 
+# sphinx_gallery_thumbnail_number = 2
 motion = animation(
     t[last],
-    [np.column_stack([np.cos(turn), np.sin(turn)]), place(np.linspace(0, w_last.max(), 100)),
-     (np.stack([0 * mark, mark], axis=1), {"marker": ""}),
-     place(w_last)[:, None]],
+    [np.column_stack([np.cos(turn), np.sin(turn)]), (place(np.linspace(0, w_last.max(), 100)), {"label": "friction over speed"}),
+     (np.stack([0 * mark, mark], axis=1), {"marker": "", "label": "rotor"}),
+     (place(w_last)[:, None], {"color": "tab:red", "label": "friction now"})],
     speed=0.02,
     size=(6.0, 3.4),
-    title="coming to rest; friction over speed",
+    title="Coming to rest",
 )  # fmt: skip
 plt.gca().set_axis_off()  # a sketch, not to scale
 

@@ -10,6 +10,10 @@ notes suggest for the lens of a CD player (:doc:`plot_cd_rom`):
 
    L = \tfrac12 m \dot x^2 - \tfrac12 k x^2, \qquad
    \frac{d}{dt}(m \dot x) + k x = F \quad\Rightarrow\quad m \ddot x + k x = F .
+
+:Lectures: ME 6102, "Spring Mass System"
+:Equations: 20
+:Shows: a mass that a force moves for a while, and its energies
 """
 
 from importlib.resources import files
@@ -70,11 +74,11 @@ assert abs(run.energy[-1] - work) < 1e-9
 # -----------
 
 figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.7))
-axes[0].plot(t, run.q[:, 0])
+axes[0].plot(t, run.q[:, 0], label="run")
 axes[0].axvline(t1, color="0.7", lw=0.8)
 axes[0].hlines(F / k, 0.0, t1, color="tab:orange", ls="--", label="F / k")
 axes[0].set(xlabel="time [s]", ylabel="position [m]", title="10 N for two seconds")
-axes[0].legend()
+axes[0].legend(loc="lower left")
 axes[1].stackplot(t, run.kinetic, run.potential, labels=["kinetic", "of the spring"])
 axes[1].plot(t, F * np.where(t <= t1, run.q[:, 0], x1), "k--", label="work of the force")
 axes[1].set(xlabel="time [s]", ylabel="energy [J]", ylim=(0, 6.2), title="Where the work goes")
@@ -95,8 +99,8 @@ mass = box + np.stack([run.q, np.zeros_like(run.q)], axis=-1)
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     t,
-    [np.array([[wall, -0.15], [wall, 0.15]]), (coil, {"marker": "", "linewidth": 1.2}),
-     (mass, {"marker": ""})],
+    [np.array([[wall, -0.15], [wall, 0.15]]), (coil, {"marker": "", "linewidth": 1.2, "color": "tab:orange", "label": "spring"}),
+     (mass, {"marker": "", "label": "mass"})],
     size=(6.4, 2.6),
 )  # fmt: skip
 

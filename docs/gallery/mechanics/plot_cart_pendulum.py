@@ -22,6 +22,10 @@ on the cart are
 
     (m_1 + m_2)\, \ddot q_1 - m_2 l_2 \cos q_2\, \ddot q_2 + m_2 l_2 \sin q_2\, \dot q_2^2 &= F, \\
     - m_2 l_2 \cos q_2\, \ddot q_1 + m_2 l_2^2\, \ddot q_2 - m_2 g l_2 \sin q_2 &= 0 .
+
+:Lectures: EECS 106B, pendulum on a cart
+:Equations: 1; 12
+:Shows: a controller that balances, from an exact linearization
 """
 
 from importlib.resources import files
@@ -32,7 +36,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
 
 from arm_sim import Simulator
-from arm_sim.figures import animation, use_style
+from arm_sim.figures import animation, axis_at_right, use_style
 
 use_style()
 
@@ -120,10 +124,12 @@ assert error <= 1e-8
 # -----------
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
-left.plot(run.time, run.q[:, 0], label="cart [m]")
-left.plot(run.time, run.q[:, 1], label="pendulum [rad]")
-left.set(xlabel="time [s]", title="Balanced from 0.5 rad")
-left.legend()
+left.plot(run.time, run.q[:, 0])
+left.set(xlabel="time [s]", title="Balanced from 0.5 rad", ylim=(-0.8, 0.6))
+left.set_ylabel("cart [m]", color="tab:blue")
+other = axis_at_right(left, "pendulum [rad]", "tab:orange")
+other.plot(run.time, run.q[:, 1], color="tab:orange")
+other.set_ylim(-0.8, 0.6)
 right.step(run.time, run.command[:, 0], where="post")
 right.set(xlabel="time [s]", ylabel="force on the cart [N]", title="What it takes")
 
@@ -139,7 +145,9 @@ box = corners + np.stack([cart, 0.0 * cart], axis=1)[:, None]
 rail = np.array([[-1.0, -0.01], [0.4, -0.01]])
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
-    run.time, [rail, (box, {"marker": "", "color": "0.3"}), np.stack([hinge, bob], axis=1)],
+    run.time,
+    [rail, (box, {"marker": "", "color": "0.3", "label": "cart"}),
+     (np.stack([hinge, bob], axis=1), {"label": "pendulum"})],
     size=(5.5, 4.0),
 )  # fmt: skip
 

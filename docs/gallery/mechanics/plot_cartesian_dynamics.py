@@ -37,6 +37,10 @@ and works it out for the :ref:`ideal 2R arm
 
       where :math:`\ddot X` are the rates of the components of :math:`\dot X` along the moving
       axes: :math:`\dot J` is taken in these axes.
+
+:Lectures: session 17, Cartesian space
+:Equations: 15
+:Shows: M, V and G of the hand, and a pull along the link
 """
 
 from importlib.resources import files
@@ -147,11 +151,13 @@ left.semilogy(np.degrees(bend), m2 + m1 / np.sin(bend), "--", label="as printed"
 left.axhline(m2, color="tab:green", label="across the link")
 left.set(xlabel="elbow [°]", ylabel="mass at the hand [kg]", title="$M_x$")
 left.legend(loc="upper center")
-right.plot(run.time, [jacobian(a) @ b for a, b in zip(run.q, run.v, strict=True)])
+along, across = np.transpose([jacobian(a) @ b for a, b in zip(run.q, run.v, strict=True)])
+right.plot(run.time, along, label="along")
+right.plot(run.time, across, label="across")
 right.set(
     xlabel="time [s]", ylabel="speed of the hand [m/s]", title="Pulled along the link by 2 N"
 )
-right.legend(["along", "across"])
+right.legend()
 
 # %%
 # In motion
@@ -168,10 +174,10 @@ arrow = np.stack([beside, beside - 0.12 * along], axis=1)  # the force
 motion = animation(
     run.time,
     [
-        np.stack([0.0 * elbow, elbow, tip], axis=1),
-        (arrow, {"color": "tab:red", "marker": "", "linewidth": 2.0}),
+        (np.stack([0.0 * elbow, elbow, tip], axis=1), {"label": "arm"}),
+        (arrow, {"color": "tab:red", "marker": "", "linewidth": 2.0, "label": "force"}),
     ],
-    trail=tip,
+    trail=(tip, {"label": "path of the hand"}),
     speed=0.5,
 )
 

@@ -21,6 +21,10 @@ about its centre of mass, and that centre at a distance :math:`l` from the joint
     The potential energy lacks the length, and the Lagrangian with it:
     :math:`V = -m g l \cos\theta`. Only this gives the equation of motion that follows, which is
     correct.
+
+:Lectures: HCMUTE, example 1
+:Equations: 1; 8; 10
+:Shows: a motor lifts a link; where its work goes
 """
 
 from importlib.resources import files
@@ -87,8 +91,10 @@ assert left_over["corrected"] <= 1e-8 and left_over["printed"] > 1.0
 # Friction lets the swings die out; the arm comes to rest where :math:`Q = m g l \sin\theta`.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
-left.plot(run.time, np.degrees(angle))
-left.axhline(np.degrees(np.arcsin(Q / (m * g * l))), color="0.5", linestyle=":")
+left.plot(run.time, np.degrees(angle), label="run")
+level = np.degrees(np.arcsin(Q / (m * g * l)))
+left.axhline(level, color="0.5", linestyle=":", label="where it would rest")
+left.legend()
 left.set(xlabel="time [s]", ylabel="angle [°]", title="Lifted by 3 N m")
 right.plot(run.time, Q * angle, label="work of the motor")
 right.plot(run.time, run.lost, label="heat of the friction")
@@ -102,7 +108,11 @@ right.legend()
 
 end = 2.0 * l * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
 # sphinx_gallery_thumbnail_number = 2
-motion = animation(run.time, [np.stack([0.0 * end, end], axis=1)], trail=end)
+motion = animation(
+    run.time,
+    [(np.stack([0.0 * end, end], axis=1), {"label": "link"})],
+    trail=(end, {"label": "path of its end"}),
+)
 
 # %%
 # Questions

@@ -18,6 +18,10 @@ force on the sheet, upwards positive. Inverse dynamics computes :math:`\tau` fro
 :math:`\ddot q` and a wanted :math:`\lambda`, so a motion along the sheet and a pressure onto it
 can be chosen together. For a force :math:`f_d` of the hand,
 :math:`\lambda = (J^{-T} A^T)^\dagger f_d`.
+
+:Lectures: CTU, "Writing with a pen (constant height)"
+:Equations: 18
+:Shows: motion along a sheet and pressure onto it, chosen together
 """
 
 from importlib.resources import files
@@ -169,7 +173,14 @@ right.legend()
 elbow = l1 * np.stack([np.cos(run.q[:, 0]), np.sin(run.q[:, 0])], axis=1)
 sheet = np.array([[0.3, height], [1.05, height]])
 # sphinx_gallery_thumbnail_number = 2
-motion = animation(run.time, [sheet, np.stack([0.0 * elbow, elbow, path], axis=1)], speed=0.5)
+motion = animation(
+    run.time,
+    [
+        (sheet, {"label": "sheet"}),
+        (np.stack([0.0 * elbow, elbow, path], axis=1), {"label": "arm"}),
+    ],
+    speed=0.5,
+)
 
 # %%
 # Questions

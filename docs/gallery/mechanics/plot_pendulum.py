@@ -29,6 +29,10 @@ with the modulus :math:`k = \sin(\theta_0/2)` (Whittaker, *Analytical Dynamics*,
     T = \frac{4}{\omega_0} K(k^2),
 
 so the period grows with the amplitude; :math:`2\pi/\omega_0` holds for small swings only.
+
+:Lectures: textbooks, Whittaker, *Analytical Dynamics*, section 44
+:Equations: 1; 10
+:Shows: large swings against Jacobi's elliptic functions
 """
 
 from importlib.resources import files
@@ -104,7 +108,11 @@ right.legend()
 
 bob = np.stack([np.sin(run.q[:, 0]), -np.cos(run.q[:, 0])], axis=1)  # [m]
 # sphinx_gallery_thumbnail_number = 2
-motion = animation(run.time, [np.stack([0.0 * bob, bob], axis=1)], trail=bob)
+motion = animation(
+    run.time,
+    [(np.stack([0.0 * bob, bob], axis=1), {"label": "pendulum"})],
+    trail=(bob, {"label": "path of the mass"}),
+)
 
 # %%
 # Questions

@@ -20,6 +20,10 @@ equations, with the coordinates :math:`q = (q_1, q_2, q_3)`, the third upwards:
 
     The sign of gravity. Since :math:`\partial L/\partial q_3 = -mg` is subtracted, the weight is
     added: :math:`m \ddot q + (0, 0, mg)^T = 0`. As printed, the mass would fall upwards.
+
+:Lectures: EECS 106B, point mass
+:Equations: 1; 10
+:Shows: a throw, and where the sign of gravity belongs
 """
 
 from importlib.resources import files
@@ -82,7 +86,11 @@ right.legend()
 
 path = run.q[:, [0, 2]]
 # sphinx_gallery_thumbnail_number = 2
-motion = animation(run.time, [path[:, None], np.array([[0.0, 0.0], [3.6, 0.0]])], trail=path)
+motion = animation(
+    run.time,
+    [(path[:, None], {"label": "mass"}), (np.array([[0.0, 0.0], [3.6, 0.0]]), {"label": "ground"})],
+    trail=(path, {"label": "path"}),
+)
 
 # %%
 # Questions

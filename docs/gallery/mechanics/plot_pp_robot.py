@@ -18,6 +18,10 @@ upwards,
     \tau_1 = (m_1 + m_2)\, \ddot q_1, \qquad \tau_2 = m_2 \ddot q_2 + m_2 g .
 
 The mass matrix is diagonal and constant, so there are no Coriolis terms.
+
+:Lectures: CTU, simulation of the PP robot
+:Equations: 1
+:Shows: a mass matrix without coupling; a circle by two forces
 """
 
 from importlib.resources import files
@@ -105,7 +109,11 @@ x, z = run.q.T
 across = np.stack([np.stack([x, np.full_like(x, -0.45)], axis=1), run.q], axis=1)
 rail = np.array([[-0.45, -0.45], [0.45, -0.45]])
 # sphinx_gallery_thumbnail_number = 2
-motion = animation(run.time, [rail, across], trail=run.q)
+motion = animation(
+    run.time,
+    [(rail, {"label": "rail"}), (across, {"label": "carriage and hand"})],
+    trail=(run.q, {"label": "path of the hand"}),
+)
 
 # %%
 # Questions

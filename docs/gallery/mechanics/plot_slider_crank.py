@@ -29,6 +29,10 @@ and Lagrange's equation becomes
 
 A constant torque has the potential :math:`-\tau\theta`. So the speed at every angle is known
 without solving the equation: :math:`\tfrac12 J \dot\theta^2 + V - \tau\theta` does not change.
+
+:Lectures: ME 6102, "for constant torque what would be time evolution of position"
+:Equations: 18
+:Shows: a closed chain without drift, against one equation in one angle
 """
 
 from importlib.resources import files
@@ -38,7 +42,7 @@ from matplotlib import pyplot as plt
 from scipy.integrate import solve_ivp
 
 from arm_sim import Simulator
-from arm_sim.figures import animation, use_style
+from arm_sim.figures import animation, axis_at_right, use_style
 
 use_style()
 
@@ -118,10 +122,11 @@ assert error <= 1e-8 and slider <= 1e-10 and np.ptp(kept) <= 1e-8
 # slider is fast, the mechanism is heavy.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
-left.plot(run.time, angle / (2.0 * np.pi), label="turns of the crank")
-left.plot(run.time, 10.0 * run.q[:, rail], label="slider [0.1 m]")
+left.plot(run.time, angle / (2.0 * np.pi))
 left.set(xlabel="time [s]", title="Position under 1.5 N m")
-left.legend()
+left.set_ylabel("turns of the crank", color="tab:blue")
+other = axis_at_right(left, "slider [m]", "tab:orange")
+other.plot(run.time, run.q[:, rail], color="tab:orange")
 turns = angle / (2.0 * np.pi)
 right.plot(turns, speed, label="run")
 smooth = np.sqrt(2.0 * tau * (angle - angle[0]) / J.mean())
@@ -143,8 +148,8 @@ motion = animation(
     run.time,
     [
         np.array([[0.2, -0.03], [0.6, -0.03]]),
-        (block + end[:, None], {"color": "0.3", "marker": "", "linewidth": 1.5}),
-        chain,
+        (block + end[:, None], {"color": "0.3", "marker": "", "linewidth": 1.5, "label": "slider"}),
+        (chain, {"label": "crank and rod"}),
     ],
     speed=0.25,
     size=(5.5, 3.5),

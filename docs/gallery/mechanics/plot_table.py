@@ -18,6 +18,10 @@ can leave it, and it holds the hand sideways only as far as friction goes:
 
     0 \le \text{gap} \perp N \ge 0, \qquad |F| \le \mu N, \quad
     F = -\mu N \operatorname{sgn} \dot x \text{ while the hand slides.}
+
+:Lectures: CTU, "How much pushing against the table"
+:Equations: 19
+:Shows: a hand that pushes, slides and lifts off
 """
 
 from importlib.resources import files
@@ -149,9 +153,9 @@ force = np.stack([tip, tip + 0.01 * np.stack([sideways, normal], axis=1)], axis=
 motion = animation(
     run.time,
     [
-        table,
-        np.stack([0.0 * elbow, elbow, tip], axis=1),
-        (force, {"color": "tab:red", "marker": "", "linewidth": 2.0}),
+        (table, {"label": "table"}),
+        (np.stack([0.0 * elbow, elbow, tip], axis=1), {"label": "arm"}),
+        (force, {"color": "tab:red", "marker": "", "linewidth": 2.0, "label": "force"}),
     ],
     speed=0.25,
 )

@@ -41,6 +41,10 @@ and the energies
 
 The sling lets go when it has swung far enough. That is the end of these equations: the stone flies
 off as a point mass.
+
+:Lectures: HCMUTE, example 2
+:Equations: 1; 4; 18
+:Shows: a throw by a falling weight, and the equations as they should be printed
 """
 
 from importlib.resources import files
@@ -223,9 +227,9 @@ motion = animation(
     [
         np.array([[-0.4, -1.0], [0.0, 0.0], [0.4, -1.0]]),
         (rope, {"color": "0.3", "linewidth": 1.0, "marker": ""}),
-        np.stack([end, short, weight], axis=1),
-        (weight[:, None], {"markersize": 12, "color": "0.3"}),
-        (stone[:, None], {"color": "tab:orange"}),
+        (np.stack([end, short, weight], axis=1), {"label": "beam"}),
+        (weight[:, None], {"markersize": 12, "color": "0.3", "label": "weight"}),
+        (stone[:, None], {"color": "tab:orange", "label": "stone, and its path"}),
     ],
     trail=stone,
     speed=1.0 / 6.0,

@@ -31,6 +31,10 @@ derives it from the Jacobians of the two centres,
       factor is printed without its transpose.
 
 The arm reaches each point with two hands, so to speak: with the elbow up, or with the elbow down.
+
+:Lectures: ME 6102, two-link arm from the Jacobians of its centres
+:Equations: 1; 4; 5
+:Shows: elbow up and elbow down, and the torques that hold them
 """
 
 from importlib.resources import files
@@ -147,7 +151,8 @@ right.legend(ncols=2, fontsize=8, loc="upper left")
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     runs[0].time,
-    [points(runs[0].q), (points(runs[1].q), {"color": "tab:orange"})],
+    [(points(runs[0].q), {"label": "elbow down"}),
+     (points(runs[1].q), {"color": "tab:orange", "label": "elbow up, and its path"})],
     trail=points(runs[1].q)[:, 2],
     speed=0.5,
 )

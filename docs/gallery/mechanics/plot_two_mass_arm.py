@@ -25,6 +25,10 @@ All three sets of notes have these equations right.
 
     Applied Dynamics calls the position of the first mass :math:`(X_1, Y_2)`; it is
     :math:`(X_1, Y_1)`.
+
+:Lectures: HCMUTE, example 3; CTU, the RR arm; session 17, the two-link arm
+:Equations: 1; 4; 5
+:Shows: the arm of three courses, and how far starts that are close move apart
 """
 
 from importlib.resources import files
@@ -120,7 +124,11 @@ elbow = l1 * np.stack([np.cos(run.q[:, 0]), np.sin(run.q[:, 0])], axis=1)
 both = run.q.sum(axis=1)
 tip = elbow + l2 * np.stack([np.cos(both), np.sin(both)], axis=1)
 # sphinx_gallery_thumbnail_number = 2
-motion = animation(run.time, [np.stack([0.0 * elbow, elbow, tip], axis=1)], trail=tip)
+motion = animation(
+    run.time,
+    [(np.stack([0.0 * elbow, elbow, tip], axis=1), {"label": "arm"})],
+    trail=(tip, {"label": "path of the hand"}),
+)
 
 # %%
 # Questions

@@ -27,6 +27,11 @@ Friction is not conservative, so it stands on the right of Lagrange's equation, 
     \dot y = -v_\infty \left(1 - e^{-t/T}\right), \qquad
     y = -v_\infty \left(t - T\,(1 - e^{-t/T})\right), \qquad
     v_\infty = \frac{m g}{b}, \quad T = \frac{m}{b} .
+
+:Lectures: session 17, a particle that moves vertically; CTU, a particle "moving vertically in
+    gravitation field"
+:Equations: 1; 8
+:Shows: viscous friction as a force that is not conservative
 """
 
 from importlib.resources import files
@@ -93,11 +98,17 @@ right.legend()
 
 free = np.maximum(-0.5 * g * run.time**2, run.q[-1, 0])
 pair = [
-    (np.stack([np.full_like(y, x), y], axis=1)[:, None], {"color": color, "markersize": 9})
-    for x, y, color in ((0.0, run.q[:, 0], "tab:blue"), (1.0, free, "tab:orange"))
+    (
+        np.stack([np.full_like(y, x), y], axis=1)[:, None],
+        {"color": color, "markersize": 9, "label": label},
+    )
+    for x, y, color, label in (
+        (0.0, run.q[:, 0], "tab:blue", "with friction"),
+        (1.0, free, "tab:orange", "without"),
+    )
 ]
 # sphinx_gallery_thumbnail_number = 2
-motion = animation(run.time, pair, size=(2.8, 4.4))
+motion = animation(run.time, pair, size=(3.4, 4.6))
 
 # %%
 # Questions

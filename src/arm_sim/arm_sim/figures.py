@@ -87,11 +87,20 @@ def legend_at_right(
     figure.set_layout_engine("constrained", rect=(0.0, 0.0, left, 1.0))
 
 
+def axis_at_right(axes: Any, label: str, color: str) -> Any:
+    """A second vertical axis for a curve in another unit, whose label has the curve's colour."""
+    other = axes.twinx()
+    other.spines["right"].set_visible(True)
+    other.grid(False)
+    other.set_ylabel(label, color=color)
+    return other
+
+
 def animation(
     time: Array,
     chains: Sequence[Chain],
     *,
-    trail: Array | None = None,
+    trail: Chain | None = None,
     speed: float = 1.0,
     size: tuple[float, float] = (4.4, 4.4),
     title: str = "",
@@ -101,8 +110,10 @@ def animation(
     Args:
         time: Of a recording in [s], shape (k,).
         chains: Polylines in [m], each of shape (k, m, 2), or (m, 2) if it does not move; or a
-            pair of that and properties of Matplotlib's ``Line2D``. NaN is not drawn.
-        trail: Points whose path is drawn up to the current time, in [m], shape (k, 2).
+            pair of that and properties of Matplotlib's ``Line2D``, of which a ``label`` is shown
+            below the axes. NaN is not drawn.
+        trail: Points whose path is drawn up to the current time, in [m], shape (k, 2), or a pair
+            likewise.
         speed: Speed of the animation relative to real time.
         size: In inches.
         title: Title of the figure.
@@ -121,25 +132,28 @@ def animation(
         raise InvalidInput(f"speed = {speed}; allowed: more than 0")
     time = np.asarray(time, dtype=np.float64)
     links = [_link(chain, len(time)) for chain in chains]
-    if trail is not None:
-        _link(np.asarray(trail)[:, None], len(time))
+    path, style = trail if isinstance(trail, tuple) else (trail, {})
+    path = np.full((len(time), 2), np.nan) if path is None else np.asarray(path)
+    _link(path[:, None], len(time))
     shown = np.linspace(0, len(time) - 1, min(len(time), MOST_FRAMES)).round().astype(int)
-    seen = [points.reshape(-1, 2) for points, _ in links] + ([] if trail is None else [trail])
+    seen = [points.reshape(-1, 2) for points, _ in links] + [path]
     fig, axes = plt.subplots(figsize=size, dpi=FILM_DPI)
-    axes.set(**_around(np.vstack(seen)), title=title)
-    behind = axes.plot([], [], color="tab:orange", linewidth=1.2)[0]
+    axes.set(xlabel="x [m]", ylabel="z [m]", title=title)
+    behind = axes.plot([], [], **{"color": "tab:orange", "linewidth": 1.2} | style)[0]
     drawn = [axes.plot([], [], **properties)[0] for _, properties in links]
+    _legend_below(fig, *axes.get_legend_handles_labels())
     clock = axes.text(
         0.0, 1.01, f"{time[-1]:.2f} s", transform=axes.transAxes, verticalalignment="bottom"
     )
+    fill_with(axes, np.vstack(seen))
     fig.canvas.draw()
     fig.set_layout_engine("none")  # that of this frame is that of all
+    fill_with(axes, np.vstack(seen))
 
     def show(k: int) -> list[Any]:
         for line, (points, _) in zip(drawn, links, strict=True):
             line.set_data(*points[k].T)
-        if trail is not None:
-            behind.set_data(*np.transpose(trail[: k + 1]))
+        behind.set_data(*path[: k + 1].T)
         clock.set_text(f"{time[k]:.2f} s")
         return [behind, *drawn, clock]
 
@@ -154,13 +168,31 @@ def animation(
     return Film(fig, show, frames=shown.tolist(), interval=apart)
 
 
-def _around(points: Array) -> dict[str, Any]:
-    """Axes limits around points, shape (k, 2), with a margin; NaN is ignored."""
+def fill_with(axes: Any, points: Array) -> None:
+    """Limits around points, shape (k, 2), of one scale and such that the axes keep their size.
+
+    NaN is ignored.
+    """
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    margin = 0.08 * max(high - low) or 1.0
-    (left, right), (bottom, top) = np.column_stack([low - margin, high + margin])
-    return {"xlim": (left, right), "ylim": (bottom, top), "aspect": "equal",
-            "xlabel": "x [m]", "ylabel": "z [m]"}  # fmt: skip
+    span = high - low + 0.16 * max(high - low)
+    if not span.any():
+        span = np.full(2, 2.0)
+    box = np.array(axes.get_window_extent().size)
+    half = 0.5 * box * max(span / box)
+    (left, right), (bottom, top) = np.transpose([(low + high) / 2 - half, (low + high) / 2 + half])
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+
+
+def _legend_below(figure: Any, lines: Sequence[Any], labels: Sequence[str]) -> None:
+    """A legend of a whole figure, with constrained layout, below its axes."""
+    for columns in (3, 2, 1) if lines else ():
+        legend = figure.legend(lines, labels, loc="lower center", ncol=columns)
+        box = legend.get_window_extent()
+        if box.width < figure.bbox.width or columns == 1:
+            low = box.y1 / figure.bbox.height
+            figure.set_layout_engine("constrained", rect=(0.0, low, 1.0, 1.0 - low))
+            return
+        legend.remove()
 
 
 def _link(chain: Chain, count: int) -> tuple[Array, dict[str, Any]]:
