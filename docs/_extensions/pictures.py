@@ -6,6 +6,7 @@ sphinx-gallery's own way draws an animation twice, the second time for a thumbna
 
 from __future__ import annotations
 
+import re
 from textwrap import indent
 from typing import Any
 
@@ -35,7 +36,7 @@ def pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any
 
 def _player(animation: Animation, path: str) -> str:
     """An animation as a player of HTML; what moves is saved for the thumbnail, as it ends."""
-    player = animation.to_jshtml()
+    player = re.sub(r"<link\b[^>]*>", "", animation.to_jshtml())  # icons are those of the site
     figure = animation._fig
     for legend in figure.legends:
         legend.remove()

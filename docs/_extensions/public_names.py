@@ -116,9 +116,4 @@ def directives(package: str) -> str:
             kind = "class" if inspect.isclass(thing) else "function"
             members = "   :members:\n" if kind == "class" else ""
             blocks.append(f".. auto{kind}:: {package}.{name}\n{members}")
-    blocks += [
-        f".. automodule:: {name}\n   :members:\n"
-        for name in modules(package)
-        if not packages()[package]
-    ]
     return "\n".join(blocks)

@@ -21,6 +21,7 @@ def directive(markdown: Callable[..., str]) -> type[SphinxDirective]:
 
     class Generated(SphinxDirective):
         required_arguments = count
+        final_argument_whitespace = True
 
         def run(self) -> list[nodes.Node]:
             return self.parse_text_to_nodes(markdown(*self.arguments), allow_section_headings=True)
@@ -34,11 +35,21 @@ def package(name: str) -> str:
     return f"{words}\n```{{eval-rst}}\n{public_names.directives(name)}\n```\n"
 
 
+def parts(package: str, names: str) -> str:
+    """Public modules of a package, by their names without it, each under a heading."""
+    return "\n".join(
+        f"## `{name}`\n\n```{{eval-rst}}\n.. automodule:: {package}.{name}\n   :members:\n```\n"
+        for name in names.split()
+    )
+
+
 def without_foreign_words(
     app: Sphinx, what: str, name: str, thing: Any, skip: bool, options: Any
 ) -> bool | None:
     """Leave away members of which Python or pydantic wrote the words."""
-    if (inspect.getdoc(thing) or "").startswith("Alias for field number") or name == "model_config":
+    if (inspect.getdoc(thing) or "").startswith(
+        "Alias for field number"
+    ) or name == "model_config":
         return True
     return None
 
@@ -47,7 +58,9 @@ def without_constructors(
     app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]
 ) -> None:
     """Cut what pydantic says of every constructor."""
-    begins = [k for k, line in enumerate(lines) if line.startswith("Create a new model by parsing")]
+    begins = [
+        k for k, line in enumerate(lines) if line.startswith("Create a new model by parsing")
+    ]
     if what == "class" and begins:
         del lines[begins[0] :]
 
@@ -83,6 +96,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("interfaces", directive(interfaces.markdown))
     app.add_directive("lectures", directive(lectures.markdown))
     app.add_directive("package", directive(package))
+    app.add_directive("parts", directive(parts))
     app.connect("autodoc-skip-member", without_foreign_words)
     app.connect("autodoc-process-docstring", without_constructors)
     app.connect("object-description-transform", without_repetition, priority=900)

@@ -18,6 +18,7 @@ from matplotlib.colors import to_hex, to_rgb
 from pictures import unseen
 
 from arm_dynamics.scene import ready_scenes
+from docs._extensions import lectures
 
 GALLERY = Path(__file__).parents[2] / "docs/gallery"
 PAGES = sorted(GALLERY.glob("*/plot_*.py"))
@@ -50,7 +51,7 @@ def test_page_runs(page: Path, paper: None, tmp_path: Path) -> None:
 
 
 def coloured(axes: Axes) -> tuple[set[str], set[str]]:
-    """Colours of lines, black and grey apart: those that no label names, and those that one does."""
+    """Colours of lines but black and grey: those that no label names, and those that one does."""
     silent, said = set[str](), set[str]()
     for line in axes.lines:
         color = to_rgb(line.get_color())
@@ -81,3 +82,30 @@ def test_every_scene_of_the_lectures_is_on_a_page() -> None:
     text = "".join(page.read_text() for page in PAGES)
     assert {name for name in names if f'"{name}"' not in text} == set()
     assert names <= set(ready_scenes())
+
+
+def test_every_page_says_which_lectures_and_equations_it_is_about() -> None:
+    found = lectures.pages()
+    assert len(found) == len(PAGES)
+    assert {course for page in found for course, _ in page.lectures} == set(lectures.COURSES)
+    text = lectures.markdown()
+    assert all(f"[{page.title}]({page.link})" in text and page.shows in text for page in found)
+    assert set(lectures.titles()) == set(lectures.COURSES)
+
+
+@pytest.mark.parametrize(
+    ("field", "wrong"),
+    [
+        (":Lectures: CTU", ":Lectures: MIT"),
+        (":Equations: 19", ":Equations: 99"),
+        (":Shows:", ":S:"),
+    ],
+)
+def test_a_lecture_or_section_that_does_not_exist_is_refused(
+    field: str, wrong: str, tmp_path: Path
+) -> None:
+    text = (GALLERY / "mechanics/plot_table.py").read_text()
+    page = tmp_path / "plot_table.py"
+    page.write_text(text.replace(field, wrong, 1))
+    with pytest.raises(ValueError, match=r"expected Lectures|unknown \['(MIT|99)'\]"):
+        lectures.read(page)

@@ -21,9 +21,21 @@ PACKAGES = sorted(public_names.packages())
 
 def test_every_package_has_its_page() -> None:
     pages = {page.stem for page in (REFERENCE / "python").glob("arm_*.md")}
-    assert pages == set(PACKAGES)
+    assert pages == {*PACKAGES, "arm_dynamics.equations.laws"}
     for name in PACKAGES:
         assert f"```{{package}} {name}\n```" in (REFERENCE / f"python/{name}.md").read_text()
+
+
+def test_every_public_module_has_its_place() -> None:
+    text = "".join(page.read_text() for page in (REFERENCE / "python").glob("arm_*.md"))
+    shown = [
+        f"{package}.{name}"
+        for package, names in re.findall(r"^```\{parts\} (\S+) (.*)$", text, re.MULTILINE)
+        for name in names.split()
+    ]
+    public = [name for package in PACKAGES for name in public_names.modules(package)
+              if not public_names.packages()[package]]  # fmt: skip
+    assert sorted(shown) == sorted(public)
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pages of the site on a telephone, opened from disk: nothing is too wide, broken or elsewhere.
 
-They are drawn from the site that ``./arm docs`` has built; without one, there is nothing to test.
+They are those that ``./arm docs`` has built, some drawn by lot, and all with ``--nightly``;
+without a site there is nothing to test.
 """
 
 from __future__ import annotations
 
+import html
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +18,7 @@ from browser import needed
 
 SITE = Path(__file__).parents[2] / "reports/site"
 PAGES = 15  # that are drawn
+LONG, LONGEST = 8_000, 40_000  # bytes of text of a page with contents, and of the longest
 WIDTH = 390  # pixels of a telephone
 
 # What reaches beyond the page without scrolling inside itself, and pictures that are not there.
@@ -43,11 +48,42 @@ _BROKEN_WORDS = """() => [...document.querySelectorAll('.bd-article td')].filter
 }).map(cell => 'broken words: ' + cell.textContent.slice(0, 40))"""
 
 
-@pytest.mark.group("view")
-def test_pages_fit_a_telephone_and_need_no_network(rng: np.random.Generator) -> None:
-    pages = sorted(SITE.glob("[!_]*/**/*.html"))
+def site() -> list[Path]:
+    """The pages that are built; the test is skipped without them."""
+    pages = [*SITE.glob("*.html"), *SITE.glob("[!_]*/**/*.html")]
     if not pages:
         pytest.skip("no site in reports/site: ./arm docs --no-gallery builds it")
+    return sorted(pages)
+
+
+def test_pages_of_the_reference_are_not_too_long_and_have_contents() -> None:
+    pages = [page for page in site() if page.relative_to(SITE).parts[0] == "reference"]
+    sizes, contents = dict[str, int](), dict[str, int]()
+    for page in pages:
+        name, whole = str(page.relative_to(SITE)), page.read_text()
+        ((article,),) = (re.findall(r'<article class="bd-article">(.*?)</article>', whole, re.S),)
+        sizes[name] = len(html.unescape(re.sub(r"<[^>]*>", "", article)).encode())
+        nav = re.findall(r'<nav id="pst-page-toc-nav".*?</nav>', whole, re.S)
+        contents[name] = len(re.findall("<a ", "".join(nav)))
+    assert {name: size for name, size in sizes.items() if size > LONGEST} == {}
+    assert {name for name, size in sizes.items() if size > LONG and contents[name] < 3} == set()
+
+
+@pytest.mark.group("view")
+def test_pages_fit_a_telephone_and_need_no_network(rng: np.random.Generator) -> None:
+    pages = site()
+    drawn = rng.choice(np.array(pages, dtype=object), min(PAGES, len(pages)), False)
+    assert troubles_of(drawn) == {}
+
+
+@pytest.mark.nightly
+@pytest.mark.group("view")
+def test_every_page_fits_a_telephone_and_needs_no_network() -> None:
+    assert troubles_of(site()) == {}
+
+
+def troubles_of(pages: Iterable[Path]) -> dict[str, list[str]]:
+    """What is wrong with pages in a browser, by page."""
     needed()
     from arm_sim.view.pictures import page_in_browser
 
@@ -56,11 +92,11 @@ def test_pages_fit_a_telephone_and_need_no_network(rng: np.random.Generator) -> 
         asked = list[str]()
         browser.on("requestfailed", lambda request: asked.append(f"failed: {request.url}"))
         browser.on("request", lambda request: asked.append(request.url))
-        for page in rng.choice(np.array(pages, dtype=object), min(PAGES, len(pages)), False):
+        for page in pages:
             asked.clear()
             browser.goto(page.as_uri(), wait_until="load")
             troubles = browser.evaluate(_TROUBLES) + browser.evaluate(_BROKEN_WORDS)
             troubles += [url for url in asked if not url.startswith(("file:", "data:"))]
             if troubles:
                 found[str(page.relative_to(SITE))] = troubles
-    assert found == {}
+    return found

@@ -261,7 +261,8 @@ def place(w):
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     t[last],
-    [np.column_stack([np.cos(turn), np.sin(turn)]), (place(np.linspace(0, w_last.max(), 100)), {"label": "friction over speed"}),
+    [np.column_stack([np.cos(turn), np.sin(turn)]),
+     (place(np.linspace(0, w_last.max(), 100)), {"label": "friction over speed"}),
      (np.stack([0 * mark, mark], axis=1), {"marker": "", "label": "rotor"}),
      (place(w_last)[:, None], {"color": "tab:red", "label": "friction now"})],
     speed=0.02,

@@ -99,7 +99,8 @@ mass = box + np.stack([run.q, np.zeros_like(run.q)], axis=-1)
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     t,
-    [np.array([[wall, -0.15], [wall, 0.15]]), (coil, {"marker": "", "linewidth": 1.2, "color": "tab:orange", "label": "spring"}),
+    [np.array([[wall, -0.15], [wall, 0.15]]),
+     (coil, {"marker": "", "linewidth": 1.2, "color": "tab:orange", "label": "spring"}),
      (mass, {"marker": "", "label": "mass"})],
     size=(6.4, 2.6),
 )  # fmt: skip

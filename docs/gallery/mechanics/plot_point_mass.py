@@ -88,7 +88,10 @@ path = run.q[:, [0, 2]]
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     run.time,
-    [(path[:, None], {"label": "mass"}), (np.array([[0.0, 0.0], [3.6, 0.0]]), {"label": "ground"})],
+    [
+        (path[:, None], {"label": "mass"}),
+        (np.array([[0.0, 0.0], [3.6, 0.0]]), {"label": "ground"}),
+    ],
     trail=(path, {"label": "path"}),
 )
 

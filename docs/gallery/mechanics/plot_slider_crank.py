@@ -148,7 +148,10 @@ motion = animation(
     run.time,
     [
         np.array([[0.2, -0.03], [0.6, -0.03]]),
-        (block + end[:, None], {"color": "0.3", "marker": "", "linewidth": 1.5, "label": "slider"}),
+        (
+            block + end[:, None],
+            {"color": "0.3", "marker": "", "linewidth": 1.5, "label": "slider"},
+        ),
         (chain, {"label": "crank and rod"}),
     ],
     speed=0.25,

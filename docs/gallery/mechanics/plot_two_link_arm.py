@@ -151,8 +151,10 @@ right.legend(ncols=2, fontsize=8, loc="upper left")
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(
     runs[0].time,
-    [(points(runs[0].q), {"label": "elbow down"}),
-     (points(runs[1].q), {"color": "tab:orange", "label": "elbow up, and its path"})],
+    [
+        (points(runs[0].q), {"label": "elbow down"}),
+        (points(runs[1].q), {"color": "tab:orange", "label": "elbow up, and its path"}),
+    ],
     trail=points(runs[1].q)[:, 2],
     speed=0.5,
 )

@@ -17,7 +17,7 @@ from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.marks import Instant, Marker
-from arm_sim.view.stage import DrawnArm, lay_ground
+from arm_sim.view.stage import DrawnArm, _cones, lay_ground
 
 pytestmark = pytest.mark.group("view")
 
@@ -58,6 +58,32 @@ def test_forces_longer_than_the_weight_stay_in_sight(server: Any) -> None:
     arrows = actor._to_arrows(forces)
     lengths = np.linalg.norm(arrows[:, 1] - arrows[:, 0], axis=1)
     np.testing.assert_allclose(lengths, [0.3 * actor.size, 0.6 * actor.size], rtol=1e-6)
+
+
+def test_a_friction_cone_holds_the_directions_of_forces_that_stick() -> None:
+    mu, normal = 0.5, np.array([0.0, 0.6, 0.8])
+    along = np.array([1.0, 0.0, 0.0])
+    arrow = np.array([[[1.0, 2.0, 3.0], [1.0, 2.0, 3.0] + 0.2 * normal + 0.05 * along]])
+    lines = _cones(arrow, mu * normal[None])
+    ways = lines.reshape(-1, 3) - arrow[0, 0]
+    rim = ways[np.linalg.norm(ways, axis=1) > 1e-12]
+    np.testing.assert_allclose(rim @ normal, 0.2)  # as high as the normal force
+    across = np.linalg.norm(rim - 0.2 * normal, axis=1)
+    np.testing.assert_allclose(across, mu * 0.2)  # a force there would begin to slide
+    assert len(_cones(arrow, 0.0 * normal[None])) == 0 == len(_cones(arrow, np.zeros((0, 3))))
+
+
+def test_contacts_are_drawn_with_their_cones(server: Any) -> None:
+    sim = Simulator("panda_table")
+    sim.run(0.2)
+    instant, actor = InteractiveArm(sim).look(), DrawnArm(server, sim.model, "arm")
+    ((_, contact),), (force,) = sim.model.scene.contacts, sim.contact_forces()
+    np.testing.assert_allclose(instant.cones, [[0.0, 0.0, contact.sticking]], atol=1e-12)
+    actor.draw(instant)
+    cone = actor._lines["friction cones"]
+    assert force.normal > 0.0 and cone.visible
+    actor.show("friction cones", False)
+    assert not cone.visible
 
 
 class Link:

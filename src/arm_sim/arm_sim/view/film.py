@@ -15,7 +15,7 @@ from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
 from arm_sim.stepping.contact_forces import contact_forces
 from arm_sim.view.charts import Chart
-from arm_sim.view.marks import Instant, arrows
+from arm_sim.view.marks import Instant, arrows, cones
 
 LOOKS = 4000  # largest number of instants at which forces are computed
 LONG = 50_000  # largest number of ticks that the energy account repeats for a chart
@@ -89,13 +89,14 @@ def _stills(part: Recording) -> Iterator[Instant]:
     multipliers = part.multipliers if tied else nothing
     stops = part.stop_torque if stopped else np.zeros_like(part.q)
     for k, time in enumerate(part.time.tolist()):
-        contacts = np.zeros((0, 2, 3))
+        contacts, around = np.zeros((0, 2, 3)), np.zeros((0, 3))
         if touching:
             stepper = part.account.stepper
             stepper.p[:] = part.p[k]
             forces = contact_forces(plant, stepper, x[k], part.command[k])
             contacts = arrows(forces)
-        yield Instant(time, part.q[k], contacts, multipliers[k], stops[k])
+            around = cones(forces, plant.model.scene.contacts)
+        yield Instant(time, part.q[k], contacts, multipliers[k], stops[k], around)
 
 
 def _charts(recording: Recording, part: Recording, rows: Array) -> Iterator[Chart]:

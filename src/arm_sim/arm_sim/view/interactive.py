@@ -21,7 +21,7 @@ from arm_sim.state import State
 from arm_sim.view.charts import Chart, Charts
 from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.live_account import LiveAccount
-from arm_sim.view.marks import Instant, arrows
+from arm_sim.view.marks import Instant, arrows, cones
 from arm_sim.view.stage import DrawnArm
 
 if TYPE_CHECKING:
@@ -71,6 +71,7 @@ class InteractiveArm:
             simulation.stop_torque
             if model.stops.touched(state.q).any()
             else np.zeros(simulation.n),
+            cones(forces, model.scene.contacts) if forces else np.zeros((0, 3)),
         )
 
     @property

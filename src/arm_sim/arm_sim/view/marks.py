@@ -15,6 +15,7 @@ from arm_dynamics.equations.constraint import across
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.scene.constraint import (
+    Contact,
     CouplingConstraint,
     DistanceConstraint,
     FrameBased,
@@ -37,6 +38,8 @@ class Instant:
         contacts: Points in the world in [m] and forces on the arm there in [N], shape (k, 2, 3).
         multipliers: λ of the constraints, shape (m,); empty if unknown.
         stop_torque: Torques of stops in [N m] or [N], shape (n,); empty if unknown.
+        cones: Normals of the planes there, away from them, each as long as the coefficient of
+            static friction, shape (k, 3); empty if unknown.
     """
 
     time: float
@@ -44,6 +47,16 @@ class Instant:
     contacts: Array = field(default_factory=_NONE.copy)
     multipliers: Array = field(default_factory=lambda: np.zeros(0))
     stop_torque: Array = field(default_factory=lambda: np.zeros(0))
+    cones: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+def cones(forces: Sequence[ContactForce], contacts: Iterable[tuple[str, Contact]]) -> Array:
+    """Friction cones of a scene's contacts as an ``Instant`` has them, shape (k, 3)."""
+    normals = [
+        contact.sticking * (force.force - force.tangential) / (force.normal or 1.0)
+        for force, (_, contact) in zip(forces, contacts, strict=True)
+    ]
+    return np.array(normals).reshape(-1, 3)
 
 
 def arrows(forces: Sequence[ContactForce]) -> Array:

@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-CONTACT, TIE, SPRING, STOP, PATH = (
-    (40, 130, 60), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20)
+CONTACT, CONE, TIE, SPRING, STOP, PATH = (
+    (40, 130, 60), (110, 180, 120), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20)
 )  # fmt: skip
-"""Colours of forces of contacts and constraints, springs, stops, and the path of the hand."""
+"""Colours of contact forces, friction cones, constraint forces, springs, stops, and the path."""
 
 LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
 KEPT = 300  # points of the path behind a moving hand
-_KINDS = ("contact forces", "constraint forces", "springs", "path")
+_KINDS = ("contact forces", "friction cones", "constraint forces", "springs", "path")
 _NOTHING = np.zeros((1, 2, 3))
 
 
@@ -112,12 +112,18 @@ class DrawnArm:
             ("contact forces", marks.contacts), ("constraint forces", marks.constraints)
         ):  # fmt: skip
             self._set(self._arrows[kind], self._to_arrows(forces), self._shown[kind])
+        self._draw_cones(marks.contacts, instant.cones)
         self._set(self._lines["springs"], _coils(marks.springs, self.size), self._shown["springs"])
         for i, ball in enumerate(self._stops):
             ball.visible = i < len(marks.stops)
             if ball.visible:
                 ball.position = marks.stops[i]
         return marks
+
+    def _draw_cones(self, contacts: Array, normals: Array) -> None:
+        known = normals[self._seen(contacts)] if len(normals) else normals
+        outlines = _cones(self._to_arrows(contacts), known)
+        self._set(self._lines["friction cones"], outlines, self._shown["friction cones"])
 
     def trail(self, hand: Array) -> None:
         """Extend the hand's path to a position, shape (3,)."""
@@ -147,7 +153,7 @@ class DrawnArm:
             link.visible = on
 
     def show(self, kind: str, on: bool) -> None:
-        """Show or hide ``path``, ``springs``, ``contact forces`` or ``constraint forces``."""
+        """Show or hide one of ``_KINDS``."""
         self._shown[kind] = on
         for handle in (
             [self._lines["path"], self._lines["whole path"]] if kind == "path"
@@ -157,14 +163,14 @@ class DrawnArm:
 
     def _to_arrows(self, forces: Array) -> Array:
         """Arrows of points and forces: start and end points, with long forces shortened."""
-        if not len(forces):
-            return forces
-        size = np.linalg.norm(forces[:, 1], axis=1)
-        length = LONGEST * self.size * size / (size + self._weight)
-        way = forces[:, 1] * (length / np.maximum(size, 1e-300))[:, None]
-        seen = length > 2e-3 * self.size
-        arrows: Array = np.stack([forces[:, 0], forces[:, 0] + way], axis=1)[seen]
-        return arrows
+        forces = forces[self._seen(forces)]
+        way = forces[:, 1] * (LONGEST * self.size / (_sizes(forces) + self._weight))[:, None]
+        return np.stack([forces[:, 0], forces[:, 0] + way], axis=1)
+
+    def _seen(self, forces: Array) -> Array:
+        """Which of points and forces have an arrow that is long enough to be seen, shape (k,)."""
+        size = _sizes(forces)
+        return np.asarray(LONGEST * size > 2e-3 * (size + self._weight))
 
     @staticmethod
     def _set(handle: Any, points: Array, on: bool) -> None:
@@ -191,7 +197,8 @@ class DrawnArm:
                 thickness_units="screen",
             )
             for kind, colour, width in (
-                ("springs", SPRING, 4.0), ("path", PATH, 2.5), ("whole path", (150, 150, 150), 1.5)
+                ("springs", SPRING, 4.0), ("friction cones", CONE, 1.5), ("path", PATH, 2.5),
+                ("whole path", (150, 150, 150), 1.5),
             )
         }  # fmt: skip
 
@@ -265,6 +272,36 @@ def _round(size: float) -> float:
 def _pairs(points: Array) -> Array:
     """Segments between points of shape (k, 3), shape (k - 1, 2, 3)."""
     return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def _sizes(forces: Array) -> Array:
+    """Magnitudes of forces, shape (k, 2, 3), the second of each pair."""
+    return np.asarray(np.linalg.norm(forces[:, 1], axis=1))
+
+
+def _cones(arrows: Array, normals: Array, sides: int = 24) -> Array:
+    """Outlines of friction cones, as high as the normal parts of arrows, shape (k, 2, 3).
+
+    Args:
+        arrows: Start and end points of arrows of forces, shape (k, 2, 3).
+        normals: Normals, each as long as its coefficient of friction, shape (k, 3), or (0, 3).
+        sides: Sides of the rim.
+    """
+    lines, turn = [np.zeros((0, 2, 3))], np.linspace(0.0, 2.0 * np.pi, sides + 1)[:, None]
+    for (tip, end), slope in zip(arrows, normals, strict=False):
+        friction = float(np.linalg.norm(slope))
+        if friction == 0.0:
+            continue
+        normal = slope / friction
+        height = float((end - tip) @ normal)
+        first = np.cross(normal, np.eye(3)[np.argmin(abs(normal))])
+        first /= np.linalg.norm(first)
+        second = np.cross(normal, first)
+        rim = np.cos(turn) * first + np.sin(turn) * second
+        rim = tip + height * (normal + friction * rim)
+        edges = rim[:: sides // 4][:4]
+        lines += [_pairs(rim), np.stack([np.broadcast_to(tip, edges.shape), edges], axis=1)]
+    return np.concatenate(lines)
 
 
 def _coils(springs: Array, size: float, turns: int = 9) -> Array:

@@ -63,7 +63,7 @@ class View:
         with server.gui.add_folder("Show", expand_by_default=False):
             for what, on in (
                 ("links", True), ("axes", False), ("path", True), ("springs", True),
-                ("contact forces", True), ("constraint forces", True),
+                ("contact forces", True), ("friction cones", True), ("constraint forces", True),
             ):  # fmt: skip
                 self._add_switch(what, on)
         self._loop.start()
