@@ -19,6 +19,8 @@ from arm_dynamics.trajectory.reference import Motion, hold
 if TYPE_CHECKING:
     from arm_sim.state import State
 
+MOST_TICKS = 10**9  # of a recording, which would take more memory than machines have
+
 _log = logging.getLogger(__name__)
 
 
@@ -50,6 +52,11 @@ def answers(
             f"control is the class {control.__name__}; an instance of it is expected"
         )
     motion: Motion = hold(begin.q) if reference is None else reference
+    if not hasattr(motion, "sample"):
+        raise InvalidInput(
+            f"reference is of type {type(motion).__name__}; an object with sample(t) is expected, "
+            "such as trajectory.quintic(…)"
+        )
 
     def answer(state: State) -> Any:
         tau = control.torque(state, motion.sample(state.time - begin.time))
@@ -119,7 +126,27 @@ def tick_count(duration: Any, dt: float) -> int:
         raise InvalidInput(
             f"duration = {duration!r}; expected a finite time of at least zero, in s"
         )
-    return round(seconds / dt)
+    ticks = round(seconds / dt)
+    if seconds > 0.0 and ticks == 0:
+        raise InvalidInput(f"duration = {duration!r} is no tick; a tick is {dt:g} s")
+    if ticks > MOST_TICKS:
+        raise InvalidInput(
+            f"duration = {duration!r} is {ticks:.1e} ticks of {dt:g} s; allowed: up to "
+            f"{MOST_TICKS:.0e}, recorded in parts"
+        )
+    return ticks
+
+
+def function_of_state(control: Callable[..., Any]) -> Callable[..., Any]:
+    """Refuse a function that does not take a state alone; what has no signature is taken."""
+    try:
+        inspect.signature(control).bind(None)
+    except TypeError:
+        text = f"control = {control!r}: a function of one argument, the state, is expected"
+        raise InvalidInput(text) from None
+    except ValueError:
+        pass
+    return control
 
 
 def clipped(model: ArmModel, joint: int, asked: float, whose: str = "command") -> str:

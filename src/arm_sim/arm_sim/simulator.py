@@ -23,7 +23,7 @@ from arm_dynamics.trajectory.reference import Motion
 from arm_sim.compiled_scene import CompiledScene
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import delivered
-from arm_sim.inputs import answers, named, tick_count, torque_table
+from arm_sim.inputs import answers, function_of_state, named, tick_count, torque_table
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
@@ -242,7 +242,7 @@ class Simulator:
             commands = control.rows(trace.ticks, self.n, self.dt)
             done = self._run_function(lambda _: next(commands), trace)
         elif callable(control):
-            done = self._run_function(control, trace)
+            done = self._run_function(function_of_state(control), trace)
         else:
             table = torque_table(control, trace.ticks, self.joint_names, self.dt)
             done = self._run_table(table, trace)

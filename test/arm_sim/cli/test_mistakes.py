@@ -28,6 +28,7 @@ from arm_dynamics.control import ComputedTorque, Settings, make_controller
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference, Waypoint, quintic
 from arm_sim import ClosedLoop, Recording, Simulator
+from arm_sim.export import export
 from arm_studies.autodiff import JaxSimulator
 from arm_studies.cli.main import main
 from arm_studies.identification import identify
@@ -119,7 +120,7 @@ def of_python(call: str) -> str:
         "TaskSpace": TaskSpace, "arm_sim": arm_sim, "load_scene": load_scene,
         "make_controller": make_controller, "np": np, "quintic": quintic, "sim": sim,
         "dynamics": sim.dynamics, "control": ComputedTorque(sim.dynamics), "Dynamics": Dynamics,
-        "copy": copy, "pickle": pickle, "identify": identify, "sweep": sweep,
+        "copy": copy, "pickle": pickle, "identify": identify, "sweep": sweep, "export": export,
         "JaxSimulator": JaxSimulator,
     }  # fmt: skip
     if "motion" in call:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, all_finite, numbers, vector
-from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
@@ -126,7 +126,8 @@ class ComputedTorque:
         Raises:
             InvalidInput: If a gain or dt has a wrong shape or value.
         """
-        self._model, self._n, self._friction = dynamics.model, dynamics.n, dynamics.steady_friction
+        self._model = model_of(dynamics)
+        self._n, self._friction = dynamics.n, dynamics.steady_friction
         self._rigid = RigidTerms(dynamics.model)
         gains = held_gains(bandwidth, damping_ratio, dynamics.n, dt)
         self.tuning = *gains, np.array([float(dt)])

@@ -17,7 +17,7 @@ from arm_dynamics.control.added_torques import WithAddedTorques
 from arm_dynamics.control.compiled_law import with_code
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
-from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.model.sampling import postures
 from arm_dynamics.task_space.axes import chosen_axes
@@ -140,7 +140,10 @@ def make_controller(
     Example:
         >>> control = make_controller("computed_torque", Dynamics("panda.yaml"))
     """
-    settings = settings or Settings()
+    settings = Settings() if settings is None else settings
+    if not isinstance(settings, Settings):
+        raise InvalidInput(f"settings = {settings!r}; an instance of Settings is expected")
+    model_of(dynamics)
     control, limit = _plain(name, dynamics, settings), settings.limit
     own = isinstance(control, custom.Watched)
     if settings.friction and (terms := _lacking(name, control)):

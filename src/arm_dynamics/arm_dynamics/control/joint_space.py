@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits, vector
 from arm_dynamics.control.computed_torque import Moving, Parts, checked, gain, gains
-from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.equations.elementary import choose, diagonal, root
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
@@ -150,7 +150,7 @@ class GravityCompensation(JointLaw):
 
     def __init__(self, dynamics: Dynamics, damping: ArrayLike = 0.0) -> None:
         """Choose the damping D in [N m s/rad] or [N s/m], a number or shape (n,)."""
-        super().__init__(dynamics.n, dynamics.model)
+        super().__init__(model_of(dynamics).n, dynamics.model)
         self.tuning = (gain("damping", damping, dynamics.n),)
 
     def torque(self, state: Moving, reference: Any = None) -> Array:
@@ -176,7 +176,7 @@ class PDGravity(PD):
 
     def __init__(self, dynamics: Dynamics, kp: ArrayLike, kd: ArrayLike) -> None:
         """Choose gains, as those of ``PD``."""
-        super().__init__(dynamics.n, kp, kd)
+        super().__init__(model_of(dynamics).n, kp, kd)
         self._rigid = RigidTerms(dynamics.model)
 
     def formula(
@@ -195,7 +195,7 @@ class FeedForwardPD(PD):
 
     def __init__(self, dynamics: Dynamics, kp: ArrayLike, kd: ArrayLike) -> None:
         """Choose gains, as those of ``PD``."""
-        super().__init__(dynamics.n, kp, kd)
+        super().__init__(model_of(dynamics).n, kp, kd)
         self._rigid = RigidTerms(dynamics.model)
         self.tuning = *self.tuning, dynamics.model.viscous
 
@@ -234,7 +234,7 @@ class JointImpedance(JointLaw):
         Raises:
             InvalidInput: If a number has a wrong shape or value.
         """
-        n, viscous = dynamics.n, dynamics.model.viscous
+        n, viscous = model_of(dynamics).n, dynamics.model.viscous
         super().__init__(n, dynamics.model)
         self._by_ratio = damping is None
         ratio = 2.0 * gain("damping_ratio", damping_ratio, n)

@@ -439,3 +439,19 @@ def _chosen(terms: Term | int) -> list[bool]:
         )
     bits = int(terms)
     return [bool(bits & bit) for bit in _BITS]
+
+
+def model_of(dynamics: Any) -> ArmModel:
+    """The model of a ``Dynamics``; a model is its own.
+
+    Raises:
+        InvalidInput: If it is neither.
+    """
+    if isinstance(dynamics, ArmModel):
+        return dynamics
+    if isinstance(dynamics, Dynamics):
+        return dynamics.model
+    raise InvalidInput(
+        f"dynamics is of type {type(dynamics).__name__}; an instance of Dynamics is expected, "
+        "such as Dynamics('panda') or sim.dynamics"
+    )

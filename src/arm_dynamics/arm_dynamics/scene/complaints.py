@@ -22,6 +22,7 @@ _ENDS = {
 }
 _KINDS = {
     "string_type": "text is expected",
+    "invalid_key": "a key is text",
     "bool_type": "true or false is expected",
     "int_type": "a whole number is expected",
     "float_type": "a number is expected",

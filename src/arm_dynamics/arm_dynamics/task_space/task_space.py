@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, each, unit_vector, vectors
-from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms, check_moving
@@ -144,7 +144,7 @@ class TaskSpace:
         selection: str | Iterable[str] = "pose",
         threshold: float = THRESHOLD,
     ) -> None:
-        self.model = dynamics.model if isinstance(dynamics, Dynamics) else dynamics
+        self.model = model_of(dynamics)
         self.frame, self.reference = frame, reference
         self.axes = chosen_axes(selection)
         if not 0.0 < threshold < 1.0:

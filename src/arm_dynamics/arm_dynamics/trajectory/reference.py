@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, numbers
+from arm_dynamics.arrays import Array, numbers, real_array
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.trajectory.quintics import knot_derivatives, segment_coefficients
 from arm_dynamics.trajectory.trajectory_library import library
@@ -245,6 +245,7 @@ class Trajectory:
 
     def at(self, times: Array) -> Array:
         """Positions, velocities and accelerations at times in [s], shape (3, k, n)."""
+        times = real_array("times", times)
         moves = (times >= 0.0) & (times < self.times[-1])
         i = np.searchsorted(self.times, times[moves], "right") - 1
         s = ((times[moves] - self.times[i]) / np.diff(self.times)[i])[:, None, None]

@@ -72,6 +72,8 @@ def export(
         KernelError: If a function differs from Pinocchio; likewise.
         OSError: If the folder cannot be written; likewise.
     """
+    if not isinstance(out, str | Path):
+        raise InvalidInput(f"out = {out!r}; the path of a folder is expected")
     folder, wanted = Path(out), chosen(terms)
     if fmu and not tick:
         raise InvalidInput("fmu = True with tick = False; allowed: units with the tick")

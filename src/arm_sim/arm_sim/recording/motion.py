@@ -259,7 +259,14 @@ class RecordedMotion(Contents):
         Args:
             rows: Indices of the states, shape (k,).
         """
-        here = np.asarray(rows)
+        here = np.asarray(rows if np.size(rows) else np.zeros(0, dtype=int))
+        if here.dtype.kind not in "iub" or here.ndim != 1:
+            raise InvalidInput(f"rows = {rows!r}; indices of states, shape (k,), are expected")
+        count, ends = len(self.time), np.flatnonzero(here) if here.dtype == bool else here
+        if len(ends) and not -count <= ends.min() <= ends.max() < count:
+            raise InvalidInput(
+                f"rows from {ends.min()} to {ends.max()}; the recording has {count} states"
+            )
         states = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
         chosen: dict[str, Any] = {name: read_only(getattr(self, name)[here]) for name in states}
         hold = None if self.hold is None else self.hold[here]

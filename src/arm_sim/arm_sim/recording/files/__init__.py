@@ -50,6 +50,8 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         efforts: Returns the torques on the joints from each time, shape (k+1, n).
     """
     path = _path(path)
+    if path.suffix and not path.parent.is_dir():
+        raise FileNotFoundError(f"'{path}': there is no folder '{path.parent}'")
     if path.suffix == ".npz":
         part = path.with_name(path.name + ".part")
         try:
