@@ -27,7 +27,7 @@ PANDA = ("arm sim panda", "arm controller panda")
 OTHER = "arm sim panda --ros-args -r __node:=robot_state_publisher -r joint_states:=elsewhere"
 # What a reader has when a page begins: files by name, and nodes that run.
 GIVEN: dict[str, tuple[str, ...]] = {
-    "README": PANDA,
+    "README": (*PANDA, "my_node.py"),
     "how-to/own-controller": ("my_package/my_module.py", "my_arm.urdf"),
     "how-to/compare": ("run.mcap", "bag_of_my_robot", "better.yaml"),
     "how-to/compiled-scenes": ("my_scene.yaml",),
