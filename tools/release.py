@@ -3,9 +3,9 @@
 
     ./arm python tools/release.py --out dist
 
-Makes the source distribution and the wheel of ``arm-dynamics-suite`` and of the three libraries,
-from a copy of what is committed, and checks their metadata by twine. It publishes nothing: the last
-line it prints does. It needs the packages ``build`` and ``twine``.
+Makes the source distribution and the wheel of ``arm-dynamics-suite``, which holds the three
+libraries, from what is committed, and checks their metadata by twine. It publishes nothing: the
+last lines it prints do. It needs the packages ``build`` and ``twine``.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[1]
-PARTS = (".", "src/arm_dynamics", "src/arm_sim", "src/arm_studies")
 
 
 def version() -> str:
@@ -45,15 +44,12 @@ def git(*words: str) -> bytes:
 
 
 def build(out: Path) -> list[Path]:
-    """Source distributions and wheels of what is committed, checked by twine."""
+    """Source distribution and wheel of what is committed, checked by twine."""
     python = [sys.executable, "-m"]
     with TemporaryDirectory() as folder:
         with tarfile.open(fileobj=BytesIO(git("archive", "HEAD"))) as committed:
             committed.extractall(folder, filter="data")
-        for part in PARTS:
-            print(f"building {part}", flush=True)
-            words = ["build", "--quiet", "--outdir", str(out.resolve()), part]
-            subprocess.run([*python, *words], cwd=folder, check=True)
+        subprocess.run([*python, "build", "--outdir", str(out.resolve())], cwd=folder, check=True)
     made = sorted(out.glob("*"))
     subprocess.run([*python, "twine", "check", "--strict", *map(str, made)], check=True)
     return made
@@ -63,9 +59,7 @@ def main() -> None:
     """Build, check, and say how to publish."""
     about = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     about.add_argument("--out", type=Path, default=Path("dist"), help="empty or new folder")
-    about.add_argument(
-        "--try", dest="trial", action="store_true", help="whatever the changelog says"
-    )
+    about.add_argument("--trial", action="store_true", help="whatever the changelog says")
     given = about.parse_args()
     missing = [name for name in ("build", "twine") if not find_spec(name)]
     if missing:
@@ -73,10 +67,10 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     if any(given.out.iterdir()):
         sys.exit(f"release: '{given.out}' is not empty; an empty or new folder is expected")
-    tag = "a trial" if given.trial else f"v{version()}"
+    tag = "v…" if given.trial else f"v{version()}"
     made = build(given.out)
     print("\n".join(f"{path.stat().st_size / 1e6:6.2f} MB  {path.name}" for path in made))
-    print(f"\n{tag}: nothing is published. To publish:\n  git tag {tag} && git push origin {tag}")
+    print(f"nothing is published; to publish:\n  git tag {tag} && git push origin {tag}")
     print(f"  {sys.executable} -m twine upload {given.out}/*")
 
 
