@@ -4,7 +4,7 @@
 import numpy as np
 
 from arm_sim import Simulator
-from arm_sim.figures import figure
+from arm_sim.figures import axis_at_right, figure
 
 WHEEL = """<robot name="wheel"><link name="base"/><link name="wheel"><inertial><mass value="1"/>
   <inertia ixx="{J}" ixy="0" ixz="0" iyy="{J}" iyz="0" izz="{J}"/></inertial></link>
@@ -29,10 +29,11 @@ error = abs(step.z[:, 0] - current.real).max() / current.real.max()
 print(f"step response: poles {a:.1f}/s and {b:.1f}/s, current within {error:.0e} of closed form")
 
 with figure("motor", columns=2, size=(11, 4)) as (left, right):
-    left.plot(1e3 * t, step.z[:, 0], label="current [A]")
-    left.plot(1e3 * t, step.v[:, 0] / 30.0, label="speed [30 rad/s]")
+    left.plot(1e3 * t, step.z[:, 0])
     left.set(xlabel="time [ms]", title="12 V on a motor at rest")
-    left.legend()
+    left.set_ylabel("current [A]", color="tab:blue")
+    other = axis_at_right(left, "speed [rad/s]", "tab:orange")
+    other.plot(1e3 * t, step.v[:, 0], color="tab:orange")
 
     # --- motor: the torque-speed curve, by commanding too much torque at every speed -------------
     limits = {"current_limit": 8.0, "voltage_limit": 12.0}
