@@ -103,8 +103,10 @@ def folder(tmp_path: Path) -> Path:
         f'exec {python} -P -m arm_studies.cli "$@"\n'
     )
     arm.chmod(0o755)
-    for name in ("my_node.py", "my_arm.urdf"):
-        page_files.MAKERS[name](tmp_path / name)
+    page = pages.ROOT / "docs/how-to/own-node.md"
+    (node,) = (step.text for step in pages.steps(page) if step.name == "my_node.py")
+    (tmp_path / "my_node.py").write_text(node)
+    page_files.MAKERS["my_arm.urdf"](tmp_path / "my_arm.urdf")
     slow_now[0] = slow()
     return tmp_path
 

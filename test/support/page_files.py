@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pages
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -220,8 +219,6 @@ class Gentle:
         return self.dynamics.gravity(state.q) + 20.0 * e - 5.0 * state.v
 """
 MAKERS["my_package/my_module.py"] = written(_MODULE)
-_NODE = pages.ROOT / "docs/how-to/own-node.md"
-MAKERS["my_node.py"] = written({s.name: s.text for s in pages.steps(_NODE)}["my_node.py"])
 
 
 def put(name: str, folder: Path, shelf: Path) -> None:
