@@ -131,9 +131,9 @@ class Watcher:
         silent = time.monotonic() - _SILENCE
         found = [f"{s.name} says nothing" for s in self.latest.values() if s.at < silent]
         found += [f"{s.name}: {s.message}" for s in self.latest.values() if s.level == 2]
-        commands = self.latest.get("sim: commands")
-        if commands is not None and commands.values["stale"] != "false":
-            found.append("the sim gets no commands")
+        for status in self.latest.values():
+            if status.values.get("stale", "false") != "false":
+                found.append(f"{status.name.partition(':')[0]} gets no commands")
         return found
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import click
 
@@ -38,12 +39,14 @@ def main(minutes: float, out: Path, shared_memory: bool) -> None:
     Messages that are not finite or of wrong sizes, floods, a second controller, nodes stopped and
     killed, time that jumps, processors taken away. Every fault has to show in the diagnostics, the
     arm must go on where the fault is none of its business, everything has to be well again within
-    seconds, and no process may grow by more than 5 MB. Ends with an error if anything is amiss.
+    seconds, no stamp may be out of step by more than 1 % of a tick and no command called stale
+    without reason, and no process may grow by more than 5 MB. Ends with an error if anything is
+    amiss.
     """
     from benchmarks.soak.page import complaints, page, write
     from benchmarks.soak.result import Result
-    from benchmarks.soak.run import soak
-    from benchmarks.soak.system import running
+    from benchmarks.soak.run import judge_recording, soak
+    from benchmarks.soak.system import RECORDING, running
 
     domain = free_domain()
     os.environ |= {"ROS_DOMAIN_ID": str(domain), **(as_usual() if shared_memory else by_udp())}
@@ -56,9 +59,13 @@ def main(minutes: float, out: Path, shared_memory: bool) -> None:
 
     with interruptible():
         try:
-            with running(str(SCENE), domain, logs) as system:
-                for result in soak(system, minutes, progress):
-                    write(result, out)  # a run that is cut short is not lost
+            with TemporaryDirectory(prefix="arm_soak_") as recordings:
+                try:
+                    with running(str(SCENE), domain, logs, Path(recordings)) as system:
+                        for result in soak(system, minutes, progress):
+                            write(result, out)  # a run that is cut short is not lost
+                finally:
+                    judge_recording(result, Path(recordings) / RECORDING)
         except (DemoFailed, ArmError, KeyboardInterrupt) as error:
             result.ended = str(error) or type(error).__name__
     path = write(result, out)

@@ -23,6 +23,7 @@ from benchmarks.soak.system import System
 
 HARDEST = 1e200  # [N]
 FLOOD_RATE, FLOOD_TIME = 10_000, 1.5  # [Hz], [s]
+HELD_UP = 1.6  # [s]
 HOG = "import time\nend = time.monotonic() + 2.0\nwhile time.monotonic() < end: pass"
 
 
@@ -39,6 +40,7 @@ class Fault:
         last: Whether it is only for the end, as it starts a process anew.
         after: Whether the words count only once it is over.
         or_else: Part and words that tell of it as well, where it has struck otherwise.
+        silences: Whether commands may be called stale meanwhile.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Fault:
     last: bool = False
     after: bool = False
     or_else: tuple[str, str] | None = None
+    silences: bool = False
 
     @property
     def tellers(self) -> list[tuple[str, str]]:
@@ -151,6 +154,20 @@ def _freeze(name: str) -> Callable[[System], None]:
     return freeze
 
 
+def _hold_up(name: str) -> Callable[[System], None]:
+    """Stop a process again and again, and let it run for moments only."""
+
+    def hold_up(system: System) -> None:
+        pid, end = system.processes.ids[name], time.monotonic() + HELD_UP
+        while time.monotonic() < end:
+            os.kill(pid, signal.SIGSTOP)
+            time.sleep(0.05)
+            os.kill(pid, signal.SIGCONT)
+            time.sleep(0.004)
+
+    return hold_up
+
+
 def _kill(name: str) -> Callable[[System], None]:
     def kill(system: System) -> None:
         os.kill(system.processes.ids[name], signal.SIGKILL)
@@ -179,21 +196,23 @@ FAULTS = (
           "dynamics: services", "requests refused"),
     Fault("bad robot description", _description, "other: services", "description was refused"),
     Fault("a force that no tick can follow", _diverge, "sim: simulation",
-          "last good state is kept", gentle=False),
+          "last good state is kept", gentle=False, silences=True),
     Fault("time goes back to zero", _back, "controller: controller", "time or the arm jumped",
           gentle=False),
     Fault("processors taken away for two seconds", _hog, "sim: loop", "after the next one was due",
           gentle=False),
     # Stopped while it writes, or reads, it holds up the sim's publishing: time stands still.
     Fault("controller stopped for 1.5 s", _freeze("controller"), "sim: commands",
-          "commands stopped", gentle=False,
+          "commands stopped", gentle=False, silences=True,
           or_else=("sim: loop", "began after the next one was due")),
     Fault("simulation stopped for 1.5 s", _freeze("sim"), "sim: loop",
           "began after the next one was due", gentle=False),
+    Fault("simulation with stamps of the clock held up again and again", _hold_up("clocked sim"),
+          "clocked/sim: loop", "began after the next one was due"),
     Fault("controller killed", _kill("controller"), "sim: commands", "commands stopped",
-          gentle=False, last=True),
+          gentle=False, last=True, silences=True),
     Fault("simulation killed", _kill("sim"), "controller: controller", "no joint state",
-          gentle=False, last=True),
+          gentle=False, last=True, silences=True),
     Fault("dynamics node killed", _kill("dynamics"), "dynamics: services", "ok",
           gentle=False, last=True, after=True),
 )  # fmt: skip

@@ -11,7 +11,8 @@ import numpy as np
 
 from benchmarks.reporting.markdown import table
 from benchmarks.soak.faults import FAULTS
-from benchmarks.soak.result import Result
+from benchmarks.soak.result import Outcome, Result
+from benchmarks.soak.stamps import UNEVEN
 
 GROWTH = 5.0  # [MB] that memory may grow
 
@@ -33,6 +34,11 @@ def complaints(result: Result) -> list[str]:
     for name in result.memory:
         if (growth := result.growth(name)) > GROWTH:
             found.append(f"{name}: memory grew by {growth:.1f} MB")
+    found += [f"{name}: commands were called stale, and had not paused" for name in result.false]
+    if result.unexplained or not result.stamps:
+        found.append(f"{result.unexplained} of {result.stamps} stamps are out of step")
+    if result.lost:
+        found.append(f"{result.lost} ticks or messages are not in the recording")
     return found
 
 
@@ -49,6 +55,11 @@ def page(result: Result) -> str:
         *(f"- {words}" for words in wrong),
         f"Rate of the simulation between faults: median {np.median(rates):.2f} Hz, least "
         f"{rates.min():.2f} Hz.",
+        f"{result.stamps} stamps of the clock were recorded. {len(result.uneven)} are out of step "
+        f"by more than {100.0 * UNEVEN:g} % of a tick, {result.unexplained} of them other than to "
+        "make up for dropped ticks. Commands were called stale "
+        f"{len(result.false)} times without a pause, and {len(result.starved)} times after a "
+        "controller was kept from running.",
         "## Faults",
         table(
             ("fault", "times", "told by", "told", "well again", "worst error [rad]", "words"),
@@ -58,7 +69,7 @@ def page(result: Result) -> str:
                     f"{o.worst:.1e}" if fault.gentle and o.times else "—", o.words,
                 )
                 for fault in FAULTS
-                for o in (result.outcomes[fault.name],)
+                for o in (result.outcomes.get(fault.name, Outcome()),)
             ),
         ),
         "## Processes",

@@ -43,6 +43,16 @@ class Result:
         rates: Ticks per second of the simulation between faults.
         calls: Service calls that were answered.
         energies: Energy messages that came.
+        stale: When commands were called stale that no fault had stopped: the fault's name, the
+            simulation, and the interval in [s] of the system's clock.
+        starved: Faults of those in which commands did pause, as the processors were busy.
+        false: Faults of those in which commands did not pause.
+        dropped: Intervals in [s] of the system's clock in which ticks were dropped.
+        stamps: Recorded stamps of the clock.
+        uneven: Those out of step by more than ``stamps.UNEVEN`` of a period: when they were sent,
+            and their distance from those before, in [s].
+        unexplained: Those of these without dropped ticks that they make up for.
+        lost: Ticks and messages that are not in the recordings.
         ended: Why it ended early, else empty.
     """
 
@@ -53,6 +63,14 @@ class Result:
     rates: list[float] = field(default_factory=list)
     calls: int = 0
     energies: int = 0
+    stale: list[tuple[str, str, float, float]] = field(default_factory=list)
+    starved: list[str] = field(default_factory=list)
+    false: list[str] = field(default_factory=list)
+    dropped: list[tuple[float, float]] = field(default_factory=list)
+    stamps: int = 0
+    uneven: list[tuple[float, float]] = field(default_factory=list)
+    unexplained: int = 0
+    lost: int = 0
     ended: str = ""
 
     def growth(self, name: str) -> float:

@@ -6,17 +6,25 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from itertools import cycle
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from benchmarks.measurement.watcher import memory, processor_time
 from benchmarks.soak.faults import FAULTS, Fault
 from benchmarks.soak.result import Outcome, Result
-from benchmarks.soak.system import System
+from benchmarks.soak.stamps import paused, recorded, uneven, unexplained
+from benchmarks.soak.system import CLOCKED, SIMS, STATES, System
 
 SETTLE, NOTICE, RECOVER = 2.0, 4.0, 12.0  # [s] before a fault, to be told of it, to be well again
 TRACKING = 5e-3  # [rad] that the arm may be off while nothing should disturb it, or three times
 # what it was off between faults, where others load the machine
+PERIOD = 1_000_000  # [ns] of a tick
 LAST = 90.0  # [s] at the end for faults that start processes anew
+
+# Simulations that a fault holds up: that no state was answered meanwhile is no excuse.
+_HELD_UP = {fault.name: fault.part.removesuffix(": loop") for fault in FAULTS}
 
 
 class Injector:
@@ -25,6 +33,7 @@ class Injector:
     def __init__(self, system: System) -> None:
         """Begin with a system that runs."""
         self.system, self._usual = system, 0.0
+        self.lost = system.lost  # of the giants, which come all at once
 
     def inject(self, fault: Fault, outcome: Outcome) -> None:
         """Inject a fault and note what came of it."""
@@ -103,7 +112,7 @@ def soak(
 
 def _injected(injector: Injector, fault: Fault, result: Result, began: float | None) -> Result:
     system = injector.system
-    ticks = _ticks(system)
+    ticks, counts, since = _ticks(system), _counts(system), time.time()
     system.live(2.0)
     if ticks is not None and (later := _ticks(system)) is not None and later[0] > ticks[0]:
         result.rates.append((later[0] - ticks[0]) / (later[1] - ticks[1]))
@@ -115,7 +124,38 @@ def _injected(injector: Injector, fault: Fault, result: Result, began: float | N
             sizes = result.memory.setdefault(name, [])
             sizes.append((time.monotonic() - began, memory(pid)))
     result.calls, result.energies = system.calls, system.watcher.energies
+    stale, dropped = (
+        [sim for sim in SIMS if after[sim] > before[sim]]
+        for before, after in zip(counts, _counts(system), strict=True)
+    )
+    if not fault.silences:
+        result.stale += [(fault.name, sim, since, time.time()) for sim in stale]
+    if CLOCKED in dropped:
+        result.dropped.append((since, time.time()))
+    result.lost = system.lost - injector.lost
     return result
+
+
+def _counts(system: System) -> tuple[dict[str, int], dict[str, int]]:
+    """How often commands were stale, and how many ticks were dropped so far, by simulation."""
+    system.watcher.listen(1.2)  # the diagnostics come once a second
+    return system.counted("commands", "stale count"), system.counted("loop", "dropped")
+
+
+def judge_recording(result: Result, recording: Path) -> None:
+    """Look at the recorded stamps and commands of a whole soak."""
+    if not recording.exists():
+        return
+    states = recorded(recording, f"/{STATES}")
+    places = uneven(states.stamps, PERIOD)
+    result.stamps = len(states.stamps)
+    steps = 1e-9 * np.diff(states.stamps)[places - 1]
+    result.uneven = list(zip(states.at[places].tolist(), steps.tolist(), strict=True))
+    result.unexplained = unexplained(states.at[places], result.dropped)
+    for name, sim, begin, end in result.stale:
+        commands = recorded(recording, f"/{sim.removesuffix('sim')}joint_commands")
+        excused = sim != _HELD_UP[name] and paused(commands, begin, end)
+        (result.starved if excused else result.false).append(name)
 
 
 def _ticks(system: System) -> tuple[int, float] | None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from itertools import cycle
 from pathlib import Path
 
@@ -19,14 +20,26 @@ from arm_sim.cli.demo.processes import DemoFailed, Processes
 from benchmarks.measurement.watcher import Watcher
 
 MOVE_EVERY = 3.0  # [s]
+PARTS = 11  # of all nodes, in the diagnostics
 HISTORY = 12  # requests that the transport keeps the memory of, and some
+CLOCKED = "clocked/sim"
+SIMS = ("sim", CLOCKED)
+RECORDING, STATES = "topics.mcap", "clocked/joint_states"
 COMMANDS = {
     "sim": ("sim", "{scene}", "--with-parent", "--ros-args", "-p", "stale_policy:=gravity", "-p",
-            "time:=sim"),
+            "time:=sim", "-p", "record:={folder}/{{time}}.mcap"),
     "controller": ("controller", "{scene}", "--with-parent"),
     "dynamics": ("dynamics", "{scene}", "--with-parent"),
     "other": ("dynamics", "--with-parent", "--ros-args", "-r", "__node:=other", "-r",
               "robot_description:=other/robot_description"),
+    # A second arm, whose stamps are of the clock; they are recorded.
+    "clocked sim": ("sim", "{scene}", "--with-parent", "--ros-args", "-r", "__ns:=/clocked", "-p",
+                    "stale_policy:=gravity", "-p", "frame_prefix:=clocked/"),
+    "clocked controller": ("controller", "{scene}", "--with-parent", "--ros-args", "-r",
+                           "__ns:=/clocked"),
+    "recorder": ("record", f"/{STATES}", "/joint_commands", "/clocked/joint_commands", "--out",
+                 "{folder}/" + RECORDING),
+    **({"view": ("view", "{scene}", "--live", "--port", "0")} if find_spec("viser") else {}),
 }  # fmt: skip
 
 
@@ -39,11 +52,12 @@ class System:
         client: Asks them.
         names: Of the joints; ``n`` is their number.
         calls: Service calls that were answered.
+        recordings: Folder of the recordings.
     """
 
-    def __init__(self, scene: str, domain: int, processes: Processes) -> None:
+    def __init__(self, scene: str, domain: int, processes: Processes, recordings: Path) -> None:
         """Start everything and wait until the loop is closed."""
-        self._scene, self.processes = scene, processes
+        self._scene, self.processes, self.recordings = scene, processes, recordings
         for name in COMMANDS:
             self.start(name)
         self.watcher = Watcher(domain)
@@ -54,7 +68,8 @@ class System:
         self._sign, self._moved = cycle((1.0, -1.0)), 0.0
         self.calls = 0
         self._giants()
-        if not self.watcher.until(lambda: len(self.watcher.latest) >= 6, 30.0):
+        self.watcher.listen(2.0)
+        if not self.watcher.until(lambda: len(self.watcher.latest) >= PARTS, 30.0):
             raise DemoFailed(f"diagnostics of only {sorted(self.watcher.latest)} came")
 
     def _giants(self) -> None:
@@ -83,7 +98,8 @@ class System:
 
     def start(self, name: str) -> None:
         """Start a node's process, anew if it was there."""
-        self.processes.start(name, *(word.format(scene=self._scene) for word in COMMANDS[name]))
+        known = {"scene": self._scene, "folder": self.recordings}
+        self.processes.start(name, *(word.format(**known) for word in COMMANDS[name]))
 
     def live(self, seconds: float) -> None:
         """Use the nodes as their users do."""
@@ -103,15 +119,24 @@ class System:
         message = JointTrajectory(joint_names=self.names)
         message.points = [JointTrajectoryPoint(positions=goal.tolist())]
         message.points[0].time_from_start.sec = 2
-        topic = "controller/joint_trajectory"
-        self.watcher.publisher(JointTrajectory, topic).publish(message)
+        for topic in ("controller/joint_trajectory", "clocked/controller/joint_trajectory"):
+            self.watcher.publisher(JointTrajectory, topic).publish(message)
+
+    def counted(self, part: str, value: str) -> dict[str, int]:
+        """A count of every simulation's latest diagnostics."""
+        return {sim: int(self.watcher.latest[f"{sim}: {part}"].values[value]) for sim in SIMS}
+
+    @property
+    def lost(self) -> int:
+        """How many ticks and messages are not in the simulation's own recording."""
+        return int(self.watcher.latest["sim: recording"].values["messages lost"])
 
 
 @contextmanager
-def running(scene: str, domain: int, folder: Path) -> Iterator[System]:
+def running(scene: str, domain: int, logs: Path, recordings: Path) -> Iterator[System]:
     """The system, taken down at the end whatever happens."""
-    with Processes(folder) as processes:
-        system = System(scene, domain, processes)
+    with Processes(logs) as processes:
+        system = System(scene, domain, processes, recordings)
         try:
             yield system
         finally:

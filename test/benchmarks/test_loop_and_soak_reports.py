@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from benchmarks.loop.page import promises, write
 from benchmarks.soak.faults import FAULTS
 from benchmarks.soak.page import complaints, page
 from benchmarks.soak.result import Outcome, Result
+from benchmarks.soak.stamps import Messages, paused, uneven, unexplained
 
 GOOD: dict[str, Any] = {
     "loop": {
@@ -103,7 +105,7 @@ def test_the_bare_thread_counts_what_began_too_late() -> None:
 def soaked() -> Result:
     result = Result(10.0, {fault.name: Outcome(3, 3, 3) for fault in FAULTS})
     result.memory = {"sim": [(float(t), 60.0) for t in range(100)]}
-    result.rates = [1000.0]
+    result.rates, result.stamps = [1000.0], 10_000
     return result
 
 
@@ -140,3 +142,38 @@ def test_an_unreported_fault_fails_the_check() -> None:
     result.outcomes[FAULTS[0].name].trouble.append("not told")
     assert complaints(result) == [f"{FAULTS[0].name}: not told"]
     assert "1 complaints" in page(result)
+
+
+@pytest.mark.parametrize(
+    ("flaw", "words"),
+    [
+        ({"unexplained": 2}, "2 of 10000 stamps are out of step"),
+        ({"stamps": 0}, "0 of 0 stamps are out of step"),
+        ({"false": ["flood"]}, "flood: commands were called stale, and had not paused"),
+        ({"lost": 3}, "3 ticks or messages are not in the recording"),
+    ],
+)
+def test_flaws_of_recordings_are_complained_of(flaw: dict[str, Any], words: str) -> None:
+    assert complaints(replace(soaked(), **flaw)) == [words]
+
+
+def test_uneven_stamps_are_found_and_lost_messages_are_none() -> None:
+    stamps = 10**15 + np.array([0, 10, 20, 20, 50, 60.05, 70.2, 80, 79]) * 100_000
+    assert uneven(stamps.astype(np.int64), 1_000_000).tolist() == [6, 7, 8]
+
+
+def test_stamps_may_make_up_for_dropped_ticks() -> None:
+    at = np.array([1.0, 10.0, 14.0, 17.0])
+    assert unexplained(at, []) == 4
+    assert unexplained(at, [(9.0, 10.0)]) == 2
+
+
+def test_a_pause_of_commands_is_found_where_it_was() -> None:
+    at = np.array([0.0, 0.01, 0.02, 0.2, 0.21, 0.22])
+    assert paused(Messages(at, 1e9 * at), 0.0, 0.3)
+    assert not paused(Messages(at, 1e9 * at), 0.205, 0.3)
+    assert not paused(Messages(at, 1e7 * np.arange(6.0)), 0.0, 0.3)  # who listened was late
+
+
+def test_a_soak_that_never_began_says_why() -> None:
+    assert "ended early: no clock" in page(Result(1.0, ended="no clock"))

@@ -147,7 +147,9 @@ class SimDiagnostics:
             "path": str(recorder.path), "ticks": recorder.ticks, "ticks lost": recorder.lost,
             "messages lost": thread.lost, "written [B]": thread.mcap.written,
         }  # fmt: skip
-        self.growth.warn(found, recorder.lost, "ticks are not in the recording: the disk is slow")
+        slow = "are not in the recording: the disk is slow"
+        self.growth.warn(found, recorder.lost, f"ticks {slow}")
+        self.growth.warn(found, thread.lost, f"ticks and messages {slow}")
         if thread.failure:
             found.complain(ERROR, thread.failure)
         return found

@@ -4,7 +4,7 @@
 Adding a message never waits for the disk. It is copied into a chunk in the format of the file
 (``native/record.c``); the thread compresses and writes whole chunks, mostly without the
 interpreter lock. The number of chunks is fixed: when the disk is too slow,
-messages are dropped and counted.
+messages are dropped and counted. A message that is larger than a chunk gets one of its own.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ class Chunk(Structure):
 
     _fields_ = RECORD.fields("chunk_t")
 
-    def __init__(self) -> None:
-        """Allocate ``SIZE`` bytes, and offsets of as many messages as fit."""
-        self._memory, self._starts = bytearray(SIZE), np.zeros(SIZE // HEAD, np.int64)
+    def __init__(self, size: int) -> None:
+        """Allocate so many bytes, and offsets of as many messages as fit."""
+        self._memory, self._starts = bytearray(size), np.zeros(size // HEAD, np.int64)
         super().__init__(
-            raw=address(self._memory), places=self._starts.ctypes.data, size=SIZE,
+            raw=address(self._memory), places=self._starts.ctypes.data, size=size,
             oldest=PERIOD_NS,
         )  # fmt: skip
         self.address = c_void_p(addressof(self))
@@ -88,8 +88,8 @@ class ChunkThread:
         self.lost, self.failure, self._closed = 0, "", False
         self._free, self._full = SimpleQueue[Chunk](), SimpleQueue[Chunk | None]()
         for _ in range(COUNT - 1):
-            self._free.put(Chunk())
-        self._chunk, self.lock, self._writing = Chunk(), threading.RLock(), threading.Lock()
+            self._free.put(Chunk(SIZE))
+        self._chunk, self.lock, self._writing = Chunk(SIZE), threading.RLock(), threading.Lock()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self.processor_time = 0.0
         self._thread.start()
@@ -132,7 +132,7 @@ class ChunkThread:
         """
         if self._closed:
             return None
-        if not self._chunk.fits(log, size) and (size > SIZE or not self._exchange()):
+        if not self._chunk.fits(log, size) and not self._exchange(size):
             self.lost += count
             return None
         return self._chunk
@@ -142,8 +142,12 @@ class ChunkThread:
         with self._writing:
             return self.mcap.channel(topic, kind, definition, profile)
 
-    def _exchange(self) -> bool:
-        """Pass the current chunk to the thread and begin another one, if one is free."""
+    def _exchange(self, size: int = 0) -> bool:
+        """Pass the current chunk to the thread, and begin another one if one is free.
+
+        Args:
+            size: Bytes for which the new chunk must have room.
+        """
         if self.failure:
             self._chunk.clear()
             return False
@@ -152,7 +156,7 @@ class ChunkThread:
         except Empty:
             return False
         self._full.put(self._chunk)
-        self._chunk = free
+        self._chunk = free if size <= free.size else Chunk(size)
         return True
 
     def close(self) -> None:
@@ -163,7 +167,7 @@ class ChunkThread:
             self._closed = True
             self._full.put(self._chunk)
             self._full.put(None)
-            self._chunk = Chunk()
+            self._chunk = Chunk(HEAD)
         self._thread.join()
 
     def _run(self) -> None:
@@ -179,7 +183,7 @@ class ChunkThread:
                 break
             self._write(chunk)
             self.processor_time = time.thread_time()
-            self._free.put(chunk)
+            self._free.put(chunk if chunk.size == SIZE else Chunk(SIZE))
         self._end()
 
     def _write_idle(self) -> None:
