@@ -148,6 +148,7 @@ def judge_recording(result: Result, recording: Path) -> None:
         return
     states = recorded(recording, f"/{STATES}")
     places = uneven(states.stamps, PERIOD)
+    places = places[places > 1]  # the first state is that before the loop begins
     result.stamps = len(states.stamps)
     steps = 1e-9 * np.diff(states.stamps)[places - 1]
     result.uneven = list(zip(states.at[places].tolist(), steps.tolist(), strict=True))
