@@ -182,11 +182,11 @@ correct_wheels() {
             -e "s|/opt/python/[^;\" ]*/include/python3\.12|$include|g"
 }
 
-# Messages for Python need C and what Fast DDS, the only middleware in the wheels, needs of C. The generators
-# of all else would take more than half of the time, and cannot be chosen: std_msgs brings them all.
+# Nothing here is C++: messages for Python need C only, and what Fast DDS, the only middleware in the wheels, needs
+# of it. The generators for C++ would take half of the time, and cannot be deselected: std_msgs brings them all.
 leave_out_generators() {
     local name
-    for name in rosidl_generator_cpp rosidl_typesupport_{cpp,fastrtps_cpp,introspection_c,introspection_cpp}; do
+    for name in rosidl_generator_cpp rosidl_typesupport_{cpp,fastrtps_cpp,introspection_cpp}; do
         : >"$env/share/$name/cmake/${name}_generate_interfaces.cmake"
     done
 }

@@ -18,19 +18,19 @@ CODE = ("**/*.c", "**/*.h", "**/*.cpp", "**/*.hpp")
 DATA = ("**/*.srv", "scenes/**/*.yaml", "scenes/**/*.urdf")
 SHARED = ("config", "launch", "rviz")
 
+
+def wanted(name: str) -> list[str]:
+    """The packages that a requirements file names."""
+    lines = (HERE / name).read_text().splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
 setup(
     **{key: MANIFEST.findtext(key) for key in ABOUT},
     maintainer_email=MANIFEST.find("maintainer").get("email"),
     python_requires=">=3.12",
-    install_requires=[
-        f"arm_dynamics=={VERSION}",
-        *(
-            line
-            for line in (HERE / "requirements.txt").read_text().splitlines()
-            if line and not line.startswith("#")
-        ),
-    ],
-    extras_require={"test": ["pytest"]},
+    install_requires=[f"arm_dynamics=={VERSION}", *wanted("requirements.txt")],
+    extras_require={"robots": wanted("requirements-robots.txt"), "test": ["pytest"]},
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={"": [*CODE, *DATA, "py.typed", "*.html", "**/CMakeLists.txt"]},
     data_files=[

@@ -84,7 +84,9 @@ def pins(group: str) -> dict[str, str]:
 
 
 def of_packages() -> dict[str, SpecifierSet]:
-    files = ((SRC / package / "requirements.txt").read_text() for package in PYTHON)
+    files = (
+        f.read_text() for package in PYTHON for f in (SRC / package).glob("requirements*.txt")
+    )
     return ranges("\n".join(files).splitlines())
 
 

@@ -120,6 +120,18 @@ def test_an_unknown_group_is_refused(clone: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("word", ["demos", "vew", "s.m", "--veiw"])
+def test_an_unknown_command_installs_nothing(word: str, clone: Path, older: Path) -> None:
+    (clone / ".venv").rename(clone / "kept")
+    before = files(clone)
+    done = arm(clone, f"{word} panda")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == f"arm: unknown command '{word}'; ./arm help shows all\n"
+    assert files(clone) == before
+    (clone / "kept").rename(clone / ".venv")  # the suite says what may be meant
+    assert arm(clone, f"{word} panda").stdout.split()[-2:] == [word, "panda"]
+
+
 def test_without_home_it_is_the_users(older: Path) -> None:
     done = arm(older, "view --help", env={"PATH": os.environ["PATH"]})
     assert done.stdout.split()[0] == pwd.getpwuid(os.getuid()).pw_dir

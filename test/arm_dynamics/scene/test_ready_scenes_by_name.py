@@ -110,3 +110,11 @@ def test_installed_scenes_are_found(elsewhere: Path) -> None:
     )  # fmt: skip
     inside = elsewhere / "lib/arm_sim/scenes/panda.yaml"
     assert said.stdout.split() == [str(inside), str(share / "z1.yaml")]
+
+
+def test_the_package_with_the_robots_is_named_where_it_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sys.path", [str(ROOT / "src/arm_sim")])
+    with pytest.raises(SceneError, match="pip install example-robot-data$"):
+        load_scene("panda")

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from recorded_engine import busy, engine_of, run, scene
+from recorded_engine import busy, contents, engine_of, run, scene
 
 from arm_dynamics import InvalidInput
 from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
-from arm_sim.ros.record.chunks import COUNT
+from arm_sim.ros.record.chunks import COUNT, SIZE
 from arm_sim.ros.record.ticks import TickRecorder
 from arm_sim.runtime_changes import payload_change
 from arm_sim.servo import JointCommand
@@ -262,9 +262,22 @@ def test_memory_of_the_recorder_is_bounded(tmp_path: Path) -> None:
     thread.mcap = slow = _SlowDisk(thread.mcap)
     taken = sum(thread.add(1, 0, 0, bytes(100_000)) for _ in range(1000))
     assert taken <= 10 * COUNT and thread.lost == 1000 - taken
-    assert not thread.add(1, 0, 0, bytes(10_000_000)), "larger than a chunk"
     slow.go.set()
     thread.close()
+
+
+def test_messages_larger_than_a_chunk_are_recorded(tmp_path: Path) -> None:
+    """Such as images; afterwards chunks are as small as before."""
+    recorder, sizes = TickRecorder(tmp_path / "run.mcap", engine_of(scene())), (10, 10**7, 20)
+    thread = recorder.thread
+    for size in sizes:
+        assert thread.add(recorder.file.changes, 0, 0, bytes(size))
+    while thread._free.qsize() < COUNT - 2:
+        time.sleep(0.01)
+    assert {thread._free.get().size for _ in range(COUNT - 2)} == {SIZE}
+    thread.close()
+    (told,) = (raw for raw in contents(tmp_path / "run.mcap").values() if bytes(20) in raw)
+    assert [len(raw) for raw in told[-3:]] == list(sizes)
 
 
 def test_whatever_goes_wrong_in_the_thread_is_said(tmp_path: Path) -> None:

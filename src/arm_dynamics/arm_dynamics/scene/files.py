@@ -21,6 +21,7 @@ VARIABLE = "ARM_SCENES"
 _SUFFIX = ".yaml"
 _PACKAGE = "arm_sim"
 _SHIPPED = "scenes", "scenes/lectures"  # folders with ready scenes in that package
+_ROBOTS = "example-robot-data"  # package of PyPI with the robots of some ready scenes
 
 
 def find_scene(name: str, folder: Path) -> Path:
@@ -68,9 +69,13 @@ def find_file(name: str, folder: Path) -> Path:
     """
     if name.startswith("package://"):
         inside = Path(name.removeprefix("package://"))
-        places = [
-            root / inside for root in _package_roots(inside.parts[0] if inside.parts else "")
-        ]
+        package = inside.parts[0] if inside.parts else ""
+        roots = _package_roots(package)
+        places = [root / inside for root in roots]
+        if package == _ROBOTS and not any((root / _ROBOTS).is_dir() for root in roots):
+            raise SceneError(
+                f"scene: no robots of {_ROBOTS} here, for '{name}'; pip install {_ROBOTS}"
+            )
     elif "\n" in name or "\0" in name or not name.strip():
         raise SceneError(f"scene: {name[:60]!r} is neither URDF text nor the name of a file")
     else:
@@ -112,7 +117,7 @@ def _package_roots(package: str) -> list[Path]:
         *(Path(prefix) / "share" for prefix in prefixes if prefix),
         *(Path(workspace) for workspace in workspaces if workspace),
         *wheels,
-        *(wheel / "example-robot-data/robots" for wheel in wheels),
+        *(wheel / _ROBOTS / "robots" for wheel in wheels),
         *_beside(package),
     ]
 

@@ -12,7 +12,7 @@ import mmap
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -61,7 +61,8 @@ class McapWriter:
         self._file = path.open("wb", buffering=0)
         self.written, self.messages = 0, dict[int, int]()
         self._schemas, self._channels = dict[str, records.Schema](), dict[int, records.Channel]()
-        self._chunks = list[records.ChunkIndex]()
+        # As bytes: as objects, the index of a day would take 0.2 GB.
+        self._chunks, self._chunk_count, self._span = bytearray(), 0, (0, 0)
         self._attached, self._metadata = list[Any](), list[Any]()
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
         self.put(MAGIC + _bytes(records.Header(profile="ros2", library=library)))
@@ -140,7 +141,7 @@ class McapWriter:
         start = self.put(record + tail)
         for number, count in zip(numbers, counts, strict=True):
             self.messages[number] += count
-        self._chunks.append(
+        self._chunks += _bytes(
             records.ChunkIndex(
                 chunk_length=len(record), chunk_start_offset=start, compression="zstd",
                 compressed_size=len(packed), message_start_time=first, message_end_time=last,
@@ -148,13 +149,14 @@ class McapWriter:
                 uncompressed_size=len(data),
             )
         )  # fmt: skip
+        earlier = self._span if self._chunk_count else (first, last)
+        self._span = min(first, earlier[0]), max(last, earlier[1])
+        self._chunk_count += 1
 
     @property
     def span(self) -> tuple[int, int]:
         """Times of the first and the last message in [ns]."""
-        starts = [chunk.message_start_time for chunk in self._chunks]
-        ends = [chunk.message_end_time for chunk in self._chunks]
-        return min(starts, default=0), max(ends, default=0)
+        return self._span
 
     @property
     def topics(self) -> list[tuple[str, str, str, int]]:
@@ -175,19 +177,18 @@ class McapWriter:
     def _ending(self) -> bytes:
         end = _bytes(records.DataEnd(data_section_crc=0))
         start = self.written + len(end)
-        groups: list[tuple[Opcode, list[Any]]] = [
-            (Opcode.SCHEMA, list(self._schemas.values())),
-            (Opcode.CHANNEL, list(self._channels.values())),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._chunks),
-            (Opcode.ATTACHMENT_INDEX, self._attached),
-            (Opcode.METADATA_INDEX, self._metadata),
-        ]
+        groups = {
+            Opcode.SCHEMA: _all_bytes(self._schemas.values()),
+            Opcode.CHANNEL: _all_bytes(self._channels.values()),
+            Opcode.STATISTICS: _bytes(self._statistics()),
+            Opcode.CHUNK_INDEX: bytes(self._chunks),
+            Opcode.ATTACHMENT_INDEX: _all_bytes(self._attached),
+            Opcode.METADATA_INDEX: _all_bytes(self._metadata),
+        }
         summary, offsets = b"", b""
-        for opcode, group in groups:
-            if not group:
+        for opcode, piece in groups.items():
+            if not piece:
                 continue
-            piece = b"".join(map(_bytes, group))
             offsets += _bytes(
                 records.SummaryOffset(
                     group_opcode=opcode, group_start=start + len(summary), group_length=len(piece)
@@ -203,7 +204,7 @@ class McapWriter:
         first, last = self.span
         return records.Statistics(
             attachment_count=len(self._attached), channel_count=len(self._channels),
-            channel_message_counts=self.messages, chunk_count=len(self._chunks),
+            channel_message_counts=self.messages, chunk_count=self._chunk_count,
             message_count=sum(self.messages.values()), message_start_time=first,
             message_end_time=last, metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
@@ -318,6 +319,10 @@ def _bytes(record: Any) -> bytes:
     builder: Any = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())
+
+
+def _all_bytes(some: Iterable[Any]) -> bytes:
+    return b"".join(map(_bytes, some))
 
 
 def _stream(data: bytes) -> ReadDataStream:
