@@ -146,7 +146,8 @@ def judge_recording(result: Result, recording: Path) -> None:
     """Look at the recorded stamps and commands of a whole soak."""
     if not recording.exists():
         return
-    states = recorded(recording, f"/{STATES}")
+    topics = recorded(recording)
+    states = topics[f"/{STATES}"]
     places = uneven(states.stamps, PERIOD)
     places = places[places > 1]  # the first state is that before the loop begins
     result.stamps = len(states.stamps)
@@ -154,7 +155,7 @@ def judge_recording(result: Result, recording: Path) -> None:
     result.uneven = list(zip(states.at[places].tolist(), steps.tolist(), strict=True))
     result.unexplained = unexplained(states.at[places], result.dropped)
     for name, sim, begin, end in result.stale:
-        commands = recorded(recording, f"/{sim.removesuffix('sim')}joint_commands")
+        commands = topics[f"/{sim.removesuffix('sim')}joint_commands"]
         excused = sim != _HELD_UP[name] and paused(commands, begin, end)
         (result.starved if excused else result.false).append(name)
 

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import struct
+from array import array
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +15,7 @@ from mcap.reader import make_reader
 
 from arm_dynamics.arrays import Array
 
+_STAMP = struct.Struct("<iI")
 UNEVEN = 0.01  # of the period
 MADE_UP = 5.0  # [s] within which stamps make up for ticks that were dropped
 PAUSE = 0.09  # [s] without an answer after which the next tick may find the last one stale
@@ -30,15 +34,15 @@ class Messages:
     stamps: Array
 
 
-def recorded(path: Path, topic: str) -> Messages:
-    """The messages of a topic in a recording; each begins with a header."""
+def recorded(path: Path) -> dict[str, Messages]:
+    """The messages of a recording by topic; each begins with a header."""
+    found: dict[str, array[int]] = defaultdict(lambda: array("q"))
     with path.open("rb") as file:
-        found = [
-            (message.log_time, *np.frombuffer(message.data, np.int32, 2, offset=4).tolist())
-            for _, _, message in make_reader(file).iter_messages([topic])
-        ]
-    at, seconds, nanoseconds = np.array(found, np.int64).reshape(-1, 3).T
-    return Messages(1e-9 * at, 1_000_000_000 * seconds + nanoseconds)
+        for _, channel, message in make_reader(file).iter_messages(log_time_order=False):
+            seconds, nanoseconds = _STAMP.unpack_from(message.data, 4)
+            found[channel.topic].extend((message.log_time, 10**9 * seconds + nanoseconds))
+    tables = {topic: np.array(times).reshape(-1, 2).T for topic, times in found.items()}
+    return {topic: Messages(1e-9 * at, stamps) for topic, (at, stamps) in tables.items()}
 
 
 def uneven(stamps: Array, period: int) -> Array:
