@@ -41,6 +41,8 @@ class Fault:
         after: Whether the words count only once it is over.
         or_else: Part and words that tell of it as well, where it has struck otherwise.
         silences: Whether commands may be called stale meanwhile.
+        holds_up: Simulation that it holds up, so that no state is answered: then commands are not
+            stale.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Fault:
     after: bool = False
     or_else: tuple[str, str] | None = None
     silences: bool = False
+    holds_up: str = ""
 
     @property
     def tellers(self) -> list[tuple[str, str]]:
@@ -206,9 +209,9 @@ FAULTS = (
           "commands stopped", gentle=False, silences=True,
           or_else=("sim: loop", "began after the next one was due")),
     Fault("simulation stopped for 1.5 s", _freeze("sim"), "sim: loop",
-          "began after the next one was due", gentle=False),
+          "began after the next one was due", gentle=False, holds_up="sim"),
     Fault("simulation with stamps of the clock held up again and again", _hold_up("clocked sim"),
-          "clocked/sim: loop", "began after the next one was due"),
+          "clocked/sim: loop", "began after the next one was due", holds_up="clocked/sim"),
     Fault("controller killed", _kill("controller"), "sim: commands", "commands stopped",
           gentle=False, last=True, silences=True),
     Fault("simulation killed", _kill("sim"), "controller: controller", "no joint state",

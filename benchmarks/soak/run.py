@@ -20,11 +20,9 @@ from benchmarks.soak.system import CLOCKED, SIMS, STATES, System
 SETTLE, NOTICE, RECOVER = 2.0, 4.0, 12.0  # [s] before a fault, to be told of it, to be well again
 TRACKING = 5e-3  # [rad] that the arm may be off while nothing should disturb it, or three times
 # what it was off between faults, where others load the machine
+TOLD_LATE = 2.5  # [s] by which diagnostics may be late
 PERIOD = 1_000_000  # [ns] of a tick
 LAST = 90.0  # [s] at the end for faults that start processes anew
-
-# Simulations that a fault holds up: that no state was answered meanwhile is no excuse.
-_HELD_UP = {fault.name: fault.part.removesuffix(": loop") for fault in FAULTS}
 
 
 class Injector:
@@ -154,9 +152,10 @@ def judge_recording(result: Result, recording: Path) -> None:
     steps = 1e-9 * np.diff(states.stamps)[places - 1]
     result.uneven = list(zip(states.at[places].tolist(), steps.tolist(), strict=True))
     result.unexplained = unexplained(states.at[places], result.dropped)
+    held_up = {fault.name: fault.holds_up for fault in FAULTS}
     for name, sim, begin, end in result.stale:
         commands = topics[f"/{sim.removesuffix('sim')}joint_commands"]
-        excused = sim != _HELD_UP[name] and paused(commands, begin, end)
+        excused = sim != held_up[name] and paused(commands, begin - TOLD_LATE, end)
         (result.starved if excused else result.false).append(name)
 
 
