@@ -22,6 +22,7 @@ LIMITS = {
     "gradient of a rollout ÷ rollout, in SIMD lanes": 5.0,
     "dry friction ÷ smooth": 1.5,
     "above a table ÷ smooth": 1.5,
+    "dry friction ÷ MuJoCo's with friction loss": 0.1,
     "a call with dry friction ÷ MuJoCo's with friction loss": 0.1,
     "gradient of a rollout with dry friction ÷ rollout": 6.0,
 }
@@ -76,6 +77,9 @@ def ratios(costs: dict[str, Cost]) -> dict[str, Cost]:
     for name in ("dry friction", "above a table"):
         found[f"{name} ÷ smooth"] = samples[f"linearize_many, {name}"] / ours
     if (peer := "MuJoCo, mjd_transitionFD with friction loss") in samples:
+        found["dry friction ÷ MuJoCo's with friction loss"] = (
+            samples["linearize_many, dry friction"] / samples[peer]
+        )
         found["a call with dry friction ÷ MuJoCo's with friction loss"] = (
             samples["linearize, dry friction, one call from Python"] / samples[peer]
         )

@@ -130,14 +130,15 @@ class Forward:
 
     @cached_property
     def _library(self) -> ctypes.CDLL | None:
-        """Compiled code for the widest registers; None where arms are simulated alone."""
+        """Compiled code, for many lanes without events; None where Python steps arms alone."""
         alone = self._choice.tolerance is not None or (self._plant.free and self._plant.switches)
         if alone or self._simulator.arm.compiled.backend == "vm":
             return None
         types = [*[ADDRESS] * 9, NUMBER, NUMBER, ADDRESS, NUMBER, ADDRESS, NUMBER, ADDRESS]
         if self._engine:
             types.append(ADDRESS)
-        built = (built_of_lanes(self._source, width, "follow", types) for width in widths(None))
+        wide = (1,) if self.eventful else widths(None)
+        built = (built_of_lanes(self._source, width, "follow", types) for width in wide)
         return next((library for library in built if library is not None), None)
 
     def _source(self, width: int) -> str:

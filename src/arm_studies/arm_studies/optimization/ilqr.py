@@ -28,8 +28,6 @@ from arm_studies.optimization.forward import Course, Forward
 
 SIZES: Final[Array] = np.array([0.5**k for k in range(8)])
 """Step sizes that are tried."""
-AT_ONCE: Final = 2
-"""Of them at once, where arms have events, which are located arm by arm."""
 FIRST, FACTOR, LEAST, MOST = 1e-2, 5.0, 1e-8, 1e8
 """Regularization: initial value, factor, value below which it is zero, value above which to
 stop."""
@@ -245,7 +243,7 @@ class ILQR:
 
     def _line_search(self, old: Trajectory, policy: Policy) -> Trajectory | None:
         """The best motion of a policy, of the first step sizes with a better one; else None."""
-        count = AT_ONCE if self._eventful else len(SIZES)
+        count = 1 if self._eventful else len(SIZES)  # lanes save nothing where arms have events
         for first in range(0, len(SIZES), count):
             made = self._step(old, policy, SIZES[first : first + count])
             if made is not None and made.cost < old.cost:
