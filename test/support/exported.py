@@ -18,11 +18,11 @@ C11, CPP17 = ("-std=c11",), ("-x", "c++", "-std=c++17")
 STRICT = ("-Wall", "-Wextra", "-Wconversion", "-pedantic")
 BITS = ("-O0", "-ffp-contract=off")
 
+_LIBM = "sin cos sincos sqrt exp log pow tanh fabs floor fmin fmax hypot atan atan2 acos asin"
 MATHEMATICS = frozenset(
-    "sin cos sincos sqrt exp log pow tanh fabs floor fmin fmax hypot atan atan2 acos asin memcpy "
-    "_GLOBAL_OFFSET_TABLE_".split()
+    [*_LIBM.split(), *(f"{name}f" for name in _LIBM.split()), "memcpy", "memset"]
 )
-"""What a library may use: functions of libm, and memcpy."""
+"""What a library may use: functions of libm, and what compilers put in the place of loops."""
 
 
 def compilers() -> list[str]:
@@ -49,17 +49,22 @@ class Library:
         folder: What ``export`` wrote.
         name: Its name.
         flags: Those of the compiler.
+        compiler: Its command.
     """
 
-    def __init__(self, folder: Path, name: str, flags: tuple[str, ...] = BITS) -> None:
-        self.file, self.name = folder / f"lib{name}.so", name
-        said_by("cc", *flags, "-shared", "-fPIC", folder / f"{name}.c", "-o", self.file, "-lm")
+    def __init__(
+        self, folder: Path, name: str, flags: tuple[str, ...] = BITS, compiler: str = "cc"
+    ) -> None:
+        self.file, self.name = folder / f"lib{name}_{compiler}.so", name
+        said_by(compiler, *flags, "-shared", "-fPIC", folder / f"{name}.c", "-o", self.file, "-lm")
         self.loaded = ctypes.CDLL(str(self.file))
 
-    def __call__(self, function: str, *given: Array, shape: tuple[int, ...]) -> Array:
+    def __call__(
+        self, function: str, *given: Array, shape: tuple[int, ...], scalar: type = np.float64
+    ) -> Array:
         """The result of a term's function at a point."""
-        arrays = [np.ascontiguousarray(array, dtype=float) for array in given]
-        result = np.full(shape, np.nan)
+        arrays = [np.ascontiguousarray(array, dtype=scalar) for array in given]
+        result = np.full(shape, np.nan, dtype=scalar)
         entry: Any = getattr(self.loaded, f"{self.name}_{function}")
         entry.restype = None
         entry(*(ctypes.c_void_p(array.ctypes.data) for array in [*arrays, result]))
@@ -80,17 +85,28 @@ def assert_clean(source: Path, name: str) -> None:
     Code need not be movable, so that a table of texts needs no addresses filled in at its start.
     """
     made = source.with_suffix(".o")
-    said_by("cc", "-O2", "-fno-pie", "-c", source, "-o", made)
-    symbols = [line.split()[-2:] for line in said_by("nm", made).splitlines()]
-    assert {used for kind, used in symbols if kind == "U"} <= MATHEMATICS
-    assert [own for kind, own in symbols if kind.lower() in "bdc"] == []
-    mine = {own for kind, own in symbols if kind.isupper() and kind != "U"}
-    assert {own for own in mine if not own.startswith(f"{name}_")} == set()
-    made.unlink()
+    for compiler in compilers():
+        said_by(compiler, "-O2", "-fno-pie", "-c", source, "-o", made)
+        symbols = [line.split()[-2:] for line in said_by("nm", made).splitlines()]
+        assert {used for kind, used in symbols if kind == "U"} <= MATHEMATICS
+        assert [own for kind, own in symbols if kind.lower() in "bdc"] == []
+        mine = {own for kind, own in symbols if kind.isupper() and kind != "U"}
+        assert {own for own in mine if not own.startswith(f"{name}_")} == set()
+        made.unlink()
 
 
-def assert_no_compiler_warns(folder: Path, name: str) -> None:
+def assert_sound(folder: Path, name: str) -> None:
+    """The test program passes, and sanitizers for addresses and undefined behaviour are silent."""
+    sanitizers = "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
+    program, files = folder / "sanitized", (folder / f"{name}.c", folder / f"test_{name}.c")
+    for compiler in compilers():
+        said_by(compiler, "-O1", *sanitizers, *files, "-o", program, "-lm")
+        assert "all results are right" in said_by(program)
+
+
+def assert_no_compiler_warns(folder: Path, name: str, *warnings: str) -> None:
     """Library and test program are C11 and C++17 without a warning, for gcc and clang."""
     for compiler, language in product(compilers(), (C11, CPP17)):
         for file in (f"{name}.c", f"test_{name}.c"):
-            assert said_by(compiler, *language, *STRICT, "-fsyntax-only", folder / file) == ""
+            flags = *language, *STRICT, *warnings
+            assert said_by(compiler, *flags, "-fsyntax-only", folder / file) == ""

@@ -9,9 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported import Library, assert_clean, assert_no_compiler_warns, run_test_program
+from exported import (
+    BITS,
+    Library,
+    assert_clean,
+    assert_no_compiler_warns,
+    assert_sound,
+    compilers,
+    run_test_program,
+)
 
-from arm_dynamics import Dynamics, load_scene
+from arm_dynamics import Dynamics, InvalidInput, load_scene
 from arm_dynamics.model.pinocchio_terms import FrameMotion
 from arm_sim.export import DERIVATIVES, TERMS, export
 from tolerances import EXPORT, EXPORT_FORWARD, FINITE_DIFF, assert_close
@@ -29,7 +37,8 @@ class Case:
         self.n, self.folder = model.n, folder / scene
         self.frame = model.frame_names[-1]
         export(model, self.folder, scene, (*TERMS, *DERIVATIVES), tick=False, frames=[self.frame])
-        self.library = Library(self.folder, scene)
+        self.libraries = [Library(self.folder, scene, BITS, name) for name in compilers()]
+        self.library = self.libraries[0]
         self.q, self.v, self.a = rng.uniform(-1.0, 1.0, (3, POINTS, self.n))
         self.q += model.q0
         if model.scene.bilateral:
@@ -39,8 +48,12 @@ class Case:
                 self.q[k], self.v[k] = closure.closed(near, self.v[k], closure.initially_active)
 
     def results(self, function: str, *names: str, shape: tuple[int, ...]) -> np.ndarray:
-        rows = zip(*(getattr(self, name) for name in names), strict=True)
-        return np.array([self.library(function, *row, shape=shape) for row in rows])
+        """Of every compiler the same bits."""
+        rows = list(zip(*(getattr(self, name) for name in names), strict=True))
+        made = [np.array([library(function, *row, shape=shape) for row in rows])
+                for library in self.libraries]  # fmt: skip
+        assert len({results.tobytes() for results in made}) == 1
+        return made[0]
 
 
 @pytest.fixture(scope="module", params=SCENES)
@@ -115,6 +128,10 @@ def test_no_compiler_warns(case: Case) -> None:
     assert_no_compiler_warns(case.folder, case.library.name)
 
 
+def test_sanitizers_find_nothing(case: Case) -> None:
+    assert_sound(case.folder, case.library.name)
+
+
 def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(case: Case) -> None:
     assert_clean(case.folder / f"{case.library.name}.c", case.library.name)
 
@@ -146,3 +163,42 @@ def test_joints_that_dry_friction_holds_stay_at_rest_as_in_dynamics(
         assert_close(library("forward_dynamics", q, v, tau, shape=(n,)), expected, EXPORT_FORWARD)
         stuck += int((expected == 0.0).any())
     assert 0 < stuck
+
+
+SINGLE = {"panda": {}, "four_bar": {}, "two_link": {"joints": DRY}}
+
+
+@pytest.mark.parametrize("name", SINGLE)
+def test_single_precision_is_as_good_as_its_readme_says(
+    name: str, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Code in single precision alone, by any compiler; joints at rest are held by friction."""
+    scene = load_scene(name).model_dump(exclude_unset=True) | SINGLE[name]
+    dyn = Dynamics(scene)
+    export(dyn.model, tmp_path, "arm", tick=False, frames=dyn.model.frame_names[-1:], scalar="float")
+    rows = re.findall(r"`arm_(\w+)` \| (\S+) \|\n", (tmp_path / "README.md").read_text())
+    errors = {term: float(error) for term, error in rows}
+    assert set(errors) > set(TERMS) and max(errors.values()) < 1e-4
+    held_in_double = [] if dyn.model.has_dry_friction else ["-Wdouble-promotion"]
+    assert_no_compiler_warns(tmp_path, "arm", *held_in_double)
+    assert_clean(tmp_path / "arm.c", "arm")
+    assert_sound(tmp_path, "arm")
+    library, n = Library(tmp_path, "arm"), dyn.n
+    q, v, a = rng.uniform(-0.5, 0.5, (3, n)).astype(np.float32).astype(float)
+    expected = dyn.inverse(q, v, a)
+    made = library("inverse_dynamics", q, v, a, shape=(n,), scalar=np.float32)
+    assert 0.0 < abs(made - expected).max() < 2.0 * errors["inverse_dynamics"] * max(abs(expected))
+    if dyn.model.has_dry_friction:
+        still, tau = np.zeros(n), dyn.gravity(q) + [0.5, 0.0]
+        assert not library("forward_dynamics", q, still, tau, shape=(n,), scalar=np.float32).any()
+
+
+def test_what_single_precision_cannot_do_is_refused(tmp_path: Path) -> None:
+    for arguments, said in (
+        ({"scalar": "half", "tick": False}, "scalar = 'half'; allowed: double, float"),
+        ({"scalar": "float"}, "scalar = 'float' with the tick"),
+        ({"scalar": "float", "tick": False, "terms": DERIVATIVES}, "of forward_dynamics_derivat"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            export("four_bar", tmp_path / "out", "arm", **arguments)
+    assert list(tmp_path.iterdir()) == []

@@ -9,7 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from exported import Library, assert_clean, assert_no_compiler_warns, run_test_program
+from exported import (
+    BITS,
+    Library,
+    assert_clean,
+    assert_no_compiler_warns,
+    assert_sound,
+    compilers,
+    run_test_program,
+)
 
 from arm_dynamics import SceneError
 from arm_dynamics.arrays import Array
@@ -115,6 +123,10 @@ def test_ticks_are_those_of_the_simulator_to_the_bit(case: Case) -> None:
     made = ticks.run(commands)
     assert made.tobytes() == np.hstack([expected.q, expected.v])[1:].tobytes()
     assert np.array_equal(ticks.state()[2], simulator.effort)
+    for compiler in compilers()[1:]:
+        other = Ticks(Library(case.folder, case.name, BITS, compiler), simulator.n)
+        assert other.init() == 0
+        assert other.run(commands).tobytes() == made.tobytes()
     period = ticks.function("sim_period")
     period.restype = ctypes.c_double
     assert (ticks.function("sim_joints")(), period()) == (simulator.n, simulator.dt)
@@ -153,6 +165,10 @@ def test_wrong_numbers_get_codes_with_texts_and_change_nothing(case: Case) -> No
 
 def test_no_compiler_warns(case: Case) -> None:
     assert_no_compiler_warns(case.folder, case.name)
+
+
+def test_sanitizers_find_nothing(case: Case) -> None:
+    assert_sound(case.folder, case.name)
 
 
 def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(case: Case) -> None:

@@ -35,6 +35,8 @@ from arm_sim.cli.output import examples
               help="Also export pose and Jacobian of this frame; may be repeated.")  # fmt: skip
 @click.option("--derivatives", is_flag=True,
               help="Also export derivatives of inverse and forward dynamics.")  # fmt: skip
+@click.option("--float", "single", is_flag=True,
+              help="Export the terms in single precision; their errors are measured.")  # fmt: skip
 def export(
     scene: str,
     out: Path,
@@ -44,6 +46,7 @@ def export(
     fmu: bool,
     frames: tuple[str, ...],
     derivatives: bool,
+    single: bool,
 ) -> None:
     """Write SCENE as a C library into DIR, which needs nothing of the suite.
 
@@ -55,5 +58,6 @@ def export(
     from arm_sim.export import export as exported
 
     terms = (*TERMS, *DERIVATIVES) if derivatives else TERMS
-    made = exported(scene, out, name, terms, tick or fmu or servo, fmu, frames, servo)
+    scalar = "float" if single else "double"
+    made = exported(scene, out, name, terms, tick or fmu or servo, fmu, frames, servo, scalar)
     click.echo(f"{made.folder}: library '{made.name}', {len(made.files)} files")

@@ -29,10 +29,14 @@ _COSTS = ("SLOPE", "LOADS", "INERTIA", "STRIKE", "STATICS")
 
 
 @one_at_a_time
-def at_rest(model: ArmModel) -> str:
+def at_rest(model: ArmModel, scalar: str) -> str:
     """C source of ``rest_is_resting`` and ``rest_begin_motion``, see ``native/at_rest.c``.
 
     Empty for an arm without dry friction that can stick.
+
+    Args:
+        model: The arm.
+        scalar: Type of arguments and results in C; between them, numbers are doubles.
     """
     if not model.has_dry_friction:
         return ""
@@ -43,6 +47,7 @@ def at_rest(model: ArmModel) -> str:
         **event_sizes(plant),
         **{f"COST_{name}": "0" for name in _COSTS},
         "TUNABLE": braces(plant.parameters.nominal),
+        "SCALAR": scalar,
     }
     engine = source(defines, "modes.h", () if "TOGETHER" in defines else ("together.h",))
     door = _HEAD.sub("", (_NATIVE / "at_rest.c").read_text())

@@ -4,47 +4,50 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from arm_dynamics.arrays import Array
-from arm_sim.export.expected import Expected, ran
+from arm_sim.export.conditions import decided
+from arm_sim.export.expected import Expected, Point, ran
 from arm_sim.export.generated import without_unused
-from arm_sim.export.library import comment
+from arm_sim.export.library import Library, comment
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 
 _NATIVE = Path(__file__).parent / "native"
+_ROUNDING = 1e-12
+_OTHER_LIBM = 4.0  # times the errors of single precision that were measured with this machine's
 
 
 def check_program(
-    name: str,
-    about: str,
-    terms: Sequence[Term],
+    library: Library,
     expected: Expected,
-    points: Sequence[tuple[Array, Array, Array]],
-    tick: Tick | None,
+    points: Sequence[Point],
+    errors: Mapping[str, float],
 ) -> str:
     """``test_N.c`` of a library.
 
     Args:
-        name: Name of the library.
-        about: First comment.
-        terms: Its functions.
-        expected: Their right results.
-        points: q, v, and a or tau at which they are compared.
-        tick: Its tick, if any.
+        library: The library.
+        expected: Right results of its functions.
+        points: Where they are compared.
+        errors: Of functions in single precision by name.
     """
-    checks = _Checks(name)
+    checks = _Checks(library, errors)
     for k, point in enumerate(points):
         checks.at(k, *point)
-        for term in terms:
+        for term in library.terms:
             checks.compare(k, term, expected.of(term, *point))
-    if tick:
-        checks.run(tick)
+    if library.tick:
+        checks.run(library.tick)
+    scalar = f"#define SCALAR {library.scalar}\n"
+    head = (_NATIVE / "check.h").read_text().replace("#pragma once\n", "")
     program = [
-        comment(about) + f'#include "{name}.h"\n',
-        (_NATIVE / "check.h").read_text().replace("#pragma once\n", ""),
+        comment(library.about) + f'#include "{library.name}.h"\n',
+        decided(scalar + head),
         *checks.tables,
         "\nint main(void) {\n  int wrong = 0;",
         *checks.calls,
@@ -57,28 +60,33 @@ def check_program(
 class _Checks:
     """Tables of numbers, and calls that compare with them."""
 
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self, library: Library, errors: Mapping[str, float]) -> None:
+        self._name, self._scalar, self._errors = library.name, library.scalar, errors
         self.tables, self.calls = list[str](), list[str]()
 
     def at(self, k: int, q: Array, v: Array, a: Array) -> None:
-        self.tables += [_table(f"q{k}", q), _table(f"v{k}", v), _table(f"a{k}", a)]
+        self.tables += [
+            _table(f"{name}{k}", values, self._scalar)
+            for name, values in (("q", q), ("v", v), ("a", a))
+        ]
 
     def compare(self, k: int, term: Term, results: Sequence[Array]) -> None:
         given = [f"{'a' if x == 'tau' else x}{k}" for x in term.arguments]
         made = [f"got{i}" for i in range(len(results))]
-        lines = [f"double got{i}[{values.size}];" for i, values in enumerate(results)]
+        most = max(_ROUNDING, _OTHER_LIBM * self._errors.get(term.name, 0.0))
+        lines = [f"{self._scalar} got{i}[{values.size}];" for i, values in enumerate(results)]
         lines.append(f"{self._name}_{term.name}({', '.join([*given, *made])});")
         for i, values in enumerate(results):
             table = f"{term.name}_{k}" + (f"_{term.results[i]}" if i else "")
             self.tables.append(_table(table, values))
-            lines.append(f'wrong += differs("{term.name}", got{i}, {table}, {values.size});')
+            what = f'"{term.name}", got{i}, {table}, {values.size}'
+            lines.append(f"wrong += differs({what}, {most:.1g});")
         self.calls.append("  {\n    " + "\n    ".join(lines) + "\n  }")
 
     def run(self, tick: Tick) -> None:
         """Ticks under a few commands, each held for some time, from the scene's initial state."""
         motion = ran(tick.simulator)
-        name, n = self._name, tick.simulator.n
+        name, n, most = self._name, tick.simulator.n, _ROUNDING
         self.tables += [
             _table("commands", motion.commands.ravel()),
             _table("last_q", motion.q),
@@ -94,16 +102,18 @@ class _Checks:
             f'    if (code) printf("ticks: %s\\n", {name}_error_text(code));\n'
             f"    wrong += code != 0;\n"
             f"    if (!code) {name}_sim_state(sim, q, v, NULL);\n"
-            f'    if (!code) wrong += differs("{motion.ticks} ticks, q", q, last_q, {n});\n'
-            f'    if (!code) wrong += differs("{motion.ticks} ticks, v", v, last_v, {n});\n'
+            f'    if (!code) wrong += differs("{motion.ticks} ticks, q", q, last_q, {n}, {most});\n'
+            f'    if (!code) wrong += differs("{motion.ticks} ticks, v", v, last_v, {n}, {most});\n'
             f'    printf("a simulation takes %lu bytes\\n", (unsigned long){name}_sim_size());\n'
             "    free(sim);\n"
             "  }"
         )
 
 
-def _table(name: str, values: Array) -> str:
+def _table(name: str, values: Array, scalar: str = "double") -> str:
     """Numbers as a table in C, to the last bit."""
-    numbers = ", ".join(repr(float(value)) for value in values)
-    text = f"static const double {name}[{values.size}] = {{{numbers}}};"
+    of_type = np.float32 if scalar == "float" else np.float64
+    suffix = "f" if scalar == "float" else ""
+    numbers = ", ".join(f"{float(value)!r}{suffix}" for value in values.astype(of_type))
+    text = f"static const {scalar} {name}[{values.size}] = {{{numbers}}};"
     return "\n".join(textwrap.wrap(text, 98, subsequent_indent="    "))

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 from arm_dynamics import ArmModel, __version__
-from arm_sim.export.terms import Term
+from arm_sim.export.expected import SAMPLED
+from arm_sim.export.library import Library
 from arm_sim.export.tick import Tick
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE, versions
 
@@ -29,14 +30,28 @@ cc -O1 -ffp-contract=off -c @NAME@.c
 The functions allocate nothing, keep nothing between calls and may run in several threads at once.
 Arrays belong to the caller; results must not overlap arguments.
 
+`size` prints how long the code is, `-fstack-usage` (GCC) how much stack each function takes.
+"""
+_BITS = """
 The results have the same bits at all levels of optimization, for all x86-64 and 64-bit ARM
 processors, short of `-Ofast` and `-ffast-math`: the source itself forbids fused multiply-add, for
 GCC and Clang, as `-ffp-contract=off` does for other compilers. Positions beyond a million radians,
 and powers, ask libm, whose last bits may differ.
 
 `-march=native` makes ticks up to a fifth faster and changes no bit.
+"""
+_BITS_OF_SINGLE = """
+The last bits depend on the compiler and on libm, whose `sinf` and `cosf` are called.
+"""
+_SINGLE = f"""\
+## Single precision
 
-`size` prints how long the code is, `-fstack-usage` (GCC) how much stack each function takes.
+Numbers are `float`. This is the largest error of each function at {SAMPLED} random states, of
+positions within 1 rad or m of where the scene begins, and speeds and the rest up to 1; relative to
+the largest number of the result, or 1, and with the rounding of arguments in it.
+
+| function | error |
+|---|---|
 """
 _TICKS = """\
 ## Simulation
@@ -77,11 +92,12 @@ def about(name: str, model: ArmModel) -> str:
     )
 
 
-def readme(name: str, model: ArmModel, terms: Sequence[Term], tick: Tick | None) -> str:
-    """``README.md`` of a library."""
+def readme(library: Library, errors: Mapping[str, float]) -> str:
+    """``README.md`` of a library; ``errors`` are those of single precision."""
+    model, tick = library.model, library.tick
     gravity = ", ".join(f"{g:g}" for g in model.scene.gravity)
     intro = (
-        f"# {name}\n\nThe robot '{model.pin.name}' as a C library: {model.n} joints, "
+        f"# {library.name}\n\nThe robot '{model.pin.name}' as a C library: {model.n} joints, "
         f"{model.total_mass:.6g} kg moving, gravity [{gravity}] m/s². "
         f"Made by arm_sim {__version__} from `{SCENE_FILE}` and `{URDF_FILE}`, which say the rest "
         "about the scene.\n"
@@ -89,13 +105,19 @@ def readme(name: str, model: ArmModel, terms: Sequence[Term], tick: Tick | None)
     parts = (
         intro,
         _joints(model),
-        _functions(name, terms),
+        _functions(library),
+        *([_single(errors)] if errors else []),
         *([_ticks(model, tick)] if tick else []),
-        _BUILD,
+        _BUILD + (_BITS_OF_SINGLE if errors else _BITS),
         _made_by(),
         _LICENCE,
     )
-    return "\n".join(parts).replace("@NAME@", name).replace("@URDF@", URDF_FILE)
+    return "\n".join(parts).replace("@NAME@", library.name).replace("@URDF@", URDF_FILE)
+
+
+def _single(errors: Mapping[str, float]) -> str:
+    rows = "".join(f"| `@NAME@_{name}` | {error:.1e} |\n" for name, error in errors.items())
+    return f"{_SINGLE}{rows}"
 
 
 def _joints(model: ArmModel) -> str:
@@ -122,9 +144,9 @@ def _number(value: float) -> str:
     return f"{value:.6g}" if math.isfinite(value) else "none"
 
 
-def _functions(name: str, terms: Sequence[Term]) -> str:
-    lines = [f"| `{name}_{term.name}` | {term.about} |\n" for term in terms]
-    head = f"## Functions\n\nDeclared in `{name}.h`.\n\n| function | result |\n|---|---|\n"
+def _functions(library: Library) -> str:
+    lines = [f"| `@NAME@_{term.name}` | {term.about} |\n" for term in library.terms]
+    head = "## Functions\n\nDeclared in `@NAME@.h`.\n\n| function | result |\n|---|---|\n"
     return head + "".join(lines)
 
 

@@ -14,7 +14,7 @@ from arm_dynamics.scene.load import SceneSource, naming
 from arm_sim.export import library
 from arm_sim.export.check_program import check_program
 from arm_sim.export.description import about, readme
-from arm_sim.export.expected import Expected, states
+from arm_sim.export.expected import SAMPLED, Expected, states
 from arm_sim.export.fmu import mockup_of, units
 from arm_sim.export.folder import check_folder, put_files
 from arm_sim.export.names import from_title, library_name
@@ -49,6 +49,7 @@ def export(
     fmu: bool = False,
     frames: Sequence[str] = (),
     servo: bool = False,
+    scalar: str = "double",
 ) -> Exported:
     """Write a scene as a C library into a folder that needs nothing of the suite.
 
@@ -64,10 +65,12 @@ def export(
         frames: Frames whose poses and Jacobians are wanted, and on which wrenches may act in the
             units.
         servo: Whether to add the servos, which track positions and velocities, to the tick.
+        scalar: Type of numbers in C: ``double``, or ``float`` for terms without the tick, whose
+            errors are measured and written into the README.
 
     Raises:
         InvalidInput: If an argument is not allowed; nothing is written.
-        CompilerMissing: If units are wanted and there is no C compiler; likewise.
+        CompilerMissing: If units or ``float`` are wanted and there is no C compiler; likewise.
         SceneError: If the scene cannot be used; likewise.
         KernelError: If a function differs from Pinocchio; likewise.
         OSError: If the folder cannot be written; likewise.
@@ -75,19 +78,31 @@ def export(
     if not isinstance(out, str | Path):
         raise InvalidInput(f"out = {out!r}; the path of a folder is expected")
     folder, wanted = Path(out), chosen(terms)
-    if fmu and not tick:
-        raise InvalidInput("fmu = True with tick = False; allowed: units with the tick")
-    if servo and not tick:
-        raise InvalidInput("servo = True with tick = False; allowed: servos with the tick")
+    _check(tick, fmu, servo, scalar)
     called = None if name is None else library_name(name)
     check_folder(folder)
     model = arm_model(scene)
     called = called or from_title(model.pin.name)
     with naming(scene):
         made = tick_of(model, fmu and bool(frames), servo) if tick else None
-        files = _files(model, called, wanted, made, fmu, frames)
+        files = _files(model, called, wanted, made, fmu, frames, scalar)
     put_files(folder, files)
     return Exported(folder, called, tuple(files))
+
+
+def _check(tick: bool, fmu: bool, servo: bool, scalar: str) -> None:
+    """Refuse what does not go together."""
+    if fmu and not tick:
+        raise InvalidInput("fmu = True with tick = False; allowed: units with the tick")
+    if servo and not tick:
+        raise InvalidInput("servo = True with tick = False; allowed: servos with the tick")
+    if scalar not in ("double", "float"):
+        raise InvalidInput(f"scalar = {scalar!r}; allowed: double, float")
+    if scalar == "float" and tick:
+        raise InvalidInput(
+            "scalar = 'float' with the tick, whose events are found to 1e-9 of a tick; allowed: "
+            "terms in float, and the tick in double under another name"
+        )
 
 
 def _files(
@@ -97,22 +112,25 @@ def _files(
     tick: Tick | None,
     fmu: bool,
     frames: Sequence[str],
+    scalar: str,
 ) -> dict[str, str | bytes]:
     """Contents of all files of a library by name."""
     expected, points = Expected(model, frames), states(model)
     terms = terms_of(model, wanted, frames)
     expected.verify(terms, points)
-    said = about(name, model)
-    code = {
-        f"{name}.h": library.header(name, said, model, terms, tick),
-        f"{name}.c": library.source(name, said, model, terms, tick),
-    }
+    made = library.Library(name, about(name, model), model, terms, tick, scalar)
+    header, source = library.header(made), library.source(made)
+    errors: dict[str, float] = {}
+    if scalar == "float":
+        whole = source.replace(f'#include "{name}.h"\n', header)
+        errors = expected.single_errors(name, whole, terms, states(model, SAMPLED))
+    code = {f"{name}.h": header, f"{name}.c": source}
     return {
         **code,
         **(units(mockup_of(name, tick, code, frames)) if fmu and tick else {}),
-        f"test_{name}.c": check_program(name, said, terms, expected, points, tick),
+        f"test_{name}.c": check_program(made, expected, points, errors),
         "CMakeLists.txt": (_NATIVE / "CMakeLists.txt").read_text().replace("@NAME@", name),
-        "README.md": readme(name, model, terms, tick),
+        "README.md": readme(made, errors),
         SCENE_FILE: scene_text(model.scene, URDF_FILE),
         URDF_FILE: model.scene.robot.urdf,
     }

@@ -6,7 +6,10 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from arm_dynamics import ArmModel
 from arm_dynamics.codegen import compiler
@@ -17,6 +20,8 @@ from arm_sim.export.names import c_string
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 
+_NATIVE = Path(__file__).parent / "native"
+_NUMBER = re.compile(r"(?<![\w.])\d+\.\d*(?:e[+-]\d+)?")
 _INCLUDE = re.compile(r'#include "(\w+\.h)"\n')
 _FOR_EDITORS = re.compile(
     r"^#ifndef LANES /\* read alone.*?^#else\n(.*)^#endif\n", re.DOTALL | re.MULTILINE
@@ -35,50 +40,63 @@ _PRAGMAS = """\
 """
 
 
-def header(
-    name: str, about: str, model: ArmModel, terms: Sequence[Term], tick: Tick | None
-) -> str:
-    """``N.h`` of a library.
+@dataclass(frozen=True)
+class Library:
+    """A library.
 
-    Args:
-        name: Name of the library.
-        about: First comment.
+    Attributes:
+        name: Its name.
+        about: First comment of its files.
         model: The arm.
         terms: Its functions.
         tick: Its tick, if any.
+        scalar: Type of its numbers in C, ``double`` or ``float``.
     """
+
+    name: str
+    about: str
+    model: ArmModel
+    terms: Sequence[Term]
+    tick: Tick | None
+    scalar: str
+
+
+def header(library: Library) -> str:
+    """``N.h`` of a library."""
+    name, tick, n = library.name, library.tick, library.model.n
     capitals = name.upper()
-    states = tick.simulator.arm.plant.nx if tick else 2 * model.n
+    states = tick.simulator.arm.plant.nx if tick else 2 * n
     parts = [
-        f"{comment(about)}#ifndef {capitals}_H\n#define {capitals}_H\n\n#include <stddef.h>\n",
+        f"{comment(library.about)}#ifndef {capitals}_H\n#define {capitals}_H\n\n"
+        "#include <stddef.h>\n",
         '#ifdef __cplusplus\nextern "C" {\n#endif\n',
-        f"enum {{ {capitals}_JOINTS = {model.n}, {capitals}_STATES = {states} }};\n",
+        f"enum {{ {capitals}_JOINTS = {n}, {capitals}_STATES = {states} }};\n",
         comment("Order of all vectors.")
         + f"extern const char* const {name}_joint_names[{capitals}_JOINTS];\n",
-        *(comment(term.about) + f"{_signature(name, term)};\n" for term in terms),
+        *(comment(term.about) + f"{_signature(library, term)};\n" for term in library.terms),
         *(_of_tick(name, tick) if tick else []),
         "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
     ]
     return "\n".join(parts)
 
 
-def source(
-    name: str, about: str, model: ArmModel, terms: Sequence[Term], tick: Tick | None
-) -> str:
-    """``N.c`` of a library; arguments as of ``header``."""
-    functions = {term.function.name(): term.function for term in terms}
+def source(library: Library) -> str:
+    """``N.c`` of a library."""
+    name, tick, single = library.name, library.tick, library.scalar == "float"
+    functions = {term.function.name(): term.function for term in library.terms}
     functions |= {function.name(): function for function in (tick.functions if tick else ())}
-    names = ", ".join(map(c_string, model.joint_names))
-    moves = any(term.name == "forward_dynamics" for term in terms)
-    resting = at_rest(model) if moves else ""
+    generated = static_functions(list(functions.values()))
+    names = ", ".join(map(c_string, library.model.joint_names))
+    moves = any(term.name == "forward_dynamics" for term in library.terms)
+    resting = at_rest(library.model, library.scalar) if moves else ""
+    kinds = [resting, in_single(generated)] if single else [generated, resting]
     parts = [
-        f'{comment(about)}#include "{name}.h"\n',
+        f'{comment(library.about)}#include "{name}.h"\n',
         _PRAGMAS,
-        elementary(),
-        static_functions(list(functions.values())),
-        resting,
+        elementary() if resting or not single else "",
+        *kinds,
         f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",
-        *(_definition(name, term, bool(resting)) for term in terms),
+        *(_definition(library, term, bool(resting)) for term in library.terms),
         named(name, tick.source) if tick else "",
     ]
     return without_unused(decided("\n".join(parts)))
@@ -120,21 +138,37 @@ def _inlined(file: str, folder: Path) -> str:
     return _INCLUDE.sub(lambda found: _inlined(found[1], folder), text)
 
 
-def _signature(name: str, term: Term) -> str:
-    given = [f"const double* {x}" for x in term.arguments]
-    arguments = ", ".join([*given, *(f"double* {x}" for x in term.results)])
-    head = f"void {name}_{term.name}("
+def in_single(generated: str) -> str:
+    """Generated code in single precision: its numbers, and the functions of libm that it calls.
+
+    What comes before may be in double precision.
+    """
+    return (_NATIVE / "single.h").read_text() + _NUMBER.sub(_single, generated)
+
+
+def _single(number: re.Match[str]) -> str:
+    """A number of this type; what keeps divisors from zero stays above it."""
+    limits, value = np.finfo(np.float32), float(number[0])
+    if value == 0.0 or limits.tiny <= value <= limits.max:
+        return f"{number[0]}f"
+    return f"{np.clip(value, limits.tiny, limits.max):.9e}f"
+
+
+def _signature(library: Library, term: Term) -> str:
+    given = [f"const {library.scalar}* {x}" for x in term.arguments]
+    arguments = ", ".join([*given, *(f"{library.scalar}* {x}" for x in term.results)])
+    head = f"void {library.name}_{term.name}("
     return "\n".join(
         textwrap.wrap(f"{head}{arguments})", _COLUMNS - 2, subsequent_indent=" " * len(head))
     )
 
 
-def _definition(name: str, term: Term, sticks: bool) -> str:
+def _definition(library: Library, term: Term, sticks: bool) -> str:
     rests = sticks and term.name == "forward_dynamics"
     return (
-        f"{_signature(name, term)} {{\n"
-        f"  const double* arg[] = {{{', '.join(term.arguments)}}};\n"
-        f"  double* res[] = {{{', '.join(term.results)}}};\n"
+        f"{_signature(library, term)} {{\n"
+        f"  const {library.scalar}* arg[] = {{{', '.join(term.arguments)}}};\n"
+        f"  {library.scalar}* res[] = {{{', '.join(term.results)}}};\n"
         + (
             f"  if ({PREFIX}is_resting(v)) {PREFIX}begin_motion(q, v, tau, a);\n  else"
             if rests
