@@ -175,7 +175,8 @@ def test_single_precision_is_as_good_as_its_readme_says(
     """Code in single precision alone, by any compiler; joints at rest are held by friction."""
     scene = load_scene(name).model_dump(exclude_unset=True) | SINGLE[name]
     dyn = Dynamics(scene)
-    export(dyn.model, tmp_path, "arm", tick=False, frames=dyn.model.frame_names[-1:], scalar="float")
+    frames = dyn.model.frame_names[-1:]
+    export(dyn.model, tmp_path, "arm", tick=False, frames=frames, scalar="float")
     rows = re.findall(r"`arm_(\w+)` \| (\S+) \|\n", (tmp_path / "README.md").read_text())
     errors = {term: float(error) for term, error in rows}
     assert set(errors) > set(TERMS) and max(errors.values()) < 1e-4

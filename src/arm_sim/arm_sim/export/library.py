@@ -20,7 +20,10 @@ from arm_sim.export.names import c_string
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 
-_NATIVE = Path(__file__).parent / "native"
+_TYPES = {"casadi_real": "float", "casadi_int": "long long"}
+_LIBM = re.compile(
+    r"\b(a?sin|a?cos|a?tan|atan2|tanh|exp|log|pow|sqrt|hypot|fabs|floor|fmin|fmax)(?=\()"
+)
 _NUMBER = re.compile(r"(?<![\w.])\d+\.\d*(?:e[+-]\d+)?")
 _INCLUDE = re.compile(r'#include "(\w+\.h)"\n')
 _FOR_EDITORS = re.compile(
@@ -139,11 +142,10 @@ def _inlined(file: str, folder: Path) -> str:
 
 
 def in_single(generated: str) -> str:
-    """Generated code in single precision: its numbers, and the functions of libm that it calls.
-
-    What comes before may be in double precision.
-    """
-    return (_NATIVE / "single.h").read_text() + _NUMBER.sub(_single, generated)
+    """Generated code in single precision: its types, numbers, and functions of libm."""
+    for double, single in _TYPES.items():
+        generated = generated.replace(double, single)
+    return "#include <math.h>\n\n" + _NUMBER.sub(_single, _LIBM.sub(r"\1f", generated))
 
 
 def _single(number: re.Match[str]) -> str:
