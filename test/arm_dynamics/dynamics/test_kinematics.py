@@ -106,8 +106,8 @@ def test_an_unknown_frame_is_refused_by_the_names(rows: tuple[int, ...]) -> None
     for call in CALLS.values():
         for frame, meant in (
             ("panda_hnd", r".*panda_link3, .*; did you mean 'panda_hand'\?$"),
-            ("paw", " universe, panda_link0, "),
-            (7, " universe, panda_link0, "),
+            ("paw", " world, panda_link0, "),
+            (7, " world, panda_link0, "),
         ):
             complaint = f"^frame '{frame}' does not exist; allowed:{meant}"
             with pytest.raises(InvalidInput, match=complaint):

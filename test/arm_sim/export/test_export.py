@@ -7,12 +7,14 @@ import ctypes
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import pytest
 from click.testing import CliRunner
 from exported import BITS, C11, CPP17, STRICT, Library, said_by
 
+import models
 from arm_dynamics import ArmError, InvalidInput, SceneError
 from arm_sim.cli.main import main
 from arm_sim.export import export
@@ -64,10 +66,11 @@ def test_a_title_becomes_a_name() -> None:
     assert from_title("***") == "arm"
 
 
-def test_without_a_name_it_is_that_of_the_robot(tmp_path: Path) -> None:
-    made = export(SCENE, tmp_path / "out", terms=(), tick=False)
-    assert made.name == "two_link"
-    assert (tmp_path / "out/two_link.h").is_file()
+def test_without_a_name_it_is_that_of_the_scene(tmp_path: Path) -> None:
+    for scene, name in (("real_ur10", "real_ur10"), (models.SCENES / "two_link.urdf", "two_link")):
+        made = export(scene, tmp_path / name, terms=(), tick=False)
+        assert made.name == name
+        assert (tmp_path / name / f"{name}.h").is_file()
 
 
 @pytest.mark.parametrize(
@@ -75,14 +78,15 @@ def test_without_a_name_it_is_that_of_the_robot(tmp_path: Path) -> None:
     [
         ({"terms": ("gravity", "inertia")}, "terms names 'inertia'; allowed: inverse_dynamics"),
         ({"frames": ("nowhere",)}, "nowhere"),
+        ({"frames": ("base",), "tick": True, "fmu": True}, "'base' does not move"),
         ({"frames": ("forearm", "forearm")}, "would both be 'forearm'"),
     ],
 )
 def test_wrong_arguments_write_nothing(
-    arguments: dict[str, tuple[str, ...]], said: str, tmp_path: Path
+    arguments: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
     with pytest.raises(ArmError, match=said):
-        export(SCENE, tmp_path / "out", "arm", tick=False, **arguments)
+        export(SCENE, tmp_path / "out", "arm", **{"tick": False, **arguments})
     assert list(tmp_path.iterdir()) == []
 
 

@@ -101,8 +101,8 @@ class Robot:
 
     @property
     def frame_names(self) -> tuple[str, ...]:
-        """Frames that a payload, wrench or task may refer to."""
-        return tuple(dict.fromkeys(frame.name for frame in self.pin.frames))
+        """Frames that a payload, wrench or task may refer to, ``world`` first."""
+        return tuple(dict.fromkeys(["world", *(frame.name for frame in self.pin.frames[1:])]))
 
     def has_frame(self, name: object) -> bool:
         """Whether ``frame_index`` knows a name."""

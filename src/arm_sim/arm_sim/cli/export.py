@@ -23,7 +23,7 @@ from arm_sim.cli.output import examples
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR",
               help="A new or empty folder, or one exported before.")  # fmt: skip
 @click.option("--name", metavar="NAME",
-              help="Prefix of all functions, a C identifier. [default: from the robot's name]",
+              help="Prefix of all functions, a C identifier. [default: from the scene]",
               )  # fmt: skip
 @click.option("--tick", is_flag=True, help="Also export the simulator's tick.")
 @click.option("--servo", is_flag=True,

@@ -86,7 +86,7 @@ class _Checks:
     def run(self, tick: Tick) -> None:
         """Ticks under a few commands, each held for some time, from the scene's initial state."""
         motion = ran(tick.simulator)
-        name, n, most = self._name, tick.simulator.n, _ROUNDING
+        name, n, ticks, most = self._name, tick.simulator.n, motion.ticks, _ROUNDING
         self.tables += [
             _table("commands", motion.commands.ravel()),
             _table("last_q", motion.q),
@@ -97,13 +97,13 @@ class _Checks:
             f"    double q[{n}], v[{n}];\n"
             f"    {name}_sim* sim = ({name}_sim*)malloc({name}_sim_size());\n"
             f"    int code = sim ? {name}_sim_init(sim, NULL, NULL) : -1;\n"
-            f"    for (int k = 0; k < {motion.ticks} && !code; ++k)\n"
+            f"    for (int k = 0; k < {ticks} && !code; ++k)\n"
             f"      code = {name}_sim_step(sim, commands + {n} * (k / {motion.held}));\n"
             f'    if (code) printf("ticks: %s\\n", {name}_error_text(code));\n'
             f"    wrong += code != 0;\n"
             f"    if (!code) {name}_sim_state(sim, q, v, NULL);\n"
-            f'    if (!code) wrong += differs("{motion.ticks} ticks, q", q, last_q, {n}, {most});\n'
-            f'    if (!code) wrong += differs("{motion.ticks} ticks, v", v, last_v, {n}, {most});\n'
+            f'    if (!code) wrong += differs("{ticks} ticks, q", q, last_q, {n}, {most});\n'
+            f'    if (!code) wrong += differs("{ticks} ticks, v", v, last_v, {n}, {most});\n'
             f'    printf("a simulation takes %lu bytes\\n", (unsigned long){name}_sim_size());\n'
             "    free(sim);\n"
             "  }"

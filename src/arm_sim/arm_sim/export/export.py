@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 from arm_dynamics import ArmModel, InvalidInput
@@ -57,7 +58,8 @@ def export(
         scene: A scene, anything ``load_scene`` accepts, or an existing arm model.
         out: The folder: a new or empty one, or one that was exported before, whose files are
             replaced.
-        name: Name of the library, a C identifier; None for one made from the robot's name.
+        name: Name of the library, a C identifier; None for one made from the name of the scene
+            file, or of a robot description from that of the robot.
         terms: Names out of ``TERMS`` and ``DERIVATIVES``.
         tick: Whether to export the simulator's tick, too.
         fmu: Whether to add functional mock-up units for co-simulation, ``N.fmu`` by FMI 3.0 and
@@ -82,12 +84,31 @@ def export(
     called = None if name is None else library_name(name)
     check_folder(folder)
     model = arm_model(scene)
-    called = called or from_title(model.pin.name)
+    called = called or from_title(_title(scene, model))
+    if fmu:
+        _check_moving(model, frames)
     with naming(scene):
         made = tick_of(model, fmu and bool(frames), servo) if tick else None
         files = _files(model, called, wanted, made, fmu, frames, scalar)
     put_files(folder, files)
     return Exported(folder, called, tuple(files))
+
+
+def _title(scene: SceneSource | ArmModel, model: ArmModel) -> str:
+    """Name of a scene file; of a robot description that of the robot."""
+    given = Path(scene) if isinstance(scene, str | PathLike) and "<" not in str(scene) else None
+    is_scene = given is not None and given.suffix in ("", ".yaml", ".yml")
+    return given.stem if given and is_scene else model.pin.name
+
+
+def _check_moving(model: ArmModel, frames: Sequence[str]) -> None:
+    """Refuse wrenches on frames that do not move."""
+    for name in frames:
+        if model.has_frame(name) and model.frame(name).parentJoint == 0:
+            raise InvalidInput(
+                f"frame '{name}' does not move, so that no wrench on it acts in a unit; allowed: "
+                "frames that a joint moves"
+            )
 
 
 def _check(tick: bool, fmu: bool, servo: bool, scalar: str) -> None:
