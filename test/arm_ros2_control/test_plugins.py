@@ -71,7 +71,7 @@ def simulated(commands: Sequence[Array | JointCommand], each: int = 1) -> Array:
 def test_efforts_move_the_arm_as_the_simulator_to_the_bit(
     folder: Path, each: int, rng: np.random.Generator
 ) -> None:
-    """In the library's order of joints, which the description turns round; nothing allocates."""
+    """In the library's order of joints, which the description turns round; nothing allocates or waits."""
     efforts = 10.0 * rng.normal(size=(300, 2))
     made = driven(folder, "effort", efforts, 1000 // each)
     np.testing.assert_array_equal(made, simulated(efforts, each))
@@ -112,6 +112,7 @@ def test_the_controller_follows_a_motion_by_computed_torque(folder: Path) -> Non
         ("libarm.so", 300, "effort", "the rate is 300 Hz; a period of one or more ticks of 0.001"),
         ("libarm.so", 1000, "torque", "command interface 'torque'; position, velocity and effort"),
         ("libbare.so", 1000, "position", "needs a library exported by ./arm export --servo"),
+        ("libarm.so", 1000, "effort,sensor", "'wrist': the library has no sensors"),
     ],
 )
 def test_what_is_not_allowed_is_refused_by_name(

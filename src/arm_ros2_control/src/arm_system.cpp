@@ -21,6 +21,13 @@ template <class Parts> auto named(const Parts& parts, const std::string& name) {
   return std::find_if(parts.begin(), parts.end(), [&](const auto& p) { return p.name == name; });
 }
 
+/// Refuse an interface that joints do not have.
+void check_kind(const std::string& joint, const std::string& way, const std::string& kind) {
+  if (std::find(kNames.begin(), kNames.end(), kind) == kNames.end())
+    throw std::runtime_error("joint '" + joint + "': " + way + " interface '" + kind
+                             + "'; position, velocity and effort are allowed");
+}
+
 /// A parameter of the hardware, or a default.
 std::string parameter(const hardware_interface::HardwareInfo& info, const std::string& name, const std::string& otherwise) {
   const auto found = info.hardware_parameters.find(name);
@@ -48,16 +55,18 @@ ArmSystem::CallbackReturn ArmSystem::on_init(const hardware_interface::HardwareC
   return CallbackReturn::SUCCESS;
 }
 
-/// Compare the joints of the description with those of the library.
+/// Compare the joints of the description with those of the library, which has nothing else.
 void ArmSystem::check_joints() const {
+  for (const auto* others : {&info_.sensors, &info_.gpios})
+    for (const auto& other : *others)
+      throw std::runtime_error("'" + other.name + "': the library has no sensors and no inputs or outputs besides its joints");
   const auto& joints = arm_->joints();
   for (const auto& joint : info_.joints) {
     if (std::find(joints.begin(), joints.end(), joint.name) == joints.end())
       throw std::runtime_error("joint '" + joint.name + "' is not one of the library");
+    for (const auto& state : joint.state_interfaces) check_kind(joint.name, "state", state.name);
     for (const auto& command : joint.command_interfaces) {
-      if (std::find(kNames.begin(), kNames.end(), command.name) == kNames.end())
-        throw std::runtime_error("joint '" + joint.name + "': command interface '" + command.name
-                                 + "'; position, velocity and effort are allowed");
+      check_kind(joint.name, "command", command.name);
       if (command.name != kNames[kEffort] && !arm_->has_servos())
         throw std::runtime_error("joint '" + joint.name + "': command interface '" + command.name
                                  + "' needs a library exported by ./arm export --servo");

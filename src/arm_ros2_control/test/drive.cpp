@@ -3,13 +3,15 @@
 //
 //   drive LIBRARY RATE KIND[,KIND…] < COMMANDS
 //
-// KIND: position, velocity, effort, or `controller` for references of the computed-torque controller. COMMANDS: for
-// each period, for each kind, a number for each joint. Prints positions, velocities and efforts after each period, in
-// hexadecimal. Fails if anything is allocated within a period.
+// KIND: position, velocity, effort, `sensor` to describe one as well, or `controller` for references of the
+// computed-torque controller. COMMANDS: for each period, for each kind, a number for each joint. Prints positions,
+// velocities and efforts after each period, in hexadecimal. Fails if anything is allocated, or waits for a lock, within a period.
+#include <dlfcn.h>
+#include <pthread.h>
+
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
-#include <new>
 #include <sstream>
 
 #include "arm_ros2_control/arm_system.hpp"
@@ -20,7 +22,7 @@ namespace {
 using hardware_interface::CallbackReturn;
 using hardware_interface::Handle;
 
-long allocated = 0;
+long allocated = 0, locked = 0;
 
 void demand(bool holds, const char* what) {
   if (holds) return;
@@ -41,18 +43,33 @@ hardware_interface::HardwareInfo described(const std::string& library, unsigned 
     for (const char* kind : {"position", "velocity", "effort"}) joint.state_interfaces.push_back({kind, "", "", "", ""});
     info.joints.insert(info.joints.begin(), joint);  // in another order than the library's
   }
+  if (kinds.back() == "sensor") {
+    info.sensors.emplace_back();
+    info.sensors.back().name = "wrist";
+  }
   return info;
 }
 
 }  // namespace
 
-__attribute__((noinline)) void* operator new(std::size_t size) {
+// Functions of the C library, which count how often they are called, as those that allocate by them do.
+extern "C" {
+void* __libc_malloc(std::size_t size);
+void* malloc(std::size_t size) noexcept {
   ++allocated;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
+  return __libc_malloc(size);
 }
-__attribute__((noinline)) void operator delete(void* memory) noexcept { std::free(memory); }
-__attribute__((noinline)) void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+
+#define COUNTED(function, type) \
+  int function(type* lock) noexcept { \
+    ++locked; \
+    static const auto plain = reinterpret_cast<int (*)(type*)>(dlsym(RTLD_NEXT, #function)); \
+    return plain(lock); \
+  }
+COUNTED(pthread_mutex_lock, pthread_mutex_t)
+COUNTED(pthread_rwlock_rdlock, pthread_rwlock_t)
+COUNTED(pthread_rwlock_wrlock, pthread_rwlock_t)
+}
 
 int main(int, char** arguments) {
   const std::string library = arguments[1];
@@ -99,14 +116,15 @@ int main(int, char** arguments) {
       if (!(std::cin >> text)) return 0;
       number = std::strtod(text.c_str(), nullptr);
     }
-    const long before = allocated;
+    const long before[] = {allocated, locked};
     bool fine = system.read(time, period) == hardware_interface::return_type::OK;
     for (std::size_t k = 0; k < row.size(); ++k) fine &= commands[k]->set_value(row[k]);
     if (controlled) fine &= controller.update(time, period) == hardware_interface::return_type::OK;
     fine &= system.write(time, period) == hardware_interface::return_type::OK;
     fine &= system.read(time, period) == hardware_interface::return_type::OK;
     demand(fine, "a period");
-    demand(allocated == before, "not to allocate");
+    demand(allocated == before[0], "not to allocate");
+    demand(locked == before[1], "not to wait for a lock");
     for (const auto& state : states) std::printf("%a ", state->get_optional().value());
     std::printf("\n");
   }

@@ -45,7 +45,7 @@ struct HardwareInfo {
   std::string name;
   unsigned rw_rate = 0;
   std::unordered_map<std::string, std::string> hardware_parameters;
-  std::vector<ComponentInfo> joints;
+  std::vector<ComponentInfo> joints, sensors, gpios;
 };
 
 struct HardwareComponentInterfaceParams {
