@@ -71,7 +71,10 @@ def simulated(commands: Sequence[Array | JointCommand], each: int = 1) -> Array:
 def test_efforts_move_the_arm_as_the_simulator_to_the_bit(
     folder: Path, each: int, rng: np.random.Generator
 ) -> None:
-    """In the library's order of joints, which the description turns round; nothing allocates or waits."""
+    """In the library's order of joints, which the description turns round.
+
+    Nothing allocates, and nothing waits for a lock.
+    """
     efforts = 10.0 * rng.normal(size=(300, 2))
     made = driven(folder, "effort", efforts, 1000 // each)
     np.testing.assert_array_equal(made, simulated(efforts, each))

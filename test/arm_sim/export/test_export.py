@@ -115,6 +115,12 @@ def test_foreign_folders_are_left_alone(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["note.txt"]
 
 
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(OSError, match=r"file/out'$"):
+        exported(tmp_path / "file/out")
+
+
 @pytest.mark.skipif(os.getuid() == 0, reason="root may write anywhere")
 def test_a_folder_that_cannot_be_written_is_an_error_of_the_system(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
@@ -126,7 +132,7 @@ def test_cmake_builds_tests_and_installs_it(tmp_path: Path) -> None:
     if not shutil.which("cmake"):
         pytest.skip("without cmake")
     folder, build, user = exported(tmp_path / "out"), tmp_path / "build", tmp_path / "user"
-    said_by("cmake", "-B", build, "-S", folder)
+    said_by("cmake", "-B", build, "-S", folder, "-Darm_NATIVE=ON")
     said_by("cmake", "--build", build)
     assert "100% tests passed" in said_by("ctest", "--test-dir", build)
     said_by("cmake", "--install", build, "--prefix", tmp_path / "prefix")

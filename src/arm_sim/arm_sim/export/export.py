@@ -121,8 +121,8 @@ def _check(tick: bool, fmu: bool, servo: bool, scalar: str) -> None:
         raise InvalidInput(f"scalar = {scalar!r}; allowed: double, float")
     if scalar == "float" and tick:
         raise InvalidInput(
-            "scalar = 'float' with the tick, whose events are found to 1e-9 of a tick; allowed: "
-            "terms in float, and the tick in double under another name"
+            "scalar = 'float' with the tick, whose events need double; allowed: terms in float, "
+            "and the tick in double under another name"
         )
 
 

@@ -38,8 +38,11 @@ def put_files(out: Path, files: Mapping[str, str | bytes]) -> None:
     Raises:
         OSError: If they cannot be written; then nothing has changed.
     """
-    out.parent.mkdir(parents=True, exist_ok=True)
-    scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(out)) from None
     try:
         for name, content in {**files, LIST: json.dumps(sorted(files), indent=1) + "\n"}.items():
             raw = content.encode() if isinstance(content, str) else content
