@@ -38,8 +38,8 @@ processors, short of `-Ofast` and `-ffast-math`: the source itself forbids fused
 GCC and Clang, as `-ffp-contract=off` does for other compilers. Positions beyond a million radians,
 and powers, ask libm, whose last bits may differ.
 
-`cmake -D@NAME@_NATIVE=ON`, or the flag `-march=native`, makes ticks up to a fifth faster, at least
-as fast as in `Simulator`, and changes no bit.
+`cmake -D@NAME@_NATIVE=ON`, or the flags `-march=native -fno-math-errno -fno-trapping-math`, make
+ticks up to a fifth faster and change no bit.
 """
 _BITS_OF_SINGLE = """
 The last bits depend on the compiler and on libm, whose `sinf` and `cosf` are called.
