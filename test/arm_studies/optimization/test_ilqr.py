@@ -226,7 +226,7 @@ def test_what_is_refused() -> None:
         ILQR([], cost)
     with pytest.raises(InvalidInput, match="same joints"):
         ILQR([Phase(sim, 5), Phase(arm("pendulum"), 5)], cost)
-    with pytest.raises(InvalidInput, match="smoothing is 0.0; allowed: a positive speed"):
+    with pytest.raises(InvalidInput, match="smoothing is 0.0; a positive number"):
         ILQR([Phase(sim, 5)], cost, smoothing=0.0)
     with pytest.raises(InvalidInput, match="the arm has contacts"):
         ILQR([Phase(Simulator("panda_table"), 5)], cost, smoothing=0.1)

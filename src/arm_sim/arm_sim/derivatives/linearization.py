@@ -24,6 +24,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
+from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.events import Events, MotionSlope
 from arm_sim.derivatives.kinks import Kinks
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
@@ -167,11 +168,17 @@ class Linearizer:
         return slopes
 
     def smoothed(self, x: Array, r: Array, speed: float, threads: int | None) -> Array:
-        """As ``along``, of the arm with smooth friction and without stops: ``Plant.smoothed``."""
+        """As ``along``, of the arm with smooth friction and without stops: ``Plant.smoothed``.
+
+        Raises:
+            CompilerMissing: Without compiled code.
+        """
         if speed not in self._of_smoothed:
             plant = self._plant.smoothed(speed)
             self._of_smoothed[speed] = Tangents(plant, self._choice, self._backend, self._tuned)
-        _, slopes, _ = self._of_smoothed[speed].slopes(x, r, self._stepper.p, 1, threads, None)
+        if not (fast := self._of_smoothed[speed]).native:
+            raise CompilerMissing(f"smooth derivatives need compiled code: {HOW_TO_GET_CODE}")
+        _, slopes, _ = fast.slopes(x, r, self._stepper.p, 1, threads, None)
         return slopes
 
     def _unit_columns(self, x: Array, r: Array, p: Array, ticks: int) -> Arms:

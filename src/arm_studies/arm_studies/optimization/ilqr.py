@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.arrays import Array, real_array
+from arm_dynamics.arrays import Array, positive, real_array
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.inputs import whole
 from arm_sim.simulator import Simulator
@@ -306,9 +306,7 @@ def _check(phases: tuple[Phase, ...]) -> None:
 def _smoothing(given: float | None, phases: tuple[Phase, ...]) -> float | None:
     if given is None:
         return None
-    speed = float(given)
-    if not (speed > 0.0 and np.isfinite(speed)):
-        raise InvalidInput(f"smoothing is {given!r}; allowed: a positive speed in rad/s or m/s")
+    speed = positive("smoothing", given)
     if any(phase.simulator.arm.plant.points for phase in phases):
         raise InvalidInput(
             f"smoothing is {speed:g}, but the arm has contacts, which it leaves out; allowed: None"

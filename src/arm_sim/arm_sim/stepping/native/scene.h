@@ -55,6 +55,7 @@ static inline long long AS_BITS(real x) {
 #define FREE 1
 #define MOVING 1
 #define CALM 1
+#define FORETELLS 1
 #define TOGETHER 1
 #define STOPS 1
 
