@@ -127,8 +127,6 @@ def tick_count(duration: Any, dt: float) -> int:
             f"duration = {duration!r}; expected a finite time of at least zero, in s"
         )
     ticks = round(seconds / dt)
-    if seconds > 0.0 and ticks == 0:
-        raise InvalidInput(f"duration = {duration!r} is no tick; a tick is {dt:g} s")
     if ticks > MOST_TICKS:
         raise InvalidInput(
             f"duration = {duration!r} is {ticks:.1e} ticks of {dt:g} s; allowed: up to "

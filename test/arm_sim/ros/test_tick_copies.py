@@ -22,7 +22,7 @@ OPCODE = 5
 def test_a_tick_follows_the_joint_state_published_for_it(state: State | None) -> None:
     engine = engine_of(scene())
     run(engine, 20)
-    simulator, chunk = engine.simulator, Chunk()
+    simulator, chunk = engine.simulator, Chunk(SIZE)
     writer = TickWriter(simulator.arm.plant.nx, simulator.n)
     copy = TickCopy(writer, simulator.arm, TICK, STATE)
     wanted = list[tuple[int, int, int, bytes]]()
@@ -48,7 +48,7 @@ def test_a_tick_follows_the_joint_state_published_for_it(state: State | None) ->
 
 
 def test_a_chunk_takes_what_just_fits_until_it_is_too_old() -> None:
-    chunk, now = Chunk(), TIMES[0]
+    chunk, now = Chunk(SIZE), TIMES[0]
     assert chunk.fits(now, SIZE) and not chunk.fits(now, SIZE + 1)
     chunk.put(TICK, now, 0, b"message")
     assert chunk.fits(now, SIZE - chunk.at) and not chunk.fits(now, SIZE - chunk.at + 1)
