@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from arm_sim.cli.robot.listener import Listener
 
 _OLD = 0.5  # [s] after which joint states are reported as stopped
+_TELL = 1.2  # [s] between lines while there are none
 _WINDOW = 200  # number of states over which the rate is measured
 _TOLD = ("at stops", "held")  # values in the diagnostics that are shown if they are not zero
 _NONE = ("", "none", "no")
@@ -66,7 +67,11 @@ def watch(topic: str, once: bool, rate: float, as_json: bool, timeout: float) ->
 
 def _meet(listener: Listener, seen: Seen, timeout: float) -> None:
     """Wait for joint states, and long enough to measure their rate."""
-    if not listener.until(lambda: seen.state is not None, timeout):
+    left = timeout
+    while left > _TELL and not listener.until(lambda: seen.state is not None, _TELL):
+        left -= _TELL
+        click.echo(f"no joint states on {seen.topic} yet …", err=True)
+    if not listener.until(lambda: seen.state is not None, left):
         raise click.ClickException(
             f"no joint states on {seen.topic} (waited {timeout:g} s)\n  start a robot: ./arm "
             f"sim SCENE; --topic selects another topic\n  {listener.where()}"
