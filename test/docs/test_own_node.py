@@ -18,7 +18,6 @@ import numpy as np
 import pages
 import pytest
 from harness import Ros, surroundings
-from ros_fixtures import ros, ros_environment, transports  # noqa: F401 - fixtures
 from sensor_msgs.msg import JointState
 
 from arm_sim import Simulator

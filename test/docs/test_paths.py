@@ -24,7 +24,6 @@ import pages
 import pytest
 from harness import Ros, surroundings
 from installed import OFFLINE, bare_environment, copied
-from ros_fixtures import ros, ros_environment, transports  # noqa: F401 - fixtures
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]
 
