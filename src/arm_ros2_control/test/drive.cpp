@@ -41,7 +41,7 @@ hardware_interface::HardwareInfo described(const std::string& library, unsigned 
     joint.name = name;
     for (const auto& kind : kinds) joint.command_interfaces.push_back({kind, "", "", "", ""});
     for (const char* kind : {"position", "velocity", "effort"}) joint.state_interfaces.push_back({kind, "", "", "", ""});
-    info.joints.insert(info.joints.begin(), joint);  // in another order than the library's
+    info.joints.insert(info.joints.begin(), joint); // in another order than the library's
   }
   if (kinds.back() == "sensor") {
     info.sensors.emplace_back();
@@ -50,7 +50,7 @@ hardware_interface::HardwareInfo described(const std::string& library, unsigned 
   return info;
 }
 
-}  // namespace
+} // namespace
 
 // Functions of the C library, which count how often they are called, as those that allocate by them do.
 extern "C" {
