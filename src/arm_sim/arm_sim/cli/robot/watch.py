@@ -57,7 +57,7 @@ def watch(topic: str, once: bool, rate: float, as_json: bool, timeout: float) ->
         seen = Seen(full(topic))
         seen.join(listener)
         try:
-            _meet(listener, seen, timeout)
+            _meet(listener, seen, timeout, quiet=as_json)
             _show(listener, seen, once, 1.0 / rate, as_json)
         except KeyboardInterrupt:
             pass
@@ -65,12 +65,13 @@ def watch(topic: str, once: bool, rate: float, as_json: bool, timeout: float) ->
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _meet(listener: Listener, seen: Seen, timeout: float) -> None:
+def _meet(listener: Listener, seen: Seen, timeout: float, quiet: bool) -> None:
     """Wait for joint states, and long enough to measure their rate."""
     left = timeout
     while left > _TELL and not listener.until(lambda: seen.state is not None, _TELL):
         left -= _TELL
-        click.echo(f"no joint states on {seen.topic} yet …", err=True)
+        if not quiet:
+            click.echo(f"no joint states on {seen.topic} yet …", err=True)
     if not listener.until(lambda: seen.state is not None, left):
         raise click.ClickException(
             f"no joint states on {seen.topic} (waited {timeout:g} s)\n  start a robot: ./arm "
