@@ -38,7 +38,7 @@ def module() -> dict[str, Any]:
 
 
 @contextmanager
-def started(path: Path, ros: Ros) -> Iterator[None]:  # noqa: F811
+def started(path: Path, ros: Ros) -> Iterator[None]:
     environment = surroundings(ROS_DOMAIN_ID=str(ros.domain))
     process = subprocess.Popen([sys.executable, path], env=environment)
     try:
@@ -48,7 +48,7 @@ def started(path: Path, ros: Ros) -> Iterator[None]:  # noqa: F811
         process.wait()
 
 
-def test_it_moves_the_arm_at_the_speed_that_the_page_names(ros: Ros, tmp_path: Path) -> None:  # noqa: F811
+def test_it_moves_the_arm_at_the_speed_that_the_page_names(ros: Ros, tmp_path: Path) -> None:
     """In lockstep, since the node copies the stamps that it answers."""
     (tmp_path / "my_node.py").write_text(FILES["my_node.py"])
     sim = ros.add(SimNode, "ur5e", lockstep=True, gravity_compensated=True)

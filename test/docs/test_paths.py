@@ -111,7 +111,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def typed(folder: Path, ros: Ros) -> Iterator[dict[str, Typed]]:  # noqa: F811
+def typed(folder: Path, ros: Ros) -> Iterator[dict[str, Typed]]:
     """Lines that were typed; they end with the test."""
     lines: dict[str, Typed] = {}
     yield lines
@@ -119,7 +119,7 @@ def typed(folder: Path, ros: Ros) -> Iterator[dict[str, Typed]]:  # noqa: F811
         line.end()
 
 
-def follow(lines: list[str], folder: Path, ros: Ros, typed: dict[str, Typed]) -> None:  # noqa: F811
+def follow(lines: list[str], folder: Path, ros: Ros, typed: dict[str, Typed]) -> None:
     """Type the lines of a path; nodes go on."""
     environment = surroundings(ROS_DOMAIN_ID=str(ros.domain), MPLBACKEND="Agg", TERM="xterm")
     for line in lines:
@@ -136,7 +136,7 @@ def follow(lines: list[str], folder: Path, ros: Ros, typed: dict[str, Typed]) ->
 
 def test_a_torque_over_ros_takes_three_commands(
     folder: Path,
-    ros: Ros,  # noqa: F811
+    ros: Ros,
     typed: dict[str, Typed],
 ) -> None:
     lines = PATHS[TORQUE]
@@ -148,7 +148,7 @@ def test_a_torque_over_ros_takes_three_commands(
 
 def test_an_own_node_moves_the_arm_in_five(
     folder: Path,
-    ros: Ros,  # noqa: F811
+    ros: Ros,
     typed: dict[str, Typed],
 ) -> None:
     *start, look = PATHS[OWN_NODE]

@@ -27,7 +27,8 @@ class CalmTick:
     """Functions of ticks without events.
 
     Attributes:
-        functions: Those of states, ``clear``, ``clear_in_motion``, ``rest_begin``, ``rest_end``.
+        functions: Those of states, ``clear``, ``clear_in_motion``, ``rest_begin``, ``rest_end``,
+            before them with contacts ``contact_geometry``.
         columns: Those of columns, ``begin_at_rest``, ``end_at_rest``.
         tuned: Number of places in p to differentiate by.
     """
@@ -59,7 +60,8 @@ class CalmTick:
         """Those of a plant with events, with places in p to differentiate by."""
         rest = RestProjection(plant, tuned)
         margins = _margins(plant, "clear", held=True), _margins(plant, "clear_in_motion", False)
-        functions = (*margins, rest.rest_begin, rest.rest_end)
+        geometry = (event for event in plant.events if event.name() == "contact_geometry")
+        functions = (*geometry, *margins, rest.rest_begin, rest.rest_end)
         return cls(functions, (rest.begin_at_rest, rest.end_at_rest), len(tuned))
 
     @property

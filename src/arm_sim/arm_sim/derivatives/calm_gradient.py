@@ -116,7 +116,6 @@ class CalmGradients:
         calm = CalmTick.of(plant, range(len(plant.parameters.nominal)))
         _, *functions = tick_functions(plant, choice)
         functions += [*calm.functions, *calm.adjoints]
-        functions += [event for event in plant.events if event.name() == "contact_geometry"]
         defines = sizes(plant, functions) | mode_sizes(plant) | calm.defines | {"EVENTS": "1"}
         types = [ADDRESS, ADDRESS, ctypes.c_double, NUMBER, *[ADDRESS] * 4]
         write = partial(_source, functions, defines)

@@ -285,7 +285,6 @@ class Tangents:
             functions += self._calm.functions
             columns += self._calm.columns
             more = self._calm.defines | mode_sizes(plant) | {"EVENTS": "1"}
-            functions += [event for event in plant.events if event.name() == "contact_geometry"]
             if self._step.advance.n_out() > 2:
                 more["FORETELLS"] = "1"
             if moving := self._moving:

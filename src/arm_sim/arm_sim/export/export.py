@@ -10,6 +10,7 @@ from pathlib import Path
 
 from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.model.arm import arm_model
+from arm_dynamics.model.pinocchio_terms import check_moving
 from arm_dynamics.scene import scene_text
 from arm_dynamics.scene.load import SceneSource, naming
 from arm_sim.export import library
@@ -85,8 +86,8 @@ def export(
     check_folder(folder)
     model = arm_model(scene)
     called = called or from_title(_title(scene, model))
-    if fmu:
-        _check_moving(model, frames)
+    for frame in frames if fmu else ():
+        check_moving(model, frame)  # on any other no wrench acts
     with naming(scene):
         made = tick_of(model, fmu and bool(frames), servo) if tick else None
         files = _files(model, called, wanted, made, fmu, frames, scalar)
@@ -99,16 +100,6 @@ def _title(scene: SceneSource | ArmModel, model: ArmModel) -> str:
     given = Path(scene) if isinstance(scene, str | PathLike) and "<" not in str(scene) else None
     is_scene = given is not None and given.suffix in ("", ".yaml", ".yml")
     return given.stem if given and is_scene else model.pin.name
-
-
-def _check_moving(model: ArmModel, frames: Sequence[str]) -> None:
-    """Refuse wrenches on frames that do not move."""
-    for name in frames:
-        if model.has_frame(name) and model.frame(name).parentJoint == 0:
-            raise InvalidInput(
-                f"frame '{name}' does not move, so that no wrench on it acts in a unit; allowed: "
-                "frames that a joint moves"
-            )
 
 
 def _check(tick: bool, fmu: bool, servo: bool, scalar: str) -> None:

@@ -117,7 +117,7 @@ class Rollouts:
         # compute the motions without events, and the engine of one arm does the rest.
         self._smooth = plant.free or plant
         together = not self._smooth.eventful or choice.tolerance is None
-        together &= not (plant.free and plant.switches)  # lanes do not look at switches
+        together &= not switches_unseen(plant)
         self._in_registers = together and backend != "vm"
         self._libraries: dict[int, ctypes.CDLL | None] = {}
         self._engine = Engine.of(stepper) if self._smooth.eventful else None
@@ -318,9 +318,13 @@ def _source(
 
 def alike(plant: Plant, choice: Choice) -> bool:
     """Whether all arms take the same steps away from stops: smooth, without error control."""
-    if plant.free and plant.switches:
-        return False
-    return choice.tolerance is None and not (plant.free or plant).eventful
+    smooth = choice.tolerance is None and not (plant.free or plant).eventful
+    return smooth and not switches_unseen(plant)
+
+
+def switches_unseen(plant: Plant) -> bool:
+    """Whether something switches at which lanes of arms away from their stops do not look."""
+    return plant.free is not None and plant.switches > 0
 
 
 def stop_defines(plant: Plant) -> dict[str, str]:

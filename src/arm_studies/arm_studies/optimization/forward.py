@@ -21,6 +21,7 @@ from arm_sim.stepping.rollout import (
     marked,
     marks,
     strides,
+    switches_unseen,
     ticks_of_lanes,
     widths,
 )
@@ -131,7 +132,7 @@ class Forward:
     @cached_property
     def _library(self) -> ctypes.CDLL | None:
         """Compiled code, for many lanes without events; None where Python steps arms alone."""
-        alone = self._choice.tolerance is not None or (self._plant.free and self._plant.switches)
+        alone = self._choice.tolerance is not None or switches_unseen(self._plant)
         if alone or self._simulator.arm.compiled.backend == "vm":
             return None
         types = [*[ADDRESS] * 9, NUMBER, NUMBER, ADDRESS, NUMBER, ADDRESS, NUMBER, ADDRESS]
