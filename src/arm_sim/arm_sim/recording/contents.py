@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, read_only
 from arm_sim.imperfections import Measured
 from arm_sim.recording.changes import Jump
 from arm_sim.recording.origin import Origin
@@ -81,18 +81,19 @@ class Contents:
     @property
     def x(self) -> Array:
         """States at each time, shape (k+1, nx): positions, velocities and internal states."""
-        x = np.hstack([self.q, self.v, self.z])
-        x.setflags(write=False)
-        return x
+        return read_only(self.states(slice(None)))
+
+    def states(self, rows: slice | NDArray[np.intp]) -> Array:
+        """States at some of the times, see ``x``."""
+        return np.hstack([self.q[rows], self.v[rows], self.z[rows]])
 
     @property
     def ended(self) -> Array:
         """States at the end of each tick, before changes between ticks, shape (k+1, nx)."""
-        x = np.hstack([self.q, self.v, self.z])
+        x = self.states(slice(None))
         for jump in self.first_jumps:
             x[jump.row] = jump.x
-        x.setflags(write=False)
-        return x
+        return read_only(x)
 
     @property
     def moved(self) -> NDArray[np.bool_]:

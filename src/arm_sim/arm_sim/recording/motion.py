@@ -18,7 +18,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import BRAKES, FREE, Contents
 from arm_sim.recording.energy_account import TRUSTED, EnergyAccount, relative_error, verdict
 from arm_sim.recording.origin import Physics
-from arm_sim.recording.second_look import SecondLook, Ticks, second_look
+from arm_sim.recording.second_look import Indices, SecondLook, Ticks, second_look
 
 _log = logging.getLogger(__name__)
 
@@ -225,16 +225,22 @@ class RecordedMotion(Contents):
         usable[[row - 1 for row in self.gaps]] = False
         if self.hold is not None:
             usable &= self.hold[:-1] == FREE
-        motion = Ticks(
-            self.x[:-1], self.ended[1:], self.command[:-1], self.p[:-1], np.diff(self.error)
-        )
+        change, n = np.diff(self.v, axis=0), len(self.joint_names)
+        for jump in self.first_jumps:
+            change[jump.row - 1 : jump.row] = jump.x[n : 2 * n] - self.v[jump.row - 1]
         account = self.account
         return second_look(
-            motion,
-            usable,
-            account.choice,
+            change, usable, account.choice, self._ticks,
             lambda ticks: account.made_finer(ticks.x, ticks.u, ticks.p),
-        )
+        )  # fmt: skip
+
+    def _ticks(self, rows: Indices) -> Ticks:
+        """The ticks that begin at ``rows``."""
+        after = self.states(rows + 1)
+        for jump in self.first_jumps:
+            after[rows + 1 == jump.row] = jump.x
+        error = self.error[rows + 1] - self.error[rows]
+        return Ticks(self.states(rows), after, self.command[rows], self.p[rows], error)
 
     @cached_property
     def doubt(self) -> str:

@@ -36,7 +36,7 @@ CARRIED = 100
 
 @dataclass(frozen=True)
 class Ticks:
-    """Ticks of a motion.
+    """Some ticks of a motion.
 
     Attributes:
         x: States at the beginning of each, shape (k, nx), which start with q and v of n each.
@@ -51,10 +51,6 @@ class Ticks:
     u: Array
     p: Array
     error: Array
-
-    def some(self, rows: Indices) -> Ticks:
-        """Those with indices ``rows``."""
-        return Ticks(*(getattr(self, name)[rows] for name in ("x", "after", "u", "p", "error")))
 
 
 @dataclass(frozen=True)
@@ -91,27 +87,29 @@ class SecondLook:
 
 
 def second_look(
-    motion: Ticks, usable: Array, choice: Choice, made_finer: Callable[[Ticks], Array]
-) -> SecondLook:
+    change: Array, usable: Array, choice: Choice, ticks: Callable[[Indices], Ticks],
+    made_finer: Callable[[Ticks], Array],
+) -> SecondLook:  # fmt: skip
     """Look at a motion a second time.
 
     Args:
-        motion: Its ticks.
+        change: Change of the velocities in every tick, shape (k, n).
         usable: Whether each can be made again, shape (k,).
         choice: Method, tick and tolerance of the motion.
+        ticks: The ticks with some indices.
         made_finer: Ends of ticks that are made again, of shape (m, nx).
     """
-    n = motion.u.shape[1]
+    count, n = change.shape
     able = np.flatnonzero(usable)
-    abrupt, random = drawn(able, (motion.after - motion.x)[:, n : 2 * n])
+    abrupt, random = drawn(able, change)
     rows = np.concatenate([abrupt, random])
     if not len(rows):
         return SecondLook(rows, np.zeros(0), rows, np.zeros(0), 0.0)
-    some = motion.some(rows)
+    some = ticks(rows)
     size = 1.0 + abs(some.after[:, :n])
-    change = abs(made_finer(some) - some.after)
-    of_q, of_v = change[:, :n] / size, choice.dt * change[:, n : 2 * n] / size
-    lasts = np.minimum(len(motion.u) - rows, CARRIED)[:, None]
+    apart = abs(made_finer(some) - some.after)
+    of_q, of_v = apart[:, :n] / size, choice.dt * apart[:, n : 2 * n] / size
+    lasts = np.minimum(count - rows, CARRIED)[:, None]
     carried = of_q + lasts * of_v
     ways = carried if choice.tolerance is None else np.maximum(of_q, of_v)
     least = ALLOWED_FIXED if choice.tolerance is None else ALLOWED * choice.tolerance
@@ -130,12 +128,15 @@ def drawn(usable: Indices, change: Array) -> tuple[Indices, Indices]:
         change: Change of the velocities in every tick, shape (k, n).
     """
     count = min(len(usable), max(FEWEST, round(SECOND_LOOK * len(usable))))
-    kept = change[usable]
-    jerk = np.abs(np.diff(kept, axis=0, prepend=kept[:1])).max(axis=1, initial=0.0)
-    abrupt = np.argsort(-jerk, kind="stable")[: (count + 1) // 2]
+    kept = change if len(usable) == len(change) else change[usable]
+    jerk = np.zeros(len(usable))
+    for of_joint in kept.T:
+        np.maximum(jerk[1:], abs(np.diff(of_joint)), out=jerk[1:])
+    most = (count + 1) // 2
+    abrupt = np.argpartition(-jerk, most - 1)[:most] if most else usable[:0]
     left = np.ones(len(usable), dtype=bool)
     left[abrupt] = False
     others = np.flatnonzero(left)
     chance = np.random.default_rng(len(usable))
-    random = chance.choice(others, size=min(len(others), count - len(abrupt)), replace=False)
+    random = others[chance.choice(len(others), min(len(others), count - most), replace=False)]
     return usable[np.sort(abrupt)], usable[np.sort(random)]
