@@ -21,7 +21,9 @@ REAL = ("panda", "ur10", "kinova", "z1")
 OWN = ("pendulum", "double_pendulum", "two_link", "puma560")
 DRIVEN = ("motor_pendulum", "flexible_arm")  # with motors: a command is no torque there
 MADE = tuple(sorted(path.stem for path in FOLDER.glob("*.urdf")))
-HELD = ("slider_crank", "four_bar", "five_bar", "bricard", "parallel_gripper", "panda_pen")
+HELD = (
+    "slider_crank", "four_bar", "five_bar", "bricard", "parallel_gripper", "panda_pen", "andrews",
+)  # fmt: skip
 BOTH = ("slider_crank_motor",)  # a loop and a motor
 BALANCED = ("spring_balanced_arm",)  # by springs, of which the oracle knows nothing
 TOUCHING = (

@@ -28,7 +28,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant, Power, split
 from arm_sim.plant.present import PresentDynamics
-from arm_sim.recording.second_look import FINER
+from arm_sim.recording.second_look import finer_tolerance
 from arm_sim.stepping.stepper import Stepper
 
 # Distance to a stop, in ticks at the joint's velocity, within which it may have hit the stop.
@@ -243,7 +243,7 @@ class EnergyAccount:
     @cached_property
     def _finer(self) -> Stepper:
         tolerance = self.choice.tolerance
-        finer = None if tolerance is None else FINER * tolerance
+        finer = None if tolerance is None else finer_tolerance(tolerance)
         half = replace(self.choice, dt=0.5 * self.choice.dt, tolerance=finer)
         twin = self._ledger.twin(half)
         twin.report.halves = 1

@@ -27,7 +27,9 @@ Indices = NDArray[np.intp]
 FEWEST = 20
 """Least number of ticks that are made again."""
 FINER = 1e-2
-"""Tolerance of the second look, relative to that of the motion."""
+"""Tolerance of the second look, relative to that of the motion ..."""
+FINEST = 1e-13
+"""... but not below this, which rounding allows no step to meet reliably."""
 ALLOWED, ALLOWED_FIXED = 10.0, 1e-6
 """Trusted differences: in tolerances or stated errors, and with steps of fixed length."""
 CARRIED = 100
@@ -118,6 +120,11 @@ def second_look(
     rest = len(able) - len(abrupt)
     error = each[: len(abrupt)].sum() + rest * (each[len(abrupt) :].mean() if len(random) else 0.0)
     return SecondLook(rows, ways.max(axis=1), ways.argmax(axis=1), allowed, float(error))
+
+
+def finer_tolerance(tolerance: float) -> float:
+    """Tolerance of the second look at a motion with a tolerance."""
+    return max(FINER * tolerance, min(tolerance, FINEST))
 
 
 def drawn(usable: Indices, change: Array) -> tuple[Indices, Indices]:
