@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -49,6 +50,10 @@ def _evaluations(
         "Pinocchio aba from C++ (abaInParallel, one thread)": pinocchio_peer.compiled,
         "Pinocchio aba from Python": pinocchio_peer.interpreted,
     } | extra
+    if find_spec("dynibo"):
+        from benchmarks.peers import dynibo as dynibo_peer
+
+        ways["dynibo from Python"] = dynibo_peer.interpreted
     return {("evaluation", label): build(robot) for label, build in ways.items()}
 
 
