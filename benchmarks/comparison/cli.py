@@ -57,7 +57,7 @@ def main(
     docs: bool,
     again: Path | None,
 ) -> None:
-    """Measure run time against error, here and in MuJoCo, Drake, PyBullet and SciPy, in one run.
+    """Measure run time against error, here and in MuJoCo, Drake, Exudyn and others, in one run.
 
     Writes a Markdown report, the same as JSON, and figures. Simulators that are not installed
     are left out by name. Times are processor times; leave the machine alone meanwhile.

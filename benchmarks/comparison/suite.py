@@ -50,7 +50,7 @@ RUNNERS: dict[str, Callable[[Bench], Record]] = {
     "derivatives": derivatives.run,
 }
 STUDIES = tuple(RUNNERS)
-PACKAGES = ("mujoco", "drake", "pybullet", "dynibo", "scipy", "pin", "casadi", "numpy")
+PACKAGES = ("mujoco", "drake", "pybullet", "exudyn", "dynibo", "scipy", "pin", "casadi", "numpy")
 
 
 def run(quick: bool, only: Sequence[str], console: Console) -> Iterator[Record]:

@@ -14,6 +14,7 @@ from benchmarks.peers.base import Contestant
 ADAPTERS = {
     "MuJoCo": "mujoco",
     "Drake": "drake",
+    "Exudyn": "exudyn",
     "PyBullet": "pybullet",
     "SciPy": "scipy",
 }
