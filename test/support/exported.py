@@ -19,10 +19,10 @@ STRICT = ("-Wall", "-Wextra", "-Wconversion", "-pedantic")
 BITS = ("-O0", "-ffp-contract=off")
 
 _LIBM = "sin cos sincos sqrt exp log pow tanh fabs floor fmin fmax hypot atan atan2 acos asin"
-MATHEMATICS = frozenset(
-    [*_LIBM.split(), *(f"{name}f" for name in _LIBM.split()), "memcpy", "memset"]
-)
-"""What a library may use: functions of libm, and what compilers put in the place of loops."""
+MATHEMATICS = frozenset([*_LIBM.split(), *(f"{name}f" for name in _LIBM.split()), "memcpy"])
+"""What a library may use: functions of libm, and what copies structures."""
+LEVELS = ("-O0", "-O1", "-O2", "-O3", "-Os")
+"""Levels of optimization."""
 
 
 def compilers() -> list[str]:
@@ -79,14 +79,19 @@ def run_test_program(library: Library, source: Path, program: Path) -> tuple[int
     return done.returncode, done.stdout
 
 
-def assert_clean(source: Path, name: str) -> None:
-    """Optimized code needs mathematics only, has no data that changes, and keeps to its names.
+def assert_clean(
+    source: Path,
+    name: str,
+    levels: tuple[str, ...] = ("-O2",),
+    languages: tuple[tuple[str, ...], ...] = (C11,),
+) -> None:
+    """Code needs mathematics only, has no data that changes, and keeps to its names.
 
     Code need not be movable, so that a table of texts needs no addresses filled in at its start.
     """
     made = source.with_suffix(".o")
-    for compiler in compilers():
-        said_by(compiler, "-O2", "-fno-pie", "-c", source, "-o", made)
+    for compiler, level, language in product(compilers(), levels, languages):
+        said_by(compiler, *language, level, "-fno-pie", "-c", source, "-o", made)
         symbols = [line.split()[-2:] for line in said_by("nm", made).splitlines()]
         assert {used for kind, used in symbols if kind == "U"} <= MATHEMATICS
         assert [own for kind, own in symbols if kind.lower() in "bdc"] == []

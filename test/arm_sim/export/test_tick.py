@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from exported import (
     BITS,
+    C11,
+    CPP17,
+    LEVELS,
     Library,
     assert_clean,
     assert_no_compiler_warns,
@@ -18,6 +21,7 @@ from exported import (
     compilers,
     run_test_program,
 )
+from samples import sampled
 
 from arm_dynamics import SceneError
 from arm_dynamics.arrays import Array
@@ -31,6 +35,12 @@ STUCK = {
     "sim": {"tolerance": 1e-8},
     "tunable": ["gravity", "friction"],
 }
+LUGRE = {"sigma0": 1e4, "sigma1": 100.0, "sigma1_velocity": 0.02}
+BRISTLES = {
+    "robot": {"urdf": str(URDF)},
+    "joints": {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
+                                  "viscous": 0.4, "lugre": LUGRE}}},
+}  # fmt: skip
 ROWS = {"speed": [0, 0.5, 3], "torque": [[1, 0.5, 2], [0.5, 0.7, 1]], "position": [-1, 1]}
 SPRING = {"deflection": [-1, 0, 1], "torque": [-3, 0, 5]}
 TABLES = {
@@ -44,6 +54,8 @@ SCENES: dict[str, Any] = {
     "panda": "panda",
     "panda_table": "panda_table",
     "slider_crank_motor": "slider_crank_motor",
+    "bristles": BRISTLES,
+    "ur10": "ur10",
 }
 TICKS, HELD = 3000, 50
 
@@ -171,8 +183,12 @@ def test_sanitizers_find_nothing(case: Case) -> None:
     assert_sound(case.folder, case.name)
 
 
-def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(case: Case) -> None:
-    assert_clean(case.folder / f"{case.name}.c", case.name)
+@pytest.mark.parametrize("level", sampled(LEVELS, 2))
+def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(
+    case: Case, level: str
+) -> None:
+    """Whatever the level and the language: no loop that sets zeros becomes ``memset``."""
+    assert_clean(case.folder / f"{case.name}.c", case.name, (level,), (C11, CPP17))
 
 
 def test_the_test_program_passes(case: Case, tmp_path: Path) -> None:

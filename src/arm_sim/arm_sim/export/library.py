@@ -26,6 +26,7 @@ _LIBM = re.compile(
 )
 _NUMBER = re.compile(r"(?<![\w.])\d+\.\d*(?:e[+-]\d+)?")
 _INCLUDE = re.compile(r'#include "(\w+\.h)"\n')
+_STANDARD = re.compile(r"^#include <[^>\n]+>\n", re.MULTILINE)
 _FOR_EDITORS = re.compile(
     r"^#ifndef LANES /\* read alone.*?^#else\n(.*)^#endif\n", re.DOTALL | re.MULTILINE
 )
@@ -36,9 +37,19 @@ _PRAGMAS = """\
  */
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
+#if __has_attribute(no_builtin)
+#pragma clang attribute push(__attribute__((no_builtin("memset"))), apply_to = function)
+#endif
 #elif defined(__GNUC__)
 #pragma GCC optimize("fp-contract=off", "no-tree-slp-vectorize")
 #pragma GCC optimize("no-tree-loop-distribute-patterns")
+#endif
+"""
+_END = """
+#if defined(__clang__)
+#if __has_attribute(no_builtin)
+#pragma clang attribute pop
+#endif
 #endif
 """
 
@@ -94,15 +105,16 @@ def source(library: Library) -> str:
     resting = at_rest(library.model, library.scalar) if moves else ""
     kinds = [resting, in_single(generated)] if single else [generated, resting]
     parts = [
-        f'{comment(library.about)}#include "{name}.h"\n',
-        _PRAGMAS,
         elementary() if resting or not single else "",
         *kinds,
         f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",
         *(_definition(library, term, bool(resting)) for term in library.terms),
         named(name, tick.source) if tick else "",
     ]
-    return without_unused(decided("\n".join(parts)))
+    code = without_unused(decided("\n".join(parts)))
+    standard = "".join(sorted(set(_STANDARD.findall(code))))
+    head = f'{comment(library.about)}#include "{name}.h"\n\n{standard}\n{_PRAGMAS}\n'
+    return head + _STANDARD.sub("", code) + _END
 
 
 def _of_tick(name: str, tick: Tick) -> list[str]:

@@ -163,7 +163,8 @@ static void start_to_slide(double W[3][3], const double* c, double mu, answer_t*
 
 /* Solve for one contact, which sticks up to `held`; `given` is the direction of a sliding one, else null. */
 static answer_t single(double W[3][3], const double* c, double mu, double held, const double* given) {
-  answer_t answer = apart;
+  answer_t answer;
+  answer = apart; /* as an initializer it may become memset in C++ */
   if (c[0] >= 0.0) return answer;
   if (given) {
     const double grip = grip_of(W, mu, given[0], given[1]);

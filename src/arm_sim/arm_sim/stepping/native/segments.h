@@ -461,8 +461,9 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
 #endif
   for (long long k = 0; k < MOST_STEPS; ++k) {
     limits_t limits;
-    real error[2] = {0.0, 0.0};
+    real error[2];
     int last = 1;
+    error[0] = error[1] = 0.0;
     segment->memory->work += COST_STEP;
 #ifdef ADAPTIVE
     const double h = next_length(&at, reach);

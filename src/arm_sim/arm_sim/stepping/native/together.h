@@ -163,7 +163,8 @@ static double size_of(const part_t* part) {
 
 /* Units of the limits of a set's parts, each its own unless that is zero or very small; and of the amounts. */
 static void find_units(const part_t* parts, const int* set, int number, problem_t* to) {
-  double largest[2] = {0.0, 0.0}, moved[2] = {0.0, 0.0}; /* of joints and contacts: size, and entries of self-stresses */
+  double largest[2], moved[2]; /* of joints and contacts: size, and entries of self-stresses */
+  for (int i = 0; i < 2; ++i) largest[i] = moved[i] = 0.0;
   for (int i = 0; i < PARTS; ++i) {
     to->unit[i] = size_of(parts + i);
     if (set[i] == number) largest[i >= NU] = fmax(largest[i >= NU], to->unit[i]);
