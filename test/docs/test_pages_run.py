@@ -33,6 +33,7 @@ GIVEN: dict[str, tuple[str, ...]] = {
     "how-to/compiled-scenes": ("my_scene.yaml",),
     "how-to/excite": PANDA,
     "how-to/export": ("my_arm.urdf",),
+    "how-to/fmu": ("my_arm.urdf",),
     "how-to/identify": ("run.mcap", "held.mcap", "bag_1", "bag_2", "table.csv", "arm.urdf"),
     "how-to/identify-drives": (
         "held.csv", "run.csv", "off.csv", "knocked.csv", "small.csv", "wide.csv",

@@ -71,6 +71,50 @@ class Library:
         return result
 
 
+class Ticks:
+    """A compiled simulation."""
+
+    def __init__(self, library: Library, n: int) -> None:
+        self._library, self.n = library, n
+        size = self.function("sim_size")
+        size.restype = ctypes.c_size_t
+        self.memory = np.zeros(int(size()) // 8)
+
+    def function(self, name: str) -> Any:
+        return getattr(self._library.loaded, f"{self._library.name}_{name}")
+
+    def init(self, q: Array | None = None, v: Array | None = None) -> int:
+        return int(self.function("sim_init")(*map(pointer, (self.memory, q, v))))
+
+    def step(self, command: Array) -> int:
+        return int(self.function("sim_step")(pointer(self.memory), pointer(command)))
+
+    def set(self, parameter: str, value: float) -> int:
+        place = pointer(self.memory)
+        return int(self.function("sim_set")(place, parameter.encode(), ctypes.c_double(value)))
+
+    def text(self, code: int) -> str:
+        function = self.function("error_text")
+        function.restype = ctypes.c_char_p
+        return str(function(code).decode())
+
+    def state(self) -> tuple[Array, Array, Array]:
+        q, v, effort = np.full((3, self.n), np.nan)
+        self.function("sim_state")(*map(pointer, (self.memory, q, v, effort)))
+        return q, v, effort
+
+    def run(self, commands: Array) -> Array:
+        rows = []
+        for command in commands:
+            assert self.step(command) == 0
+            rows.append(np.concatenate(self.state()[:2]))
+        return np.array(rows)
+
+
+def pointer(array: Array | None) -> ctypes.c_void_p:
+    return ctypes.c_void_p(None if array is None else array.ctypes.data)
+
+
 def run_test_program(library: Library, source: Path, program: Path) -> tuple[int, str]:
     """Exit status and words of an exported test program, which calls a compiled library."""
     include = f"-I{library.file.parent}"

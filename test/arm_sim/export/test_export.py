@@ -215,9 +215,10 @@ def test_mistakes_at_the_command_get_one_clear_answer(
 def test_conditions_are_decided_by_definitions_before_them() -> None:
     source = (
         "#ifdef A\nno\n#else\nyes\n#endif\n#define A 1\n#ifdef A\nand\n#ifndef A\nno\n#endif\n"
-        "#if A && B\nno\n#endif\n#endif\n#if defined(__clang__)\nkept\n#endif\n"
+        "#if A && B\nno\n#endif\n#if defined A && B == 0\nso\n#endif\n#endif\n"
+        "#if defined(__clang__)\nkept\n#endif\n"
     )
-    expected = "yes\n#define A 1\nand\n#if defined(__clang__)\nkept\n#endif\n"
+    expected = "yes\n#define A 1\nand\nso\n#if defined(__clang__)\nkept\n#endif\n"
     assert decided(source) == expected
 
 

@@ -15,10 +15,12 @@ from exported import (
     CPP17,
     LEVELS,
     Library,
+    Ticks,
     assert_clean,
     assert_no_compiler_warns,
     assert_sound,
     compilers,
+    pointer,
     run_test_program,
 )
 from samples import sampled
@@ -58,50 +60,6 @@ SCENES: dict[str, Any] = {
     "ur10": "ur10",
 }
 TICKS, HELD = 3000, 50
-
-
-class Ticks:
-    """A compiled simulation."""
-
-    def __init__(self, library: Library, n: int) -> None:
-        self._library, self.n = library, n
-        size = self.function("sim_size")
-        size.restype = ctypes.c_size_t
-        self.memory = np.zeros(int(size()) // 8)
-
-    def function(self, name: str) -> Any:
-        return getattr(self._library.loaded, f"{self._library.name}_{name}")
-
-    def init(self, q: Array | None = None, v: Array | None = None) -> int:
-        return int(self.function("sim_init")(*map(_pointer, (self.memory, q, v))))
-
-    def step(self, command: Array) -> int:
-        return int(self.function("sim_step")(_pointer(self.memory), _pointer(command)))
-
-    def set(self, parameter: str, value: float) -> int:
-        place = _pointer(self.memory)
-        return int(self.function("sim_set")(place, parameter.encode(), ctypes.c_double(value)))
-
-    def text(self, code: int) -> str:
-        function = self.function("error_text")
-        function.restype = ctypes.c_char_p
-        return str(function(code).decode())
-
-    def state(self) -> tuple[Array, Array, Array]:
-        q, v, effort = np.full((3, self.n), np.nan)
-        self.function("sim_state")(*map(_pointer, (self.memory, q, v, effort)))
-        return q, v, effort
-
-    def run(self, commands: Array) -> Array:
-        rows = []
-        for command in commands:
-            assert self.step(command) == 0
-            rows.append(np.concatenate(self.state()[:2]))
-        return np.array(rows)
-
-
-def _pointer(array: Array | None) -> ctypes.c_void_p:
-    return ctypes.c_void_p(None if array is None else array.ctypes.data)
 
 
 class Case:
@@ -222,11 +180,11 @@ def test_servos_track_as_those_of_the_simulator_to_the_bit(tmp_path: Path) -> No
         position, velocity, effort = rng.uniform(-0.5, 0.5, (3, n))
         given = [(position, velocity, effort), (none, velocity, none), (none, none, effort),
                  (np.where([1, 0], position, np.nan), velocity, none)][k % 4]  # fmt: skip
-        ticks.function("sim_servo")(*map(_pointer, (ticks.memory, *given, command)))
+        ticks.function("sim_servo")(*map(pointer, (ticks.memory, *given, command)))
         assert ticks.step(command) == 0
         state = simulator.step(JointCommand(*given))
         assert np.array_equal(np.concatenate(ticks.state()[:2]), [*state.q, *state.v])
-    ticks.function("sim_servo")(_pointer(ticks.memory), None, None, None, _pointer(command))
+    ticks.function("sim_servo")(pointer(ticks.memory), None, None, None, pointer(command))
     assert not command.any()
     assert "arm_sim_servo" in (tmp_path / "arm/README.md").read_text()
 

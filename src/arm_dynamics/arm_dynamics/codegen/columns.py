@@ -56,7 +56,7 @@ def column_function(function: ca.Function) -> str:
         (numbers.add if plain else numbers.discard)(into[0])
         declared.add(f"{'real n' if plain else 'column a'}{into[0]};")
         lines.append(f"{name(into[0])} = {value};")
-    body = "\n  ".join([*sorted(declared), *lines])
+    body = "\n  ".join([*sorted(declared), "(void)c, (void)arg;", *lines])
     # Inlined into a loop, it would share the vector registers with what surrounds it.
     head = f"static __attribute__((noinline)) void {function.name()}"
     return f"{head}(const real* c, const column* const* arg, column* res) {{\n  {body}\n}}\n"

@@ -34,7 +34,7 @@ from arm_sim.cli.output import examples
 @click.option("--frame", "frames", multiple=True, metavar="FRAME",
               help="Also export pose and Jacobian of this frame; may be repeated.")  # fmt: skip
 @click.option("--derivatives", is_flag=True,
-              help="Also export derivatives of inverse and forward dynamics.")  # fmt: skip
+              help="Also export derivatives of the dynamics, and of the tick.")  # fmt: skip
 @click.option("--float", "single", is_flag=True,
               help="Export the terms in single precision; their errors are measured.")  # fmt: skip
 def export(

@@ -121,6 +121,17 @@ class Kinks:
             bent = ca.logic_or(bent, ca.logic_and(v[joint] == 0, x[place] != 0))
         return bent
 
+    def begins_kinked(self, x: ca.SX, r: ca.SX) -> ca.SX:
+        """Whether ``reason`` finds one: 1 if so, else 0."""
+        found = self.rests_bent(x)
+        if self._weight is not None:
+            r = r + self._weight(x[: self._n])
+        for limit in self._limits.values():
+            for i in np.flatnonzero(np.isfinite(limit)).tolist():
+                beside = ca.fabs(ca.fabs(r[i]) - limit[i])
+                found = ca.logic_or(found, beside <= ROUNDING * limit[i])
+        return found
+
     def arms(self, x: Array, r: Array) -> list[int]:
         """Arms with such a kink.
 

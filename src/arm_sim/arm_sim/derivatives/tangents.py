@@ -89,6 +89,23 @@ class Arms:
         return np.empty((self.count, self.ticks if every else 1, *self.given.shape[1:]))
 
 
+@dataclass(frozen=True)
+class TangentCode:
+    """Parts of the C code of ``Tangents``, for ``native/tangents.c``.
+
+    Attributes:
+        functions: Functions of states.
+        columns: Functions of columns.
+        defines: Definitions.
+        without: Files of ``native`` that are not needed.
+    """
+
+    functions: tuple[ca.Function, ...]
+    columns: tuple[ca.Function, ...]
+    defines: dict[str, str]
+    without: frozenset[str]
+
+
 class Tangents:
     """Derivatives of steps and ticks of one plant.
 
@@ -276,6 +293,21 @@ class Tangents:
         return self.plant.eventful and self._calm is None
 
     def _source(self, lanes: int) -> str:
+        code = self.code
+        columns, defines = code.columns, code.defines
+        if lanes == 1:
+            columns, defines = (*columns, self._step.stretch), defines | {"STRETCH": "1"}
+        return (
+            of_lanes(generate(code.functions), lanes)
+            + source(defines)
+            + '\n#include "columns.h"\n'
+            + "\n".join(map(column_function, columns))
+            + source({}, "tangents.c", code.without)
+        )
+
+    @property
+    def code(self) -> TangentCode:
+        """What the compiled code is made of."""
         functions, columns = [self._step.advance, self._acting], [self._step.carry, self._limit]
         plant, more, stops = self.plant, dict[str, str](), dict[str, str]()
         without = set[str]() if self._calm else {"calm.h", "ticks.h", "foreseen.h"}
@@ -301,16 +333,9 @@ class Tangents:
             "NA": str(self._acting.size1_out(1)),
             "NT": str(self._held - plant.model.n),
         }
-        if lanes == 1:
-            defines["STRETCH"] = "1"
-            columns.append(self._step.stretch)
-        text = "\n".join(map(column_function, columns))
-        return (
-            of_lanes(generate(functions), lanes)
-            + source(defines | stops | more)
-            + '\n#include "columns.h"\n'
-            + text
-            + source({}, "tangents.c", without if stops else {"stops.h", *without})
+        without |= set() if stops else {"stops.h"}
+        return TangentCode(
+            tuple(functions), tuple(columns), defines | stops | more, frozenset(without)
         )
 
 

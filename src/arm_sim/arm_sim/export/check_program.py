@@ -11,7 +11,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_sim.export.conditions import decided
-from arm_sim.export.expected import Expected, Point, ran
+from arm_sim.export.expected import Expected, Motion, Point, ran
 from arm_sim.export.generated import without_unused
 from arm_sim.export.library import Library, comment
 from arm_sim.export.terms import Term
@@ -85,7 +85,7 @@ class _Checks:
 
     def run(self, tick: Tick) -> None:
         """Ticks under a few commands, each held for some time, from the scene's initial state."""
-        motion = ran(tick.simulator)
+        motion = ran(tick.simulator, tick.differentiable)
         name, n, ticks, most = self._name, tick.simulator.n, motion.ticks, _ROUNDING
         self.tables += [
             _table("commands", motion.commands.ravel()),
@@ -104,9 +104,29 @@ class _Checks:
             f"    if (!code) {name}_sim_state(sim, q, v, NULL);\n"
             f'    if (!code) wrong += differs("{ticks} ticks, q", q, last_q, {n}, {most});\n'
             f'    if (!code) wrong += differs("{ticks} ticks, v", v, last_v, {n}, {most});\n'
+            f"{self._slopes(motion)}"
             f'    printf("a simulation takes %lu bytes\\n", (unsigned long){name}_sim_size());\n'
             "    free(sim);\n"
             "  }"
+        )
+
+    def _slopes(self, motion: Motion) -> str:
+        """Derivatives at the end of the ticks; a refusal, which they may get, is no mistake."""
+        if motion.slopes is None:
+            return ""
+        name, sizes = self._name, [slope.size for slope in motion.slopes]
+        tables = zip("AB", motion.slopes, strict=True)
+        self.tables += [_table(f"expected_{what}", slope.ravel()) for what, slope in tables]
+        last = motion.commands.size - motion.commands.shape[1]
+        checks = "".join(
+            f'    if (!code) wrong += differs("derivatives, {what}", {what}, expected_{what}, '
+            f"{size}, {_ROUNDING});\n"
+            for what, size in zip("AB", sizes, strict=True)
+        )
+        return (
+            f"    double A[{sizes[0]}], B[{sizes[1]}];\n"
+            f"    if (!code) code = {name}_sim_linearize(sim, commands + {last}, A, B);\n"
+            f'    if (code) printf("derivatives: %s\\n", {name}_error_text(code));\n{checks}'
         )
 
 

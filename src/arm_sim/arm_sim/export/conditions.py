@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 _DEFINE = re.compile(r"#define (\w+)(?: (.*))?$")
 _IF = re.compile(r"#(ifdef|ifndef|if) (.*?)(?: */\*.*)?$")
+_DEFINED = re.compile(r"\bdefined (\w+)")
 _WORD = re.compile(r"\b[A-Za-z_]\w*")
 
 
@@ -54,7 +55,8 @@ def _begun(line: str, defined: dict[str, str]) -> _Block:
 
 
 def _is_true(condition: str, defined: dict[str, str]) -> bool:
-    """Whether a comparison of whole numbers holds, as in ``NB && ND`` and ``NC == 0``."""
+    """Whether a condition on names holds, as in ``NB && ND``, ``NC == 0``, ``defined FREE``."""
+    condition = _DEFINED.sub(lambda word: str(int(word[1] in defined)), condition)
 
     def number(word: re.Match[str]) -> str:
         value = defined.get(word[0], "0")

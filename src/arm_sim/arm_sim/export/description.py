@@ -76,6 +76,16 @@ _SERVO = """
 `@NAME@_sim_servo` turns positions, velocities and efforts, NaN where there are none, into the
 command with which the servos of the joints track them in the next tick.
 """
+_SLOPES = """
+`@NAME@_sim_linearize` gives the derivatives A and B of the state after the next tick by the state
+now and by the command, those of arm_sim's `Simulator.linearize`, for ticks without events. Where a
+joint sticks or breaks away, a stop or contact is met, or either comes close, and where the command
+is exactly at its limit, it returns a code and sets nothing.
+"""
+_NO_SLOPES = """
+There are no derivatives of ticks: the error of this one is controlled, and its sub-steps depend on
+the state. Export a scene with a method of fixed steps for them.
+"""
 _LICENCE = """\
 ## Licence
 
@@ -161,6 +171,7 @@ def _ticks(model: ArmModel, tick: Tick) -> str:
         states=tick.simulator.arm.plant.nx,
     )  # fmt: skip
     said += _SERVO if "_sim_servo" in tick.declarations else ""
+    said += _SLOPES if tick.differentiable else "" if choice.tolerance is None else _NO_SLOPES
     numbers = zip(tick.parameters, tick.simulator.arm.plant.parameters.nominal, strict=False)
     rows = [f"| `{name}` | {value:.17g} |\n" for name, value in numbers]
     if not rows:

@@ -16,7 +16,7 @@ from arm_dynamics.dynamics.verify import compare
 from arm_dynamics.exceptions import ConstraintError
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import FrameMotion
-from arm_sim.exceptions import SimulationDiverged
+from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.export.terms import Term
 from arm_sim.simulator import Simulator
 
@@ -151,12 +151,14 @@ class Motion:
         held: Ticks for which each is held.
         q: Positions at the end, shape (n,).
         v: Velocities at the end, shape (n,).
+        slopes: Derivatives A and B there, under the last command; None if there are none.
     """
 
     commands: Array
     held: int
     q: Array
     v: Array
+    slopes: tuple[Array, Array] | None
 
     @property
     def ticks(self) -> int:
@@ -164,18 +166,26 @@ class Motion:
         return self.held * len(self.commands)
 
 
-def ran(simulator: Simulator) -> Motion:
+def ran(simulator: Simulator, derivatives: bool) -> Motion:
     """Move an arm that is at its initial state, under small random commands, and put it back."""
     limit = np.minimum(simulator.model.command_limit, _MODEST)
     ways = np.random.default_rng(0).uniform(-1.0, 1.0, (_COMMANDS, simulator.n))
     commands = 0.1 * limit * ways
     try:
         end = simulator.run(_HELD * _COMMANDS * simulator.dt, np.repeat(commands, _HELD, axis=0))
+        slopes = _slopes(simulator, commands[-1]) if derivatives else None
     except SimulationDiverged as error:
         raise SceneError(f"the tick cannot be tested: {error}") from error
     finally:
         simulator.reset()
-    return Motion(commands, _HELD, end.q[-1], end.v[-1])
+    return Motion(commands, _HELD, end.q[-1], end.v[-1], slopes)
+
+
+def _slopes(simulator: Simulator, command: Array) -> tuple[Array, Array] | None:
+    try:
+        return simulator.linearize(simulator.state, command)
+    except NotDifferentiable:
+        return None
 
 
 def evaluated(term: Term, q: Array, v: Array, a: Array) -> tuple[Array, ...]:

@@ -20,7 +20,7 @@ from arm_sim.export.expected import SAMPLED, Expected, states
 from arm_sim.export.fmu import mockup_of, units
 from arm_sim.export.folder import check_folder, put_files
 from arm_sim.export.names import from_title, library_name
-from arm_sim.export.terms import TERMS, chosen, terms_of
+from arm_sim.export.terms import DERIVATIVES, TERMS, chosen, terms_of
 from arm_sim.export.tick import Tick, tick_of
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE
 
@@ -61,7 +61,8 @@ def export(
             replaced.
         name: Name of the library, a C identifier; None for one made from the name of the scene
             file, or of a robot description from that of the robot.
-        terms: Names out of ``TERMS`` and ``DERIVATIVES``.
+        terms: Names out of ``TERMS`` and ``DERIVATIVES``; with one of the latter, the tick has
+            derivatives, too, unless its error is controlled.
         tick: Whether to export the simulator's tick, too.
         fmu: Whether to add functional mock-up units for co-simulation, ``N.fmu`` by FMI 3.0 and
             ``N_fmi2.fmu`` by FMI 2.0, which need the tick.
@@ -89,7 +90,8 @@ def export(
     for frame in frames if fmu else ():
         check_moving(model, frame)  # on any other no wrench acts
     with naming(scene):
-        made = tick_of(model, fmu and bool(frames), servo) if tick else None
+        slopes = any(name in DERIVATIVES for name in wanted)
+        made = tick_of(model, fmu and bool(frames), servo, slopes) if tick else None
         files = _files(model, called, wanted, made, fmu, frames, scalar)
     put_files(folder, files)
     return Exported(folder, called, tuple(files))

@@ -16,6 +16,7 @@ import numpy as np
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import ROUNDED
+from arm_sim.export.linearized import derivatives_of_ticks, kinked
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
@@ -38,6 +39,7 @@ class Tick:
         simulator: The simulator that it equals, in its initial state.
         parameters: Names of the numbers that may be set, in the order of p.
         functions: Functions that the source calls.
+        differentiable: Whether there are its derivatives.
         source: C source, with ``library`` for the library's name.
         declarations: What the header declares of it, likewise.
     """
@@ -45,12 +47,15 @@ class Tick:
     simulator: Simulator
     parameters: tuple[str, ...]
     functions: tuple[ca.Function, ...]
+    differentiable: bool
     source: str
     declarations: str
 
 
 @one_at_a_time
-def tick_of(model: ArmModel, pushed: bool = False, servo: bool = False) -> Tick:
+def tick_of(
+    model: ArmModel, pushed: bool = False, servo: bool = False, derivatives: bool = False
+) -> Tick:
     """Build the tick of an arm.
 
     Args:
@@ -58,6 +63,7 @@ def tick_of(model: ArmModel, pushed: bool = False, servo: bool = False) -> Tick:
         pushed: Whether external torques on the joints may be set even if the scene does not
             declare them tunable.
         servo: Whether to add the servos of the joints.
+        derivatives: Whether to add its derivatives, unless its error is controlled.
 
     Raises:
         SceneError: If the scene has sensors or lines of commands that are not perfect, or a drive
@@ -78,12 +84,17 @@ def tick_of(model: ArmModel, pushed: bool = False, servo: bool = False) -> Tick:
     if servo:
         more.append(servo_law(plant, choice.dt))
         files += ["servo.h", "servo.c"]
-    headers, sources = files[::2], files[1::2]
+    headers, sources, slopes = files[::2], files[1::2], ""
+    if derivatives and choice.tolerance is None:
+        more.append(kinked(plant))
+        slopes = derivatives_of_ticks(plant, choice)
+        headers, sources = [*headers, "linearize.h"], [*sources, "linearize.c"]
     return Tick(
         simulator,
         tuple(number.name for number in numbers),
         (*functions, *more),
-        f"{engine}\n{_defines(simulator)}\n{_plain(sources)}{_setter(numbers)}",
+        bool(slopes),
+        f"{engine}\n{_defines(simulator)}\n{slopes}{_plain(sources)}{_setter(numbers)}",
         _plain(headers).removeprefix("\n"),
     )
 
@@ -124,6 +135,7 @@ def _defines(simulator: Simulator) -> str:
         **({"LOOPS": str(project.size1_in(2))} if project else {}),
         **({"DRIVEN": "1"} if plant.torques else {}),
         "SERVO": "1",
+        "KINKED": "1",
     }
     return "\n".join(f"#define {name} {value}" for name, value in values.items())
 

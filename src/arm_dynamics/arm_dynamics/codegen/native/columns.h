@@ -12,7 +12,8 @@
 #if LANES == 1
 #define WIDTH 4
 typedef double column __attribute__((vector_size(8 * WIDTH)));
-#define SPREAD(x) ((x) - (column){})
+static const column no_column = {0.0, 0.0, 0.0, 0.0};
+#define SPREAD(x) ((x) - no_column)
 #define PLACE(x, k) ((x)[k])
 #else
 #define WIDTH 1

@@ -180,6 +180,8 @@ const char* library_error_text(int code) {
     case LIBRARY_DIVERGED: return "the tick gives numbers that are not finite, or too large; the state before it is kept";
     case LIBRARY_UNDETERMINED:
       return "the forces of friction and contact are not determined; the state before the tick is kept";
+    case LIBRARY_NO_DERIVATIVE:
+      return "the tick has no derivative, or has an event or comes so close to one that this code does not find it";
     default: return "unknown code";
   }
 }

@@ -56,16 +56,20 @@ static void foresee_modes(const engine_t* engine, foreseen_t* tick, calm_lanes_t
 
 /* Whether a motion begins with the foreseen numbers: it then is the foreseen one. */
 static int is_as_foreseen(const foreseen_t* tick, const calm_t* made) {
-  return !memcmp(tick->x, made->begin, sizeof tick->x) && !memcmp(tick->p, made->p, sizeof tick->p)
-         && !memcmp(tick->after, made->end, sizeof tick->after);
+  return same(made->begin, tick->x, NX) && same(made->p, tick->p, NP + MODES) && same(made->end, tick->after, NX);
 }
 
 /* Margins to boundaries between modes of a state in the tick. */
 static void find_margins(const real* x, const real* u, const calm_lanes_t* tick, const real* limit, real* margins) {
   real w[SZ_W];
   casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG] = {x, u, tick->p, limit};
-  real* res[SZ_RES] = {margins};
+  const real* arg[SZ_ARG];
+  real* res[SZ_RES];
+  arg[0] = x;
+  arg[1] = u;
+  arg[2] = tick->p;
+  arg[3] = limit;
+  res[0] = margins;
   if (tick->held) clear(arg, res, iw, w, 0);
   else clear_in_motion(arg, res, iw, w, 0);
 }
@@ -78,7 +82,9 @@ static void make_calm(const foreseen_t* tick, const real* x, const real* u, cons
   const long long stride = sizeof(calm_t) / sizeof(double);
   long long of_lane[LANES];
   real limit[NC + 1], margins[2][2];
-  if (LANES > 1) memset(made, 0, sizeof made);
+#if LANES > 1
+  memset(made, 0, sizeof made);
+#endif
   found->held = found->closed = 0;
   found->foreseen = 1;
   for (int j = 0; j < LANES; ++j) {
@@ -90,7 +96,7 @@ static void make_calm(const foreseen_t* tick, const real* x, const real* u, cons
     found->foreseen &= is_as_foreseen(tick + j, made + j);
   }
   read_arms(found->p, NP + MODES, made->p, stride, of_lane);
-  read_arms(limit, NC, made->limit, stride, of_lane);
+  read_arms(limit, NC, made->grip, stride, of_lane);
   read_arms(found->begin, NX, made->begin, stride, of_lane);
   read_arms(found->end, NX, made->end, stride, of_lane);
   read_arms(found->after, NX, made->after, stride, of_lane);

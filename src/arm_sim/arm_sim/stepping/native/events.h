@@ -326,11 +326,11 @@ EXPORTED int tick_as_foreseen(const foreseen_t* tick, double* after) {
 EXPORTED int calm_tick(const foreseen_t* tick, calm_t* found) {
   report_t report;
   record_t record;
-  trace_t trace = {.records = &record, .most = 1};
+  trace_t trace = {&record, 1, 0};
   if (make_foreseen(tick, &report, &trace, found->after) != NONE) return 0;
   if (trace.count != 1 || record.calm == 0.0 || record.hit != 0.0 || report.time_stepped) return 0;
   memcpy(found->p, &record.p, sizeof record.p);
-  memcpy(found->limit, record.limit, sizeof record.limit);
+  memcpy(found->grip, record.limit, sizeof record.limit);
   memcpy(found->begin, record.begin, sizeof record.begin);
   memcpy(found->end, record.end, sizeof record.end);
   return within_reach(found->after);

@@ -13,6 +13,8 @@
 #pragma once
 #include "scene.h"
 
+#include <string.h>
+
 /* In the place of a function that is not generated, and never called. */
 #define ABSENT(arg, res, iw, w) ((void)(arg), (void)(res), (void)(iw), (void)(w))
 #if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
@@ -33,6 +35,18 @@ static inline int all_moves(const double* modes) {
   for (int i = 0; i < ND; ++i) moves &= modes[i] != 0.0;
   for (int k = 0; k < NC; ++k) moves &= modes[ND + NQ + NK + 5 * k] == 0.0; /* closed, of five */
   return moves;
+}
+
+/* Whether numbers are the same, bit for bit. */
+static inline int same(const double* a, const double* b, int count) {
+  int equal = 1;
+  for (int i = 0; equal && i < count; ++i) {
+    long long bits[2];
+    memcpy(bits, a + i, sizeof *a);
+    memcpy(bits + 1, b + i, sizeof *b);
+    equal = bits[0] == bits[1];
+  }
+  return equal;
 }
 
 #define NEAR 0.1 /* distance to a limit at which it may be reached within a step, relative to the limit */
@@ -72,7 +86,7 @@ __extension__ typedef struct {
 
 /* A tick without events, for derivatives: one smooth motion. */
 __extension__ typedef struct {
-  double p[NP + MODES], limit[NC]; /* its modes, and the fraction of its normal force up to which a contact sticks */
+  double p[NP + MODES], grip[NC]; /* its modes, and the fraction of its normal force up to which a contact sticks */
   double begin[NX], end[NX], after[NX]; /* the motion's ends, and the state after the tick, with closed contacts */
 } calm_t;
 

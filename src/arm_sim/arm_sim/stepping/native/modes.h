@@ -175,13 +175,6 @@ static void begin_tick(segment_t* segment, const real* u, memory_t* memory) {
   for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
 }
 
-/* Whether numbers are the same, bit for bit. */
-static int same(const real* a, const double* b, int count) {
-  int equal = 1;
-  for (int i = 0; equal && i < count; ++i) equal = AS_BITS(a[i]) == AS_BITS(b[i]);
-  return equal;
-}
-
 /* Whether answers are known for the modes of a segment. */
 static int is_foreseen(const segment_t* segment) {
   return segment->foreseen && same((const real*)&segment->p, segment->foreseen->p, NP + MODES);

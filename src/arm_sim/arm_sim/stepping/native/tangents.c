@@ -102,8 +102,12 @@ static void end_columns(const calm_lanes_t* tick, const real* coefficients, cons
 static void find_rest(const real* u, const calm_lanes_t* tick, real* begin, real* end) {
   real w[SZ_W];
   casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG] = {tick->begin, u, tick->p};
-  real* res[SZ_RES] = {begin};
+  const real* arg[SZ_ARG];
+  real* res[SZ_RES];
+  arg[0] = tick->begin;
+  arg[1] = u;
+  arg[2] = tick->p;
+  res[0] = begin;
   if (tick->held) rest_begin(arg, res, iw, w, 0);
   arg[1] = tick->end;
   res[0] = end;
@@ -113,9 +117,9 @@ static void find_rest(const real* u, const calm_lanes_t* tick, real* begin, real
 #define WITH_MODES
 #endif
 #if defined EVENTS && defined MOVING
-#define IN_MODES(function) (tick.held ? function : moving_##function) /* simpler where nothing is held or touches */
+#define IN_MODES(function, in_motion) (tick.held ? function : in_motion) /* simpler where nothing is held or touches */
 #else
-#define IN_MODES(function) function
+#define IN_MODES(function, in_motion) function
 #endif
 
 /* Propagate tangents of the arms first … last-1 over `ticks` ticks.
@@ -184,7 +188,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
       foresee_modes(engine, begun, &tick);
       arg[2] = tick.p;
       for (int i = 0; i < 3; ++i) res[2 + i] = inside + i * NX;
-      IN_MODES(advance)(arg, res, iw, w, 0);
+      IN_MODES(advance, moving_advance)(arg, res, iw, w, 0);
       find_geometry(next, place);
       write_steps(next, inside, place, begun);
 #endif
@@ -200,7 +204,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
       arg[2] = tick.p;
       if (!tick.foreseen)
 #endif
-        IN_MODES(advance)(arg, res, iw, w, 0);
+        IN_MODES(advance, moving_advance)(arg, res, iw, w, 0);
 #ifdef EVENTS
       const int by_rows = unit && !k && !tick.held;
       memcpy(next, tick.after, sizeof next);
@@ -212,7 +216,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
         const column* weights[1] = {dx};
         for (int row = start; row < end; row += WIDTH) {
           take(dx, given + start * count, of_lane, given_arm, end - start, count, row);
-          (part ? IN_MODES(back_rest) : IN_MODES(back_q))(limits, weights, moved);
+          (part ? IN_MODES(back_rest, moving_back_rest) : IN_MODES(back_q, moving_back_q))(limits, weights, moved);
           put_rows(moved, reached, of_lane, columns_arm, end, NX + NU + NT, row);
         }
       }
@@ -226,7 +230,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
         for (int i = NU; i < NU + NT; ++i) dw[i] = dr[i];
 #ifdef EVENTS
         begin_columns(&tick, rest, dx);
-        IN_MODES(carry)(derivatives, acting_columns, moved);
+        IN_MODES(carry, moving_carry)(derivatives, acting_columns, moved);
         end_columns(&tick, returning, dx, dw, moved);
 #else
         carry(derivatives, acting_columns, moved);

@@ -14,8 +14,10 @@
 static inline void find_geometry(const real* x, real* found) {
   real w[SZ_W];
   casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG] = {x};
-  real* res[SZ_RES] = {found, found + MC, found + 2 * MC};
+  const real* arg[SZ_ARG];
+  real* res[SZ_RES];
+  arg[0] = x;
+  for (int i = 0; i < 3; ++i) res[i] = found + i * MC;
   contact_geometry(arg, res, iw, w, 0);
 }
 

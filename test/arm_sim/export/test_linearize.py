@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Derivatives of exported ticks against ``Simulator.linearize``, and against differences."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from exported import (
+    BITS,
+    CPP17,
+    Library,
+    Ticks,
+    assert_clean,
+    assert_no_compiler_warns,
+    assert_sound,
+    compilers,
+    pointer,
+)
+
+from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.arrays import Array
+from arm_sim import NotDifferentiable, Simulator
+from arm_sim.export import DERIVATIVES, export
+from tolerances import EXPORT, FINITE_DIFF, assert_close
+
+FIXED = {"sim": {"integrator": "rk4", "dt": 1e-4}}
+DRY = {"joints": {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "viscous": 0.1}}}}
+SCENES: dict[str, tuple[str, dict[str, Any]]] = {
+    "four_bar": ("four_bar", {}),
+    "dry": ("two_link", DRY),
+    "panda": ("panda", {}),
+    "panda_table": ("panda_table", {}),
+    "slider_crank_motor": ("slider_crank_motor", FIXED),
+    "limited": ("two_link", {"joints": {"*": {"limits": {"effort": 5.0}}}}),
+    "hanging": ("two_link", {"commands": {"gravity_compensated": True}}),
+}
+TICKS, HELD = 300, 20
+
+
+class Case:
+    """A scene, its simulator and its library, which has derivatives."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        scene, more = SCENES[name]
+        self.simulator = Simulator(load_scene(scene).model_dump(exclude_unset=True) | more)
+        self.name, self.folder, self.n = name, folder / name, self.simulator.n
+        self.nx = self.simulator.arm.plant.nx
+        export(self.simulator.model, self.folder, name, DERIVATIVES)
+        self.libraries = [Library(self.folder, name, BITS, compiler) for compiler in compilers()]
+
+    def ticks(self, compiler: int = 0) -> Ticks:
+        ticks = Ticks(self.libraries[compiler], self.n)
+        assert ticks.init() == 0
+        return ticks
+
+    def slopes(self, ticks: Ticks, command: Array) -> tuple[int, Array, Array]:
+        """Code, A and B; those are NaN where they are not set."""
+        A, B = np.full((self.nx, self.nx), np.nan), np.full((self.nx, self.n), np.nan)
+        code = ticks.function("sim_linearize")(*map(pointer, (ticks.memory, command, A, B)))
+        return int(code), A, B
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return Case(request.param, tmp_path_factory.mktemp("linearized"))
+
+
+def test_derivatives_are_those_of_the_simulator_or_refused(
+    case: Case, rng: np.random.Generator
+) -> None:
+    """Of every compiler; where there is no derivative, there is a code."""
+    simulator, answered, differentiable = case.simulator, 0, 0
+    every = [case.ticks(compiler) for compiler in range(len(case.libraries))]
+    simulator.reset()
+    limit = np.minimum(simulator.model.command_limit, 40.0)
+    for k in range(TICKS):
+        if k % HELD == 0:
+            command = rng.uniform(-0.9, 0.9, case.n) * limit
+        made = [case.slopes(ticks, command) for ticks in every]
+        try:
+            expected = simulator.linearize(simulator.state, command)
+        except NotDifferentiable:
+            expected = None
+        differentiable += expected is not None
+        for code, A, B in made:
+            if code == 0:
+                assert expected is not None
+                assert_close(A, expected[0], EXPORT)
+                assert_close(B, expected[1], EXPORT)
+            else:
+                assert np.isnan(A).all() and np.isnan(B).all()
+        answered += made[0][0] == 0
+        simulator.step(command)
+        for ticks in every:
+            assert ticks.step(command) == 0
+    assert answered > 0.8 * differentiable > 0.5 * TICKS
+
+
+def test_derivatives_are_differences_of_ticks(case: Case) -> None:
+    """Of positions, velocities and commands, by ticks of the same library."""
+    ticks, n, step = case.ticks(), case.n, 1e-6
+    limit = np.minimum(case.simulator.model.command_limit, 5.0)
+    command = np.random.default_rng(4).uniform(0.5, 0.9, n) * limit
+    for k in range(300):
+        code, A, B = case.slopes(ticks, command)
+        if k > 20 and code == 0:
+            break
+        assert ticks.step(command) == 0
+    assert code == 0
+    before = ticks.memory.copy()
+
+    def after(place: int, change: float) -> Array:
+        ticks.memory[:] = before
+        acted = command.copy()
+        if place < 2 * n:
+            ticks.memory[place] += change  # the state comes first
+        else:
+            acted[place - 2 * n] += change
+        assert ticks.step(acted) == 0
+        return np.concatenate(ticks.state()[:2])
+
+    loops = case.simulator.model.scene.bilateral
+    for place in range(0 if not loops else 2 * n, 3 * n):
+        slope = (after(place, step) - after(place, -step)) / (2.0 * step)
+        made = A[:, place] if place < 2 * n else B[:, place - 2 * n]
+        assert_close(made[: 2 * n], slope, FINITE_DIFF)
+
+
+SMALL = ("four_bar", "dry")
+LARGE = [
+    pytest.param(name, marks=pytest.mark.nightly) for name in ("panda_table", "slider_crank_motor")
+]
+
+
+@pytest.mark.parametrize("case", [*SMALL, *LARGE], indirect=True)
+def test_it_is_as_portable_as_the_rest(case: Case) -> None:
+    assert_no_compiler_warns(case.folder, case.name)
+    assert_sound(case.folder, case.name)
+    assert_clean(case.folder / f"{case.name}.c", case.name, ("-O0", "-Os"), (CPP17,))
+    assert "derivatives, A" in (case.folder / f"test_{case.name}.c").read_text()
+
+
+def test_what_has_no_derivative_gets_a_code_with_a_text(tmp_path: Path) -> None:
+    """A command at its limit, or that is no number; a joint that comes to rest in the tick."""
+    dry, arm = Case("dry", tmp_path), Case("limited", tmp_path)
+    ticks = arm.ticks()
+    before = ticks.memory.copy()
+    tied = np.array([5.0, 0.0])
+    code, *_ = arm.slopes(ticks, tied)
+    assert "no derivative" in ticks.text(code)
+    with pytest.raises(NotDifferentiable):
+        arm.simulator.linearize(arm.simulator.state, tied)
+    code, *_ = arm.slopes(ticks, np.full(2, np.nan))
+    assert "not finite" in ticks.text(code)
+    assert ticks.memory.tobytes() == before.tobytes()
+    ticks = dry.ticks()
+    assert ticks.init(np.zeros(2), np.array([1e-5, 0.0])) == 0
+    weight = Dynamics(dry.simulator.model).gravity(np.zeros(2))
+    code, *_ = dry.slopes(ticks, weight)
+    assert "an event" in ticks.text(code)
+
+
+def test_ticks_under_error_control_have_none_and_the_readme_says_so(tmp_path: Path) -> None:
+    export("slider_crank_motor", tmp_path / "arm", "arm", DERIVATIVES)
+    assert "linearize" not in (tmp_path / "arm/arm.h").read_text()
+    assert "no derivatives of ticks" in (tmp_path / "arm/README.md").read_text()
