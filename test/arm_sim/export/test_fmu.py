@@ -20,7 +20,8 @@ import models
 from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim import Simulator
-from arm_sim.export import export, fmu
+from arm_sim.export import DERIVATIVES, export, fmu
+from tolerances import FINITE_DIFF
 
 TICKS = 200
 DRY = {"viscous": 0.1, "coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.1}
@@ -115,6 +116,19 @@ class Importer:
             return self(f"{way}Float64", places, count, values, count)
         return self(f"{way}Real", places, count, values)
 
+    def derivative(
+        self, unknowns: Sequence[str], knowns: Sequence[str], seeds: Sequence[float]
+    ) -> tuple[int, np.ndarray]:
+        """Status, and the directional derivative."""
+        lengths = c_size_t(len(unknowns)), c_size_t(len(knowns))
+        places = [(c_uint * len(of))(*map(self.reference.__getitem__, of))
+                  for of in (unknowns, knowns)]  # fmt: skip
+        given, found = (c_double * len(seeds))(*seeds), (c_double * len(unknowns))()
+        arguments = places[0], lengths[0], places[1], lengths[1]
+        more = (lengths[1], found, lengths[0]) if self.version == "3" else (found,)
+        status = self("GetDirectionalDerivative", *arguments, given, *more)
+        return status, np.array(found)
+
     def saved(self) -> c_void_p:
         state = c_void_p(None)
         assert self("GetFMUState" if self.version == "3" else "GetFMUstate", byref(state)) == 0
@@ -185,6 +199,100 @@ def test_starting_values_and_parameters_are_the_simulators(
         np.testing.assert_array_equal(unit.get(outputs), simulator.step(np.zeros(2)).q)
     assert abs(still.get(outputs) - simulator.state.q).max() > 1e-3
     for one in (unit, still):
+        one.close()
+
+
+VOLTAGE = {"resistance": 1.0, "torque_constant": 0.05, "gear_ratio": 20.0,
+           "rotor_inertia": 1e-5, "command": "voltage"}  # fmt: skip
+SLOPED: dict[str, dict[str, Any]] = {
+    "tunable": SCENES["tunable"],
+    "dry": SCENES["dry"],
+    "driven": {"joints": {"*": {"actuator": VOLTAGE}}},
+}
+
+
+def sloped(kind: str) -> dict[str, Any]:
+    return models.scene("two_link").model_dump(exclude_unset=True) | SLOPED[kind]
+
+
+@pytest.fixture(scope="module")
+def differentiable(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folders with units that provide derivatives."""
+    folder = tmp_path_factory.mktemp("sloped")
+    for kind in SLOPED:
+        export(sloped(kind), folder / kind, "unit", terms=DERIVATIVES, fmu=True)
+    return {kind: folder / kind for kind in SLOPED}
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
+@pytest.mark.parametrize("kind", SLOPED)
+@pytest.mark.parametrize("ticks", [1, 4])
+def test_directional_derivatives_are_those_of_the_last_step(
+    differentiable: dict[str, Path], kind: str, version: str, ticks: int
+) -> None:
+    """Of positions and velocities as ``Simulator.linearize`` has them, also after a restore."""
+    simulator, unit = Simulator(sloped(kind)), Importer(differentiable[kind], version)
+    outputs = names(simulator, "position") + names(simulator, "velocity")
+    efforts, commands, dt = names(simulator, "effort"), names(simulator, "command"), simulator.dt
+    tau, begin, step = np.array([9.0, -5.0]), 20 * dt, ticks * dt
+    unit.begin()
+    assert unit("ExitInitializationMode") == 0
+    assert unit.set(commands, tau) == 0
+    assert unit.derivative(outputs, commands, [1.0, 1.0])[1].tolist() == [0.0] * 4
+    assert unit.step(0.0, begin) == 0
+    simulator.run(begin, tau)
+    before = unit.saved()
+    assert unit.step(begin, step) == 0
+    after = unit.saved()
+    _, B = simulator.linearize(simulator.state, tau, ticks)
+    for _ in range(2):
+        status, found = unit.derivative(outputs, commands, [0.3, -2.0])
+        assert status == 0
+        np.testing.assert_allclose(found, B @ [0.3, -2.0], rtol=0.0, atol=1e-14)
+        unit.restore(before)
+        assert unit.derivative(outputs, commands, [1.0, 0.0])[1].tolist() != found.tolist()
+        unit.restore(after)
+    if kind == "tunable":
+        place = [n for n in unit.reference if n and n.startswith("payload")]
+        *_, P = simulator.linearize(simulator.state, tau, ticks, by=["payload"])
+        seeds = np.linspace(0.1, 1.0, len(place))
+        found = unit.derivative(outputs, place, seeds)[1]
+        np.testing.assert_allclose(found, P["payload"] @ seeds, rtol=0.0, atol=1e-14)
+    found, change = unit.derivative(efforts, commands, [1.0, 0.5])[1], []
+    for sign in (1.0, -1.0):
+        unit.restore(before)
+        assert unit.set(commands, tau + sign * 1e-5 * np.array([1.0, 0.5])) == 0
+        assert unit.step(begin, step) == 0
+        change.append(unit.get(efforts))
+    np.testing.assert_allclose(found, (change[0] - change[1]) / 2e-5, rtol=0.0, atol=FINITE_DIFF)
+    unit.close()
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
+def test_derivatives_that_do_not_exist_are_refused(
+    differentiable: dict[str, Path], made: dict[str, Path], version: str
+) -> None:
+    """An event in the step discards; starting values are knowns before the start alone."""
+    unit = Importer(differentiable["dry"], version)
+    joints = [str(n).split(".")[0] for n in unit.reference if str(n).endswith(".command")]
+    positions, commands = ([f"{j}.{what}" for j in joints] for what in ("position", "command"))
+    starts = [f"{joint}.initial_position" for joint in joints]
+    unit.begin()
+    assert unit.derivative(positions, starts, [1.0, 2.0]) == (0, pytest.approx([1.0, 2.0]))
+    assert unit("ExitInitializationMode") == 0
+    assert unit.set(commands, [9.0, -5.0]) == 0
+    assert unit.step(0.0, 0.1) == 0  # joints break away
+    assert unit.derivative(positions, commands, [1.0, 0.0])[0] == 2
+    assert "no derivative" in unit.texts[-1]
+    assert unit.derivative(positions, starts, [1.0, 0.0])[0] == 3
+    assert unit.derivative(commands, commands, [1.0, 0.0])[0] == 3
+    plain = Importer(made["dry"], version)
+    assert plain("GetDirectionalDerivative") == 3
+    for folder, provides in ((differentiable, True), (made, False)):
+        file = folder["dry"] / ("unit.fmu" if version == "3" else "unit_fmi2.fmu")
+        description = zipfile.ZipFile(file).read("modelDescription.xml").decode()
+        assert ("providesDirectionalDerivative" in description) == provides
+    for one in (unit, plain):
         one.close()
 
 
@@ -296,6 +404,37 @@ def test_fmpy_finds_nothing_wrong_and_simulates_it(made: dict[str, Path], file: 
     run = simulator.run(0.2, np.zeros(2))
     for joint, name in enumerate(position):
         np.testing.assert_array_equal(found[name], run.q[:, joint])
+
+
+@pytest.mark.group("fmu")
+def test_fmpy_reads_the_derivatives(differentiable: dict[str, Path], tmp_path: Path) -> None:
+    from fmpy import extract, read_model_description
+    from fmpy.fmi3 import FMU3Slave
+    from fmpy.validation import validate_fmu
+
+    path = str(differentiable["dry"] / "unit.fmu")
+    assert not validate_fmu(path)
+    simulator, description = Simulator(sloped("dry")), read_model_description(path)
+    unit = FMU3Slave(
+        guid=description.guid, unzipDirectory=extract(path, str(tmp_path)),
+        modelIdentifier="unit", instanceName="one",
+    )  # fmt: skip
+    of = {variable.name: variable.valueReference for variable in description.modelVariables}
+    unit.instantiate()
+    unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    tau, commands = [9.0, -5.0], [of[name] for name in names(simulator, "command")]
+    outputs = names(simulator, "position") + names(simulator, "velocity")
+    unit.setFloat64(commands, tau)
+    unit.doStep(0.0, 0.02)
+    unit.doStep(0.02, simulator.dt)
+    simulator.run(0.02, np.array(tau))
+    _, B = simulator.linearize(simulator.state, tau)
+    for j, command in enumerate(commands):
+        found = unit.getDirectionalDerivative([of[n] for n in outputs], [command], [1.0])
+        np.testing.assert_allclose(found, B[:, j], rtol=0.0, atol=1e-14)
+    unit.terminate()
+    unit.freeInstance()
 
 
 @pytest.mark.group("fmu")

@@ -43,6 +43,7 @@ class Mockup:
         period: Length of a tick in [s].
         variables: Variables in the order of their value references.
         sources: The library's files, ``N.h`` and ``N.c``, by name.
+        slopes: Whether there are derivatives of steps.
         frames: Parts of the names of the library's functions for the frames that take wrenches.
     """
 
@@ -51,6 +52,7 @@ class Mockup:
     period: float
     variables: tuple[Variable, ...]
     sources: Mapping[str, str]
+    slopes: bool
     frames: tuple[str, ...] = ()
 
 
@@ -68,7 +70,8 @@ def mockup_of(name: str, tick: Tick, sources: Mapping[str, str], frames: Sequenc
     parameters = list(zip(tick.parameters, map(float, nominal), strict=False))
     about = f"robot '{model.pin.name}', {model.n} joints"
     found = variables(model, simulator.state, parameters, frames)
-    return Mockup(name, about, simulator.dt, found, sources, tuple(of_frames(frames)))
+    slopes = tick.differentiable and not frames
+    return Mockup(name, about, simulator.dt, found, sources, slopes, tuple(of_frames(frames)))
 
 
 def units(mockup: Mockup) -> dict[str, bytes]:
@@ -94,7 +97,7 @@ def _archive(mockup: Mockup, version: str, folder: Path) -> bytes:
     text = _wrapper(mockup, wrapper, token)
     _write(folder, {wrapper: text})
     _compile(folder, "-shared", wrapper, "library.o", "-lm", "-o", "unit.so")
-    unit = Unit(name, mockup.about, token, mockup.period, mockup.variables)
+    unit = Unit(name, mockup.about, token, mockup.period, mockup.variables, mockup.slopes)
     compiled, sources = (wrapper, f"{name}.c"), {**mockup.sources, wrapper: text}
     if version == "3":
         description = fmi3_description(unit)
@@ -127,6 +130,8 @@ def _wrapper(mockup: Mockup, file: str, token: str) -> str:
         "TOKEN": f'"{token}"',
         "FRAMES": str(len(mockup.frames)),
     }
+    if mockup.slopes:
+        values["SLOPES"] = "1"
     if mockup.frames:
         jacobians = (f"{mockup.name}_jacobian_{frame}" for frame in mockup.frames)
         values["JACOBIANS"] = ", ".join(jacobians)

@@ -25,6 +25,7 @@ class Unit:
         token: Text that identifies this description.
         period: Length of a tick in [s].
         variables: Its variables in the order of their value references.
+        slopes: Whether it provides directional derivatives.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Unit:
     token: str
     period: float
     variables: tuple[Variable, ...]
+    slopes: bool
 
 
 def fmi3_description(unit: Unit) -> str:
@@ -41,6 +43,7 @@ def fmi3_description(unit: Unit) -> str:
         "modelIdentifier": unit.name, "canHandleVariableCommunicationStepSize": "true",
         "fixedInternalStepSize": repr(unit.period),
         "canGetAndSetFMUState": "true", "canSerializeFMUState": "true",
+        **({"providesDirectionalDerivatives": "true"} if unit.slopes else {}),
     })  # fmt: skip
     _units(root, unit)
     _experiment(root, unit)
@@ -64,6 +67,7 @@ def fmi2_description(unit: Unit, sources: Sequence[str]) -> str:
         "modelIdentifier": unit.name, "canHandleVariableCommunicationStepSize": "true",
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
+        **({"providesDirectionalDerivative": "true"} if unit.slopes else {}),
     })  # fmt: skip
     files = _ADD(simulation, "SourceFiles")
     for name in sources:

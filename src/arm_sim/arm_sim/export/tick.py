@@ -16,7 +16,7 @@ import numpy as np
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import ROUNDED
-from arm_sim.export.linearized import derivatives_of_ticks, kinked
+from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes, kinked
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
@@ -86,8 +86,8 @@ def tick_of(
         files += ["servo.h", "servo.c"]
     headers, sources, slopes = files[::2], files[1::2], ""
     if derivatives and choice.tolerance is None:
-        more.append(kinked(plant))
-        slopes = derivatives_of_ticks(plant, choice)
+        more += [kinked(plant), effort_slopes(plant)]
+        slopes = derivatives_of_ticks(plant, choice, len(numbers))
         headers, sources = [*headers, "linearize.h"], [*sources, "linearize.c"]
     return Tick(
         simulator,

@@ -157,6 +157,13 @@ NO_VARIABLES(String, char*)
 /* Functions of the standard that this unit does not provide, as its description says. */
 #define NOT_PROVIDED(NAME) \
   EXPORT int fmi2##NAME(void* c) { return fail(c, "this unit does not provide fmi2" #NAME); }
+#ifdef SLOPES
+EXPORT int fmi2GetDirectionalDerivative(void* c, const reference_t* unknowns, size_t count, const reference_t* knowns,
+                                        size_t varied, const double* seeds, double* found) {
+  return find_derivative(c, unknowns, count, knowns, varied, seeds, found);
+}
+#else
 NOT_PROVIDED(GetDirectionalDerivative)
+#endif
 NOT_PROVIDED(GetRealOutputDerivatives)
 NOT_PROVIDED(SetRealInputDerivatives)

@@ -207,7 +207,15 @@ NOT_PROVIDED(ExitConfigurationMode)
 NOT_PROVIDED(GetAdjointDerivative)
 NOT_PROVIDED(GetContinuousStateDerivatives)
 NOT_PROVIDED(GetContinuousStates)
+#ifdef SLOPES
+EXPORT int fmi3GetDirectionalDerivative(void* c, const reference_t* unknowns, size_t count, const reference_t* knowns,
+                                        size_t varied, const double* seeds, size_t given, double* found, size_t wanted) {
+  if (given != varied || wanted != count) return fail(c, "as many numbers as references are expected");
+  return find_derivative(c, unknowns, count, knowns, varied, seeds, found);
+}
+#else
 NOT_PROVIDED(GetDirectionalDerivative)
+#endif
 NOT_PROVIDED(GetEventIndicators)
 NOT_PROVIDED(GetIntervalDecimal)
 NOT_PROVIDED(GetIntervalFraction)

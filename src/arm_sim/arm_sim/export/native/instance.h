@@ -48,16 +48,18 @@ enum {
 
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 
-/* What is saved and restored, besides the simulation. */
+/* What is saved and restored, besides the simulations. */
 typedef struct {
   double values[VARIABLES], start;
   int64_t ticks, begun; /* ticks since the start; whether initialization is over */
+  double held[JOINTS];  /* commands in the last step ... */
+  int64_t last;         /* ... and its number of ticks, 0 if there was none */
 } memory_t;
 
 typedef struct instance {
   memory_t memory;
-  library_sim* sim;
-  void* place; /* of the simulation, not aligned */
+  library_sim *sim, *before, *scratch; /* now, at the beginning of the last step, and during its repetition */
+  void* place;                         /* of the simulations, not aligned */
   void (*complain)(const struct instance* instance, const char* text);
   void *environment, *logger; /* of the importer */
   const char* name;
@@ -83,12 +85,16 @@ static void forget(instance_t* i) {
 static instance_t* new_instance(const char* token) {
   instance_t* i = token && !strcmp(token, TOKEN) ? calloc(1, sizeof *i) : NULL;
   if (!i) return NULL;
-  i->place = malloc(library_sim_size() + 64);
+  const size_t size = (library_sim_size() + 63) / 64 * 64;
+  i->place = malloc(3 * size + 64);
   if (!i->place) {
     free(i);
     return NULL;
   }
   i->sim = (library_sim*)(((uintptr_t)i->place + 63) & ~(uintptr_t)63);
+  i->before = (library_sim*)((char*)i->sim + size);
+  i->scratch = (library_sim*)((char*)i->before + size);
+  memset(i->sim, 0, 3 * size);
   forget(i);
   return i;
 }
@@ -122,7 +128,7 @@ static int begin(instance_t* i) {
   int code = library_sim_init(i->sim, moved ? q : NULL, pushed ? v : NULL);
   for (int k = 0; k < PARAMETERS && code == LIBRARY_OK; ++k)
     if (values[PARAMETER + k] != defaults[PARAMETER + k]) code = set_parameter(i, k, values[PARAMETER + k]);
-  i->memory.ticks = 0;
+  i->memory.ticks = i->memory.last = 0;
   if (code == LIBRARY_OK) read_outputs(i);
   return outcome(i, code);
 }
@@ -187,6 +193,9 @@ static int advance(instance_t* i, double point, double time) {
              point, time, reached(i), PERIOD);
     return fail(i, text);
   }
+  memcpy(i->before, i->sim, library_sim_size());
+  memcpy(i->memory.held, i->memory.values + COMMAND, sizeof i->memory.held);
+  i->memory.last = 0;
   for (const int64_t goal = i->memory.ticks + (int64_t)ticks; i->memory.ticks < goal;) {
     if (push(i) != OK) return ERROR;
     const int code = library_sim_step(i->sim, i->memory.values + COMMAND);
@@ -194,19 +203,76 @@ static int advance(instance_t* i, double point, double time) {
     ++i->memory.ticks;
     read_outputs(i);
   }
+  i->memory.last = (int64_t)ticks;
   return OK;
 }
 
-static size_t state_size(void) { return sizeof(memory_t) + library_sim_size(); }
+#ifdef SLOPES
+enum { VARIED = LIBRARY_STATES + JOINTS + PARAMETERS };
+
+/* Rows of derivatives times a column that is nonzero where the state, the commands and the parameters change. */
+static void multiply(const double* rows, int count, const double* column, double* product) {
+  for (int k = 0; k < count; ++k) {
+    product[k] = 0.0;
+    for (int j = 0; j < VARIED; ++j) product[k] += rows[k * VARIED + j] * column[j];
+  }
+}
+
+/* Changes of the outputs at the end of the last step under changes of the commands held in it and of the parameters: the
+ * step is repeated. */
+static int differentiate_step(instance_t* i, double* column, double* outputs) {
+  double of_state[LIBRARY_STATES * VARIED], of_effort[JOINTS * VARIED], state[LIBRARY_STATES];
+  memcpy(i->scratch, i->before, library_sim_size());
+  for (int64_t k = 0; k < i->memory.last; ++k) {
+    int code = library_sim_sensitivities(i->scratch, i->memory.held, of_state, of_effort);
+    if (code == LIBRARY_OK) code = library_sim_step(i->scratch, i->memory.held);
+    if (code != LIBRARY_OK) {
+      fail(i, library_error_text(code));
+      return DISCARD;
+    }
+    multiply(of_state, LIBRARY_STATES, column, state);
+    multiply(of_effort, JOINTS, column, outputs + 2 * JOINTS);
+    memcpy(column, state, sizeof state);
+  }
+  memcpy(outputs, column, 2 * JOINTS * sizeof *outputs);
+  return OK;
+}
+
+/* Derivatives of outputs at the end of the last step by the inputs held in it, by parameters, and before the first step by
+ * the starting values, times seeds. */
+static int find_derivative(instance_t* i, const unsigned int* unknowns, size_t count, const unsigned int* knowns,
+                           size_t varied, const double* seeds, double* found) {
+  double column[VARIED] = {0.0}, outputs[3 * JOINTS] = {0.0};
+  for (size_t k = 0; k < count; ++k)
+    if (unknowns[k] < POSITION || unknowns[k] >= START_POSITION) return fail(i, "derivatives are those of outputs");
+  for (size_t k = 0; k < varied; ++k) {
+    const unsigned int at = knowns[k];
+    if (at >= COMMAND && at < WRENCH) column[LIBRARY_STATES + at - COMMAND] += seeds[k];
+    else if (at >= PARAMETER && at < VARIABLES) column[LIBRARY_STATES + JOINTS + at - PARAMETER] += seeds[k];
+    else if (at >= START_POSITION && at < PARAMETER && !i->memory.begun) outputs[at - START_POSITION] += seeds[k];
+    else if (at != TIME) return fail(i, "derivatives are those by inputs and parameters, and by time, which are zero");
+  }
+  if (i->memory.last) {
+    const int status = differentiate_step(i, column, outputs);
+    if (status != OK) return status;
+  }
+  for (size_t k = 0; k < count; ++k) found[k] = outputs[unknowns[k] - POSITION];
+  return OK;
+}
+#endif
+
+static size_t state_size(void) { return sizeof(memory_t) + 2 * library_sim_size(); }
 
 static void write_state(const instance_t* i, void* state) {
   memcpy(state, &i->memory, sizeof i->memory);
   memcpy((char*)state + sizeof i->memory, i->sim, library_sim_size());
+  memcpy((char*)state + sizeof i->memory + library_sim_size(), i->before, library_sim_size());
 }
 
 static void read_state(instance_t* i, const void* state) {
   memcpy(&i->memory, state, sizeof i->memory);
   memcpy(i->sim, (const char*)state + sizeof i->memory, library_sim_size());
+  memcpy(i->before, (const char*)state + sizeof i->memory + library_sim_size(), library_sim_size());
 }
 
 /* Save the state, in new memory unless `*state` is of an earlier call. */

@@ -9,3 +9,7 @@
  * JOINTS, row by row; the state is positions, velocities and internal states. Returns 0, or a code, and then A and B are not
  * set. The simulation is not advanced. */
 int library_sim_linearize(const library_sim* sim, const double* command, double* A, double* B);
+
+/* The same derivatives side by side, by state, command, and the numbers that may be set, in their order: of the state after
+ * the tick, and of the torques on the joints in it; NULL: not wanted. */
+int library_sim_sensitivities(const library_sim* sim, const double* command, double* of_state, double* of_effort);
