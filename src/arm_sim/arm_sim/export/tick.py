@@ -80,15 +80,15 @@ def tick_of(
     engine = engine_source(plant, choice, functions, smooth, "tick.h")
     engine = engine.replace("\nEXPORTED ", "\nstatic ")
     more = [f for f in (plant.project, plant.torques) if f is not None]
-    files = ["library.h", "sim.c"]
+    files, slopes = ["library.h", "sim.c"], ""
     if servo:
         more.append(servo_law(plant, choice.dt))
         files += ["servo.h", "servo.c"]
-    headers, sources, slopes = files[::2], files[1::2], ""
     if derivatives and choice.tolerance is None:
         more += [kinked(plant), effort_slopes(plant)]
         slopes = derivatives_of_ticks(plant, choice, len(numbers))
-        headers, sources = [*headers, "linearize.h"], [*sources, "linearize.c"]
+        files += ["linearize.h", "linearize.c"]
+    headers, sources = files[::2], files[1::2]
     return Tick(
         simulator,
         tuple(number.name for number in numbers),
