@@ -59,6 +59,70 @@ def test_a_command_acts_for_its_timeout_and_for_a_tick_at_least(timeout: float, 
     assert [acting(made) == [*TAU] for _ in range(5)] == [k < acts for k in range(5)]
 
 
+def held_up(made: TickEngine, ticks: int) -> None:
+    """Let commands arrive in every tick, but be readable only after some ticks, all at once."""
+    looks = iter(range(1, 10**6))
+
+    def read() -> None:
+        if (now := made.simulator.arm.step_count) % (ticks + 1) == 0:
+            made.commands.put((float(now + next(looks)), 0.5))
+
+    made.read_commands = read
+    made.arriving = lambda: made.simulator.arm.step_count % (ticks + 1) != 0
+
+
+@pytest.mark.parametrize("ticks", [2, 3, 4, 50, 900])
+def test_commands_that_have_arrived_are_in_time_though_they_are_read_late(ticks: int) -> None:
+    """As many ticks as the middleware, for want of a processor, does not hand anything over."""
+    made = engine()
+    made.configure(0.003, "zero")
+    told: list[bool] = []
+    made.on_staleness.append(lambda: told.append(made.commands.stale))
+    held_up(made, ticks)
+    assert all(acting(made)[1] == 0.5 for _ in range(3 * (ticks + 1)))
+    assert told == []
+    assert made.commands.extended == 3 * max(ticks + 1 - 3, 0)
+
+
+def test_commands_that_stop_are_stale_though_the_middleware_is_busy() -> None:
+    """For a second: it may be busy with other messages."""
+    made = engine()
+    made.configure(0.003, "zero")
+    made.arriving = lambda: True
+    made.commands.put(TAU)
+    acts = [acting(made) == [*TAU] for _ in range(1010)]
+    assert acts == [k < 1003 for k in range(1010)]
+    assert made.commands.stale_count == 1
+    made.commands.put((0.25, 0.5))
+    assert acting(made) == [0.25, 0.5]
+
+
+def test_a_command_is_late_after_its_timeout_while_the_middleware_sleeps() -> None:
+    made, looks = engine(), list[int]()
+    made.configure(0.003, "zero")
+    made.arriving = lambda: bool(looks.append(made.simulator.arm.step_count))
+    made.commands.put(TAU)
+    assert [acting(made) == [*TAU] for _ in range(6)] == [k < 3 for k in range(6)]
+    assert looks == [3]  # it is asked once, when the command is about to be stale
+
+
+def test_what_arrives_while_the_middleware_is_looked_at_is_read() -> None:
+    made, waiting = engine(), [TAU]
+    made.configure(0.003, "zero")
+
+    def look() -> bool:
+        waiting.append((0.25, 0.5))
+        return False  # it sleeps again: everything can be read
+
+    def read() -> None:
+        while waiting:
+            made.commands.put(waiting.pop(0))
+
+    made.arriving, made.read_commands = look, read
+    assert [acting(made) for _ in range(4)] == [[*TAU]] * 3 + [[0.25, 0.5]]
+    assert made.commands.stale_count == made.commands.extended == 0
+
+
 def test_without_a_timeout_a_command_acts_for_ever() -> None:
     made = engine()
     made.configure(0.0, "zero")

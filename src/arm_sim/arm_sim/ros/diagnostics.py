@@ -83,7 +83,8 @@ class SimDiagnostics:
         publishers = self.node.count_publishers(topic)
         found.values = {
             "age [s]": slot.age * engine.simulator.dt, "stale": slot.stale,
-            "stale count": slot.stale_count, "policy": policy, "held": engine.held,
+            "stale count": slot.stale_count, "extended": slot.extended, "policy": policy,
+            "held": engine.held,
             "passed over": inputs.refused,
             "sources": known_names(arbiter.sources), "publishers": publishers,
             "answers": trip.count, "round trip p50 [s]": trip.p50,
@@ -106,6 +107,9 @@ class SimDiagnostics:
             found.complain(WARN, f"commands stopped: the policy '{self.engine.stale_policy}' acts")
         elif stopped:
             found.complain(WARN, "commands stopped, and have resumed")
+        self.growth.warn(
+            found, slot.extended, "ticks with an old command: the middleware has to catch up"
+        )
 
     def _check_simulation(self) -> Finding:
         engine, found = self.engine, Finding("simulation")

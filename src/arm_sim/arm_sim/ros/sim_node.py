@@ -13,6 +13,7 @@ from arm_dynamics.ros.common.diagnostics import Diagnosis
 from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
+from arm_dynamics.ros.common.privileges import MiddlewareThreads
 from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.diagnostics import SimDiagnostics
@@ -156,6 +157,8 @@ class SimNode(Node):
             self._claim_privileges()
             self.lockstep.wait()
         elif self.params.realtime:
+            middleware = MiddlewareThreads()
+            self.engine.arriving = lambda: middleware.busy
             self.engine.queue.served = True
             self.loop.start()
 
@@ -173,7 +176,8 @@ class SimNode(Node):
 
     def _reset_counters(self) -> None:
         self.loop.reset()
-        self.engine.commands.stale_count = self.engine.arbiter.refused = 0
+        commands = self.engine.commands
+        commands.stale_count = commands.extended = self.engine.arbiter.refused = 0
         self.inputs.reset_counters()
         if self.lockstep is not None:
             self.lockstep.reset_counters()

@@ -47,6 +47,7 @@ class TickEngine:
         stopping: Stops and holds the arm if the policy requires it.
         share: Returns the part of a tick by which the next one makes commands older.
         read_commands: Called before a tick, to fill the slot.
+        arriving: Returns whether messages may have arrived that cannot be read yet.
         note_ticks: Called before the account is evaluated, to note ticks executed elsewhere.
         on_tick: Called after each tick.
         on_idle: Called instead of a tick while time stands still.
@@ -94,6 +95,7 @@ class TickEngine:
         self._meter: EnergyMeter | None = None
         self.share: Callable[[], float] = lambda: 1.0
         self.read_commands: Callable[[], None] = lambda: None
+        self.arriving: Callable[[], bool] = lambda: False
         self.note_ticks: Callable[[], None] = lambda: None
         self.on_tick, self.on_idle, self.on_jump = Listeners(), Listeners(), Listeners()
         self.on_pause, self.on_failure, self.on_staleness = Listeners(), Listeners(), Listeners()
@@ -140,12 +142,27 @@ class TickEngine:
             self.read_commands()
             if not (self._wait_for_command and self.commands.empty):
                 self.commands.arrive(self._arm.step_count)
-                self._advance(self.commands.take(self._q, share))
+                self._advance(self.commands.take(self._q, share, self._may_come(share)))
                 if self.commands.stale is not self._was_stale:
                     self._was_stale = self.commands.stale
                     _call(self.on_staleness)
                 return
         _call(self.on_idle)
+
+    def _may_come(self, share: float) -> bool:
+        """Whether a command that expires may have a successor that has arrived already.
+
+        What has arrived on this machine is in time, although busy processors keep the middleware
+        from handing it over; but not for ever, so that an arm without commands stops.
+        """
+        commands = self.commands
+        if not commands.expires(share):
+            return False
+        arriving = self.arriving()
+        self.read_commands()  # all that had arrived, unless more is arriving
+        commands.arrive(self._arm.step_count)
+        late = commands.age - commands.timeout
+        return arriving and commands.expires(share) and late < self.ticks(_SILENCE)
 
     def tick_unattended(self) -> None:
         """Tick in a thread without a caller: an exception pauses the simulation."""

@@ -17,7 +17,9 @@ from arm_dynamics.ros.common.params import parameter
 
 _MCL_CURRENT_AND_FUTURE = 3
 # Names of threads in Fast DDS.
-_TIMERS, _BY_SHARED_MEMORY, _BY_NETWORK = "dds.ev", "dds.shm", "dds.udp"
+_ALL, _TIMERS, _BY_SHARED_MEMORY, _BY_NETWORK = "dds.", "dds.ev", "dds.shm", "dds.udp"
+_TASKS = Path("/proc/self/task")
+_AT_WORK = ("R", "D")  # states of threads in proc(5): on a processor or waiting for one, or a disk
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # Linux's numbers of the system call
 # Size, policy, flags, nice, priority, slice, two deadlines.
 _SCHED_ATTR = struct.Struct("IIQiIQQQ")
@@ -70,7 +72,7 @@ class ThreadParams:
         # The others one below: a thread that waits for the interpreter lock, or for a message,
         # waits for the thread that holds it.
         below = os.sched_param(max(1, self.priority - 1))
-        for task in Path("/proc/self/task").iterdir():
+        for task in _TASKS.iterdir():
             os.sched_setscheduler(int(task.name), os.SCHED_FIFO, below)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self.priority))
 
@@ -104,7 +106,7 @@ def arrange_middleware_threads() -> None:
     thread four times, and the sender waits: 7 % of a service call. Threads of real-time priority
     keep it.
     """
-    for task in Path("/proc/self/task").glob("*"):
+    for task in _TASKS.glob("*"):
         with suppress(OSError):  # the thread has ended
             thread, name = int(task.name), (task / "comm").read_text()
             if os.sched_getscheduler(thread) != os.SCHED_OTHER:
@@ -115,6 +117,32 @@ def arrange_middleware_threads() -> None:
                 shorten_slice(thread, interrupts=False)
             elif name.startswith(_BY_NETWORK):
                 shorten_slice(thread)
+
+
+class MiddlewareThreads:
+    """Fast DDS's threads of this process that exist when this is made; none elsewhere."""
+
+    def __init__(self) -> None:
+        self._states = list[Path]()
+        for task in _TASKS.glob("*"):
+            with suppress(OSError):  # the thread has ended
+                if (task / "comm").read_text().startswith(_ALL):
+                    self._states.append(task / "stat")
+
+    @property
+    def busy(self) -> bool:
+        """Whether one of them is at work, or waits for a processor.
+
+        Then messages may have arrived on this machine that cannot be read yet. While all of them
+        sleep, whatever has arrived can be read.
+        """
+        return any(map(_is_at_work, self._states))
+
+
+def _is_at_work(stat: Path) -> bool:
+    with suppress(OSError):  # the thread has ended
+        return stat.read_text().rpartition(")")[2].split()[0] in _AT_WORK
+    return False
 
 
 def shorten_slice(thread: int = 0, *, interrupts: bool = True) -> None:

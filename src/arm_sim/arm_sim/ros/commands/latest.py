@@ -46,6 +46,7 @@ class LatestCommand:
         age: Ticks since the newest command was first used; 0 without one.
         stale: Whether the policy acts because commands have stopped.
         stale_count: Number of times that commands have stopped.
+        extended: Number of ticks for which a command acted beyond its time, see ``take``.
         timeout: Ticks for which a command may act; 0: forever.
     """
 
@@ -71,7 +72,7 @@ class LatestCommand:
         self._lasting = False
         self.age = 0.0
         self.stale = False
-        self.stale_count = 0
+        self.stale_count = self.extended = 0
         self.configure(0, ZERO)
 
     def configure(self, timeout: int, policy: str) -> None:
@@ -114,12 +115,23 @@ class LatestCommand:
         """Whether no command has arrived yet."""
         return not self._any
 
-    def take(self, q: Array, share: float = 1.0) -> Command | Stop:
+    def expires(self, share: float) -> bool:
+        """Whether the command that acts is too old for a tick that ages it by ``share``."""
+        return not self.stale and self._newest is self._used and self._is_old(share)
+
+    def _is_old(self, share: float) -> bool:
+        if self._used is None or self._lasting:
+            return False
+        return bool(library().is_stale(self.age, share, self.timeout))
+
+    def take(self, q: Array, share: float = 1.0, extend: bool = False) -> Command | Stop:
         """Return the command of the next tick, and count that tick.
 
         Args:
             q: Current positions in [rad], shape (n,).
             share: Part of a tick by which the command ages.
+            extend: Whether the command goes on acting, as a newer one may have arrived that cannot
+                be read yet.
         """
         newest = self._newest
         if newest is None:
@@ -127,8 +139,9 @@ class LatestCommand:
         if newest is not self._used:
             self._used, self.age, self.stale = newest, 0.0, False
             self._lasting = isinstance(newest, JointCommand) and newest.stays
-        stale = not self._lasting and library().is_stale(self.age, share, self.timeout)
+        stale = self._is_old(share) and not extend
         self.age += share
+        self.extended += extend
         if not stale:
             return newest
         self.stale_count += not self.stale
