@@ -40,9 +40,8 @@ class Fault:
         last: Whether it is only for the end, as it starts a process anew.
         after: Whether the words count only once it is over.
         or_else: Part and words that tell of it as well, where it has struck otherwise.
-        silences: Whether commands may be called stale meanwhile.
         holds_up: Simulation that it holds up, so that no state is answered: then commands are not
-            stale.
+            stale, although they pause.
     """
 
     name: str
@@ -53,7 +52,6 @@ class Fault:
     last: bool = False
     after: bool = False
     or_else: tuple[str, str] | None = None
-    silences: bool = False
     holds_up: str = ""
 
     @property
@@ -199,23 +197,23 @@ FAULTS = (
           "dynamics: services", "requests refused"),
     Fault("bad robot description", _description, "other: services", "description was refused"),
     Fault("a force that no tick can follow", _diverge, "sim: simulation",
-          "last good state is kept", gentle=False, silences=True),
+          "last good state is kept", gentle=False),
     Fault("time goes back to zero", _back, "controller: controller", "time or the arm jumped",
           gentle=False),
     Fault("processors taken away for two seconds", _hog, "sim: loop", "after the next one was due",
           gentle=False),
     # Stopped while it writes, or reads, it holds up the sim's publishing: time stands still.
     Fault("controller stopped for 1.5 s", _freeze("controller"), "sim: commands",
-          "commands stopped", gentle=False, silences=True,
+          "commands stopped", gentle=False,
           or_else=("sim: loop", "began after the next one was due")),
     Fault("simulation stopped for 1.5 s", _freeze("sim"), "sim: loop",
           "began after the next one was due", gentle=False, holds_up="sim"),
     Fault("simulation with stamps of the clock held up again and again", _hold_up("clocked sim"),
           "clocked/sim: loop", "began after the next one was due", holds_up="clocked/sim"),
     Fault("controller killed", _kill("controller"), "sim: commands", "commands stopped",
-          gentle=False, last=True, silences=True),
+          gentle=False, last=True),
     Fault("simulation killed", _kill("sim"), "controller: controller", "no joint state",
-          gentle=False, last=True, silences=True),
+          gentle=False, last=True),
     Fault("dynamics node killed", _kill("dynamics"), "dynamics: services", "ok",
           gentle=False, last=True, after=True),
 )  # fmt: skip

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -57,9 +59,8 @@ def page(result: Result) -> str:
         f"{rates.min():.2f} Hz.",
         f"{result.stamps} stamps of the clock were recorded. {len(result.uneven)} are out of step "
         f"by more than {100.0 * UNEVEN:g} % of a tick, {result.unexplained} of them other than to "
-        "make up for dropped ticks. Commands were called stale "
-        f"{len(result.false)} times without a pause, and {len(result.starved)} times after a "
-        "controller was kept from running.",
+        f"make up for dropped ticks. Commands were called stale {len(result.false)} times without "
+        f"a pause, and {len(result.paused)} times after one: {_counted(result.paused)}.",
         "## Faults",
         table(
             ("fault", "times", "told by", "told", "well again", "worst error [rad]", "words"),
@@ -88,3 +89,7 @@ def page(result: Result) -> str:
         "are sent at the beginning: the transport keeps the buffers of the largest it has seen.",
     ]  # fmt: skip
     return "\n\n".join(lines).replace("\n\n- ", "\n- ") + "\n"
+
+
+def _counted(names: Sequence[str]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in Counter(names).most_common()) or "none"

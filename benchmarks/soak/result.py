@@ -43,10 +43,10 @@ class Result:
         rates: Ticks per second of the simulation between faults.
         calls: Service calls that were answered.
         energies: Energy messages that came.
-        stale: When commands were called stale that no fault had stopped: the fault's name, the
-            simulation, and the interval in [s] of the system's clock.
-        starved: Faults of those in which commands did pause, as the processors were busy.
-        false: Faults of those in which commands did not pause.
+        stale: When commands were called stale: the fault's name, the simulation, and the time in
+            [s] of the system's clock.
+        paused: Faults of those before which commands had paused.
+        false: Faults of those before which commands had not paused.
         dropped: Intervals in [s] of the system's clock in which ticks were dropped.
         stamps: Recorded stamps of the clock.
         uneven: Those out of step by more than ``stamps.UNEVEN`` of a period: when they were sent,
@@ -63,8 +63,8 @@ class Result:
     rates: list[float] = field(default_factory=list)
     calls: int = 0
     energies: int = 0
-    stale: list[tuple[str, str, float, float]] = field(default_factory=list)
-    starved: list[str] = field(default_factory=list)
+    stale: list[tuple[str, str, float]] = field(default_factory=list)
+    paused: list[str] = field(default_factory=list)
     false: list[str] = field(default_factory=list)
     dropped: list[tuple[float, float]] = field(default_factory=list)
     stamps: int = 0

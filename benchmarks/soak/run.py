@@ -14,13 +14,19 @@ import numpy as np
 from benchmarks.measurement.watcher import memory, processor_time
 from benchmarks.soak.faults import FAULTS, Fault
 from benchmarks.soak.result import Outcome, Result
-from benchmarks.soak.stamps import paused, recorded, uneven, unexplained
+from benchmarks.soak.stamps import (
+    answers,
+    had_paused,
+    recorded,
+    uneven,
+    unexplained,
+    warnings,
+)
 from benchmarks.soak.system import CLOCKED, SIMS, STATES, System
 
 SETTLE, NOTICE, RECOVER = 2.0, 4.0, 12.0  # [s] before a fault, to be told of it, to be well again
 TRACKING = 5e-3  # [rad] that the arm may be off while nothing should disturb it, or three times
 # what it was off between faults, where others load the machine
-TOLD_LATE = 2.5  # [s] by which diagnostics may be late
 PERIOD = 1_000_000  # [ns] of a tick
 LAST = 90.0  # [s] at the end for faults that start processes anew
 
@@ -110,7 +116,7 @@ def soak(
 
 def _injected(injector: Injector, fault: Fault, result: Result, began: float | None) -> Result:
     system = injector.system
-    ticks, counts, since = _ticks(system), _counts(system), time.time()
+    ticks, drops, since = _ticks(system), _drops(system), time.time()
     system.live(2.0)
     if ticks is not None and (later := _ticks(system)) is not None and later[0] > ticks[0]:
         result.rates.append((later[0] - ticks[0]) / (later[1] - ticks[1]))
@@ -122,22 +128,20 @@ def _injected(injector: Injector, fault: Fault, result: Result, began: float | N
             sizes = result.memory.setdefault(name, [])
             sizes.append((time.monotonic() - began, memory(pid)))
     result.calls, result.energies = system.calls, system.watcher.energies
-    stale, dropped = (
-        [sim for sim in SIMS if after[sim] > before[sim]]
-        for before, after in zip(counts, _counts(system), strict=True)
-    )
-    if not fault.silences:
-        result.stale += [(fault.name, sim, since, time.time()) for sim in stale]
-    if CLOCKED in dropped:
+    dropped = _drops(system) > drops
+    for sim, process in SIMS.items():
+        told = warnings(system.processes.log(process).read_text(errors="replace"))
+        result.stale += [(fault.name, sim, at) for at in told if at >= since]
+    if dropped:
         result.dropped.append((since, time.time()))
     result.lost = system.lost - injector.lost
     return result
 
 
-def _counts(system: System) -> tuple[dict[str, int], dict[str, int]]:
-    """How often commands were stale, and how many ticks were dropped so far, by simulation."""
+def _drops(system: System) -> int:
+    """How many ticks with stamps of the clock were dropped so far."""
     system.watcher.listen(1.2)  # the diagnostics come once a second
-    return system.counted("commands", "stale count"), system.counted("loop", "dropped")
+    return int(system.watcher.latest[f"{CLOCKED}: loop"].values["dropped"])
 
 
 def judge_recording(result: Result, recording: Path) -> None:
@@ -153,10 +157,11 @@ def judge_recording(result: Result, recording: Path) -> None:
     result.uneven = list(zip(states.at[places].tolist(), steps.tolist(), strict=True))
     result.unexplained = unexplained(states.at[places], result.dropped)
     held_up = {fault.name: fault.holds_up for fault in FAULTS}
-    for name, sim, begin, end in result.stale:
-        commands = topics[f"/{sim.removesuffix('sim')}joint_commands"]
-        excused = sim != held_up[name] and paused(commands, begin - TOLD_LATE, end)
-        (result.starved if excused else result.false).append(name)
+    heard = np.unique(np.concatenate([messages.at for messages in topics.values()]))
+    for name, sim, at in result.stale:
+        commands = answers(topics[f"/{sim.removesuffix('sim')}joint_commands"])
+        excused = sim != held_up[name] and had_paused(commands, heard, at)
+        (result.paused if excused else result.false).append(name)
 
 
 def _ticks(system: System) -> tuple[int, float] | None:

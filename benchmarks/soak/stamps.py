@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether recorded stamps are evenly spaced, and whether recorded commands paused."""
+"""Whether recorded stamps are evenly spaced, and whether recorded commands had paused."""
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +20,10 @@ from arm_sim.recording.files import MESSAGE
 _STAMP = MESSAGE.size + 4  # bytes from a record's beginning to its message's stamp
 UNEVEN = 0.01  # of the period
 MADE_UP = 5.0  # [s] within which stamps make up for ticks that were dropped
-PAUSE = 0.09  # [s] without an answer after which the next tick may find the last one stale
+PAUSE = 0.09  # [s] without a command after which the next tick may find the last one stale
+READING = 0.02  # [s] without any message after which the recorder itself is being held up
+LOGGED = 0.5  # [s] within which a tick's warning is in the log, on a machine that is busy
+_WARNING = re.compile(r"^\[WARN\] \[(\d+\.\d+)\] \[[^\]]*\]: no command for", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,31 @@ def unexplained(at: Array, dropped: Sequence[tuple[float, float]]) -> int:
     return int(np.sum(~np.any(told, axis=0))) if told else len(at)
 
 
-def paused(commands: Messages, begin: float, end: float) -> bool:
-    """Whether no command arrived for ``PAUSE`` in an interval in [s]."""
-    silent = np.diff(commands.at) > PAUSE
-    return bool(np.any(silent & (commands.at[1:] >= begin) & (commands.at[1:] <= end)))
+def warnings(log: str) -> list[float]:
+    """Times in [s] of the system's clock at which a simulation's log calls commands stale."""
+    return [float(at) for at in _WARNING.findall(log)]
+
+
+def answers(commands: Messages) -> Messages:
+    """The commands that answer a state; those of an intruder have no stamp."""
+    answering = commands.stamps != 0
+    return Messages(commands.at[answering], commands.stamps[answering])
+
+
+def had_paused(commands: Messages, heard: Array, warned: float) -> bool:
+    """Whether commands had paused when a warning said that they are stale.
+
+    They must not have come for ``PAUSE`` while the recorder was reading, as messages of other
+    topics show: what it has read late is no pause. And the pause must have lasted until ``LOGGED``
+    before the warning at least.
+
+    Args:
+        commands: The commands.
+        heard: When the recorder read anything, in [s], shape (k,), increasing.
+        warned: When the warning was logged, in [s].
+    """
+    reading = np.append(0.0, np.cumsum(np.minimum(np.diff(heard), READING)))
+    ends = np.append(commands.at[1:], heard[-1])
+    lasted = np.interp(ends, heard, reading) - np.interp(commands.at, heard, reading)
+    relevant = (commands.at <= warned) & (ends > warned - LOGGED)
+    return bool(np.any(relevant & (lasted > PAUSE)))

@@ -23,7 +23,7 @@ MOVE_EVERY = 3.0  # [s]
 PARTS = 11  # of all nodes, in the diagnostics
 HISTORY = 12  # requests that the transport keeps the memory of, and some
 CLOCKED = "clocked/sim"
-SIMS = ("sim", CLOCKED)
+SIMS = {"sim": "sim", CLOCKED: "clocked sim"}  # nodes, and their processes
 RECORDING, STATES = "topics.mcap", "clocked/joint_states"
 COMMANDS = {
     "sim": ("sim", "{scene}", "--with-parent", "--ros-args", "-p", "stale_policy:=gravity", "-p",
@@ -121,10 +121,6 @@ class System:
         message.points[0].time_from_start.sec = 2
         for topic in ("controller/joint_trajectory", "clocked/controller/joint_trajectory"):
             self.watcher.publisher(JointTrajectory, topic).publish(message)
-
-    def counted(self, part: str, value: str) -> dict[str, int]:
-        """A count of every simulation's latest diagnostics."""
-        return {sim: int(self.watcher.latest[f"{sim}: {part}"].values[value]) for sim in SIMS}
 
     @property
     def lost(self) -> int:

@@ -24,7 +24,15 @@ from benchmarks.loop.page import promises, write
 from benchmarks.soak.faults import FAULTS
 from benchmarks.soak.page import complaints, page
 from benchmarks.soak.result import Outcome, Result
-from benchmarks.soak.stamps import Messages, paused, recorded, uneven, unexplained
+from benchmarks.soak.stamps import (
+    Messages,
+    answers,
+    had_paused,
+    recorded,
+    uneven,
+    unexplained,
+    warnings,
+)
 
 GOOD: dict[str, Any] = {
     "loop": {
@@ -189,10 +197,38 @@ def test_stamps_are_those_of_the_recorded_messages(tmp_path: Path) -> None:
     np.testing.assert_allclose(found["one"].at, 1.0, atol=1e-8)
 
 
-def test_a_pause_of_commands_is_found_where_it_was() -> None:
-    at = np.array([0.0, 0.01, 0.02, 0.2, 0.21, 0.22])
-    assert paused(Messages(at, 1e9 * at), 0.0, 0.3)
-    assert not paused(Messages(at, 1e9 * at), 0.205, 0.3)
+@pytest.mark.parametrize(
+    ("warned", "excused"),
+    [
+        (0.90, False),  # before the pause
+        (1.11, True),
+        (1.25, True),  # logged late
+        (1.90, False),  # too late to be because of it
+        (5.20, False),  # in a pause of the recorder
+        (9.00, False),
+        (10.2, True),  # they ended
+    ],
+)
+def test_a_warning_is_excused_by_a_pause_just_before_it(warned: float, excused: bool) -> None:
+    sent = np.concatenate([np.arange(0.0, 1.001, 0.01), np.arange(1.2, 10.001, 0.01)])
+    states = np.arange(0.0, 11.0, 0.001)
+    read, heard = (np.where((at > 5.0) & (at < 5.3), 5.3, at) for at in (sent, states))
+    intruder = np.arange(0.0, 10.0, 0.001)
+    at = np.concatenate([read, intruder])
+    order = np.argsort(at)
+    stamps = np.concatenate([1e9 * (1.0 + sent), 0.0 * intruder])
+    commands = answers(Messages(at[order], stamps[order]))
+    assert had_paused(commands, np.unique(heard), warned) is excused
+
+
+def test_the_times_of_warnings_are_read_from_a_log() -> None:
+    log = (
+        "[INFO] [1795700786.065867796] [sim]: simulates 7 joints\n"
+        "[WARN] [1795700800.250000000] [clocked.sim]: no command for 0.1 s: the policy acts\n"
+        "[WARN] [1795700801.000000000] [sim]: command ignored\n"
+        "[INFO] [1795700801.500000000] [sim]: commands have resumed\n"
+    )
+    assert warnings(log) == [1795700800.25]
 
 
 def test_a_soak_that_never_began_says_why() -> None:
