@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from arm_dynamics.ros.interfaces import (
     MAX_POINTS,
     MAX_TERMS_POINTS,
     MODEL_INFO,
+    TASK_SPACE,
     Service,
 )
 from tolerances import INVERSE_PAIR, PINOCCHIO, assert_close
@@ -271,6 +273,39 @@ def test_broken_description_keeps_the_one_before(
     node.on_robot_description(String(data=broken))
     assert len(info(node).joint_names) == 2
     assert "robot_description refused, the previous one is kept" in capfd.readouterr().err
+
+
+def test_services_of_the_last_arm_go_on_while_another_is_built(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of descriptions that come meanwhile, the newest is built next, and the others never."""
+    node = ros.add(DynamicsNode, robot_description=TWO_LINK)
+    publisher = ros.peer.create_publisher(String, "/robot_description", LATCHED)
+    task = ros.peer.create_client(TASK_SPACE.type, "/dynamics/task_space")
+    assert task.wait_for_service(10.0)
+    begun, built, build = threading.Event(), threading.Event(), dynamics_node.Dynamics
+    joints: list[int] = []
+
+    def slow(scene: Any) -> Any:
+        begun.set()
+        assert built.wait(20.0)
+        made = build(scene)
+        joints.append(made.n)
+        return made
+
+    monkeypatch.setattr(dynamics_node, "Dynamics", slow)
+    publisher.publish(String(data=chain(3)))
+    ros.spin_until(begun.is_set)
+    for text in (chain(4), chain(5), PENDULUM):
+        publisher.publish(String(data=text))
+        ros.spin_until(lambda text=text: node._described and node._described[0].data == text)
+    asked = task.call_async(TASK_SPACE.type.Request(frame="forearm", position=[0.1, 0.2]))
+    ros.spin_until(asked.done)
+    assert asked.result().success and len(asked.result().joint_names) == 2
+    assert not joints
+    built.set()
+    ros.spin_until(lambda: len(info(node).joint_names) == 1)
+    assert joints == [3, 1]
 
 
 def test_description_as_a_parameter_may_change(ros: Ros) -> None:

@@ -77,7 +77,7 @@ class ConstraintRows:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._robot, self._data = robot, robot.pin.createData()
+        self._robot, self._data = robot, pin.Data(robot.pin)
         listed = robot.scene.bilateral
         self.constraints, self.places = tuple(listed.values()), tuple(listed)
         self.names = tuple(label(constraint, i) for i, constraint in listed.items())

@@ -53,7 +53,7 @@ class Links:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._model, self._data = robot.whole, robot.whole.createData()
+        self._model, self._data = robot.whole, pin.Data(robot.whole)
         still = {"universe", *robot.locked}
         fixed, moving = list[tuple[int, int]](), list[tuple[int, int]]()
         frames = list(self._model.frames)

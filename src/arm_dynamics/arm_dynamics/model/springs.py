@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -83,7 +84,11 @@ class SpringTerms:
 
     def __init__(self, robot: Robot) -> None:
         self.springs = springs_of(robot)
-        self._robot, self._data = robot, robot.pin.createData()
+        self._robot = robot
+
+    @cached_property
+    def _data(self) -> pin.Data:
+        return pin.Data(self._robot.pin)
 
     def torque(self, q: Array, v: Array) -> Array:
         """S in [N m] or [N], shape (n,)."""

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import sys
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -15,10 +17,11 @@ from std_msgs.msg import String
 
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, ModelError, plain
+from arm_dynamics.ros.common.background import take_short_turns
 from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executable import execute
-from arm_dynamics.ros.common.executor import THROTTLE, subscribe
+from arm_dynamics.ros.common.executor import THROTTLE, guarded, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.common.robot_source import (
     DescriptionLimits,
@@ -43,7 +46,8 @@ class DynamicsNode(Node):
     """Offers inverse and forward dynamics, their terms in joint and task space, and model facts.
 
     The arm comes from ``scene``, else from the parameter ``scene``, else from the parameter or
-    topic ``robot_description``; an invalid description leaves the previous arm in use.
+    topic ``robot_description``; an invalid description leaves the previous arm in use. One from
+    the topic is built in the background.
     """
 
     def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
@@ -61,6 +65,8 @@ class DynamicsNode(Node):
         self._lock = RLock()  # services are answered on two threads
         self._compiled: CompiledServices | None = None
         self._counts = RequestCounts()
+        self._described = deque[String](maxlen=1)  # the newest one is built next
+        self._builder = ThreadPoolExecutor(1, thread_name_prefix="descriptions")
         self._params = params = declare(self, DynamicsParams)
         scene = scene if scene is not None else params.scene or None
         if scene is not None:
@@ -69,7 +75,7 @@ class DynamicsNode(Node):
         else:
             if params.robot_description:
                 self.load_description(params.robot_description)
-            subscribe(self, ROBOT_DESCRIPTION, self.on_robot_description)
+            subscribe(self, ROBOT_DESCRIPTION, self._build_soon)
         watch(self, params, _refuse if scene is not None else self._redescribe)
         self._offer()
         self._diagnosis = Diagnosis(self, self.diagnostics)
@@ -91,6 +97,8 @@ class DynamicsNode(Node):
 
     def destroy_node(self) -> None:
         """End the services, and the node."""
+        self._described.clear()
+        self._builder.shutdown()
         if self._compiled is not None:
             self._compiled.close()
         super().destroy_node()
@@ -128,8 +136,16 @@ class DynamicsNode(Node):
     def _redescribe(self, params: DynamicsParams) -> None:
         self.load_description(params.robot_description)
 
+    def _build_soon(self, message: String) -> None:
+        self._described.append(message)
+        self._builder.submit(self._build_newest)
+
+    def _build_newest(self) -> None:
+        with suppress(IndexError):  # it was built with an earlier one
+            guarded(self, self.on_robot_description)(self._described.pop())
+
     def on_robot_description(self, message: String) -> None:
-        """Load a URDF from the topic, or log why it is refused."""
+        """Load a URDF, or log why it is refused; in any thread."""
         try:
             self.load_description(message.data)
         except ArmError as error:
@@ -161,4 +177,5 @@ def _refuse(params: DynamicsParams) -> None:
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
+    take_short_turns()
     sys.exit(execute(DynamicsNode, DynamicsParams, args))

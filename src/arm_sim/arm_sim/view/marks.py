@@ -100,7 +100,7 @@ class Marker:
     """
 
     def __init__(self, model: ArmModel, hand: str | None = None) -> None:
-        self.model, self._data = model, model.pin.createData()
+        self.model, self._data = model, pin.Data(model.pin)
         self.hand = outermost(model) if hand is None else hand
         self._hand = model.frame_index(self.hand)
         self._rows = ConstraintRows(model) if model.scene.bilateral else None

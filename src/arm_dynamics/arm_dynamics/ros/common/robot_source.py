@@ -21,7 +21,7 @@ from arm_dynamics.scene.schema import Scene
 FROM_SCENE, FROM_PARAMETER, FROM_TOPIC = "scene", "parameter", "topic"
 MOST_JOINTS = 200
 """Largest limit of ``max_joints``: Pinocchio's memory grows with the cube of the joints, and it
-needs 0.2 s and 0.2 GB for 128, 0.65 s and 0.8 GB for 200, 15 s and 6 GB for 400."""
+needs 0.1 s and 0.1 GB for 128, 0.2 s and 0.3 GB for 200."""
 _GLANCE = 0.02  # [s] between polls for a description
 
 

@@ -43,7 +43,7 @@ class Entities:
 
     def __init__(self, simulator: Simulator) -> None:
         self._model = model = simulator.model
-        self._data = model.pin.createData()
+        self._data = pin.Data(model.pin)
         frames = [
             (i, frame)
             for i, frame in enumerate(model.pin.frames)

@@ -36,7 +36,7 @@ class RigidRegressor:
         self.bodies = tuple(model.pin.names)[1:]
         self.nominal = parameters_of(model.bare)
         self.payload = parameters_of(model.pin) - self.nominal
-        self._data = model.pin.createData()
+        self._data = pin.Data(model.pin)
 
     def __call__(self, q: Array, v: Array, a: Array) -> Array:
         """Y for rows of states of shape (k, n): shape (k, n, 10 bodies)."""
