@@ -45,7 +45,8 @@ def test_bodies_are_those_of_the_plain_scene(name: str, rng: np.random.Generator
     q = rng.normal(size=real.n)
     np.testing.assert_array_equal(real.gravity(q), plain.gravity(q))
     added = real.mass_matrix(q) - plain.mass_matrix(q)
-    expected = 0.1 if name == "real_ur10" else [0.6057] * 2 + [0.4625] * 2 + [0.2055] * 3
+    franka = [0.6057] * 2 + [0.4625] * 2 + [0.2055] * 3
+    expected = franka if name in ("real_panda", "real_fr3") else 0.1
     np.testing.assert_allclose(added, np.diag(np.full(real.n, expected)), atol=1e-4)
 
 
