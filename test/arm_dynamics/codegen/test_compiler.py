@@ -155,6 +155,11 @@ def test_compiler_that_fails(cache: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert list(cache.iterdir()) == []
 
 
+def test_compiler_that_fails_without_a_word() -> None:
+    with pytest.raises(KernelError, match="refused generated code:\nstatus 1, and no message"):
+        compiler._run(["false"])
+
+
 def test_many_processes_at_once(cache: Path) -> None:
     """All build the same entry in an empty cache; each gets an intact one."""
     command = [sys.executable, "-c", IMPORT + "print(t.value(t.triple()))"]

@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 import models
 from arm_dynamics import ArmError, InvalidInput, SceneError
 from arm_sim import Recording, Simulator, State
+from arm_sim.recording.files import where
 from arm_sim.recording.files.messages import JointStateWriter
 from arm_sim.runtime_changes import external_change
 
@@ -202,8 +203,11 @@ def test_a_name_that_cannot_be_written_is_refused(recording: Recording, tmp_path
     (tmp_path / "mine" / "thesis.tex").touch()
     with pytest.raises(InvalidInput, match=r"thesis\.tex"):
         recording.save(tmp_path / "mine")
-    with pytest.raises(OSError):
-        recording.save(tmp_path / "nowhere" / "run.npz")
+    for path in (tmp_path / "nowhere" / name for name in ("run.npz", "run.mcap")):
+        with pytest.raises(FileNotFoundError, match="there is no folder '.*nowhere'"):
+            recording.save(path)
+    with pytest.raises(FileNotFoundError, match="there is no folder '.*nowhere'"):
+        where(path)  # for nodes, before anything is recorded
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine"]
 
 

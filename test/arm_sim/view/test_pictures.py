@@ -27,6 +27,13 @@ def test_without_ffmpeg_one_line_says_what_to_install(
         pictures.refuse_film(tmp_path / "film.avi")
 
 
+def test_pictures_of_other_formats_are_refused(tmp_path: Path) -> None:
+    for name in ("view.png", "view.jpg"):
+        pictures.refuse_picture(tmp_path / name)
+    with pytest.raises(ViewError, match=r"view\.pdf': unknown format .* allowed: \.png, \.jpg"):
+        pictures.refuse_picture(tmp_path / "view.pdf")
+
+
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="there is no ffmpeg")
 def test_a_film_holds_its_pictures(tmp_path: Path) -> None:
     film = tmp_path / "film.mp4"

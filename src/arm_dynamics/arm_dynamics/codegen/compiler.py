@@ -348,7 +348,8 @@ def _run(*commands: list[str]) -> None:
         done = list(pool.map(_finished, commands))
     for one in done:
         if one.returncode != 0:
-            raise KernelError(f"{one.args[0]} refused generated code:\n{one.stderr[-2000:]}")
+            said = one.stderr[-2000:] or f"status {one.returncode}, and no message"
+            raise KernelError(f"{one.args[0]} refused generated code:\n{said}")
 
 
 def _finished(command: list[str]) -> subprocess.CompletedProcess[str]:

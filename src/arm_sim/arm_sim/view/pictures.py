@@ -132,6 +132,16 @@ def _wait_until_still(page: Any, shoot: Callable[[], Any]) -> None:
         last = picture
 
 
+def refuse_picture(path: Path) -> None:
+    """Reject a picture of another format before it is drawn.
+
+    Raises:
+        ViewError: If the format is another one.
+    """
+    if path.suffix not in (".png", ".jpg"):
+        raise ViewError(f"'{path}': unknown format of pictures; allowed: .png, .jpg")
+
+
 def refuse_film(path: Path) -> None:
     """Reject a film that ``write_film`` cannot write, before any picture is drawn.
 

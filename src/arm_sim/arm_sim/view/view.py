@@ -133,11 +133,12 @@ class View:
             time: For motions: the time in [s]; None for the one that is shown.
 
         Raises:
-            ViewError: If there is no browser, or it fails.
+            ViewError: If the format is unknown, or there is no browser, or it fails.
         """
         from PIL import Image
 
         path = self._writable(path)
+        pictures.refuse_picture(path)
         if time is not None:
             self._seek(time)
         with pictures.camera(self._server, size) as shoot:

@@ -50,9 +50,8 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         efforts: Returns the torques on the joints from each time, shape (k+1, n).
     """
     path = _path(path)
-    if path.suffix and not path.parent.is_dir():
-        raise FileNotFoundError(f"'{path}': there is no folder '{path.parent}'")
     if path.suffix == ".npz":
+        _check_folder(path)
         part = path.with_name(path.name + ".part")
         try:
             npz.write(contents, part)
@@ -73,14 +72,20 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
     return path
 
 
+def _check_folder(path: Path) -> None:
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"'{path}': there is no folder '{path.parent}'")
+
+
 def where(path: Path) -> tuple[Path, Path | None]:
     """The MCAP file of a path, and the bag's folder, which is created, if the path is one.
 
     Raises:
         InvalidInput: If it is neither.
-        OSError: If the folder cannot be created.
+        OSError: If the file's folder does not exist, or the bag's cannot be created.
     """
     if path.suffix == ".mcap":
+        _check_folder(path)
         return path, None
     if path.suffix:
         raise InvalidInput(
