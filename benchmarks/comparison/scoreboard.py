@@ -45,8 +45,8 @@ class Line:
 def lines(results: Record) -> list[Line]:
     """All tasks of the studies that ran."""
     return [
-        *_steps(results), *_errors(results), *_chains(results), *_derivatives(results),
-        *_rollouts(results), *_starts(results),
+        *_steps(results), *_errors(results), *_chains(results), *_mechanisms(results),
+        *_derivatives(results), *_rollouts(results), *_starts(results),
     ]  # fmt: skip
 
 
@@ -122,6 +122,12 @@ def _chains(results: Record) -> Iterator[Line]:
     least = min(peers, default=max((row["error"] for row in rows), default=0.0))
     some = [r for r in rows if r["error"] <= (1.0 if r["who"].startswith(OURS) else 2.0) * least]
     yield from _line(f"1 s of a four-bar to {least:.1e} rad", some, "second", 1e-9)
+
+
+def _mechanisms(results: Record) -> Iterator[Line]:
+    rows = _rows(results, "mechanisms")
+    for task in dict.fromkeys(row["task"] for row in rows):
+        yield from _line(f"IFToMM {task}", [r for r in rows if r["task"] == task], "seconds")
 
 
 def _derivatives(results: Record) -> Iterator[Line]:

@@ -185,6 +185,16 @@ def _closed_chain(results: Record) -> str:
     return f"{text}\n\n" + table(head, body)
 
 
+def _mechanisms(results: Record) -> str:
+    rows = results["mechanisms"]["rows"]
+    body = [(r["task"], r["who"], duration(r["seconds"]), f"{r['error']:.1e}") for r in rows]
+    text = (
+        "Problems of IFToMM's library of computational benchmark problems, by their names there: "
+        "the least time with which each reaches the error. A05 is missing."
+    )
+    return f"{text}\n\n" + table(("problem", "who", "time", "error"), body)
+
+
 def _rollouts(results: Record) -> str:
     rows = results["rollouts"]["rows"]
     most = max(r["threads"] for r in rows)
@@ -254,6 +264,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Record], str]]] = {
     "cost": ("Cost of one step and of one evaluation", _cost),
     "features": ("What a scene does not need costs nothing", _features),
     "closed_chain": ("A closed chain", _closed_chain),
+    "mechanisms": ("Mechanisms", _mechanisms),
     "rollouts": ("Many arms at once", _rollouts),
     "energy": ("Energy drift", _energy),
     "startup": ("Start-up", _startup),

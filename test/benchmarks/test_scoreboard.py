@@ -30,6 +30,10 @@ RESULTS = {
         {"who": f"{OURS} rk4, 1 ms", "step": 1e-3, "error": 1e-6, "ns": 10.0},
         {"who": "MuJoCo Euler, 1 ms", "step": 1e-3, "error": 1e-3, "ns": 20.0},
     ]},
+    "mechanisms": {"rows": [
+        {"task": "A01, simple pendulum", "who": f"{OURS} rk4", "seconds": 2e-4, "error": 1e-7},
+        {"task": "A01, simple pendulum", "who": "Exudyn RK4", "seconds": 2e-3, "error": 1e-7},
+    ]},
     "startup": {"rows": [
         {"robot": "Panda", "cold_s": {"total without imports": 1.0},
          "cached_s": {"total without imports": 0.1}},
@@ -51,6 +55,11 @@ def test_the_best_of_each_side_are_compared() -> None:
 def test_a_solution_that_is_less_exact_than_the_peers_does_not_count() -> None:
     chain = next(line for line in lines(RESULTS) if "four-bar" in line.task)
     assert (chain.who, chain.ratio) == (f"{OURS} rk4, 1 ms", 0.5)
+
+
+def test_mechanisms_have_the_names_of_their_library() -> None:
+    line = next(line for line in lines(RESULTS) if line.task.startswith("IFToMM A01"))
+    assert line.peer == "Exudyn RK4" and line.ratio == pytest.approx(0.1)
 
 
 def test_losses_are_named() -> None:
