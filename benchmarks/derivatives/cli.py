@@ -25,6 +25,7 @@ LIMITS = {
     "dry friction ÷ MuJoCo's with friction loss": 0.1,
     "a call with dry friction ÷ MuJoCo's with friction loss": 0.1,
     "gradient of a rollout with dry friction ÷ rollout": 6.0,
+    "gradient of a rollout with reversals ÷ rollout": 6.0,
 }
 """Upper limits of the ratios."""
 
@@ -36,7 +37,14 @@ LIMITS = {
 def main(repeats: int, out: Path) -> None:
     """Time derivatives of an RK4 tick of a Panda, next to Pinocchio and MuJoCo in the same run."""
     arm, noise = Arm(panda()), Noise()
-    contenders = arm.ours() | arm.rough() | arm.pinocchio() | arm.mujoco() | arm.gradients()
+    contenders = (
+        arm.ours()
+        | arm.rough()
+        | arm.eventful()
+        | arm.pinocchio()
+        | arm.mujoco()
+        | arm.gradients()
+    )
     jobs = {name: steady(lambda: None, call) for name, (call, _) in contenders.items()}
     measured = interleaved(jobs, repeats, noise, lambda: None)
     costs = {name: cost.scaled(1 / contenders[name][1]) for name, cost in measured.items()}
@@ -83,10 +91,10 @@ def ratios(costs: dict[str, Cost]) -> dict[str, Cost]:
         found["a call with dry friction ÷ MuJoCo's with friction loss"] = (
             samples["linearize, dry friction, one call from Python"] / samples[peer]
         )
-    found["gradient of a rollout with dry friction ÷ rollout"] = (
-        samples["rollout_gradient, a tick, dry friction"]
-        / samples["rollout, a tick, dry friction"]
-    )
+    for name, what in (("dry friction", "dry friction"), ("reversals", "reversing")):
+        found[f"gradient of a rollout with {name} ÷ rollout"] = (
+            samples[f"rollout_gradient, a tick, {what}"] / samples[f"rollout, a tick, {what}"]
+        )
     for way in ("", ", in SIMD lanes"):
         name = f"gradient of a rollout ÷ rollout{way}"
         found[name] = samples[f"rollout_gradient, a tick{way}"] / samples[f"rollout, a tick{way}"]

@@ -99,6 +99,39 @@ class Arm:
         }  # fmt: skip
         return found | self._pressed(self._with({}, table=0.4735))
 
+    def eventful(self) -> dict[str, Contender]:
+        """Ticks with an event, one a call, and a motion in which all joints reverse repeatedly."""
+        bent = np.array([0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8])
+        dry = self._with({"friction": {"coulomb": 0.05, "viscous": 0.5}})
+        time, rate = DT * np.arange(TICKS)[:, None], np.linspace(10.0, 15.0, self.n)
+        swing = 0.25 * np.array([np.sin(rate * time), rate * np.cos(rate * time)])
+        tau = dry.dynamics.inverse(bent + swing[0], swing[1], -(rate**2) * swing[0])
+        start = bent[None], swing[1, :1], tau[None], TICKS
+        g = np.random.default_rng(3).normal(size=(1, TICKS + 1, 2 * self.n))
+        one = {"lanes": 1, "threads": 1}
+        found: dict[str, Contender] = {
+            "rollout, a tick, reversing": (lambda: dry.rollout(*start, **one), TICKS),
+            "rollout_gradient, a tick, reversing": (
+                lambda: dry.rollout_gradient(*start, g, **one), TICKS
+            ),
+        }  # fmt: skip
+        motion = dry.rollout(*start, **one)[0]
+        turn = int((np.diff(np.sign(motion[:, self.n :]), axis=0) != 0).any(axis=1).argmax())
+        stop = {"limits": {"lower": -2.8, "upper": 2.8, "stop": {"restitution": 0.2}}}
+        high = (self.sim.dynamics.pose(bent, TIP) @ [*POINT, 1.0])[2]
+        down, still = 0.3 * np.eye(self.n)[1], np.zeros(self.n)
+        near = np.where(down > 0.0, 2.8 - 1e-4, bent)
+        for what, sim, place, push in (
+            ("a joint reverses", dry, motion[turn], tau[turn]),
+            ("a joint meets its stop", self._with(stop), np.r_[near, down], still),
+            ("the fingertip lands", self._with({}, table=high - 3e-5), np.r_[bent, down], still),
+        ):
+            state = sim.reset(*np.split(place, 2))
+            found[f"linearize, {what}, one call from Python"] = (
+                lambda sim=sim, state=state, push=push: sim.linearize(state, push), 1
+            )  # fmt: skip
+        return found
+
     def _with(self, joint: dict[str, Any], table: float | None = None) -> Simulator:
         """The arm with more on all joints, and a table below the flange's point."""
         joints = {"friction": {"viscous": 0.0, "coulomb": 0.0}, "limits": {"stop": False}} | joint

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 import models
+from arm_dynamics.exceptions import CompilerMissing
 from arm_sim import NotDifferentiable, Simulator
+from arm_sim.derivatives import events, tangents
 from models.driven import WINDING, wheel
 from models.touching import contact, rails
-from tolerances import CLOSED_FORM, assert_close
+from tolerances import ALGEBRA, CLOSED_FORM, assert_close
 
 ACROSS = 1e-6
 """Derivatives of a tick with events against extrapolated differences, relative."""
@@ -133,6 +135,12 @@ def compare(
     assert_close(np.column_stack([A @ ways, B]), wanted, ACROSS)
 
 
+def on_two_feet() -> dict[str, Any]:
+    """A body that does not turn lands on two points at once: their impulses are not unique."""
+    feet = (contact("body", friction=0.3, point=[side, 0, 0]) for side in (-0.1, 0.1))
+    return rails("xz") | {"constraints": list(feet)}
+
+
 RAIL = ([0.05], [-1.0], [1.0])
 CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
     "lands": (lambda: rail(stop={}), 0.1, RAIL),
@@ -173,6 +181,7 @@ CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
         ),
         0.02, ([0.0, -0.365, 0.3], [1.0, -0.5, 0.4], [0.3, 0.1, 0.2]),
     ),
+    "lands on two feet": (on_two_feet, 0.02, ([0.0, 0.005], [1.0, -0.5], [0.3, 0.2])),
 }  # fmt: skip
 
 
@@ -275,6 +284,34 @@ def test_link_behind_a_flexible_drive_strikes_its_stop() -> None:
     sim = simulator(flexible, 0.02, "error control")
     compare(sim, [0.99], [1.0], [0.1])
     assert sim.impacts == 1
+
+
+def test_a_step_too_long_to_be_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CasADi evaluates it then, within the compiled code of the events."""
+    build, dt, (q, v, tau) = CASES["lands and slides"]
+    wanted = simulator(build, dt, "rk4").linearize(simulator(build, dt, "rk4").reset(q, v), tau)
+    monkeypatch.setattr(tangents, "LONGEST", 0)
+    sim = Simulator(build(), dt=dt, integrator="rk4")
+    for found, expected in zip(sim.linearize(sim.reset(q, v), tau), wanted, strict=True):
+        assert_close(found, expected, ALGEBRA)
+
+
+def test_without_compiled_code_events_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    sim = Simulator(CASES["rebounds"][0](), dt=0.1)
+    monkeypatch.setattr(events, "built_of_lanes", lambda *_: None)
+    with pytest.raises(CompilerMissing, match=r"events need compiled code.*\./arm build"):
+        sim.linearize(sim.reset([0.05], [-1.0]), [1.0])
+
+
+def test_sub_steps_of_all_segments_fill_the_tick() -> None:
+    """Those that the engine took, under error control, to its two events and beyond."""
+    build, dt, (q, v, tau) = CASES["arm comes to rest and strikes"]
+    sim = simulator(build, dt, "error control")
+    sim.linearize(sim.reset(q, v), tau)
+    made = sim.arm.compiled.derivatives.linearizer()._events
+    steps = made._steps[: made._trace.taken]
+    assert len(steps) > made._trace.count > 2
+    assert_close(steps.sum(), dt, ALGEBRA)
 
 
 def test_several_ticks() -> None:

@@ -74,8 +74,8 @@ class CalmTick:
 def _margins(plant: Plant, name: str, held: bool) -> ca.Function:
     """(x, u, p, limit) -> margin to boundaries between modes, and at the start of a motion.
 
-    Both are negative where ``Kinks``, ``Resting`` or the direction of a sliding contact may refuse
-    a tick.
+    Both are negative where a tick may be refused because of ``Kinks``, of a joint or contact at
+    rest, or of the direction of a sliding contact.
     """
     far = clearance(plant, held)
     x, u, p, limit = (ca.SX.sym(name, far.size1_in(i)) for i, name in enumerate("xupl"))

@@ -1,184 +1,253 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The effect of events on the derivatives of a motion; see ``linearization``."""
+"""Derivatives of ticks of scenes with events, in compiled code; see ``linearization``.
+
+Each event's own functions are generated here, and ``native/eventful_tick.c`` combines them.
+"""
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass
+from threading import Lock
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.one_at_a_time import built_once
-from arm_dynamics.equations.contact import AT_REST
-from arm_sim.derivatives.guards import INSTANT, Guards
-from arm_sim.derivatives.impact import ImpactDerivative
+from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
+from arm_dynamics.codegen.header import Header
+from arm_dynamics.codegen.kernel import Kernel, generate
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.exceptions import CompilerMissing
+from arm_sim.derivatives.guards import guard_functions, guard_names
+from arm_sim.derivatives.impact import impact_function
+from arm_sim.derivatives.one_sided import TickPoint
 from arm_sim.derivatives.rest_projection import RestProjection
-from arm_sim.derivatives.resting import Resting
-from arm_sim.derivatives.sliding_direction import SlidingDirection
-from arm_sim.exceptions import NotDifferentiable
+from arm_sim.derivatives.resting import resting_functions
+from arm_sim.derivatives.sliding_direction import turning_functions
+from arm_sim.derivatives.tangents import Tangents
+from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
+from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.events import Modes
+from arm_sim.plant.symbols import dense_function
+from arm_sim.stepping.adaptive import SubstepControl
+from arm_sim.stepping.rollout import ADDRESS, built_of_lanes, of_lanes
+from arm_sim.stepping.stepper import NATIVE, address, event_sizes, sizes, source
 
-# Derivatives of instants that differ by less than this fraction belong to the same instant.
-SAME = 1e-9
+# Segments of a tick, and steps of all of them, for which there is room.
+MOST_SEGMENTS, MOST_STEPS = 1000, 200_000
+# Functions of the engine that are asked for again.
+ENGINE = ("loads", "statics", "contact_geometry")
 
 
-@dataclass
-class MotionSlope:
-    """A motion and its derivatives by the state x at its beginning and by what is held, w.
+REFUSALS = {value: name for name, value in Header(
+    NATIVE / "varied.h", only="refusal").constants.items()}  # fmt: skip
+"""Names of ``enum refusal`` by their values."""
+MESSAGES = {
+    "ACCUMULATE": "events accumulate in the tick: it has no derivative",
+    "BEGINS_WITH_IMPACT": "the tick begins with an impact",
+    "BEGINS_ON_BOUNDARY": "{} is on the boundary between two modes at the beginning of the tick",
+    "ENDS_ON_BOUNDARY": "{} is on the boundary between two modes at the end of the tick",
+    "REDUCED_REBOUND": ("the restitution of an impact is reduced so that it adds no energy"),
+    "IMPACT_ON_EDGE": "the impact at {} is on the boundary of stick and slip",
+    "UNLOADED_GEAR": "{} is at rest without load, where its gear's friction vanishes",
+    "JOINT_WOULD_GO_ON": (
+        "{} is held at rest by a load between its sliding and its static level: if it moved, it "
+        "would go on"
+    ),
+    "CONTACT_WOULD_GO_ON": (
+        "{} is held by a load between its sliding and its static level: if it moved, it would "
+        "go on"
+    ),
+    "STARTS_TO_SLIDE": (
+        "{} starts to slide, where its direction of sliding is not differentiable"
+    ),
+    "STOPS_STRAIGHT": (
+        "{} comes to rest in a straight line, where its direction of sliding is not differentiable"
+    ),
+    "SAME_INSTANT": "two events occur at the same instant, or one at the start of the tick",
+    "COINCIDE": "{}: events at the same instant",
+    "GRAZES": "{} is grazed",
+}
+UNKNOWN = "an event is grazed, or joints and contacts that held together let go"
+"""Where a guard grazes that is not known."""
+OF_JOINTS = ("UNLOADED_GEAR", "JOINT_WOULD_GO_ON")
 
-    w is the command u followed by the parameters to differentiate by, nw numbers.
 
-    Attributes:
-        x: State, shape (nx,).
-        slope: Its derivative by (x, w), shape (nx, nx + nw).
-        delay: Derivative of the elapsed time, shape (nx + nw,).
-    """
+class Helpers(ctypes.Structure):
+    """Functions from elsewhere: ``helpers_t`` of ``native/eventful_tick.c``."""
 
-    x: Array
-    slope: Array
-    delay: Array
+    _fields_ = Header(NATIVE / "eventful_tick.c", only="helpers_t").fields("helpers_t")
+
+
+class Trace(ctypes.Structure):
+    """A traced tick: ``trace_t`` of ``native/record.h``."""
+
+    _fields_ = Header(NATIVE / "record.h", only="trace_t").fields("trace_t")
+
+
+STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 5, ctypes.c_longlong, ADDRESS, ADDRESS)
+CLOSE = ctypes.CFUNCTYPE(None, *[ADDRESS] * 4)
+
+
+def diverged(choice: Choice) -> SimulationDiverged:
+    """The error of a tick that cannot be computed."""
+    return SimulationDiverged(f"linearize: the tick cannot be computed{choice.remark}")
 
 
 class Events:
-    """Effect of events on the derivatives of a motion.
+    """Derivatives of the ticks of a scene with events.
 
     Args:
-        plant: Equations of a scene with events.
+        plant: Its equations.
         choice: Method, tick and tolerance.
+        engine: Its compiled engine.
+        tangents: Derivatives of its steps.
         tuned: Places in p of the quantities to differentiate by.
+
+    Raises:
+        CompilerMissing: Without compiled code.
     """
 
-    def __init__(self, plant: Plant, choice: Choice, tuned: Sequence[int]) -> None:
-        self._plant, self._h, self._tuned = plant, choice.dt, tuned
-        self._guards, self._rest_projection = Guards(plant, tuned), RestProjection(plant, tuned)
-        self._resting = Resting(plant)
-
-    @built_once
-    def _impact(self) -> ImpactDerivative:
-        return ImpactDerivative(self._plant, self._tuned)
-
-    @built_once
-    def _sliding_direction(self) -> SlidingDirection:
-        return SlidingDirection(self._plant, self._tuned)
-
-    def check_ends(self, segments: np.ndarray, u: Array, begins: bool) -> None:
-        """Refuse a tick that begins or ends with an event, or on the boundary of a mode.
-
-        ``begins``: whether the state at its beginning is varied, see ``Resting``.
-        """
-        first, last = segments[0], segments[-1]
-        if first["hit"]:
-            raise NotDifferentiable("linearize: the tick begins with an impact")
-        for segment, state, where in ((first, "begin", "beginning"), (last, "end", "end")):
-            if zero := self._boundaries(segment, segment[state], u):
-                raise NotDifferentiable(
-                    f"linearize: {self._names(zero)} is on the boundary between two modes at the "
-                    f"{where} of the tick"
-                )
-        if why := self._resting.reason(first["begin"], u, self._modes(first), begins):
-            raise NotDifferentiable(f"linearize: {why}")
-        if self._plant.points:
-            for segment, following in zip(segments, [*segments[1:], None], strict=True):
-                self._check_sliding(segment, following, u)
-
-    def begun(self, segment: np.void, u: Array, slope: Array) -> Array:
-        """Derivative of the state with which a segment begins, after its impact."""
-        if segment["hit"]:
-            n = self._plant.model.n
-            by_x, by_p = np.hsplit(self._impact.slope(segment), [2 * n])
-            after = by_x @ slope[: 2 * n]
-            after[:, slope.shape[1] - len(self._tuned) :] += by_p
-            slope = slope.copy()
-            slope[n : 2 * n] = after
-        return self._rest_projection.begun(segment["begin"], u, self._modes(segment), slope)
-
-    def closed(self, segment: np.void, x: Array, slope: Array, begin: Array) -> Array:
-        """Derivative of the state at the end of a segment, back at closed contacts and anchors.
-
-        Args:
-            segment: The segment.
-            x: State that the method's step has reached, shape (nx,).
-            slope: Its derivative, shape (nx, nx + nw).
-            begin: That of the state at the beginning, likewise.
-        """
-        return self._rest_projection.closed(
-            segment["begin"], x, self._modes(segment), slope, begin
-        )
-
-    def part(self, segment: np.void, u: Array, slope: Array) -> Array:
-        """Derivative of the length of a segment that no event ends, though the tick continues."""
-        x, length = segment["begin"], float(segment["length"])
-        return self._sliding_direction.delay(x, u, self._modes(segment), slope, length)
-
-    def delay(self, segment: np.void, u: Array, slope: Array, speed: Array) -> Array:
-        """Derivative of the length of a segment that an event ends, shape (nx + nw,).
-
-        Args:
-            segment: The segment.
-            u: Command that acts.
-            slope: Derivative of its end at constant length, shape (nx, nx + nw).
-            speed: Derivative of its end by the length, shape (nx,).
-        """
-        if segment["length"] <= INSTANT * self._h:
-            raise NotDifferentiable(
-                "linearize: two events occur at the same instant, or one at the start of the tick"
+    @one_at_a_time
+    def __init__(
+        self, plant: Plant, choice: Choice, engine: Kernel, tangents: Tangents,
+        tuned: Sequence[int] = (),
+    ) -> None:  # fmt: skip
+        self._plant, self._choice, self._tuned = plant, choice, tuned
+        self._rest, self._tangents = RestProjection(plant, tuned), tangents
+        four, how = [ADDRESS] * 4, [ctypes.c_int] * 2
+        types = [*four, ctypes.c_double, ADDRESS, *how, *four]
+        library = built_of_lanes(self._source, 1, "differentiate", types)
+        if library is None:
+            raise CompilerMissing(
+                f"derivatives of scenes with events need compiled code: {HOW_TO_GET_CODE}"
             )
-        begin, end, modes, limit = (segment["begin"], segment["end"], self._modes(segment),
-                                    segment["limit"])  # fmt: skip
-        zero = self._zero(segment, end, u)
-        if not zero or any(self._guards.grazes(i, begin, end, u, modes, limit) for i in zero):
-            what = f"{self._names(zero)} is grazed" if zero else (
-                "an event is grazed, or joints and contacts that held together let go"
-            )  # fmt: skip
-            raise NotDifferentiable(f"linearize: {what}")
-        delays = []
-        for guard in zero:
-            by_x, by_w = self._guards.slopes(guard, end, u, modes, limit)
-            moved = by_x @ slope
-            moved[len(by_x) :] += by_w
-            delays.append(-moved / (by_x @ speed))
-        # Joints of a loop come to rest together: that is one event.
-        if np.ptp(delays, axis=0).max() > SAME * np.abs(delays).max():
-            raise NotDifferentiable(f"linearize: {self._names(zero)}: events at the same instant")
-        delay: Array = delays[0]
-        return delay
+        library.record_numbers.restype = ctypes.c_longlong
+        self._differentiate, self._helpers = library.differentiate, self._helped(engine)
+        self._records = np.empty((MOST_SEGMENTS, library.record_numbers()))
+        self._steps = np.empty(MOST_STEPS)
+        self._trace = Trace(
+            address(self._records), address(self._steps), len(self._records), len(self._steps)
+        )
+        self._guards = guard_names(plant)
+        self._which, self._memory = np.zeros(1 + len(self._guards), np.int64), Lock()
 
-    def _zero(self, segment: np.void, x: Array, u: Array) -> list[int]:
-        return self._guards.zero(x, u, self._modes(segment), segment["limit"], self._h)
+    def tick(
+        self, place: TickPoint, control: SubstepControl | None, strict: bool, begins: bool
+    ) -> tuple[Array, Array]:
+        """State after a tick, shape (nx,), and its derivatives, shape (nx, nx + n + nt).
 
-    def _boundaries(self, segment: np.void, x: Array, u: Array) -> list[int]:
-        modes, limit = self._modes(segment), segment["limit"]
-        return self._guards.boundaries(x, u, modes, limit, self._h)
+        Args:
+            place: State, command and parameters.
+            control: State of the error control, which the tick changes.
+            strict: Whether to refuse a tick that begins or ends on the boundary of a mode.
+            begins: Whether the state is varied, see ``native/resting.h``.
 
-    def _modes(self, segment: np.void) -> Modes:
-        modes = Modes(self._plant, self._plant.parameters.nominal)
-        modes.p[:] = segment["p"]
-        return modes
-
-    def _names(self, guards: Sequence[int]) -> str:
-        return ", ".join(self._guards.names[i] for i in guards)
-
-    def _check_sliding(self, segment: np.void, following: np.void | None, u: Array) -> None:
-        """Refuse a contact at an instant where its direction of sliding is not differentiable.
-
-        That is one which starts to slide, or comes to rest without turning: there a small lateral
-        force changes the direction arbitrarily fast.
+        Raises:
+            SimulationDiverged: If the tick cannot be computed.
+            NotDifferentiable: If it has no derivative.
         """
-        modes, n = self._modes(segment), self._plant.model.n
-        sticks = self._modes(segment if following is None else following).contact["sticks"]
-        speeds = np.array(self._plant.contact.geometry(segment["end"][: 2 * n])[1])  # type: ignore[union-attr]
-        for k, point in enumerate(self._plant.points):
-            contact = modes.contact[k]
-            slides = contact["closed"] and not contact["sticks"] and point.friction > 0.0
-            rests = sticks[k] and np.hypot(*speeds[3 * k + 1 : 3 * k + 3, 0]) <= AT_REST
-            if not (slides and (contact["fixed"] or rests)):
-                continue
-            if self._sliding_direction.can_turn(segment["begin"], u, modes, k):
-                what = "comes to rest in a straight line" if rests else "starts to slide"
-                raise NotDifferentiable(
-                    f"linearize: contact '{point.name}' {what}, where its direction of sliding is "
-                    "not differentiable"
-                )
+        nx = self._plant.nx
+        slope = np.empty((nx, nx + self._plant.model.n + len(self._tuned)))
+        return self._made(place, control, (strict, begins), address(slope)), slope
+
+    def after(self, place: TickPoint, control: SubstepControl | None) -> Array:
+        """State after a tick, shape (nx,); the tick changes ``control``."""
+        return self._made(place, control, (False, False), None)
+
+    def _made(
+        self, place: TickPoint, control: SubstepControl | None, how: tuple[bool, bool],
+        slope: int | None,
+    ) -> Array:  # fmt: skip
+        after = np.empty(self._plant.nx)
+        x, r, p = (np.ascontiguousarray(array) for array in (place.x, place.r, place.p))
+        with self._memory:  # of one tick at a time
+            why = self._differentiate(
+                ctypes.byref(self._helpers), address(x), address(r), address(p), self._choice.dt,
+                None if control is None else ctypes.byref(control), *how,
+                ctypes.byref(self._trace), address(self._which), address(after), slope,
+            )  # fmt: skip
+            if why:
+                self._refuse(REFUSALS[why])
+        return after
+
+    def _refuse(self, why: str) -> None:
+        if why == "DIVERGES":
+            raise diverged(self._choice)
+        guards, count = self._guards, len(self._plant.points)
+        names = guards[2 * count :] if why in OF_JOINTS else guards
+        who = ", ".join(names[i] for i in self._which[1 : 1 + self._which[0]])
+        message = UNKNOWN if why == "GRAZES" and not who else MESSAGES[why].format(who)
+        raise NotDifferentiable(f"linearize: {message}")
+
+    def _helped(self, engine: Kernel) -> Helpers:
+        """Functions of the engine and of steps, and what is evaluated by CasADi."""
+        self._kept = STEP(self._step), CLOSE(self._close)  # must live as long as their addresses
+        step, close = (ctypes.cast(function, ADDRESS).value for function in self._kept)
+        if steps := self._tangents.library(1):
+            step = ctypes.cast(steps.carry_step, ADDRESS).value
+        trace = ctypes.cast(engine.library.trace_tick, ADDRESS).value  # type: ignore[union-attr]
+        return Helpers(trace, step, close)
+
+    def _step(
+        self, x: int, u: int, p: int, h: int, given: int, count: int, after: int, columns: int
+    ) -> None:
+        """A step whose derivative is too long to be compiled."""
+        plant = self._plant
+        nx, n = plant.nx, plant.model.n
+        rows = nx + n + len(self._tuned) + 1
+        found = self._tangents.step(
+            _numbers(x, nx), _numbers(u, n), _numbers(p, plant.rhs.size1_in(2)),
+            float(_numbers(h, 1)[0]), _numbers(given, rows, count),
+        )  # fmt: skip
+        _numbers(after, nx)[:], _numbers(columns, nx, count)[:] = found
+
+    def _close(self, end: int, p: int, begin: int, slopes: int) -> None:
+        """Derivatives of the closing of contacts that a coarse step has left open."""
+        n, modes = 2 * self._plant.model.n, self._plant.rhs.size1_in(2)
+        given = _numbers(end, n), _numbers(p, modes), _numbers(begin, n)
+        found = np.array(self._rest.closed(*given))
+        _numbers(slopes, found.size)[:] = found.ravel(order="F")
+
+    def _source(self, width: int) -> str:
+        functions, sizes_of_events = self._functions(), event_sizes(self._plant)
+        defines = sizes(self._plant, functions) | sizes_of_events | {
+            "NT": str(len(self._tuned)), "NG": str(len(guard_names(self._plant))),
+        }  # fmt: skip
+        without = () if self._strikes else ("impact_slope.h",)
+        return of_lanes(generate(functions), width) + source(defines, "eventful_tick.c", without)
+
+    @property
+    def _strikes(self) -> bool:
+        return bool(self._plant.points or self._plant.model.stops.rigid.any())
+
+    def _functions(self) -> list[ca.Function]:
+        plant, tuned = self._plant, self._tuned
+        functions = [acting(plant), plant.rhs, *guard_functions(plant, tuned)]
+        functions += [each for each in plant.events if each.name() in ENGINE]
+        functions += resting_functions(plant)
+        if plant.directions or plant.points:
+            functions += self._rest.matrices
+        if plant.points:
+            functions += turning_functions(plant, tuned)
+        if self._strikes:
+            functions.append(impact_function(plant, tuned))
+        return functions
+
+
+def acting(plant: Plant) -> ca.Function:
+    """CasADi function (x, r) -> command that acts, and its derivatives by x and r."""
+    act = actuation(plant)
+    x, r = (ca.SX.sym(name, act.size1_in(i)) for i, name in enumerate("xr"))
+    u = act(x, r)
+    return dense_function("acting", [x, r], u, ca.jacobian(u, x), ca.jacobian(u, r))
+
+
+def _numbers(place: int, *shape: int) -> Array:
+    """Numbers at an address, row by row."""
+    count = int(np.prod(shape))
+    found: Any = (ctypes.c_double * count).from_address(place)
+    return np.frombuffer(found).reshape(shape)

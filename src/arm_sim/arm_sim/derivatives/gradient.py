@@ -203,9 +203,10 @@ class Gradients:
         return found
 
     def prepare(self) -> None:
-        """Compile what motions without events need, unless that is done."""
+        """Compile what motions need, unless that is done."""
         if self._library(lanes=None)[1] is None:
             _ = self._calm
+        self._linearizer.prepare_events()
 
     def product(
         self, x: Array, r: Array, p: Array, ticks: int, weights: Array, side: int | None = None

@@ -2,7 +2,7 @@
 """Guards: functions of the state whose zeros are the instants of events.
 
 The engine (``native/segments.h``) monitors them to find the instants; here they are expressions,
-for derivatives. Each belongs to a mode of a joint or contact.
+for derivatives (``native/guards.h``). Each belongs to a mode of a joint or contact.
 """
 
 from __future__ import annotations
@@ -12,143 +12,78 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.one_at_a_time import built_once
-from arm_dynamics.equations.contact import AT_REST, MODE
+from arm_dynamics.equations.contact import MODE
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.slopes import jacobian_by
-from arm_sim.stepping.events import Modes
+from arm_sim.plant.symbols import dense_function
 
-# A guard that reaches zero within this fraction of a tick is treated as zero; likewise one that is
-# smaller than this fraction of its terms.
-INSTANT, ROUNDING = 1e-9, 1e-12
-# Relative difference of slopes that is none.
-DIFFERENT = 1e-9
 # A guard larger than this fraction of its terms is zero at no instant nearby: it would have to
 # change a thousand times as much in a tick.
 FAR = 1e-6
-# A guard that approaches zero this much more slowly than it did at the beginning grazes it.
-GRAZING = 1e-4
-
 
 NONE = (ca.MX(1), ca.MX(0))
 """A guard that is never active."""
 
 
-class Guards:
-    """Guards of a scene with events: contacts (normal, tangential), joints, stops, switches.
+def guard_names(plant: Plant) -> list[str]:
+    """The joint, contact or stop of each guard, for messages.
+
+    Guards of a scene are those of contacts (normal, tangential), joints, stops (lower, upper) and
+    switches.
+    """
+    points = [f"contact '{point.name}'" for point in plant.points]
+    joints = [f"joint '{name}'" for name in plant.model.joint_names]
+    stops = [f"{joint} at its {side} stop" for side in ("lower", "upper") for joint in joints]
+    sliding = [f"sliding of {point}" for point in points]
+    return [*points, *sliding, *joints, *stops, *plant.switch_names]
+
+
+def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Function, ...]:
+    """What ``native/guards.h`` requires.
 
     Args:
-        plant: The scene's equations.
+        plant: Equations of a scene with events.
         tuned: Places in p of the quantities to differentiate by.
 
-    Attributes:
-        names: The joint, contact or stop of each guard, for messages.
+    Returns:
+        ``guards`` (x, u, p, limit) -> values, magnitudes of their terms, rates, 1 for those that
+        are active, accelerations of the joints; ``guard_gradient`` (x, u, p, limit, weights) ->
+        gradients of the weighed sum by x, and by u and quantities; with switches ``motion``
+        (x, u, p) -> x' and its derivatives by x and u side by side. ``limit`` are the fractions of
+        their normal force up to which contacts stick.
     """
-
-    def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
-        self._plant = plant
-        points = [f"contact '{point.name}'" for point in plant.points]
-        joints = [f"joint '{name}'" for name in plant.model.joint_names]
-        stops = [f"{joint} at its {side} stop" for side in ("lower", "upper") for joint in joints]
-        sliding = [f"sliding of {p}" for p in points]
-        self.names = [*points, *sliding, *joints, *stops, *plant.switch_names]
-        x, u, p, limit = (
-            ca.MX.sym("x", plant.nx), ca.MX.sym("u", plant.model.n),
-            ca.MX.sym("p", plant.rhs.numel_in(2)), ca.MX.sym("limit", len(points)),
-        )  # fmt: skip
-        self._joints = slice(2 * len(points), 2 * len(points) + len(joints))
-        values, sizes = _guards(plant, x, u, p, limit)
-        watched = _watched(plant, p)
-        rates = ca.jtimes(values, x, plant.rhs(x, u, p))
-        by_w = ca.horzcat(ca.jacobian(values, u), jacobian_by(values, p, tuned))
-        slopes = ca.jacobian(values, x), by_w
-        arguments = [x, u, p, limit]
-        results = [values, sizes, rates, watched]
-        self._values = ca.Function("guards", arguments, results).expand("guards", {"cse": True})
-        self._slopes = ca.Function("slopes", arguments, slopes).expand("slopes", {"cse": True})
-
-    def zero(self, x: Array, u: Array, modes: Modes, limit: Array, h: float) -> list[int]:
-        """Active guards that are zero, or pass zero within an instant, in a tick ``h``.
-
-        Args:
-            x: State, shape (nx,).
-            u: Command that acts, shape (n,).
-            modes: Modes of joints and contacts.
-            limit: Fraction of its normal force up to which each contact sticks.
-            h: Length of a tick in [s].
-        """
-        value, size, rate, watched = self._at(x, u, modes, limit)
-        near = abs(value) <= INSTANT * h * abs(rate) + ROUNDING * size
-        near[self._joints] &= ~self._carried(x, u, modes)
-        if switches := self._plant.switches:  # one that stays where it switches does not switch
-            near[-switches:] &= abs(rate[-switches:]) * h > ROUNDING * size[-switches:]
-        found: list[int] = np.flatnonzero(near & (watched > 0.0)).tolist()
-        return found
-
-    def boundaries(self, x: Array, u: Array, modes: Modes, limit: Array, h: float) -> list[int]:
-        """Guards that are zero as of ``zero``, and on whose sides motions change differently.
-
-        A switch that does not change the slopes is none of them, and neither is one at which both
-        sides lead back, such as that of a current at its limit. One that stays at zero is.
-        """
-        value, size, rate, _ = self._at(x, u, modes, limit)
-        first = len(value) - self._plant.switches
-        found = [guard for guard in self.zero(x, u, modes, limit, h) if guard < first]
-        near = abs(value) <= INSTANT * h * abs(rate) + ROUNDING * size
-        for guard in np.flatnonzero(near[first:]).tolist():
-            stays = abs(rate[first + guard]) * h <= ROUNDING * size[first + guard]
-            jumps, bends = self._differ(guard, x, u, modes)
-            if (bends and not jumps) or (jumps and not stays):
-                found.append(first + guard)
-        return found
-
-    def _differ(self, switch: int, x: Array, u: Array, modes: Modes) -> tuple[bool, bool]:
-        """Whether x' and its derivatives differ between the sides of a switch."""
-        sides, place = [], len(modes.tunable) + len(modes.direction) + len(modes.pressed) + switch
-        for holds in (0.0, 1.0):
-            p = modes.p.copy()
-            p[place] = holds
-            sides.append([np.array(part) for part in self._motion(x, u, p)])
-        jumps, bends = (
-            abs(a - b).max() > DIFFERENT * (abs(a) + abs(b)).max()
-            for a, b in zip(*sides, strict=True)
-        )
-        return bool(jumps), bool(bends)
-
-    @built_once
-    def _motion(self) -> ca.Function:
-        """(x, u, p) -> x' and its derivatives by x and u side by side."""
-        rhs = self._plant.rhs
+    n, rhs = plant.model.n, plant.rhs
+    given = _symbols(plant)
+    x, u, p, _ = given
+    values, sizes = _guards(plant, *given)
+    slope = rhs(x, u, p)
+    found = [values, sizes, ca.jtimes(values, x, slope), _watched(plant, p), slope[n : 2 * n]]
+    weights = ca.MX.sym("weights", values.shape[0])
+    by_x, by_u, by_p = (ca.jtimes(values, by, weights, True) for by in (x, u, p))
+    by_w = ca.vertcat(by_u, by_p[list(tuned)]) if tuned else by_u
+    functions = [
+        expanded("guards", given, found),
+        expanded("guard_gradient", [*given, weights], [by_x, by_w]),
+    ]
+    if plant.switches:
         x, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
         slope = rhs(x, u, p)
-        return ca.Function("motion", [x, u, p], [slope, ca.jacobian(slope, ca.vertcat(x, u))])
+        slopes = ca.jacobian(slope, ca.vertcat(x, u))
+        functions.append(dense_function("motion", [x, u, p], slope, slopes))
+    return tuple(functions)
 
-    def _carried(self, x: Array, u: Array, modes: Modes) -> NDArray[np.bool_]:
-        """Joints in a sliding mode that a loop holds at rest because other joints stick."""
-        n, plant = self._plant.model.n, self._plant
-        if plant.project is None or not plant.directions:
-            return np.zeros(n, dtype=bool)
-        a = np.array(plant.rhs(x, u, modes.p)).ravel()[n : 2 * n]
-        still = np.maximum(abs(x[n : 2 * n]), abs(a)) <= AT_REST
-        carried: NDArray[np.bool_] = still & (modes.direction != 0.0)
-        return carried
 
-    def grazes(
-        self, guard: int, begin: Array, end: Array, u: Array, modes: Modes, limit: Array
-    ) -> bool:
-        """Whether a guard reaches zero at ``end`` with no rate, relative to that at ``begin``."""
-        before, after = (abs(self._at(x, u, modes, limit)[2][guard]) for x in (begin, end))
-        return not after > GRAZING * before
+def expanded(name: str, given: Sequence[ca.MX], found: Sequence[ca.MX]) -> ca.Function:
+    """A function of scalar operations with dense results."""
+    dense = [ca.densify(part) for part in found]
+    return ca.Function(name, given, dense).expand(name, {"cse": True})
 
-    def slopes(self, guard: int, x: Array, u: Array, modes: Modes, limit: Array) -> list[Array]:
-        """Derivatives of a guard by x, shape (nx,), and by u and the quantities, (n + nt,)."""
-        return [np.array(slope)[guard] for slope in self._slopes(x, u, modes.p, limit)]
 
-    def _at(self, x: Array, u: Array, modes: Modes, limit: Array) -> list[Array]:
-        return [np.array(found).ravel() for found in self._values(x, u, modes.p, limit)]
+def _symbols(plant: Plant) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
+    """State, command, parameters with modes, and limits."""
+    rhs = plant.rhs
+    x, u, p = (ca.MX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
+    return x, u, p, ca.MX.sym("limit", len(plant.points))
 
 
 Guard = tuple[ca.MX, ca.MX]
@@ -164,15 +99,12 @@ def clearance(plant: Plant, held: bool) -> ca.Function:
 
     Returns:
         CasADi function (x, u, p, limit) -> the smallest active guard less ``FAR`` times its terms.
-        Where it is positive, ``Guards.zero`` and ``Guards.boundaries`` find none.
+        Where it is positive, no guard is zero or a boundary.
     """
-    x, u, p, limit = (
-        ca.MX.sym("x", plant.nx), ca.MX.sym("u", plant.model.n),
-        ca.MX.sym("p", plant.rhs.numel_in(2)), ca.MX.sym("limit", len(plant.points)),
-    )  # fmt: skip
-    values, sizes = _guards(plant, x, u, p, limit, held)
-    far = ca.if_else(_watched(plant, p) > 0, ca.fabs(values) - FAR * sizes, 1)
-    return ca.Function("clearance", [x, u, p, limit], [ca.mmin(far)]).expand()
+    given = _symbols(plant)
+    values, sizes = _guards(plant, *given, held)
+    far = ca.if_else(_watched(plant, given[2]) > 0, ca.fabs(values) - FAR * sizes, 1)
+    return ca.Function("clearance", given, [ca.mmin(far)]).expand()
 
 
 def _watched(plant: Plant, p: ca.MX) -> ca.MX:

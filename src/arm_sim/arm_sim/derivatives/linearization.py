@@ -25,15 +25,13 @@ from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
-from arm_sim.derivatives.events import Events, MotionSlope
+from arm_sim.derivatives.events import Events, acting, diverged
 from arm_sim.derivatives.kinks import Kinks
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
-from arm_sim.derivatives.segments import diverged, segment_type, trace_tick
 from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.methods import build_attempt
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.stepping.rollout import Engine, alike, natural_width, repeated, widths
@@ -68,11 +66,6 @@ class Linearizer:
     ) -> None:
         self._plant, self._choice, self._stepper = plant, choice, stepper
         self._backend, self._tuned, self._held = backend, tuned, plant.model.n + len(tuned)
-        act = actuation(plant)
-        x, r = act.mx_in(0), act.mx_in(1)
-        u = act(x, r)
-        results = [u, ca.jacobian(u, x), ca.jacobian(u, r)]
-        self._actuation = ca.Function("actuation", [x, r], results)
         self.kinks = Kinks(plant)
         self._of_smoothed = dict[float, Tangents]()
 
@@ -128,11 +121,14 @@ class Linearizer:
         else:
             widths(lanes)  # which checks them
             slopes, alone = np.empty((len(x), nx, nx + self._held)), list(range(len(x)))
-        if alone:
+        if alone and ticks > 1:
             arms = self._unit_columns(x, r, p, ticks)
         for arm in alone:
             with _naming(arm, len(x)):
-                *_, slopes[arm] = self._alone(arms, arm, side)
+                if ticks == 1:
+                    slopes[arm] = self.motion(x[arm], p, side).slope(r[arm])
+                else:
+                    *_, slopes[arm] = self._alone(arms, arm, side)
         return slopes
 
     def along(self, x: Array, r: Array, threads: int | None) -> Array:
@@ -190,10 +186,16 @@ class Linearizer:
         return Arms(x, commands, repeated(p[None], (arms, len(p))), given, held)
 
     def prepare(self) -> None:
-        """Compile what smooth ticks need, unless that is done."""
+        """Compile what ticks need, unless that is done."""
         if self.calm is not self._compiled:
             self._smooth.library(natural_width())
         (self._compiled or self._smooth).library(1)
+        self.prepare_events()
+
+    def prepare_events(self) -> None:
+        """Compile what ticks with events need, unless that is done or there are none."""
+        if self._eventful:
+            _ = self._events
 
     def product(
         self, x: Array, r: Array, ticks: int, dx: Array, dr: Array, side: int | None = None
@@ -331,32 +333,28 @@ class Linearizer:
             place: State, command and parameters.
             control: State of the error control, which the tick changes.
             strict: Whether to refuse a tick that begins or ends on the boundary of a mode.
-            begins: Whether the state is varied, see ``Resting``.
+            begins: Whether the state is varied, see ``resting``.
 
         Raises:
             SimulationDiverged: If the tick cannot be computed.
             NotDifferentiable: If it has no derivative.
         """
-        x, r, p = place.x, place.r, place.p
-        if strict and (why := self.kinks.reason(x, r)):
+        if strict and (why := self.kinks.reason(place.x, place.r)):
             raise NotDifferentiable(f"linearize: {why}")
-        for fast in (self._compiled, self.calm):
-            if fast:
-                after, slopes, lost = fast.slopes(x[None], r[None], p, 1, 1, 1, begins)
-                if not lost:
-                    return after[0], slopes[0]
-        u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
-        after_, by = self._tick(x, u.ravel(), p, control, strict, begins)
-        by_x, by_u, by_p = np.split(by, (len(x), len(x) + len(r)), axis=1)
-        return after_, np.hstack([by_x + by_u @ u_x, by_u @ u_r, by_p])
+        if self._eventful:
+            return self._events.tick(place, control, strict, begins)
+        if fast := self._compiled:
+            x, r = place.x[None], place.r[None]
+            after, slopes, lost = fast.slopes(x, r, place.p, 1, 1, 1, begins)
+            if not lost:
+                return after[0], slopes[0]
+        return self._smooth_tick(place, control)
 
     def after(self, place: TickPoint, control: SubstepControl | None) -> Array:
         """State after a tick, shape (nx,); the tick changes ``control``."""
-        if not self._eventful:
-            return self.differentiated(place, control, strict=False, begins=False)[0]
-        u = np.array(self._actuation(place.x, place.r)[0]).ravel()
-        plant, kernel = self._plant, self._stepper.kernel
-        return trace_tick(kernel, plant, self._choice, place.x, u, place.p, control)[1]
+        if self._eventful:
+            return self._events.after(place, control)
+        return self.differentiated(place, control, strict=False, begins=False)[0]
 
     def control(self) -> SubstepControl | None:
         """State of the error control at the beginning of a motion; None without."""
@@ -379,89 +377,49 @@ class Linearizer:
         names += [f"the command of joint '{name}'" for name in model.joint_names]
         return names + [f"parameter {k}" for k in self._tuned]
 
-    def _tick(
-        self,
-        x: Array,
-        u: Array,
-        p: Array,
-        control: SubstepControl | None,
-        strict: bool,
-        begins: bool,
-    ) -> tuple[Array, Array]:
-        """State after a tick, and its derivative by (x, w)."""
-        segments, after = self._segments(x, u, p, control)
-        whole = len(x) + self._held
-        motion = MotionSlope(x, np.eye(len(x), whole), np.zeros(whole))
-        if self._eventful and strict:
-            self._events.check_ends(segments, u, begins)
-        for k, segment in enumerate(segments):
-            self._advance(motion, segment, u, last=k == len(segments) - 1)
-        after = motion.x if after is None else after
-        if not within_reach(after):
-            raise diverged(self._choice)
-        return after, motion.slope
-
     @property
     def _eventful(self) -> bool:
         return self._plant.eventful and self._stepper.kernel.native
 
     @built_once
     def _events(self) -> Events:
-        return Events(self._plant, self._choice, self._tuned)
+        kernel = self._stepper.kernel
+        return Events(self._plant, self._choice, kernel, self._tangents, self._tuned)
 
-    def _segments(
-        self, x: Array, u: Array, p: Array, control: SubstepControl | None
-    ) -> tuple[np.ndarray, Array | None]:
-        """Segments of a tick, and the state after it unless there is but one smooth motion."""
-        choice, plant, stepper = self._choice, self._plant, self._stepper
-        if self._eventful:
-            return trace_tick(stepper.kernel, plant, choice, x, u, p, control)
-        if plant.model.stops.touched(x[: plant.model.n]).any():
+    def _smooth_tick(
+        self, place: TickPoint, control: SubstepControl | None
+    ) -> tuple[Array, Array]:
+        """State after a tick without events, step by step, and its derivatives."""
+        x, r, p = place.x, place.r, place.p
+        if self._plant.model.stops.touched(x[: len(r)]).any():
             raise NotDifferentiable(
                 f"linearize: a joint is at its stop, which needs compiled code: {HOW_TO_GET_CODE}"
             )
-        segment = np.zeros(1, segment_type(plant))
-        segment["begin"], segment["p"] = x, stepper.modes_at(x, u).p
-        segment["p"][0, : len(p)] = p
-        segment["length"], segment["calm"] = choice.dt, 1.0
-        segment["step"] = control.step if control else 0.0
-        return segment, None
+        u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
+        modes, nx = self._stepper.modes_at(x, u).p, self._plant.nx
+        modes[: len(p)] = p
+        held = np.eye(self._held + 1, nx + self._held, nx)  # lengths are constant
+        slope, after = np.eye(nx, nx + self._held), x
+        for h in self._lengths(x, u.ravel(), modes, control):
+            after, slope = self._tangents.step(after, u, modes, h, np.vstack([slope, held]))
+        if not within_reach(after):
+            raise diverged(self._choice)
+        by_x, by_u, by_p = np.split(slope, (nx, nx + len(r)), axis=1)
+        return after, np.hstack([by_x + by_u @ u_x, by_u @ u_r, by_p])
 
-    def _advance(self, motion: MotionSlope, segment: np.void, u: Array, last: bool) -> None:
-        """Advance a motion over a segment, including the events that begin and end it."""
-        nx, p = len(motion.x), segment["p"]
-        if self._eventful:
-            motion.slope = self._events.begun(segment, u, motion.slope)
-        begin, motion.x = motion.slope, segment["begin"].copy()
-        whole = nx + self._held
-        by_w, by_h = np.eye(self._held, whole + 1, nx), np.eye(1, whole + 1, whole)
-        speed = np.zeros(nx)
-        for h in self._lengths(segment, u):
-            columns = np.vstack([np.hstack([motion.slope, np.zeros((nx, 1))]), by_w, by_h])
-            motion.x, moved = self._tangents.step(motion.x, u, p, h, columns)
-            motion.slope, speed = moved[:, :-1], moved[:, -1]
-        delay = np.zeros(whole)
-        if last:
-            delay = -motion.delay
-        elif segment["calm"]:
-            delay = self._events.part(segment, u, begin)
-        else:
-            delay = self._events.delay(segment, u, motion.slope, speed)
-        motion.slope = motion.slope + np.outer(speed, delay)
-        motion.delay = motion.delay + delay
-        if self._eventful:
-            motion.slope = self._events.closed(segment, motion.x, motion.slope, begin)
+    @built_once
+    def _actuation(self) -> ca.Function:
+        return acting(self._plant)
 
-    def _lengths(self, segment: np.void, u: Array) -> list[float]:
-        """Lengths of the sub-steps of a segment; only the last depends on the state."""
-        choice, length = self._choice, float(segment["length"])
-        if choice.tolerance is None:
-            return [length]
-        control, taken = SubstepControl(choice.tolerance, choice.method.order), list[float]()
-        control.step = float(segment["step"])
-        x, attempt = segment["begin"].copy(), self._attempt.call("attempt")
-        if not controlled_tick(attempt, x, u, segment["p"], length, control, taken):
-            raise diverged(choice)
+    def _lengths(
+        self, x: Array, u: Array, p: Array, control: SubstepControl | None
+    ) -> list[float]:
+        """Lengths of the steps of a tick without events, which change ``control``."""
+        if control is None:
+            return [self._choice.dt]
+        taken, attempt = list[float](), self._attempt.call("attempt")
+        if not controlled_tick(attempt, x.copy(), u, p, self._choice.dt, control, taken):
+            raise diverged(self._choice)
         return taken
 
     @built_once
@@ -504,14 +462,16 @@ class Motion:
             NotDifferentiable: If it has no derivative.
         """
         linearizer, place = self._linearizer, TickPoint(self.x, r, self.p)
-        tick = _Tick(linearizer, self._control, begins=self.ticks == 0)
+        begins, control = self.ticks == 0, self._control and self._control.copy()
         try:
-            slope = tick.slope(place, strict=True)
+            x, slope = linearizer.differentiated(place, control, True, begins)
         except NotDifferentiable:
             if self._side is None:
                 raise
+            tick = _Tick(linearizer, self._control, begins)
             slope = linearizer.one_sided(tick, place, self._side)
-        x, self._control = tick.ended(place)
+            x, control = tick.ended(place)
+        self._control = control
         self.go_on(x, 1)
         return slope
 

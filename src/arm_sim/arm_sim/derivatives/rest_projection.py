@@ -11,14 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import casadi as ca
-import numpy as np
 
-from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.equations.contact import Mode
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import Kept, jacobian_by
-from arm_sim.stepping.events import Modes
+from arm_sim.plant.symbols import dense_function
 
 
 class RestProjection:
@@ -44,42 +42,36 @@ class RestProjection:
         self.rest_end, self.end_at_rest = _end(plant, tuned)
         self._tuned = tuned
 
-    def begun(self, x: Array, u: Array, modes: Modes, slope: Array) -> Array:
-        """Derivative of a state in which motion begins, with held joints at rest.
+    @property
+    def matrices(self) -> tuple[ca.Function, ...]:
+        """The projections as derivatives of positions, velocities and internal states.
 
-        Args:
-            x: The state, shape (nx,).
-            u: Command that acts, shape (n,).
-            modes: Modes of joints and contacts from there on.
-            slope: Derivative of the state before the projection, shape (nx, …).
+        ``at_rest`` (x, u, p) -> those of a state with which motion begins, and with contacts
+        ``closing`` (x at the beginning, x at the end, p) -> those of ``rest_end``, of positions
+        and velocities by both ends.
         """
-        if not ((modes.direction == 0.0).any() or (modes.contact["closed"] > 0.0).any()):
-            return slope
-        return np.array(self.begin_at_rest(self.rest_begin(x, u, modes.p), slope))
+        n, (x, u, p), dx = self._plant.model.n, self.rest_begin.sx_in(), self._changes("dx")
+        moved = self.begin_at_rest(self.rest_begin(x, u, p), dx)
+        found = [dense_function("at_rest", [x, u, p], ca.jacobian(moved, dx))]
+        if self._plant.contact:
+            x, end, p = self.rest_end.sx_in()
+            dbegin, dend, whole = self._changes("dbegin"), self._changes("dend"), slice(2 * n)
+            moved = self.end_at_rest(self.rest_end(x, end, p), dbegin, dend, 0)[whole]
+            slopes = (ca.jacobian(moved, by)[:, whole] for by in (dbegin, dend))
+            found.append(dense_function("closing", [x, end, p], *slopes))
+        return tuple(found)
 
-    def closed(self, begin: Array, end: Array, modes: Modes, slope: Array, begun: Array) -> Array:
-        """Derivative of the end of a segment, projected onto closed contacts and anchors.
-
-        Args:
-            begin: State at its beginning, shape (nx,).
-            end: State that the step of the method has reached.
-            modes: Modes of joints and contacts.
-            slope: Derivative of the end before the projection, shape (nx, nx + nw).
-            begun: Derivative of the beginning.
-        """
-        if not (modes.contact["closed"] > 0.0).any():
-            return slope
-        whole, slope = slice(2 * self._plant.model.n), slope.copy()
-        by_end, by_begin, by_p = (
-            np.array(found) for found in self._closed(end[whole], modes.p, begin[whole])
-        )
-        slope[whole] = by_end @ slope[whole] + by_begin @ begun[whole]
-        slope[whole, slope.shape[1] - len(self._tuned) :] += by_p
-        return slope
+    def _changes(self, name: str) -> ca.SX:
+        return ca.SX.sym(name, self._plant.nx)
 
     @built_once
-    def _closed(self) -> ca.Function:
-        """(x at the end, p, x at the beginning) -> derivatives of the closed end by x and p."""
+    def closed(self) -> ca.Function:
+        """Derivatives of the closing of contacts at any end.
+
+        CasADi function ((q, v) at the end, p, (q, v) at the beginning) -> derivatives of (q, v)
+        with closed contacts by those at the beginning, at the end, and by quantities, side by
+        side, shape (2 n, 4 n + nt).
+        """
         contact, n = self._plant.contact, self._plant.model.n
         assert contact is not None
         x, p = ca.MX.sym("x", 2 * n), ca.MX.sym("p", self._plant.rhs.numel_in(2))
@@ -87,11 +79,9 @@ class RestProjection:
         place, found = ca.reshape(contact.geometry(before)[0], 3, -1), x
         for _ in range(2):
             found = contact.close(found, p, ca.vec(place[1:, :]))
-        slopes = [
-            *(ca.jacobian(found, by) for by in (x, before)),
-            jacobian_by(found, p, self._tuned),
-        ]
-        return ca.Function("closed", [x, p, before], slopes)
+        by_ends = (ca.jacobian(found, by) for by in (before, x))
+        slopes = ca.densify(ca.horzcat(*by_ends, jacobian_by(found, p, self._tuned)))
+        return ca.Function("closed", [x, p, before], [slopes])
 
 
 def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:

@@ -186,7 +186,7 @@ class Tangents:
             ticks: Number of ticks.
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
-            begins: With events, whether motions begin here, see ``Resting``.
+            begins: With events, whether motions begin here, see ``resting``.
 
         Returns:
             States at the end, shape (b, nx), their derivatives by the initial state, the command

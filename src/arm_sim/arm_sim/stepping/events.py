@@ -19,8 +19,8 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.header import Header
 from arm_sim.plant.plant import Plant
 
-_MODES = Path(__file__).with_name("native") / "modes.h"
-_ENGINE = Header(_MODES, only="trouble report_t")
+_NATIVE = Path(__file__).with_name("native")
+_ENGINE = Header(_NATIVE / "modes.h", only="trouble report_t")
 
 
 class Trouble(IntEnum):
@@ -48,19 +48,19 @@ def lengths(plant: Plant) -> dict[str, int]:
     n, contacts = plant.model.n, len(plant.points)
     return {
         "NX": plant.nx, "NU": n, "NP": len(plant.parameters.nominal), "NC": contacts,
-        "MC": 3 * contacts, "ND": plant.directions, "NQ": plant.pressed, "NK": plant.switches,
+        "ND": plant.directions, "NQ": plant.pressed, "NK": plant.switches,
     }  # fmt: skip
 
 
-def layout(structure: str, plant: Plant) -> np.dtype[Any]:
-    """Fields of a structure of ``native/modes.h``, all doubles."""
-    return _layout(structure, tuple(lengths(plant).items()))
+def _modes_type(plant: Plant) -> np.dtype[Any]:
+    """Fields of ``modes_t`` of ``native/record.h``, all doubles."""
+    return _layout(tuple(lengths(plant).items()))
 
 
 @cache
-def _layout(structure: str, lengths: tuple[tuple[str, int], ...]) -> np.dtype[Any]:
-    header = Header(_MODES, only="contact_mode_t modes_t record_t", lengths=dict(lengths))
-    return np.dtype(header.structure(structure))
+def _layout(lengths: tuple[tuple[str, int], ...]) -> np.dtype[Any]:
+    header = Header(_NATIVE / "record.h", only="contact_mode_t modes_t", lengths=dict(lengths))
+    return np.dtype(header.structure("modes_t"))
 
 
 class Modes:
@@ -79,7 +79,7 @@ class Modes:
 
     def __init__(self, plant: Plant, tunable: Array) -> None:
         """Copy the tunable numbers; the modes of joints and contacts are not determined yet."""
-        record = np.zeros(1, layout("modes_t", plant))
+        record = np.zeros(1, _modes_type(plant))
         self.p: Array = record.view(float).reshape(-1) if record.itemsize else np.zeros(0)
         self.tunable: Array = record["tunable"][0]
         self.direction: Array = record["direction"][0]

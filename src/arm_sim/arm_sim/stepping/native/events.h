@@ -145,11 +145,10 @@ static record_t* next_record(trace_t* trace, const real* x) {
   return record;
 }
 
-static void note_segment(const segment_t* segment, const real* x, double step) {
+static void note_segment(const segment_t* segment, const real* x) {
   record_t* record = segment->record;
   if (!record) return;
   record->p = segment->p;
-  record->step = step;
   for (int k = 0; k < NC; ++k) record->limit[k] = stick_limit(segment, k);
   for (int i = 0; i < NX; ++i) record->begin[i] = x[i];
 }
@@ -161,22 +160,28 @@ static void note_end(record_t* record, const real* x, double length, int calm) {
   for (int i = 0; i < NX; ++i) record->end[i] = x[i];
 }
 
+static void note_closed(record_t* record, const real* x) {
+  for (int i = 0; record && i < 2 * NU; ++i) record->off = fmax(record->off, fabs(x[i] - record->end[i]));
+}
+
 static enum trouble tick_with_events(const real* x, segment_t* segment, double h, report_t* report, trace_t* trace,
                                      real* now) {
   long long losses = 0;
   double left = h;
   for (int i = 0; i < NX; ++i) now[i] = x[i];
   if (is_inside(now, segment)) return INSIDE;
+  segment->trace = trace;
   while (segment->memory->work < MOST_WORK) {
     __extension__ real after[NX], anchor[2 * NC];
     int calm;
     segment->record = next_record(trace, now);
     const enum trouble trouble = begin_segment(now, segment, h, &losses, report, anchor);
     if (trouble != NONE) return trouble;
-    note_segment(segment, now, segment->control ? segment->control->step : 0.0);
+    note_segment(segment, now);
     if (NX == 2 * NU && is_held(now, segment)) { /* a drive with internal states may still break it loose */
       for (int i = NU; i < NX; ++i) now[i] = 0.0;
       note_end(segment->record, now, left, 1);
+      note_step(segment, left);
       return NONE;
     }
     segment->later = left < h;
@@ -185,6 +190,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
     note_end(segment->record, after, length, calm);
     find_ended(after, segment, calm);
     close_contacts(after, segment, anchor);
+    note_closed(segment->record, after);
     if (!stop_joints(after, segment)) return NUMBERS;
     stop_at_limits(after);
     for (int i = 0; i < NX; ++i) now[i] = after[i];
@@ -326,7 +332,10 @@ EXPORTED int tick_as_foreseen(const foreseen_t* tick, double* after) {
 EXPORTED int calm_tick(const foreseen_t* tick, calm_t* found) {
   report_t report;
   record_t record;
-  trace_t trace = {&record, 1, 0};
+  trace_t trace;
+  set_zero(&trace, sizeof trace);
+  trace.records = &record;
+  trace.most = 1;
   if (make_foreseen(tick, &report, &trace, found->after) != NONE) return 0;
   if (trace.count != 1 || record.calm == 0.0 || record.hit != 0.0 || report.time_stepped) return 0;
   memcpy(found->p, &record.p, sizeof record.p);
@@ -336,15 +345,17 @@ EXPORTED int calm_tick(const foreseen_t* tick, calm_t* found) {
   return within_reach(found->after);
 }
 
-/* One traced tick: returns the number of segments, even if there was room for fewer, or -1. */
-EXPORTED long long trace_tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report,
-                              record_t* records, long long most, real* after) {
+/* One traced tick: 0 if it cannot be computed. */
+EXPORTED int trace_tick(const real* x, const real* u, const real* p, double h, control_t* control, trace_t* trace,
+                        real* after) {
   memory_t memory;
   segment_t segment;
-  trace_t trace = {records, most, 0};
+  report_t report;
+  set_zero(&report, sizeof report);
   begin_tick(&segment, u, &memory);
   segment.control = control;
-  for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
-  report->trouble = tick_with_events(x, &segment, h, report, &trace, after);
-  return report->trouble == NONE ? trace.count : -1;
+  memcpy(segment.p.tunable, p, sizeof segment.p.tunable);
+  const enum trouble trouble = tick_with_events(x, &segment, h, &report, trace, after);
+  trace->time_stepped = report.time_stepped;
+  return trouble == NONE;
 }

@@ -23,6 +23,7 @@
 #pragma once
 #include "flow.h"
 #include "foreseen.h"
+#include "record.h"
 #include "stops.h"
 #include "cone.h"
 #include "together.h"
@@ -67,23 +68,6 @@ typedef struct {
   long long halves;       /* given: whether fixed steps that begin or end with an event are halved, see advance */
 } report_t;
 
-/* Entries of p for a contact, as numbers for the generated functions. Python: ContactMode; equations/contact.py: Mode. */
-typedef struct {
-  real closed;    /* 1 if it is closed, 0 if it is open */
-  real sticks;    /* 1 if a closed one sticks, 0 if it slides */
-  real along[2];  /* direction of sliding in the two tangents */
-  real fixed;     /* 1 if it keeps that direction, 0 if the direction follows the motion */
-} contact_mode_t;
-
-/* The vector p of the generated functions. Python: modes_type(). */
-__extension__ typedef struct {
-  real tunable[NP];
-  real direction[ND]; /* of joints: -1 and 1 slide, 0 is held by friction or a stop; without friction sliding is 1 */
-  real pressed[NQ];   /* of joints: -1 and 1 press against the lower and the upper compliant stop, else 0 */
-  real switches[NK];  /* of drives and cords: 1 where a comparison holds, else 0 */
-  contact_mode_t contact[NC];
-} modes_t;
-
 /* State of a contact besides its mode. */
 typedef struct {
   int touching;
@@ -93,23 +77,6 @@ typedef struct {
   enum contact_state ended; /* end of its last mode: APART, SLIDES, else STICKS ... */
   double slips[2];          /* ... and its next sliding direction */
 } contact_t;
-
-/* A segment of a tick, for derivatives; all entries are real numbers. Python: segment_type(). */
-__extension__ typedef struct {
-  real before[NX], begin[NX], end[NX]; /* states before its impact, after it, and at the end of its motion */
-  modes_t p;
-  real limit[NC];         /* fraction of its normal force up to which a contact sticks */
-  real length, step;      /* length of its motion, and with error control of the first trial sub-step */
-  real calm;              /* 1 if no event ended it */
-  real hit, part;         /* 1 if it began with an impact, and the fraction of the full rebound */
-  real meets[ND];         /* 0 for joints that took part in the impact at their stops */
-  real leaves[NU];        /* velocities after the impact */
-  real rebound[NC], impulse[MC]; /* of contacts: velocities after the impact, impulses */
-} record_t;
-typedef struct {
-  record_t* records;
-  long long most, count;
-} trace_t;
 
 __extension__ typedef struct {
   real place[MC], speed[MC], size[NC];
@@ -137,7 +104,8 @@ __extension__ typedef struct {
   long long halves; /* whether steps of fixed length that begin or end with an event are halved ... */
   int later;        /* ... and whether this segment begins with one */
   const foreseen_t* foreseen; /* answers that are known beforehand, or null */
-  record_t* record; /* record of this segment, if the tick is traced */
+  trace_t* trace;   /* receives the segments of the tick, or null ... */
+  record_t* record; /* ... and this one, or null */
 } segment_t;
 
 __extension__ typedef struct {

@@ -80,6 +80,7 @@ static inline long long AS_BITS(real x) {
 #define STRETCH 1
 #define NBEGIN 4
 #define NEND 4
+#define NG 14
 
 /* Of penetration, and of slow sliding. */
 #define DEEP 1e-9
@@ -108,6 +109,16 @@ GENERATED(contact_close);
 GENERATED(acting);
 GENERATED(clear);
 GENERATED(clear_in_motion);
+GENERATED(guards);
+GENERATED(guard_gradient);
+GENERATED(motion);
+GENERATED(doubts);
+GENERATED(settled);
+GENERATED(impact_laws);
+GENERATED(turning);
+GENERATED(turning_gradient);
+GENERATED(at_rest);
+GENERATED(closing);
 GENERATED(rest_begin);
 GENERATED(rest_end);
 GENERATED(begin_adjoint);

@@ -437,6 +437,15 @@ static int is_accurate_cut(substeps_t* at, double h, double length, double size)
 }
 #endif
 
+/* Note a step of a traced tick. */
+static void note_step(const segment_t* segment, double length) {
+  trace_t* trace = segment->trace;
+  if (!segment->record) return;
+  if (trace->taken < trace->most_steps) trace->steps[trace->taken] = length;
+  ++trace->taken;
+  segment->record->steps += 1.0;
+}
+
 /* Motion to the end of the modes, at most over `reach`: its length, -1 if it cannot be computed. Every step is watched: of
  * fixed length the only one, under error control each that is accepted. For a second look, fixed steps that begin or end
  * with an event are halved: ticks of half the length would not test a motion that begins and ends within them, as the
@@ -493,6 +502,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     }
 #endif
     piece->from += length;
+    note_step(segment, length);
     memcpy(piece->begin, piece->end, sizeof piece->begin);
     if (last || !*calm) {
       memcpy(after, piece->end, sizeof piece->end);

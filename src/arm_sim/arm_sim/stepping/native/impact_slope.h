@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Derivative of an impact: velocities after it by positions and velocities before it, and by tunable quantities.
+ *
+ * Which joints and contacts take part, rebound, stick or slide does not change; impulses follow from Newton's law in the normal
+ * direction and Coulomb's law in the tangential ones, and their derivatives from the implicit function theorem.
+ *
+ * Required definitions: varied.h, least_squares.h; SLOWEST (speed of a contact at rest), the generated
+ * `impact_laws` (q and v, p, restitutions of joints and of contacts, whether contacts carry an impulse and stick, impulses) ->
+ * velocities after it, velocities of the contacts then, derivatives of the former by q, v and quantities and by impulses,
+ * and the same derivatives of what is zero in an impact; with contacts `contact_geometry`.
+ */
+
+#pragma once
+#include "least_squares.h"
+#include "varied.h"
+
+#define ON_EDGE 1e-9           /* relative distance to the friction cone below which an impulse is on its boundary */
+#define GIVEN_BLOW (2 * NU + NT) /* columns of its derivatives */
+
+/* What an impact depends on besides the state before it. */
+__extension__ typedef struct {
+  modes_t p;
+  real e[NU], f[NC], carries[NC], sticks[NC];
+} blow_t;
+
+__extension__ typedef struct {
+  real v[NU], speed[3 * NC], by_x[NU * GIVEN_BLOW], by_impulse[NU * 3 * NC];
+  real law[3 * NC * GIVEN_BLOW], law_by_impulse[3 * NC * 3 * NC];
+} blown_t;
+
+static void find_blow(const record_t* segment, const blow_t* blow, blown_t* found) {
+  CALL(impact_laws, (segment->before, numbers(&blow->p), blow->e, blow->f, blow->carries, blow->sticks, segment->impulse),
+       (found->v, found->speed, found->by_x, found->by_impulse, found->law, found->law_by_impulse));
+}
+
+/* Restitutions that give the velocities with which joints and contacts have left. */
+static void find_restitutions(const record_t* segment, blow_t* blow) {
+  __extension__ real place[3 * NC], met[3 * NC], size[NC];
+  memset(blow, 0, sizeof *blow);
+  blow->p = segment->p;
+  memcpy(blow->p.direction, segment->meets, sizeof segment->meets);
+  for (int i = 0; i < NU; ++i)
+    if (segment->leaves[i] != 0.0) blow->e[i] = -segment->leaves[i] / segment->before[NU + i];
+  if (NC) CALL(contact_geometry, (segment->before), (place, met, size));
+  for (int k = 0; k < NC; ++k)
+    if (segment->rebound[k] > 0.0) blow->f[k] = -segment->rebound[k] / met[3 * k];
+}
+
+/* Find which contacts carry an impulse, and which of them stick. */
+static enum refusal find_parts(const tick_t* tick, const record_t* segment, const blown_t* found, blow_t* blow) {
+  for (int k = 0; k < NC; ++k) {
+    const real *r = segment->impulse + 3 * k, *s = found->speed + 3 * k;
+    const int carries = r[0] > 0.0, sticks = carries && hypot(r[1], r[2]) < (1.0 - ON_EDGE) * coefficient[k] * r[0];
+    if (carries && !sticks && hypot(s[1], s[2]) <= SLOWEST && coefficient[k] > 0.0) return refuse(tick, IMPACT_ON_EDGE, k);
+    blow->carries[k] = carries;
+    blow->sticks[k] = sticks;
+  }
+  return NO_REFUSAL;
+}
+
+/* Take the derivatives of a state through the impact with which a segment begins. */
+static enum refusal pass_impact(const tick_t* tick, const record_t* segment, real (*slope)[NV]) {
+  __extension__ real moved[3 * NC * GIVEN_BLOW], V[3 * NC * 3 * NC];
+  real after[NU][NV];
+  blow_t blow;
+  blown_t found;
+  if (segment->part < 1.0) return REDUCED_REBOUND;
+  find_restitutions(segment, &blow);
+  if (NC) find_blow(segment, &blow, &found);
+  const enum refusal refused = find_parts(tick, segment, &found, &blow);
+  if (refused) return refused;
+  find_blow(segment, &blow, &found);
+  solve_least(3 * NC, 3 * NC, found.law_by_impulse, V, GIVEN_BLOW, found.law, moved);
+  for (int j = 0; j < GIVEN_BLOW; ++j)
+    for (int i = 0; i < NU; ++i)
+      for (int k = 0; k < 3 * NC; ++k) found.by_x[j * NU + i] -= found.by_impulse[k * NU + i] * moved[j * 3 * NC + k];
+  memset(after, 0, sizeof after);
+  add_product(NU, 2 * NU, found.by_x, (const real(*)[NV])slope, after);
+  for (int i = 0; i < NU; ++i)
+    for (int j = 0; j < NT; ++j) after[i][NX + NU + j] += found.by_x[(2 * NU + j) * NU + i];
+  memcpy(slope + NU, after, sizeof after);
+  return NO_REFUSAL;
+}
