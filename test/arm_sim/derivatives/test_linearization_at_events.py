@@ -369,6 +369,22 @@ def test_a_joint_that_leans_on_its_stop_stays_there() -> None:
     assert not B.any()
 
 
+def test_teeth_at_rest_within_their_backlash_touch_nothing() -> None:
+    """Motor and link move freely there; at a flank they do so on one side only."""
+    scene = wheel(
+        0.1, {"stiffness": 500.0, "damping": 0.3, "backlash": 0.01},
+        command="torque", gear_ratio=20.0, rotor_inertia=5e-5,
+    )  # fmt: skip
+    sim, h = Simulator(scene, dt=1e-3, integrator="rk4"), 1e-3
+    free = np.kron(np.eye(2), [[1.0, h], [0.0, 1.0]])
+    for place, speed in ((0.001, 0.0), (-0.004, 0.1)):
+        A, B = sim.linearize(sim.reset([0.0], [speed], [place, speed]), [0.0])
+        assert_close(A, free, CLOSED_FORM)
+        assert_close(B, [[0.0], [0.0], [h**2 / (2 * 0.02)], [h / 0.02]], CLOSED_FORM)
+    with pytest.raises(NotDifferentiable, match="backlash of the drive of joint 'axle'"):
+        sim.linearize(sim.reset([0.0], [0.0], [0.005, 0.0]), [0.0])
+
+
 def test_does_not_move_the_simulation() -> None:
     sim = simulator(CASES["rebounds"][0], 0.1, "rk4")
     state = sim.reset([0.05], [-1.0])

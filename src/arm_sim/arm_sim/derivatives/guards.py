@@ -57,7 +57,8 @@ def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Functio
     x, u, p, _ = given
     values, sizes = _guards(plant, *given)
     slope = rhs(x, u, p)
-    found = [values, sizes, ca.jtimes(values, x, slope), _watched(plant, p), slope[n : 2 * n]]
+    active = _active(plant, given, values, sizes)
+    found = [values, sizes, ca.jtimes(values, x, slope), active, slope[n : 2 * n]]
     weights = ca.MX.sym("weights", values.shape[0])
     by_x, by_u, by_p = (ca.jtimes(values, by, weights, True) for by in (x, u, p))
     by_w = ca.vertcat(by_u, by_p[list(tuned)]) if tuned else by_u
@@ -103,12 +104,26 @@ def clearance(plant: Plant, held: bool) -> ca.Function:
     """
     given = _symbols(plant)
     values, sizes = _guards(plant, *given, held)
-    far = ca.if_else(_watched(plant, given[2]) > 0, ca.fabs(values) - FAR * sizes, 1)
+    active = _active(plant, given, values, sizes)
+    far = ca.if_else(active > 0, ca.fabs(values) - FAR * sizes, 1)
     return ca.Function("clearance", given, [ca.mmin(far)]).expand()
 
 
+def _active(plant: Plant, given: Sequence[ca.MX], values: ca.MX, sizes: ca.MX) -> ca.MX:
+    """1 for guards that are active in the modes, else 0.
+
+    A switch that compares nothing is not, as the engagement of teeth within their backlash: it is
+    zero, and remains so.
+    """
+    x, u, p, _ = given
+    active, switches = _watched(plant, p), slice(values.shape[0] - plant.switches, None)
+    varies = ca.jacobian(values[switches], ca.vertcat(x, u)) if plant.switches else ca.MX(0, 1)
+    compares = ca.logic_or(sizes[switches] > 0, ca.sum2(ca.fabs(varies)) > 0)
+    return ca.vertcat(active, compares)
+
+
 def _watched(plant: Plant, p: ca.MX) -> ca.MX:
-    """1 for guards that are active in the modes, else 0."""
+    """1 for guards other than switches that are active in the modes, else 0."""
     n, friction, stops = plant.model.n, plant.model.friction, plant.model.stops
     _, direction, _, _, contacts = plant.parts(p)
     modes = ca.reshape(contacts, MODE, len(plant.points)).T
@@ -121,9 +136,8 @@ def _watched(plant: Plant, p: ca.MX) -> ca.MX:
         ca.logic_or(ca.logic_and(_flags(rigid), ca.logic_not(held)), _flags(yields))
         for rigid, yields in zip(stops.rigid, stops.compliant, strict=True)
     ]
-    everywhere = ca.DM.ones(len(plant.points)), ca.DM.ones(plant.switches)
-    joints = ca.logic_or(held, dry)
-    return ca.vertcat(everywhere[0], tangential, joints, *at_stops, everywhere[1])
+    normal, joints = ca.DM.ones(len(plant.points)), ca.logic_or(held, dry)
+    return ca.vertcat(normal, tangential, joints, *at_stops)
 
 
 def _flags(values: Iterable[Any]) -> ca.DM:

@@ -85,7 +85,8 @@ static int find_boundaries(const real* x, const tick_t* tick, const record_t* se
   const int zero = find_zero(&at, x, tick, segment);
   while (count < zero && tick->which[count + 1] < NG - NK) ++count;
   for (int k = 0; k < NK; ++k)
-    if (is_near(&at, NG - NK + k, tick->length) && divides(k, &at, x, tick, segment)) tick->which[++count] = NG - NK + k;
+    if (is_near(&at, NG - NK + k, tick->length) && at.active[NG - NK + k] > 0.0 && divides(k, &at, x, tick, segment))
+      tick->which[++count] = NG - NK + k;
   tick->which[0] = count;
   return count;
 }
