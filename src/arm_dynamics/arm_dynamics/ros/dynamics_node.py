@@ -134,7 +134,8 @@ class DynamicsNode(Node):
         self.load(described_scene(urdf, self._params))
 
     def _redescribe(self, params: DynamicsParams) -> None:
-        self.load_description(params.robot_description)
+        # After what came before it, which would else replace it when it is built at last.
+        self._builder.submit(self.load_description, params.robot_description).result()
 
     def _build_soon(self, message: String) -> None:
         self._described.append(message)
