@@ -34,6 +34,8 @@ SCENES: dict[str, tuple[str, dict[str, Any]]] = {
     "panda": ("panda", {}),
     "panda_table": ("panda_table", {}),
     "slider_crank_motor": ("slider_crank_motor", FIXED),
+    "implicit": ("two_link", DRY | {"sim": {"integrator": "implicit", "dt": 2e-3}}),
+    "motor_pendulum": ("motor_pendulum", FIXED),
     "limited": ("two_link", {"joints": {"*": {"limits": {"effort": 5.0}}}}),
     "hanging": ("two_link", {"commands": {"gravity_compensated": True}}),
 }

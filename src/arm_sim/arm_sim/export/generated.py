@@ -37,11 +37,13 @@ _STATIC_TABLE = re.compile(
     _ABOUT + r"const [\w ]*?(\w+)(?:\[[^=;]*\])? = [^;]*;[^\n]*\n", re.DOTALL | re.MULTILINE
 )
 _MACRO = re.compile(r"^#define (\w+)\b.*(?<!\\)\n", re.MULTILINE)
-# Truth of numbers, which compilers take for mistakes.
-_TRUTHS = (
+# Truth of numbers, which compilers take for mistakes, and macros that CasADi defines elsewhere.
+_PLAIN = (
     (re.compile(r"\((\w+)\?"), r"(\1!=0?"),
     (re.compile(r"\(!(\w+)\)"), r"(\1==0)"),
     (re.compile(r"\((\w+)(\|\||&&)(\w+)\)"), r"(\1!=0\2\3!=0)"),
+    (re.compile(r"\bcasadi_inf\b"), "INFINITY"),
+    (re.compile(r"\bcasadi_nan\b"), "NAN"),
 )
 # CasADi's helpers call fmax and fmin only where C99 is declared, which C++ does not do.
 _OLD_C = re.compile(r"^/\* Pre-c99.*?^#else\n(.*?)^#endif\n", re.DOTALL | re.MULTILINE)
@@ -118,13 +120,15 @@ def _words(source: str) -> list[str]:
 def _definitions(source: str) -> Iterator[tuple[str, str]]:
     """Names and texts of the functions and tables of generated source, in their order."""
     lines: list[str] = []
+    has_body = False
     for line in source.splitlines(keepends=True):
         if not lines and not line[0].isalpha() and not line.startswith("_"):
             continue  # between definitions
         lines.append(line)
-        alone = not lines[0].endswith("{\n") and line.rstrip().endswith(("}", ";"))
+        has_body |= line.endswith("{\n")  # the head of a function may take several lines
+        alone = not has_body and line.rstrip().endswith(("}", ";"))
         if line == "}\n" or alone:
-            text, lines = "".join(lines), []
+            text, lines, has_body = "".join(lines), [], False
             yield _NAME.findall(text.replace("__attribute__((", ""))[0], text
 
 
@@ -141,7 +145,7 @@ def _reachable(definitions: Mapping[str, str], names: Sequence[str]) -> set[str]
 def _static(text: str) -> str:
     text = _OLD_C.sub(r"\1", text.removeprefix(_EXPORT))
     text = _FUNCTION.sub(_with_unused, text)
-    for pattern, plain in _TRUTHS:
+    for pattern, plain in _PLAIN:
         text = pattern.sub(plain, text)
     return text if text.startswith("static ") else f"static {text}"
 
