@@ -145,6 +145,8 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     limited = int(np.isfinite(model.effort_limit).sum())
     followers = model.pin.nv - model.n
     rows = sum(len(kept) for kept in model.constraint_rows.values())
+    free = model.n - rows
+    held = f"{rows} rows, {free} degree{'s' * (free != 1)} of freedom"
     laws = plant.laws.laws if plant.laws else ()
     states = sum(len(law.states) for law in laws if law.replaces_command.any())
     driven = f"{sum(map(bool, model.drives))} joints, {states or 'no'} states"
@@ -168,7 +170,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("motors and transmissions", any(model.drives), driven, "no actuator"),
         _part("gear losses", model.friction.gears, gears, "every gear is ideal"),
         _part("payloads", loads, folded, "none", "payload" in p),
-        _part("constraints", rows, f"{rows} rows, {model.n - rows} degrees of freedom", "none"),
+        _part("constraints", rows, held, "none"),
         _part("end stops", model.stops, _stops(model.stops), "no joint has one"),
         _part("effort limits", limited, f"{limited} joints", "no joint has one"),
         _part("sensors", scene.sensors, _sensors(scene), "measurements are exact and immediate"),
