@@ -57,7 +57,7 @@ class Importer:
 
     def __init__(self, folder: Path, version: str) -> None:
         file = folder / ("unit.fmu" if version == "3" else "unit_fmi2.fmu")
-        self.version, self.texts = version, list[str]()
+        self.version, self.texts, self.statuses = version, list[str](), list[int]()
         place = Path(mkdtemp(dir=folder))
         zipfile.ZipFile(file).extractall(place)
         self._library = ctypes.CDLL(str(next(place.glob("binaries/*/unit.so"))))
@@ -65,8 +65,12 @@ class Importer:
         tag = "Float64" if version == "3" else "ScalarVariable"
         self.reference = {x.get("name"): int(x.get("valueReference", "")) for x in root.iter(tag)}
         self.token = root.get("instantiationToken") or root.get("guid") or ""
-        self._logger = _LOG[version](lambda *given: self.texts.append(given[-1].decode()))
+        self._logger = _LOG[version](self._note)
         self.unit = c_void_p(self._instance(self.token.encode()))
+
+    def _note(self, *given: Any) -> None:
+        self.statuses.append(given[1 if self.version == "3" else 2])
+        self.texts.append(given[-1].decode())
 
     def _instance(self, token: bytes) -> int:
         if self.version == "3":
@@ -283,7 +287,7 @@ def test_derivatives_that_do_not_exist_are_refused(
     assert unit.set(commands, [9.0, -5.0]) == 0
     assert unit.step(0.0, 0.1) == 0  # joints break away
     assert unit.derivative(positions, commands, [1.0, 0.0])[0] == 2
-    assert "no derivative" in unit.texts[-1]
+    assert "no derivative" in unit.texts[-1] and unit.statuses[-1] == 2
     assert unit.derivative(positions, starts, [1.0, 0.0])[0] == 3
     assert unit.derivative(commands, commands, [1.0, 0.0])[0] == 3
     plain = Importer(made["dry"], version)
@@ -331,6 +335,7 @@ def test_what_is_not_allowed_is_an_error_that_says_so(made: dict[str, Path], ver
     command, position = [next(x for x in unit.reference if x and x.endswith(k))
                          for k in (".command", ".position")]  # fmt: skip
     assert unit.step(0.0, 1e-3) == 3 and "initialization" in unit.texts[-1]
+    assert unit.statuses[-1] == 3
     unit.begin()
     unit("ExitInitializationMode")
     for point, time in ((0.0, 0.3e-3), (0.0, -1e-3), (0.0, 0.0), (0.04, 1e-3), (np.nan, 1e-3)):

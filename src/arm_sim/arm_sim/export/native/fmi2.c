@@ -20,10 +20,10 @@ typedef struct {
 enum { CO_SIMULATION = 1, LAST_SUCCESSFUL_TIME = 2 };
 
 /* Call the importer's logger through the pointer that it has given. */
-static void complain(const instance_t* i, const char* text) {
+static void complain(const instance_t* i, int status, const char* text) {
   log_t logger;
   memcpy(&logger, &i->logger, sizeof logger);
-  if (logger) logger(i->environment, i->name, ERROR, "error", "%s", text);
+  if (logger) logger(i->environment, i->name, status, "error", "%s", text);
 }
 
 EXPORT const char* fmi2GetTypesPlatform(void) { return "default"; }

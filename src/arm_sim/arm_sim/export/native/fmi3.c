@@ -11,10 +11,10 @@ typedef unsigned int reference_t;
 typedef void (*log_t)(void* environment, int status, const char* category, const char* text);
 
 /* Call the importer's logger through the pointer that it has given. */
-static void complain(const instance_t* i, const char* text) {
+static void complain(const instance_t* i, int status, const char* text) {
   log_t logger;
   memcpy(&logger, &i->logger, sizeof logger);
-  if (logger) logger(i->environment, ERROR, "error", text);
+  if (logger) logger(i->environment, status, "error", text);
 }
 
 EXPORT const char* fmi3GetVersion(void) { return "3.0"; }

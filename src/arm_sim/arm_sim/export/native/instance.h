@@ -60,18 +60,20 @@ typedef struct instance {
   memory_t memory;
   library_sim *sim, *before, *scratch; /* now, at the beginning of the last step, and during its repetition */
   void* place;                         /* of the simulations, not aligned */
-  void (*complain)(const struct instance* instance, const char* text);
+  void (*complain)(const struct instance* instance, int status, const char* text);
   void *environment, *logger; /* of the importer */
   const char* name;
 } instance_t;
 
 static const double defaults[VARIABLES] = DEFAULTS;
 
-/* Report an error. */
-static int fail(const instance_t* i, const char* text) {
-  i->complain(i, text);
-  return ERROR;
+/* Report why a call has a status. */
+static int report(const instance_t* i, int status, const char* text) {
+  i->complain(i, status, text);
+  return status;
 }
+
+static int fail(const instance_t* i, const char* text) { return report(i, ERROR, text); }
 
 /* ERROR with its text for a code of the library. */
 static int outcome(const instance_t* i, int code) { return code == LIBRARY_OK ? OK : fail(i, library_error_text(code)); }
@@ -226,10 +228,7 @@ static int differentiate_step(instance_t* i, double* column, double* outputs) {
   for (int64_t k = 0; k < i->memory.last; ++k) {
     int code = library_sim_sensitivities(i->scratch, i->memory.held, of_state, of_effort);
     if (code == LIBRARY_OK) code = library_sim_step(i->scratch, i->memory.held);
-    if (code != LIBRARY_OK) {
-      fail(i, library_error_text(code));
-      return DISCARD;
-    }
+    if (code != LIBRARY_OK) return report(i, DISCARD, library_error_text(code));
     multiply(of_state, LIBRARY_STATES, column, state);
     multiply(of_effort, JOINTS, column, outputs + 2 * JOINTS);
     memcpy(column, state, sizeof state);
