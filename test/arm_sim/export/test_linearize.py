@@ -165,7 +165,10 @@ def test_what_has_no_derivative_gets_a_code_with_a_text(tmp_path: Path) -> None:
     assert "an event" in ticks.text(code)
 
 
-def test_ticks_under_error_control_have_none_and_the_readme_says_so(tmp_path: Path) -> None:
+def test_ticks_under_error_control_have_none_which_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     export("slider_crank_motor", tmp_path / "arm", "arm", DERIVATIVES)
     assert "linearize" not in (tmp_path / "arm/arm.h").read_text()
     assert "no derivatives of ticks" in (tmp_path / "arm/README.md").read_text()
+    assert "the tick has no derivatives: its error is controlled" in caplog.text

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -25,6 +26,7 @@ from arm_sim.export.tick import Tick, tick_of
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE
 
 _NATIVE = Path(__file__).parent / "native"
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def export(
         name: Name of the library, a C identifier; None for one made from the name of the scene
             file, or of a robot description from that of the robot.
         terms: Names out of ``TERMS`` and ``DERIVATIVES``; with one of the latter, the tick has
-            derivatives, too, unless its error is controlled.
+            derivatives, too, unless its error is controlled, which a warning says.
         tick: Whether to export the simulator's tick, too.
         fmu: Whether to add functional mock-up units for co-simulation, ``N.fmu`` by FMI 3.0 and
             ``N_fmi2.fmu`` by FMI 2.0, which need the tick.
@@ -93,6 +95,10 @@ def export(
         slopes = any(name in DERIVATIVES for name in wanted)
         made = tick_of(model, fmu and bool(frames), servo, slopes) if tick else None
         files = _files(model, called, wanted, made, fmu, frames, scalar)
+    if made and slopes and not made.differentiable:
+        _log.warning("the tick has no derivatives: its error is controlled, with tolerance = "
+                     "%g; a scene with a method of fixed steps has them",
+                     made.simulator.choice.tolerance)  # fmt: skip
     put_files(folder, files)
     return Exported(folder, called, tuple(files))
 
