@@ -317,6 +317,15 @@ def test_description_as_a_parameter_may_change(ros: Ros) -> None:
     assert len(info(node).joint_names) == 1
 
 
+def test_the_same_parameter_replaces_a_description_that_came_after_it(ros: Ros) -> None:
+    node = ros.add(DynamicsNode, robot_description=PENDULUM)
+    publisher = ros.peer.create_publisher(String, "/robot_description", LATCHED)
+    publisher.publish(String(data=chain(3)))
+    ros.spin_until(lambda: len(info(node).joint_names) == 3)
+    assert node.set_parameters([Parameter("robot_description", value=PENDULUM)])[0].successful
+    assert len(info(node).joint_names) == 1
+
+
 def test_a_parameter_replaces_a_description_that_came_before_it(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -72,11 +72,12 @@ class DynamicsNode(Node):
         if scene is not None:
             tell_unused(self, params.robot_description)
             self.load(scene)
+            watch(self, params, _refuse)
         else:
             if params.robot_description:
                 self.load_description(params.robot_description)
             subscribe(self, ROBOT_DESCRIPTION, self._build_soon)
-        watch(self, params, _refuse if scene is not None else self._redescribe)
+            watch(self, params, self._redescribe, renewed=["robot_description"])
         self._offer()
         self._diagnosis = Diagnosis(self, self.diagnostics)
 

@@ -7,7 +7,7 @@ group of parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import field, fields, is_dataclass, replace
 from typing import Any
 
@@ -96,7 +96,9 @@ def listed(kind: type) -> list[tuple[str, Any, Mapping[str, Any]]]:
     return found
 
 
-def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
+def watch[P](
+    node: Node, present: P, apply: Callable[[P], None], renewed: Collection[str] = ()
+) -> None:
     """Apply changes at run time: all parameters of a request together, or none of them.
 
     Args:
@@ -104,6 +106,8 @@ def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
         present: The current dataclass.
         apply: Applies a new one; with an ``ArmError`` it refuses the request, and must keep the
             old one.
+        renewed: Names of parameters that are applied even if they are set to what they are, as
+            something else may have replaced what they gave.
     """
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
@@ -111,7 +115,7 @@ def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
         values = {p.name: p.value for p in parameters}
         try:
             wanted = _with(present, lambda name, value, about: values.get(name, value))
-            if wanted != present:
+            if wanted != present or values.keys() & set(renewed):
                 apply(wanted)
                 present = wanted
         except ArmError as error:
