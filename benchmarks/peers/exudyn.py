@@ -9,7 +9,7 @@ import exudyn
 import numpy as np
 from exudyn.itemInterface import NodeGenericODE2, ObjectKinematicTree
 
-from benchmarks.peers.base import TICK, Contestant, Vector, halvings
+from benchmarks.peers.base import TICK, Contestant, Vector, decades, halvings
 from benchmarks.robots.models import Robot
 
 METHODS = {
@@ -23,7 +23,7 @@ AXES = {
     "JointModelRY": exudyn.JointType.RevoluteY,
     "JointModelRZ": exudyn.JointType.RevoluteZ,
 }
-TOLERANCES = tuple(10.0**-k for k in range(3, 13))
+TOLERANCES = decades(-3, -12)
 
 
 def contestants() -> list[Contestant]:

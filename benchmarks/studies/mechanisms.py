@@ -10,7 +10,6 @@ simulation software", Multibody System Dynamics 16, 2006.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from arm_sim import Recording, SimulationDiverged, Simulator
+from benchmarks.accuracy.problems import REFERENCE, reference
 from benchmarks.measurement.timing import Cost, Job, steady
 from benchmarks.peers.base import OURS, Contestant, decades, halvings
 from benchmarks.robots.models import Robot
 from benchmarks.studies.bench import Bench, Record
 
-REFERENCE = Path(__file__).parents[2] / "test/reference"
 TARGET = 1e-6  # [rad], or [J] of energy
 MASS, LENGTH, OWN, GRAVITY = 1.0, 1.0, 1e-6, 9.81  # [kg], [m], [kg m²], [m/s²]
 PENDULUM = f"""<robot name="pendulum"><link name="link0"/>
@@ -128,8 +127,7 @@ def _moves(
 
 
 def _four_bars() -> Error:
-    known = json.loads((REFERENCE / "four_bar.json").read_text())
-    return _off("pivot0", float(known["2"]["10"][0]))
+    return _off("pivot0", float(reference("four_bar")["2"]["10"][0]))
 
 
 def _off(joint: str, expected: float) -> Error:

@@ -20,11 +20,14 @@ import models
 from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim import Simulator
-from arm_sim.export import DERIVATIVES, export, fmu
+from arm_sim.export import DERIVATIVES, export
+from arm_sim.export.fmu import mockup
 from tolerances import FINITE_DIFF
 
 TICKS = 200
 DRY = {"viscous": 0.1, "coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.1}
+VOLTAGE = {"resistance": 1.0, "torque_constant": 0.05, "gear_ratio": 20.0,
+           "rotor_inertia": 1e-5, "command": "voltage"}  # fmt: skip
 SCENES: dict[str, dict[str, Any]] = {
     "smooth": {},
     "dry": {"joints": {"*": {"friction": DRY}}},
@@ -32,7 +35,9 @@ SCENES: dict[str, dict[str, Any]] = {
         "payloads": [{"frame": "tip", "mass": 0.5, "com": [0, 0, 0.05]}],
         "tunable": ["payload"],
     },
+    "driven": {"joints": {"*": {"actuator": VOLTAGE}}},
 }
+PLAIN, SLOPED = ("smooth", "dry", "tunable"), ("tunable", "dry", "driven")
 _LOG = {
     "3": ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p),
     "2": ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p, c_char_p),
@@ -45,11 +50,21 @@ def scene(kind: str) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Folders with the units of every scene."""
-    folder = tmp_path_factory.mktemp("fmu")
-    for kind in SCENES:
-        export(scene(kind), folder / kind, "unit", terms=(), fmu=True)
-    return {kind: folder / kind for kind in SCENES}
+    """Folders with units that provide no derivatives."""
+    return exported(tmp_path_factory.mktemp("fmu"), PLAIN, ())
+
+
+@pytest.fixture(scope="module")
+def differentiable(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folders with units that provide derivatives."""
+    return exported(tmp_path_factory.mktemp("sloped"), SLOPED, DERIVATIVES)
+
+
+def exported(folder: Path, kinds: Sequence[str], terms: Sequence[str]) -> dict[str, Path]:
+    """Folders with units of some scenes, by their kinds."""
+    for kind in kinds:
+        export(scene(kind), folder / kind, "unit", terms=terms, fmu=True)
+    return {kind: folder / kind for kind in kinds}
 
 
 class Importer:
@@ -152,7 +167,7 @@ def names(simulator: Simulator, kind: str) -> list[str]:
 
 
 @pytest.mark.parametrize("version", ["3", "2"])
-@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("kind", PLAIN)
 def test_a_unit_is_the_simulator_to_the_bit(
     made: dict[str, Path], kind: str, version: str, rng: np.random.Generator
 ) -> None:
@@ -206,28 +221,6 @@ def test_starting_values_and_parameters_are_the_simulators(
         one.close()
 
 
-VOLTAGE = {"resistance": 1.0, "torque_constant": 0.05, "gear_ratio": 20.0,
-           "rotor_inertia": 1e-5, "command": "voltage"}  # fmt: skip
-SLOPED: dict[str, dict[str, Any]] = {
-    "tunable": SCENES["tunable"],
-    "dry": SCENES["dry"],
-    "driven": {"joints": {"*": {"actuator": VOLTAGE}}},
-}
-
-
-def sloped(kind: str) -> dict[str, Any]:
-    return models.scene("two_link").model_dump(exclude_unset=True) | SLOPED[kind]
-
-
-@pytest.fixture(scope="module")
-def differentiable(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Folders with units that provide derivatives."""
-    folder = tmp_path_factory.mktemp("sloped")
-    for kind in SLOPED:
-        export(sloped(kind), folder / kind, "unit", terms=DERIVATIVES, fmu=True)
-    return {kind: folder / kind for kind in SLOPED}
-
-
 @pytest.mark.parametrize("version", ["3", "2"])
 @pytest.mark.parametrize("kind", SLOPED)
 @pytest.mark.parametrize("ticks", [1, 4])
@@ -235,7 +228,7 @@ def test_directional_derivatives_are_those_of_the_last_step(
     differentiable: dict[str, Path], kind: str, version: str, ticks: int
 ) -> None:
     """Of positions and velocities as ``Simulator.linearize`` has them, also after a restore."""
-    simulator, unit = Simulator(sloped(kind)), Importer(differentiable[kind], version)
+    simulator, unit = Simulator(scene(kind)), Importer(differentiable[kind], version)
     outputs = names(simulator, "position") + names(simulator, "velocity")
     efforts, commands, dt = names(simulator, "effort"), names(simulator, "command"), simulator.dt
     tau, begin, step = np.array([9.0, -5.0]), 20 * dt, ticks * dt
@@ -375,7 +368,7 @@ def test_an_export_that_cannot_have_units_writes_nothing(
 ) -> None:
     with pytest.raises(InvalidInput, match="fmu = True with tick = False"):
         export(scene("smooth"), tmp_path / "no", tick=False, fmu=True)
-    monkeypatch.setattr(fmu, "find_compiler", lambda: None)
+    monkeypatch.setattr(mockup, "find_compiler", lambda: None)
     with pytest.raises(CompilerMissing, match="no C compiler"):
         export(scene("smooth"), tmp_path / "no", terms=(), fmu=True)
     assert not list(tmp_path.iterdir())
@@ -419,7 +412,7 @@ def test_fmpy_reads_the_derivatives(differentiable: dict[str, Path], tmp_path: P
 
     path = str(differentiable["dry"] / "unit.fmu")
     assert not validate_fmu(path)
-    simulator, description = Simulator(sloped("dry")), read_model_description(path)
+    simulator, description = Simulator(scene("dry")), read_model_description(path)
     unit = FMU3Slave(
         guid=description.guid, unzipDirectory=extract(path, str(tmp_path)),
         modelIdentifier="unit", instanceName="one",

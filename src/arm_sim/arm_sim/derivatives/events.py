@@ -41,7 +41,6 @@ MOST_SEGMENTS, MOST_STEPS = 1000, 200_000
 # Functions of the engine that are asked for again.
 ENGINE = ("loads", "statics", "contact_geometry")
 
-
 REFUSALS = {value: name for name, value in Header(
     NATIVE / "varied.h", only="refusal").constants.items()}  # fmt: skip
 """Names of ``enum refusal`` by their values."""
@@ -50,7 +49,7 @@ MESSAGES = {
     "BEGINS_WITH_IMPACT": "the tick begins with an impact",
     "BEGINS_ON_BOUNDARY": "{} is on the boundary between two modes at the beginning of the tick",
     "ENDS_ON_BOUNDARY": "{} is on the boundary between two modes at the end of the tick",
-    "REDUCED_REBOUND": ("the restitution of an impact is reduced so that it adds no energy"),
+    "REDUCED_REBOUND": "the restitution of an impact is reduced so that it adds no energy",
     "IMPACT_ON_EDGE": "the impact at {} is on the boundary of stick and slip",
     "UNLOADED_GEAR": "{} is at rest without load, where its gear's friction vanishes",
     "JOINT_WOULD_GO_ON": (

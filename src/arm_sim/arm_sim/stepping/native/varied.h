@@ -5,7 +5,8 @@
  * A matrix of derivatives has a row for each number of the state and NV columns: by the state at the beginning of the tick,
  * the command that acts, and NT tunable quantities. Results of generated functions lie column by column.
  *
- * Required definitions: record.h, foreseen.h; FRICTION (brace list by contact), NT, SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated functions).
+ * Required definitions: record.h, foreseen.h; FRICTION (brace list by contact), NT, SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of
+ * the generated functions).
  */
 
 #pragma once
@@ -18,7 +19,7 @@
 #define NW (NU + NT) /* what is held: command and tunable quantities */
 #define NV (NX + NW)
 
-/* Why a tick has no derivative. Python: Refusal. */
+/* Why a tick has no derivative. Python: MESSAGES of derivatives/events.py. */
 enum refusal {
   NO_REFUSAL,
   DIVERGES,

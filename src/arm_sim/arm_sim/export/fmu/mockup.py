@@ -16,18 +16,18 @@ from uuid import NAMESPACE_URL, uuid5
 from arm_dynamics import KernelError
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.exceptions import CompilerMissing
-from arm_sim.export.library import named
-from arm_sim.export.model_description import (
+from arm_sim.export.fmu.model_description import (
     Unit,
     build_description,
     fmi2_description,
     fmi3_description,
 )
+from arm_sim.export.fmu.variables import Variable, variables
+from arm_sim.export.library import named
 from arm_sim.export.names import of_frames
 from arm_sim.export.tick import Tick
-from arm_sim.export.variables import Variable, variables
 
-NATIVE = Path(__file__).parent / "native"
+NATIVE = Path(__file__).parents[1] / "native"
 _FLAGS = ("-std=gnu11", "-O1", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC")
 _DATE = (1980, 1, 1, 0, 0, 0)  # of all files: the same scene gives the same bytes
 _PLATFORM = {"2": "linux64", "3": f"{os.uname().machine}-linux"}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from arm_sim import __version__
-from arm_sim.export.variables import UNITS, Variable
+from arm_sim.export.fmu.variables import UNITS, Variable
 
 Element = ElementTree.Element
 _ADD = ElementTree.SubElement
