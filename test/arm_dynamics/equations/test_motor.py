@@ -129,6 +129,19 @@ def test_torque_speed_curve(command: str) -> None:
     assert_close(got, wanted, PINOCCHIO)
 
 
+@pytest.mark.parametrize("command", ["torque", "current", "voltage"])
+def test_a_motor_that_brakes_draws_more_than_its_stall_current(command: str) -> None:
+    """Against its motion every command is the full voltage: J ω' = -K (V + K ω) / R."""
+    top, speed, t = 6.0, 60.0, 0.02
+    limit = {"voltage_limit": top, "resistance": R, "torque_constant": K}
+    sim = Simulator(wheel(J, command=command, **limit), backend="vm", tolerance=1e-10)
+    sim.reset([0.0], [speed])
+    sim.run(t, [-1e3])
+    wanted = (speed + top / K) * np.exp(-(K**2) / (R * J) * t) - top / K
+    assert abs(K * speed) > 0.2 * top  # so that the current is well above top / R
+    np.testing.assert_allclose(sim.state.v, [wanted], rtol=1e-8)
+
+
 def test_torque_within_the_limits_is_the_command() -> None:
     torque = of_states(law(wheel(gear_ratio=20.0, **LIMITED)), 1)["torque"]
     assert_close(float(torque([0.0], [1.0], [], [3.5])), 3.5, PINOCCHIO)

@@ -132,17 +132,17 @@ def test_play_or_hysteresis_alone(coupling: dict[str, Any]) -> None:
 LIMITED: dict[str, tuple[dict[str, Any], float, float, str]] = {
     "of the joint": ({}, 40.0, 40.0, "N m"),
     "of the current": ({"current_limit": 3}, 7.5, 7.5, "N m"),
-    "of the voltage": ({"voltage_limit": 24}, 30.0, 30.0, "N m"),
+    "of the voltage, only at rest": ({"voltage_limit": 24}, 30.0, 40.0, "N m"),
     "of the current, below that of the voltage": (
         {"current_limit": 3, "voltage_limit": 24},
         7.5,
         7.5,
         "N m",
     ),
-    "of the voltage, below that of the current": (
+    "of the voltage, at rest below that of the current": (
         {"current_limit": 3, "voltage_limit": 4},
         5.0,
-        5.0,
+        7.5,
         "N m",
     ),
     "of the joint, below that of the current": ({"current_limit": 20}, 40.0, 40.0, "N m"),

@@ -33,9 +33,10 @@ class ArmModel(Robot):
         springs: Springs of joints and between points.
         armature: Drive inertia in [kg m²] or [kg], including rotors on rigid gears, shape (n,).
         drives: Drive of each joint, None where the command acts on the link directly.
-        effort_limit: Torque limits in [N m] or [N], inf if unlimited, shape (n,).
+        effort_limit: Torque limits at rest in [N m] or [N], inf if unlimited, shape (n,).
         command_unit: Unit of each joint's command: ``N m``, ``N``, ``A`` or ``V``.
         command_limit: Command limits in those units, inf if unlimited, shape (n,).
+        standing_limit: The same of joints at rest, whose motors a voltage limit bounds as well.
         velocity_limit: Speed limits in [rad/s] or [m/s], inf if unlimited, shape (n,).
         stops: Ranges of the joints and the stops at their ends.
         position_lower: Lower limits in [rad] or [m], shape (n,).
@@ -232,13 +233,15 @@ class ArmModel(Robot):
         given = _chosen(
             [x.effort for x in limits], [_bound(whole.upperEffortLimit[i]) for i in rows]
         )
-        efforts, commands, units = [], [], []
+        efforts, commands, standing, units = [], [], [], []
         for drive, effort, kind in zip(self.drives, given.tolist(), self.joint_types, strict=True):
             unit = "N" if kind == "prismatic" else "N m"
             efforts.append(min(drive.torque_limit, effort) if drive else effort)
-            commands.append(drive.command_limit(efforts[-1]) if drive else effort)
+            commands.append(drive.command_limit(effort) if drive else effort)
+            standing.append(drive.command_limit(efforts[-1]) if drive else effort)
             units.append(drive.command_unit(unit) if drive else unit)
         self.effort_limit, self.command_limit = read_only(efforts), read_only(commands)
+        self.standing_limit = read_only(standing)
         self.command_unit = tuple(units)
 
 

@@ -73,10 +73,17 @@ class JointDrive:
 
     @property
     def torque_limit(self) -> float:
-        """Largest torque at rest that current and voltage limits allow, in [N m] or [N]."""
-        motor, torque = self.motor, abs(self.torque_constant)
-        stall = (motor.voltage_limit or np.inf) / (motor.resistance or 1.0)
-        return torque * min(motor.current_limit or np.inf, stall)
+        """Largest torque at rest that current and voltage limits allow, in [N m] or [N].
+
+        A motor that brakes may give more: the back-EMF helps the voltage.
+        """
+        stall = (self.motor.voltage_limit or np.inf) / (self.motor.resistance or 1.0)
+        return min(self.current_torque, abs(self.torque_constant) * stall)
+
+    @property
+    def current_torque(self) -> float:
+        """Largest torque that the current limit allows at any speed, in [N m] or [N]."""
+        return abs(self.torque_constant) * (self.motor.current_limit or np.inf)
 
     @property
     def passes_torque(self) -> bool:
@@ -85,7 +92,10 @@ class JointDrive:
         return plain and self.motor.cogging is None and self.coupling is None
 
     def command_limit(self, effort: float) -> float:
-        """Largest command, in the command's unit.
+        """Largest command at any speed, in the command's unit.
+
+        A voltage limit bounds torques and currents by the speed, see ``motor.current_under``: not
+        the command, but what acts.
 
         Args:
             effort: Largest torque of the joint in [N m] or [N], inf for none; it does not limit a
@@ -95,7 +105,7 @@ class JointDrive:
         if motor.command == "voltage":
             return motor.voltage_limit or np.inf
         if motor.command == "torque":
-            return effort
+            return min(effort, self.current_torque)
         return min(motor.current_limit or np.inf, effort / abs(self.torque_constant))
 
     def command_unit(self, torque: str) -> str:

@@ -159,8 +159,8 @@ def _possible(acting: ca.SX, quickening: ca.SX, model: ArmModel) -> ca.SX:
     If each drive were clipped separately, saturated drives would disturb the other joints.
     """
     part = ca.SX(1)
-    for i in np.flatnonzero(np.isfinite(model.command_limit)).tolist():
-        left = ca.sign(quickening[i]) * (1.0 - ROUNDING) * model.command_limit[i] - acting[i]
+    for i in np.flatnonzero(np.isfinite(model.standing_limit)).tolist():
+        left = ca.sign(quickening[i]) * (1.0 - ROUNDING) * model.standing_limit[i] - acting[i]
         part = ca.fmin(part, ca.if_else(quickening[i] == 0, 1, left / quickening[i]))
     return ca.fmax(LEAST, part)
 

@@ -120,7 +120,7 @@ class ILQR:
         self._parts = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
         first = self._phases[0].simulator
         self._nx, self._n, self._nodes = first.arm.plant.nx, first.n, ends[-1]
-        own = [np.tile(p.simulator.model.command_limit, (p.nodes, 1)) for p in phases]
+        own = [np.tile(p.simulator.model.standing_limit, (p.nodes, 1)) for p in phases]
         limit = _INSIDE * np.vstack(own)
         self._low = np.maximum(-limit, self._rows("low", -np.inf if low is None else low))
         self._high = np.minimum(limit, self._rows("high", np.inf if high is None else high))

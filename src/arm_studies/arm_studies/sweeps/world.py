@@ -254,7 +254,7 @@ class World:
     def _row(self, job: Job, rows: Array, q: Array, torque: Array, command: Array) -> Row:
         simulator, n = self._simulator, len(self.joint_names)
         run = MeasuredRun(
-            simulator.dt, q, rows[:, :n], torque, command, simulator.model.command_limit,
+            simulator.dt, q, rows[:, :n], torque, command, simulator.model.standing_limit,
             simulator.model.stops.place,
         )  # fmt: skip
         values = measured(run, self._recipe.metrics, self.joint_names)
