@@ -31,6 +31,11 @@ def test_the_middle_of_a_long_text_is_left_out_and_both_ends_stay() -> None:
     assert "characters" in shown
 
 
+def test_an_empty_name_is_seen_in_a_list() -> None:
+    assert known_names(["", "elbow"]) == "'', elbow"
+    assert known_names([]) == "none"
+
+
 def test_listed_names_are_shown_likewise() -> None:
     shown = known_names(["a\nb", "y" * 10_000, *["z" * 1000] * 100])
     assert "\n" not in shown

@@ -95,8 +95,8 @@ def _printable(text: str) -> str:
 
 
 def known_names(names: Iterable[str], limit: int = 30) -> str:
-    """List names as ``a, b, c``, with at most ``limit`` of them."""
-    listed = [plain(name, _NAME) for name in names]
+    """List names as ``a, b, c``, an empty one as ``''``, with at most ``limit`` of them."""
+    listed = [plain(name, _NAME) or "''" for name in names]
     more = f", … ({len(listed) - limit} more)" if len(listed) > limit else ""
     return (", ".join(listed[:limit]) + more) or "none"
 

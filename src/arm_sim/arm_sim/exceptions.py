@@ -28,7 +28,7 @@ class NotDifferentiable(InvalidInput):
 
 
 class NoRecording(ArmError, FileNotFoundError):
-    """There is no file or folder where a recording is to be read."""
+    """There is no file or folder where a recording is to be read, or no folder to write it to."""
 
 
 class ViewError(ArmError):

@@ -74,7 +74,7 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
 
 def _check_folder(path: Path) -> None:
     if not path.parent.is_dir():
-        raise FileNotFoundError(f"'{path}': there is no folder '{path.parent}'")
+        raise NoRecording(f"'{path}': there is no folder '{path.parent}'")
 
 
 def where(path: Path) -> tuple[Path, Path | None]:
