@@ -48,6 +48,20 @@ def test_both_embedded_pairs(name: str) -> None:
     assert error(5.0, integrator=name, tolerance=1e-8) < 1e-7
 
 
+@pytest.mark.parametrize("name", ["dopri5", "dop853"])
+def test_deflections_of_bristles_are_as_exact_as_their_size_asks(name: str) -> None:
+    """At most 0.4 mrad, in which an error of the size of an angle's would not show."""
+    sigma0, level, tolerance = 1e3, 0.4, 1e-3
+    law = {"coulomb": level, "lugre": {"sigma0": sigma0, "sigma1": 0.5}}
+    arm = {"robot": models.scene("pendulum").robot, "joints": {"*": {"friction": law}}}
+    runs = []
+    for asked in (tolerance, 1e-11):
+        sim = Simulator({**arm, "sim": {"integrator": name, "tolerance": asked, "dt": 0.02}})
+        sim.set_state([0.5], [0.0])
+        runs.append(sim.run(0.4))
+    assert abs(runs[0].z - runs[1].z).max() < 10 * tolerance * level / sigma0
+
+
 def test_estimate_is_in_state_and_recording() -> None:
     sim = models.simulator("double_pendulum", tolerance=1e-6, dt=0.1)
     run = sim.run(2.0)
