@@ -85,3 +85,15 @@ def test_a_point_inside_its_plane_is_refused_whatever_states_drives_have() -> No
     assert x.tolist() == [0.0, 0.5, 0.0, 0.0, -3.0, -3.0]
     with pytest.raises(ConstraintError, match="0.5 m inside"):
         placed(made, [0.0, -0.5], [9.0, 9.0], [3.0, 3.0], ())
+
+
+@pytest.mark.parametrize(("place", "way"), [(-2.0, -1.0), (3.0, 1.0)])
+def test_a_position_beyond_a_stop_by_rounding_is_at_the_stop(place: float, way: float) -> None:
+    """By a billionth; farther ones are refused."""
+    limits = {"lower": -2.0, "upper": 3.0}
+    made = Plant(ArmModel(load_scene({**rails("xz"), "joints": {"z": {"limits": limits}}})))
+    beyond = place + way * 0.9e-9 * abs(place)
+    x = placed(made, [9.0, beyond], [0.0, 1.0], None, ())
+    np.testing.assert_array_equal(x, [9.0, place, 0.0, 1.0])
+    with pytest.raises(InvalidInput, match="'z' at .* is beyond its stops"):
+        placed(made, [9.0, place + way * 1.1e-9 * abs(place)], [0.0, 1.0], None, ())
