@@ -226,6 +226,9 @@ def test_what_is_refused() -> None:
         ILQR([], cost)
     with pytest.raises(InvalidInput, match="same joints"):
         ILQR([Phase(sim, 5), Phase(arm("pendulum"), 5)], cost)
+    for nodes in ((0,), (5, 0)):
+        with pytest.raises(InvalidInput, match="nodes = 0; expected a whole number of at least 1"):
+            ILQR([Phase(sim, count) for count in nodes], cost)
     with pytest.raises(InvalidInput, match="smoothing is 0.0; a positive number"):
         ILQR([Phase(sim, 5)], cost, smoothing=0.0)
     with pytest.raises(InvalidInput, match="the arm has contacts"):
