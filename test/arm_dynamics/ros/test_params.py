@@ -13,8 +13,9 @@ from rclpy.parameter import Parameter
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.control import Settings
-from arm_dynamics.ros.common.params import declare, parameter, watch
+from arm_dynamics.ros.common.params import declare, listed, parameter, watch
 from arm_dynamics.ros.controller import ControllerParams
+from arm_dynamics.ros.controller.action_goal import follow_params
 from arm_dynamics.ros.dynamics_node import DynamicsParams
 from arm_sim.ros.sim_params import SimParams
 
@@ -197,6 +198,23 @@ BOUNDS: dict[Any, dict[str, tuple[float, float, float, bool]]] = {
         "energy_period": (0.1, 0.001, 10.0, False),
         "wrench_timeout": (0.1, 0.0, 3600.0, False),
         "command_timeout": (0.1, 0.0, 3600.0, True),
+        "description_timeout": (5.0, 0.0, 3600.0, False),
+        "display_rate": (50.0, 0.0, 1000.0, False),
+        "priority": (0, 0, 99, False),
+        "max_joints": (128, 1, 200, False),
+        "max_description_size": (524_288, 1, 4_194_304, False),
+    },
+    DynamicsParams: {
+        "max_joints": (128, 1, 200, False),
+        "max_description_size": (524_288, 1, 4_194_304, False),
+    },
+    follow_params(["elbow"]): {
+        "action_monitor_rate": (20.0, 0.1, 1e4, False),
+        "limit_margin": (0.02, 0.0, 10.0, True),
+        "constraints.stopped_velocity_tolerance": (0.01, 0.0, 1e6, True),
+        "constraints.goal_time": (0.0, 0.0, 1e6, True),
+        "constraints.elbow.trajectory": (0.0, 0.0, 1e6, True),
+        "constraints.elbow.goal": (0.0, 0.0, 1e6, True),
     },
     ControllerParams: {
         "cartesian_speed": (0.25, 1e-6, 100.0, True),
@@ -204,7 +222,16 @@ BOUNDS: dict[Any, dict[str, tuple[float, float, float, bool]]] = {
         "switch_time": (0.2, 0.0, 60.0, False),
         "acceleration_limit": (0.0, 0.0, 1e6, False),
         "gap_limit": (1.0, 0.0, 1e6, True),
+        "jump_limit": (0.5, 0.0, 1e6, True),
+        "velocity_cutoff": (50.0, 0.0, 1e5, False),
         "state_period": (0.02, 0.0, 10.0, False),
+        "description_timeout": (5.0, 0.0, 3600.0, False),
+        "priority": (0, 0, 99, False),
+        "max_joints": (128, 1, 200, False),
+        "max_description_size": (524_288, 1, 4_194_304, False),
+        "control_period": (0.001, 1e-6, 1.0, False),
+        "force": (0.0, -1e4, 1e4, True),
+        "observer": (0.0, 0.0, 1e4, True),
     },
 }
 
@@ -212,13 +239,13 @@ BOUNDS: dict[Any, dict[str, tuple[float, float, float, bool]]] = {
 @pytest.mark.parametrize("kind", BOUNDS)
 def test_numbers_of_the_nodes_have_these_defaults_and_ranges(ros: Ros, kind: Any) -> None:
     node = ros.add(Node, "bounded")
-    params = declare(node, kind)
+    declare(node, kind)
     found = {}
-    for name in BOUNDS[kind]:
+    for name, *_ in listed(kind):
         about = node.describe_parameter(name)
-        (bounds,) = [*about.floating_point_range, *about.integer_range]
-        ends = bounds.from_value, bounds.to_value
-        found[name] = (getattr(params, name), *ends, not about.read_only)
+        for bounds in (*about.floating_point_range, *about.integer_range):
+            ends = bounds.from_value, bounds.to_value
+            found[name] = (node.get_parameter(name).value, *ends, not about.read_only)
     assert found == BOUNDS[kind]
 
 
