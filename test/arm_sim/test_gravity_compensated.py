@@ -30,8 +30,9 @@ def test_without_effort_the_arm_floats(name: str) -> None:
     np.testing.assert_allclose(sim.effort, weight, rtol=1e-3, atol=1e-4)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_an_effort_is_added_to_the_weight_and_both_are_limited(
-    rng: np.random.Generator, caplog: pytest.LogCaptureFixture
+    sign: float, rng: np.random.Generator, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Tick by tick the same as the plain arm under the sum."""
     sim, plain = Simulator(compensated("panda")), models.simulator("panda")
@@ -41,8 +42,8 @@ def test_an_effort_is_added_to_the_weight_and_both_are_limited(
         sim.step(tau)
         np.testing.assert_allclose(sim.state.q, plain.state.q, rtol=1e-12, atol=1e-14)
     assert not caplog.records
-    sim.step(np.full(7, 1e3))
-    np.testing.assert_array_equal(sim.effort, sim.model.effort_limit)
+    sim.step(np.full(7, sign * 1e3))
+    np.testing.assert_array_equal(sim.effort, sign * sim.model.effort_limit)
     assert "is clipped" in caplog.text
 
 
