@@ -234,11 +234,12 @@ def test_impossible_stops_are_refused(stop: dict[str, float], said: str) -> None
         Simulator(rail(stop))
 
 
-def test_lanes_give_what_single_arms_do() -> None:
+@pytest.mark.parametrize("method", [{}, {"tolerance": 1e-9}], ids=["fixed", "controlled"])
+def test_lanes_give_what_single_arms_do(method: dict[str, Any]) -> None:
     """Arms that meet a stop and arms that do not, in one batch."""
-    sim = Simulator(rail({"restitution": 0.3}))
+    sim = Simulator(rail({"restitution": 0.3}), **method)
     q0, v0 = np.linspace(0.05, 1.9, 20)[:, None], np.linspace(-2.0, 1.0, 20)[:, None]
-    together = sim.rollout(q0, v0, [1.0], 200)
+    together = sim.rollout(q0, v0, [1.0], 200, lanes=4)
     for i in range(20):
         sim.reset(q=q0[i], v=v0[i])
         run = sim.run(0.2, [1.0])

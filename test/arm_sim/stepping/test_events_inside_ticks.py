@@ -13,7 +13,7 @@ from models.rotor import rotor
 from models.touching import rails
 from tolerances import CLOSED_FORM, assert_close
 
-STILL = [0, 0, 0]
+STILL, G = [0, 0, 0], 9.81
 
 
 def ended(scene: dict[str, Any], start: tuple[Any, ...], tau: Any, time: float, **how: Any) -> Any:
@@ -63,6 +63,20 @@ def test_a_mass_that_bounces_off_an_elastic_stop_within_a_tick(
     recording = ended(scene, ([start], [1.0]), [0.0], 0.2, integrator="dop853", tolerance=1e-10)
     leaves = 0.1 - start + np.pi / np.sqrt(stiffness)
     assert_close(recording.q[-1], [0.1 - (0.2 - leaves)], CLOSED_FORM)
+
+
+@pytest.mark.parametrize("how", [{"integrator": "rk4"}, {"tolerance": 1e-9}], ids=str)
+@pytest.mark.parametrize("part", [0.125, 0.375, 0.625, 0.875])
+def test_a_mass_that_rises_to_its_stop_within_a_tick(part: float, how: dict[str, Any]) -> None:
+    """It would turn back at this part of the tick, a tenth of a millimetre above the stop."""
+    dt, above, stop = 0.05, 1e-4, 0.5
+    speed, left = G * part * dt, dt - part * dt + np.sqrt(2 * above / G)
+    scene = rails(axes="z", mass=1.0)
+    scene |= {"joints": {"z": {"limits": {"lower": -9, "upper": stop}}}}
+    start = [stop + above - 0.5 * speed**2 / G], [speed]
+    end = ended(scene, start, [0.0], dt, dt=dt, **how)
+    found, falls = [end.q[-1, 0], end.v[-1, 0]], [stop - 0.5 * G * left**2, -G * left]
+    np.testing.assert_allclose(found, falls, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("method", ["implicit", "dop853"])
