@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -11,16 +13,19 @@ from arm_dynamics import ArmError
 from arm_sim import SimulationDiverged, Simulator
 
 # Friction so stiff that explicit steps of 10 ms grow without bound.
-STIFF = {
+STIFF: dict[str, Any] = {
     "robot": {"urdf": str(models.FOLDER / "planar_3r.urdf")},
     "joints": {"*": {"friction": {"viscous": 1e6, "coulomb": 0.0}}},
     "initial": {"velocity": {"joint1": 1.0}},
 }
-BACKENDS = ("native", "vm")
+FREE = {**STIFF, "joints": {"*": {**STIFF["joints"]["*"], "limits": {"stop": False}}}}
+"""The same without end stops, and so without events."""
+WAYS = pytest.mark.parametrize("backend", ["native", "vm"])
+ARMS = pytest.mark.parametrize("scene", [STIFF, FREE], ids=["with stops", "without events"])
 
 
-def diverging(backend: str = "auto") -> Simulator:
-    return Simulator(STIFF, integrator="euler", dt=1e-2, backend=backend)
+def diverging(backend: str = "auto", scene: dict[str, Any] = STIFF) -> Simulator:
+    return Simulator(scene, integrator="euler", dt=1e-2, backend=backend)
 
 
 def finite(sim: Simulator) -> bool:
@@ -31,9 +36,10 @@ def test_is_of_the_family() -> None:
     assert issubclass(SimulationDiverged, ArmError)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_step_keeps_the_last_good_state(backend: str) -> None:
-    sim = diverging(backend)
+@ARMS
+@WAYS
+def test_step_keeps_the_last_good_state(backend: str, scene: dict[str, Any]) -> None:
+    sim = diverging(backend, scene)
     last = sim.state
     with pytest.raises(SimulationDiverged):
         for _ in range(1000):
@@ -42,9 +48,10 @@ def test_step_keeps_the_last_good_state(backend: str) -> None:
     assert finite(sim)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_run_keeps_the_motion_so_far(backend: str) -> None:
-    sim = diverging(backend)
+@ARMS
+@WAYS
+def test_run_keeps_the_motion_so_far(backend: str, scene: dict[str, Any]) -> None:
+    sim = diverging(backend, scene)
     with pytest.raises(SimulationDiverged) as caught:
         sim.run(10.0)
     run = caught.value.recording
