@@ -222,6 +222,28 @@ def test_starting_values_and_parameters_are_the_simulators(
 
 
 @pytest.mark.parametrize("version", ["3", "2"])
+def test_a_unit_that_is_reset_is_as_new(made: dict[str, Path], version: str) -> None:
+    """Time, state, command, parameters and starting values."""
+    simulator, unit = Simulator(scene("tunable")), Importer(made["tunable"], version)
+    mass = next(name for name in unit.reference if name and name.startswith("payload"))
+    every, (before,) = [*unit.reference], unit.get([mass])
+    assert unit.set([*names(simulator, "initial_position"), mass], [0.3, -0.4, before + 1.0]) == 0
+    unit.begin(start=5.0)
+    unit("ExitInitializationMode")
+    assert unit.set(names(simulator, "command"), [3.0, 1.0]) == 0
+    assert unit.step(5.0, 10 * simulator.dt) == 0
+    assert unit("Reset") == 0
+    new = Importer(made["tunable"], version)
+    for one in (unit, new):
+        one.begin()
+        one("ExitInitializationMode")
+        assert one.step(0.0, 10 * simulator.dt) == 0
+    np.testing.assert_array_equal(unit.get(every), new.get(every))
+    for one in (unit, new):
+        one.close()
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
 @pytest.mark.parametrize("kind", SLOPED)
 @pytest.mark.parametrize("ticks", [1, 4])
 def test_directional_derivatives_are_those_of_the_last_step(
