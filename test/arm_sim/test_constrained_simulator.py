@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,7 @@ from tolerances import (
 )
 
 
-def pen(active: bool) -> Simulator:
+def pen(active: bool, **joints: Any) -> Simulator:
     sheet = {
         "type": "plane",
         "name": "sheet",
@@ -32,7 +34,7 @@ def pen(active: bool) -> Simulator:
            "points": [[0, 0, 0], [2.0, 0, 0]]}  # fmt: skip
     start = {"position": {"shoulder": -0.5, "elbow": -0.3}}
     return interpreted({"robot": {"urdf": str(models.SCENES / "two_link.urdf")}, "initial": start,
-                      "constraints": [sheet | TIP, pin | TIP]})  # fmt: skip
+                      "constraints": [sheet | TIP, pin | TIP], "joints": joints})  # fmt: skip
 
 
 def test_switching() -> None:
@@ -51,6 +53,14 @@ def test_switching() -> None:
     gap, speed = worst_gaps(sim, sim.run(0.2), 1)
     assert gap < CLOSURE
     assert speed < CLOSURE_SPEED
+
+
+def test_switching_leaves_the_states_of_laws_alone() -> None:
+    bristles = {"coulomb": 0.2, "lugre": {"sigma0": 1e3, "sigma1": 1.0}}
+    sim = pen(active=True, elbow={"friction": bristles})
+    bent = sim.run(0.05).z[-1]
+    assert bent.any()
+    np.testing.assert_array_equal(sim.set_constraint("sheet", False).z, bent)
 
 
 def test_switching_on_takes_the_velocity_across_only() -> None:

@@ -154,6 +154,16 @@ def test_resets_what_the_scope_names(
     np.testing.assert_array_equal(motion(node), start if state_back else fallen)
 
 
+def test_time_goes_back_without_the_states_of_drives(ros: Ros, client: Client) -> None:
+    node = by_hand(ros, "flexible_arm")
+    ticks(node, 20)
+    before = node.simulator.state
+    assert client("reset_simulation", scope=1).result.result == OK
+    assert node.simulator.arm.step_count == 0
+    assert before.z.any()
+    np.testing.assert_array_equal(node.simulator.state.z, before.z)
+
+
 @pytest.mark.parametrize("scope", [4, 8])
 def test_what_is_never_spawned_cannot_be_removed(
     client: Client, node: SimNode, scope: int
