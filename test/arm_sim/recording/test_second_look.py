@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import models
 from arm_dynamics.arrays import read_only
 from arm_sim import Recording, Simulator
 from arm_sim.integrators.selection import SECOND_LOOK
@@ -42,6 +43,16 @@ def test_a_tick_that_ends_elsewhere_is_named(
     assert not wrong.trusted
     assert f"tick at {motion.time[stops]:.9g} s" in caplog.text and "'axle'" in caplog.text
     assert wrong.trust(second_look=False) == (wrong.energy_error <= 1e-3)
+
+
+def test_a_tick_may_be_off_by_its_own_error_only() -> None:
+    """Not by the sum of those before it, which is far larger."""
+    sim = models.simulator("double_pendulum", integrator="dopri5", tolerance=1e-9, dt=0.1)
+    sim.reset(q=[0.5, 0.3])
+    run = sim.run(4.0)
+    look, own = run.second_look, np.diff(run.error)
+    assert run.error[-1] > 10.0 * max(own.max(), 1e-9)
+    np.testing.assert_array_equal(look.allowed, 10.0 * np.maximum(own, 1e-9)[look.ticks])
 
 
 @pytest.mark.parametrize("coulomb", [0.5, 0.0], ids=["stops", "smooth"])
