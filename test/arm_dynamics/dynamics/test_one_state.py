@@ -204,6 +204,13 @@ def test_refuses_the_same_with_the_same_words(wrong: Any) -> None:
     assert refused >= len(CALLS)
 
 
+@pytest.mark.parametrize("what", ["direction", "q", "load"])
+def test_what_friction_does_not_depend_on_is_refused_as_well(what: str) -> None:
+    for dynamics in (models.dynamics("two_link"), compiled("two_link")):
+        with pytest.raises(InvalidInput, match=rf"^{what}\[0\] = nan"):
+            dynamics.friction(np.ones(2), **{what: [np.nan, 0.0]})
+
+
 def test_an_overflow_is_told() -> None:
     own = compiled("two_link")
     with pytest.raises(InvalidInput, match="the acceleration overflows"):
