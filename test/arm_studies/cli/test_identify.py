@@ -52,6 +52,8 @@ def test_a_scene_that_simulates_and_a_report(table, tmp_path):
     out = tmp_path / "found" / "mine.yaml"
     done = typed(table, "--scene", "two_link", "--out", out)
     assert done.exit_code == 0, done.output
+    told = " ".join(done.output.split())
+    assert "9 parameters identified, 4 not" in told  # two are found, but may be zero
     scene = load_scene(out)
     assert scene.joints["elbow"].friction.coulomb == pytest.approx(0.6, rel=1e-2)
     sim = Simulator(scene, dt=1e-3)

@@ -169,6 +169,7 @@ def test_a_box_and_a_floor_are_kept_clear_of() -> None:
         ({"clearance": -0.1}, "clearance = -0.1"),
         ({"acceleration": -1.0}, "acceleration is -1.0"),
         ({"given_start": [3.2, 0.0]}, "'shoulder' at 3.2 rad or m; allowed: -2.79 to 2.79"),
+        ({"given_start": [-3.2, 0.0]}, "'shoulder' at -3.2 rad or m; allowed: -2.79 to 2.79"),
         ({"given_start": [0.0]}, "start has shape"),
         ({"share": 0.1}, "start: gravity loads joint 'shoulder' with"),
         ({"box": Box((5, 5, 5), (6, 6, 6), ("tip",))}, "'tip' from the lower side of the box"),

@@ -69,6 +69,14 @@ def test_nothing_is_said_of_a_joint_that_does_not_move():
     assert matched("two_link", 1.0, lambda tau: tau, moving=[1.0, 0.0]) == []
 
 
+def test_efforts_with_noise_are_not_taken_for_those_of_another_joint():
+    def noisy(tau):
+        noise = np.random.default_rng(7).normal(size=tau.shape)
+        return tau + 0.4 * tau.std(axis=0) * noise
+
+    assert matched("two_link", 1.0, noisy) == []
+
+
 def late(by: int, joint: int = 1):
     """A change of torques, of which one joint's come some samples of 10 ms late."""
 
