@@ -6,6 +6,7 @@ import pytest
 
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
+from arm_studies.identification.regression.bodies import possible
 from arm_studies.identification.regression.estimation import belief_of
 from arm_studies.identification.regression.fit import fitted
 from arm_studies.identification.regression.friction_columns import (
@@ -39,3 +40,23 @@ def test_growth_with_load_that_is_too_steep_is_left_out_and_kept_in_mind(growth,
     assert (own.shape.load is not None) == kept
     assert own.refused == pytest.approx(0.0 if kept else growth, rel=0.1)
     assert found.friction[1].refused == 0.0
+
+
+@pytest.mark.parametrize(("factor", "changed"), [(1.0, False), (-1.0, True)])
+def test_bodies_that_cannot_be_are_changed_and_it_is_told(factor, changed):
+    model, t = ArmModel(load_scene("two_link")), np.arange(0.0, 10.0, 0.01)
+    regressor = RigidRegressor(model)
+    q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
+    v = np.column_stack([2.1 * np.cos(2.1 * t), -0.91 * np.sin(1.3 * t)])
+    a = -q * [2.1**2, 1.3**2]
+    theta = regressor.nominal.copy()
+    theta[-6:] *= factor  # moments and products of inertia of the last body
+    tau = regressor(q, v, a) @ theta + 0.2 * v + 0.1 * a  # with rotors
+    tau += 0.01 * np.random.default_rng(1).normal(size=tau.shape)
+    rows = Rows(regressor, [prepare(JointRecord.of(model.joint_names, t, q, tau, v, a), np.inf)])
+    found = fitted(
+        rows, rows.use, lambda size: belief_of(regressor.nominal, size, 0.05, 0.5),
+        [JointFit((VISCOUS,))] * 2, possible=True,
+    )  # fmt: skip
+    assert found.changed == changed
+    assert possible(found.x[10:20])
