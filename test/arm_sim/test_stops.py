@@ -190,6 +190,33 @@ def test_what_a_follower_may_do_stops_its_leader() -> None:
     assert (run.q <= upper).all()
 
 
+@pytest.mark.parametrize("ratio", [2.0, -3.0])
+def test_a_followers_soft_stop_acts_on_its_leader_by_the_square_of_the_ratio(ratio: float) -> None:
+    """Both are masses on rails; the leader arrives at 1 m/s and oscillates on the spring."""
+    joint, stiffness, damping, leading, following = "", 900.0, 4.0, 1.0, 0.5
+    for name, mass, more in (
+        ("leader", leading, ""), ("follower", following, f'<mimic joint="leader" multiplier="{ratio}"/>')
+    ):  # fmt: skip
+        joint += f"""<link name="{name}_mass"><inertial><mass value="{mass}"/>
+          <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+          <joint name="{name}" type="prismatic"><parent link="base"/><child link="{name}_mass"/>
+          <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1e9" velocity="1e9"/>{more}
+          </joint>"""
+    soft = {"limits": {"stop": {"stiffness": stiffness, "damping": damping}}}
+    scene = {
+        "robot": {"urdf": f'<robot name="pair"><link name="base"/>{joint}</robot>'},
+        "joints": {"follower": soft},
+    }
+    sim = Simulator(scene, integrator="dop853", tolerance=1e-11)
+    sim.reset(q=[1 / abs(ratio)], v=[1.0])
+    run = sim.run(0.02)
+    mass = leading + ratio**2 * following
+    fades = 0.5 * ratio**2 * damping / mass
+    swings = np.sqrt(ratio**2 * stiffness / mass - fades**2)
+    way = np.exp(-fades * run.time) * np.sin(swings * run.time) / swings
+    np.testing.assert_allclose(run.q[:, 0], 1 / abs(ratio) + way, rtol=0, atol=1e-9)
+
+
 def test_stops_can_be_left_out() -> None:
     sim = Simulator(rail(False))
     assert not sim.arm.plant.events
