@@ -7,9 +7,11 @@ import math
 
 import numpy as np
 import pytest
+from control_msgs.action import FollowJointTrajectory
 
 from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.ros.controller.action_goal import follow_params, tolerances
 from arm_dynamics.ros.controller.tolerances import (
     NONE,
     StateTolerance,
@@ -42,6 +44,30 @@ def test_special_values_of_a_tolerance(asked: float, holds: float) -> None:
 def test_other_values_are_refused(asked: float) -> None:
     with pytest.raises(InvalidInput, match=f"goal_time is {asked}; allowed: 0"):
         resolved("goal_time", asked, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "rules"),
+    [
+        ({}, Tolerances(ANY, StateTolerance((NONE, NONE), (0.01, 0.01)))),
+        ({"stopped_velocity_tolerance": 0.0}, Tolerances(ANY, ANY)),
+        (
+            {"trajectory_0": 0.1, "goal_1": 0.2, "goal_time": 3.0},
+            Tolerances(
+                StateTolerance((0.1, NONE), (NONE, NONE)),
+                StateTolerance((NONE, 0.2), (0.01, 0.01)),
+                3.0,
+            ),
+        ),
+    ],
+    ids=["defaults", "0 for any speed", "of one joint"],
+)
+def test_without_tolerances_of_its_own_a_goal_has_those_of_the_parameters(
+    parameters: dict[str, float], rules: Tolerances
+) -> None:
+    joints = ["shoulder", "elbow"]
+    given = follow_params(joints)(**parameters)
+    assert tolerances(FollowJointTrajectory.Goal(), given, joints, ()) == rules
 
 
 def test_on_the_way_only_the_path_counts() -> None:
