@@ -156,7 +156,7 @@ def test_what_the_arm_cannot_do_is_refused(shell: Shell, domain: int) -> None:
     before = positions(shell, domain)
     done = shell(domain, "go", "elbow=9", "--duration", "0.2")
     assert done.exit_code == 1 and "refused" in done.output and "elbow to 9" in done.output
-    done = shell(domain, "go", "elbo=0.1")
+    done = shell(domain, "go", "shoulder=0.1", "elbo=0.1")
     assert done.exit_code == 1
     assert "unknown joint 'elbo'; allowed: shoulder, elbow; did you mean 'elbow'?" in done.output
     assert positions(shell, domain) == pytest.approx(before, abs=1e-4)
