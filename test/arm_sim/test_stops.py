@@ -190,31 +190,51 @@ def test_what_a_follower_may_do_stops_its_leader() -> None:
     assert (run.q <= upper).all()
 
 
-@pytest.mark.parametrize("ratio", [2.0, -3.0])
-def test_a_followers_soft_stop_acts_on_its_leader_by_the_square_of_the_ratio(ratio: float) -> None:
-    """Both are masses on rails; the leader arrives at 1 m/s and oscillates on the spring."""
-    joint, stiffness, damping, leading, following = "", 900.0, 4.0, 1.0, 0.5
-    for name, mass, more in (
-        ("leader", leading, ""), ("follower", following, f'<mimic joint="leader" multiplier="{ratio}"/>')
-    ):  # fmt: skip
-        joint += f"""<link name="{name}_mass"><inertial><mass value="{mass}"/>
+LEADING, FOLLOWING = 1.0, 0.5
+
+
+def pair(ratio: float, **joints: Any) -> dict[str, Any]:
+    """Two masses on horizontal rails, of which one follows the other; both reach from -1 to 1 m."""
+    links = '<link name="base"/>'
+    mimic = f'<mimic joint="leader" multiplier="{ratio}"/>'
+    for name, mass, more in (("leader", LEADING, ""), ("follower", FOLLOWING, mimic)):
+        links += f"""<link name="{name}_mass"><inertial><mass value="{mass}"/>
           <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
           <joint name="{name}" type="prismatic"><parent link="base"/><child link="{name}_mass"/>
           <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1e9" velocity="1e9"/>{more}
           </joint>"""
-    soft = {"limits": {"stop": {"stiffness": stiffness, "damping": damping}}}
-    scene = {
-        "robot": {"urdf": f'<robot name="pair"><link name="base"/>{joint}</robot>'},
-        "joints": {"follower": soft},
-    }
-    sim = Simulator(scene, integrator="dop853", tolerance=1e-11)
+    settings = {name: {"limits": limits} for name, limits in joints.items()}
+    return {"robot": {"urdf": f'<robot name="pair">{links}</robot>'}, "joints": settings}
+
+
+@pytest.mark.parametrize("ratio", [2.0, -3.0])
+def test_a_followers_soft_stop_acts_on_its_leader_by_the_square_of_the_ratio(ratio: float) -> None:
+    """The leader arrives at 1 m/s and oscillates on the spring."""
+    stiffness, damping = 900.0, 4.0
+    soft = {"stop": {"stiffness": stiffness, "damping": damping}}
+    sim = Simulator(pair(ratio, follower=soft), integrator="dop853", tolerance=1e-11)
     sim.reset(q=[1 / abs(ratio)], v=[1.0])
     run = sim.run(0.02)
-    mass = leading + ratio**2 * following
+    mass = LEADING + ratio**2 * FOLLOWING
     fades = 0.5 * ratio**2 * damping / mass
     swings = np.sqrt(ratio**2 * stiffness / mass - fades**2)
     way = np.exp(-fades * run.time) * np.sin(swings * run.time) / swings
     np.testing.assert_allclose(run.q[:, 0], 1 / abs(ratio) + way, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("way", "place", "e"), [(-1.0, -1.0, 0.2), (1.0, 0.4, 0.7)])
+def test_each_side_has_the_restitution_of_the_joint_that_stops_there(
+    way: float, place: float, e: float
+) -> None:
+    """On one side that is the leader, on the other one the follower."""
+    limits = {
+        "leader": {"stop": {"restitution": 0.2}},
+        "follower": {"lower": -9.0, "upper": 0.8, "stop": {"restitution": 0.7}},
+    }
+    sim = Simulator(pair(2.0, **limits))
+    sim.reset(q=[place - 0.1 * way], v=[way])
+    run = sim.run(0.15)
+    assert_close(run.v[[0, -1], 0], [way, -e * way], CLOSED_FORM)
 
 
 def test_stops_can_be_left_out() -> None:

@@ -114,7 +114,12 @@ def test_steps_tables_and_functions_agree_to_the_bit(rng: np.random.Generator) -
 def test_sensors_see_the_good_ticks_of_a_run_that_diverges() -> None:
     """At once or tick by tick: the same readings at the same times."""
     stiff = {"*": {"friction": {"viscous": 1e5}, "limits": {"stop": False}}}
-    scene = {**PLAIN, "sensors": SENSORS, "joints": stiff, "initial": {"velocity": {"elbow": 1e-6}}}
+    scene = {
+        **PLAIN,
+        "sensors": SENSORS,
+        "joints": stiff,
+        "initial": {"velocity": {"elbow": 1e-6}},
+    }
     seen = []
     for control in (np.zeros(2), lambda state: np.zeros(2)):
         with pytest.raises(SimulationDiverged) as caught:
