@@ -149,6 +149,13 @@ CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
     "loses a compliant stop": (
         lambda: rail(stop={"stiffness": 3000, "damping": 5}), 0.1, ([-0.01], [1.0], [1.0])
     ),
+    "rebounds above": (lambda: rail(stop={"restitution": 0.6}), 0.1, ([1.95], [1.0], [1.0])),
+    "meets a compliant stop above": (
+        lambda: rail(stop={"stiffness": 3000, "damping": 5}), 0.1, ([1.95], [1.5], [1.0])
+    ),
+    "loses a compliant stop above": (
+        lambda: rail(stop={"stiffness": 3000, "damping": 5}), 0.1, ([2.01], [-1.0], [1.0])
+    ),
     "is pressed again before it leaves a compliant stop": (
         lambda: rail(stop={"stiffness": 3000, "damping": 300}), 0.02, ([-0.01], [0.15], [1.0])
     ),
