@@ -253,6 +253,12 @@ def test_positions_beyond_a_stop_are_refused() -> None:
         Simulator(rail() | {"initial": {"position": {"rail": 2.1}}})
 
 
+def test_many_arms_beyond_their_stops_by_rounding_start_there() -> None:
+    q0 = np.array([[-0.9e-9], [0.3], [2.0 + 0.9e-9]])
+    starts = Simulator(rail()).rollout(q0, np.zeros((3, 1)), [0.0], 0)
+    np.testing.assert_array_equal(starts[:, 0, 0], [0.0, 0.3, 2.0])
+
+
 def test_a_locked_joint_is_not_put_beyond_its_limits() -> None:
     urdf = (models.FOLDER / "gantry.urdf").read_text()
     name = Simulator({"robot": {"urdf": urdf}}).joint_names[0]
