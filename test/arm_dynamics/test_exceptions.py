@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from arm_dynamics.exceptions import known_names, plain
+from arm_dynamics.exceptions import choices, known_names, plain
 
 
 @pytest.mark.parametrize(
@@ -40,3 +40,9 @@ def test_listed_names_are_shown_likewise() -> None:
     shown = known_names(["a\nb", "y" * 10_000, *["z" * 1000] * 100])
     assert "\n" not in shown
     assert len(shown) < 30 * 150
+
+
+def test_a_name_is_suggested_also_from_beyond_those_that_are_listed() -> None:
+    names = [*(f"finger_{letter}" for letter in "abcdefghij"), "shoulder"]
+    told = choices("sholder", names, limit=3)
+    assert "finger_d" not in told and told.endswith("did you mean 'shoulder'?")

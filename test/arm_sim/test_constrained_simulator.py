@@ -89,6 +89,17 @@ def test_what_cannot_be_switched_loses_nothing() -> None:
     sim.run(0.1)
 
 
+def test_a_step_that_strays_far_from_its_loop_is_refused() -> None:
+    """By positions or by velocities: what is far beyond all bounds no stepper accepts."""
+    sim = Simulator(scene("slider_crank"))
+    project, x, p = sim.arm.plant.project, sim.arm.x, sim._stepper.p
+    assert project is not None
+    positions = np.arange(2 * sim.n) < sim.n
+    for off, refused in ((0.0 * x, False), (0.3 * positions, True), (0.3 * ~positions, True)):
+        found = abs(np.array(project(x, x + off, p)[0])).max()
+        assert found > 1e100 if refused else found < 10.0
+
+
 @pytest.mark.parametrize("name", ["four_bar"])
 def test_virtual_machine_and_lanes_agree(name: str) -> None:
     sim, slow = Simulator(scene(name)), Simulator(scene(name), backend="vm")

@@ -78,6 +78,12 @@ def test_a_figure_shows_every_joint_and_the_account(run: Recording) -> None:
     assert set(run.joint_names) <= shown
 
 
+def test_colors_begin_again_where_there_are_more_joints(run: Recording) -> None:
+    joints = 21 * [run.joint_names[0]]
+    colors = [line.get_color() for line in run.plot(joints=joints).axes[0].lines[:21]]
+    assert colors[20] == colors[0] and len(set(colors)) == 20
+
+
 def test_a_second_recording_is_laid_over_the_first_dashed(run: Recording) -> None:
     figure = run.plot(run, joints=run.joint_names[:1])
     drawn = [line for line in figure.axes[1].lines if len(line.get_xdata()) > 2]
