@@ -191,6 +191,20 @@ def test_what_is_wrong_is_refused_by_python_and_c_goes_on(
     assert in_c(node) > before
 
 
+def test_what_cannot_be_compiled_is_tried_once(
+    ros: Ros, ask: Ask, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[Any] = []
+    monkeypatch.setattr(compiled_services, "compiled_answer", lambda what, _: tried.append(what))
+    node = ros.add(DynamicsNode, models.scene("two_link"))
+    assert node._compiled is not None
+    builder = node._compiled._builder
+    for _ in range(3):
+        assert ask(DYNAMICS_TERMS, position=[0.1, 0.2], velocity=[0.0, 0.0]).success
+        ros.spin_until(lambda: builder.ready or not builder.busy)
+    assert len(tried) == 1
+
+
 def test_joints_in_another_order_are_answered_in_that_order(ros: Ros, ask: Ask) -> None:
     node = ros.add(DynamicsNode, STICKY)
     warm(node, ask, INVERSE_DYNAMICS)

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of every kind as input of identification."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim import Simulator
+from arm_sim import Recording, Simulator
+from arm_sim.recording.contents import Event
 from arm_studies.identification import JointRecord
 from arm_studies.identification.files import read_joint_record
 
@@ -36,6 +39,13 @@ def test_a_table_without_velocities_and_its_faults(tmp_path):
     path.write_text("time,position.elbow\n0,1\n")
     with pytest.raises(InvalidInput, match=r"robot.csv.*k > 1"):
         read_joint_record(path)
+
+
+def test_events_of_a_robot_become_notes(tmp_path):
+    path = tmp_path / "robot.csv"
+    path.write_text("time,position.elbow\n0,1\n0.1,1.5\n")
+    run = replace(Recording.load(path), events=(Event(0.1, "driver: the brake closed"),))
+    assert JointRecord.from_recording(run).notes == ("driver: the brake closed",)
 
 
 def test_what_sensors_told_comes_before_the_truth():
