@@ -15,6 +15,7 @@ from arm_dynamics.exceptions import CompilerMissing
 from arm_sim import NotDifferentiable, Simulator
 from arm_sim.derivatives import events, tangents
 from models.driven import WINDING, wheel
+from models.rotor import rotor
 from models.touching import contact, rails
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
 
@@ -374,6 +375,15 @@ def test_a_joint_that_leans_on_its_stop_stays_there() -> None:
     A, B = sim.linearize(sim.reset([0.0], [0.0]), [1.0])
     assert not A.any()
     assert not B.any()
+
+
+@pytest.mark.parametrize(("side", "place"), [("lower", -1.0), ("upper", 1.0)])
+def test_a_joint_leans_on_the_only_stop_that_it_has(side: str, place: float) -> None:
+    scene = rotor(0.1)
+    scene["joints"]["axle"]["limits"] = {side: place}
+    sim = Simulator(scene, dt=0.1, integrator="rk4")
+    for slopes in sim.linearize(sim.reset([place], [0.0]), [2.0 * place]):
+        assert not slopes.any()
 
 
 def test_teeth_at_rest_within_their_backlash_touch_nothing() -> None:
