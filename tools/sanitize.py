@@ -47,6 +47,7 @@ CALLS = [
     "test/arm_dynamics/dynamics/test_one_state.py::test_refuses_the_same_with_the_same_words",
     "test/arm_dynamics/dynamics/test_one_state.py::test_however_numbers_are_given",
     "test/arm_dynamics/dynamics/test_one_state.py::test_memory_lives_as_long_as_the_function",
+    "test/arm_sim/stepping/test_python_step.py",
 ]
 # Of each sanitizer: flags, libraries that must be loaded first, options, what has tests for it.
 KINDS = {

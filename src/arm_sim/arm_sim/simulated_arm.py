@@ -24,6 +24,7 @@ from arm_sim.recording.origin import Origin
 from arm_sim.servo import JointCommand
 from arm_sim.state import State, read_only_view
 from arm_sim.stepping.contact_forces import trouble
+from arm_sim.stepping.python_step import PythonStep, python_step
 from arm_sim.stepping.roll import Roll
 from arm_sim.stepping.stepper import Stepper
 
@@ -74,6 +75,7 @@ class SimulatedArm:
         arrays = self._command, self._x[None].copy(), self._effort, self._notes
         self._tick = self._stepper.bound(self._x, *arrays)
         self.pointers = Roll.of(self._tick)
+        self._step: PythonStep | None = None  # compiled when it is first used
 
     @property
     def plant(self) -> Plant:
@@ -125,8 +127,20 @@ class SimulatedArm:
 
     # --- ticks ---------------------------------------------------------------------------------
 
-    def step(self, tau: object) -> None:
+    def step(self, tau: object) -> State:
         """Advance by a tick under a command as for ``Simulator.step``, checked and delayed."""
+        if (step := self._step) is None:
+            step = self._step = python_step(self._tick, self.n, len(self._x) - 2 * self.n)
+        state = step(tau, self.step_count) if self.line is None else None
+        if state is None:
+            self._step_by_python(tau)
+            return self.state
+        if state is False:
+            raise self.diverged()
+        self._passed(state.step, state)
+        return state
+
+    def _step_by_python(self, tau: object) -> None:
         if isinstance(tau, JointCommand):
             next(tau.rows(1, self.n, self.dt))  # which checks the shape
             acts = self.arrived(tau)
@@ -184,7 +198,11 @@ class SimulatedArm:
     def _advance(self, servo: bool = False) -> None:
         if self._tick() != 1:
             raise self.diverged()
-        self.step_count, self._state, self.hold = self.step_count + 1, None, FREE
+        self._passed(self.step_count + 1, None, servo)
+
+    def _passed(self, count: int, state: State | None, servo: bool = False) -> None:
+        """Register a tick, the ``count``-th, and the state after it if that is known."""
+        self.step_count, self._state, self.hold = count, state, FREE
         self._saturation.look(self._command, self._effort, servo)
         if self.sensors is not None:
             self.sensors.look(self.step_count, self._q, self._v, self._driving)

@@ -202,8 +202,7 @@ class Simulator:
             InvalidInput: If ``tau`` has the wrong shape or is not finite.
             SimulationDiverged: If the tick gives numbers that are not finite; the state is kept.
         """
-        self.arm.step(tau)
-        return self.arm.state
+        return self.arm.step(tau)
 
     def run(
         self,

@@ -70,6 +70,7 @@ class Trace:
         """Record the tick from a row, which the arm has executed."""
         arm = self._arm
         self._x[row + 1], self._command[row], self._notes[row + 1] = arm.x, arm.acted, arm.notes
+        self._changes.state = arm.state
         if arm.hold != FREE:
             self._changes.held(row, arm.hold)
         if arm.sensors is not None and self._measured is not None:
@@ -96,18 +97,25 @@ class Trace:
 
 
 class _Changes:
-    """Records changes that a controller makes in its simulation."""
+    """Records changes that a controller makes in its simulation.
+
+    Attributes:
+        state: The state after the last tick, which need not be compared if it is still current.
+    """
 
     def __init__(self, arm: SimulatedArm) -> None:
         self._arm = arm
         self._rows, self._states, self._substeps = [0], list[Array](), list[float]()
         self._holds = dict[int, int]()
         self._tuned, self._last = [self._present()], self._token()
+        self.state = arm.state
 
     def look(self, row: int, x: Array) -> None:
         """Compare with the last call; a changed state is written to its row of ``x``."""
-        token, here = self._token(), self._arm.x
-        if token == self._last and here.tobytes() == x[row].tobytes():
+        arm = self._arm
+        token, here = self._token(), arm.x
+        same = arm.state is self.state or here.tobytes() == x[row].tobytes()
+        if same and token == self._last:
             return
         self._rows.append(row)
         self._tuned.append(self._present())
@@ -150,7 +158,8 @@ class _Changes:
 
     def _token(self) -> tuple[Plant, bytes]:
         """A key that differs if a tunable quantity does."""
-        return self._arm.plant, self._arm.parameters.tobytes()
+        compiled = self._arm.compiled
+        return compiled.plant, compiled.stepper.p.tobytes()
 
     def _present(self) -> dict[str, bytes]:
         """Current values by name, since a run may make more of them tunable."""

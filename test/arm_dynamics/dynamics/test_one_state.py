@@ -238,10 +238,10 @@ def test_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_the_headers_of_python(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
-    python_call._library.cache_clear()
+    python_call.python_function.cache_clear()
     with pytest.raises(KernelError, match=r"need Python's headers, .* apt install python3-dev"):
         models.dynamics("two_link").compiled()
-    python_call._library.cache_clear()
+    python_call.python_function.cache_clear()
 
 
 def test_memory_lives_as_long_as_the_function() -> None:

@@ -26,6 +26,8 @@ PythonCall = Callable[..., Array | None]
 None for any other arguments and where the result is not finite."""
 
 _SOURCE = compiler.NATIVE / "python_call.c"
+_SIZE = ctypes.c_ssize_t
+_TAKES = ctypes.c_void_p, _SIZE, _SIZE, ctypes.c_int, ctypes.c_void_p, ctypes.py_object
 
 
 def python_call(kernel: Kernel, name: str, shape: tuple[int, ...]) -> PythonCall:
@@ -42,15 +44,26 @@ def python_call(kernel: Kernel, name: str, shape: tuple[int, ...]) -> PythonCall
     call = kernel.call(name)
     dimensions = (ctypes.c_ssize_t * len(shape))(*shape)
     entry = ctypes.byref(call.entry) if call.entry else None
-    made: PythonCall = _library().python_function(
+    made: PythonCall = python_function(_SOURCE, _TAKES)(
         entry, len(call.inputs), call.inputs[0].size, len(shape), dimensions, (call, kernel)
     )
     return made
 
 
 @cache
-def _library() -> Any:
-    """The library of ``python_call.c``; its functions hold the interpreter lock."""
+def python_function(source: Path, takes: tuple[type, ...], *folders: Path) -> Any:
+    """The C function ``python_function`` of a file, which makes functions for Python.
+
+    It and they are called with the interpreter lock.
+
+    Args:
+        source: The file, which includes ``python_function.h``.
+        takes: Types of its arguments, of ctypes.
+        folders: Further folders of headers.
+
+    Raises:
+        KernelError: If the headers of Python are missing, or the compiler refuses them.
+    """
     headers = Path(sysconfig.get_path("include"))
     if not (headers / "Python.h").is_file():
         raise KernelError(
@@ -58,12 +71,10 @@ def _library() -> Any:
             "(Debian, Ubuntu: apt install python3-dev)"
         )
     versions = f"/* Python {sys.version}, NumPy {np.__version__} */\n".replace("\n", " ") + "\n"
-    places = f"-isystem{headers}", f"-isystem{np.get_include()}"
-    code = compiler.build(versions + _SOURCE.read_text(), local=places)
+    own = (f"-I{folder}" for folder in folders)
+    places = *own, f"-isystem{headers}", f"-isystem{np.get_include()}"
+    code = compiler.build(versions + source.read_text(), local=places)
     library = ctypes.PyDLL(code.library._name, handle=code.library._handle)
-    size = ctypes.c_ssize_t
-    library.python_function.argtypes = [
-        ctypes.c_void_p, size, size, ctypes.c_int, ctypes.c_void_p, ctypes.py_object
-    ]  # fmt: skip
-    library.python_function.restype = ctypes.py_object
-    return library
+    made = library.python_function
+    made.argtypes, made.restype = takes, ctypes.py_object
+    return made
