@@ -86,7 +86,7 @@ class Found:
 def found(sim: Simulator, x: np.ndarray, u: np.ndarray) -> Found:
     stepper = sim.arm.compiled.stepper
     modes = stepper.modes_at(x, u)
-    load, force, rate, _ = (np.array(y) for y in stepper.kernel.call("loads")(x, u, modes.p))
+    load, force, rate, *_ = (np.array(y) for y in stepper.kernel.call("loads")(x, u, modes.p))
     a = np.array(stepper.kernel.call("rhs")(x, u, modes.p)[0])[sim.n :]
     shares, torques = stepper.shared(x, u, modes)  # friction here is the same at rest and sliding
     change = shares.reshape(-1, 3)

@@ -25,7 +25,8 @@ from arm_sim.integrators.tableaux import (
     weighed_sum,
 )
 
-Rhs = Callable[[ca.MX], ca.MX]
+Stage = Callable[[int, ca.MX], ca.MX]
+"""The slope x' of a stage, from its number and state; numbers beyond the last mean the end."""
 Scaled = Callable[[], ca.Function | None]
 """Builds the function that an implicit method may use in place of the Jacobian, see
 ``extrapolated_step``."""
@@ -84,6 +85,7 @@ def build_step(
     scaled: Scaled | None = None,
     name: str = "step",
     dense: bool = False,
+    loads: ca.Function | None = None,
 ) -> ca.Function:
     """Build one step of fixed length.
 
@@ -95,18 +97,20 @@ def build_step(
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
         name: Name of the function, if the default is taken in the same kernel.
         dense: Whether to return the continuous output as well, see ``Step.inside``.
+        loads: Function (x, u, p) -> loads of joints, forces, …, x', see ``Plant.events``. With it
+            x' at the beginning is given, as it is known where modes were chosen.
 
     Returns:
         Function (x, u, p, h) -> x at the end of the step, and with ``dense`` x' at its beginning
-        and at its end, and x in its middle.
+        and at its end, and x in its middle. With ``loads`` (x, u, p, h, x') -> the same without
+        x' at its beginning, and loads and forces at the method's stage at its end, if any.
     """
-    x, u, p, h = _symbols(rhs)
-    step = _advance(method, rhs, n, x, u, p, h, scaled)
+    made = _Made(method, rhs, n, scaled, loads)
+    step = made.step
     after = step.after
     if project is not None:
-        after, *_ = _projected(project, n, x, after, p)
-    inside = step.inside(lambda y: rhs(y, u, p)) if dense else []
-    return ca.Function(name, [x, u, p, h], [after, *inside], {"cse": True})
+        after, *_ = _projected(project, n, step.x, after, made.p)
+    return ca.Function(name, made.given, [after, *made.more(dense)], {"cse": True})
 
 
 @one_at_a_time
@@ -119,6 +123,7 @@ def build_attempt(
     scaled: Scaled | None = None,
     name: str = "attempt",
     dense: bool = False,
+    loads: ca.Function | None = None,
 ) -> ca.Function:
     """Build one step of a method that estimates its error.
 
@@ -136,23 +141,24 @@ def build_attempt(
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
         name: Name of the function, if the default is taken in the same kernel.
         dense: As of ``build_step``.
+        loads: Likewise.
 
     Returns:
         Function (x, u, p, h) -> (x at the end, scaled error, largest error of q), and with
-        ``dense`` what ``build_step`` returns then.
+        ``dense`` and ``loads`` what ``build_step`` takes and returns then.
     """
     if not method.adaptive:
         raise ValueError(f"{method.name} has no error estimate")
-    x, u, p, h = _symbols(rhs)
-    step = _advance(method, rhs, n, x, u, p, h, scaled)
+    made = _Made(method, rhs, n, scaled, loads)
+    step = made.step
     after = step.after
     measure = _norms(scale, len(step.estimates), n)
-    error, error_q = measure(x, after, *step.estimates)
+    error, error_q = measure(step.x, after, *step.estimates)
     if project is not None:
-        after, gap, gap_v = _projected(project, n, x, after, p)
+        after, gap, gap_v = _projected(project, n, step.x, after, made.p)
         error, error_q = ca.fmax(error, ca.fmax(gap, gap_v)), ca.fmax(error_q, gap)
-    inside = step.inside(lambda y: rhs(y, u, p)) if dense else []
-    return ca.Function(name, [x, u, p, h], [after, error, error_q, *inside], {"cse": True})
+    results = [after, error, error_q, *made.more(dense)]
+    return ca.Function(name, made.given, results, {"cse": True})
 
 
 @one_at_a_time
@@ -164,31 +170,55 @@ def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
     return ca.Function("tick", [x, r, p, h], [step(x, u, p, h), u])
 
 
-def _advance(
-    method: Method,
-    rhs: ca.Function,
-    n: int,
-    x: ca.MX,
-    u: ca.MX,
-    p: ca.MX,
-    h: ca.MX,
-    scaled: Scaled | None,
-) -> Step:
-    """One step of the method, before its projection onto constraints."""
-    if method.name == "implicit":
-        jacobian = scaled() if scaled else None
-        after, estimate, middle = implicit.extrapolated_step(rhs, n, x, u, p, h, jacobian)
-        return Step(x, h, after, [estimate], middle=middle)
-    if (tableau := method.tableau) is None:
-        return Step(x, h, _semi_implicit(lambda y: rhs(y, u, p), x, h, n), [])
-    if tableau.positions:
-        slopes = nystrom.slopes(tableau, rhs, n, x, u, p, h)
-        after = nystrom.stage(tableau, len(slopes), slopes, x, h, n)
-        return Step(x, h, after, [], tableau, slopes)
-    slopes = _slopes(tableau, lambda y: rhs(y, u, p), x, h)
-    after = x + h * weighed_sum(tableau.b, slopes, x)
-    estimates = [h * weighed_sum(weights, slopes, x) for weights in tableau.errors]
-    return Step(x, h, after, estimates, tableau, slopes)
+class _Made:
+    """A step, and what it takes and returns besides; arguments as of ``build_step``."""
+
+    def __init__(
+        self, method: Method, rhs: ca.Function, n: int, scaled: Scaled | None,
+        loads: ca.Function | None,
+    ) -> None:  # fmt: skip
+        x, u, self.p, h = _symbols(rhs)
+        self._rhs, self._loads, self._u, self._at_end = rhs, loads, u, list[ca.MX]()
+        self._first = None if loads is None else ca.MX.sym("first", x.shape[0])
+        self.given = [x, u, self.p, h, *([] if self._first is None else [self._first])]
+        self._last = 1
+        if tableau := method.tableau:
+            last = None if needs_slope_at_end(tableau) else stage_at_end(tableau)
+            self._last = last or len(tableau.a)
+        self.step = self._advance(method, n, x, h, scaled)
+
+    def more(self, dense: bool) -> list[ca.MX]:
+        """The continuous output, and loads."""
+        if not dense:
+            return []
+        first, *inside = self.step.inside(self._slope)
+        return [first, *inside] if self._first is None else [*inside, *self._at_end[:2]]
+
+    def _slope(self, stage: int, y: ca.MX) -> ca.MX:
+        if stage == 0 and self._first is not None:
+            return self._first
+        if stage < self._last or self._loads is None:
+            return self._rhs(y, self._u, self.p)
+        *self._at_end, slope = self._loads.call([y, self._u, self.p])
+        return slope
+
+    def _advance(self, method: Method, n: int, x: ca.MX, h: ca.MX, scaled: Scaled | None) -> Step:
+        """One step of the method, before its projection onto constraints."""
+        rhs, u, p = self._rhs, self._u, self.p
+        if method.name == "implicit":
+            jacobian = scaled() if scaled else None
+            after, estimate, middle = implicit.extrapolated_step(rhs, n, x, u, p, h, jacobian)
+            return Step(x, h, after, [estimate], middle=middle)
+        if (tableau := method.tableau) is None:
+            return Step(x, h, _semi_implicit(self._slope(0, x), x, h, n), [])
+        if tableau.positions:
+            slopes = nystrom.slopes(tableau, rhs, self._slope, n, x, u, p, h)
+            after = nystrom.stage(tableau, len(slopes), slopes, x, h, n)
+            return Step(x, h, after, [], tableau, slopes)
+        slopes = _slopes(tableau, self._slope, x, h)
+        after = x + h * weighed_sum(tableau.b, slopes, x)
+        estimates = [h * weighed_sum(weights, slopes, x) for weights in tableau.errors]
+        return Step(x, h, after, estimates, tableau, slopes)
 
 
 @dataclass(frozen=True)
@@ -213,7 +243,7 @@ class Step:
     slopes: Sequence[ca.MX] = ()
     middle: ca.MX | None = None
 
-    def inside(self, f: Rhs) -> list[ca.MX]:
+    def inside(self, f: Stage) -> list[ca.MX]:
         """Continuous output: x' at the beginning and at the end, and x in the middle.
 
         An explicit method takes what its stages give (``continuous.middle_weights``): x' at the
@@ -221,12 +251,12 @@ class Step:
         method under error control, whose steps are long, evaluates f at the end.
         """
         if self.tableau is None:
-            first, last = f(self.x), f(self.after)
+            first, last = f(0, self.x), f(1, self.after)
             middle = 0.5 * (self.x + self.after) + 0.125 * self.h * (first - last)
             return [first, last, middle if self.middle is None else self.middle]
         first, stages = self.slopes[0], list(self.slopes)
         if needs_slope_at_end(self.tableau):
-            stages.append(last := f(self.after))
+            stages.append(last := f(len(stages), self.after))
         elif (stage := stage_at_end(self.tableau)) is not None:
             last = stages[stage]
         else:
@@ -248,16 +278,16 @@ def _symbols(rhs: ca.Function) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
     return x, u, p, ca.MX.sym("h")
 
 
-def _slopes(tableau: Tableau, f: Rhs, x: ca.MX, h: ca.MX) -> list[ca.MX]:
+def _slopes(tableau: Tableau, f: Stage, x: ca.MX, h: ca.MX) -> list[ca.MX]:
     slopes: list[ca.MX] = []
-    for row in tableau.a:
-        slopes.append(f(x + h * weighed_sum(row, slopes, x)) if any(row) else f(x))
+    for i, row in enumerate(tableau.a):
+        slopes.append(f(i, x + h * weighed_sum(row, slopes, x) if any(row) else x))
     return slopes
 
 
-def _semi_implicit(f: Rhs, x: ca.MX, h: ca.MX, n: int) -> ca.MX:
+def _semi_implicit(slope: ca.MX, x: ca.MX, h: ca.MX, n: int) -> ca.MX:
     """Step v first, then q with the new v."""
-    after = x + h * f(x)
+    after = x + h * slope
     return ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:])
 
 

@@ -14,7 +14,7 @@ q'). Where two stages share their position, all that depends on positions alone 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import casadi as ca
 
@@ -48,15 +48,19 @@ def moved(
 
 
 def slopes(
-    tableau: Tableau, rhs: ca.Function, n: int, x: ca.MX, u: ca.MX, p: ca.MX, h: ca.MX
-) -> list[ca.MX]:
-    """The slopes x' at the stages; arguments as those of ``methods.build_step``."""
+    tableau: Tableau, rhs: ca.Function, alone: Callable[[int, ca.MX], ca.MX], n: int, x: ca.MX,
+    u: ca.MX, p: ca.MX, h: ca.MX,
+) -> list[ca.MX]:  # fmt: skip
+    """The slopes x' at the stages; arguments as those of ``methods.build_step``.
+
+    ``alone`` gives that of a stage which shares its position with no other.
+    """
     found: list[ca.MX] = []
     twins = _at_one_position(rhs, n)
     while (i := len(found)) < len(tableau.a):
         y = stage(tableau, i, found, x, h, n)
         if not _shares(tableau, i):
-            found.append(rhs(y, u, p))
+            found.append(alone(i, y))
             continue
         row = tableau.a[i + 1]
         begun = x + h * weighed_sum(row[:i], found, x) if any(row[:i]) else x

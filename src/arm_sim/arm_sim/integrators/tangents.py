@@ -93,7 +93,7 @@ def _staged(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> Pair:
     results = [after, kept]
     if dense and len(used) == len(tableau.b):
         step = Step(x, h, after, [], tableau, list(k.values()))
-        results += step.inside(lambda y: slopes.coefficients(y, u, p)[0])
+        results += step.inside(lambda _, y: slopes.coefficients(y, u, p)[0])
     advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
 
     dx, dw, dh = _changes(slopes)

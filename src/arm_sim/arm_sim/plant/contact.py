@@ -29,7 +29,7 @@ class ContactFunctions:
         points: The contacts.
         acceleration: (q, v, tau, p) -> q̈.
         loads: (q, v, tau, p) -> holding torques of sticking joints, forces and accelerations of
-            the points, acceleration of each gap per normal force where it closes (grip).
+            the points, acceleration of each gap per normal force where it closes (grip), q̈.
         inertia: (q, v, tau, p) -> acceleration of the points per force on them, of the joints per
             force, and of the points without contact forces.
         geometry: (q, v) stacked -> positions of the points in their planes' axes, velocities
@@ -148,7 +148,7 @@ def contact_functions(
     return ContactFunctions(
         tuple(points),
         dense_function("acceleration", arguments, a),
-        dense_function("loads", arguments, reaction, force, accelerations, grip),
+        dense_function("loads", arguments, reaction, force, accelerations, grip, a),
         dense_function("contact_inertia", arguments, delassus.W, B, free),
         dense_function("contact_geometry", [x], where.place, speed, size),
         dense_function("contact_close", [x, joints.p, anchor], closed),

@@ -151,7 +151,7 @@ def _stick_slip(
     none = ca.SX(0, 1)
     return (
         ca.Function("acceleration", arguments, [a], {"cse": True}),
-        dense_function("loads", arguments, held, none, none, none),
+        dense_function("loads", arguments, held, none, none, none, a),
         reaction,
     )
 

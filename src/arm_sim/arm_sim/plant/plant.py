@@ -199,11 +199,11 @@ class Plant:
     def events(self) -> tuple[ca.Function, ...]:
         """CasADi functions evaluated at events; empty where nothing sticks or touches.
 
-        ``loads`` (x, u, p), with bilateral constraints ``bilateral`` (x, u, p), with stops
-        ``stop_torques`` (x, u, p), ``strike`` and ``pressures``, with ``switches`` (x, u, p) their
-        switching functions and the magnitude of the terms of each, with contacts
-        ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``, and where parts
-        may hold together ``statics`` (x, u, p).
+        ``loads`` (x, u, p), the last of which is x', with bilateral constraints ``bilateral`` (x,
+        u, p), with stops ``stop_torques`` (x, u, p), ``strike`` and ``pressures``, with
+        ``switches`` (x, u, p) their switching functions and the magnitude of the terms of each,
+        with contacts ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``,
+        and where parts may hold together ``statics`` (x, u, p).
         """
         return self._equations()[1] if self.eventful else ()
 
@@ -371,8 +371,11 @@ def _composed(
     arm = mechanics()
     powers = [*powers, arm.taken] if powers else ()
     a, n = arm.acceleration, arm.symbols.q.shape[0]
-    rhs = _driven(a, arm.joints, laws, powers) if laws else _state_space(a, n)
-    of_state = (_of_state(function, arm.joints, laws, n) for function in arm.loads)
+    rhs = _of_state(a, arm.joints, laws, n, powers, "rhs")
+    of_state = (
+        _of_state(function, arm.joints, laws, n, powers if function.name() == "loads" else None)
+        for function in arm.loads
+    )
     geometry = (arm.contact.geometry, arm.contact.close) if arm.contact else ()
     switches = (_switches(arm, laws),) if arm.joints.switches.numel() else ()
     return rhs, (*of_state, *arm.of_joints, *switches, *geometry)
@@ -413,31 +416,22 @@ def split(x: ca.SX, n: int) -> tuple[ca.SX, ca.SX, ca.SX]:
     return x[:n], x[n : 2 * n], x[2 * n :]
 
 
-def _state_space(acceleration: ca.Function, n: int) -> ca.Function:
-    """Function (x, u, p) -> x' with x = (q, v) from a function (q, v, tau, p) -> q̈."""
-    x, u, p = _symbols(acceleration, 2 * n, n)
-    q, v = x[:n], x[n:]
-    return ca.Function("rhs", [x, u, p], [ca.vertcat(v, acceleration(q, v, u, p))], {"cse": True})
+def _of_state(
+    function: ca.Function, joints: Joints, laws: Ensemble | None, n: int,
+    powers: Sequence[Power] | None = None, name: str = "",
+) -> ca.Function:  # fmt: skip
+    """A function of (x, u, p) from one of (q, v, tau, p).
 
-
-def _driven(
-    acceleration: ca.Function, joints: Joints, laws: Ensemble, powers: Sequence[Power]
-) -> ca.Function:
-    """The same with models between command and joints: x = (q, v, z), powers as states."""
-    x, u, p = _symbols(acceleration, 2 * laws.n + len(laws.names), laws.n)
-    q, v, z = split(x, laws.n)
-    torque, slope, *_ = _with_modes(laws, joints, p, q, v, z, u)
-    more = [power(q, v, torque, p) for power in powers]
-    slopes = ca.vertcat(v, acceleration(q, v, torque, p), slope, *more)
-    return dense_function("rhs", [x, u, p], slopes)
-
-
-def _of_state(function: ca.Function, joints: Joints, laws: Ensemble | None, n: int) -> ca.Function:
-    """A function of (x, u, p) from one of (q, v, tau, p)."""
+    With ``powers`` its last result is q̈ and becomes x', with the powers as further states.
+    """
     x, u, p = _symbols(function, 2 * n + _states(laws), n)
     q, v, z = split(x, n)
-    tau = _with_modes(laws, joints, p, q, v, z, u)[0] if laws else u
-    return dense_function(function.name(), [x, u, p], *function.call([q, v, tau, p]))
+    tau, slope, *_ = _with_modes(laws, joints, p, q, v, z, u) if laws else (u, ca.SX(0, 1))
+    found = function.call([q, v, tau, p])
+    if powers is not None:
+        more = [power(q, v, tau, p) for power in powers]
+        found[-1] = ca.vertcat(v, found[-1], slope, *more)
+    return dense_function(name or function.name(), [x, u, p], *found)
 
 
 def _states(laws: Ensemble | None) -> int:

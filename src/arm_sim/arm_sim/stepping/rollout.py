@@ -36,6 +36,7 @@ from arm_sim.stepping.stepper import (
     braces,
     error_control,
     mode_sizes,
+    near_loads,
     sizes,
     smooth_motion,
     source,
@@ -290,6 +291,7 @@ def ticks_of_lanes(
         return _source(plant, width, [build_tick(motion, actuate)], more, file, control, without)
     asked = [function for function in plant.events if function.name() in FORESEEN]
     functions, more = [plant.rhs, motion, actuate, *asked], {"EVENTS": "1"} | mode_sizes(plant)
+    more |= near_loads(functions)
     if plant.points:
         functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
         more["MOVING"] = "1"

@@ -120,7 +120,9 @@ class Stepper:
             self._control = SubstepControl(choice.tolerance, choice.method.order)
         smooth = (FREE if plant.free else "") + ("attempt" if self._control else "step")
         limits = 0 if self._control else self.kernel.operations("actuate")
-        self.tick_operations = self.moving_operations = self.kernel.operations(smooth) + limits
+        first = self.kernel.operations("rhs") if plant.eventful and not plant.free else 0
+        whole = self.kernel.operations(smooth) + limits + first
+        self.tick_operations = self.moving_operations = whole
         if plant.points:
             self.moving_operations = self.kernel.operations(f"{MOVING}{smooth}") + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
@@ -376,12 +378,19 @@ def engine_source(
     else:
         defines |= {"ADAPTIVE": "1"} | error_control(plant, choice)
     if plant.eventful:
-        defines |= event_sizes(plant) | _work(choice, functions, smooth)
+        defines |= event_sizes(plant) | near_loads(functions) | _work(choice, functions, smooth)
     else:
         without.add("events.h")
     if "TOGETHER" not in defines:
         without.add("together.h")
     return source(defines, file, without)
+
+
+def near_loads(functions: Sequence[ca.Function]) -> dict[str, str]:
+    """Definition for steps that return the loads at a stage at their end."""
+    motion = next(function for function in functions if function.name() in ("step", "attempt"))
+    plain = {"step": 3, "attempt": 5}[motion.name()]
+    return {"NEAR_LOADS": "1"} if motion.n_in() == 5 and motion.n_out() > plain else {}
 
 
 def error_control(plant: Plant, choice: Choice) -> dict[str, str]:
@@ -467,13 +476,16 @@ def _eventful(plant: Plant) -> str:
 def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function:
     """A step of fixed length or, with error control, an attempt; ``prefix`` begins its name.
 
-    In a scene with events it returns its continuous output, too.
+    In a scene with events it returns its continuous output, too, and begins with the slope that
+    is known from the choice of modes.
     """
     n, scaled, method, dense = plant.model.n, plant.scaled_jacobian, choice.method, plant.eventful
+    known = {function.name(): function for function in plant.events}
+    loads = None if plant.moving else known.get("loads")
+    more = plant.project, scaled, f"{prefix}{'step' if choice.tolerance is None else 'attempt'}"
     if choice.tolerance is None:
-        return build_step(method, plant.rhs, n, plant.project, scaled, f"{prefix}step", dense)
-    name = f"{prefix}attempt"
-    return build_attempt(method, plant.rhs, n, plant.scale, plant.project, scaled, name, dense)
+        return build_step(method, plant.rhs, n, *more, dense, loads)
+    return build_attempt(method, plant.rhs, n, plant.scale, *more, dense, loads)
 
 
 def _renamed(function: ca.Function) -> ca.Function:

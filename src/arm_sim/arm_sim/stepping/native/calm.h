@@ -47,7 +47,7 @@ static void foresee_modes(const engine_t* engine, foreseen_t* tick, calm_lanes_t
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
     engine->foresee(tick + j);
-    tick[j].rests = tick[j].slides = tick[j].closes = 0; /* loads and the like are not foreseen */
+    tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0; /* loads and the like are not foreseen */
     found->held |= !all_moves(tick[j].p + NP);
   }
   read_arms(found->p, NP + MODES, tick->p, sizeof(foreseen_t) / sizeof(double), of_lane);

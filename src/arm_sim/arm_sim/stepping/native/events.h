@@ -122,6 +122,7 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
     const enum trouble trouble = begin_segment(x, segment, left, &losses, report, anchor);
     if (trouble != NONE) return trouble;
     memcpy(piece.begin, x, sizeof piece.begin);
+    begin_piece(segment, &piece);
     if (!make_step(segment, segment->step, &piece, error)) return NUMBERS;
     memcpy(after, piece.end, sizeof piece.end);
     close_contacts(after, segment, anchor);

@@ -25,7 +25,8 @@
 
 /* Numbers in modes_t after the tunable ones, loads_t, geometry_t and inertia_t. */
 #define MODES (ND + NQ + NK + 5 * NC)
-#define LOADS (NU + 7 * NC)
+#define LOADS (NU + 7 * NC + NX)
+#define NEARS (NU + 3 * NC) /* load and force of them */
 #define PLACES (7 * NC)
 #define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
 
@@ -48,6 +49,14 @@ static inline int same(const double* a, const double* b, int count) {
   }
   return equal;
 }
+
+/* Whether loads at a step's stage at its end tell of those at its end: under error control they are the same, and without
+ * internal states they do not swing within a step. */
+#ifdef ADAPTIVE
+#define STEADY 1
+#else
+#define STEADY (NX == 2 * NU)
+#endif
 
 #define NEAR 0.1 /* distance to a limit at which it may be reached within a step, relative to the limit */
 
@@ -77,11 +86,13 @@ __extension__ typedef struct {
   double x[NX], u[NU], p[NP + MODES]; /* beginning of a tick, its command, and its probable modes */
   double length;                      /* of the tick */
   double geometry[PLACES], anchor[2 * NC]; /* at its beginning */
-  long long rests, slides, closes; /* whether slopes and loads, the inertia, and closed contacts will be asked for */
-  double slope[NX], loads[LOADS], inertia[INERTIA];             /* at the beginning ... */
-  double after[NX], loads_after[LOADS], geometry_after[PLACES]; /* ... and at the end, ... */
-  double closed[2 * NU];                                        /* ... which is this with closed contacts */
-  inside_t inside;                                              /* of the step from the beginning to the end */
+  long long rests, slides, closes; /* whether loads, the inertia, and closed contacts will be asked for */
+  double loads[LOADS], inertia[INERTIA];    /* at the beginning ... */
+  double after[NX], geometry_after[PLACES]; /* ... and at the end, ... */
+  double closed[2 * NU];                    /* ... which is this with closed contacts */
+  inside_t inside;                          /* of the step from the beginning to the end ... */
+  long long nears;                          /* ... and whether this is known: ... */
+  double near[NEARS];                       /* ... loads and forces at its stage at the end */
 } foreseen_t;
 
 /* A tick without events, for derivatives: one smooth motion. */

@@ -3,10 +3,10 @@
  * Ticks with events of LANES arms: functions of the motion without events are evaluated side by side, the logic of events
  * runs arm by arm.
  *
- * Before this file: ticks.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `actuate`, `step`, with
- * MOVING `moving_step`, `rhs` and `loads`, and with contacts `contact_geometry`, `contact_inertia` and `contact_close`. With
- * CALM, where modes are those of sliding joints and of contacts alone, also STATIC, LOWEST and HIGHEST (levels of static
- * friction and stops, by joint).
+ * Before this file: ticks.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `actuate`, `step`, with NEAR_LOADS if
+ * it returns loads, with MOVING `moving_step`, `rhs` and `loads`, and with contacts `contact_geometry`, `contact_inertia` and
+ * `contact_close`. With CALM, where modes are those of sliding joints and of contacts alone, also STATIC, LOWEST and HIGHEST
+ * (levels of static friction and stops, by joint).
  */
 
 #pragma once
@@ -18,32 +18,60 @@ static void find_loads(const real* x, const real* u, const real* p, real* found)
   real w[SZ_W];
   casadi_int iw[SZ_IW];
   const real* arg[SZ_ARG] = {x, u, p};
-  real* res[SZ_RES] = {found, found + NU, found + NU + MC, found + NU + 2 * MC};
+  real* res[SZ_RES] = {found, found + NU, found + NU + MC, found + NU + 2 * MC, found + LOADS - NX};
   loads(arg, res, iw, w, 0);
 }
 
-/* Step of all lanes in their modes p, by the functions that the engine of one arm takes. */
-static void step_of_lanes(const real* p, const real** arg, real** res) {
+static void find_slope(const real* x, const real* u, const real* p, real* slope) {
   real w[SZ_W];
   casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG] = {x, u, p};
+  real* res[SZ_RES] = {slope};
+  rhs(arg, res, iw, w, 0);
+}
+
+/* A step of all lanes, with its continuous output and the loads at its stage at the end. */
+typedef struct {
+  real next[NX], inside[3 * NX], near[NEARS];
+} step_of_lanes_t;
+
+/* Make a step in modes p by the functions that the engine of one arm takes; `load` are the loads at its beginning, or null. */
+static void make_steps(const real* x, const real* u, const real* p, const real* h, const real* load, step_of_lanes_t* made) {
+  real w[SZ_W];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG] = {x, u, p, h, made->inside};
+  real* res[SZ_RES] = {made->next, made->inside + NX, made->inside + 2 * NX, made->near, made->near + NU};
+  int moving = 0;
 #ifdef MOVING
-  real found[4 * NX], *moved[SZ_RES];
-  int moves[LANES], moving = 0;
-  for (int i = 0; i < 4; ++i) moved[i] = found + i * NX;
+  int moves[LANES];
   for (int j = 0; j < LANES; ++j) {
     double modes[MODES + 1];
     for (int i = 0; i < MODES; ++i) modes[i] = LANE(p[NP + i], j);
     moving += moves[j] = all_moves(modes);
   }
-  if (moving < LANES) step(arg, res, iw, w, 0);
-  if (moving) moving_step(arg, moving < LANES ? moved : res, iw, w, 0);
-  if (!moving || moving == LANES) return;
+#endif
+  if (moving < LANES) {
+    if (load) memcpy(made->inside, load + LOADS - NX, NX * sizeof *load);
+    else find_slope(x, u, p, made->inside);
+    step(arg, res, iw, w, 0);
+  }
+#ifdef MOVING
+  if (!moving) return;
+  real found[4 * NX];
+  for (int i = 0; i < 4; ++i) res[i] = found + i * NX;
+  moving_step(arg, res, iw, w, 0);
   for (int k = 0; k < 4 * NX; ++k)
     for (int j = 0; j < LANES; ++j)
-      if (moves[j]) LANE(res[k / NX][k % NX], j) = LANE(found[k], j);
-#else
-  (void)p;
-  step(arg, res, iw, w, 0);
+      if (moves[j]) LANE((k < NX ? made->next + k : made->inside + k - NX)[0], j) = LANE(found[k], j);
+#endif
+}
+
+/* Steps from the beginnings of ticks, and where the contacts are after them. */
+static void write_made(const step_of_lanes_t* made, const real* place, foreseen_t* tick) {
+  write_steps(made->next, made->inside, place, tick);
+#ifdef NEAR_LOADS
+  write_arms(tick->near, sizeof(foreseen_t) / sizeof(double), made->near, NEARS);
+  for (int j = 0; j < LANES; ++j) tick[j].nears = STEADY;
 #endif
 }
 
@@ -78,11 +106,10 @@ static int holds_any(const real* p) {
   return any;
 }
 
-/* Lanes in which what is at rest stays there, far below the limits of friction. */
-static real find_held(const real* x, const real* u, const real* p) {
+/* Lanes in which what is at rest stays there under loads far below the limits of friction. */
+static real find_held(const real* load, const real* p) {
   const real none = 0.0;
-  real held = 1.0, load[LOADS + 1];
-  find_loads(x, u, p, load);
+  real held = 1.0;
   for (int i = 0; i < ND; ++i)
     if (static_of[i] > 0.0) held = held && (p[NP + i] != none || fabs(load[i]) < FAR_BELOW * static_of[i]);
   return held;
@@ -114,23 +141,29 @@ static real find_calm(const real* x, const real* next, const real* inside, const
  * are most, no step is made. With contacts, the engine's modes contain more, and it makes a step of its own. */
 static int foresee_clear(const real* x, const real* u, const real* tunable, const real* h, const real* place, int used,
                          foreseen_t* tick, real* next, real* done) {
-  real p[NP + MODES + 1], inside[3 * NX], after[PLACES + 1];
-  const real* arg[SZ_ARG] = {x, u, p, h};
-  real* res[SZ_RES] = {next, inside, inside + NX, inside + 2 * NX};
+  real p[NP + MODES + 1], after[PLACES + 1], load[LOADS + 1];
+  step_of_lanes_t made;
   int others = 0, left = 0;
   for (int i = 0; i < NP; ++i) p[i] = tunable[i];
   real clear = find_modes_of_lanes(x, place, p + NP);
   const int holds = holds_any(p + NP);
-  if (holds && NX == 2 * NU) clear = clear && find_held(x, u, p);
+  if (holds) find_loads(x, u, p, load);
+  if (holds && NX == 2 * NU) clear = clear && find_held(load, p);
   for (int j = 0; j < used; ++j) others += LANE(clear, j) == 0.0;
   if (2 * others > used) return others;
-  step_of_lanes(p, arg, res);
+  make_steps(x, u, p, h, holds ? load : 0, &made);
+  for (int i = 0; i < NX; ++i) next[i] = made.next[i];
   find_geometry(next, after);
-  *done = clear && find_calm(x, next, inside, place, after, p + NP, *h);
-  if (holds) *done = NX == 2 * NU ? *done && find_held(next, u, p) : 0.0 * *done;
+  *done = clear && find_calm(x, next, made.inside, place, after, p + NP, *h);
+#ifdef NEAR_LOADS
+  if (holds) *done = NX == 2 * NU ? *done && find_held(made.near, p) : 0.0 * *done;
+#else
+  if (holds && NX == 2 * NU) find_loads(next, u, p, load);
+  if (holds) *done = NX == 2 * NU ? *done && find_held(load, p) : 0.0 * *done;
+#endif
   for (int j = 0; j < used; ++j) left += LANE(*done, j) == 0.0;
   if (!left) return 0;
-  write_steps(next, inside, after, tick);
+  write_made(&made, after, tick);
   for (int j = 0; j < used; ++j)
     for (int i = NP; i < NP + MODES && LANE(clear, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
   return others;
@@ -141,11 +174,11 @@ static int foresee_clear(const real* x, const real* u, const real* tunable, cons
 static void foresee_guess(const real* x, const real* u, const real* h, const engine_t* engine, foreseen_t* tick) {
   const long long stride = sizeof(foreseen_t) / sizeof(double);
   long long of_lane[LANES], rests = 0, slides = 0, closes = 0;
-  real p[NP + MODES], next[NX], slope[NX], load[LOADS], place[PLACES], inertia[INERTIA], anchor[2 * NC], closed[2 * NU];
-  real inside[3 * NX], w[SZ_W];
+  real p[NP + MODES], load[LOADS], place[PLACES], inertia[INERTIA], anchor[2 * NC], closed[2 * NU], w[SZ_W];
+  step_of_lanes_t made;
   casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG] = {x, u, p, h};
-  real* res[SZ_RES] = {next, inside, inside + NX, inside + 2 * NX};
+  const real* arg[SZ_ARG] = {x, u, p};
+  real* res[SZ_RES];
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
     engine->foresee(tick + j);
@@ -154,18 +187,13 @@ static void foresee_guess(const real* x, const real* u, const real* h, const eng
     closes |= tick[j].closes;
   }
   read_arms(p, NP + MODES, tick->p, stride, of_lane);
-  step_of_lanes(p, arg, res);
-  find_geometry(next, place);
-  write_steps(next, inside, place, tick);
   if (rests) {
-    res[0] = slope;
-    rhs(arg, res, iw, w, 0);
-    write_arms(tick->slope, stride, slope, NX);
     find_loads(x, u, p, load);
     write_arms(tick->loads, stride, load, LOADS);
-    find_loads(next, u, p, load);
-    write_arms(tick->loads_after, stride, load, LOADS);
   }
+  make_steps(x, u, p, h, rests ? load : 0, &made);
+  find_geometry(made.next, place);
+  write_made(&made, place, tick);
   if (slides) {
     res[0] = inertia;
     res[1] = inertia + MC * MC;
@@ -175,7 +203,7 @@ static void foresee_guess(const real* x, const real* u, const real* h, const eng
   }
   if (closes) {
     read_arms(anchor, 2 * NC, tick->anchor, stride, of_lane);
-    arg[0] = next;
+    arg[0] = made.next;
     arg[1] = p;
     arg[2] = anchor;
     res[0] = closed;

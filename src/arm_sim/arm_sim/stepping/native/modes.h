@@ -82,13 +82,20 @@ __extension__ typedef struct {
   real place[MC], speed[MC], size[NC];
 } geometry_t; /* contact points in their planes' axes */
 
-/* What is kept during a tick: the operations of the generated functions, and where the contacts are in the last states for
- * which that was computed, such as those at its beginning and at its end. */
+/* Holding torques of sticking joints, relative to their level; forces, accelerations and grips of contacts; x'. */
+__extension__ typedef struct {
+  real load[NU], force[MC], rate[MC], grip[NC], slope[NX];
+} loads_t;
+
+/* What is kept during a tick: the operations of the generated functions; where the contacts are in the last states for which
+ * that was computed, such as those at its beginning and at its end; and the last loads, with their state and modes. */
 #define STATES 2
 __extension__ typedef struct {
-  long long work, states;
+  long long work, states, loaded;
   real x[STATES][2 * NU];
   geometry_t geometry[STATES];
+  real loads_x[NX], loads_in[MODES];
+  loads_t loads;
 } memory_t;
 
 /* A smooth segment of a tick: command, and modes of joints and contacts. */
@@ -108,9 +115,6 @@ __extension__ typedef struct {
   record_t* record; /* ... and this one, or null */
 } segment_t;
 
-__extension__ typedef struct {
-  real load[NU], force[MC], rate[MC], grip[NC];
-} loads_t;
 __extension__ typedef struct {
   real W[MC * MC], B[NU * MC], free[MC];
 } inertia_t;
@@ -137,7 +141,7 @@ static const double soft_stop[2][NU] = {SOFT_LOWER, SOFT_UPPER};
 /* Of a tick, of which nothing but the command is known yet. */
 static void begin_tick(segment_t* segment, const real* u, memory_t* memory) {
   set_zero(segment, sizeof *segment);
-  memory->work = memory->states = 0;
+  memory->work = memory->states = memory->loaded = 0;
   segment->u = u;
   segment->memory = memory;
   for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
@@ -174,14 +178,22 @@ static void find_geometry(const real* x, const segment_t* segment, geometry_t* g
   memory->geometry[place] = *geometry;
 }
 
-/* Holding torques of sticking joints, relative to their level; forces, accelerations and grips of contacts. */
-static void find_loads(const real* x, const segment_t* segment, loads_t* found) {
+/* The loads at x if they are known; else null. */
+static const loads_t* known_loads(const real* x, const segment_t* segment) {
   const foreseen_t* known = segment->foreseen;
-  const double* answer = is_foreseen(segment) && known->rests ? answer_at(x, known, NX, known->loads, known->loads_after) : 0;
+  const memory_t* memory = segment->memory;
+  if (is_foreseen(segment) && known->rests && same(x, known->x, NX)) return (const loads_t*)known->loads;
+  if (!memory->loaded || !same(x, memory->loads_x, NX)) return 0;
+  return same((const real*)&segment->p + NP, memory->loads_in, MODES) ? &memory->loads : 0;
+}
+
+static void find_loads(const real* x, const segment_t* segment, loads_t* found) {
+  const loads_t* known = known_loads(x, segment);
+  memory_t* memory = segment->memory;
   WORKSPACE;
-  segment->memory->work += COST_LOADS;
-  if (answer) {
-    memcpy(found, answer, sizeof *found);
+  memory->work += COST_LOADS;
+  if (known) {
+    *found = *known;
     return;
   }
   arg[0] = x;
@@ -191,7 +203,12 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
   res[1] = found->force;
   res[2] = found->rate;
   res[3] = found->grip;
+  res[4] = found->slope;
   loads(arg, res, iw, w, 0);
+  memory->loaded = 1;
+  memory->loads = *found;
+  memcpy(memory->loads_x, x, sizeof memory->loads_x);
+  memcpy(memory->loads_in, (const real*)&segment->p + NP, sizeof memory->loads_in);
 }
 
 static void find_inertia(const real* x, const segment_t* segment, inertia_t* inertia) {
@@ -212,11 +229,15 @@ static void find_inertia(const real* x, const segment_t* segment, inertia_t* ine
 }
 
 static void find_slope(const real* x, const segment_t* segment, real* slope) {
-  const foreseen_t* known = segment->foreseen;
+  const loads_t* found = known_loads(x, segment);
   WORKSPACE;
   segment->memory->work += COST_SLOPE;
-  if (is_foreseen(segment) && known->rests && same(x, known->x, NX)) {
-    memcpy(slope, known->slope, sizeof known->slope);
+  const real* answer = found ? found->slope : 0;
+#ifndef MOVING /* steps in motion are of other functions */
+  if (is_foreseen(segment) && same(x, segment->foreseen->x, NX)) answer = segment->foreseen->inside.slope[0];
+#endif
+  if (answer) {
+    memcpy(slope, answer, NX * sizeof *slope);
     return;
   }
   arg[0] = x;
@@ -581,9 +602,7 @@ static int find_disobedient(const real* x, const segment_t* segment, const loads
   }
   for (int i = 0; i < ND; ++i) resting |= rests(x, i);
   if (!resting) return worst;
-  real slope[NX];
-  find_slope(x, segment, slope);
-  const real* a = slope + NU;
+  const real* a = found->slope + NU;
   const double quickest = 1.0 + largest_of(a, NU), level = largest_of(static_level, NU), highest = level > 0.0 ? level : 1.0;
   for (int i = 0; i < ND; ++i) {
     if (!rests(x, i)) continue;

@@ -56,6 +56,7 @@ static inline long long AS_BITS(real x) {
 #define MOVING 1
 #define CALM 1
 #define FORETELLS 1
+#define NEAR_LOADS 1
 #define TOGETHER 1
 #define STOPS 1
 

@@ -28,13 +28,23 @@
 #define PEAK_TRIALS 8       /* ... of at most so many */
 #define EARLIER 4           /* earlier events that are looked for before one that was found */
 
-/* A step of the method in a segment, with its continuous output. */
-typedef struct {
+/* A step of the method in a segment, with its continuous output; where the method has a stage at the end, loads there. */
+__extension__ typedef struct {
   real begin[NX], end[NX];
   inside_t inside;
+  loads_t near; /* its load and force alone, ... */
+  int nears;    /* ... if this is set */
   double from; /* its beginning since that of the segment */
   double length;
 } piece_t;
+
+/* The slope at the beginning of a piece, with which its steps begin; where nothing is held they find it themselves. */
+static void begin_piece(const segment_t* segment, piece_t* piece) {
+#ifdef MOVING
+  if (all_moves(segment->p.direction)) return;
+#endif
+  find_slope(piece->begin, segment, piece->inside.slope[0]);
+}
 
 /* Make a step of length h from the beginning of a piece: 1 if every number stayed finite. `error` receives the scaled error
  * and that of q, with an estimate. The step may be foreseen.
@@ -47,6 +57,8 @@ static int make_step(const segment_t* segment, double h, piece_t* piece, real* e
   if (is_foreseen(segment) && h == known->length && same(piece->begin, known->x, NX)) {
     memcpy(piece->end, known->after, sizeof known->after);
     memcpy(&piece->inside, &known->inside, sizeof known->inside);
+    memcpy(piece->near.load, known->near, sizeof known->near);
+    piece->nears = known->nears != 0;
     return within_reach(piece->end);
   }
   real** more = res;
@@ -61,14 +73,23 @@ static int make_step(const segment_t* segment, double h, piece_t* piece, real* e
 #else
   (void)error;
 #endif
-  *more++ = piece->inside.slope[0];
-  *more++ = piece->inside.slope[1];
-  *more = piece->inside.middle;
+  piece->nears = 0;
 #ifdef MOVING
   if (all_moves(segment->p.direction)) {
+    *more++ = piece->inside.slope[0];
+    *more++ = piece->inside.slope[1];
+    *more = piece->inside.middle;
     MOVING_SMOOTH(arg, res, iw, w, 0);
     return within_reach(piece->end);
   }
+#endif
+  arg[4] = piece->inside.slope[0];
+  *more++ = piece->inside.slope[1];
+  *more++ = piece->inside.middle;
+#ifdef NEAR_LOADS
+  *more++ = piece->near.load;
+  *more = piece->near.force;
+  piece->nears = STEADY;
 #endif
   SMOOTH(arg, res, iw, w, 0);
   return within_reach(piece->end);
@@ -151,16 +172,45 @@ static void hold_together(const real* x, const segment_t* segment, const loads_t
 }
 #endif
 
-/* Positive where a contact or joint violates its mode after a motion of length t; returns the largest violation. */
-static double disobedience(const real* x, const segment_t* segment, const double* ground, double t, limits_t* limits) {
+/* Whether a contact is apart or slides: its place or speed may end its mode. */
+static int any_travels(const segment_t* segment) {
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed == 0.0 || segment->p.contact[k].sticks == 0.0;
+  return any;
+}
+
+/* Whether loads and forces are so far from their limits that those of a state close by are within them. */
+static int holds_firmly(const segment_t* segment, const loads_t* near, const real* x) {
+  double heaviest = 0.0;
+  if (segment->yields) return 0;
+  for (int k = 0; k < NC; ++k)
+    if (segment->p.contact[k].closed != 0.0) heaviest = fmax(heaviest, near->force[3 * k]);
+  for (int k = 0; k < NC; ++k) {
+    const real* r = near->force + 3 * k;
+    const contact_mode_t* mode = segment->p.contact + k;
+    if (mode->closed == 0.0) continue;
+    if (!(r[0] > 2.0 * NEAR * heaviest)) return 0;
+    if (mode->sticks != 0.0 && !(hypot(r[1], r[2]) < (1.0 - 2.0 * NEAR) * stick_limit(segment, k) * r[0])) return 0;
+  }
+  for (int i = 0; i < ND; ++i)
+    if (segment->p.direction[i] == 0.0 && (at_stop(x, i) || !(fabs(near->load[i]) < (1.0 - 2.0 * NEAR) * static_level[i])))
+      return 0;
+  return 1;
+}
+
+/* Positive where a contact or joint violates its mode after a motion of length t; returns the largest violation. `near`: the
+ * loads at a state close by, which are taken if what is held is held firmly, or null. */
+static double disobedience(const real* x, const segment_t* segment, const double* ground, double t, const loads_t* near,
+                           limits_t* limits) {
   const real *d = segment->p.direction, *v = x + NU;
   const double rounding = turning_rounding(x);
   geometry_t geometry;
   loads_t found;
   __extension__ real value[NK], size[NK];
   fill(limits, -INFINITY);
-  find_geometry(x, segment, &geometry);
-  if (anything_held(segment)) find_loads(x, segment, &found);
+  if (any_travels(segment)) find_geometry(x, segment, &geometry);
+  if (near && holds_firmly(segment, near, x)) found = *near;
+  else if (anything_held(segment)) find_loads(x, segment, &found);
   for (int k = 0; k < NC; ++k) {
     const real *r = found.force + 3 * k, *s = geometry.speed + 3 * k;
     const contact_mode_t* mode = segment->p.contact + k;
@@ -200,9 +250,10 @@ static double excess_at(const search_t* search, double t, limits_t* limits) {
   real error[2];
   search->segment->memory->work += COST_STEP;
   memcpy(part.begin, search->piece.begin, sizeof part.begin);
+  memcpy(part.inside.slope[0], search->piece.inside.slope[0], sizeof part.inside.slope[0]);
   memcpy(part.end, part.begin, sizeof part.end);
   if (t == 0.0 || make_step(search->segment, t, &part, error))
-    return disobedience(part.end, search->segment, search->ground, search->piece.from + t, limits);
+    return disobedience(part.end, search->segment, search->ground, search->piece.from + t, 0, limits);
   fill(limits, INFINITY);
   return INFINITY;
 }
@@ -285,7 +336,7 @@ static int may_stray(const search_t* search, const limits_t* end) {
   for (int i = 0; i < NU; ++i)
     if (!(ND && segment->p.direction[i] == 0.0) && joint_may_stray(piece, segment, i)) return 1;
   if (load_may_stray(segment, end) || switch_may_stray(piece, segment, end)) return 1;
-  if (NC) {
+  if (any_travels(segment)) {
     geometry_t first, last;
     find_geometry(piece->begin, segment, &first);
     find_geometry(piece->end, segment, &last);
@@ -337,7 +388,7 @@ static double find_excursion(const search_t* search, const limits_t* end, limits
   for (int k = 0; k < LOOKS - 1; ++k) {
     const double part = (double)k / (LOOKS - 1);
     state_inside(piece, part, x);
-    disobedience(x, search->segment, search->ground, piece->from + part * piece->length, (limits_t*)samples[k]);
+    disobedience(x, search->segment, search->ground, piece->from + part * piece->length, 0, (limits_t*)samples[k]);
   }
   memcpy(samples[LOOKS - 1], end, sizeof *end);
   for (int k = 1; k < LOOKS - 1; ++k)
@@ -406,7 +457,7 @@ static double end_at_event(search_t* search, double known, limits_t* limits, rea
   for (int turn = 0; turn < EARLIER; ++turn) {
     const double length = first_positive(limits_at, search, LIMITS, known, (const double*)limits, NOTHING, room);
     if (!make_step(search->segment, length, piece, error)) return -1.0;
-    disobedience(piece->end, search->segment, search->ground, piece->from + length, &early);
+    disobedience(piece->end, search->segment, search->ground, piece->from + length, 0, &early);
     known = find_excursion(search, &early, limits);
     if (known == 0.0) return length;
   }
@@ -415,10 +466,11 @@ static double end_at_event(search_t* search, double known, limits_t* limits, rea
 
 /* A time in a piece of length h, whose end may be out of reach, at which a mode is violated; 0 if all are satisfied. */
 static double find_violation(const search_t* search, double h, int reached, limits_t* limits) {
+  const piece_t* piece = &search->piece;
+  const loads_t* near = piece->nears ? &piece->near : 0;
   limits_t peak;
   if (!reached) fill(limits, INFINITY);
-  if (!reached || disobedience(search->piece.end, search->segment, search->ground, search->piece.from + h, limits) > 0.0)
-    return h;
+  if (!reached || disobedience(piece->end, search->segment, search->ground, piece->from + h, near, limits) > 0.0) return h;
   const double known = find_excursion(search, limits, &peak);
   if (known > 0.0) *limits = peak;
   return known;
@@ -461,6 +513,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
   find_geometry(x, segment, &geometry);
   for (int k = 0; k < NC; ++k) search.ground[k] = fmin(geometry.place[3 * k], 0.0);
   memcpy(piece->begin, x, sizeof piece->begin);
+  begin_piece(segment, piece);
   *calm = 0;
 #ifdef ADAPTIVE
   substeps_t at = first_substep(reach, control->step);
@@ -508,6 +561,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
       memcpy(after, piece->end, sizeof piece->end);
       return last && *calm ? reach : piece->from;
     }
+    begin_piece(segment, piece);
   }
   /* The direction of a contact is undefined as it comes to rest: error control follows it as far as possible. */
   *calm = 0;

@@ -34,7 +34,7 @@ static inline void begin_ticks(const real* x, const real* u, const real* tunable
   for (int j = 0; j < LANES; ++j) {
     tick[j].length = LANE(*h, j);
     tick[j].after[0] = __builtin_nan("");
-    tick[j].rests = tick[j].slides = tick[j].closes = 0;
+    tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0;
     for (int i = NP; i < NP + MODES; ++i) tick[j].p[i] = __builtin_nan("");
   }
 }
