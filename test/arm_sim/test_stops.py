@@ -194,7 +194,7 @@ LEADING, FOLLOWING = 1.0, 0.5
 
 
 def pair(ratio: float, **joints: Any) -> dict[str, Any]:
-    """Two masses on horizontal rails, of which one follows the other; both reach from -1 to 1 m."""
+    """Two masses on horizontal rails, one of which follows the other; both reach 1 m each way."""
     links = '<link name="base"/>'
     mimic = f'<mimic joint="leader" multiplier="{ratio}"/>'
     for name, mass, more in (("leader", LEADING, ""), ("follower", FOLLOWING, mimic)):
