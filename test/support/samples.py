@@ -14,12 +14,17 @@ def sampled(cases: Iterable[Any], count: int) -> list[Any]:
     """Parameters of a test; so many of them, spread over all, are part of every run."""
     values = list(cases)
     chosen = set(np.linspace(0, len(values) - 1, count).round().astype(int).tolist())
-    return [
-        value if k in chosen else pytest.param(*_several(value), marks=pytest.mark.nightly)
-        for k, value in enumerate(values)
-    ]
+    return [value if k in chosen else _nightly(value) for k, value in enumerate(values)]
 
 
-def _several(value: Any) -> tuple[Any, ...]:
-    """Values of several parameters, or of one."""
-    return value if isinstance(value, tuple) else (value,)
+def always(cases: Iterable[Any], *chosen: Any) -> list[Any]:
+    """Parameters of a test; the chosen ones are part of every run."""
+    return [value if value in chosen else _nightly(value) for value in cases]
+
+
+def _nightly(value: Any) -> Any:
+    """A value, several values or parameters with a name, for runs of all cases."""
+    if isinstance(value, type(pytest.param())):
+        return pytest.param(*value.values, id=value.id, marks=[*value.marks, pytest.mark.nightly])
+    values = value if isinstance(value, tuple) else (value,)
+    return pytest.param(*values, marks=pytest.mark.nightly)
