@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from exported import (
     compilers,
     pointer,
 )
+from samples import always
 
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.arrays import Array
@@ -39,7 +42,7 @@ SCENES: dict[str, tuple[str, dict[str, Any]]] = {
     "limited": ("two_link", {"joints": {"*": {"limits": {"effort": 5.0}}}}),
     "hanging": ("two_link", {"commands": {"gravity_compensated": True}}),
 }
-TICKS, HELD = 300, 20
+TICKS, HELD = 120, 20
 
 
 class Case:
@@ -65,9 +68,19 @@ class Case:
         return int(code), A, B
 
 
-@pytest.fixture(scope="module", params=SCENES)
-def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
-    return Case(request.param, tmp_path_factory.mktemp("linearized"))
+LARGE = ("panda", "panda_table")  # compiled in many seconds
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Case]:
+    """Cases by name, each made once."""
+    folder = tmp_path_factory.mktemp("linearized")
+    return cache(lambda name: Case(name, folder))
+
+
+@pytest.fixture(params=always(SCENES, *(set(SCENES) - set(LARGE))))
+def case(request: pytest.FixtureRequest, made: Callable[[str], Case]) -> Case:
+    return made(request.param)
 
 
 def test_derivatives_are_those_of_the_simulator_or_refused(
@@ -131,13 +144,7 @@ def test_derivatives_are_differences_of_ticks(case: Case) -> None:
         assert_close(made[: 2 * n], slope, FINITE_DIFF)
 
 
-SMALL = ("four_bar", "dry")
-LARGE = [
-    pytest.param(name, marks=pytest.mark.nightly) for name in ("panda_table", "slider_crank_motor")
-]
-
-
-@pytest.mark.parametrize("case", [*SMALL, *LARGE], indirect=True)
+@pytest.mark.parametrize("case", always(SCENES, "limited"), indirect=True)
 def test_it_is_as_portable_as_the_rest(case: Case) -> None:
     assert_no_compiler_warns(case.folder, case.name)
     assert_sound(case.folder, case.name)
@@ -145,9 +152,9 @@ def test_it_is_as_portable_as_the_rest(case: Case) -> None:
     assert "derivatives, A" in (case.folder / f"test_{case.name}.c").read_text()
 
 
-def test_what_has_no_derivative_gets_a_code_with_a_text(tmp_path: Path) -> None:
+def test_what_has_no_derivative_gets_a_code_with_a_text(made: Callable[[str], Case]) -> None:
     """A command at its limit, or that is no number; a joint that comes to rest in the tick."""
-    dry, arm = Case("dry", tmp_path), Case("limited", tmp_path)
+    dry, arm = made("dry"), made("limited")
     ticks = arm.ticks()
     before = ticks.memory.copy()
     tied = np.array([5.0, 0.0])

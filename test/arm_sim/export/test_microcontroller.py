@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from exported import said_by
+from samples import sampled
 
 from arm_sim.export import export
 
@@ -49,7 +50,7 @@ class Board:
         )  # fmt: skip
 
 
-@pytest.mark.parametrize("scalar", BOARDS)
+@pytest.mark.parametrize("scalar", sampled(BOARDS, 1))
 def test_it_computes_torques_on_a_microcontroller(scalar: str, tmp_path: Path) -> None:
     """All numbers of the library's own test program are right; instructions and stack are few."""
     board = Board(scalar, tmp_path)

@@ -21,6 +21,7 @@ from exported import (
     compilers,
     run_test_program,
 )
+from samples import always
 
 from arm_dynamics import Dynamics, InvalidInput, load_scene
 from arm_dynamics.model.pinocchio_terms import FrameMotion
@@ -63,6 +64,9 @@ class Case:
 @pytest.fixture(scope="module", params=SCENES)
 def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
     return Case(request.param, tmp_path_factory.mktemp("exported"))
+
+
+small = pytest.mark.parametrize("case", always(SCENES, "four_bar"), indirect=True)
 
 
 def test_terms_are_those_of_dynamics(case: Case) -> None:
@@ -169,14 +173,17 @@ def test_the_test_program_passes_and_notices_a_wrong_number(case: Case, tmp_path
     assert status == 1 and re.search(r"gravity +\S+ WRONG", said)
 
 
+@small
 def test_no_compiler_warns(case: Case) -> None:
     assert_no_compiler_warns(case.folder, case.library.name)
 
 
+@small
 def test_sanitizers_find_nothing(case: Case) -> None:
     assert_sound(case.folder, case.library.name)
 
 
+@small
 def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(case: Case) -> None:
     assert_clean(case.folder / f"{case.library.name}.c", case.library.name)
 
@@ -189,7 +196,7 @@ SCENES_AT_REST = {
 }
 
 
-@pytest.mark.parametrize("name", SCENES_AT_REST)
+@pytest.mark.parametrize("name", always(SCENES_AT_REST, "two_link", "four_bar"))
 def test_joints_that_dry_friction_holds_stay_at_rest_as_in_dynamics(
     name: str, tmp_path: Path
 ) -> None:
@@ -213,7 +220,7 @@ def test_joints_that_dry_friction_holds_stay_at_rest_as_in_dynamics(
 SINGLE = {"panda": {}, "four_bar": {}, "two_link": {"joints": DRY}}
 
 
-@pytest.mark.parametrize("name", SINGLE)
+@pytest.mark.parametrize("name", always(SINGLE, "two_link"))
 def test_single_precision_is_as_good_as_its_readme_says(
     name: str, tmp_path: Path, rng: np.random.Generator
 ) -> None:

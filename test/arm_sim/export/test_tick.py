@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
+from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +26,7 @@ from exported import (
     pointer,
     run_test_program,
 )
-from samples import sampled
+from samples import always
 
 from arm_dynamics import SceneError
 from arm_dynamics.arrays import Array
@@ -59,7 +62,8 @@ SCENES: dict[str, Any] = {
     "bristles": BRISTLES,
     "ur10": "ur10",
 }
-TICKS, HELD = 3000, 50
+TICKS, HELD = 1000, 50
+SMALL = ("stuck", "four_bar")  # what is compiled in many ways
 
 
 class Case:
@@ -80,9 +84,19 @@ class Case:
         return np.repeat(ways * limit, HELD, axis=0)
 
 
-@pytest.fixture(scope="module", params=SCENES)
-def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
-    return Case(request.param, tmp_path_factory.mktemp("exported"))
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Case]:
+    """Cases by name, each made once."""
+    folder = tmp_path_factory.mktemp("exported")
+    return cache(lambda name: Case(name, folder))
+
+
+@pytest.fixture(params=SCENES)
+def case(request: pytest.FixtureRequest, made: Callable[[str], Case]) -> Case:
+    return made(request.param)
+
+
+small = pytest.mark.parametrize("case", always(SCENES, *SMALL), indirect=True)
 
 
 def test_ticks_are_those_of_the_simulator_to_the_bit(case: Case) -> None:
@@ -133,15 +147,24 @@ def test_wrong_numbers_get_codes_with_texts_and_change_nothing(case: Case) -> No
     assert ticks.text(99) == "unknown code"
 
 
+@small
 def test_no_compiler_warns(case: Case) -> None:
     assert_no_compiler_warns(case.folder, case.name)
 
 
+@small
 def test_sanitizers_find_nothing(case: Case) -> None:
     assert_sound(case.folder, case.name)
 
 
-@pytest.mark.parametrize("level", sampled(LEVELS, 2))
+EVERY_WAY = list(product(SCENES, LEVELS))
+
+
+@pytest.mark.parametrize(
+    ("case", "level"),
+    always(EVERY_WAY, *zip(SMALL, ("-O0", "-Os"), strict=True)),
+    indirect=["case"],
+)
 def test_nothing_is_undefined_but_mathematics_and_nothing_can_be_written(
     case: Case, level: str
 ) -> None:
@@ -202,16 +225,21 @@ def test_bodies_that_cannot_be_are_refused(tmp_path: Path) -> None:
         assert ticks.set(f"payload[{place}]", -1e-4) == 0
 
 
-def test_states_that_are_impossible_are_refused(tmp_path: Path) -> None:
-    loops, stops, planes = (Case(name, tmp_path) for name in ("four_bar", "panda", "panda_table"))
-    for case, q, said in (
-        (loops, loops.simulator.model.q0 + 0.1, "loops are open"),
-        (stops, np.full(7, 4.0), "beyond its stop"),
-        (planes, planes.simulator.model.q0 + [0, 0.7, 0, 0, 0, 0, 0], "inside its plane"),
-    ):
-        ticks = case.ticks()
-        code = ticks.init(q, np.zeros(case.simulator.n))
-        assert said in ticks.text(code)
+@pytest.mark.parametrize(
+    ("name", "away", "said"),
+    [
+        ("four_bar", 0.1, "loops are open"),
+        ("panda", 4.0, "beyond its stop"),
+        ("panda_table", np.array([0, 0.7, 0, 0, 0, 0, 0]), "inside its plane"),
+    ],
+)
+def test_states_that_are_impossible_are_refused(
+    made: Callable[[str], Case], name: str, away: Any, said: str
+) -> None:
+    case = made(name)
+    ticks = case.ticks()
+    code = ticks.init(case.simulator.model.q0 + away, np.zeros(case.simulator.n))
+    assert said in ticks.text(code)
 
 
 @pytest.mark.parametrize(
