@@ -15,6 +15,7 @@ import pytest
 import yaml
 from exported import said_by
 from launch_files import Launch, by_python
+from samples import sampled
 
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
@@ -67,7 +68,7 @@ def simulated(commands: Sequence[Array | JointCommand], each: int = 1) -> Array:
     return np.array(rows)
 
 
-@pytest.mark.parametrize("each", [1, 2])
+@pytest.mark.parametrize("each", sampled([2, 1], 1))
 def test_efforts_move_the_arm_as_the_simulator_to_the_bit(
     folder: Path, each: int, rng: np.random.Generator
 ) -> None:

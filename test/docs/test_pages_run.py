@@ -102,11 +102,19 @@ def terminal(tmp_path: Path, forge: Path) -> Iterator[Terminal]:
     made.close()
 
 
+# Pages that take longest; other tests call their commands and functions as well.
+LONG = (
+    "how-to/excite", "how-to/identify", "how-to/identify-drives", "how-to/shell", "how-to/view",
+    "reference/node-controller", "tutorials/identify", "tutorials/replace-your-robot",
+    "tutorials/sweep",
+)  # fmt: skip
 RUN = [page for page in pages.PAGES if any(pages.steps(page))]
 
 
 def marks(page: Path) -> Iterator[pytest.MarkDecorator]:
-    """The groups of packages that a page needs."""
+    """The groups of packages that a page needs, and whether it takes long."""
+    if pages.label(page) in LONG:
+        yield pytest.mark.nightly
     done = [step.text for step in pages.steps(page) if not elsewhere(step.text)]
     for group, needs in GROUPS.items():
         if any(re.search(needs, text, re.M) for text in done):

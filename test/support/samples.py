@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,21 @@ def sampled(cases: Iterable[Any], count: int) -> list[Any]:
 def always(cases: Iterable[Any], *chosen: Any) -> list[Any]:
     """Parameters of a test; the chosen ones are part of every run."""
     return [value if value in chosen else _nightly(value) for value in cases]
+
+
+def covering(*parameters: Iterable[Any]) -> list[Any]:
+    """All combinations of values of several parameters; every value of each is part of every run,
+    in no more combinations than the longest list has values.
+    """
+    lists = [list(values) for values in parameters]
+    count = max(map(len, lists))
+    chosen = {tuple(k % len(values) for values in lists) for k in range(count)}
+    places = product(*(range(len(values)) for values in lists))
+    return [_of(lists, at) if at in chosen else _nightly(_of(lists, at)) for at in places]
+
+
+def _of(lists: list[list[Any]], at: tuple[int, ...]) -> tuple[Any, ...]:
+    return tuple(values[k] for values, k in zip(lists, at, strict=True))
 
 
 def _nightly(value: Any) -> Any:

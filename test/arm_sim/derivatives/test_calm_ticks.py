@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import sampled
 
 from arm_sim import NotDifferentiable, Simulator
 from arm_sim.derivatives import Gradients, Linearizer
@@ -55,7 +56,10 @@ def outcome(linearizer: Linearizer, x: np.ndarray, tau: np.ndarray, side: int | 
         return str(refused)
 
 
-@pytest.mark.parametrize("name", SCENES)
+some = pytest.mark.parametrize("name", sampled(SCENES, 3))
+
+
+@some
 def test_compiled_ticks_are_those_of_the_path_through_events(name: str) -> None:
     simulator = Simulator(features.scene("planar", SCENES[name]), integrator="rk4", dt=1e-3)
     places = simulator.arm.plant.parameters.places(BY)
@@ -73,7 +77,7 @@ def test_compiled_ticks_are_those_of_the_path_through_events(name: str) -> None:
     assert calm >= 20  # of 40
 
 
-@pytest.mark.parametrize("name", SCENES)
+@some
 def test_gradients_and_products_pass_events_and_what_lies_between_them(name: str) -> None:
     simulator = Simulator(features.scene("planar", SCENES[name]), integrator="rk4", dt=1e-3)
     rng, n, steps = np.random.default_rng(4), simulator.n, 80

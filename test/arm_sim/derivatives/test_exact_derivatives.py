@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import sampled
 
 import models
 from arm_dynamics import InvalidInput
@@ -122,7 +123,7 @@ def loaded(**options: Any) -> Simulator:
     return sim
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", sampled(METHODS, 4))
 def test_methods_by_all_that_is_tunable(method: str) -> None:
     check(loaded(integrator=method, dt=0.01), [20.0, 5.0, 1.0], BY)
 

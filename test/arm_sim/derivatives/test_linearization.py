@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import covering
 
 import models
 from arm_dynamics import InvalidInput
@@ -41,9 +42,11 @@ OPTIONS: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize("options", OPTIONS, ids=str)
-@pytest.mark.parametrize("name", ["two_link", "gripper", "skew_axes"])
-@pytest.mark.parametrize("ticks", [1, 5])
+@pytest.mark.parametrize(
+    ("ticks", "name", "options"),
+    covering([1, 5], ["two_link", "gripper", "skew_axes"], OPTIONS),
+    ids=str,
+)
 def test_against_finite_differences(
     name: str, options: dict[str, Any], ticks: int, rng: np.random.Generator
 ) -> None:

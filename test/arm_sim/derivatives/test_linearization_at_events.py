@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import covering
 
 import models
 from arm_dynamics.exceptions import CompilerMissing
@@ -193,8 +194,7 @@ CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("method", OPTIONS)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("name", "method"), covering(CASES, OPTIONS))
 def test_ticks_with_events_against_differences(name: str, method: str) -> None:
     build, dt, state = CASES[name]
     compare(simulator(build, dt, method), *state)
@@ -233,8 +233,7 @@ KEPT: dict[str, tuple[Callable[[], dict[str, Any]], float, Any, Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("method", ["rk4", "error control"])
-@pytest.mark.parametrize("name", KEPT)
+@pytest.mark.parametrize(("name", "method"), covering(KEPT, ["rk4", "error control"]))
 def test_along_what_holds_against_differences(name: str, method: str) -> None:
     """Only changes that keep contacts closed and loops obeyed can be tried from both sides."""
     build, dt, state, free = KEPT[name]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import covering
 
 from arm_dynamics import InvalidInput
 from arm_sim import NotDifferentiable, Simulator
@@ -94,8 +95,9 @@ def difference(sim: Simulator, start: State, tau: np.ndarray, side: int) -> np.n
     return np.column_stack(columns)
 
 
-@pytest.mark.parametrize("options", [{"integrator": "rk4"}, {"tolerance": 1e-12}], ids=str)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    ("name", "options"), covering(CASES, [{"integrator": "rk4"}, {"tolerance": 1e-12}]), ids=str
+)
 def test_refused_by_name_and_one_sided_on_request(name: str, options: dict[str, Any]) -> None:
     scene, *_, why, sides = CASES[name]
     sim = Simulator(scene, dt=H, **options)

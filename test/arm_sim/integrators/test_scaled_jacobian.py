@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from samples import sampled
 
 from arm_dynamics import ArmModel, load_scene
 from arm_sim.integrators.methods import METHODS, build_attempt, build_step
@@ -32,7 +33,7 @@ JOINTS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.fixture(params=JOINTS)
+@pytest.fixture(params=sampled(JOINTS, 2))
 def plant(request: pytest.FixtureRequest, rng: np.random.Generator) -> Plant:
     scene: dict[str, Any] = {
         "robot": {"urdf": mobile(rng, 18)},
@@ -63,7 +64,7 @@ def test_is_the_jacobian_times_a_matrix(plant: Plant, rng: np.random.Generator) 
     assert scaled.nnz_out(1) < 0.7 * by_w.size
 
 
-@pytest.mark.parametrize("plant", ["dry", "bristles"], indirect=True)
+@pytest.mark.parametrize("plant", sampled(["dry", "bristles"], 1), indirect=True)
 def test_gives_the_same_step(plant: Plant, rng: np.random.Generator) -> None:
     given, method, n = arguments(plant, rng), METHODS["implicit"], plant.model.n
     steps = [

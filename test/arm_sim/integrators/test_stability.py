@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import covering
 
 from arm_sim import Simulator
 from arm_sim.integrators import METHODS
@@ -45,8 +46,7 @@ def interval(name: str, J: list[list[float]]) -> float:
     return longest_step(METHODS[name], Response(J_, {"": J_[1:]}, begins=True), 100.0)
 
 
-@pytest.mark.parametrize("name", EXPLICIT)
-@pytest.mark.parametrize("scene", [decay, swing])
+@pytest.mark.parametrize(("name", "scene"), covering(EXPLICIT, [decay, swing]))
 def test_what_is_told_begins_where_steps_grow(
     name: str, scene: Any, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import covering
 
 import models
 from tolerances import BACKENDS, assert_close
@@ -21,8 +22,9 @@ OPTIONS: list[dict[str, Any]] = [
 TICKS = 20
 
 
-@pytest.mark.parametrize("options", OPTIONS, ids=str)
-@pytest.mark.parametrize("name", ["panda", "gripper", "scara", "two_arms"])
+@pytest.mark.parametrize(
+    ("name", "options"), covering(["panda", "gripper", "scara", "two_arms"], OPTIONS), ids=str
+)
 def test_the_same_motion(name: str, options: dict[str, Any], rng: np.random.Generator) -> None:
     native = models.simulator(name, stops=False, backend="native", **options)
     virtual = models.simulator(name, stops=False, backend="vm", **options)

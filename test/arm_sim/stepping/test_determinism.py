@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import covering
 
 import models
 from arm_sim import Simulator
@@ -36,8 +37,9 @@ def fingerprint(sim: Simulator) -> str:
     return hashlib.sha256(run.q.tobytes() + run.v.tobytes() + run.error.tobytes()).hexdigest()
 
 
-@pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
-@pytest.mark.parametrize("name", ["panda", "gripper"])
+@pytest.mark.parametrize(
+    ("name", "options"), covering(["panda", "gripper"], OPTIONS.values()), ids=str
+)
 def test_again_and_in_another_instance(name: str, options: dict[str, Any]) -> None:
     first = models.simulator(name, **options)
     prints = {
@@ -50,7 +52,7 @@ def test_again_and_in_another_instance(name: str, options: dict[str, Any]) -> No
 
 def test_in_another_process_built_afresh(tmp_path: Path) -> None:
     here = Path(__file__)
-    paths = [str(here.parents[2]), str(here.parent)]
+    paths = [str(here.parents[2]), str(here.parents[2] / "support"), str(here.parent)]
     code = (
         f"import sys; sys.path[:0] = {paths!r}; import models, test_determinism; "
         "print(test_determinism.fingerprint(models.simulator('skew_axes', integrator='rk4')))"

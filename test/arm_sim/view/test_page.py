@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Page, needed, opened
+from samples import sampled
 
 from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
@@ -147,7 +148,7 @@ class Touch:
         self._session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
 
-@pytest.mark.parametrize("by", ["mouse", "touch"])
+@pytest.mark.parametrize("by", sampled(["mouse", "touch"], 1))
 def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
     panda.reset()
     alone = Dynamics(panda.model)  # which nothing pushes
