@@ -14,6 +14,7 @@ from benchmarks.sweeps import cli
 RUNS = 48
 
 
+@pytest.mark.nightly  # test/arm_studies/sweeps/test_sharing.py kills and resumes a smaller study
 @pytest.mark.group("sweep")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")  # the cluster's own sockets
 def test_killed_and_resumed_and_on_a_cluster_the_table_is_the_same(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ The law is a toy, a coil on a joint, so that what is tested is the simulator and
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import models
-from arm_dynamics import InvalidInput
+from arm_dynamics import Dynamics, InvalidInput
 from arm_sim import Simulator
 from models.toy_law import Motor
 from tolerances import BACKENDS, assert_close
@@ -23,32 +24,38 @@ Build = Callable[..., Simulator]
 FRICTION = {"viscous": 0.1, "coulomb": 0.0}
 
 
+def scene_of(friction: dict[str, float]) -> dict[str, Any]:
+    scene = models.scene("double_pendulum").model_dump(exclude_unset=True)
+    return scene | {"joints": {"*": {"friction": friction}}}
+
+
 @pytest.fixture
 def build(monkeypatch: pytest.MonkeyPatch) -> Build:
     """Simulators of the double pendulum with a motor on its first joint."""
 
     def make(law: Motor, friction: dict[str, float] = FRICTION, **options: Any) -> Simulator:
-        scene = models.scene("double_pendulum").model_dump(exclude_unset=True)
-        scene["joints"] = {"*": {"friction": friction}}
         monkeypatch.setattr("arm_sim.plant.plant.laws_of", lambda model: (law,))
         monkeypatch.setattr("arm_sim.stepping.stepper.recipe_of", lambda *_: "")  # has no such law
-        return Simulator(scene, **options)
+        return Simulator(scene_of(friction), **options)
 
     return make
 
 
-def truth(sim: Simulator, law: Motor, u: np.ndarray, duration: float) -> np.ndarray:
+@cache
+def truth(L: float, duration: float) -> np.ndarray:
     """State after a while by SciPy, from Pinocchio's dynamics and the law in plain numbers."""
-    n = sim.n
+    law, u = Motor((True, False), L=L), U
+    dynamics = Dynamics(scene_of(FRICTION))
+    n = dynamics.n
 
     def slope(_: float, x: np.ndarray) -> np.ndarray:
         q, v, z = x[:n], x[n : 2 * n], x[2 * n :]
         current = z[0] if law.L else (u[0] - law.K * v[0]) / law.R
         tau = np.array([law.K * current, u[1]])
         dz = [(u[0] - law.R * z[0] - law.K * v[0]) / law.L] if law.L else []
-        return np.concatenate([v, sim.dynamics.forward(q, v, tau), dz])
+        return np.concatenate([v, dynamics.forward(q, v, tau), dz])
 
-    x0 = np.concatenate([sim.state.q, sim.state.v, sim.state.z])
+    x0 = np.concatenate([dynamics.model.q0, dynamics.model.v0, np.zeros(int(L > 0.0))])
     return solve_ivp(slope, (0.0, duration), x0, "Radau", rtol=1e-11, atol=1e-12).y[:, -1]
 
 
@@ -67,7 +74,7 @@ CASES: list[dict[str, Any]] = [
 def test_agrees_with_scipy(build: Build, options: dict[str, Any], L: float) -> None:
     law = Motor((True, False), L=L)
     sim = build(law, **options)
-    wanted = truth(sim, law, U, 0.3)
+    wanted = truth(L, 0.3)
     run = sim.run(0.3, U)
     state = sim.state
     assert_close(np.concatenate([state.q, state.v, state.z]), wanted, 1e-7)
@@ -83,7 +90,7 @@ def test_orders_hold_with_states(build: Build) -> None:
         errors = []
         for dt in (0.004, 0.002):
             sim = build(law, integrator=name, dt=dt)
-            wanted = truth(sim, law, U, 0.2)[: sim.n]
+            wanted = truth(law.L, 0.2)[: sim.n]
             errors.append(np.abs(sim.run(0.2, U).q[-1] - wanted).max())
         assert abs(np.log2(errors[0] / errors[1]) - order) < 0.3, name
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import always
 from scipy.optimize import brentq
 
 import models
@@ -229,7 +230,10 @@ def largest_share(dyn: Dynamics, motion: JointPath, acceleration: float, marks: 
     return float(max(x.max() for x in used))
 
 
-@pytest.mark.parametrize("feature", ["none", "viscous", "dry", "load", "motors"])
+FEATURES = ["none", "viscous", "dry", "load", "motors"]
+
+
+@pytest.mark.parametrize("feature", always(FEATURES, "dry", "motors"))
 def test_every_limit_holds_between_the_points_too(feature: str, rng: np.random.Generator) -> None:
     """Of a random arm on a random path, at 50 points in every interval, and one is reached."""
     dyn, over = arm(rng, feature), winding(rng)
@@ -244,7 +248,7 @@ def test_every_limit_holds_between_the_points_too(feature: str, rng: np.random.G
         assert smooth.duration > quick.duration
 
 
-@pytest.mark.parametrize("feature", ["none", "viscous", "dry", "load", "motors"])
+@pytest.mark.parametrize("feature", always(FEATURES, "viscous"))
 def test_finer_points_make_it_little_faster(feature: str, rng: np.random.Generator) -> None:
     dyn, path = arm(rng, feature), JointPath(winding(rng), Quintic(1.0))
     fine = retimed(path, dyn, None, 40.0, points=600).duration

@@ -2,6 +2,7 @@
 """``./arm identify``: a scene that loads, a report that says what was found, and refusals."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -154,7 +155,11 @@ def test_a_scene_that_predicts_worse_than_the_nominal_one_only_if_asked(table, t
     head = table.read_text().splitlines()[0]
     np.savetxt(sticky, record, delimiter=",", header=head, comments="")
     done = typed(sticky, "--scene", true, "--out", out)
-    assert done.exit_code == 1 and "more than the nominal scene" in done.output
+    said = " ".join(done.output.split())
+    assert done.exit_code == 1
+    assert re.search(r"more than the nominal scene, 0\.0.*accept worse", said), said
     assert not out.exists()
-    done = typed(sticky, "--scene", true, "--out", out, "--accept-worse")
+    done = typed(sticky, "--scene", true, "--out", out, "--accept-worse", "--json")
     assert done.exit_code == 0 and out.exists()
+    told = json.loads(done.stdout)
+    assert told["error"] > told["nominal_error"]

@@ -25,7 +25,7 @@ def scene(**more):
 @pytest.fixture(scope="module")
 def record():
     dynamics = Dynamics(scene(payloads=[BODY]))
-    t = np.arange(0.0, 12.0, 0.01)
+    t = np.arange(0.0, 12.0, 0.02)
     w = 2.0 * np.pi * np.linspace(0.25, 0.55, 7)
     q = np.sin(np.outer(t, w) + np.arange(7))
     v, a = w * np.cos(np.outer(t, w) + np.arange(7)), -(w**2) * q

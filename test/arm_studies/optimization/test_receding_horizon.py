@@ -33,7 +33,7 @@ def test_far_from_limits_errors_fall_as_under_computed_torque() -> None:
 
 
 def test_at_its_limits_the_arm_brakes_in_time() -> None:
-    sim = Simulator(scene())
+    sim = Simulator(scene(), dt=5e-3)
     dynamics, goal = sim.dynamics, sim.arm.x[:2] + [1.2, 0.0]
     weight = abs(dynamics.gravity(np.linspace(-3, 3, 50)[:, None] * [1, 0])).max(axis=0)
     limit = 1.3 * weight + 0.1
@@ -61,7 +61,7 @@ def test_by_name_with_motors_that_take_currents() -> None:
     }
     pair = ClosedLoop(
         scene(actuator=motor, friction={"viscous": 0.2}),
-        "arm_studies.optimization:RecedingHorizon", Settings(bandwidth=20.0),
+        "arm_studies.optimization:RecedingHorizon", Settings(bandwidth=20.0, dt=4e-3), dt=4e-3,
     )  # fmt: skip
     goal = pair.simulator.arm.x[:2] + 0.4
     pair.follow([Waypoint(0.6, goal)])

@@ -35,6 +35,7 @@ STUDY: dict[str, Any] = {
     },
     "samples": 8,
 }
+RUNS = 16  # of two controllers
 
 
 def bits(table: Table) -> dict[str, bytes]:
@@ -114,34 +115,10 @@ def test_workers_are_a_whole_number(workers: Any) -> None:
         sweep(STUDY, workers=2, cluster="tcp://127.0.0.1:1")
 
 
-def test_killed_in_the_middle_and_called_again(alone: dict[str, bytes], tmp_path: Path) -> None:
-    """The kill is real: SIGKILL, once the first runs are in the journal."""
-    file, out = tmp_path / "study.yaml", tmp_path / "out"
-    file.write_text(yaml.safe_dump(STUDY, sort_keys=False))
-    words = "sweep", str(file), "--out", str(out)
-    command = [sys.executable, "-P", "-m", "arm_studies.cli", *words]
-    killer = (
-        "import os, signal, sys\n"
-        "from arm_studies.sweeps import sweep\n"
-        "def told(progress):\n"
-        "    if progress.done >= 3: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "sweep(sys.argv[1], sys.argv[2], workers=1, told=told)\n"
-    )
-    killed = subprocess.run([sys.executable, "-P", "-c", killer, str(file), str(out)], timeout=120)
-    assert killed.returncode == -signal.SIGKILL
-    lines = (out / "runs.jsonl").read_text().splitlines()
-    assert 3 <= len(lines) - 1 < 16
-    done = subprocess.run(
-        [*command, "--workers", "1", "--no-figures"], capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
-    assert f"{17 - len(lines)} runs simulated" in done.stdout
-    assert bits(sweep(file, out, workers=1).table) == alone
-
-
 @with_group
-def test_workers_end_when_their_parent_was_killed(tmp_path: Path) -> None:
-    file = tmp_path / "study.yaml"
+def test_killed_with_its_workers_and_called_again(alone: dict[str, bytes], tmp_path: Path) -> None:
+    """The kill is real: SIGKILL, once the first runs are in the journal; workers end by it."""
+    file, out = tmp_path / "study.yaml", tmp_path / "out"
     file.write_text(yaml.safe_dump(STUDY, sort_keys=False))
     killer = (
         "import os, signal, sys\n"
@@ -155,7 +132,7 @@ def test_workers_end_when_their_parent_was_killed(tmp_path: Path) -> None:
         "sweep(sys.argv[1], sys.argv[2], workers=2, told=told)\n"
     )
     with subprocess.Popen(
-        [sys.executable, "-P", "-c", killer, str(file), str(tmp_path / "out")],
+        [sys.executable, "-P", "-c", killer, str(file), str(out)],
         stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
     ) as killed:  # fmt: skip
         # The pipe is closed when the last of its writers has ended, workers included.
@@ -166,6 +143,11 @@ def test_workers_end_when_their_parent_was_killed(tmp_path: Path) -> None:
     while any(map(running, children)) and time.monotonic() < until:
         time.sleep(0.1)
     assert [pid for pid in children if running(pid)] == []
+    done = len((out / "runs.jsonl").read_text().splitlines()) - 1
+    assert 0 < done < RUNS
+    again = sweep(file, out, workers=1)
+    assert again.made == RUNS - done
+    assert bits(again.table) == alone
 
 
 def running(pid: int) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import always, sampled
 
 from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.control import Settings
@@ -46,7 +47,8 @@ def loop(scene: dict[str, Any], controller: str = "computed_torque", **settings:
 
 
 @pytest.mark.parametrize(
-    "controller", ["computed_torque", "pd", "pd_gravity", "feed_forward", "float"]
+    "controller",
+    always(["computed_torque", "pd", "pd_gravity", "feed_forward", "float"], "computed_torque"),
 )
 def test_compiled_controllers_are_those_of_the_nodes(controller: str) -> None:
     """Energy and end of a run, against ``ClosedLoop`` with the controllers in Python."""
@@ -151,22 +153,27 @@ def test_a_run_that_cannot_be_made_is_a_row() -> None:
     assert "mass" in table["note"][1]
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {},
-        {"controller": {"name": "pd", "settings": {"bandwidth": 3.0}}, "duration": 1.0,
-         "changes": {"joints": {"elbow": {"limits": {"lower": 0.5}}}}},
-        {"vary": VARIED["vary"] | {"controller.settings.bandwidth": [10.0, 30.0]}},
-        {"vary": {"payloads.0.mass": {"uniform": [-0.2, 1.0]}}},
-        {"changes": {"sim": {"integrator": "euler"}},
-         "vary": {"joints.*.friction.viscous": {"log_uniform": [0.1, 1e5]}}},
-        {"changes": {"joints": {"elbow": {"friction": {"coulomb": 0.5}}}},
-         "vary": {"payloads.0.mass": {"uniform": [0.1, 1.0]}}},
-        {"changes": {"sim": {"tolerance": 1e-9}}},
-    ],
-    ids=["smooth", "stops", "gains", "failing", "diverging", "dry friction", "error control"],
-)  # fmt: skip
+CHANGES: dict[str, dict[str, Any]] = {
+    "stops": {
+        "controller": {"name": "pd", "settings": {"bandwidth": 3.0}}, "duration": 1.0,
+        "changes": {"joints": {"elbow": {"limits": {"lower": 0.5}}}},
+    },
+    "smooth": {},
+    "failing": {"vary": {"payloads.0.mass": {"uniform": [-0.2, 1.0]}}},
+    "gains": {"vary": VARIED["vary"] | {"controller.settings.bandwidth": [10.0, 30.0]}},
+    "dry friction": {
+        "changes": {"joints": {"elbow": {"friction": {"coulomb": 0.5}}}},
+        "vary": {"payloads.0.mass": {"uniform": [0.1, 1.0]}},
+    },
+    "error control": {"changes": {"sim": {"tolerance": 1e-9}}},
+    "diverging": {
+        "changes": {"sim": {"integrator": "euler"}},
+        "vary": {"joints.*.friction.viscous": {"log_uniform": [0.1, 1e5]}},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", sampled([pytest.param(c, id=n) for n, c in CHANGES.items()], 4))
 def test_runs_side_by_side_have_the_bits_of_runs_alone(
     change: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:

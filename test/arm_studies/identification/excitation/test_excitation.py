@@ -31,9 +31,9 @@ def planar(**changes: Any) -> Dynamics:
 
 
 @cache
-def found(floor: bool = False, box: Box | None = None, seed: int = 0) -> tuple[Room, Any]:
+def found(floor: bool = False, box: Box | None = None) -> tuple[Room, Any]:
     room = Room(planar(floor=floor), acceleration=30.0, box=box)
-    return room, excite(room, period=4.0, harmonics=3, attempts=4, seed=seed)
+    return room, excite(room, period=4.0, harmonics=3, attempts=2 if floor or box else 4)
 
 
 def dense(motion: Trajectory) -> tuple[np.ndarray, ...]:
@@ -140,7 +140,10 @@ def _least_squares(room: Room, found: Any) -> np.ndarray:
 
 
 def test_the_same_seed_gives_the_same_motion() -> None:
-    first, again, other = found()[1], found.__wrapped__()[1], found(seed=1)[1]
+    room = Room(planar(), acceleration=30.0)
+    first, again, other = (
+        excite(room, period=4.0, harmonics=2, attempts=1, seed=seed) for seed in (0, 0, 1)
+    )
     np.testing.assert_array_equal(first.motion.coefficients, again.motion.coefficients)
     assert not np.array_equal(first.motion.coefficients, other.motion.coefficients)
 
