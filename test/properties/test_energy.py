@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from samples import sampled
 
 import models
 from arm_sim import Simulator
@@ -13,6 +14,7 @@ from tolerances import DRY_BALANCE, ENERGY_DRIFT, assert_close
 # Light wrists on heavy arms flail when let go: the time is short, so that speeds stay those of a
 # robot.
 SECONDS = 0.3
+EACH = sampled(models.ROBOTS, 6)
 
 
 def lossless(name: str) -> Simulator:
@@ -43,6 +45,7 @@ def start(sim: Simulator, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(tau.clip(-sim.model.effort_limit, sim.model.effort_limit))
 
 
+@pytest.mark.parametrize("robot", EACH)
 def test_conserved_without_losses(robot: str, rng: np.random.Generator) -> None:
     sim = lossless(robot)
     start(sim, rng)
@@ -52,6 +55,7 @@ def test_conserved_without_losses(robot: str, rng: np.random.Generator) -> None:
     assert_close((total - total[0]) / exchanged, np.zeros_like(total), ENERGY_DRIFT)
 
 
+@pytest.mark.parametrize("robot", EACH)
 def test_viscous_friction_only_ever_takes(robot: str, rng: np.random.Generator) -> None:
     scene = models.scene(robot).model_dump(exclude_unset=True)
     scene["joints"] = {"*": {"friction": {"viscous": 0.1, "coulomb": 0.0}}}
@@ -62,6 +66,7 @@ def test_viscous_friction_only_ever_takes(robot: str, rng: np.random.Generator) 
     assert run.energy[-1] < run.energy[0]
 
 
+@pytest.mark.parametrize("robot", EACH)
 def test_power_balance(robot: str, rng: np.random.Generator) -> None:
     """What the drives give is in the energies or in the bearings; the integral by Simpson's rule
     over short ticks.
@@ -77,6 +82,7 @@ def test_power_balance(robot: str, rng: np.random.Generator) -> None:
     assert abs(change - given + lost) / scale < allowed
 
 
+@pytest.mark.parametrize("robot", EACH)
 def test_friction_never_gives(robot: str, rng: np.random.Generator) -> None:
     """In no tick does energy grow by more than the drives put in; no quadrature is involved."""
     sim = models.simulator(robot, integrator="rk4")
@@ -86,6 +92,7 @@ def test_friction_never_gives(robot: str, rng: np.random.Generator) -> None:
     assert (np.diff(run.energy) - given).max() / scale < ENERGY_DRIFT
 
 
+@pytest.mark.parametrize("robot", EACH)
 def test_recorded_balance_is_zero(robot: str, rng: np.random.Generator) -> None:
     """The recording's own account of what came, went and stayed."""
     sim = models.simulator(robot, integrator="rk4")

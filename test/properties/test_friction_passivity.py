@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import sampled
 
 import models
 from arm_dynamics.equations import friction, lugre
@@ -14,7 +15,7 @@ from arm_sim import Simulator
 from models.rotor import rotor
 from tolerances import assert_close
 
-RUNS = 250
+RUNS = 60
 SCENES: dict[str, dict[str, Any]] = {
     "viscous and dry by direction": {
         "viscous": {"positive": 0.4, "negative": 0.1},
@@ -55,7 +56,9 @@ SCENES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("law", SCENES.values(), ids=SCENES)
+@pytest.mark.parametrize(
+    "law", sampled([pytest.param(law, id=name) for name, law in SCENES.items()], 4)
+)
 def test_friction_never_gives_energy(law: dict[str, Any], rng: np.random.Generator) -> None:
     """Many random runs: heat only grows, and no motion outlives its torque."""
     sim = Simulator(rotor(0.05, **law), dt=2e-3)
@@ -76,7 +79,7 @@ def test_passive_is_what_the_test_says(rng: np.random.Generator) -> None:
     """The least of the power lost over all speeds and deflections that can be, by search."""
     v = np.geomspace(1e-6, 1e3, 400)[:, None]
     passed = refused = 0
-    for _ in range(300):
+    for _ in range(120):
         fc, vs = rng.uniform(0.2, 2.0), 10 ** rng.uniform(-3, 0)
         fs, s1 = fc * rng.uniform(1.0, 3.0), 10 ** rng.uniform(-1, 3)
         s2, vd = 10 ** rng.uniform(-2, 3), 10 ** rng.uniform(-4, 1)
@@ -94,7 +97,7 @@ def test_passive_is_what_the_test_says(rng: np.random.Generator) -> None:
             elif velocity is None:
                 refused += 1
                 assert least < 0.0
-    assert passed > 50 and refused > 50
+    assert passed > 20 and refused > 20
 
 
 def test_passive_from_one_place_and_direction_to_another(rng: np.random.Generator) -> None:
@@ -102,7 +105,7 @@ def test_passive_from_one_place_and_direction_to_another(rng: np.random.Generato
     negative.
     """
     v = np.geomspace(1e-6, 1e3, 400)[:, None]
-    for _ in range(100):
+    for _ in range(30):
         fc, rise, vs = rng.uniform(0.2, 2.0), rng.uniform(0.0, 1.0), 10 ** rng.uniform(-3, 0)
         factors, s1 = rng.uniform(0.3, 2.0, 3), 10 ** rng.uniform(-1, 3)
         lowest, highest = fc * factors.min(), (fc + rise) * factors.max()
@@ -133,13 +136,12 @@ def holding(dt: float, factor: float = 1.0) -> Simulator:
 
 
 def test_an_arm_that_holds_does_not_move_by_a_bit() -> None:
-    """One minute; docs/concepts/friction.md states it for an hour, 3.6 million ticks."""
+    """Ten seconds; docs/concepts/friction.md states it for an hour, 3.6 million ticks."""
     sim = holding(1e-3)
     start = sim.state
-    for _ in range(6):
-        sim.run(10.0)
+    sim.run(10.0)
     assert np.array_equal(sim.state.q, start.q) and not sim.state.v.any()
-    assert sim.state.time == 60.0
+    assert sim.state.time == 10.0
 
 
 def test_breaks_away_at_the_right_torque() -> None:

@@ -4,13 +4,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from samples import sampled
 
 import models
 from tolerances import INVERSE_PAIR, assert_close
 
 STATES = 1000
+EACH = sampled(models.ROBOTS, 6)
 
 
+@pytest.mark.parametrize("robot", EACH)
 def test_inverse_of_forward(robot: str, rng: np.random.Generator) -> None:
     dyn = models.dynamics(robot)
     q = rng.uniform(-np.pi, np.pi, (STATES, dyn.n))
@@ -18,6 +22,7 @@ def test_inverse_of_forward(robot: str, rng: np.random.Generator) -> None:
     assert_close(dyn.inverse(q, v, dyn.forward(q, v, tau)), tau, INVERSE_PAIR)
 
 
+@pytest.mark.parametrize("robot", EACH)
 def test_forward_of_inverse(robot: str, rng: np.random.Generator) -> None:
     dyn = models.dynamics(robot)
     q = rng.uniform(-np.pi, np.pi, (STATES, dyn.n))

@@ -7,6 +7,7 @@ import logging
 
 import numpy as np
 import pytest
+from samples import sampled
 
 import models
 from arm_dynamics import Dynamics, ModelError, SceneError, load_scene
@@ -38,7 +39,8 @@ def test_dynamics_are_similar_to_the_bit(
 
 @scales
 @pytest.mark.parametrize(
-    ("robot", "tolerance"), [("planar_3r", SLIDING), ("skew_axes", 0.0), ("slider_crank", ALGEBRA)]
+    ("robot", "tolerance"),
+    sampled([("planar_3r", SLIDING), ("skew_axes", 0.0), ("slider_crank", ALGEBRA)], 2),
 )
 def test_motions_are_similar(robot: str, tolerance: float, scale: Scale) -> None:
     """Generated code is accepted, and runs alike."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import sampled
 
 import models
 from arm_dynamics import load_scene
@@ -23,7 +24,7 @@ LAWS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", sampled(LAWS, 2))
 def test_loop_stays_closed_and_the_account_closes(law: str) -> None:
     free = load_scene(models.SCENES / "four_bar.yaml")
     crank = Simulator(free).joint_names[0]

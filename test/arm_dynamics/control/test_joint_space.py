@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
+from samples import sampled
 from scipy.linalg import expm
 
 import models
@@ -55,7 +58,7 @@ def test_without_error_model_based_laws_are_inverse_dynamics(robot: str, rng) ->
     assert_close(PD(dyn.n, 50.0, 5.0).torque(state, reference), np.zeros(dyn.n), ALGEBRA)
 
 
-@pytest.mark.parametrize("name", ["panda", "two_link"])
+@pytest.mark.parametrize("name", sampled(["two_link", "panda"], 1))
 def test_pd_with_gravity_leaves_no_error(name: str) -> None:
     sim = models.simulator(name, dt=1e-3)
     dyn = sim.dynamics
@@ -66,8 +69,9 @@ def test_pd_with_gravity_leaves_no_error(name: str) -> None:
     assert abs(done.v[-1]).max() < 1e-8
 
 
-@pytest.mark.parametrize("omega", [15.0, 60.0, 400.0])
-@pytest.mark.parametrize("name", ["panda", "kinova", "ur10", "z1"])
+@pytest.mark.parametrize(
+    ("name", "omega"), sampled(product(["panda", "kinova", "ur10", "z1"], [15.0, 60.0, 400.0]), 4)
+)
 def test_tuned_gains_are_stable_when_held_for_a_tick(name: str, omega: float) -> None:
     """The linear sampled loop at rest, in postures that were not used for tuning."""
     dyn, dt = models.dynamics(name), 1e-3
@@ -112,19 +116,19 @@ def test_pid_removes_what_pd_leaves() -> None:
 
 def test_pid_does_not_wind_up() -> None:
     """With a limit below the weight, the integral stays near the limit and recovers at once."""
-    control = PID(1, 10.0, 40.0, 1.0, 1e-3, limit=5.0)
+    control = PID(1, 10.0, 40.0, 1.0, 1e-2, limit=5.0)
     stuck = Measured(np.zeros(1), np.zeros(1))
-    for _ in range(20_000):
+    for _ in range(2000):
         tau = control.torque(stuck, at_rest([1.0]))
         assert abs(tau[0]) <= 5.0
-    free = PID(1, 10.0, 40.0, 1.0, 1e-3)
-    for _ in range(20_000):
+    free = PID(1, 10.0, 40.0, 1.0, 1e-2)
+    for _ in range(2000):
         free.torque(stuck, at_rest([1.0]))
     assert free.integral[0] > 700.0
     assert abs(control.integral[0]) < 20.0
     control.torque(stuck, at_rest([-1.0]))
-    recovery = next(k for k in range(2000) if control.torque(stuck, at_rest([-1.0]))[0] <= -4.9)
-    assert recovery < 600
+    recovery = next(k for k in range(200) if control.torque(stuck, at_rest([-1.0]))[0] <= -4.9)
+    assert recovery < 60
 
 
 def test_a_pid_whose_integral_is_faster_than_a_tick_stays_at_its_limit() -> None:
@@ -216,13 +220,13 @@ def test_a_hand_over_begins_and_ends_gently() -> None:
 
 def test_disturbance_observer_sees_the_load_and_takes_it_off() -> None:
     believed = models.dynamics("two_link")
-    sim = Simulator(with_load("two_link", "tip", 0.5), dt=1e-3)
+    sim = Simulator(with_load("two_link", "tip", 0.5), dt=2e-3)
     goal = sim.state.q.copy()
     plain = ComputedTorque(believed, 10.0)
     done = sim.run(4.0, lambda s: plain.torque(s, at_rest(goal)))
     left = abs(done.q[-1] - goal).max()
     sim.reset()
-    helped = DisturbanceObserver(ComputedTorque(believed, 10.0), believed, 1e-3, 30.0)
+    helped = DisturbanceObserver(ComputedTorque(believed, 10.0), believed, sim.dt, 30.0)
     done = sim.run(4.0, lambda s: helped.torque(s, at_rest(goal)))
     load = believed.gravity(goal) - sim.dynamics.gravity(goal)
     assert_close(helped.disturbance, load, 1e-4)

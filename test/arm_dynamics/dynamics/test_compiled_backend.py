@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
+from samples import sampled
 
 import models
 from arm_dynamics import ArmModel, Dynamics, KernelError, Term, load_scene
@@ -71,7 +72,7 @@ def single(dyn: Dynamics, call: Call, batch: list[np.ndarray]) -> np.ndarray:
     return np.array([call(dyn, *(x[k] for x in batch)) for k in range(ROWS)])
 
 
-@pytest.mark.parametrize("name", (*models.ROBOTS, *models.DRIVEN, "panda_free"))
+@pytest.mark.parametrize("name", sampled((*models.ROBOTS, *models.DRIVEN, "panda_free"), 7))
 @pytest.mark.parametrize("what", CALLS)
 def test_equals_single_calls(name: str, what: str, rng: np.random.Generator) -> None:
     dyn = models.dynamics(name)
@@ -92,7 +93,9 @@ def agrees(dyn: Dynamics, what: str, batch: list[np.ndarray], made: np.ndarray) 
     np.testing.assert_array_less(abs(missing).max(axis=1), ALGEBRA * scale.max(axis=1))
 
 
-@pytest.mark.parametrize("name", ("panda", "kinova", "gripper", "gantry", "two_arms", "pendulum"))
+@pytest.mark.parametrize(
+    "name", sampled(("panda", "kinova", "gripper", "gantry", "two_arms", "pendulum"), 2)
+)
 @pytest.mark.parametrize("terms", TERMS, ids=str)
 def test_chosen_terms(name: str, terms: int, rng: np.random.Generator) -> None:
     dyn = models.dynamics(name)
@@ -101,7 +104,7 @@ def test_chosen_terms(name: str, terms: int, rng: np.random.Generator) -> None:
     assert_close(dyn.inverse(*batch, terms)[:ROWS], alone, ALGEBRA)
 
 
-@pytest.mark.parametrize("name", models.ROBOTS)
+@pytest.mark.parametrize("name", sampled(models.ROBOTS, 6))
 def test_forward_equals_pinocchio_called_directly(name: str, rng: np.random.Generator) -> None:
     """Through the full tree of the URDF, followers and locked joints by projection."""
     dyn, oracle = models.dynamics(name), models.oracle(name)

@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from samples import always, sampled
 
 import models
 from arm_dynamics import ArmError, Dynamics, InvalidInput, KernelError, ModelError, Term
@@ -74,6 +75,7 @@ def pinocchio_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     yield
 
 
+@pytest.mark.parametrize("robot", sampled(models.ROBOTS, 6))
 def test_equals_pinocchio(robot: str, rng: np.random.Generator) -> None:
     plain, own = models.dynamics(robot), compiled(robot)
     for what, _ in product(CALLS, range(5)):
@@ -95,7 +97,9 @@ def test_is_compiled(what: str, rng: np.random.Generator, pinocchio_is_not_asked
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("what", ["inverse", "forward", "friction", "energy", "gravity"])
+@pytest.mark.parametrize(
+    "what", always(["inverse", "forward", "friction", "energy", "gravity"], "inverse", "forward")
+)
 def test_friction_drives_and_springs(law: str, what: str, rng: np.random.Generator) -> None:
     plain = with_law(law)
     own = plain.compiled()

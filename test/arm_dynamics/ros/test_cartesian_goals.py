@@ -28,6 +28,7 @@ from hand_goals import (
 )
 from harness import Ros
 from nav_msgs.msg import Path
+from samples import sampled
 from trajectory_msgs.msg import JointTrajectory
 
 import models
@@ -44,7 +45,7 @@ def node(ros: Ros) -> ControllerNode:
     return controller_at_home(ros)
 
 
-@pytest.mark.parametrize("law", ["computed_torque", "operational_space", "pd_gravity"])
+@pytest.mark.parametrize("law", sampled(["computed_torque", "pd_gravity", "operational_space"], 2))
 def test_the_hand_goes_straight_to_a_pose(ros: Ros, law: str) -> None:
     sim = ros.add(SimNode, models.scene("panda"), realtime=False, integrator="rk4")
     node = ros.add(ControllerNode, models.scene("panda"), controller=law, task_frame=FRAME)
@@ -150,7 +151,7 @@ def test_a_refused_trajectory_leaves_a_goal_that_is_being_planned(node: Controll
     assert_close(hand(node, 10_000 * MS), [0.0, 0.2, 0.0], 1e-8)
 
 
-@pytest.mark.parametrize("frame_id", ["", "world", "panda_link0"])
+@pytest.mark.parametrize("frame_id", sampled(["", "world", "panda_link0"], 2))
 def test_poses_may_be_given_in_a_frame_that_stands(node: ControllerNode, frame_id: str) -> None:
     node.on_cartesian_goal(pose([0.0, 0.1, 0.0], frame_id))
     planned(node, 0)

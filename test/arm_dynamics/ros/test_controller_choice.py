@@ -12,6 +12,7 @@ from harness import Ros
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
+from samples import always
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -88,7 +89,10 @@ def go(node: ControllerNode, offset: float, seconds: int) -> None:
     node.on_joint_trajectory(JointTrajectory(joint_names=names, points=[point]))
 
 
-@pytest.mark.parametrize("name", NAMES)
+LAWS = ("pd", "pid", "float", "computed_torque", "motion_force")
+
+
+@pytest.mark.parametrize("name", always(NAMES, *LAWS))  # each kind of end
 def test_every_law_closes_the_loop(ros: Ros, name: str) -> None:
     """Each leads the arm by 0.1 rad in a second; those that know no weight sag."""
     sim = sim_node(ros)

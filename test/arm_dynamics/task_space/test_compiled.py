@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import sampled
 
 import models
 from arm_dynamics import ArmModel, KernelError, ModelError, load_scene
@@ -17,12 +18,14 @@ from arm_dynamics.task_space.inertia import THRESHOLD
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 SOME = [AXES, ("x", "z", "ry")]
+EACH = sampled(models.ROBOTS, 6)
 
 
 def last_frame(model: ArmModel) -> str:
     return [frame.name for frame in model.pin.frames if frame.parentJoint > 0][-1]
 
 
+@pytest.mark.parametrize("robot", EACH)
 @pytest.mark.parametrize("axes", SOME, ids="".join)
 def test_a_look_is_what_the_task_space_says(
     robot: str, axes: tuple[str, ...], rng: np.random.Generator
@@ -47,6 +50,7 @@ def test_a_look_is_what_the_task_space_says(
             assert_close(now.inertia, terms.inertia, INVERSE_PAIR)
 
 
+@pytest.mark.parametrize("robot", EACH)
 def test_a_reference_in_joints_means_a_motion_of_the_frame(
     robot: str, rng: np.random.Generator
 ) -> None:
