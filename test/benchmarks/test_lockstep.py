@@ -11,7 +11,7 @@ from benchmarks.loop.lockstep import lockstep
 from support.harness import reserve_domain
 
 pytestmark = pytest.mark.ros
-TICKS = 1000  # the motion begins after half of them
+TICKS = 400  # the motion begins after half of them
 
 
 def test_runs_across_processes_and_in_one_are_identical(

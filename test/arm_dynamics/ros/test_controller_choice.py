@@ -12,7 +12,7 @@ from harness import Ros
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
-from samples import always
+from samples import always, sampled
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -143,7 +143,7 @@ def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:
     assert_close(effort(node, 3 * MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
 
 
-@pytest.mark.parametrize("axes", ["x y z", "z,x,y", "position"])
+@pytest.mark.parametrize("axes", sampled(["z,x,y", "x y z", "position"], 1))
 def test_axes_may_be_listed(ros: Ros, axes: str) -> None:
     node = controller_node(ros, controller="operational_space", task_frame=FRAME, task_axes=axes)
     settings = Settings(frame=FRAME, axes="position")
@@ -316,7 +316,7 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("values", "complaint"), BAD)
+@pytest.mark.parametrize(("values", "complaint"), sampled(BAD, 4))
 def test_bad_settings_are_refused_at_start(
     ros: Ros, values: dict[str, Any], complaint: str
 ) -> None:

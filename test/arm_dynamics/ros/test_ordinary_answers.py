@@ -79,7 +79,7 @@ def test_commands_are_those_of_python(
 
 
 @pytest.mark.parametrize("more", sampled([{"observer": 10.0, "saturate": True}, {}], 1), ids=str)
-@pytest.mark.parametrize("name", NAMED)
+@pytest.mark.parametrize("name", sampled(NAMED, 5))
 def test_every_controller_is_answered_in_c(
     ros: Ros, rng: np.random.Generator, name: str, more: dict[str, Any]
 ) -> None:
