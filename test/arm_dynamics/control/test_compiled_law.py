@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from samples import sampled
 
 import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, KernelError, load_scene
@@ -72,6 +73,7 @@ def agree(dynamics: Dynamics, rng: np.random.Generator, *gains: Any) -> None:
         assert_close(fast.torque(state, reference), plain.torque(state, reference), ALGEBRA)
 
 
+@pytest.mark.parametrize("robot", sampled(models.ROBOTS, 6))
 def test_it_is_the_plain_law(robot: str, rng: np.random.Generator) -> None:
     dynamics = models.dynamics(robot)
     agree(dynamics, rng)

@@ -7,11 +7,12 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from itertools import cycle, product
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from samples import sampled
+from samples import always, sampled
 
 import models
 from arm_dynamics import ArmModel, Dynamics, KernelError, Term, load_scene
@@ -130,8 +131,12 @@ def with_law(name: str, law: str) -> Dynamics:
     return Dynamics(load_scene(given | {"joints": {joint: LAWS.get(law, {})}}))
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("name", ["panda", "gantry", "gripper", "skew_axes", "two_arms"])
+OF_KINDS = ["panda", "gantry", "gripper", "skew_axes", "two_arms"]
+
+
+@pytest.mark.parametrize(
+    ("name", "law"), always(product(OF_KINDS, LAWS), *zip(cycle(OF_KINDS), LAWS))
+)
 def test_laws(name: str, law: str, rng: np.random.Generator) -> None:
     dyn, lawless = with_law(name, law), with_law(name, "none")
     batch = states(dyn, MANY, rng)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
+from samples import sampled
 
 import models
 from arm_dynamics import Dynamics, InvalidInput
@@ -55,6 +56,7 @@ def test_one_state_is_pinocchios(robot: str, what: str, rng: np.random.Generator
         assert_close(made, wanted, PINOCCHIO)
 
 
+@pytest.mark.parametrize("robot", sampled(models.ROBOTS, 6))
 @pytest.mark.parametrize("what", CALLS)
 def test_many_states_are_compiled_and_pinocchios(
     robot: str, what: str, rng: np.random.Generator
