@@ -15,7 +15,7 @@ import models
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.control import load_controller
 from arm_sim import Simulator
-from benchmarks.controllers import cli
+from benchmarks.controllers import cases, cli, measure
 from benchmarks.controllers.cases import ARMS, PACES, PLANTS, TASKS
 from benchmarks.controllers.cli import main, print_tables
 from benchmarks.controllers.contenders import CONTENDERS
@@ -158,6 +158,9 @@ def test_a_scene_and_a_controller_of_ones_own(
     monkeypatch.setattr(cli, "contenders", lambda own: {"PD": "pd"} | {
         name.partition(":")[2]: load_controller(name) for name in own
     })  # fmt: skip
+    for place in (cases, measure):  # short runs [s]
+        monkeypatch.setattr(place, "JUMP", 0.4)
+        monkeypatch.setattr(place, "STAY", 0.1)
     monkeypatch.chdir(tmp_path)
     words = ["two_link", "--controller", "own_controllers:Springs", "--json"]
     answer = CliRunner().invoke(main, words)

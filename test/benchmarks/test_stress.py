@@ -38,12 +38,12 @@ from benchmarks.stress.verdict import (
 )
 
 SMALL = Plan((1e-2, 1e-3), (1e-6,), most_joints=3, horizon=0.1, backend="vm")
-COMPILED = replace(SMALL, backend="auto", most_joints=30)
 ABSURD = (7,)  # torques that no method can follow; without a compiler giving up takes long
 SEEDS = sorted({*range(12)} - {*ABSURD})
 EASY = [seed for seed in SEEDS if not draw(seed, SMALL.most_joints).dry][:3]
 DRY = [seed for seed in SEEDS if draw(seed, SMALL.most_joints).dry][:1]  # needs a compiler
 ROUGH = replace(SMALL, steps=(1e-2,))
+COMPILED = replace(ROUGH, backend="auto")
 ONE_STEP = replace(SMALL, steps=(1e-3,), backend="auto")
 QUIET = Setting("euler", 1e-2)  # throws a light link about; the heavy one's energy hides it
 AGREE = 1e-8  # the reference against SciPy on Pinocchio
