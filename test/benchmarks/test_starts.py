@@ -14,6 +14,7 @@ from benchmarks.loop import starts
 pytestmark = pytest.mark.ros
 
 
+@pytest.mark.nightly  # test/arm_sim/ros/test_robustness_processes.py kills the nodes of a loop
 def test_no_joint_moves_when_nodes_start_and_are_killed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
