@@ -134,39 +134,6 @@ def test_dry_friction_holds_until_the_current_has_grown(build: Build) -> None:
     assert not run.v[run.time < leaves - 1e-3].any()
 
 
-def test_linearization_covers_the_states(build: Build) -> None:
-    law = Motor((True, False))
-    sim = build(law, integrator="rk4")
-    sim.run(0.01, U)
-    state = sim.state
-    A, B = sim.linearize(state, U)
-    assert A.shape == (5, 5) and B.shape == (5, 2)
-    x = np.concatenate([state.q, state.v, state.z])
-
-    def after(x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        sim.set_state(x[:2], x[2:4], x[4:])
-        s = sim.step(u)
-        return np.concatenate([s.q, s.v, s.z])
-
-    for j in range(5):
-        e = 1e-6 * np.eye(5)[j]
-        assert_close((after(x + e, U) - after(x - e, U)) / 2e-6, A[:, j], 1e-7)
-    for j in range(2):
-        e = 1e-6 * np.eye(2)[j]
-        assert_close((after(x, U + e) - after(x, U - e)) / 2e-6, B[:, j], 1e-7)
-
-
-def test_rollout_is_the_simulator_in_many(build: Build, rng: np.random.Generator) -> None:
-    sim = build(Motor((True, False)), integrator="rk4")
-    q0, v0 = rng.normal(size=(2, 5, 2))
-    out = sim.rollout(q0, v0, U, 20)
-    assert out.shape == (5, 21, 4)
-    for arm in range(5):
-        sim.reset(q0[arm], v0[arm])
-        run = sim.run(0.02, U)
-        assert_close(out[arm], np.hstack([run.q, run.v]), BACKENDS)
-
-
 def test_states_are_set_and_named(build: Build) -> None:
     sim = build(Motor((True, False)), integrator="rk4")
     assert sim.z_names == ("joint0 current [A]",)
@@ -175,14 +142,6 @@ def test_states_are_set_and_named(build: Build) -> None:
     assert sim.set_state(q=[1.0, 0.0]).z[0] == 0.0
     with pytest.raises(InvalidInput, match=r"z has shape \(2,\)"):
         sim.reset(z=[0.0, 0.0])
-
-
-def test_replay_to_the_bit(build: Build) -> None:
-    sim = build(Motor((True, False)), integrator="implicit", tolerance=1e-8)
-    first = sim.run(0.1, U)
-    sim.reset()
-    second = sim.run(0.1, U)
-    assert np.array_equal(first.q, second.q) and np.array_equal(first.z, second.z)
 
 
 def test_auto_sees_how_fast_a_coil_is(build: Build) -> None:
