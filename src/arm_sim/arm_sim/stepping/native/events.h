@@ -23,6 +23,7 @@
 #define CATCHES 10   /* corrections of penetrations, or of contacts that set joints in motion */
 #define LEAST_PART 1e-6 /* fraction of such a correction below which it is not applied */
 #define TIME_STEPS 4 /* steps into which the rest of a time-stepped tick is divided */
+#define MOST_TRAVEL 1e6 /* longest motion of a joint in such a step [rad] or [m] */
 #define MOST_REBOUNDS 500 /* impacts with loss in one tick after which contacts no longer rebound */
 
 static int is_inside(const real* x, const segment_t* segment) {
@@ -112,6 +113,13 @@ static void stop_short(const real* x, const segment_t* segment, real* after) {
   }
 }
 
+/* Whether a step takes a joint farther than any joint goes: an unstable method made its speed grow. */
+static int strays(const piece_t* piece) {
+  double farthest = 0.0;
+  for (int i = 0; i < NU; ++i) farthest = fmax(farthest, fabs(piece->end[i] - piece->begin[i]));
+  return farthest > MOST_TRAVEL;
+}
+
 /* The rest of a tick in a few steps of fixed length, in place. */
 static enum trouble step_through(real* x, segment_t* segment, double left, report_t* report) {
   long long losses = MOST_REBOUNDS;
@@ -123,7 +131,7 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
     if (trouble != NONE) return trouble;
     memcpy(piece.begin, x, sizeof piece.begin);
     begin_piece(segment, &piece);
-    if (!make_step(segment, segment->step, &piece, error)) return NUMBERS;
+    if (!make_step(segment, segment->step, &piece, error) || strays(&piece)) return NUMBERS;
     memcpy(after, piece.end, sizeof piece.end);
     close_contacts(after, segment, anchor);
     catch_up(after, segment);
