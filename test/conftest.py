@@ -51,10 +51,16 @@ ONE_BY_ONE = ("test/docs/test_pages_run.py", "test/docs/test_examples.py")
 WAITING = (*ONE_BY_ONE, "test/packages/", "test/benchmarks/", "test/arm_sim/cli/", "test/docs/")
 
 
+def scope(nodeid: str) -> str:
+    """What stays in one process: the tests of a file, which share what they have built."""
+    file = nodeid.split("::", 1)[0]
+    return nodeid if file in ONE_BY_ONE else file
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what belongs to long runs; where several processes run tests, begin with what
-    takes longest.
+    takes longest, and let those that wait and those that compute take turns.
     """
     if not config.getoption("--nightly"):
         left_out = [item for item in items if item.get_closest_marker("nightly")]
@@ -70,21 +76,28 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         return min(first, default=waits), -sizes[item.path]
 
     items.sort(key=rank)
+    turns: dict[str, int] = {}
+    counts = Counter[bool]()
+    for item in items:
+        if (part := scope(item.nodeid)) not in turns:
+            computes = rank(item)[0] > len(WAITING)
+            turns[part] = counts[computes]
+            counts[computes] += 1
+    items.sort(key=lambda item: turns[scope(item.nodeid)])
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """The tests of a file share what they have built and stay in one process, except some."""
+    """Share the tests out by scopes, in the order of ``pytest_collection_modifyitems``."""
     from xdist.scheduler import LoadScopeScheduling
 
-    config.option.loadscopereorder = False  # see pytest_collection_modifyitems
+    config.option.loadscopereorder = False
 
-    class ByFile(LoadScopeScheduling):
+    class ByScope(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            file = nodeid.split("::", 1)[0]
-            return nodeid if file in ONE_BY_ONE else file
+            return scope(nodeid)
 
-    return ByFile(config, log)
+    return ByScope(config, log)
 
 
 @pytest.hookimpl(tryfirst=True)
