@@ -58,8 +58,8 @@ def free(page: Page, places: np.ndarray) -> bool:
 
 
 @pytest.mark.group("view")
-@pytest.mark.parametrize("size", sampled([(480, 854), (1000, 640), (1440, 900), (3840, 1200)], 2))
-def test_the_box_of_the_arm_is_in_what_the_panels_leave_free(size: tuple[int, int]) -> None:
+@pytest.mark.parametrize("size", sampled([[480, 854], [1000, 640], [1440, 900], [3840, 1200]], 2))
+def test_the_box_of_the_arm_is_in_what_the_panels_leave_free(size: list[int]) -> None:
     needed()
     with (
         show(Simulator("two_link"), port=0) as view,
