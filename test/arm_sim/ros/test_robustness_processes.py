@@ -44,6 +44,7 @@ class Loop:
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         self.states: list[JointState] = []
         self.levels: dict[str, tuple[int, str]] = {}
+        self.sources = "none"  # of the commands that the sim takes
         ros.peer.create_subscription(JointState, "joint_states", self._on_state, NEWEST)
         ros.peer.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
@@ -68,6 +69,8 @@ class Loop:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             self.levels[status.name] = ord(status.level), status.message
+            if status.name == "sim: commands":
+                self.sources = next(x.value for x in status.values if x.key == "sources")
 
     def until_said(self, part: str, words: str) -> None:
         self.levels.pop(part, None)
@@ -76,10 +79,15 @@ class Loop:
     def until_well(self) -> None:
         """Both nodes report that all is well, and the arm is being controlled."""
         parts = ("sim: commands", "controller: controller")
+        self.sources = "none"
         for part in parts:
             self.levels.pop(part, None)
         self.ros.spin_until(
-            lambda: all(self.levels.get(part, (9, ""))[0] == 0 for part in parts), timeout=30.0
+            lambda: (
+                self.sources != "none"
+                and all(self.levels.get(part, (9, ""))[0] == 0 for part in parts)
+            ),
+            timeout=30.0,
         )
 
     def position(self) -> np.ndarray:
