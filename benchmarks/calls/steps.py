@@ -19,7 +19,7 @@ from benchmarks.reporting.markdown import table
 from benchmarks.robots.models import Robot, panda
 
 TICKS = 2000
-PEER = "`mujoco.mj_step`, Euler"
+PEER = "`mujoco.mj_step`, {}"
 Job = Callable[[], object]
 
 
@@ -28,14 +28,12 @@ Job = Callable[[], object]
 def main(repeats: int) -> None:
     """Time ticks of a Panda of 1 ms from Python, in turn, and their ratios to MuJoCo's."""
     robot = panda()
-    found: dict[str, Job] = {**_ours(robot)}
-    for method in ("Euler", "RK4"):
-        found[f"`mujoco.mj_step`, {method}"] = _theirs(robot, method)
-    jobs = {name: partial(cpu, job) for name, job in found.items()}
+    theirs = {PEER.format(method): _theirs(robot, method) for method in ("Euler", "RK4")}
+    jobs = {name: partial(cpu, job) for name, job in (_ours(robot) | theirs).items()}
     costs = interleaved(jobs, repeats, Noise(), lambda: None)
     rows = []
     for name, cost in costs.items():
-        ratio = np.divide(cost.samples, costs[PEER].samples)
+        ratio = np.divide(cost.samples, costs[PEER.format("Euler")].samples)
         low, high = of_median(ratio.tolist())
         times = (1e6 * time / TICKS for time in (min(cost.samples), cost.median))
         shown = (f"{time:.2f}" for time in times)

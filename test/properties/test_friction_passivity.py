@@ -56,9 +56,7 @@ SCENES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "law", sampled([pytest.param(law, id=name) for name, law in SCENES.items()], 4)
-)
+@pytest.mark.parametrize("law", sampled(SCENES.values(), 4), ids=SCENES)
 def test_friction_never_gives_energy(law: dict[str, Any], rng: np.random.Generator) -> None:
     """Many random runs: heat only grows, and no motion outlives its torque."""
     sim = Simulator(rotor(0.05, **law), dt=2e-3)

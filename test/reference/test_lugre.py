@@ -37,7 +37,7 @@ def named(case: dict[str, Any]) -> str:
     return f"{case['wheel']['sigma0']:g}-{case['wheel']['J']}"
 
 
-@pytest.mark.parametrize("case", sampled([pytest.param(c, id=named(c)) for c in DATA], 6))
+@pytest.mark.parametrize("case", sampled(DATA, 6), ids=named)
 def test_half_a_second(case: dict[str, Any]) -> None:
     sim = simulator(case["wheel"])
     for course, (v0, _) in COURSES.items():

@@ -12,7 +12,10 @@ import pytest
 
 
 def sampled(cases: Iterable[Any], count: int) -> list[Any]:
-    """Parameters of a test; so many of them, spread over all, are part of every run."""
+    """Parameters of a test; so many of them, spread over all, are part of every run.
+
+    A tuple is the values of several parameters, here and in ``always``.
+    """
     values = list(cases)
     chosen = set(np.linspace(0, len(values) - 1, count).round().astype(int).tolist())
     return [value if k in chosen else _nightly(value) for k, value in enumerate(values)]

@@ -130,7 +130,7 @@ class SimulatedArm:
     def step(self, tau: object) -> State:
         """Advance by a tick under a command as for ``Simulator.step``, checked and delayed."""
         if (step := self._step) is None:
-            step = self._step = python_step(self._tick, self.n, len(self._x) - 2 * self.n)
+            step = self._step = python_step(self._tick, self.n, self.plant.nz)
         state = step(tau, self.step_count) if self.line is None else None
         if state is None:
             self._step_by_python(tau)
@@ -201,7 +201,7 @@ class SimulatedArm:
         self._passed(self.step_count + 1, None, servo)
 
     def _passed(self, count: int, state: State | None, servo: bool = False) -> None:
-        """Register a tick, the ``count``-th, and the state after it if that is known."""
+        """Register ticks up to the ``count``-th, and the state after them if that is known."""
         self.step_count, self._state, self.hold = count, state, FREE
         self._saturation.look(self._command, self._effort, servo)
         if self.sensors is not None:
@@ -209,8 +209,7 @@ class SimulatedArm:
 
     def passed(self, ticks: int) -> None:
         """Register ticks that other code executed by ``pointers``, as ``advance`` would have."""
-        self.step_count, self._state, self.hold = self.step_count + ticks, None, FREE
-        self._saturation.look(self._command, self._effort)
+        self._passed(self.step_count + ticks, None)
 
     def roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array

@@ -83,9 +83,7 @@ def test_constants_that_differ_are_counted_as_a_loss(rng: np.random.Generator) -
         assert_close(float(lost(*x)), 0.8 * i**2 + 0.01 * i * speed, ALGEBRA)
 
 
-@pytest.mark.parametrize(
-    "scene", sampled([pytest.param(scene, id=name) for name, scene in DRIVES.items()], 5)
-)
+@pytest.mark.parametrize("scene", sampled(DRIVES.values(), 5), ids=DRIVES)
 def test_energy_of_a_run_is_balanced(scene: Any) -> None:
     """Work supplied, heat lost and energy stored in a recording, under an oscillating command."""
     sim = Simulator(scene, backend="vm", tolerance=1e-9)

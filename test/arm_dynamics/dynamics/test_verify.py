@@ -147,9 +147,7 @@ HELD = {
 }
 
 
-@pytest.fixture(
-    scope="module", params=sampled([pytest.param(held, id=name) for name, held in HELD.items()], 2)
-)
+@pytest.fixture(scope="module", params=sampled(HELD.values(), 2), ids=HELD)
 def tied(request: pytest.FixtureRequest) -> Dynamics:
     return Dynamics({**request.param, "joints": {"*": {"friction": {"viscous": 0.3}}}})
 

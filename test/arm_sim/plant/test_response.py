@@ -28,7 +28,7 @@ STOPPED: dict[str, dict[str, Any]] = {"*": {}}
 ALL = {"dry": DRY, "springs": SPRUNG, "compliant stops": RUBBER, "rigid stops": STOPPED}
 
 
-@pytest.mark.parametrize("joints", sampled(ALL.values(), 2))
+@pytest.mark.parametrize("joints", sampled(ALL.values(), 2), ids=ALL)
 @one_at_a_time
 def test_recursion_and_mass_matrix_agree(
     joints: dict[str, dict[str, Any]], rng: np.random.Generator

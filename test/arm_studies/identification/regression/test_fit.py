@@ -18,18 +18,24 @@ from arm_studies.identification.regression.friction_columns import (
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
 
+MODEL = ArmModel(load_scene("two_link"))
+
+
+def moved(duration):
+    """The arm's regressor, and times and states of a motion of both joints."""
+    t = np.arange(0.0, duration, 0.01)
+    q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
+    v = np.column_stack([2.1 * np.cos(2.1 * t), -0.91 * np.sin(1.3 * t)])
+    return RigidRegressor(MODEL), t, q, v, -q * [2.1**2, 1.3**2]
+
 
 @pytest.mark.parametrize(("growth", "kept"), [(0.2, True), (0.4, False)])
 def test_growth_with_load_that_is_too_steep_is_left_out_and_kept_in_mind(growth, kept):
-    model, t = ArmModel(load_scene("two_link")), np.arange(0.0, 20.0, 0.01)
-    regressor = RigidRegressor(model)
-    q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
-    v = np.column_stack([2.1 * np.cos(2.1 * t), -0.91 * np.sin(1.3 * t)])
-    a = -q * [2.1**2, 1.3**2]
+    regressor, t, q, v, a = moved(20.0)
     tau = without = regressor(q, v, a) @ regressor.nominal
     for _ in range(60):  # the friction is part of the load
         tau = without + 0.1 * v + (0.3 + growth * abs(tau) * [1.0, 0.0]) * np.sign(v)
-    record = JointRecord.of(model.joint_names, t, q, tau, v, a)
+    record = JointRecord.of(MODEL.joint_names, t, q, tau, v, a)
     rows = Rows(regressor, [prepare(record, np.inf)])
     plain, grown = JointFit((VISCOUS, COULOMB)), Shape(None, 0.9, float(abs(tau[:, 0]).max()))
     found = fitted(
@@ -44,16 +50,12 @@ def test_growth_with_load_that_is_too_steep_is_left_out_and_kept_in_mind(growth,
 
 @pytest.mark.parametrize(("factor", "changed"), [(1.0, False), (-1.0, True)])
 def test_bodies_that_cannot_be_are_changed_and_it_is_told(factor, changed):
-    model, t = ArmModel(load_scene("two_link")), np.arange(0.0, 10.0, 0.01)
-    regressor = RigidRegressor(model)
-    q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
-    v = np.column_stack([2.1 * np.cos(2.1 * t), -0.91 * np.sin(1.3 * t)])
-    a = -q * [2.1**2, 1.3**2]
+    regressor, t, q, v, a = moved(10.0)
     theta = regressor.nominal.copy()
     theta[-6:] *= factor  # moments and products of inertia of the last body
     tau = regressor(q, v, a) @ theta + 0.2 * v + 0.1 * a  # with rotors
     tau += 0.01 * np.random.default_rng(1).normal(size=tau.shape)
-    rows = Rows(regressor, [prepare(JointRecord.of(model.joint_names, t, q, tau, v, a), np.inf)])
+    rows = Rows(regressor, [prepare(JointRecord.of(MODEL.joint_names, t, q, tau, v, a), np.inf)])
     found = fitted(
         rows, rows.use, lambda size: belief_of(regressor.nominal, size, 0.05, 0.5),
         [JointFit((VISCOUS,))] * 2, possible=True,
