@@ -225,7 +225,7 @@ class Events:
 
     def _functions(self) -> list[ca.Function]:
         plant, tuned = self._plant, self._tuned
-        functions = [acting(plant), plant.rhs, *guard_functions(plant, tuned)]
+        functions = [acting(plant), plant.slope_of_loads(), *guard_functions(plant, tuned)]
         functions += [each for each in plant.events if each.name() in ENGINE]
         functions += resting_functions(plant)
         if plant.directions or plant.points:

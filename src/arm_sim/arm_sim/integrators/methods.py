@@ -97,8 +97,9 @@ def build_step(
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
         name: Name of the function, if the default is taken in the same kernel.
         dense: Whether to return the continuous output as well, see ``Step.inside``.
-        loads: Function (x, u, p) -> loads of joints, forces, …, x', see ``Plant.events``. With it
-            x' at the beginning is given, as it is known where modes were chosen.
+        loads: Function (x, u, p) -> loads of joints, forces, …, x', see ``Plant.events``: the rhs
+            of an explicit method. With it x' at the beginning is given, as it is known where
+            modes were chosen.
 
     Returns:
         Function (x, u, p, h) -> x at the end of the step, and with ``dense`` x' at its beginning
@@ -197,9 +198,11 @@ class _Made:
     def _slope(self, stage: int, y: ca.MX) -> ca.MX:
         if stage == 0 and self._first is not None:
             return self._first
-        if stage < self._last or self._loads is None:
+        if self._loads is None:
             return self._rhs(y, self._u, self.p)
-        *self._at_end, slope = self._loads.call([y, self._u, self.p])
+        *loads, slope = self._loads.call([y, self._u, self.p])
+        if stage >= self._last:
+            self._at_end = loads
         return slope
 
     def _advance(self, method: Method, n: int, x: ca.MX, h: ca.MX, scaled: Scaled | None) -> Step:

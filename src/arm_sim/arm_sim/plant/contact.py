@@ -7,7 +7,7 @@ and ``equations.contact``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -28,8 +28,9 @@ class ContactFunctions:
     Attributes:
         points: The contacts.
         acceleration: (q, v, tau, p) -> q̈.
-        loads: (q, v, tau, p) -> holding torques of sticking joints, forces and accelerations of
-            the points, acceleration of each gap per normal force where it closes (grip), q̈.
+        loads: Holding torques of sticking joints relative to what friction bears, forces and
+            accelerations of the points, acceleration of each gap per normal force where it
+            closes (grip), and q̈: expressions.
         inertia: (q, v, tau, p) -> acceleration of the points per force on them, of the joints per
             force, and of the points without contact forces.
         geometry: (q, v) stacked -> positions of the points in their planes' axes, velocities
@@ -56,7 +57,7 @@ class ContactFunctions:
 
     points: tuple[ContactPoint, ...]
     acceleration: ca.Function
-    loads: ca.Function
+    loads: Sequence[ca.SX]
     inertia: ca.Function
     geometry: ca.Function
     close: ca.Function
@@ -148,7 +149,7 @@ def contact_functions(
     return ContactFunctions(
         tuple(points),
         dense_function("acceleration", arguments, a),
-        dense_function("loads", arguments, reaction, force, accelerations, grip, a),
+        (reaction, force, accelerations, grip, a),
         dense_function("contact_inertia", arguments, delassus.W, B, free),
         dense_function("contact_geometry", [x], where.place, speed, size),
         dense_function("contact_close", [x, joints.p, anchor], closed),

@@ -8,6 +8,7 @@ plant.
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from functools import partial
 
 import casadi as ca
@@ -44,9 +45,8 @@ class Mechanics:
             onto the constraints; None without bilateral constraints.
         contact: Functions of the contacts; None without any.
         loads: CasADi functions (q, v, tau, p) that event handling evaluates: ``loads``, with
-            contacts ``contact_inertia``, with bilateral constraints ``bilateral``, with stops
-            ``stop_torques``, where parts may hold together ``statics``; empty where nothing
-            sticks or touches.
+            contacts ``contact_inertia``, with bilateral constraints ``bilateral``, where parts may
+            hold together ``statics``; empty where nothing sticks or touches.
         of_joints: Functions of positions and velocities: with stops ``strike``, with compliant
             stops ``pressures``.
         method: Name of the selected algorithm, for display.
@@ -76,6 +76,7 @@ class Mechanics:
         held = Bilateral(model, s, joints) if model.scene.bilateral else None
         self.project = held.project(joints.p) if held else None
         response: AnyResponse
+        loads: Sequence[ca.SX] = ()
         if moving:
             self.acceleration = _stick_slip(
                 model, s, joints, held or response_of(model, s, joints)
@@ -86,26 +87,28 @@ class Mechanics:
             self.contact = contact_functions(model, s, joints, dense)
             self.acceleration, push = self.contact.acceleration, self.contact.push
             reaction = self.contact.reaction
-            self.loads = self.contact.loads, self.contact.inertia
+            loads, self.loads = self.contact.loads, (self.contact.inertia,)
         elif directed or pressed or joints.switches.numel() or (stops and has_cords(model)):
             response = held or response_of(model, s, joints)
             self.method = _method(response.algorithm, model)
             self.acceleration, loads, reaction = _stick_slip(model, s, joints, response)
-            self.loads, push = (loads,), ca.SX(model.n, 1)
+            push = ca.SX(model.n, 1)
         elif held:
             arguments, a = [s.q, s.v, s.tau, s.p], held.accelerations(held.load)
             self.acceleration = dense_function("acceleration", arguments, a)
         else:
             self.method, self.acceleration = _shortest(model, s)
-        if held and self.loads:
+        if not loads:
+            return
+        stopped = joints.stop - reaction if stops and model.stops else ca.SX(0, 1)
+        self.loads = (*self.loads, _loads(s, joints, loads, stopped))
+        if held:
             self.loads = (*self.loads, _bilateral(s, joints, held, push - reaction))
-        if self.loads and len(model.scene.contacts) + bool(directed) + bool(held) > 1:
+        if len(model.scene.contacts) + bool(directed) + bool(held) > 1:
             self.loads = (*self.loads, _statics(model, s, joints, held, self.contact, reaction))
-        if self.loads:
-            jacobian = self.contact.jacobian if self.contact else ca.SX(0, model.n)
-            self._strike = partial(_strike, s, joints, response, jacobian)
+        jacobian = self.contact.jacobian if self.contact else ca.SX(0, model.n)
+        self._strike = partial(_strike, s, joints, response, jacobian)
         if stops and model.stops:
-            self.loads = (*self.loads, _stop_torques(s, joints, reaction))
             pressures = (_pressures(s, joints),) if pressed else ()
             self.of_joints = (self.strike, *pressures)
 
@@ -142,8 +145,8 @@ def _method(algorithm: str, model: ArmModel) -> str:
 
 def _stick_slip(
     model: ArmModel, s: Symbols, joints: Joints, response: AnyResponse
-) -> tuple[ca.Function, ca.Function, ca.SX]:
-    """Acceleration, ``loads`` without contacts, and the holding torques of held joints."""
+) -> tuple[ca.Function, Sequence[ca.SX], ca.SX]:
+    """Acceleration, loads without contacts, and the holding torques of held joints."""
     a = response.accelerations(response.load)
     reaction = response.reactions(response.load, a)
     arguments = [s.q, s.v, s.tau, joints.p]
@@ -151,9 +154,21 @@ def _stick_slip(
     none = ca.SX(0, 1)
     return (
         ca.Function("acceleration", arguments, [a], {"cse": True}),
-        dense_function("loads", arguments, held, none, none, none, a),
+        (held, none, none, none, a),
         reaction,
     )
+
+
+def _loads(
+    s: Symbols, joints: Joints, loads: Sequence[ca.SX], stopped: ca.SX
+) -> ca.Function:
+    """Function of ``ContactFunctions.loads`` with, before q̈, the torques of stops on the joints.
+
+    They include what friction alone may hold. Code that does not ask for them does not compute
+    them.
+    """
+    *others, a = loads
+    return dense_function("loads", [s.q, s.v, s.tau, joints.p], *others, stopped, a)
 
 
 def _bilateral(s: Symbols, joints: Joints, held: Bilateral, push: ca.SX) -> ca.Function:
@@ -197,12 +212,6 @@ def _strike(s: Symbols, joints: Joints, response: AnyResponse, jacobian: ca.SX) 
 def _pressures(s: Symbols, joints: Joints) -> ca.Function:
     """``Joints.pressures`` of (q, v), evaluated where joints meet compliant stops."""
     return dense_function("pressures", [ca.vertcat(s.q, s.v)], joints.pressures)
-
-
-def _stop_torques(s: Symbols, joints: Joints, reaction: ca.SX) -> ca.Function:
-    """Torques of stops on the joints, including those held by friction alone."""
-    arguments = [s.q, s.v, s.tau, joints.p]
-    return dense_function("stop_torques", arguments, joints.stop - reaction)
 
 
 def _stop_power(s: Symbols, joints: Joints) -> ca.Function:

@@ -199,13 +199,22 @@ class Plant:
     def events(self) -> tuple[ca.Function, ...]:
         """CasADi functions evaluated at events; empty where nothing sticks or touches.
 
-        ``loads`` (x, u, p), the last of which is x', with bilateral constraints ``bilateral`` (x,
-        u, p), with stops ``stop_torques`` (x, u, p), ``strike`` and ``pressures``, with
+        ``loads`` (x, u, p), the last of which are torques of stops and x', with bilateral
+        constraints ``bilateral`` (x, u, p), with stops ``strike`` and ``pressures``, with
         ``switches`` (x, u, p) their switching functions and the magnitude of the terms of each,
         with contacts ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``,
         and where parts may hold together ``statics`` (x, u, p).
         """
         return self._equations()[1] if self.eventful else ()
+
+    @one_at_a_time
+    def slope_of_loads(self) -> ca.Function:
+        """``rhs`` for code that contains ``loads``: it calls that, where there is one."""
+        loads = next((each for each in self.events if each.name() == "loads"), None)
+        if loads is None:
+            return self.rhs
+        given = [ca.MX.sym(name, loads.size1_in(i)) for i, name in enumerate("xup")]
+        return ca.Function("rhs", given, loads.call(given)[-1:])
 
     @one_at_a_time
     def scaled_jacobian(self) -> ca.Function | None:

@@ -290,7 +290,8 @@ def ticks_of_lanes(
         more, without = {"TICK": "tick"} | stop_defines(plant), {"foresight.h"}
         return _source(plant, width, [build_tick(motion, actuate)], more, file, control, without)
     asked = [function for function in plant.events if function.name() in FORESEEN]
-    functions, more = [plant.rhs, motion, actuate, *asked], {"EVENTS": "1"} | mode_sizes(plant)
+    functions = [plant.slope_of_loads(), motion, actuate, *asked]
+    more = {"EVENTS": "1"} | mode_sizes(plant)
     more |= near_loads(functions)
     if plant.points:
         functions.append(smooth_motion(plant.in_motion(), choice, MOVING))

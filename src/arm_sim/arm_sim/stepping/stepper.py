@@ -265,7 +265,7 @@ class Stepper:
         if not (self.kernel.native and ((q <= lower) | (q >= upper)).any()):
             return np.zeros(len(q))
         modes = self.modes_at(x, u)
-        torque = self.kernel.call("stop_torques")(x, u, modes.p)[0] - self.shared(x, u, modes)[1]
+        torque = self.kernel.call("loads")(x, u, modes.p)[-2] - self.shared(x, u, modes)[1]
         pushes = np.where(q <= lower, torque > 0.0, (q >= upper) & (torque < 0.0))
         return np.where(pushes, torque, 0.0)
 
@@ -339,7 +339,7 @@ def tick_functions(
 ) -> tuple[list[ca.Function], ca.Function]:
     """The functions that a tick evaluates, and that of them which advances without events."""
     smooth = smooth_motion(plant, choice)
-    functions = [plant.rhs, smooth, actuate, *plant.events]
+    functions = [plant.slope_of_loads(), smooth, actuate, *plant.events]
     if plant.free:
         smooth = smooth_motion(plant.free, choice, FREE)
         functions += [_renamed(plant.free.rhs), smooth]

@@ -18,7 +18,7 @@ static void find_loads(const real* x, const real* u, const real* p, real* found)
   real w[SZ_W];
   casadi_int iw[SZ_IW];
   const real* arg[SZ_ARG] = {x, u, p};
-  real* res[SZ_RES] = {found, found + NU, found + NU + MC, found + NU + 2 * MC, found + LOADS - NX};
+  real* res[SZ_RES] = {found, found + NU, found + NU + MC, found + NU + 2 * MC, 0, found + LOADS - NX};
   loads(arg, res, iw, w, 0);
 }
 

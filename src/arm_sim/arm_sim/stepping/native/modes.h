@@ -203,7 +203,8 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
   res[1] = found->force;
   res[2] = found->rate;
   res[3] = found->grip;
-  res[4] = found->slope;
+  res[4] = 0; /* torques of stops */
+  res[5] = found->slope;
   loads(arg, res, iw, w, 0);
   memory->loaded = 1;
   memory->loads = *found;

@@ -99,7 +99,6 @@ GENERATED(rhs);
 GENERATED(actuate);
 GENERATED(loads);
 GENERATED(bilateral);
-GENERATED(stop_torques);
 GENERATED(pressures);
 GENERATED(switches);
 GENERATED(strike);
