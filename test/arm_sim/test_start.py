@@ -47,7 +47,7 @@ def test_the_second_start_writes_no_equations(unwritten: pytest.MonkeyPatch, joi
         {**scene, "gravity": [0.0, 0.0, -1.62]},
         {**scene, "joints": {"*": {"friction": {"viscous": 0.3}}}},
         {**scene, "sim": {"integrator": "dop853"}},
-        again.model.with_viscous(np.full(joints, 0.3)),
+        again.model.with_friction(again.model.friction.with_viscous(np.full(joints, 0.3))),
     ):
         with pytest.raises(WrittenAnew):
             Simulator(other)

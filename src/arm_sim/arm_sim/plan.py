@@ -161,7 +161,9 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("gravity", any(gravity), f"{list(gravity)} m/s²", "zero", "gravity" in p),
         _part("springs", model.springs, _springs(model), "none"),
         _part("viscous friction", viscous.any(), _at(viscous), "no coefficient", "friction" in p),
-        _part("dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level"),
+        _part(
+            "dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level", "coulomb" in p
+        ),
         _part("contact", contacts, f"{contacts}, solved by events", "no point touches a plane"),
         *(_law_part(kind, laws) for kind in FRICTION),
         _part("friction by position or load", tables, f"{tables} joints", "no table"),

@@ -38,7 +38,7 @@ STUCK = {
     "robot": {"urdf": str(URDF)},
     "joints": {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.1}}},
     "sim": {"tolerance": 1e-8},
-    "tunable": ["gravity", "friction"],
+    "tunable": ["gravity", "friction", "coulomb"],
 }
 LUGRE = {"sigma0": 1e4, "sigma1": 100.0, "sigma1_velocity": 0.02}
 BRISTLES = {
@@ -183,12 +183,14 @@ def test_tunable_numbers_act_as_in_the_simulator(tmp_path: Path) -> None:
     ticks, simulator, commands = case.ticks(), case.simulator, case.commands(200)
     assert ticks.init() == 0
     assert ticks.set("gravity[2]", -1.6) == 0
-    assert ticks.set("friction[1]", 0.7) == 0
+    assert ticks.set("friction[1]", 0.7) == ticks.set("coulomb[1]", 0.4) == 0
+    assert "cannot have this value" in ticks.text(ticks.set("coulomb[1]", -0.4))
     assert "cannot have this value" in ticks.text(ticks.set("friction[1]", -0.7))
     assert "cannot have this value" in ticks.text(ticks.set("gravity[0]", np.nan))
     simulator.reset()
     simulator.set_parameter("gravity", [0.0, 0.0, -1.6])
     simulator.set_parameter("friction", [simulator.model.viscous[0], 0.7])
+    simulator.set_parameter("coulomb", [1.0, 0.4])
     expected = simulator.run(200 * simulator.dt, commands)
     assert ticks.run(commands).tobytes() == np.hstack([expected.q, expected.v])[1:].tobytes()
 
@@ -212,10 +214,11 @@ def test_servos_track_as_those_of_the_simulator_to_the_bit(tmp_path: Path) -> No
     assert "arm_sim_servo" in (tmp_path / "arm/README.md").read_text()
 
 
-def test_bodies_that_cannot_be_are_refused(tmp_path: Path) -> None:
+def test_bodies_and_friction_that_cannot_be_are_refused(tmp_path: Path) -> None:
     export(STUCK | {
         "payloads": [{"frame": "tip", "mass": 0.5, "inertia": [1e-3, 0, 0, 1e-3, 0, 1e-3]}] * 2,
-        "tunable": ["payload"],
+        "tunable": ["payload", "coulomb"],
+        "joints": {"elbow": {"friction": {"coulomb": 1.0}}},
     }, tmp_path / "arm", "arm", terms=())  # fmt: skip
     ticks = Ticks(Library(tmp_path / "arm", "arm"), 2)
     assert ticks.init() == 0
@@ -223,6 +226,8 @@ def test_bodies_that_cannot_be_are_refused(tmp_path: Path) -> None:
         assert "cannot have this value" in ticks.text(ticks.set(f"payload[{place}]", -1e-3))
     for place in (1, 5, 18):  # centres of mass and products of inertia
         assert ticks.set(f"payload[{place}]", -1e-4) == 0
+    assert ticks.set("coulomb[0]", 0.0) == ticks.set("coulomb[1]", 3.0) == 0
+    assert "cannot have this value" in ticks.text(ticks.set("coulomb[0]", 0.1))  # it has none
 
 
 @pytest.mark.parametrize(

@@ -27,12 +27,12 @@ SIDED = {"viscous": {"positive": 0.6, "negative": 0.2}}
 def sim() -> Simulator:
     return Simulator({
         "robot": {"urdf": str(models.SCENES / "two_link.urdf")},
-        "joints": {"shoulder": {"friction": SIDED}},
+        "joints": {"shoulder": {"friction": SIDED | {"coulomb": 0.3}}},
         "payloads": [LOAD, LOAD],
         "constraints": [
             {"type": "plane", "frames": ["tip", "world"], "switchable": True, "active": False}
         ],
-        "tunable": ["gravity", "payload", "friction", "external"],
+        "tunable": ["gravity", "payload", "friction", "coulomb", "external"],
     })  # fmt: skip
 
 
@@ -55,6 +55,16 @@ BAD = {
         "friction",
         [0.19, 0.0],
         r"friction\[0\] = 0.19 at joint 'shoulder'; at least 0.2 \(half the difference",
+    ),
+    "dry friction": (
+        "coulomb",
+        [-0.1, 0.0],
+        r"coulomb\[0\] = -0.1 at joint 'shoulder'; at",
+    ),
+    "dry friction of a joint without": (
+        "coulomb",
+        [0.1, 0.2],
+        r"coulomb\[1\] = 0.2 at joint 'elbow'; 0, since it has no dry",
     ),
     "half a constraint": ("constraints", [0.5], r"constraints\[0\] = 0.5; allowed: 1 .* and 0"),
 }

@@ -20,11 +20,12 @@ LOSSY = {"actuator": {"efficiency": 0.8}, "friction": {"viscous": 0.2, "coulomb"
 
 
 def scene(**more: Any) -> dict[str, Any]:
+    dry = ["coulomb"] if more.get("joints") else []
     return {
         "robot": models.scene("two_link").robot.model_dump(),
         "payloads": [{"frame": "tip", "mass": 0.1}],
         "initial": {"position": {"shoulder": 0.3, "elbow": 0.1}},
-        "tunable": ["gravity", "payload", "friction", "external"],
+        "tunable": ["gravity", "payload", "friction", "external", *dry],
         **more,
     }
 
@@ -34,6 +35,8 @@ def tune(sim: Simulator) -> None:
     sim.set_parameter("payload", LOAD)
     sim.set_parameter("friction", [0.7, 0.1])
     sim.set_parameter("external", PUSH)
+    if "coulomb" in sim.arm.plant.parameters.names:
+        sim.set_parameter("coulomb", [0.9, 0.2])
 
 
 @pytest.mark.parametrize("joints", [{}, {"*": LOSSY}], ids=["smooth", "lossy"])

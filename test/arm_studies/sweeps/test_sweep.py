@@ -30,6 +30,8 @@ STUDY: dict[str, Any] = {
     "motion": {"points": [{"time": 0.25, "position": GOAL}]},
     "metrics": ["tracking_rms", "tracking_max", "energy", "tracking_max.elbow"],
 }  # fmt: skip
+LOADED = {"at": [0.0, 10.0], "factor": [1.0, 1.3]}
+BRISTLES = {"sigma0": 1e4, "sigma1": 50.0}
 VARIED = STUDY | {
     "vary": {
         "payloads.0.mass": {"uniform": [0.1, 2.0]},
@@ -39,9 +41,11 @@ VARIED = STUDY | {
 }
 
 
-def loop(scene: dict[str, Any], controller: str = "computed_torque", **settings: Any) -> Recording:
+def loop(
+    scene: dict[str, Any], controller: str = "computed_torque", known: Any = SCENE, **settings: Any
+) -> Recording:
     """The same closed loop by other means; the controller knows the scene as it was."""
-    pair = ClosedLoop(SCENE | scene, controller, Settings(**settings), controller_scene=SCENE)
+    pair = ClosedLoop(SCENE | scene, controller, Settings(**settings), controller_scene=known)
     pair.follow([Waypoint(0.25, [GOAL[name] for name in pair.simulator.joint_names])])
     return pair.run(0.3)
 
@@ -84,6 +88,44 @@ def test_tunable_numbers_share_one_world_and_mean_what_they_say() -> None:
         np.testing.assert_allclose(done.table["energy"][k], energy, rtol=1e-9)
 
 
+@pytest.mark.parametrize("base", [{}, {"coulomb": 0.4}, {"coulomb": 0.4, "load": LOADED}])
+def test_levels_of_dry_friction_share_one_world(base: dict[str, Any]) -> None:
+    study = STUDY | {
+        "changes": {"joints": {"*": {"friction": base}}},
+        "vary": {"joints.*.friction.coulomb": [0.0, 0.3, 0.9]}, "metrics": ["energy"],
+    }  # fmt: skip
+    if "load" in base:  # which is without effect where there is no friction
+        study["vary"]["joints.*.friction.coulomb"][0] = 0.1
+    done = sweep(study, workers=1)
+    assert done.plan.worlds == 1
+    levels = done.table["joints.*.friction.coulomb"]
+    for level, energy in zip(levels, done.table["energy"], strict=True):
+        before, after = (
+            {"joints": {"*": {"friction": {"viscous": 0.1} | base | own}}}
+            for own in ({}, {"coulomb": level})
+        )
+        other = loop(after, known=SCENE | before)
+        expected = np.abs(other.tau[:-1] * np.diff(other.q, axis=0)).sum()
+        np.testing.assert_allclose(energy, expected, rtol=1e-9)
+    assert np.ptp(done.table["energy"]) > 0.0
+
+
+@pytest.mark.parametrize(
+    "friction",
+    [{"static": 1.5, "stribeck_velocity": 0.1}, {"lugre": BRISTLES}],
+    ids=["static", "lugre"],
+)
+def test_levels_that_change_something_else_have_worlds_of_their_own(
+    friction: dict[str, Any],
+) -> None:
+    study = STUDY | {
+        "changes": {"joints": {"elbow": {"friction": friction | {"coulomb": 0.4}}}},
+        "vary": {"joints.elbow.friction.coulomb": [0.3, 0.6]}, "metrics": ["energy"],
+    }  # fmt: skip
+    done = sweep(study, workers=1)
+    assert done.plan.worlds == 2 and np.ptp(done.table["energy"]) > 0.0
+
+
 def test_a_joints_own_friction_goes_before_that_of_all() -> None:
     """Then the key of all joints reaches the others only, as in a scene file."""
     own = {
@@ -107,7 +149,7 @@ def test_what_would_have_no_effect_is_refused() -> None:
 
 def test_structure_is_compiled_once_for_each_value() -> None:
     vary = {
-        "joints.elbow.friction.coulomb": [0.0, 2.0],
+        "joints.elbow.armature": [0.0, 1.0],
         "payloads.0.mass": {"uniform": [0.49, 0.51]},
     }
     study = STUDY | {"vary": vary, "samples": 3}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -210,9 +211,9 @@ def operations(function: ca.Function, weights: Mapping[int, int] | None = None) 
     """
     weights = weights or {}
     if function.is_a("SXFunction"):
+        kinds = Counter(map(function.instruction_id, range(function.n_instructions())))
         moves = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
-        kinds = (function.instruction_id(k) for k in range(function.n_instructions()))
-        return sum(weights.get(kind, 1) for kind in kinds if kind not in moves)
+        return sum(kinds[kind] * weights.get(kind, 1) for kind in kinds if kind not in moves)
     total = 0
     for k in range(function.n_instructions()):
         kind = function.instruction_id(k)

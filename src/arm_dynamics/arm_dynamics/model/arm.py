@@ -12,7 +12,7 @@ import numpy as np
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import ConstraintError, SceneError
 from arm_dynamics.model.drive import drives_of
-from arm_dynamics.model.friction import Given, friction_of
+from arm_dynamics.model.friction import Given, JointFriction, friction_of
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.regularity import check_regular
@@ -105,10 +105,10 @@ class ArmModel(Robot):
                 found[name] = f"friction {friction:g} above effort {effort:g}"
         return found
 
-    def with_viscous(self, viscous: Array) -> ArmModel:
-        """Copy with other viscous friction in [N m s/rad] or [N s/m], shape (n,)."""
+    def with_friction(self, friction: JointFriction) -> ArmModel:
+        """Copy with other friction."""
         other = copy(self)
-        other.friction = self.friction.with_viscous(viscous)
+        other.friction = friction
         return other
 
     def _ranges(self) -> list[Range]:

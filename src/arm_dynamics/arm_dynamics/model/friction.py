@@ -7,7 +7,7 @@ Friction models with internal states, such as LuGre, are in ``actuation``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.equations import friction, transmission
-from arm_dynamics.equations.elementary import Quantity, choose, size
+from arm_dynamics.equations.elementary import Quantity, choose, larger, size
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import constant
 from arm_dynamics.model.friction_table import FrictionTable, steepest
@@ -59,6 +59,7 @@ class DryFriction:
         stribeck_velocity: Stribeck velocity in [rad/s] or [m/s]; 1 where there is none.
         position: Factor of dry friction by position, or None, for each joint.
         load: Factor of dry friction by the size of the drive's torque, or None, for each joint.
+        scale: Factor of dry friction of each joint, see ``scaled``; None for 1.
     """
 
     coulomb: Sided
@@ -67,6 +68,7 @@ class DryFriction:
     stribeck_velocity: Array
     position: tuple[Curve | None, ...]
     load: tuple[Curve | None, ...]
+    scale: Quantity = field(default=None, kw_only=True)
 
     @property
     def by_position(self) -> bool:
@@ -143,12 +145,13 @@ class DryFriction:
         return np.asarray(np.sqrt(2.0 / np.e) * rise / self.stribeck_velocity * largest)
 
     def _factors(self, q: Quantity, load: Quantity) -> Quantity | None:
-        product: Any = 1.0
+        product: Any = 1.0 if self.scale is None else self.scale
         if self.by_position:
             product = product * _applied(self.position, q)
         if self.by_load:
             product = product * _applied(self.load, size(load))
-        return product if self.by_position or self.by_load else None
+        constant = self.scale is None and not (self.by_position or self.by_load)
+        return None if constant else product
 
 
 @dataclass(frozen=True)
@@ -205,6 +208,17 @@ class JointFriction(DryFriction):
     def with_viscous(self, viscous: Array) -> JointFriction:
         """Copy with other mean viscous coefficients, shape (n,)."""
         return replace(self, viscous=self.viscous._replace(mean=read_only(viscous)))
+
+    def scaled(self, coulomb: Quantity) -> JointFriction:
+        """Copy with other levels in sliding, and levels at rest in proportion.
+
+        Args:
+            coulomb: Levels in [N m] or [N], shape (n,), or an expression: the mean of both
+                directions, zero for joints without dry friction.
+        """
+        nominal = self.coulomb.mean
+        part = coulomb / _like(coulomb)(np.where(nominal > 0.0, nominal, 1.0))
+        return replace(self, scale=larger(part, UNLOADED))
 
     def smooth(self, v: Quantity, q: Quantity, coefficient: Quantity = None) -> Quantity:
         """Viscous friction, and that of tables but for their dry part.

@@ -204,8 +204,8 @@ class Scene(Part):
             delay.
         commands: Transmission of commands; by default without delay or loss.
         tunable: Quantities that may change while the simulator runs, or differ between the arms of
-            a rollout: ``friction`` is the viscous one, ``external`` are external joint torques,
-            initially zero.
+            a rollout: ``friction`` is the viscous one, ``coulomb`` the dry one, ``external`` are
+            external joint torques, initially zero.
     """
 
     robot: RobotChoice
@@ -219,7 +219,7 @@ class Scene(Part):
     sim: Sim = Sim()
     sensors: Sensors | None = None
     commands: Commands | None = None
-    tunable: tuple[Literal["gravity", "payload", "friction", "external"], ...] = ()
+    tunable: tuple[Literal["gravity", "payload", "friction", "coulomb", "external"], ...] = ()
 
     @field_validator("tunable")
     @classmethod

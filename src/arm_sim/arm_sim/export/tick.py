@@ -162,21 +162,27 @@ def _origins(plant: Plant) -> list[int]:
 
 @dataclass(frozen=True)
 class _Number:
-    """A tunable number: its name, and the least value that it may have."""
+    """A tunable number: its name, and the values that it may have."""
 
     name: str
     least: float = -math.inf
+    most: float = math.inf
 
 
 def _numbers(plant: Plant) -> list[_Number]:
     """The tunable numbers in the order of p; switches of constraints, which come last, are not."""
-    friction = abs(plant.model.friction.viscous.skew).tolist()
-    least = {"friction": friction, "payload": _LEAST_OF_A_BODY}
+    friction = plant.model.friction
+    least = {
+        "friction": abs(friction.viscous.skew).tolist(),
+        "coulomb": [0.0],
+        "payload": _LEAST_OF_A_BODY,
+    }
+    most = {"coulomb": np.where(friction.coulomb.mean > 0.0, math.inf, 0.0).tolist()}
     found = list[_Number]()
     for item in plant.parameters.items:
-        lower = cycle(least.get(item.name, _ANY))
+        lower, upper = cycle(least.get(item.name, [-math.inf])), most.get(item.name, [math.inf])
         for i in range(item.nominal.size if item.name != "constraints" else 0):
-            found.append(_Number(f"{item.name}[{i}]", next(lower)))
+            found.append(_Number(f"{item.name}[{i}]", next(lower), upper[i % len(upper)]))
     return found
 
 
@@ -185,12 +191,13 @@ def _setter(numbers: Sequence[_Number]) -> str:
 
     Names are compared one by one: a table of them would be data with addresses.
     """
-    lines = [
-        f'  if (is_same(parameter, "{number.name}")) '
-        + (f"return value < {number.least!r} ? LIBRARY_NOT_ALLOWED : put(sim, {i}, value);"
-           if number.least > -math.inf else f"return put(sim, {i}, value);")
-        for i, number in enumerate(numbers)
-    ]  # fmt: skip
+    lines = []
+    for i, number in enumerate(numbers):
+        beyond = [f"value < {number.least!r}"] if number.least > -math.inf else []
+        beyond += [f"value > {number.most!r}"] if number.most < math.inf else []
+        refused = f"{' || '.join(beyond)} ? LIBRARY_NOT_ALLOWED : " if beyond else ""
+        same = f'is_same(parameter, "{number.name}")'
+        lines.append(f"  if ({same}) return {refused}put(sim, {i}, value);")
     return "\n".join([
         "", "int library_sim_set(library_sim* sim, const char* parameter, double value) {",
         *(lines or ["  (void)sim;", "  (void)parameter;", "  (void)value;"]),

@@ -110,7 +110,7 @@ def contact_functions(
     a = a_free + B @ force
     push = A.T @ force
     held = response.reactions(response.load + push, a)
-    reaction = model.friction.relative_hold(held, s.q, s.tau)
+    reaction = s.friction.relative_hold(held, s.q, s.tau)
     x = ca.vertcat(s.q, s.v)
     arguments = [s.q, s.v, s.tau, joints.p]
     returning = mode.rows() * contact.positional(points)

@@ -150,7 +150,7 @@ def _stick_slip(
     a = response.accelerations(response.load)
     reaction = response.reactions(response.load, a)
     arguments = [s.q, s.v, s.tau, joints.p]
-    held = model.friction.relative_hold(reaction, s.q, s.tau)
+    held = s.friction.relative_hold(reaction, s.q, s.tau)
     none = ca.SX(0, 1)
     return (
         ca.Function("acceleration", arguments, [a], {"cse": True}),
@@ -159,9 +159,7 @@ def _stick_slip(
     )
 
 
-def _loads(
-    s: Symbols, joints: Joints, loads: Sequence[ca.SX], stopped: ca.SX
-) -> ca.Function:
+def _loads(s: Symbols, joints: Joints, loads: Sequence[ca.SX], stopped: ca.SX) -> ca.Function:
     """Function of ``ContactFunctions.loads`` with, before q̈, the torques of stops on the joints.
 
     They include what friction alone may hold. Code that does not ask for them does not compute
@@ -197,7 +195,7 @@ def _statics(
     drift = held.rows.drift if held else ca.SX(0, 1)
     push = ca.horzcat(rows.T, contacts.spread if contacts else ca.SX(n, 0))
     ways = ca.SX.ones(n), -ca.SX.ones(n)
-    bears = [model.friction.most_held(way, s.q, s.tau) for way in ways]
+    bears = [s.friction.most_held(way, s.q, s.tau) for way in ways]
     return dense_function("statics", arguments, push, reaction, ca.vertcat(*bears), drift)
 
 

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from arm_dynamics import ArmModel, InvalidInput
+from arm_dynamics import ArmModel, InvalidInput, SceneError
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.scene.constraint import switches
 from arm_dynamics.scene.inertia import fault, possible
@@ -21,9 +21,11 @@ class Parameter:
     """A quantity that the scene declares tunable.
 
     Attributes:
-        name: ``gravity``, ``payload``, ``friction``, ``external`` or ``constraints``.
+        name: ``gravity``, ``payload``, ``friction``, ``coulomb``, ``external`` or
+            ``constraints``.
         nominal: Its value in the scene: gravity, shape (3,); mass, com (3) and inertia (6) of
-            each payload; viscous coefficients, shape (n,); external joint torques, not subject to
+            each payload; viscous coefficients, shape (n,); dry friction in sliding, shape (n,),
+            with which that at rest changes in proportion; external joint torques, not subject to
             effort limits, shape (n,); or 1 and 0 for switchable constraints that are active and
             inactive.
     """
@@ -45,6 +47,7 @@ class Parameters:
             "gravity": np.array(model.scene.gravity),
             "payload": np.array(payloads, dtype=float).ravel(),
             "friction": model.viscous,
+            "coulomb": model.friction.coulomb.mean,
             "external": np.zeros(model.n),
             "constraints": switches(model.scene.constraints),
         }
@@ -52,10 +55,16 @@ class Parameters:
         self.items = tuple(
             Parameter(name, value) for name, value in nominal.items() if name in tunable
         )
-        least = abs(model.friction.viscous.skew)
+        least, dry = abs(model.friction.viscous.skew), nominal["coulomb"] > 0.0
+        if "coulomb" in tunable and not dry.any():
+            raise SceneError(
+                "scene: 'tunable': 'coulomb' is tunable, but no joint has dry friction without "
+                "states; a joint with 'friction.coulomb' is expected"
+            )
         self._checks: dict[str, Callable[[Array], None]] = {
             "payload": _check_payloads,
             "friction": lambda values: _check_friction(values, least, model.joint_names),
+            "coulomb": lambda values: _check_dry(values, dry, model.joint_names),
             "constraints": _check_switches,
         }
 
@@ -117,7 +126,7 @@ class Parameters:
 
         Raises:
             InvalidInput: If a name is not tunable, a size or number is not allowed, a payload is
-                not physically consistent, or viscous friction is negative.
+                not physically consistent, or friction is negative or of a joint without.
         """
         if not values:
             return p.copy()
@@ -162,6 +171,18 @@ def _check_friction(values: Array, least: Array, joints: Sequence[str]) -> None:
         raise InvalidInput(
             f"friction[{i}]{_of_arm(bad[0])} = {values[tuple(bad[0])]:g} at joint '{joints[i]}'; "
             f"at least {least[i]:g}{why} is expected"
+        )
+
+
+def _check_dry(values: Array, dry: NDArray[np.bool_], joints: Sequence[str]) -> None:
+    """Reject negative levels, and those of joints that have no dry friction to be changed."""
+    bad = np.argwhere((values < 0.0) | ((values > 0.0) & ~dry))
+    if len(bad):
+        i = bad[0][-1]
+        allowed = "at least 0" if dry[i] else "0, since it has no dry friction in the scene,"
+        raise InvalidInput(
+            f"coulomb[{i}]{_of_arm(bad[0])} = {values[tuple(bad[0])]:g} at joint '{joints[i]}'; "
+            f"{allowed} is expected"
         )
 
 

@@ -12,7 +12,7 @@ from arm_dynamics.scene.schema import Payload
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant
 
-OF_THE_ARM = ("gravity", "payload", "friction")
+OF_THE_ARM = ("gravity", "payload", "friction", "coulomb")
 """Tunable quantities on which the model of the arm depends."""
 FROM_OUTSIDE = ("external", "constraints")
 """Those that act on an arm."""
@@ -73,7 +73,7 @@ class PresentDynamics:
 def model_under(plant: Plant, p: Array) -> ArmModel:
     """The arm of a plant under its tunable quantities p, shape (np,)."""
     parameters, model = plant.parameters, plant.model
-    gravity, loads, viscous = (parameters.of(name, p) for name in OF_THE_ARM)
+    gravity, loads, viscous, coulomb = (parameters.of(name, p) for name in OF_THE_ARM)
     if gravity.size or loads.size:
         scene = model.scene
         payloads = [
@@ -84,4 +84,6 @@ def model_under(plant: Plant, p: Array) -> ArmModel:
         ]
         weight = gravity if gravity.size else np.array(scene.gravity)
         model = model.under(weight, payloads or scene.payloads)
-    return model.with_viscous(viscous) if viscous.size else model
+    friction = model.friction.with_viscous(viscous) if viscous.size else model.friction
+    friction = friction.scaled(coulomb) if coulomb.size else friction
+    return model.with_friction(friction)

@@ -24,6 +24,7 @@ class Symbols:
         p: Tunable quantities, shape (np,).
         tree: The links, with possibly tunable payloads.
         gravity: Gravity in the world frame in [m/s²], shape (3,).
+        friction: Friction of the joints, with possibly tunable dry levels.
         passive: Viscous friction and springs less external torques, shape (n,).
         cords: Case distinctions of cords; None without any, or with comparisons instead.
     """
@@ -37,7 +38,9 @@ class Symbols:
         self.gravity = p.get("gravity", gravity_of(model))
         self._switches = ca.vertsplit(p["constraints"]) if "constraints" in p else []
         self._switchable = switchable(model.scene.constraints)
-        self.passive = model.friction.smooth(self.v, self.q, p.get("friction"))
+        own = model.friction
+        self.friction = own.scaled(p["coulomb"]) if "coulomb" in p else own
+        self.passive = own.smooth(self.v, self.q, p.get("friction"))
         self.cords: Switches | None = None
         if model.springs:
             torque = spring.torque(model.springs, self.tree, self.q, self.v)
@@ -102,7 +105,7 @@ class Joints:
             self.sliding = ca.vertcat(*(self.direction[i] ** 2 if may[i] else 1 for i in range(n)))
         if model.has_dry_friction:
             slides = s.v / ca.sqrt(s.v**2 + smoothing**2) if smoothing else self.direction
-            self.friction = ca.sparsify(model.friction.dry(s.v, slides, s.q, s.tau))
+            self.friction = ca.sparsify(s.friction.dry(s.v, slides, s.q, s.tau))
         if pressed:
             at = model.stops
             self.pressures = spring.stop_pressures(s.q, s.v, at.place, at.stiffness, at.damping)

@@ -311,11 +311,12 @@ def relative_error(balance: float, moved: float, size: float) -> float:
 
 def friction_heat(plant: Plant) -> Power:
     """Power lost in the joints' friction and dampers, without friction models with states."""
-    model, tuned = plant.model, plant.parameters.place("friction")
-    law, tree = model.friction, tree_of(model)
+    model, tree = plant.model, tree_of(plant.model)
+    viscous, dry = map(plant.parameters.place, ("friction", "coulomb"))
 
     def power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
-        torque = law.smooth(v, q, None if tuned is None else p[tuned])
+        law = model.friction if dry is None else model.friction.scaled(p[dry])
+        torque = law.smooth(v, q, None if viscous is None else p[viscous])
         if law.has_dry:
             torque = torque + law.dry(v, ca.sign(v), q, tau)
         return ca.dot(torque, v) + spring.heat(model.springs, tree, q, v)

@@ -18,6 +18,7 @@ from arm_dynamics.scene import Scene
 _TUNABLE = {
     "payload": re.compile(r"payloads\.\d+\.(mass|com\.\d|inertia\.\d)"),
     "friction": re.compile(r"joints\.[^.]+\.friction\.viscous"),
+    "coulomb": re.compile(r"joints\.[^.]+\.friction\.coulomb"),
     "gravity": re.compile(r"gravity\.\d"),
 }
 OF_STUDY = ("scene", "controller", "motion")

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene import Scene
 from arm_sim.plant.parameters import Parameters
@@ -21,6 +21,7 @@ from arm_studies.sweeps.study import Study
 from arm_studies.sweeps.world import Job, Recipe
 
 _PROBE = 1e-3
+_SOME_FRICTION = 1.0  # [N m] or [N], in equations whose levels are inputs
 _LONG = 1000.0  # [s] of simulated time of one world above which SIMD code is compiled
 type Slots = dict[str, tuple[int, ...]]
 
@@ -81,8 +82,9 @@ class Planner:
         study, base = self.study, self.content(group.scene)
         of_study = {k: v for k, v in group.values.items() if keys.below(k, keys.OF_STUDY)}
         of_scene = {k: v for k, v in group.values.items() if k not in of_study}
+        some = {key: _SOME_FRICTION for key in group.slots if keys.tunable(key) == "coulomb"}
         with _about("vary"):
-            content = keys.with_values(base, of_scene)
+            content = keys.with_values(base, of_scene | some)
         tuned = [keys.tunable(key) for key in group.slots]
         content["tunable"] = list(dict.fromkeys([*content.get("tunable", ()), *tuned]))
         about = self._loop(of_study)
@@ -191,10 +193,13 @@ def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
     x = float(here) if _is_number(here) else 0.0
     probes = [x + k * _PROBE * max(abs(x), 1.0) for k in (1, 2)]
     try:
-        p = [_nominal(content, key, name, value) for value in probes]
+        models = [_model(content, key, name, value) for value in probes]
+        p = [(every := Parameters(model)).of(name, every.nominal) for model in models]
     except SceneError:
-        return ()  # no body has an inertia with this value alone
+        return ()  # no body has an inertia with this value alone; no friction is dry
     places = np.flatnonzero(p[0] != p[1])
+    if name == "coulomb" and not _scales(models, places):
+        return ()
     if not places.size:
         raise SceneError(
             f"study: 'vary.{key}' changes nothing: entries of single joints take "
@@ -204,8 +209,17 @@ def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
     return tuple(places.tolist()) if held else ()
 
 
-def _nominal(content: Mapping[str, Any], key: str, name: str, value: float) -> Array:
+def _model(content: Mapping[str, Any], key: str, name: str, value: float) -> ArmModel:
     changed = keys.with_values(content, {key: value})
     changed["tunable"] = list(dict.fromkeys([*changed.get("tunable", ()), name]))
-    parameters = Parameters(ArmModel(load_scene(changed)))
-    return parameters.of(name, parameters.nominal)
+    return ArmModel(load_scene(changed))
+
+
+def _scales(models: Sequence[ArmModel], places: NDArray[np.intp]) -> bool:
+    """Whether levels of sliding alone distinguish the dry friction of two arms, at these joints.
+
+    Levels at rest are then the same, and no friction model with states has them.
+    """
+    a, b = (model.friction for model in models)
+    follows = all((f.static.mean == f.coulomb.mean)[places].all() for f in (a, b))
+    return follows and np.array_equal(a.by_law.static.mean, b.by_law.static.mean)

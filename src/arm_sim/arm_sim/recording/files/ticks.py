@@ -265,7 +265,7 @@ def _scene(contents: Contents) -> Scene:
 
 def tunable_names(scene: Scene) -> tuple[str, ...]:
     """Names of the tunable quantities, in the order of p."""
-    order = ("gravity", "payload", "friction", EXTERNAL)
+    order = ("gravity", "payload", "friction", "coulomb", EXTERNAL)
     names = [name for name in order if name in scene.tunable]
     return (*names, *([SWITCHES] if switches(scene.constraints).size else []))
 
