@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 from arm_dynamics.exceptions import InvalidInput
 
 try:
-    import lz4.frame
     import zstandard
     from mcap import records
     from mcap.data_stream import ReadDataStream, RecordBuilder
     from mcap.opcode import Opcode
+    from mcap.stream_reader import get_chunk_data_stream
 except ModuleNotFoundError as error:
     raise InvalidInput(
         f"files of recordings require the module '{error.name}': pip install mcap (./arm has it)"
@@ -256,25 +256,15 @@ class FileContents:
             if file.read(len(MAGIC)) != MAGIC:
                 raise InvalidInput(f"'{path}' is not an MCAP file: its first bytes differ")
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
-                for opcode, start, end in found._records(raw):
+                for opcode, start, end in _records(raw, len(MAGIC)):
+                    if opcode == Opcode.DATA_END:
+                        return found
                     found._take(raw, opcode, start, end, schemas, wanted)
+        found.damage.append("it is truncated: the end of the recording is missing")
         return found
 
-    def _records(self, raw: mmap.mmap) -> Iterator[tuple[int, int, int]]:
-        """Opcode, start and end of each complete record."""
-        at, ended = len(MAGIC), False
-        while at + _PREFIX.size <= len(raw) and not ended:
-            opcode, length = _PREFIX.unpack_from(raw, at)
-            start, at = at + _PREFIX.size, at + _PREFIX.size + length
-            if at > len(raw):
-                break
-            ended = opcode == Opcode.DATA_END
-            yield opcode, start, at
-        if not ended:
-            self.damage.append("it is truncated: the end of the recording is missing")
-
     def _take(
-        self, raw: mmap.mmap, opcode: int, start: int, end: int, schemas: dict[int, str],
+        self, raw: mmap.mmap | bytes, opcode: int, start: int, end: int, schemas: dict[int, str],
         wanted: Callable[[str, str], bool],
     ) -> None:  # fmt: skip
         if opcode == Opcode.CHUNK:
@@ -283,16 +273,9 @@ class FileContents:
             except (ValueError, RuntimeError, zstandard.ZstdError, struct.error) as error:
                 self.damage.append(f"a chunk at byte {start} is damaged: {error}")
                 return
-            for inner, first, last in _pieces(data):
-                self._take_small(data, inner, first, last, schemas, wanted)
-        else:
-            self._take_small(raw, opcode, start, end, schemas, wanted)
-
-    def _take_small(
-        self, raw: Any, opcode: int, start: int, end: int, schemas: dict[int, str],
-        wanted: Callable[[str, str], bool],
-    ) -> None:  # fmt: skip
-        if opcode == Opcode.MESSAGE:
+            for inner in _records(data, 0):
+                self._take(data, *inner, schemas, wanted)
+        elif opcode == Opcode.MESSAGE:
             head = MESSAGE.unpack_from(raw, start - _PREFIX.size)
             kept = self.messages.get(head[2])
             if kept is not None:
@@ -351,24 +334,17 @@ def _field(rows: NDArray[np.uint8], places: NDArray[np.int64], kind: Any) -> NDA
 
 
 def _unpacked(chunk: records.Chunk) -> bytes:
-    if chunk.compression == "zstd":
-        data = zstandard.ZstdDecompressor().decompress(chunk.data, chunk.uncompressed_size)
-    elif chunk.compression == "lz4":
-        data = lz4.frame.decompress(chunk.data)
-    elif chunk.compression:
+    if chunk.compression not in ("", "lz4", "zstd"):
         raise ValueError(f"compression '{chunk.compression}' is unknown")
-    else:
-        data = chunk.data
-    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise ValueError("its checksum differs")
-    return data
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    return stream.read(size)
 
 
-def _pieces(data: bytes) -> Iterator[tuple[int, int, int]]:
-    at, size = 0, len(data)
-    while at + _PREFIX.size <= size:
-        opcode, length = _PREFIX.unpack_from(data, at)
+def _records(raw: mmap.mmap | bytes, at: int) -> Iterator[tuple[int, int, int]]:
+    """Opcode, start and end of each complete record from a place on."""
+    while at + _PREFIX.size <= len(raw):
+        opcode, length = _PREFIX.unpack_from(raw, at)
         start, at = at + _PREFIX.size, at + _PREFIX.size + length
-        if at > size:
+        if at > len(raw):
             return
         yield opcode, start, at
