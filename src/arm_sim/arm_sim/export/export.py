@@ -18,7 +18,7 @@ from arm_sim.export import library
 from arm_sim.export.check_program import check_program
 from arm_sim.export.description import about, readme
 from arm_sim.export.expected import SAMPLED, Expected, states
-from arm_sim.export.fmu import mockup_of, units
+from arm_sim.export.fmu import units
 from arm_sim.export.folder import check_folder, put_files
 from arm_sim.export.names import from_title, library_name
 from arm_sim.export.terms import DERIVATIVES, TERMS, chosen, terms_of
@@ -147,7 +147,7 @@ def _files(
     code = {f"{name}.h": header, f"{name}.c": source}
     return {
         **code,
-        **(units(mockup_of(name, tick, code, frames)) if fmu and tick else {}),
+        **(units(name, tick, code, frames) if fmu and tick else {}),
         f"test_{name}.c": check_program(made, expected, points, errors),
         "CMakeLists.txt": (_NATIVE / "CMakeLists.txt").read_text().replace("@NAME@", name),
         "README.md": readme(made, errors),

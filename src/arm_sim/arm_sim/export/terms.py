@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
@@ -85,7 +86,11 @@ def terms_of(model: ArmModel, names: Collection[str], frames: Sequence[str]) -> 
         InvalidInput: If a frame is unknown, or two look alike in C.
     """
     point = _Point(model)
-    found = [_MADE[name](point, name) for name in names]
+    found = list[Term]()
+    for name in names:
+        about, given, results, expressions = _MADE[name]
+        function = point.function(name, given, *expressions(point))
+        found.append(Term(name, about, function, tuple(results.split())))
     for k, part in enumerate(of_frames(frames)):
         found += _of_frame(point, k, frames[k], ("", f"_{part}")[k > 0 :])
     return found
@@ -111,14 +116,14 @@ class _Point:
         """The expression of a term that batches use."""
         return term.expression(self.model)(*given)
 
-    @property
+    @cached_property
     def inverse(self) -> ca.SX:
         """Torques of a motion, all terms."""
         q, v, a, springs = self.q, self.v, self.a, self.model.springs
         rigid = spring.frictionless(springs, self.tree, q, v, a, self.gravity)
         return ca.SX(self.friction.demanded(rigid, v, ca.sign(v), q))
 
-    @property
+    @cached_property
     def forward(self) -> ca.SX:
         """Accelerations under torques; joints with dry friction slide in their directions."""
         q, v, springs = self.q, self.v, self.model.springs
@@ -144,67 +149,6 @@ class _Point:
         return found(self.q, self.v, free, nominal)
 
 
-def _inverse(at: _Point, name: str) -> Term:
-    about = "Torques [N m, N] of a motion q, v, a: M a + C v + G + springs + friction."
-    return Term(name, about, at.function(name, "q v a", at.inverse), ("tau",))
-
-
-def _forward(at: _Point, name: str) -> Term:
-    about = (
-        "Accelerations [rad/s^2, m/s^2] under joint torques tau. A joint that dry friction holds "
-        "at rest stays there; NaN where the laws of friction determine no motion."
-    )
-    return Term(name, about, at.function(name, "q v tau", at.forward), ("a",))
-
-
-def _mass(at: _Point, name: str) -> Term:
-    about = "Mass matrix M(q) with armature [kg m^2, kg], row by row."
-    M = at.known(compiled_terms.MASS_MATRIX, at.q)
-    return Term(name, about, at.function(name, "q", M), ("M",))
-
-
-def _coriolis(at: _Point, name: str) -> Term:
-    about = "Coriolis matrix C(q, v), row by row; dM/dt - 2 C is skew-symmetric."
-    C = at.known(compiled_terms.CORIOLIS_MATRIX, at.q, at.v)  # transposed already
-    return Term(name, about, at.function(name, "q v", C), ("C",))
-
-
-def _gravity(at: _Point, name: str) -> Term:
-    about = "Torques G(q) [N m, N] that balance the weight."
-    return Term(
-        name, about, at.function(name, "q", at.known(compiled_terms.GRAVITY, at.q)), ("g",)
-    )
-
-
-def _friction(at: _Point, name: str) -> Term:
-    about = "Friction [N m, N] of a steady motion without load; zero part of dry friction at rest."
-    still = ca.SX(at.model.n, 1)
-    found = ca.SX(at.friction(at.v, ca.sign(at.v), at.q, still))
-    return Term(name, about, at.function(name, "q v", found), ("f",))
-
-
-def _energy(at: _Point, name: str) -> Term:
-    about = "Kinetic and potential energy [J], that of springs included."
-    both = at.known(compiled_terms.ENERGIES, at.q, at.v)
-    return Term(name, about, at.function(name, "q v", both), ("kinetic_and_potential",))
-
-
-def _inverse_derivatives(at: _Point, name: str) -> Term:
-    about = "Derivatives of inverse_dynamics by q, v and a, each n x n, row by row."
-    return _derivatives(at, name, about, at.inverse, "q v a", "dtau")
-
-
-def _forward_derivatives(at: _Point, name: str) -> Term:
-    about = "Derivatives of forward_dynamics by q, v and tau, each n x n, row by row."
-    return _derivatives(at, name, about, at.forward, "q v tau", "da")
-
-
-def _derivatives(at: _Point, name: str, about: str, value: ca.SX, of: str, what: str) -> Term:
-    parts = [ca.jacobian(value, getattr(at, x)).T for x in of.split()]
-    results = tuple(f"{what}_d{x}" for x in of.split())
-    return Term(name, about, at.function(name, of, *parts), results)
-
-
 def _of_frame(at: _Point, place: int, name: str, suffixes: Sequence[str]) -> list[Term]:
     """Pose and Jacobian of a frame, under one name or several."""
     body = frame_of(at.model, name)
@@ -228,9 +172,47 @@ def _of_frame(at: _Point, place: int, name: str, suffixes: Sequence[str]) -> lis
     ]
 
 
-_MADE: dict[str, Callable[[_Point, str], Term]] = {
-    "inverse_dynamics": _inverse, "forward_dynamics": _forward, "mass_matrix": _mass,
-    "coriolis_matrix": _coriolis, "gravity": _gravity, "friction": _friction, "energy": _energy,
-    "inverse_dynamics_derivatives": _inverse_derivatives,
-    "forward_dynamics_derivatives": _forward_derivatives,
+type _Expressions = Callable[[_Point], list[ca.SX]]
+_MADE: dict[str, tuple[str, str, str, _Expressions]] = {  # comment, arguments, results
+    "inverse_dynamics": (
+        "Torques [N m, N] of a motion q, v, a: M a + C v + G + springs + friction.",
+        "q v a", "tau", lambda at: [at.inverse],
+    ),
+    "forward_dynamics": (
+        "Accelerations [rad/s^2, m/s^2] under joint torques tau. A joint that dry friction holds "
+        "at rest stays there; NaN where the laws of friction determine no motion.",
+        "q v tau", "a", lambda at: [at.forward],
+    ),
+    "mass_matrix": (
+        "Mass matrix M(q) with armature [kg m^2, kg], row by row.",
+        "q", "M", lambda at: [at.known(compiled_terms.MASS_MATRIX, at.q)],
+    ),
+    "coriolis_matrix": (  # transposed already
+        "Coriolis matrix C(q, v), row by row; dM/dt - 2 C is skew-symmetric.",
+        "q v", "C", lambda at: [at.known(compiled_terms.CORIOLIS_MATRIX, at.q, at.v)],
+    ),
+    "gravity": (
+        "Torques G(q) [N m, N] that balance the weight.",
+        "q", "g", lambda at: [at.known(compiled_terms.GRAVITY, at.q)],
+    ),
+    "friction": (
+        "Friction [N m, N] of a steady motion without load; zero part of dry friction at rest.",
+        "q v", "f",
+        lambda at: [ca.SX(at.friction(at.v, ca.sign(at.v), at.q, ca.SX(at.model.n, 1)))],
+    ),
+    "energy": (
+        "Kinetic and potential energy [J], that of springs included.",
+        "q v", "kinetic_and_potential",
+        lambda at: [at.known(compiled_terms.ENERGIES, at.q, at.v)],
+    ),
+    "inverse_dynamics_derivatives": (
+        "Derivatives of inverse_dynamics by q, v and a, each n x n, row by row.",
+        "q v a", "dtau_dq dtau_dv dtau_da",
+        lambda at: [ca.jacobian(at.inverse, by).T for by in (at.q, at.v, at.a)],
+    ),
+    "forward_dynamics_derivatives": (
+        "Derivatives of forward_dynamics by q, v and tau, each n x n, row by row.",
+        "q v tau", "da_dq da_dv da_dtau",
+        lambda at: [ca.jacobian(at.forward, by).T for by in (at.q, at.v, at.tau)],
+    ),
 }  # fmt: skip

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from uuid import NAMESPACE_URL, uuid5
 from xml.etree import ElementTree
 
 from arm_sim import __version__
@@ -20,25 +21,32 @@ class Unit:
     """A functional mock-up unit.
 
     Attributes:
-        name: Name of the model, and of its binary.
-        about: What it is.
-        token: Text that identifies this description.
+        name: Name of the library, of the model, and of its binary.
+        about: What it is, in a line.
         period: Length of a tick in [s].
         variables: Its variables in the order of their value references.
+        sources: The library's files, ``N.h`` and ``N.c``, by name.
         slopes: Whether it provides directional derivatives.
+        frames: Parts of the names of the library's functions for the frames that take wrenches.
     """
 
     name: str
     about: str
-    token: str
     period: float
     variables: tuple[Variable, ...]
+    sources: Mapping[str, str]
     slopes: bool
+    frames: Sequence[str]
+
+    def token(self, version: str) -> str:
+        """Text that identifies what the unit by a version of FMI was made of."""
+        parts = version, *map(repr, self.variables), *self.sources.values()
+        return f"{{{uuid5(NAMESPACE_URL, ''.join(parts))}}}"
 
 
 def fmi3_description(unit: Unit) -> str:
     """The description by FMI 3.0 (section 2.4)."""
-    root = _root(unit, {"fmiVersion": "3.0", "instantiationToken": unit.token})
+    root = _root(unit, {"fmiVersion": "3.0", "instantiationToken": unit.token("3")})
     _ADD(root, "CoSimulation", {
         "modelIdentifier": unit.name, "canHandleVariableCommunicationStepSize": "true",
         "fixedInternalStepSize": repr(unit.period),
@@ -62,7 +70,7 @@ def fmi3_description(unit: Unit) -> str:
 
 def fmi2_description(unit: Unit, sources: Sequence[str]) -> str:
     """The description by FMI 2.0 (section 2.2), with the files in the folder ``sources``."""
-    root = _root(unit, {"fmiVersion": "2.0", "guid": unit.token})
+    root = _root(unit, {"fmiVersion": "2.0", "guid": unit.token("2")})
     simulation = _ADD(root, "CoSimulation", {
         "modelIdentifier": unit.name, "canHandleVariableCommunicationStepSize": "true",
         "canNotUseMemoryManagementFunctions": "true",
