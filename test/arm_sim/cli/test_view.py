@@ -16,14 +16,13 @@ from arm_sim import Simulator
 from arm_sim.cli.main import main
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.view import live, sources
-from arm_sim.cli.view.options import ViewOptions
 from arm_sim.exceptions import ViewError
 from arm_sim.view import News
 
 SCENE = str(models.SCENES / "two_link.yaml")
 TWO_LINK = models.SCENES / "two_link.urdf"
 START = "initial: {position: {shoulder: 0.4}}"
-HERE = ViewOptions("127.0.0.1", 0)
+HERE = "127.0.0.1", 0
 ros = pytest.mark.ros
 
 
@@ -36,15 +35,13 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def test_scenes_are_to_be_touched_side_by_side(shown: dict[str, Any]) -> None:
-    sources.shown(["two_link", str(models.SCENES / "pendulum.yaml")], HERE)
+    sources.shown(["two_link", str(models.SCENES / "pendulum.yaml")], *HERE)
     assert shown["name"] == ["two_link", "pendulum"]
     assert [simulator.n for simulator in shown["what"]] == [2, 1]
 
 
 def test_pictures_of_a_scene_are_of_a_motion(shown: dict[str, Any]) -> None:
-    sources.shown(
-        ["two_link"], ViewOptions("127.0.0.1", 0, over=True, duration=0.2, control="weight")
-    )
+    sources.shown(["two_link"], *HERE, motion=(0.2, "weight"))
     (film,) = shown["what"]
     assert film.time[-1] == pytest.approx(0.2)
     np.testing.assert_allclose(film.q, np.tile(film.q[0], (201, 1)), atol=1e-9)
@@ -55,7 +52,7 @@ def test_an_arm_without_mass_is_shown(
 ) -> None:
     text = re.sub("<inertial>.*?</inertial>", "", TWO_LINK.read_text(), flags=re.DOTALL)
     (tmp_path / "arm.urdf").write_text(text)
-    sources.shown([str(tmp_path / "arm.urdf")], HERE)
+    sources.shown([str(tmp_path / "arm.urdf")], *HERE)
     (simulator,) = shown["what"]
     assert simulator.joint_names == ("shoulder", "elbow")
     simulator.set_state([0.3, 0.2], [0.0, 0.0])
@@ -66,7 +63,7 @@ def test_an_arm_without_mass_is_shown(
 def test_a_recording_is_shown_as_it_was(shown: dict[str, Any], tmp_path: Path) -> None:
     run = Simulator("two_link").run(0.1)
     for name in ("run.mcap", "run.npz"):
-        sources.shown([str(run.save(tmp_path / name))], HERE)
+        sources.shown([str(run.save(tmp_path / name))], *HERE)
         np.testing.assert_array_equal(shown["what"][0].q, run.q)
 
 
@@ -74,8 +71,8 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
     table = tmp_path / "robot.csv"
     table.write_text("time,position.elbow,position.shoulder\n0,0.1,0.2\n0.5,0.3,0.4\n")
     with pytest.raises(ViewError, match=r"robot.csv' contains no scene.*name it by --scene"):
-        sources.shown([str(table)], HERE)
-    sources.shown([str(table)], ViewOptions("127.0.0.1", 0, scene="two_link"))
+        sources.shown([str(table)], *HERE)
+    sources.shown([str(table)], *HERE, scene="two_link")
     np.testing.assert_array_equal(shown["what"][0].q, [[0.2, 0.1], [0.4, 0.3]])
 
 

@@ -5,16 +5,11 @@ from __future__ import annotations
 
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import examples
-from arm_sim.cli.view.options import ViewOptions
-
-if TYPE_CHECKING:
-    from arm_sim.view import View
 
 __all__ = ["view"]
 
@@ -113,10 +108,17 @@ def view(
     port = 0 if pictures else port
     with ExitStack() as stack:
         if live:
-            page = _followed(stack, what, live, host, port)
+            from arm_sim.cli.view.live import RunningArms
+
+            page = stack.enter_context(RunningArms(live)).show(what, host, port)
+        elif what:
+            from arm_sim.cli.view.sources import shown
+
+            motion = (duration, control) if pictures else None
+            page = shown(what, host, port, motion, scene, topic)
         else:
-            page = _shown(
-                what, ViewOptions(host, port, bool(pictures), duration, control, scene, topic)
+            raise click.UsageError(
+                "a scene, a recording, or --live for a running robot is expected"
             )
         stack.enter_context(page)
         for kind, path in pictures.items():
@@ -131,19 +133,3 @@ def view(
             click.echo(f"{page.url}  (Ctrl-C ends)")
             with suppress(KeyboardInterrupt), interruptible():
                 page.wait()
-
-
-def _shown(what: tuple[str, ...], options: ViewOptions) -> View:
-    from arm_sim.cli.view.sources import shown
-
-    if not what:
-        raise click.UsageError("a scene, a recording, or --live for a running robot is expected")
-    return shown(what, options)
-
-
-def _followed(
-    stack: ExitStack, what: tuple[str, ...], live: tuple[str, ...], host: str, port: int | None
-) -> View:
-    from arm_sim.cli.view.live import RunningArms
-
-    return stack.enter_context(RunningArms(live)).show(what, host, port)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -37,15 +38,17 @@ class RunningArm:
     def __init__(self, listener: Listener, namespace: str) -> None:
         self._listener, self.namespace = listener, namespace.strip("/")
         self.topic = self._name(JOINT_STATES.name)
-        self._bytes: bytes | None = None
+        self._bytes: Any = None  # here and below: the newest message
+        self._description: Any = None
         self._error: Any = None
         self._energy: Any = None
-        self._description = ""
         self._model: ArmModel | None = None
-        listener.hear(JOINT_STATES, self.topic, self._on_state, raw=True)
-        listener.hear(ROBOT_DESCRIPTION, self._name(ROBOT_DESCRIPTION.name), self._on_description)
-        listener.hear(CONTROLLER_STATE, self._name("controller/state"), self._on_error)
-        listener.hear(ENERGY, self._name("sim/energy"), self._on_energy)
+        keep = partial(partial, setattr, self)
+        listener.hear(JOINT_STATES, self.topic, keep("_bytes"), raw=True)
+        described = self._name(ROBOT_DESCRIPTION.name)
+        listener.hear(ROBOT_DESCRIPTION, described, keep("_description"))
+        listener.hear(CONTROLLER_STATE, self._name("controller/state"), keep("_error"))
+        listener.hear(ENERGY, self._name("sim/energy"), keep("_energy"))
 
     @property
     def name(self) -> str:
@@ -109,39 +112,27 @@ class RunningArm:
         """Its scene; joints of the description without joint states are locked."""
         if scene is not None:
             return load_scene(scene)
-        if not self._listener.until(lambda: bool(self._description), _WAIT):
+        if not self._listener.until(lambda: self._description is not None, _WAIT):
             topic = self._name(ROBOT_DESCRIPTION.name)
             raise ViewError(
                 f"no robot description on {topic} for the joint states on {self.topic}; name the "
                 "scene: ./arm view SCENE --live"
             )
-        described = scene_from_urdf(self._description)
-        names = ArmModel(described).joint_names
+        urdf = self._description.data
+        names = ArmModel(scene_from_urdf(urdf)).joint_names
         silent = [name for name in names if name not in told]
         if len(silent) == len(names):
             raise ViewError(
                 f"{self.topic} is of another robot than {self._name(ROBOT_DESCRIPTION.name)}: it "
                 f"has none of its joints {known_names(names)}, but {known_names(told)}"
             )
-        return load_scene({"robot": {"urdf": self._description, "lock": silent}})
+        return load_scene({"robot": {"urdf": urdf, "lock": silent}})
 
     def _state(self) -> Any:
         return deserialize_message(self._bytes, JOINT_STATES.type)
 
     def _name(self, topic: str) -> str:
         return f"/{self.namespace}/{topic}" if self.namespace else f"/{topic}"
-
-    def _on_state(self, message: bytes) -> None:
-        self._bytes = message
-
-    def _on_description(self, message: Any) -> None:
-        self._description = message.data
-
-    def _on_error(self, message: Any) -> None:
-        self._error = message
-
-    def _on_energy(self, message: Any) -> None:
-        self._energy = message
 
 
 class RunningArms:
@@ -151,7 +142,10 @@ class RunningArms:
         """Take part in the ROS graph."""
         self._listener = Listener()
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="arm view: topics", daemon=True)
+        self._thread = threading.Thread(
+            target=lambda: self._listener.until(self._ended.is_set, float("inf")),
+            name="arm view: topics", daemon=True,
+        )  # fmt: skip
         self.arms = [RunningArm(self._listener, namespace) for namespace in namespaces]
 
     def __enter__(self) -> Self:
@@ -185,6 +179,3 @@ class RunningArms:
         models = [arm.meet(scene) for arm, scene in zip(self.arms, chosen, strict=False)]
         self._thread.start()
         return show_followed(self.arms, [arm.name for arm in self.arms], models, host, port)
-
-    def _run(self) -> None:
-        self._listener.until(self._ended.is_set, float("inf"))
