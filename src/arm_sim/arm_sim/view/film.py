@@ -13,7 +13,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
-from arm_sim.stepping.contact_forces import contact_forces
+from arm_sim.stepping.contact_forces import ContactForce, contact_forces
 from arm_sim.view.charts import Chart
 from arm_sim.view.marks import Instant, arrows, cones
 
@@ -85,18 +85,16 @@ def _stills(part: Recording) -> Iterator[Instant]:
     stopped = bool(plant.model.stops.touched(part.q).any())
     if part.of_robot or not (tied or touching or stopped):
         return  # the holding torques of a robot are unknown
-    nothing = np.zeros((len(part), 0))
-    multipliers = part.multipliers if tied else nothing
+    multipliers = part.multipliers if tied else np.zeros((len(part), 0))
     stops = part.stop_torque if stopped else np.zeros_like(part.q)
     for k, time in enumerate(part.time.tolist()):
-        contacts, around = np.zeros((0, 2, 3)), np.zeros((0, 3))
+        forces: tuple[ContactForce, ...] = ()
         if touching:
             stepper = part.account.stepper
             stepper.p[:] = part.p[k]
             forces = contact_forces(plant, stepper, x[k], part.command[k])
-            contacts = arrows(forces)
-            around = cones(forces, plant.model.scene.contacts)
-        yield Instant(time, part.q[k], contacts, multipliers[k], stops[k], around)
+        around = cones(forces, plant.model.scene.contacts)
+        yield Instant(time, part.q[k], arrows(forces), multipliers[k], stops[k], around)
 
 
 def _charts(recording: Recording, part: Recording, rows: Array) -> Iterator[Chart]:

@@ -68,10 +68,8 @@ class InteractiveArm:
             state.q,
             arrows(forces),
             simulation.multipliers() if model.scene.bilateral else np.zeros(0),
-            simulation.stop_torque
-            if model.stops.touched(state.q).any()
-            else np.zeros(simulation.n),
-            cones(forces, model.scene.contacts) if forces else np.zeros((0, 3)),
+            simulation.stop_torque,
+            cones(forces, model.scene.contacts),
         )
 
     @property
