@@ -17,10 +17,9 @@ import casadi as ca
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators import nystrom
 from arm_sim.integrators.methods import Method, Scaled, build_step
+from arm_sim.integrators.nystrom import Back, Parts, Slope
 from arm_sim.integrators.tableaux import Tableau, weighed_sum
 from arm_sim.integrators.tangents import stages_used
-
-Parts = tuple[ca.MX, ca.MX, ca.MX]
 
 
 @one_at_a_time
@@ -49,6 +48,14 @@ def build_adjoint(
     h, weight = ca.MX.sym("h"), ca.MX.sym("weight", x.shape[0])
     tunable = pullback.size1_out(2)
     after_weight, direct = weight, ca.MX.zeros(x.shape[0])
+
+    def slope(y: ca.MX) -> ca.MX:
+        return rhs(y, u, p)
+
+    def back(y: ca.MX, k: ca.MX, by: ca.MX) -> Parts:
+        found: Parts = pullback(y, u, p, k, by)
+        return found
+
     if project is not None and method.name != "implicit":
         after = build_step(method, rhs, n)(x, u, p, h)
         after_weight, direct = _projected(project, n, x, after, p, weight)
@@ -57,13 +64,11 @@ def build_adjoint(
         by_x, by_u, by_p = (ca.jtimes(after, by, weight, True) for by in (x, u, p))
         by_p = by_p[:tunable]
     elif method.tableau is None:
-        by_x, by_u, by_p = _semi_implicit(rhs, pullback, n, x, u, p, h, after_weight)
+        by_x, by_u, by_p = _semi_implicit(slope, back, n, x, h, after_weight)
     elif method.tableau.positions:
-        by_x, by_u, by_p = nystrom.adjoint(
-            method.tableau, rhs, pullback, n, x, u, p, h, after_weight
-        )
+        by_x, by_u, by_p = nystrom.adjoint(method.tableau, slope, back, n, x, h, after_weight)
     else:
-        by_x, by_u, by_p = _staged(method.tableau, rhs, pullback, x, u, p, h, after_weight)
+        by_x, by_u, by_p = _staged(method.tableau, slope, back, x, h, after_weight)
     results = [by_x + direct, by_u, by_p]
     return ca.Function("adjoint", [x, u, p, h, weight], results, {"cse": True})
 
@@ -81,44 +86,27 @@ def _projected(
 
 
 def _staged(
-    tableau: Tableau,
-    rhs: ca.Function,
-    pullback: ca.Function,
-    x: ca.MX,
-    u: ca.MX,
-    p: ca.MX,
-    h: ca.MX,
-    weight: ca.MX,
+    tableau: Tableau, slope: Slope, back: Back, x: ca.MX, h: ca.MX, weight: ca.MX
 ) -> Parts:
     used = stages_used(tableau)
     y: dict[int, ca.MX] = {}
     k: dict[int, ca.MX] = {}
     for i in used:
         y[i] = x + h * weighed_sum(tableau.a[i], k, x)
-        k[i] = rhs(y[i], u, p)
-    back: dict[int, Parts] = {}
+        k[i] = slope(y[i])
+    parts: dict[int, Parts] = {}
     for i in reversed(used):
         known = tableau.b[i] * weight
-        for j in back:
+        for j in parts:
             if i < len(tableau.a[j]) and tableau.a[j][i]:
-                known = known + tableau.a[j][i] * back[j][0]
-        back[i] = pullback(y[i], u, p, k[i], h * known)
-    by_x, by_u, by_p = (sum(parts[1:], parts[0]) for parts in zip(*back.values(), strict=True))
+                known = known + tableau.a[j][i] * parts[j][0]
+        parts[i] = back(y[i], k[i], h * known)
+    by_x, by_u, by_p = (sum(each[1:], each[0]) for each in zip(*parts.values(), strict=True))
     return weight + by_x, by_u, by_p
 
 
-def _semi_implicit(
-    rhs: ca.Function,
-    pullback: ca.Function,
-    n: int,
-    x: ca.MX,
-    u: ca.MX,
-    p: ca.MX,
-    h: ca.MX,
-    weight: ca.MX,
-) -> Parts:
+def _semi_implicit(slope: Slope, back: Back, n: int, x: ca.MX, h: ca.MX, weight: ca.MX) -> Parts:
     """Positions advance with the new velocities, so they do not depend on the derivative of q."""
     moved = ca.vertcat(weight[:n], weight[n : 2 * n] + h * weight[:n], weight[2 * n :])
-    slope = ca.vertcat(ca.MX.zeros(n), h * moved[n:])
-    by_x, by_u, by_p = pullback(x, u, p, rhs(x, u, p), slope)
+    by_x, by_u, by_p = back(x, slope(x), ca.vertcat(ca.MX.zeros(n), h * moved[n:]))
     return moved + by_x, by_u, by_p

@@ -21,30 +21,11 @@ import casadi as ca
 from arm_sim.integrators.tableaux import Tableau, weighed_sum
 
 Rates = Sequence[ca.MX] | Mapping[int, ca.SX]
-
-
-def moved(
-    weights: Sequence[float],
-    positions: Sequence[float],
-    slopes: Rates,
-    x: ca.SX,
-    h: ca.SX,
-    n: int,
-) -> ca.SX:
-    """State of a stage, or at the end of a step.
-
-    Args:
-        weights: a_ij of the stage, or b.
-        positions: ā_ij of the stage, or b̄.
-        slopes: x' at the stages before.
-        x: State at the beginning.
-        h: Length of the step.
-        n: Degrees of freedom; x starts with q and v of n each.
-    """
-    after = x + h * weighed_sum(weights, slopes, x)
-    pushed = weighed_sum(positions, slopes, x)[n : 2 * n]
-    q = x[:n] + h * (sum(weights) * x[n : 2 * n] + h * pushed)
-    return ca.vertcat(q, after[n:])
+Parts = tuple[ca.MX, ca.MX, ca.MX]
+Slope = Callable[[ca.MX], ca.MX]
+"""x' at a state."""
+Back = Callable[[ca.MX, ca.MX, ca.MX], Parts]
+"""Gradients by x, u and p of x' at a state, of that slope and a weight of it."""
 
 
 def slopes(
@@ -73,10 +54,13 @@ def stage(tableau: Tableau, i: int, slopes: Sequence[ca.MX], x: ca.MX, h: ca.MX,
     rows = [*tableau.a, tableau.b]
     if not rows[i]:
         return x
-    given = [ca.SX.sym(name, x.shape[0]) for name in ("x", *"k" * len(slopes))]
+    x_, *rates = (ca.SX.sym(name, x.shape[0]) for name in ("x", *"k" * len(slopes)))
     h_ = ca.SX.sym("h")
-    y = moved(rows[i], tableau.positions[i], given[1:], given[0], h_, n)
-    return ca.Function(f"stage_{i}", [h_, *given], [y], {"cse": True})(h, x, *slopes)
+    after = x_ + h_ * weighed_sum(rows[i], rates, x_)
+    pushed = weighed_sum(tableau.positions[i], rates, x_)[n : 2 * n]
+    q = x_[:n] + h_ * (sum(rows[i]) * x_[n : 2 * n] + h_ * pushed)
+    y = ca.vertcat(q, after[n:])
+    return ca.Function(f"stage_{i}", [h_, x_, *rates], [y], {"cse": True})(h, x, *slopes)
 
 
 def tangent(
@@ -89,7 +73,7 @@ def tangent(
     dh: ca.SX,
     n: int,
 ) -> ca.SX:
-    """Derivative of ``moved``, along dx, dh and the changes dk of the slopes."""
+    """Derivative of the state of a ``stage``, along dx, dh and the changes dk of the slopes."""
     dw = dx + h * weighed_sum(weights, changes, dx) + dh * weighed_sum(weights, slopes, dx)
     pushed, push = (weighed_sum(positions, rates, dx)[n : 2 * n] for rates in (changes, slopes))
     v = slopes[0][:n]
@@ -98,31 +82,23 @@ def tangent(
 
 
 def adjoint(
-    tableau: Tableau,
-    rhs: ca.Function,
-    pullback: ca.Function,
-    n: int,
-    x: ca.MX,
-    u: ca.MX,
-    p: ca.MX,
-    h: ca.MX,
-    weight: ca.MX,
-) -> tuple[ca.MX, ca.MX, ca.MX]:
-    """The transposed derivative of a step, see ``adjoints``; the same arguments."""
+    tableau: Tableau, slope: Slope, back: Back, n: int, x: ca.MX, h: ca.MX, weight: ca.MX
+) -> Parts:
+    """The transposed derivative of a step, see ``adjoints``."""
     k: list[ca.MX] = []
     y: list[ca.MX] = []
     for i in range(len(tableau.a)):
         y.append(stage(tableau, i, k, x, h, n))
-        k.append(rhs(y[i], u, p))
+        k.append(slope(y[i]))
     rows, positions = (*tableau.a, tableau.b), tableau.positions
-    back = {len(k): weight}
+    weights = {len(k): weight}
     by_x, by_u, by_p = weight + _carried(tableau.b, weight, h, n), 0.0, 0.0
     for i in reversed(range(len(k))):
-        rate = _gathered(rows, i, back)
-        velocity = h * (rate[n : 2 * n] + h * _gathered(positions, i, back)[:n])
+        rate = _gathered(rows, i, weights)
+        velocity = h * (rate[n : 2 * n] + h * _gathered(positions, i, weights)[:n])
         known = ca.vertcat(ca.MX.zeros(n), velocity, h * rate[2 * n :])
-        back[i], more_u, more_p = pullback(y[i], u, p, k[i], known)
-        by_x = by_x + back[i] + _carried(tableau.a[i], back[i], h, n)
+        weights[i], more_u, more_p = back(y[i], k[i], known)
+        by_x = by_x + weights[i] + _carried(tableau.a[i], weights[i], h, n)
         by_u, by_p = by_u + more_u, by_p + more_p
     return by_x, by_u, by_p
 
