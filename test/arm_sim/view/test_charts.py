@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from arm_sim.view.charts import Chart, _columns, legend, thinned, with_curves
+from arm_sim.recording.figure import thinned
+from arm_sim.view.charts import POINTS, Chart, _columns, legend, with_curves
 
 PAGE = "<html><head></head><body><div></div></body></html>"
 
@@ -17,13 +18,17 @@ PAGE = "<html><head></head><body><div></div></body></html>"
 def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
     time, values = np.arange(100_000) * 1e-3, 0.01 * rng.standard_normal((100_000, 3))
     values[[1234, 77_777, 99_999], [0, 1, 2]] = 5.0, -7.0, 9.0
-    x, y = thinned(time, values)
+    x, y = thinned(time, values, POINTS)
     assert len(x) == len(y) <= 1200
     assert (np.diff(x) >= 0.0).all()
     np.testing.assert_array_equal(y.max(axis=0), values.max(axis=0))
     np.testing.assert_array_equal(y.min(axis=0), values.min(axis=0))
-    few = thinned(time[:10], values[:10])
+    few = thinned(time[:10], values[:10], POINTS)
     np.testing.assert_array_equal(few[1], values[:10])
+    values[5] = np.nan  # a velocity that a robot did not tell
+    np.testing.assert_array_equal(
+        np.nanmax(thinned(time, values, POINTS)[1], axis=0), y.max(axis=0)
+    )
 
 
 def test_axes_suit_what_is_there() -> None:

@@ -21,6 +21,7 @@ _STYLE = {
 _LINES = ("-", "--", ":", "-.")
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
+LONG = 60_001  # rows up to which the energy account repeats ticks for curves
 
 
 def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
@@ -88,26 +89,39 @@ def _joint_lines(
 ) -> None:
     array = parts(recording)[part]
     for i, name in enumerate(names):
-        values = array[:, recording.joint_names.index(name)]
+        k = recording.joint_names.index(name)
         label = name if line == _LINES[0] else None
-        times, values = _thinned(recording.time, values)
-        axis.plot(times, values, line, color=colors(i % colors.N), label=label)
+        curve = thinned(recording.time, array[:, k : k + 1], _POINTS)
+        axis.plot(*curve, line, color=colors(i % colors.N), label=label)
     if part == "position":
         _stops(axis, recording, names, colors)
 
 
-def _thinned(time: Array, values: Array) -> tuple[Array, Array]:
-    """A line with fewer points: the smallest and the largest value of each span."""
-    size = -(-2 * len(time) // _POINTS)
-    if size <= 2:
+def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
+    """Curves with fewer points, which keep their extrema.
+
+    Of every interval of time each curve keeps its minimum and its maximum, in order.
+
+    Args:
+        time: Shape (k,).
+        values: Shape (k, m).
+        points: Largest number of points that remain.
+
+    Returns:
+        Times and values.
+    """
+    stretches = points // 2
+    if len(time) <= points:
         return time, values
-    whole = len(time) // size * size
-    blocks = np.arange(whole).reshape(-1, size)
-    filled = np.nan_to_num(values[:whole])[blocks]
-    ends = [np.take_along_axis(blocks, find(filled, axis=1)[:, None], 1)[:, 0]
-            for find in (np.argmin, np.argmax)]  # fmt: skip
-    kept = np.unique(np.concatenate([*ends, [0], np.arange(whole, len(time))])).astype(int)
-    return time[kept], values[kept]
+    edges = np.linspace(0, len(time), stretches + 1).astype(int)
+    times, rows = np.empty(2 * stretches), np.empty((2 * stretches, values.shape[1]))
+    columns = np.arange(values.shape[1])
+    for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+        part = np.nan_to_num(values[a:b])
+        ends = np.sort([part.argmin(axis=0), part.argmax(axis=0)], axis=0)
+        times[2 * i : 2 * i + 2] = time[a], time[(a + b) // 2]
+        rows[2 * i : 2 * i + 2] = values[a:b][ends, columns]
+    return times, rows
 
 
 def _stops(axis: Any, recording: RecordedMotion, names: list[str], colors: Any) -> None:
@@ -128,7 +142,8 @@ def _energy(axis: Any, recordings: Sequence[RecordedMotion]) -> None:
             continue
         for i, (label, values) in enumerate(_account(recording)):
             shown = label if line == _LINES[0] else None
-            axis.plot(*_thinned(recording.time, values), line, color=f"C{i}", label=shown)
+            curve = thinned(recording.time, values[:, None], _POINTS)
+            axis.plot(*curve, line, color=f"C{i}", label=shown)
     axis.set_ylabel("energy [J]")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, fontsize=8, frameon=False)
 
@@ -137,13 +152,10 @@ def _account(recording: RecordedMotion) -> list[tuple[str, Array]]:
     """Work and heat, if they are cheap to compute; else the stored energies."""
     start = recording.energy[0]
     found = [("kinetic", recording.kinetic), ("total, less the initial", recording.energy - start)]
-    if recording.account.makes_ticks_again(recording.x) and len(recording.time) > _AGAIN:
+    if recording.account.makes_ticks_again(recording.x) and len(recording) > LONG:
         return found
     return [*found, ("supplied", recording.supplied), ("lost", recording.lost),
             ("unaccounted for", recording.balance)]  # fmt: skip
-
-
-_AGAIN = 60_001  # rows up to which ticks are repeated for a figure
 
 
 def _marks(axis: Any, recording: RecordedMotion) -> None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_sim.recording.figure import thinned
 from arm_sim.view.framing import TALL
 
 if TYPE_CHECKING:
@@ -43,33 +44,6 @@ class Chart:
     names: tuple[str, ...]
     time: Array
     values: Array
-
-
-def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
-    """Curves with fewer points, which keep their extrema.
-
-    Of every interval of time each curve keeps its minimum and its maximum, in order.
-
-    Args:
-        time: Shape (k,).
-        values: Shape (k, m).
-        points: Largest number of points that remain.
-
-    Returns:
-        Times and values.
-    """
-    stretches = points // 2
-    if len(time) <= points:
-        return time, values
-    edges = np.linspace(0, len(time), stretches + 1).astype(int)
-    times, rows = np.empty(2 * stretches), np.empty((2 * stretches, values.shape[1]))
-    columns = np.arange(values.shape[1])
-    for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
-        part = values[a:b]
-        ends = np.sort([part.argmin(axis=0), part.argmax(axis=0)], axis=0)
-        times[2 * i : 2 * i + 2] = time[a], time[(a + b) // 2]
-        rows[2 * i : 2 * i + 2] = part[ends, columns]
-    return times, rows
 
 
 class Charts:
@@ -196,7 +170,7 @@ def _columns(time: Array, values: Array) -> tuple[Array, ...]:
 
     The library would draw axes from 0 to 100 about zeros and single points.
     """
-    x, rows = thinned(np.asarray(time, dtype=float), np.asarray(values, dtype=float))
+    x, rows = thinned(np.asarray(time, dtype=float), np.asarray(values, dtype=float), POINTS)
     seen = rows[np.isfinite(rows)]
     middle = float(seen.mean()) if seen.size else 0.0
     half = 0.0 if seen.size and np.ptp(seen) > FLAT * max(1.0, abs(middle)) else 1.0

@@ -13,12 +13,12 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
+from arm_sim.recording.figure import LONG
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces
 from arm_sim.view.charts import Chart
 from arm_sim.view.marks import Instant, arrows, cones
 
 LOOKS = 4000  # largest number of instants at which forces are computed
-LONG = 50_000  # largest number of ticks that the energy account repeats for a chart
 
 
 @dataclass(frozen=True)

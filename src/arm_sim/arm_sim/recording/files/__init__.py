@@ -29,16 +29,14 @@ __all__ = [
     "SUFFIXES",
     "McapWriter",
     "TickFile",
-    "bag_metadata",
+    "complete",
     "load",
+    "new_file",
     "save",
-    "where",
 ]
 
 SUFFIXES = (".csv", ".npz", *BAGS)
 """Suffixes of files that ``load`` reads."""
-
-_METADATA = "metadata.yaml"
 
 
 def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[], Array]) -> Path:
@@ -67,8 +65,7 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         part.replace(file)
     finally:
         part.unlink(missing_ok=True)
-    if folder is not None:
-        (folder / _METADATA).write_text(bag_metadata(mcap, file.name))
+    complete(mcap, file, folder)
     return path
 
 
@@ -97,8 +94,21 @@ def where(path: Path) -> tuple[Path, Path | None]:
     return path / f"{path.name}_0.mcap", path
 
 
-def bag_metadata(mcap: McapWriter, name: str) -> str:
-    """Content of ``metadata.yaml`` of a bag's folder; layout of rosbag2, version 9."""
+def new_file(path: Path) -> tuple[Path, Path | None]:
+    """``where`` of a path that does not exist.
+
+    Raises:
+        InvalidInput: If it exists.
+    """
+    if path.exists():
+        raise InvalidInput(f"'{path}' exists; recordings are not overwritten")
+    return where(path)
+
+
+def complete(mcap: McapWriter, file: Path, folder: Path | None) -> None:
+    """Write the ``metadata.yaml`` of a file's bag, if any; layout of rosbag2, version 9."""
+    if folder is None:
+        return
     first, last = mcap.span
     span = {
         "duration": {"nanoseconds": last - first},
@@ -118,11 +128,12 @@ def bag_metadata(mcap: McapWriter, name: str) -> str:
     ]  # fmt: skip
     content = {
         "version": 9, "storage_identifier": "mcap", **span, "topics_with_message_count": topics,
-        "compression_format": "", "compression_mode": "", "relative_file_paths": [name],
-        "files": [{"path": name, **span}], "custom_data": None,
+        "compression_format": "", "compression_mode": "", "relative_file_paths": [file.name],
+        "files": [{"path": file.name, **span}], "custom_data": None,
         "ros_distro": os.environ.get("ROS_DISTRO", "jazzy"),
     }  # fmt: skip
-    return yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
+    text = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
+    (folder / "metadata.yaml").write_text(text)
 
 
 def _path(given: Any) -> Path:

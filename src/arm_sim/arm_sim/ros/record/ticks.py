@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import InvalidInput
-from arm_sim.recording.files import TickFile, bag_metadata, where
+from arm_sim.recording.files import TickFile, complete, new_file
 from arm_sim.recording.files.messages import Change, TickWriter, log_message
 from arm_sim.recording.files.ticks import UNCHANGED, tunable_names
 from arm_sim.ros.record.chunks import HEAD, Chunk, ChunkThread
@@ -62,10 +61,8 @@ class TickRecorder:
         """
         self._arm = arm = engine.simulator.arm
         self._engine, self.path = engine, path
-        if path.exists():
-            raise InvalidInput(f"'{path}' exists; recordings are not overwritten")
-        self._name, (self._file, self._folder) = prefix.rpartition("/")[2], where(path)
-        self.file = TickFile(self._file, arm.origin, arm.joint_names, prefix, states)
+        self._name, self._place = prefix.rpartition("/")[2], new_file(path)
+        self.file = TickFile(self._place[0], arm.origin, arm.joint_names, prefix, states)
         begin = self.file.mcap.channel
         self._channels = {topic: begin(topic, *about) for topic, about in topics.items()}
         self._channels[states] = self.file.states
@@ -241,6 +238,5 @@ class TickRecorder:
         """Write the remaining messages, and end."""
         self._flush()
         self.thread.close()
-        if self._folder is not None and not self.thread.failure:
-            text = bag_metadata(self.file.mcap, self._file.name)
-            (self._folder / "metadata.yaml").write_text(text)
+        if not self.thread.failure:
+            complete(self.file.mcap, *self._place)

@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.validate_topic_name import validate_topic_name
 
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim.recording.files import McapWriter, bag_metadata, where
+from arm_sim.recording.files import McapWriter, complete, new_file
 from arm_sim.recording.files.messages import LATCHED
 from arm_sim.ros.record.chunks import ChunkThread
 from arm_sim.ros.record.definitions import definition_of
@@ -51,10 +51,8 @@ class TopicRecorder(Node):
         """
         super().__init__("recorder", **node_kwargs)
         self._wanted = {self._resolved(topic) for topic in topics}
-        if path.exists():
-            raise InvalidInput(f"'{path}' exists; recordings are not overwritten")
-        self.path, (self._file, self._folder) = path, where(path)
-        self.thread = ChunkThread(McapWriter(self._file), self.get_logger().error)
+        self.path, self._place = path, new_file(path)
+        self.thread = ChunkThread(McapWriter(self._place[0]), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
         self._complete = True
         self.look()
@@ -117,11 +115,7 @@ class TopicRecorder(Node):
     def destroy_node(self) -> None:
         """Write the remaining messages, and destroy the node."""
         if self._complete:
-            self._end()
+            self.thread.close()
+            if not self.thread.failure:
+                complete(self.thread.mcap, *self._place)
         super().destroy_node()
-
-    def _end(self) -> None:
-        self.thread.close()
-        if self._folder is not None and not self.thread.failure:
-            text = bag_metadata(self.thread.mcap, self._file.name)
-            (self._folder / "metadata.yaml").write_text(text)
