@@ -24,7 +24,7 @@ from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim.cli.main import main
 from arm_sim.cli.robot import go, goal
-from arm_sim.cli.robot.controller import Controller, Outcome
+from arm_sim.cli.robot.controller import Controller
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.robot.reports import Reports
 from arm_sim.cli.robot.watch import Seen
@@ -253,8 +253,8 @@ class Interrupted:
 
     def meet(self) -> None: ...
 
-    def begin(self, send: object) -> Outcome:
-        return Outcome(True, "following 1 points for 1.000 s")
+    def begin(self, send: object) -> str:
+        return "following 1 points for 1.000 s"
 
     def motion(self) -> Iterator[float]:
         return iter(())

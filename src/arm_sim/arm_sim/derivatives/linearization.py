@@ -155,12 +155,9 @@ class Linearizer:
         p = self._stepper.p
         _, slopes, alone = fast.slopes(x, r, p, 1, threads, None, begins=False)
         for arm in self._one_by_one(alone, x, r[:, None], 1):
-            place, control = TickPoint(x[arm], r[arm], p), self.control()
+            place = TickPoint(x[arm], r[arm], p)
             with _naming(arm, len(x)):
-                try:
-                    slopes[arm] = self.differentiated(place, control, True, begins=False)[1]
-                except NotDifferentiable:
-                    slopes[arm] = self.differentiated(place, control, False, begins=False)[1]
+                slopes[arm] = self.either(place, self.control(), begins=False)
         return slopes
 
     def smoothed(self, x: Array, r: Array, speed: float, threads: int | None) -> Array:
@@ -350,6 +347,13 @@ class Linearizer:
                 return after[0], slopes[0]
         return self._smooth_tick(place, control)
 
+    def either(self, place: TickPoint, control: SubstepControl | None, begins: bool) -> Array:
+        """Derivatives of one tick; on the boundary between two modes, those of either."""
+        try:
+            return self.differentiated(place, copied(control), True, begins)[1]
+        except NotDifferentiable:
+            return self.differentiated(place, copied(control), False, begins)[1]
+
     def after(self, place: TickPoint, control: SubstepControl | None) -> Array:
         """State after a tick, shape (nx,); the tick changes ``control``."""
         if self._eventful:
@@ -363,9 +367,15 @@ class Linearizer:
             return None
         return SubstepControl(choice.tolerance, choice.method.order)
 
-    def one_sided(self, tick: _Tick, place: TickPoint, side: int) -> Array:
+    def one_sided(
+        self, place: TickPoint, control: SubstepControl | None, begins: bool, side: int
+    ) -> Array:
         """One-sided derivatives of a tick, see ``one_sided``."""
-        return one_sided(tick, place, side, self._tuned, self._entries)
+        return one_sided(
+            lambda at: self.after(at, copied(control)),
+            lambda at: self.either(at, control, begins),
+            place, side, self._tuned, self._entries,
+        )  # fmt: skip
 
     @cached_property
     def _entries(self) -> list[str]:
@@ -462,41 +472,23 @@ class Motion:
             NotDifferentiable: If it has no derivative.
         """
         linearizer, place = self._linearizer, TickPoint(self.x, r, self.p)
-        begins, control = self.ticks == 0, self._control and self._control.copy()
+        begins, control = self.ticks == 0, copied(self._control)
         try:
             x, slope = linearizer.differentiated(place, control, True, begins)
         except NotDifferentiable:
             if self._side is None:
                 raise
-            tick = _Tick(linearizer, self._control, begins)
-            slope = linearizer.one_sided(tick, place, self._side)
-            x, control = tick.ended(place)
+            slope = linearizer.one_sided(place, self._control, begins, self._side)
+            control = copied(self._control)
+            x = linearizer.after(place, control)
         self._control = control
         self.go_on(x, 1)
         return slope
 
 
-class _Tick:
-    """One tick of a motion under error control, see ``one_sided.Tick``."""
-
-    def __init__(
-        self, linearizer: Linearizer, control: SubstepControl | None, begins: bool
-    ) -> None:
-        self._linearizer, self._control, self._begins = linearizer, control, begins
-
-    def slope(self, place: TickPoint, strict: bool) -> Array:
-        """See ``Linearizer.differentiated``."""
-        control = self._control and self._control.copy()
-        return self._linearizer.differentiated(place, control, strict, self._begins)[1]
-
-    def after(self, place: TickPoint) -> Array:
-        """State at the end."""
-        return self.ended(place)[0]
-
-    def ended(self, place: TickPoint) -> tuple[Array, SubstepControl | None]:
-        """The same, and the error control."""
-        control = self._control and self._control.copy()
-        return self._linearizer.after(place, control), control
+def copied(control: SubstepControl | None) -> SubstepControl | None:
+    """The state of an error control, for a tick that is only tried."""
+    return control and control.copy()
 
 
 @contextmanager

@@ -9,9 +9,8 @@ derivatives of both modes agree along it, since the tick is continuous there: ei
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -52,31 +51,19 @@ class TickPoint:
         raise IndexError(entry)
 
 
-class Tick(Protocol):
-    """A tick at a place and its derivatives."""
-
-    def after(self, place: TickPoint) -> Array:
-        """State at its end, shape (nx,)."""
-
-    def slope(self, place: TickPoint, strict: bool) -> Array:
-        """Derivatives by (x, r, p[tuned]), shape (nx, nx + n + nt).
-
-        Args:
-            place: Where.
-            strict: Whether to refuse a place on the boundary between two modes.
-
-        Raises:
-            NotDifferentiable: If there is none.
-        """
+Tick = Callable[[TickPoint], Array]
+"""State at the end of a tick, shape (nx,), or its derivatives by (x, r, p[tuned])."""
 
 
 def one_sided(
-    tick: Tick, place: TickPoint, side: int, tuned: Sequence[int], names: Sequence[str]
-) -> Array:
+    after: Tick, slope: Tick, place: TickPoint, side: int, tuned: Sequence[int],
+    names: Sequence[str],
+) -> Array:  # fmt: skip
     """One-sided derivatives of a tick.
 
     Args:
-        tick: The tick.
+        after: The tick.
+        slope: Its derivatives; between two modes, those of either.
         place: Where.
         side: 1 or -1.
         tuned: Entries of p to differentiate by.
@@ -89,13 +76,13 @@ def one_sided(
         NotDifferentiable: If a one-sided derivative does not exist.
         SimulationDiverged: If the tick cannot be computed.
     """
-    begin, columns = tick.after(place), list[Array]()
+    begin, columns = after(place), list[Array]()
     for entry, name in enumerate(names):
         near, far = (place.moved(entry, side * k * NEAR, tuned) for k in (1, 2))
-        first, second = (_column(tick, each, entry) for each in (near, far))
+        first, second = (slope(each)[:, entry] for each in (near, far))
         column, scale = 2.0 * first - second, 1.0 + abs(first).max()
         step = _step(place, near)
-        jump = abs(tick.after(near) - begin - 0.5 * step * (column + first)).max()
+        jump = abs(after(near) - begin - 0.5 * step * (column + first)).max()
         rounding = ROUNDING * (1.0 + abs(begin).max())
         if abs(first - second).max() > SAME * scale or jump > SAME * abs(step) * scale + rounding:
             raise NotDifferentiable(
@@ -104,13 +91,6 @@ def one_sided(
             )
         columns.append(column)
     return np.column_stack(columns)
-
-
-def _column(tick: Tick, place: TickPoint, entry: int) -> Array:
-    try:
-        return tick.slope(place, strict=True)[:, entry]
-    except NotDifferentiable:
-        return tick.slope(place, strict=False)[:, entry]
 
 
 def _step(place: TickPoint, near: TickPoint) -> float:

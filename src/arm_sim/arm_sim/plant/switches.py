@@ -141,13 +141,7 @@ class SwitchedLaw:
         sizes = {"q": n, "v": n, "z": len(law.states), "u": n}
         q, v, z, u = (ca.SX.sym(name, size) for name, size in sizes.items())
         flow = law.equations(q, v, z, u)
-        parts = [
-            flow.torque,
-            flow.slope,
-            ca.SX(flow.stored),
-            ca.SX(flow.supplied),
-            ca.SX(flow.lost),
-        ]
+        parts = [flow.torque, flow.slope, *map(ca.SX, (flow.stored, flow.supplied, flow.lost))]
         found = case_modes([ca.densify(part) for part in parts], ca.vertcat(q, v, z))
         self.modes = found.modes
         self._flow = ca.Function("flow", [q, v, z, u, self.modes], found.results, {"cse": True})

@@ -80,7 +80,6 @@ class SimNode(Node):
         self.inputs = inputs = Inputs(self, engine)
         trip, heard = inputs.round_trip, lambda: self.diagnosis.heard
         self._outputs = Outputs(self, engine, params, trip, account_wanted=heard)
-        self.recorder = self._recorder_of(params.record)
         self.display = Display(self, engine, params, self._outputs.reported, self._outputs.stamp)
         factor = params.realtime_factor
         self.loop = RealtimeLoop(
@@ -97,8 +96,10 @@ class SimNode(Node):
             self.lockstep = Lockstep(self, params, engine, inputs, self._outputs)
         else:
             inputs.open(self)
-        if self.recorder is not None:
-            self._record(self.recorder)
+        if params.record:  # else these modules are not imported
+            from arm_sim.ros.record import recorder_of
+
+            self.recorder = recorder_of(self, params.record, engine, inputs, self._outputs)
         commands = self.resolve_topic_name(JOINT_COMMANDS.name)
         self.ordinary = OrdinaryTicks(engine, inputs, self._outputs, self.recorder, commands)
         if self.lockstep is not None:
@@ -130,19 +131,6 @@ class SimNode(Node):
         engine.on_failure.append(self._report_failure)
         engine.on_staleness.append(self._report_staleness)
         return engine
-
-    def _recorder_of(self, path: str) -> TickRecorder | None:
-        """The recorder, if the parameter names a path; else its modules are not imported."""
-        if not path:
-            return None
-        from arm_sim.ros.record import recorder_of
-
-        return recorder_of(self, path, self.engine)
-
-    def _record(self, recorder: TickRecorder) -> None:
-        from arm_sim.ros.record import listen
-
-        listen(recorder, self, self.inputs, self._outputs)
 
     def _start(self) -> None:
         self.get_logger().info(greeting(self.simulator, self.params))

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Self
 
 import click
@@ -29,14 +28,6 @@ _JUMP = 0.05  # [s] by which the remaining time changes when a motion is replace
 _PLANNING = 30.0  # [s] timeout of planning
 _SILENT = ": no joint state for"  # what is to be explained
 _SAME = 1e-9  # [rad] or [m] tolerance between equal references
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Outcome of a goal: whether it is followed, and the controller's message."""
-
-    accepted: bool
-    words: str
 
 
 def _after(seconds: float) -> Duration:
@@ -160,8 +151,12 @@ class Controller:
             raise click.ClickException(f"{name} has no subscriber (waited {self._timeout:g} s)")
         publisher.publish(message)
 
-    def begin(self, send: Callable[[], None]) -> Outcome:
-        """Send a goal, and wait until the controller follows or refuses it."""
+    def begin(self, send: Callable[[], None]) -> str:
+        """Send a goal, and wait until the controller follows it; returns its message.
+
+        Raises:
+            ClickException: If it refuses the goal, or does not answer.
+        """
         before, words = self._state, self.words
         send()
 
@@ -171,8 +166,12 @@ class Controller:
             )
 
         if not self._listener.until(planned, _PLANNING):
-            return Outcome(False, f"no answer to the goal within {_PLANNING:g} s; {self.words}")
-        return Outcome("refused" not in self.words, self.words)
+            raise click.ClickException(
+                f"no answer to the goal within {_PLANNING:g} s; {self.words}"
+            )
+        if "refused" in self.words:
+            raise click.ClickException(self.words)
+        return self.words
 
     def _jumped(self, before: Any) -> bool:
         """Whether more time remains than of the previous motion."""

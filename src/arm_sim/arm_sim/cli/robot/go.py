@@ -23,10 +23,6 @@ _THERE = 1e-6  # [rad] or [m] between reference and start without a motion to it
 _SETTLING = 2.0  # [s] for the last errors to vanish once the reference is at rest
 
 
-class Missed(click.ClickException):
-    """The arm did not reach its goal; exit status 1."""
-
-
 @click.command(
     epilog=examples(
         "./arm go panda_joint4=-2.0",
@@ -162,26 +158,24 @@ def _lead(
     controller: Controller, send: Callable[[], None], tolerance: float, no_wait: bool
 ) -> None:
     """Send a goal and follow the motion to its end."""
-    outcome = controller.begin(send)
-    if not outcome.accepted:
-        raise Missed(outcome.words)
-    if "slower" in outcome.words:
-        console().print(outcome.words, markup=False)
+    words = controller.begin(send)
+    if "slower" in words:
+        console().print(words, markup=False)
     if no_wait:
         return
     try:
         _follow(controller)
         joint, error = controller.settle(tolerance, _SETTLING)
     except KeyboardInterrupt:
-        raise Missed("no longer waiting; the arm continues to its goal") from None
+        raise click.ClickException("no longer waiting; the arm continues to its goal") from None
     if controller.replaced:
         words = controller.words or "the controller holds the arm"
         another = words.startswith(("following", "planning"))
         cause = f"another goal has replaced it, {words}" if another else words
-        raise Missed(f"goal not reached: {cause}")
+        raise click.ClickException(f"goal not reached: {cause}")
     if not error <= tolerance:
         off, allowed = number(error, 3), number(tolerance, 3)
-        raise Missed(f"stopped short: {joint} is off by {off}, more than {allowed}")
+        raise click.ClickException(f"stopped short: {joint} is off by {off}, more than {allowed}")
     console().print(f"arrived: largest error {number(error, 2)} at {joint}", markup=False)
 
 

@@ -64,10 +64,6 @@ class Listener:
                 self._executor.spin_once(timeout_sec=min(_GLANCE, left))
         return met
 
-    def hearers(self, name: str) -> int:
-        """Number of subscribers of a topic."""
-        return int(self._node.count_subscribers(name))
-
     def publishers(self, name: str) -> int:
         """Number of publishers of a topic."""
         return int(self._node.count_publishers(name))

@@ -22,34 +22,33 @@ from arm_sim.ros.tick_engine import TickEngine
 _TOPICS = (JOINT_COMMANDS, COMMANDS, WRENCH, ENERGY, MULTIPLIERS)
 
 
-def recorder_of(node: Node, path: str, engine: TickEngine) -> TickRecorder:
+def recorder_of(
+    node: Node, path: str, engine: TickEngine, inputs: Inputs, outputs: Outputs
+) -> TickRecorder:
     """The recorder according to a node's parameter.
 
     Args:
         node: The node.
         path: File or folder; ``{time}`` in it stands for the current time.
         engine: The node's engine.
+        inputs: Its inputs, which are recorded from now on, as are the outputs.
+        outputs: Its outputs.
 
     Raises:
         InvalidInput: If it cannot be written.
     """
     name = path.replace("{time}", datetime.now().strftime("%Y%m%d-%H%M%S"))
+    names = {topic.name: node.resolve_topic_name(topic.name) for topic in _TOPICS}
     topics = {
-        node.resolve_topic_name(topic.name): (kind := kind_of(topic.type), definition_of(kind))
-        for topic in _TOPICS
+        names[topic.name]: (kind := kind_of(topic.type), definition_of(kind)) for topic in _TOPICS
     }
     try:
-        return TickRecorder(
+        recorder = TickRecorder(
             Path(name).expanduser(), engine, node.get_fully_qualified_name(),
             node.resolve_topic_name(JOINT_STATES.name), topics, node.get_logger().error,
         )  # fmt: skip
     except OSError as error:
         raise InvalidInput(f"parameter 'record' = '{path}': {error}") from error
-
-
-def listen(recorder: TickRecorder, node: Node, inputs: Inputs, outputs: Outputs) -> None:
-    """Pass the node's inputs and outputs to a recorder."""
-    names = {topic.name: node.resolve_topic_name(topic.name) for topic in _TOPICS}
 
     def sent(topic: Topic, stamp: int, raw: Any) -> None:
         if topic is JOINT_STATES:
@@ -62,3 +61,4 @@ def listen(recorder: TickRecorder, node: Node, inputs: Inputs, outputs: Outputs)
 
     outputs.tap = sent
     inputs.listen(came)
+    return recorder
