@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import html
 import json
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -44,6 +45,16 @@ class Chart:
     names: tuple[str, ...]
     time: Array
     values: Array
+
+
+Samples = deque[tuple[float, Array]]
+"""Times, and values of curves then."""
+
+
+def gathered(samples: Samples, width: int) -> tuple[Array, Array]:
+    """Times and values, shapes (k,) and (k, width)."""
+    times, rows = [time for time, _ in samples], [row for _, row in samples]
+    return np.array(times), np.array(rows).reshape(-1, width)
 
 
 class Charts:

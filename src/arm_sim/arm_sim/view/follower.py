@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_sim.view.charts import Chart, Charts
+from arm_sim.view.charts import Chart, Charts, Samples, gathered
 from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.marks import Instant
 from arm_sim.view.stage import DrawnArm
@@ -73,7 +72,7 @@ class Follower:
         forget = server.gui.add_button("Clear path")
         forget.on_click(lambda _: self.loop.order(self._forget))
         size = round(MEMORY / SAMPLED)
-        self._samples: list[deque[tuple[float, Array]]] = [deque(maxlen=size) for _ in actors]
+        self._samples = [Samples(maxlen=size) for _ in actors]
         self._heard = [0.0 for _ in actors]
         self._began: dict[int, float] = {}
         self._times = [0.0 for _ in actors]
@@ -100,7 +99,7 @@ class Follower:
             for chart in self._curves():
                 self._charts.update(chart.title, chart.time, chart.values)
 
-    def _take(self, news: News, actor: DrawnArm, samples: deque[tuple[float, Array]]) -> None:
+    def _take(self, news: News, actor: DrawnArm, samples: Samples) -> None:
         with self._server.atomic():
             actor.trail(actor.draw(Instant(news.time, news.q)).hand)
         if samples and news.time < samples[-1][0]:  # it was restarted
@@ -123,8 +122,7 @@ class Follower:
             model = actor.marker.model
             n, names = model.n, model.joint_names
             title = f"{actor.name}: " if len(self._pairs) > 1 else ""
-            at = np.array([t for t, _ in samples])
-            rows = np.array([row for _, row in samples]).reshape(-1, 2 * n + len(ENERGIES))
+            at, rows = gathered(samples, 2 * n + len(ENERGIES))
             charts += [
                 Chart(f"{title}torque [N m]", names, at, rows[:, :n]),
                 Chart(f"{title}error [rad]", names, at, rows[:, n : 2 * n]),

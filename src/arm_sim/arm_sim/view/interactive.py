@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,7 @@ from arm_dynamics.trajectory.reference import Reference
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.simulator import Simulator
 from arm_sim.state import State
-from arm_sim.view.charts import Chart, Charts
+from arm_sim.view.charts import Chart, Charts, Samples, gathered
 from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.live_account import LiveAccount
 from arm_sim.view.marks import Instant, arrows, cones
@@ -57,6 +56,16 @@ class InteractiveArm:
         gains = tuned(simulation.dynamics, 20.0, 1.0, dt=simulation.dt)
         self._lead = PDGravity(simulation.dynamics, *gains)
         self._carry = GravityCompensation(simulation.dynamics)
+        size = round(MEMORY / SAMPLED)
+        self.samples, self.energies = Samples(maxlen=size), Samples(maxlen=size)
+
+    def sample(self) -> None:
+        """Keep torques, errors and energies for the curves, if the last ones are old enough."""
+        now = self.simulation.state.time
+        if not self.samples or now - self.samples[-1][0] >= SAMPLED - 1e-9:
+            self.samples.append((now, np.concatenate([self.simulation.effort, self.error])))
+            if (account := self.account.now()) is not None:
+                self.energies.append((now, account))
 
     def look(self) -> Instant:
         """The picture of the current state, under the torque of the last tick."""
@@ -110,6 +119,8 @@ class InteractiveArm:
     def restart(self) -> None:
         """Reset, without external forces."""
         self.wrenches.clear()
+        self.samples.clear()
+        self.energies.clear()
         self.simulation.reset()
         self.account.forget()
         self.choose(self.control)
@@ -162,20 +173,15 @@ class Interactive:
     def __init__(
         self, server: viser.ViserServer, rigs: Sequence[InteractiveArm], actors: Sequence[DrawnArm]
     ) -> None:
-        self._server, self.rigs, self._actors = server, tuple(rigs), tuple(actors)
+        self._server, self.rigs = server, tuple(rigs)
+        self._pairs = tuple(zip(rigs, actors, strict=True))
         self.running, self._owed, self._trouble = False, 0.0, ""
         self.loop = DrawLoop(self._beat, self._complain)
         self._add_buttons(server.gui)
-        self._sliders = [
-            self._add_sliders(rig, actor)
-            for rig, actor in zip(self.rigs, self._actors, strict=True)
-        ]
-        for rig, actor in zip(self.rigs, self._actors, strict=True):
-            self._add_push(rig, actor)
-            self._add_pull(rig, actor)
-        size = round(MEMORY / SAMPLED)
-        self._samples: list[deque[tuple[float, Array]]] = [deque(maxlen=size) for _ in self.rigs]
-        self._energies: list[deque[tuple[float, Array]]] = [deque(maxlen=size) for _ in self.rigs]
+        self._sliders = [self._add_sliders(*pair) for pair in self._pairs]
+        for pair in self._pairs:
+            self._add_push(*pair)
+            self._add_pull(*pair)
         self._charts = Charts(server, self._curves())
         self._charted = 0.0
         for rig in self.rigs:
@@ -200,17 +206,15 @@ class Interactive:
     def reset(self) -> None:
         """Reset to time zero."""
         self.run(False)
-        for rig, actor in zip(self.rigs, self._actors, strict=True):
+        for rig, actor in self._pairs:
             rig.restart()
             actor.forget_way()
-        for samples in (*self._samples, *self._energies):
-            samples.clear()
         self.draw()
 
     def draw(self) -> None:
         """Draw the current state of the arms."""
         with self._server.atomic():
-            for rig, actor in zip(self.rigs, self._actors, strict=True):
+            for rig, actor in self._pairs:
                 actor.trail(actor.draw(rig.look()).hand)
         for rig, sliders in zip(self.rigs, self._sliders, strict=True):
             if rig.control != SLIDERS:
@@ -246,14 +250,10 @@ class Interactive:
     def _tick(self) -> None:
         """Advance all arms by the longest of their ticks."""
         dt = max(rig.simulation.dt for rig in self.rigs)
-        for rig, samples, energies in zip(self.rigs, self._samples, self._energies, strict=True):
+        for rig in self.rigs:
             for _ in range(round(dt / rig.simulation.dt)):
                 rig.tick()
-            now = rig.simulation.state.time
-            if not samples or now - samples[-1][0] >= SAMPLED - 1e-9:
-                samples.append((now, np.concatenate([rig.simulation.effort, rig.error])))
-                if (account := rig.account.now()) is not None:
-                    energies.append((now, account))
+            rig.sample()
 
     def _choose(self, control: str) -> None:
         for rig in self.rigs:
@@ -268,16 +268,14 @@ class Interactive:
     def _curves(self) -> list[Chart]:
         """Torques, errors and energies of the last seconds."""
         charts = []
-        for rig, actor, samples, energies in zip(
-            self.rigs, self._actors, self._samples, self._energies, strict=True
-        ):
+        for rig, actor in self._pairs:
             n, names, account = rig.simulation.n, rig.simulation.joint_names, rig.account.names
             title = f"{actor.name}: " if len(self.rigs) > 1 else ""
-            time, values = _columns(samples, 2 * n)
+            time, values = gathered(rig.samples, 2 * n)
             charts += [
                 Chart(f"{title}torque [N m]", names, time, values[:, :n]),
                 Chart(f"{title}error [rad]", names, time, values[:, n:]),
-                Chart(f"{title}energy [J]", account, *_columns(energies, len(account))),
+                Chart(f"{title}energy [J]", account, *gathered(rig.energies, len(account))),
             ]
         return charts
 
@@ -359,9 +357,3 @@ class Interactive:
         for frame, link in actor.links:
             if frame in frames:
                 link.on_drag(dragged(frame))
-
-
-def _columns(samples: Sequence[tuple[float, Array]], width: int) -> tuple[Array, Array]:
-    """Times and values, shapes (k,) and (k, width)."""
-    times, rows = [time for time, _ in samples], [row for _, row in samples]
-    return np.array(times), np.array(rows).reshape(-1, width)

@@ -92,16 +92,15 @@ class Marker:
 
     Args:
         model: The arm.
-        hand: Frame whose path is shown; None for the outermost one of the longest chain.
 
     Attributes:
         model: The arm.
-        hand: Name of that frame.
+        hand: Frame whose path is shown: the outermost one of the longest chain.
     """
 
-    def __init__(self, model: ArmModel, hand: str | None = None) -> None:
+    def __init__(self, model: ArmModel) -> None:
         self.model, self._data = model, pin.Data(model.pin)
-        self.hand = outermost(model) if hand is None else hand
+        self.hand = outermost(model)
         self._hand = model.frame_index(self.hand)
         self._rows = ConstraintRows(model) if model.scene.bilateral else None
 

@@ -69,8 +69,7 @@ def page_in_browser(url: str, size: tuple[int, int]) -> Iterator[Any]:
     program = browser()
     from playwright.sync_api import Error, sync_playwright
 
-    root = hasattr(os, "geteuid") and os.geteuid() == 0  # Chromium's sandbox refuses it
-    arguments = [*DRAWING, *(["--no-sandbox"] if root else [])]
+    arguments = [*DRAWING, *(["--no-sandbox"] if os.geteuid() == 0 else [])]  # it refuses root
     width, height = size
     with sync_playwright() as playwright:
         try:

@@ -56,7 +56,6 @@ class DrawnArm:
         name: Name of the arm in the scene's tree.
         base: Position of its world, in [m].
         folder: Folder of meshes with relative names.
-        hand: Frame whose path is shown, see ``Marker``.
 
     Attributes:
         name: Name of the arm.
@@ -74,9 +73,8 @@ class DrawnArm:
         name: str,
         base: Sequence[float] = (0.0, 0.0, 0.0),
         folder: Path | None = None,
-        hand: str | None = None,
     ) -> None:
-        self.marker, self.size = Marker(model, hand), model.reach
+        self.marker, self.size = Marker(model), model.reach
         self.name, self.base = name, np.array(base, dtype=float)
         self._scene, self._name = server.scene, f"/{name}"
         self._weight = 9.81 * model.total_mass or 1.0
