@@ -136,9 +136,6 @@ def split_words(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, t
 def _end_with_parent() -> None:
     """Have the kernel send SIGTERM when the parent process ends, for any reason."""
     parent = os.getppid()
-    try:
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
-    except (OSError, AttributeError):
-        return  # not Linux: rely on the parent's own clean-up
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
     if os.getppid() != parent:
         sys.exit(1)

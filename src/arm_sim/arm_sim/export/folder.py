@@ -9,6 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from uuid import uuid4
 
 from arm_dynamics import InvalidInput
 
@@ -38,9 +39,9 @@ def put_files(out: Path, files: Mapping[str, str | bytes]) -> None:
     Raises:
         OSError: If they cannot be written; then nothing has changed.
     """
+    scratch = out.parent / f".{out.name}-{uuid4().hex}"
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+        scratch.mkdir(parents=True)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(out)) from None
     try:
@@ -48,7 +49,6 @@ def put_files(out: Path, files: Mapping[str, str | bytes]) -> None:
             raw = content.encode() if isinstance(content, str) else content
             (scratch / name).write_bytes(raw)
         if not out.exists():
-            scratch.chmod(0o777 & ~_umask())
             scratch.rename(out)
         else:
             _replace(out, scratch)
@@ -67,9 +67,3 @@ def _replace(out: Path, scratch: Path) -> None:
         os.replace(path, out / path.name)
     for name in set(map(str, old)) - new:
         (out / Path(name).name).unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
