@@ -58,7 +58,9 @@ class Sensors:
             SceneError: If a filter's cut-off frequency is too high for this rate.
         """
         n, velocity = len(names), scene.velocity
-        self._rate, self._rounding = 1.0 / dt, _rounding(scene.position, names)
+        self._rate, self._step = 1.0 / dt, _steps(scene.position, names)
+        rounds = self._step > 0.0
+        self._rounds = rounds if rounds.any() else None
         self._errors = [
             _error(part, names, scene.seed, channel)
             for part, channel in (
@@ -111,29 +113,14 @@ class Sensors:
 
     def _position(self, tick: int, q: Array) -> None:
         _write(self._q, q, self._errors[0], tick)
-        if self._rounding is not None:
-            self._rounding.apply(self._q)
+        if self._rounds is not None:
+            np.divide(self._q, self._step, self._q, where=self._rounds)
+            np.rint(self._q, self._q, where=self._rounds)
+            np.multiply(self._q, self._step, self._q, where=self._rounds)
 
     def _rest(self, tick: int, v: Array, effort: Array) -> None:
         _write(self._v, v, self._errors[1], tick)
         _write(self._effort, effort, self._errors[2], tick)
-
-
-class _Rounding:
-    """Rounds positions to the nearest step of their encoders; a step of zero leaves them exact."""
-
-    def __init__(self, step: Array) -> None:
-        self._some = None if step.all() else np.flatnonzero(step)
-        self._step = step[step > 0.0]
-
-    def apply(self, q: Array) -> None:
-        """Round in place."""
-        rounded = q if self._some is None else q[self._some]
-        rounded /= self._step
-        np.rint(rounded, rounded)
-        rounded *= self._step
-        if self._some is not None:
-            q[self._some] = rounded
 
 
 def _write(place: Array, value: Array, error: Chance | Array | None, tick: int) -> None:
@@ -166,14 +153,13 @@ def sensors_of(scene: Scene, names: Sequence[str], dt: float) -> Sensors | None:
     return None if scene.sensors is None else Sensors(scene.sensors, names, dt)
 
 
-def _rounding(position: schema.PositionSensor, names: Sequence[str]) -> _Rounding | None:
-    """Resolutions of encoders; a joint's own entry takes precedence over that of all."""
+def _steps(position: schema.PositionSensor, names: Sequence[str]) -> Array:
+    """Steps of encoders, zero for exact ones; a joint's own takes precedence over that of all."""
     turns = {name: 2.0 * np.pi / counts for name, counts in position.counts.items()}
     given = [{schema.ALL: 0.0}, position.resolution, turns]
     common = next(steps[schema.ALL] for steps in reversed(given) if schema.ALL in steps)
     own = {**position.resolution, **turns, schema.ALL: common}
-    step = np.array(values(own, names))
-    return _Rounding(step) if step.any() else None
+    return np.array(values(own, names))
 
 
 def _filter(velocity: schema.VelocitySensor, names: Sequence[str], dt: float) -> LowPass | None:
