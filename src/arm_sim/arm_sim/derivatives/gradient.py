@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -165,7 +166,7 @@ class Gradients:
     def __init__(self, plant: Plant, choice: Choice, linearizer: Linearizer, backend: str) -> None:
         self._plant, self._choice, self._linearizer = plant, choice, linearizer
         self._smooth, self._backend = plant.free or plant, backend
-        self._libraries: dict[int, ctypes.CDLL | None] = {}
+        self._built_once = cache(self._built)
 
     def run(
         self,
@@ -281,9 +282,7 @@ class Gradients:
     def _library(self, lanes: int | None) -> tuple[int, ctypes.CDLL | None]:
         same = alike(self._plant, self._choice)
         for width in widths(lanes):
-            if width not in self._libraries:
-                self._libraries[width] = self._built(width) if same else None
-            if (library := self._libraries[width]) is not None:
+            if same and (library := self._built_once(width)):
                 return width, library
         return 1, None
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import casadi as ca
@@ -134,7 +134,7 @@ class Tangents:
     ) -> None:
         self.plant, self._backend, self._engine = plant, backend, engine
         self._calm = CalmTick.of(plant, tuned) if engine and backend != "vm" else None
-        self._libraries: dict[int, ctypes.CDLL | None] = {}
+        self.library = cache(self._built)
         self._step = _Step(plant, choice, tuned, dense=self._calm is not None)
         self._moving: _Step | None = None
         if self._calm and (plant.directions or plant.contact):
@@ -268,13 +268,8 @@ class Tangents:
         """Whether there is compiled code, which ``slopes`` and ``columns`` need."""
         return self.library(1) is not None
 
-    def library(self, lanes: int) -> ctypes.CDLL | None:
-        """Compiled code for ``lanes`` arms side by side; None if it cannot be built."""
-        if lanes not in self._libraries:
-            self._libraries[lanes] = self._built(lanes)
-        return self._libraries[lanes]
-
     def _built(self, lanes: int) -> ctypes.CDLL | None:
+        """Compiled code for ``lanes`` arms side by side; None if it cannot be built."""
         if self._backend == "vm" or operations(self._step.advance) > LONGEST:
             return None
         types = [
