@@ -118,8 +118,7 @@ class Derivatives:
                 a command at its limit, events at the same instant, a contact that is grazed.
             SimulationDiverged: If a tick cannot be computed.
         """
-        whole("ticks", ticks, 1)
-        x, command = self._point(state, tau)
+        x, command = self._point(state, tau, ticks)
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))
         slope = linearizer(x, command, ticks, one_side(side))
@@ -156,8 +155,7 @@ class Derivatives:
             NotDifferentiable: As ``linearize``.
             SimulationDiverged: Likewise.
         """
-        whole("ticks", ticks, 1)
-        x, command = self._point(state, tau)
+        x, command = self._point(state, tau, ticks)
         dx, dtau = row("dx", dx, self._plant.nx), row("dtau", dtau, self._plant.model.n)
         return self.linearizer().product(x, command, ticks, dx, dtau, one_side(side))
 
@@ -189,8 +187,7 @@ class Derivatives:
             NotDifferentiable: As ``linearize``.
             SimulationDiverged: Likewise.
         """
-        whole("ticks", ticks, 1)
-        x, command = self._point(state, tau)
+        x, command = self._point(state, tau, ticks)
         weights = row("weights", weights, self._plant.nx)
         gradients, p = self.gradients, self._stepper.p
         return gradients.product(x, command, p, ticks, weights, one_side(side))
@@ -366,8 +363,9 @@ class Derivatives:
         found = self.gradients.run(batch, weights, threads, lanes, one_side(side))
         return gradient_of(self._plant, batch, found, np.shape(tau))
 
-    def _point(self, state: State, tau: ArrayLike) -> tuple[Array, Array]:
+    def _point(self, state: State, tau: ArrayLike, ticks: int) -> tuple[Array, Array]:
         """Point at which a tick is differentiated: x and the command, validated."""
+        whole("ticks", ticks, 1)
         if not isinstance(state, State):
             kind = type(state).__name__
             raise InvalidInput(f"state is of type {kind}; a State is expected, such as sim.state")

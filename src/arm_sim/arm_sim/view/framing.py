@@ -74,23 +74,22 @@ def fitted(points: Array, aspect: float) -> tuple[Array, Array]:
     return position, position + distance * axes[2]
 
 
-class Framing:
-    """Frames the arms for everybody who opens a page, until they move the camera themselves.
+def keep_framed(server: viser.ViserServer, points: Array) -> None:
+    """Frame the arms for everybody who opens a page, until they move the camera themselves.
 
     Args:
         server: The page, with an initial camera.
         points: Points around the arms in [m], shape (k, 3).
     """
+    camera = server.initial_camera
+    first = np.array(camera.position), np.array(camera.look_at)
 
-    def __init__(self, server: viser.ViserServer, points: Array) -> None:
-        self._points, first = points, server.initial_camera
-        self._first = np.array(first.position), np.array(first.look_at)
-        server.on_client_connect(self._welcome)
-
-    def _welcome(self, client: viser.ClientHandle) -> None:
-        framed = _Framed(client, self._points, self._first)
+    def welcome(client: viser.ClientHandle) -> None:
+        framed = _Framed(client, points, first)
         client.camera.on_update(lambda _: framed.adapt())
         framed.adapt()
+
+    server.on_client_connect(welcome)
 
 
 class _Framed:

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
-from arm_sim.view.framing import FIELD, WAY, Framing
+from arm_sim.view.framing import FIELD, WAY, keep_framed
 from arm_sim.view.marks import Instant, Marker, Marks
 from arm_sim.view.shapes import (
     METAL,
@@ -248,7 +248,7 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[DrawnArm], width: flo
     server.initial_camera.look_at = middle
     server.initial_camera.position = middle + WAY * max(1.05 * size + 0.8 * width, whole)
     server.initial_camera.fov = FIELD
-    Framing(server, places)
+    keep_framed(server, places)
 
 
 def _sky() -> Any:
