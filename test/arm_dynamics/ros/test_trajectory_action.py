@@ -306,6 +306,9 @@ BAD = {
         trajectory(point(1.0, *HERE, velocities=[0.0, 0.1]))
     ),
     "names joint 'nobody'": to(0.1, 0.1, path_tolerance=[tolerance("nobody", 0.1)]),
+    "names joint 'elbow' twice": to(
+        0.1, 0.1, goal_tolerance=[tolerance(NAMES[1], 0.1), tolerance(NAMES[1], velocity=0.1)]
+    ),
     "position in goal_tolerance of joint 'elbow' is -0.5": to(
         0.1, 0.1, goal_tolerance=[tolerance(NAMES[1], -0.5)]
     ),

@@ -183,7 +183,7 @@ def tolerances(
         turning: Indices of the continuous joints.
 
     Raises:
-        InvalidInput: If a tolerance is not allowed, or names a joint that does not exist.
+        InvalidInput: If a tolerance is not allowed, or a joint does not exist or is named twice.
     """
     n, seconds = len(model_names), 1e-9 * to_nanoseconds(goal.goal_time_tolerance)
     path = params.of_joints("trajectory", n), [NONE] * n
@@ -204,11 +204,13 @@ def _asked(
     velocity: Sequence[float],
 ) -> StateTolerance:
     position, velocity = list(position), list(velocity)
-    for message in messages:
+    for k, message in enumerate(messages):
         if message.name not in names:
             raise InvalidInput(
                 f"{what} names joint '{message.name}'; allowed: {choices(message.name, names)}"
             )
+        if any(message.name == other.name for other in messages[:k]):
+            raise InvalidInput(f"{what} names joint '{message.name}' twice; allowed: each once")
         joint, of = names.index(message.name), f"{what} of joint '{message.name}'"
         position[joint] = resolved(f"position in {of}", message.position, position[joint])
         velocity[joint] = resolved(f"velocity in {of}", message.velocity, velocity[joint])
