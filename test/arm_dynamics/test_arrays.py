@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from arm_dynamics.arrays import (
     positive_limits,
     read_only,
     real_array,
+    real_number,
     unit_vector,
     vector,
     vectors,
@@ -204,6 +207,14 @@ def test_batches_of_different_length_are_refused_with_their_lengths() -> None:
 def test_a_positive_number_is_not_a_boolean(value: float) -> None:
     with pytest.raises(InvalidInput, match=r"^dt is .*; a positive number is expected"):
         positive("dt", value)
+
+
+@pytest.mark.parametrize("value", ["1", b"1", None, [1.0, 2.0], 1j, 10**400])
+def test_what_is_not_one_real_number_is_refused_as_written(value: object) -> None:
+    assert math.isnan(real_number(value))
+    with pytest.raises(InvalidInput, match=r"^dt is .*; a positive number is expected$") as caught:
+        positive("dt", value)  # type: ignore[arg-type]
+    assert repr(value) in str(caught.value)
 
 
 def test_a_number_that_is_not_finite_is_reported_with_its_joint() -> None:

@@ -88,6 +88,17 @@ def finite_numbers(numbers: Collection[float]) -> bool:
     return math.isfinite(sum(numbers)) or all(map(math.isfinite, numbers))
 
 
+def finite_answer(answer: Array) -> Array:
+    """Return a result of finite numbers, or refuse them if it overflowed.
+
+    Raises:
+        InvalidInput: If a number of it is not finite.
+    """
+    if not all_finite(answer):
+        raise InvalidInput("the answer is not finite: the numbers given are too large")
+    return answer
+
+
 def any_beyond(numbers: Iterable[float], limits: Iterable[float]) -> bool:
     """Whether the magnitude of any number of a short list exceeds its limit."""
     return any(map(gt, map(abs, numbers), limits))
@@ -142,11 +153,22 @@ def numbers(name: str, value: ArrayLike) -> Array:
     return array
 
 
+def real_number(value: object) -> float:
+    """The value as a float; NaN if it is not one real number, as text and truth values are not."""
+    if isinstance(value, bool | np.bool_ | str | bytes):
+        return math.nan
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
 def positive(name: str, value: float) -> float:
     """Check a positive finite number."""
-    if isinstance(value, bool | np.bool_) or not 0.0 < value < np.inf:
-        raise InvalidInput(f"{name} is {value}; a positive number is expected")
-    return float(value)
+    number = real_number(value)
+    if not 0.0 < number < np.inf:
+        raise InvalidInput(f"{name} is {value!r}; a positive number is expected")
+    return number
 
 
 def positive_limits(name: str, limit: ArrayLike, n: int) -> Array:

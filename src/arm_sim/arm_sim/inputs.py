@@ -13,7 +13,15 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation.command_map import gravity_compensated
-from arm_dynamics.arrays import Array, Joints, count, finite_numbers, real_array, vector
+from arm_dynamics.arrays import (
+    Array,
+    Joints,
+    count,
+    finite_numbers,
+    real_array,
+    real_number,
+    vector,
+)
 from arm_dynamics.trajectory.reference import Motion, hold
 
 if TYPE_CHECKING:
@@ -118,10 +126,7 @@ def named(scene: Any) -> str:
 
 def tick_count(duration: Any, dt: float) -> int:
     """Check a duration in [s] and round it to whole ticks."""
-    try:
-        seconds = np.nan if isinstance(duration, bool | str) else float(duration)
-    except (TypeError, ValueError):
-        seconds = np.nan
+    seconds = real_number(duration)
     if not 0.0 <= seconds < np.inf:
         raise InvalidInput(
             f"duration = {duration!r}; expected a finite time of at least zero, in s"

@@ -221,6 +221,24 @@ def test_an_overflow_is_told() -> None:
         own.forward([0.0, 1.0], [1e200, 0.0], [0.0, 0.0])
 
 
+BEYOND: dict[str, Callable[[Dynamics], object]] = {
+    "inverse": lambda d: d.inverse([0.0, 1.0], [1e200, 0.0], [0.0, 0.0]),
+    "inverse of a batch": lambda d: d.inverse([[0.0, 1.0]] * 300, [1e200, 0.0], [0.0, 0.0]),
+    "command": lambda d: d.command([0.0, 1.0], [1e200, 0.0], [0.0, 0.0]),
+    "energy": lambda d: d.energy([0.0, 1.0], [1e200, 0.0]),
+    "constrained_forward": lambda d: d.constrained_forward([0.0, 1.0], [1e200, 0.0], [0.0, 0.0]),
+}
+
+
+@pytest.mark.filterwarnings("ignore:(overflow|invalid value) encountered:RuntimeWarning")
+@pytest.mark.parametrize("call", BEYOND.values(), ids=BEYOND)
+def test_no_other_answer_overflows_silently(call: Callable[[Dynamics], object]) -> None:
+    """A number that is not finite is not an answer, whichever code computes it."""
+    for dynamics in (models.dynamics("two_link"), compiled("two_link")):
+        with pytest.raises(InvalidInput, match="the numbers given are too large"):
+            call(dynamics)
+
+
 def test_a_joint_without_mass_is_told() -> None:
     with pytest.raises(ModelError, match="mass"):
         Dynamics(rotor(0.0)).compiled()

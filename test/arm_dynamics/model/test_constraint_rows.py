@@ -213,7 +213,7 @@ def test_pushing_takes_the_transposed_jacobian(rng: np.random.Generator) -> None
     assert_close(many, wrenches @ jacobian, ALGEBRA)
 
 
-@pytest.mark.parametrize("wrench", [[1.0, 2.0], [np.nan, 0.0, 0.0], 3.0])
+@pytest.mark.parametrize("wrench", [[1.0, 2.0], [np.nan, 0.0, 0.0], 3.0, ["0", "0", "-7"]])
 def test_bad_wrenches_are_refused(wrench: Any) -> None:
     dyn = Dynamics(models.SCENES / "panda_pen.yaml")
     with pytest.raises(InvalidInput, match="wrench"):

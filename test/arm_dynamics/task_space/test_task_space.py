@@ -237,6 +237,7 @@ def test_six_axes_for_two_joints_are_flagged() -> None:
         (("tip", "local", ("x", "x")), "selection = "),
         (("tip", "local", "w"), "selection = 'w'"),
         (("tip", "local", "pose", 0.0), "threshold = 0.0"),
+        (("tip", "local", "pose", "1e-4"), "threshold = '1e-4'"),
     ],
 )
 def test_bad_tasks_are_refused(arguments: tuple[object, ...], complaint: str) -> None:

@@ -208,7 +208,7 @@ def contact_torque(
         InvalidInput: If a shape, value or name is not allowed, or ``frame`` is expected.
     """
     name, point, offset = _contact_place(model, frame)
-    f = np.asarray(wrench, dtype=float)
+    f = real_array("wrench", wrench)
     if f.shape[-1:] not in ((3,), (6,)) or f.ndim > q.ndim or not np.isfinite(f).all():
         raise InvalidInput(
             f"wrench = {wrench!r}: 3 finite numbers, a force, or 6, force and moment, are expected"

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.arrays import Array, each, vectors
+from arm_dynamics.arrays import Array, each, finite_answer, vectors
 from arm_dynamics.codegen.python_call import PythonCall
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
@@ -50,7 +50,8 @@ class Dynamics:
     """Inverse and forward dynamics of one scene; keep one instance per thread.
 
     Every method takes vectors of shape (n,) or batches of shape (k, n) in the order of
-    ``joint_names`` and returns results of the same kind. Source of the algorithms: Featherstone,
+    ``joint_names`` and returns results of the same kind; ``InvalidInput`` is raised where they
+    overflow. Source of the algorithms: Featherstone,
     Rigid Body Dynamics Algorithms, 2008, as implemented by Pinocchio.
 
     Args:
@@ -136,11 +137,11 @@ class Dynamics:
     def _by_code(self, call: PythonCall, otherwise: Callable[..., Array], *given: Array) -> Array:
         """Compiled answers of valid vectors or of each row of a small batch, else Pinocchio's."""
         if call is unanswered or (given[0].ndim == 2 and len(given[0]) >= MANY):
-            return otherwise(*given)
+            return finite_answer(otherwise(*given))
 
         def one(*state: Array) -> Array:
             found = call(*state)
-            return otherwise(*state) if found is None else found
+            return finite_answer(otherwise(*state)) if found is None else found
 
         return each(one, *map(np.ascontiguousarray, given))
 
@@ -201,8 +202,7 @@ class Dynamics:
         """
         tau, (q, v, a) = self.inverse(q, v, a), vectors(self.joint_names, q=q, v=v, a=a)
         rotors = self.command_map.rotor_inertia * a + self.command_map.rotor_damping * v
-        command: Array = self.command_map(q, v, tau + rotors)
-        return command
+        return finite_answer(self.command_map(q, v, tau + rotors))
 
     def forward(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """Accelerations that torques produce: M⁻¹ (τ - C v - G - S - F).
@@ -264,18 +264,20 @@ class Dynamics:
         """Accelerations and λ of τ = M a + C v + G + S + F + Aᵀλ; see ``Constrained.forward``."""
         q, v, tau = vectors(self.joint_names, q=q, v=v, tau=tau)
         active = self._active if active is None else active
-        return self.constrained.forward(q, v, tau, active, self._external)
+        a, lam = self.constrained.forward(q, v, tau, active, self._external)
+        return finite_answer(a), finite_answer(lam)
 
     def constrained_inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, lam: ArrayLike
     ) -> Array:
         """Torques M a + C v + G + S + F + Aᵀλ; see ``Constrained.inverse``."""
         q, v, a = vectors(self.joint_names, q=q, v=v, a=a)
-        return self.constrained.inverse(q, v, a, lam, self._external)
+        return finite_answer(self.constrained.inverse(q, v, a, lam, self._external))
 
     def contact_torque(self, q: ArrayLike, wrench: ArrayLike, frame: str | None = None) -> Array:
         """Joint torques Jᵀ f that exert a wrench on the world; see ``constrained``."""
-        return contact_torque(self.model, vectors(self.joint_names, q=q)[0], wrench, frame)
+        (q,) = vectors(self.joint_names, q=q)
+        return finite_answer(contact_torque(self.model, q, wrench, frame))
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
@@ -313,7 +315,7 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed.
         """
         q, v = vectors(self.joint_names, q=q, v=np.zeros(self.n) if v is None else v)
-        return self._rigid.spring(q, v)
+        return finite_answer(self._rigid.spring(q, v))
 
     def friction(
         self,
@@ -351,8 +353,7 @@ class Dynamics:
         )
         if plain:
             return self._by_code(self._one.friction, self._friction, v)
-        torques: Array = self.steady_friction(v, np.sign(direction), q, load)
-        return torques
+        return finite_answer(self.steady_friction(v, np.sign(direction), q, load))
 
     def _friction(self, v: Array) -> Array:
         still = np.zeros_like(v)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, each, unit_vector, vectors
+from arm_dynamics.arrays import Array, each, real_number, unit_vector, vectors
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model.arm import ArmModel
@@ -147,9 +147,9 @@ class TaskSpace:
         self.model = model_of(dynamics)
         self.frame, self.reference = frame, reference
         self.axes = chosen_axes(selection)
-        if not 0.0 < threshold < 1.0:
-            raise InvalidInput(f"threshold = {threshold}; allowed: a number between 0 and 1")
-        self.threshold = float(threshold)
+        self.threshold = real_number(threshold)
+        if not 0.0 < self.threshold < 1.0:
+            raise InvalidInput(f"threshold = {threshold!r}; allowed: a number between 0 and 1")
         self.rows = rows_of(self.axes)
         self.linear = sum(axis in AXES[:3] for axis in self.axes)
         check_moving(self.model, frame)

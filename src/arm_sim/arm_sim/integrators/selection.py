@@ -10,6 +10,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation.joint_laws import friction_laws
+from arm_dynamics.arrays import real_number
 from arm_dynamics.exceptions import choices
 from arm_sim.integrators.methods import METHODS, Method
 from arm_sim.integrators.response import SPRINGS, STOPS, Response, responses
@@ -202,10 +203,7 @@ def law_rate(model: ArmModel) -> tuple[float, str]:
 
 
 def _within(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:
-    try:
-        number = np.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
-        number = np.nan
+    number = real_number(value)
     if not allowed[0] <= number <= allowed[1]:
         raise InvalidInput(f"{name} = {value!r}; allowed: {allowed[0]:g} to {allowed[1]:g}{unit}")
     return number

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, finite_answer
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import pose_of, to_array
-from arm_dynamics.ros.dynamics.batch import Batch, finite_answer
+from arm_dynamics.ros.dynamics.batch import Batch
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_POSES, MAX_TERMS_POINTS
 from arm_dynamics.task_space.inertia import quaternions
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, Solution

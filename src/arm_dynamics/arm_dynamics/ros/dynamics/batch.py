@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.arrays import Array, all_finite
+from arm_dynamics.arrays import Array, all_finite, finite_answer
 from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
 from arm_dynamics.ros.common.convert import to_array
 
@@ -108,10 +108,3 @@ def _order(names: Sequence[str], model_names: Sequence[str]) -> NDArray[np.intp]
     if len(set(names)) != len(names) or len(names) != len(model_names):
         raise InvalidInput(f"joint names are {known_names(names)}; {allowed}")
     return np.array([model_names.index(name) for name in names], np.intp)
-
-
-def finite_answer(answer: Array) -> Array:
-    """Return the answer, or refuse it if it overflowed."""
-    if not all_finite(answer):
-        raise InvalidInput("the answer is not finite: the numbers given are too large")
-    return answer
