@@ -10,6 +10,7 @@ import pytest
 from samples import covering
 
 from arm_dynamics import InvalidInput
+from arm_dynamics.arrays import Array
 from arm_sim import NotDifferentiable, Simulator
 from arm_sim.state import State
 from models.rotor import rotor
@@ -188,6 +189,40 @@ def test_a_saturated_motor_does_not_answer_to_its_voltage() -> None:
     assert not B.any()
     assert_close(sim.vjp(sim.state, [9.0], [0.0, 0.0, 1.0])[0], A[2], 1e-15)
     assert_close(A[1, :2], [0.0, 1.0], 1e-12)
+
+
+@pytest.mark.parametrize("voltage", [9.0, 1.0, -6.0])
+@pytest.mark.parametrize("options", [{}, {"integrator": "rk4"}], ids=["tolerance", "fixed"])
+def test_a_current_at_its_limit_is_led_back_there_or_leaves(
+    voltage: float, options: dict[str, Any]
+) -> None:
+    """From below the limit, the only side there is; the voltage holds it there, or reverses it."""
+    motor = {
+        "command": "voltage", "resistance": 1.0, "inductance": 1e-3, "torque_constant": 0.05,
+        "current_limit": 2.0, "gear_ratio": 10.0,
+    }  # fmt: skip
+    sim = Simulator(wheel(drive={"actuator": motor}), dt=H, **options)
+    sim.run(0.01, [9.0])
+    at = sim.state
+    assert_close(at.z, [2.0], 1e-12)
+
+    def end(drop: float) -> Array:
+        sim.reset(at.q, at.v, at.z - drop)
+        sim.step([voltage])
+        return sim.arm.x.copy()
+
+    column = -(4.0 * end(1e-4) - 3.0 * end(0.0) - end(2e-4)) / 2e-4
+    sim.reset(at.q, at.v, at.z)
+    A, B = sim.linearize(sim.state, [voltage])
+    assert_close(A[:, 2], column, 1e-7)
+    if voltage == 9.0:
+        assert not A[:, 2].any()
+    else:
+        higher, lower = (sim.linearize(at, [voltage + d])[0][:, 2] for d in (1e-9, -1e-9))
+        assert_close(A[:, 2], 0.5 * (higher + lower), 1e-7)
+        assert B[1, 0] > 0.0
+    for side in (-1, 1):
+        assert_close(sim.linearize(at, [voltage], side=side)[0], A, 0.0)
 
 
 def test_a_joint_that_has_come_to_rest_is_held_in_all_motions_nearby() -> None:

@@ -113,6 +113,7 @@ static enum refusal begin_motion(const tick_t* tick, const record_t* segment, mo
   if (refused) return refused;
 #endif
   memcpy(motion->x, segment->begin, sizeof motion->x);
+  if (NK) lead_back(tick, segment, motion->slope);
 #if NC || ND
   real matrix[NX * NX], begun[NX][NV];
   if (all_moves((const double*)&segment->p + NP)) return NO_REFUSAL;

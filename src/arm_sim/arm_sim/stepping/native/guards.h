@@ -64,15 +64,21 @@ static int are_different(const real* a, const real* b, int count) {
   return most > DIFFERENT * size;
 }
 
-/* Whether a switch that is near is a boundary: not one that does not change the slopes, and none at which both sides lead
- * back, such as that of a current at its limit. One that stays at zero is. */
-static int divides(int number, const guards_t* at, const real* x, const tick_t* tick, const record_t* segment) {
-  real slope[2][NX], by[2][NX * (NX + NU)];
+/* x' and its derivatives on both sides of a switch. */
+static void find_sides(int number, const real* x, const tick_t* tick, const record_t* segment, real slope[2][NX],
+                       real by[2][NX * (NX + NU)]) {
   for (int holds = 0; holds < 2; ++holds) {
     modes_t p = segment->p;
     p.switches[number] = holds;
     CALL(motion, (x, tick->u, numbers(&p)), (slope[holds], by[holds]));
   }
+}
+
+/* Whether a switch that is near is a boundary: not one that does not change the slopes, and none at which both sides lead
+ * back, such as that of a current at its limit. One that stays at zero is. */
+static int divides(int number, const guards_t* at, const real* x, const tick_t* tick, const record_t* segment) {
+  real slope[2][NX], by[2][NX * (NX + NU)];
+  find_sides(number, x, tick, segment, slope, by);
   const int jumps = are_different(slope[0], slope[1], NX), bends = are_different(by[0], by[1], NX * (NX + NU));
   return jumps ? !stays(at, NG - NK + number, tick->length) : bends;
 }
@@ -91,18 +97,43 @@ static int find_boundaries(const real* x, const tick_t* tick, const record_t* se
   return count;
 }
 
+/* Derivatives of a guard, by what those of the state are. */
+static void find_change(int guard, const real* x, const tick_t* tick, const record_t* segment, const real (*slope)[NV],
+                        real* by_x, real* change) {
+  real weight[NG], by_w[NW + 1];
+  for (int i = 0; i < NG; ++i) weight[i] = i == guard;
+  CALL(guard_gradient, (x, tick->u, numbers(&segment->p), segment->limit, weight), (by_x, by_w));
+  for (int j = 0; j < NV; ++j) {
+    change[j] = j < NX ? 0.0 : by_w[j - NX];
+    for (int i = 0; i < NX; ++i) change[j] += by_x[i] * slope[i][j];
+  }
+}
+
+/* A state beside a switch that stays, such as that of a current at its limit, is led back to it at once. */
+static void lead_back(const tick_t* tick, const record_t* segment, real (*slope)[NV]) {
+  guards_t at;
+  find_guards(segment->begin, tick, segment, &at);
+  for (int k = 0; k < NK; ++k) {
+    const int guard = NG - NK + k, holds = segment->p.switches[k] != 0.0;
+    real side[2][NX], by[2][NX * (NX + NU)], by_x[NX], change[NV], along = 0.0;
+    if (!is_near(&at, guard, tick->length) || !(at.active[guard] > 0.0) || !stays(&at, guard, tick->length)) continue;
+    find_sides(k, segment->begin, tick, segment, side, by);
+    if (!are_different(side[0], side[1], NX)) continue;
+    find_change(guard, segment->begin, tick, segment, (const real(*)[NV])slope, by_x, change);
+    for (int i = 0; i < NX; ++i) along += by_x[i] * (side[!holds][i] - side[holds][i]);
+    if (!((holds ? along : -along) > 0.0)) continue;
+    for (int i = 0; i < NX; ++i)
+      for (int j = 0; j < NV; ++j) slope[i][j] -= (side[!holds][i] - side[holds][i]) / along * change[j];
+  }
+}
+
 /* Derivative of the length of a segment that a guard ends, from that of its end at constant length, and by the length. */
 static void follow_guard(int guard, const tick_t* tick, const record_t* segment, const real (*slope)[NV], const real* speed,
                          real* delay) {
-  real weight[NG], by_x[NX], by_w[NW + 1], along = 0.0;
-  for (int i = 0; i < NG; ++i) weight[i] = i == guard;
-  CALL(guard_gradient, (segment->end, tick->u, numbers(&segment->p), segment->limit, weight), (by_x, by_w));
+  real by_x[NX], change[NV], along = 0.0;
+  find_change(guard, segment->end, tick, segment, slope, by_x, change);
   for (int i = 0; i < NX; ++i) along += by_x[i] * speed[i];
-  for (int j = 0; j < NV; ++j) {
-    real moved = j < NX ? 0.0 : by_w[j - NX];
-    for (int i = 0; i < NX; ++i) moved += by_x[i] * slope[i][j];
-    delay[j] = -moved / along;
-  }
+  for (int j = 0; j < NV; ++j) delay[j] = -change[j] / along;
 }
 
 /* The same of a segment that an event ends, whichever it is. Joints of a loop come to rest together: that is one event. */
@@ -111,7 +142,8 @@ static enum refusal find_delay(const tick_t* tick, const record_t* segment, cons
   guards_t begin, end;
   double apart = 0.0, largest = 0.0;
   tick->which[0] = 0;
-  if (segment->length <= INSTANT * tick->length) return SAME_INSTANT;
+  if (segment->length <= INSTANT * tick->length) /* a switch that does not change the motion, such as that of a current ... */
+    return find_boundaries(segment->begin, tick, segment) ? SAME_INSTANT : NO_REFUSAL; /* ... that leaves its limit, is none */
   find_guards(segment->begin, tick, segment, &begin);
   find_guards(segment->end, tick, segment, &end);
   const int zero = find_zero(&end, segment->end, tick, segment);
