@@ -184,6 +184,22 @@ def test_backlash_does_not_hide_the_stiffness_behind_it() -> None:
     assert_close(rate / np.sqrt(1e9 / 0.1 + 1e9 / 0.1), 1.0, 1e-6)
 
 
+@pytest.mark.parametrize("phase", [0.0, np.pi])
+def test_cogging_swings_a_joint_as_a_spring_does(phase: float) -> None:
+    """At √(A m N²/J), also where it begins on a crest; back-EMF only slows a joint down."""
+    waves = {"amplitude": 0.05, "order": 12, "phase": phase}
+    motor = {"rotor_inertia": 4e-5, "gear_ratio": 100.0, "cogging": waves}
+    scene = {**rotor(0.1), "joints": {"axle": {"actuator": motor, "friction": {"viscous": 0.01}}}}
+    rate = np.sqrt(0.05 * 12 * 100.0**2 / (0.1 + 4e-5 * 100.0**2))
+    found = chosen(scene, dt=0.06 / rate)
+    assert (found.method.name, found.tolerance) == ("dop853", QUICK_TOLERANCE)
+    assert chosen(scene, dt=0.04 / rate).method.name == "rk4"
+    damped = {"rotor_inertia": 4e-5, "gear_ratio": 100.0, "command": "voltage",
+              "resistance": 1.0, "torque_constant": 0.05}  # fmt: skip
+    slowed = {**rotor(0.1), "joints": {"axle": {"actuator": damped}}}
+    assert chosen(slowed, dt=0.5 / rate_of(slowed)).method.name == "rk4"
+
+
 def test_a_light_joint_of_a_loop_moves_with_the_others() -> None:
     """A millionth of a kilogram that a cord ties to one kilogram, with friction: b/(m₀ + m₁)."""
     cord = {"type": "coupling", "joints": ["rail0", "rail1"], "ratio": 1.0}

@@ -13,7 +13,7 @@ from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_dynamics.arrays import real_number
 from arm_dynamics.exceptions import choices
 from arm_sim.integrators.methods import METHODS, Method
-from arm_sim.integrators.response import SPRINGS, STOPS, Response, responses
+from arm_sim.integrators.response import LAWS, SPRINGS, STOPS, Response, responses
 from arm_sim.integrators.stability import grows, longest_step, worst
 from arm_sim.plant.plant import Plant
 
@@ -152,10 +152,16 @@ def _most(response: Response) -> float:
 
 
 def _swings(response: Response, dt: float) -> bool:
-    """Whether a spring or stop moves a joint faster than steps of fixed length resolve."""
+    """Whether a spring, stop or cogging moves a joint faster than steps of fixed length resolve.
+
+    Cogging is the part of a drive without states that does not slow a joint down: it swings there,
+    or throws it away where its torque falls with the angle.
+    """
     rates = response.modes[0]
     quick = np.flatnonzero(abs(rates) * dt > SWING)
-    return any(response.cause(mode)[0] in (SPRINGS, STOPS) for mode in quick.tolist())
+    cogs = np.maximum(abs(rates.imag), rates.real) * dt > SWING
+    causes = ((response.cause(mode)[0], cogs[mode]) for mode in quick.tolist())
+    return any(part in (SPRINGS, STOPS) or (part == LAWS and cog) for part, cog in causes)
 
 
 def _danger(plant: Plant, method: Method, dt: float) -> str:
