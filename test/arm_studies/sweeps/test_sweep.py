@@ -170,6 +170,17 @@ def test_controllers_and_imperfections_are_varied() -> None:
     assert noisy[0] != noisy[1] and np.all(noisy > 2.0 * quiet)
 
 
+@pytest.mark.parametrize("changes", [{}, {"sensors": {"position": {"counts": 4096}}}])
+def test_imperfections_without_chance_need_no_seed(changes: dict[str, Any]) -> None:
+    """A delay is a model error like any other, beside exact or quantized measurements."""
+    study = STUDY | {"changes": changes, "vary": {"commands.delay": [0.0, 0.004]}, "samples": 2}
+    table = sweep(study, workers=1).table
+    assert table["status"].tolist() == ["done"] * 4
+    prompt, late = table["tracking_rms"].reshape(2, 2)
+    assert prompt[0] == prompt[1] and late[0] == late[1]
+    assert late[0] > 1.1 * prompt[0]
+
+
 def test_the_start_and_the_motion_are_varied() -> None:
     study = STUDY | {"vary": {"initial.position.elbow": [0.1, 0.4],
                               "motion.points.0.time": [0.2, 0.25]}}  # fmt: skip

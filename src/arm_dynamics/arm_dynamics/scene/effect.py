@@ -116,11 +116,16 @@ def _has_range(joint: Joint, name: str, urdf: Urdf) -> bool:
     return limited and not (name in urdf.mimics and urdf.mimics[name].multiplier == 0.0)
 
 
+def has_chance(scene: Scene) -> bool:
+    """Whether sensors or commands of a scene have anything random, for which a seed counts."""
+    parts = (scene.sensors, scene.commands)
+    return any(given(part, key) is not None for part in parts for key in _RANDOM)
+
+
 def _of_sensors(scene: Scene, sensors: Sensors) -> Idle:
     idle = {}
     if not sensors.velocity.cutoff:
         idle["velocity.order"] = "there is no filter; a 'cutoff' is expected"
-    random = [given(part, key) for part in (sensors, scene.commands) for key in _RANDOM]
-    if all(value is None for value in random):
+    if not has_chance(scene):
         idle["seed"] = "nothing is random; a 'noise', 'jitter' or 'loss' is expected"
     return idle

@@ -21,6 +21,8 @@ from arm_dynamics.control.factory import NAMES, Settings, make_controller
 from arm_dynamics.control.wrappers import AnyController
 from arm_dynamics.exceptions import choices, plain
 from arm_dynamics.scene import Scene
+from arm_dynamics.scene.effect import has_chance
+from arm_dynamics.scene.imperfections import Sensors
 from arm_dynamics.trajectory import JointTrajectory
 from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint, hold
 from arm_dynamics.trajectory.waypoints import quintic
@@ -384,11 +386,11 @@ class World:
         given = {key: value for key, value in job.values.items() if below(key, IMPERFECT)}
         if not (given or self._recipe.imperfect):
             return self._scene
-        content = with_values(self._content, given)
-        content["sensors"] = {"seed": job.noise, **(content.get("sensors") or {})}
-        if "sensors.seed" not in given:
-            content["sensors"]["seed"] = job.noise
-        return load_scene(content)
+        scene = load_scene(with_values(self._content, given))
+        if "sensors.seed" in given or not has_chance(scene):
+            return scene
+        sensors = (scene.sensors or Sensors()).model_copy(update={"seed": job.noise})
+        return scene.model_copy(update={"sensors": sensors})
 
 
 def chosen(recipe: Recipe, job: Job) -> tuple[ControllerChoice, Settings]:
