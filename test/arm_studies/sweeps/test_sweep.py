@@ -72,6 +72,17 @@ def test_compiled_controllers_are_those_of_the_nodes(controller: str) -> None:
         )
 
 
+def test_the_time_for_which_a_torque_is_held_is_that_of_the_settings() -> None:
+    """A ``dt`` of its own is that of the formula and of the gains, compiled or in Python."""
+    study = STUDY | {"vary": {"controller.settings.dt": [1e-4, 0.01]}, "metrics": ["energy"]}
+    done = sweep(study, workers=1)
+    assert done.plan.compiled == 2 and done.plan.worlds == 1
+    for k, dt in enumerate((1e-4, 0.01)):
+        other = loop({}, dt=dt)
+        energy = np.abs(other.tau[:-1] * np.diff(other.q, axis=0)).sum()
+        np.testing.assert_allclose(done.table["energy"][k], energy, rtol=1e-9)
+
+
 def test_tunable_numbers_share_one_world_and_mean_what_they_say() -> None:
     study = STUDY | {
         "vary": {"payloads.0.mass": [0.2, 0.9], "joints.*.friction.viscous": [0.1, 0.7],

@@ -328,8 +328,7 @@ class World:
     @cached_property
     def _control_law(self) -> CompiledControl:
         choice = ControllerChoice.model_validate_json(self._recipe.controller)
-        made = law(choice.name, self._dynamics.model, self._simulator.dt)
-        return CompiledControl(made, _no_reference)
+        return CompiledControl(law(choice.name, self._dynamics), _no_reference)
 
     @cached_property
     def _stepper(self) -> Stepper:
