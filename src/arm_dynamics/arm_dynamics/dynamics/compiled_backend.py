@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -73,19 +74,25 @@ def rows(function: ca.Function, is_matrix: bool) -> Answer:
         KernelError: If it cannot be compiled.
         OSError: If there is no disk space for it.
     """
-    entry = compiled_rows(function)
+    results = at_points(function, compiled_rows(function))
     shape = function.size_out(0)[::-1] if is_matrix else (function.numel_out(0),)
+    return lambda *given: results(*given)[0].reshape(-1, *shape)
 
-    def answer(*given: Array) -> Array:
+
+def at_points(function: ca.Function, entry: Any) -> Callable[..., list[Array]]:
+    """A function by its ``compiled_rows``, for arrays as of ``rows``: results, shape (k, …) each."""
+    sizes = [function.numel_out(i) for i in range(function.n_out())]
+
+    def answer(*given: Array) -> list[Array]:
         count = len(given[0])
         vectors = [_readable(x) for x in given]
         steps = [x.strides[0] // x.itemsize if x.ndim == 2 else 0 for x in vectors]
-        made = np.empty((count, *shape))
+        made = [np.empty((count, size)) for size in sizes]
         entry(
             pointers(vectors, len(vectors)),
             (ctypes.c_longlong * len(steps))(*steps),
             ctypes.c_longlong(count),
-            pointers([made], 1),
+            pointers(made, len(made)),
         )
         return made
 

@@ -8,7 +8,6 @@ decisions (joints at rest with dry friction, constraints, load-dependent frictio
 
 from __future__ import annotations
 
-import ctypes
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,10 +18,9 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
-from arm_dynamics.codegen.kernel import pointers
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.dynamics import compiled_terms as terms
-from arm_dynamics.dynamics.compiled_backend import compiled_rows
+from arm_dynamics.dynamics.compiled_backend import at_points, compiled_rows
 from arm_dynamics.dynamics.dynamics import Dynamics, Term
 from arm_dynamics.dynamics.verify import check_forward, compare, random_states
 from arm_dynamics.dynamics.with_friction import forward, inverse, point
@@ -69,30 +67,11 @@ def compiled_answer(question: PointAnswer, dynamics: Dynamics) -> Any | None:
         function = question.expression(dynamics)
         entry = compiled_rows(function)
         with np.errstate(all="ignore"):  # numbers that are not finite are rejected
-            question.check(dynamics, _at_points(function, entry))
+            question.check(dynamics, at_points(function, entry))
     except (ArmError, OSError) as error:
         _log.warning("%s: %s; computed by Pinocchio, which is slower", question.title, error)
         return None
     return entry
-
-
-def _at_points(function: ca.Function, entry: Any) -> Callable[..., list[Array]]:
-    """The compiled function of arrays (k, n) or of vectors shared by all points."""
-
-    def answer(*given: Array) -> list[Array]:
-        count, vectors = len(given[0]), [np.ascontiguousarray(x) for x in given]
-        steps = [x.shape[1] if x.ndim == 2 else 0 for x in vectors]
-        made = [np.empty((count, function.numel_out(i))) for i in range(function.n_out())]
-        step = (ctypes.c_longlong * len(steps))(*steps)
-        entry(
-            pointers(vectors, len(vectors)),
-            step,
-            ctypes.c_longlong(count),
-            pointers(made, len(made)),
-        )
-        return made
-
-    return answer
 
 
 def chosen_terms(chosen: int) -> Array:

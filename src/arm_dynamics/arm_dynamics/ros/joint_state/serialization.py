@@ -7,16 +7,16 @@ and the numbers change from message to message.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.cdr import GIGA, HEADER, TIME, CdrWriter
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.ros.common.cdr import COUNT, GIGA, HEADER, NATIVE, TIME
 
 FIELDS = ("position", "velocity", "effort")
 
@@ -38,36 +38,31 @@ class Layout(NamedTuple):
     expected: bytes
 
 
+class _Template(CdrWriter):
+    """A message, and 1 for each of its bits but those of the padding."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fixed = bytearray(b"\xff" * HEADER)
+
+    def put(self, piece: bytes, align: int) -> int:
+        """Append padding and bytes; return the offset of the latter."""
+        place = super().put(piece, align)
+        self.fixed += bytes(place - len(self.fixed)) + b"\xff" * len(piece)
+        return place
+
+
 def layout_of(frame_id: str, names: Sequence[str], lengths: Sequence[int]) -> Layout:
     """Determine the layout; ``lengths`` are those of position, velocity and effort."""
-    fixed, expected = bytearray(), bytearray()
-
-    def put(piece: bytes, align: int = 1, stays: bool = True) -> int:
-        padding = bytes(-(len(expected) - HEADER) % align)
-        fixed.extend(padding + (b"\xff" if stays else b"\x00") * len(piece))
-        expected.extend(padding + piece)
-        return len(expected) - len(piece)
-
-    def count(length: int) -> None:
-        put(length.to_bytes(COUNT, sys.byteorder), COUNT)
-
-    def text(value: str) -> None:
-        encoded = value.encode() + b"\0"
-        count(len(encoded))
-        put(encoded)
-
-    def numbers(length: int) -> int:
-        count(length)
-        return put(bytes(8 * length), 8 if length else 1, stays=False)
-
-    put(NATIVE)
-    put(bytes(TIME.size), COUNT, stays=False)
-    text(frame_id)
-    count(len(names))
-    for name in names:
-        text(name)
-    places = tuple(map(numbers, lengths))
-    return Layout(places, bytes(fixed), bytes(expected))
+    template = _Template()
+    stamp = template.time(0)
+    template.text(frame_id)
+    template.texts(names)
+    places = tuple(template.doubles(np.zeros(length)) for length in lengths)
+    sizes = (8 * length for length in lengths)
+    for place, size in ((stamp, TIME.size), *zip(places, sizes, strict=True)):
+        template.fixed[place : place + size] = bytes(size)
+    return Layout(places, bytes(template.fixed), bytes(template.raw))
 
 
 class JointStateWriter:
