@@ -76,11 +76,11 @@ def rows(function: ca.Function, is_matrix: bool) -> Answer:
     """
     results = at_points(function, compiled_rows(function))
     shape = function.size_out(0)[::-1] if is_matrix else (function.numel_out(0),)
-    return lambda *given: results(*given)[0].reshape(-1, *shape)
+    return lambda *given: results(*given)[0].reshape(len(given[0]), *shape)
 
 
 def at_points(function: ca.Function, entry: Any) -> Callable[..., list[Array]]:
-    """A function by its ``compiled_rows``, for arrays as of ``rows``: results, shape (k, …) each."""
+    """All results of a function by its ``compiled_rows``, for arrays as of ``rows``."""
     sizes = [function.numel_out(i) for i in range(function.n_out())]
 
     def answer(*given: Array) -> list[Array]:

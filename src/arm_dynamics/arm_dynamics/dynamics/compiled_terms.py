@@ -225,6 +225,10 @@ def jacobian_derivative(name: str) -> BatchTerm:
     return BatchTerm(f"derivative of J of frame '{name}'", point, expression, compared, True)
 
 
+OF_FRAMES = {"pose": pose, "jacobian": jacobian, "jacobian_derivative": jacobian_derivative}
+"""The terms of a frame."""
+
+
 INVERSE = BatchTerm("inverse dynamics", RigidTerms.inverse, _inverse, _inverse_parts)
 FORWARD = BatchTerm("forward dynamics", RigidTerms.forward, _forward, _forward_parts)
 MASS_MATRIX = BatchTerm(

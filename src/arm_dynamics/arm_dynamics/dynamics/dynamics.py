@@ -134,16 +134,19 @@ class Dynamics:
         other._one = made if alone else made.of_the_arm_alone()
         return other
 
-    def _by_code(self, call: PythonCall, otherwise: Callable[..., Array], *given: Array) -> Array:
-        """Compiled answers of valid vectors or of each row of a small batch, else Pinocchio's."""
-        if call is unanswered or (given[0].ndim == 2 and len(given[0]) >= MANY):
-            return finite_answer(otherwise(*given))
+    def _by_code(
+        self, call: PythonCall, otherwise: Callable[..., Array], **given: ArrayLike
+    ) -> Array:
+        """Compiled answers of vectors or of each row of a small batch, else Pinocchio's."""
+        checked = vectors(self.joint_names, **given)
+        if call is unanswered or (checked[0].ndim == 2 and len(checked[0]) >= MANY):
+            return finite_answer(otherwise(*checked))
 
         def one(*state: Array) -> Array:
             found = call(*state)
             return finite_answer(otherwise(*state)) if found is None else found
 
-        return each(one, *map(np.ascontiguousarray, given))
+        return each(one, *map(np.ascontiguousarray, checked))
 
     def inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
@@ -169,9 +172,8 @@ class Dynamics:
             return found
         self._say_massless()
         chosen = _chosen(terms)
-        q, v, a = vectors(self.joint_names, q=q, v=v, a=a)
         call = self._one.inverse if terms == Term.ALL else unanswered
-        return self._by_code(call, partial(self._inverse, chosen), q, v, a)
+        return self._by_code(call, partial(self._inverse, chosen), q=q, v=v, a=a)
 
     def _inverse(self, terms: list[bool], q: Array, v: Array, a: Array) -> Array:
         """The same of valid vectors, by Pinocchio; ``terms``: as from ``_chosen``."""
@@ -224,11 +226,9 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed.
             ModelError: If the mass matrix is singular to rounding.
         """
-        found = self._one.forward(q, v, tau)
-        if found is not None:
+        if (found := self._one.forward(q, v, tau)) is not None:
             return found
-        q, v, tau = vectors(self.joint_names, q=q, v=v, tau=tau)
-        return self._by_code(self._one.forward, self._forward, q, v, tau)
+        return self._by_code(self._one.forward, self._forward, q=q, v=v, tau=tau)
 
     def _forward(self, q: Array, v: Array, tau: Array) -> Array:
         """The same of valid vectors, by Pinocchio."""
@@ -281,28 +281,22 @@ class Dynamics:
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
-        M = self._one.mass_matrix(q)
-        if M is not None:
+        if (M := self._one.mass_matrix(q)) is not None:
             return M
-        (q,) = vectors(self.joint_names, q=q)
-        return self._by_code(self._one.mass_matrix, self._rigid.mass_matrix, q)
+        return self._by_code(self._one.mass_matrix, self._rigid.mass_matrix, q=q)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
-        C = self._one.coriolis_matrix(q, v)
-        if C is not None:
+        if (C := self._one.coriolis_matrix(q, v)) is not None:
             return C
-        q, v = vectors(self.joint_names, q=q, v=v)
-        return self._by_code(self._one.coriolis_matrix, self._rigid.coriolis_matrix, q, v)
+        return self._by_code(self._one.coriolis_matrix, self._rigid.coriolis_matrix, q=q, v=v)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques G(q) that balance the arm's weight, in [N m] or [N], shape of ``q``."""
-        G = self._one.gravity(q)
-        if G is not None:
+        if (G := self._one.gravity(q)) is not None:
             return G
         self._say_massless()
-        (q,) = vectors(self.joint_names, q=q)
-        return self._by_code(self._one.gravity, self._rigid.gravity, q)
+        return self._by_code(self._one.gravity, self._rigid.gravity, q=q)
 
     def spring(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Torques S(q, v) that balance springs and their dampers in [N m] or [N], shape of ``q``.
@@ -343,6 +337,8 @@ class Dynamics:
             return found
         if q is None and self.steady_friction.by_position:
             raise InvalidInput("friction depends on the position in this scene: q is expected")
+        if plain:
+            return self._by_code(self._one.friction, self._friction, v=v)
         still = np.zeros(self.n)
         v, direction, q, load = vectors(
             self.joint_names,
@@ -351,8 +347,6 @@ class Dynamics:
             q=still if q is None else q,
             load=still if load is None else load,
         )
-        if plain:
-            return self._by_code(self._one.friction, self._friction, v)
         return finite_answer(self.steady_friction(v, np.sign(direction), q, load))
 
     def _friction(self, v: Array) -> Array:
@@ -365,14 +359,11 @@ class Dynamics:
 
         The kinetic energy includes that of the armature, the potential energy that of springs.
         """
-        found = self._one.energies(q, v)
-        if found is not None:
-            kinetic, potential = found.tolist()
-            return kinetic, potential
-        q, v = vectors(self.joint_names, q=q, v=v)
-        both = self._by_code(self._one.energies, self._rigid.energies, q, v)
-        kinetic, potential = both[..., 0], both[..., 1]
-        return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))
+        both = self._one.energies(q, v)
+        if both is None:
+            both = self._by_code(self._one.energies, self._rigid.energies, q=q, v=v)
+        kinetic, potential = both.T if both.ndim == 2 else both.tolist()
+        return kinetic, potential
 
     def pose(self, q: ArrayLike, frame: str) -> Array:
         """Pose of a frame in the world: T of x_world = T x_frame, (4, 4) or (k, 4, 4).
@@ -389,11 +380,9 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed, or no frame has the name.
         """
         call = self._one.of_frame("pose", frame)
-        T = call(q)
-        if T is not None:
+        if (T := call(q)) is not None:
             return T
-        (q,) = vectors(self.joint_names, q=q)
-        return self._by_code(call, partial(self._rigid.pose, frame=frame), q)
+        return self._by_code(call, self._rigid.of_frame("pose", frame), q=q)
 
     def jacobian(self, q: ArrayLike, frame: str) -> Array:
         """Jacobian of a frame: J q̇ is its velocity, (6, n) or (k, 6, n).
@@ -403,11 +392,9 @@ class Dynamics:
         other axes. Arguments and errors as those of ``pose``.
         """
         call = self._one.of_frame("jacobian", frame)
-        J = call(q)
-        if J is not None:
+        if (J := call(q)) is not None:
             return J
-        (q,) = vectors(self.joint_names, q=q)
-        return self._by_code(call, partial(self._rigid.jacobian, frame=frame), q)
+        return self._by_code(call, self._rigid.of_frame("jacobian", frame), q=q)
 
     def jacobian_derivative(self, q: ArrayLike, v: ArrayLike, frame: str) -> Array:
         """Derivative J̇ of the Jacobian by time: J q̈ + J̇ q̇ is the acceleration of the frame.
@@ -424,11 +411,9 @@ class Dynamics:
             InvalidInput: As ``pose``.
         """
         call = self._one.of_frame("jacobian_derivative", frame)
-        J_dot = call(q, v)
-        if J_dot is not None:
+        if (J_dot := call(q, v)) is not None:
             return J_dot
-        q, v = vectors(self.joint_names, q=q, v=v)
-        return self._by_code(call, partial(self._rigid.jacobian_derivative, frame=frame), q, v)
+        return self._by_code(call, self._rigid.of_frame("jacobian_derivative", frame), q=q, v=v)
 
 
 def _chosen(terms: Term | int) -> list[bool]:

@@ -29,12 +29,6 @@ from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 
-OF_FRAMES = {
-    "pose": terms.pose,
-    "jacobian": terms.jacobian,
-    "jacobian_derivative": terms.jacobian_derivative,
-}
-
 
 def unanswered(*_: object) -> None:
     """No answer: Pinocchio computes it."""
@@ -52,7 +46,7 @@ class OneState:
         gravity: q -> G.
         friction: v -> F.
         energies: q, v -> kinetic and potential energy.
-        frames: The functions of ``OF_FRAMES``, by their name and that of the frame.
+        frames: The functions of ``terms.OF_FRAMES``, by their name and that of the frame.
     """
 
     inverse: PythonCall = unanswered
@@ -107,7 +101,7 @@ def one_state(
     of_frames = {
         (what, frame): _term(term(frame), expected.model)
         for frame in frames
-        for what, term in OF_FRAMES.items()
+        for what, term in terms.OF_FRAMES.items()
     }
     answers = {**named, **{f"{what}_{i}": a for i, ((what, _), a) in enumerate(of_frames.items())}}
     functions = [_renamed(name, answer.function) for name, answer in answers.items()]

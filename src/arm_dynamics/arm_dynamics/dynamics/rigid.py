@@ -80,24 +80,14 @@ class RigidDynamics:
         """
         return self._answer(terms.ENERGIES, q, v)
 
-    def pose(self, q: Array, frame: str) -> Array:
-        """Homogeneous transformation of a frame, shape (…, 4, 4).
+    def of_frame(self, what: str, frame: str) -> Answer:
+        """One of ``OF_FRAMES`` of a frame, as a function of valid vectors.
 
         Raises:
-            InvalidInput: If there is no such frame; likewise below.
+            InvalidInput: If there is no such frame.
         """
         self._points.motion(frame)
-        return self._answer(terms.pose(frame), q)
-
-    def jacobian(self, q: Array, frame: str) -> Array:
-        """J of a frame in world axes at its origin, linear rows first, shape (…, 6, n)."""
-        self._points.motion(frame)
-        return self._answer(terms.jacobian(frame), q)
-
-    def jacobian_derivative(self, q: Array, v: Array, frame: str) -> Array:
-        """J̇ of the same J, shape (…, 6, n)."""
-        self._points.motion(frame)
-        return self._answer(terms.jacobian_derivative(frame), q, v)
+        return partial(self._answer, terms.OF_FRAMES[what](frame))
 
     def constraint_rows(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:
         """A and γ = Ȧ v of bilateral constraints side by side, shape (…, m, n + 1)."""

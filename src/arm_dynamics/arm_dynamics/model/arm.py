@@ -222,7 +222,7 @@ class ArmModel(Robot):
             )
         self.pin.armature = np.array(armature)
         self.armature = read_only(self.pin.armature @ self.followers**2)
-        self.friction = friction_of(given, self.joint_names, self.followers)
+        self.friction = friction_of(self.scene, given, self.joint_names, self.followers)
 
     def _set_limits(self, limits: Sequence[Limits], index: Mapping[str, int]) -> None:
         """Limits from the scene, else from the URDF, where zero or an absurd value means none."""

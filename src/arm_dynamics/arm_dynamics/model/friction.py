@@ -21,8 +21,9 @@ from arm_dynamics.equations.elementary import Quantity, choose, larger, size
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import constant
 from arm_dynamics.model.friction_table import FrictionTable, steepest
-from arm_dynamics.scene.effect import given
+from arm_dynamics.scene.effect import given, refuse_of_joints
 from arm_dynamics.scene.friction import IN_TABLE, Friction, Sides, SpeedTable, Table, refusal
+from arm_dynamics.scene.schema import Scene
 
 STEEPEST = 0.5
 """Largest slope of friction over the torque that causes it, relative to the gear's efficiency;
@@ -356,10 +357,13 @@ def _dry(joints: Sequence[Given], coulomb: Sided, static: Sided) -> DryFriction:
     )
 
 
-def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) -> JointFriction:
+def friction_of(
+    scene: Scene, joints: Sequence[Given], free: Sequence[str], followers: Array
+) -> JointFriction:
     """Friction of the independent joints; that of a mimic joint acts on its leader.
 
     Args:
+        scene: The scene.
         joints: Every moving joint, mimic joints too, in the order of the rows of ``followers``.
         free: Independent joints, in model order.
         followers: Matrix E of shape (len(joints), n).
@@ -382,7 +386,7 @@ def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) 
     mine = [next(joint for joint in joints if joint.name == name) for name in free]
     dry = _dry(mine, fc, fs)
     _check_loads(mine, dry)
-    _check_effect(mine, fc, fs)
+    _check_effect(scene, mine, fc, fs)
     lawful = [i for i, joint in enumerate(mine) if joint.own.stateful]
     sticking = [i for i in range(len(mine)) if i not in lawful]
     return JointFriction(
@@ -471,20 +475,10 @@ def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
             )
 
 
-def _check_effect(joints: Sequence[Given], coulomb: Sided, static: Sided) -> None:
+def _check_effect(scene: Scene, joints: Sequence[Given], coulomb: Sided, static: Sided) -> None:
     """Reject keys without effect, of one joint or of all."""
-    levels = zip(np.transpose(coulomb), np.transpose(static), strict=True)
-    silent = [
-        _without_effect(joint.own, *level) for joint, level in zip(joints, levels, strict=True)
-    ]
-    for joint, keys in zip(joints, silent, strict=True):
-        for key, why in keys.items():
-            if (value := given(joint.named, key)) is not None:
-                raise refusal(joint.name, f"{key}' = {value!r} is without effect: {why}")
-    for key, why in silent[0].items():  # of "*": enough if it affects one joint
-        if all(key in keys for keys in silent):
-            value = given(joints[0].own, key)
-            raise refusal("*", f"{key}' = {value!r} is without effect: {why}")
+    levels = zip(joints, np.transpose(coulomb), np.transpose(static), strict=True)
+    refuse_of_joints(scene, {joint.name: _without_effect(joint.own, *x) for joint, *x in levels})
 
 
 def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, str]:
@@ -505,7 +499,8 @@ def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, s
         lost |= {"position": none, "load": none}
     if own.lugre is not None and own.lugre.sigma1 == 0.0:
         lost["lugre.sigma1_velocity"] = "the damping that it fades, 'sigma1', is 0"
-    return {key: why for key, why in lost.items() if given(own, key) is not None}
+    found = {key: why for key, why in lost.items() if given(own, key) is not None}
+    return {f"friction.{key}": why for key, why in found.items()}
 
 
 def _column(x: Quantity, i: int) -> Quantity:

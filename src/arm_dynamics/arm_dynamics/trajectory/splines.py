@@ -10,7 +10,6 @@ Representation" in the documentation of joint_trajectory_controller (ros2_contro
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.quintics import segment_coefficients
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
-from arm_dynamics.trajectory.waypoints import given_rows, timed_positions, with_torques
+from arm_dynamics.trajectory.waypoints import Knots, given_rows, timed_positions, with_torques
 
 STANDING = float(np.finfo(np.float32).eps)  # [rad/s] or [m/s], speed tolerated as rest at the end
 _TRIES = 60
@@ -34,7 +33,7 @@ def spline(waypoints: Sequence[Waypoint]) -> Trajectory:
         InvalidInput: If waypoints are malformed, accelerations are given without velocities, or
             the last velocity is not zero.
     """
-    return with_torques(_knots(waypoints).trajectory(1.0), waypoints)
+    return with_torques(_trajectory(_knots(waypoints), 1.0), waypoints)
 
 
 def stretched_spline(
@@ -54,7 +53,7 @@ def stretched_spline(
     """
     knots, stretch = _knots(waypoints), 1.0
     for _ in range(_TRIES):
-        trajectory = knots.trajectory(stretch)
+        trajectory = _trajectory(knots, stretch)
         factor = excess(trajectory)
         if factor <= 1.0:
             return with_torques(trajectory, waypoints)
@@ -65,22 +64,12 @@ def stretched_spline(
     )
 
 
-class _Knots(NamedTuple):
-    """Checked waypoints as arrays; NaN rows of v and a are not given."""
-
-    times: Array
-    q: Array
-    v: Array
-    a: Array
-
-    def trajectory(self, stretch: float) -> Trajectory:
-        slower = np.full((len(self.times), 1), stretch)
-        slower[0] = 1.0
-        times, v, a = self.times * stretch, self.v / slower, self.a / slower**2
-        return Trajectory(times, _coefficients(times, self.q, v, a), self.q[[0, -1]], stretch)
+def _trajectory(knots: Knots, stretch: float) -> Trajectory:
+    times, q, v, a = knots.slower(stretch)
+    return Trajectory(times, _coefficients(times, q, v, a), q[[0, -1]], stretch)
 
 
-def _knots(waypoints: Sequence[Waypoint]) -> _Knots:
+def _knots(waypoints: Sequence[Waypoint]) -> Knots:
     times, q = timed_positions(waypoints)
     n = q.shape[1]
     v = given_rows([w.v for w in waypoints], n, "velocity")
@@ -89,7 +78,7 @@ def _knots(waypoints: Sequence[Waypoint]) -> _Knots:
         raise InvalidInput(f"waypoint {i} gives accelerations, but no velocities")
     if np.any(np.abs(np.nan_to_num(v[-1])) > STANDING):
         raise InvalidInput(f"velocity of the last waypoint is {v[-1]}; allowed: zero")
-    return _Knots(times, q, v, a)
+    return Knots(times, q, v, a)
 
 
 def _coefficients(times: Array, q: Array, v: Array, a: Array) -> Array:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from numbers import Real
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,10 +46,10 @@ def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Traj
         InvalidInput: If waypoints are malformed, or no factor brings the motion within limits, or
             one is needed though waypoints have torques, which are right for their times only.
     """
-    return with_torques(_moved(_Knots(waypoints), limits), waypoints)
+    return with_torques(_moved(_knots(waypoints), limits), waypoints)
 
 
-def _moved(knots: _Knots, limits: Limits | None) -> Trajectory:
+def _moved(knots: Knots, limits: Limits | None) -> Trajectory:
     """The motion through knots, without torques."""
     if limits is None:
         return knots.trajectory(1.0)
@@ -128,20 +129,29 @@ def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
     return quintic([start, end], limits)
 
 
-class _Knots:
+class Knots(NamedTuple):
     """Checked waypoints as arrays; NaN rows of v and a are open."""
 
-    def __init__(self, waypoints: Sequence[Waypoint]) -> None:
-        self.times, self.q = timed_positions(waypoints)
-        n = self.q.shape[1]
-        self.v = _derivative([w.v for w in waypoints], n, "velocity")
-        self.a = _derivative([w.a for w in waypoints], n, "acceleration")
+    times: Array
+    q: Array
+    v: Array
+    a: Array
 
-    def trajectory(self, stretch: float) -> Trajectory:
+    def slower(self, stretch: float) -> Knots:
+        """All times multiplied by ``stretch``, with the same motion at the start."""
         slower = np.full((len(self.times), 1), stretch)
         slower[0] = 1.0
-        v, a = self.v / slower, self.a / slower**2
-        return Trajectory.through(self.times * stretch, self.q, v, a, stretch)
+        return Knots(self.times * stretch, self.q, self.v / slower, self.a / slower**2)
+
+    def trajectory(self, stretch: float) -> Trajectory:
+        """Quintic segments, this much slower."""
+        return Trajectory.through(*self.slower(stretch), stretch)
+
+
+def _knots(waypoints: Sequence[Waypoint]) -> Knots:
+    times, q = timed_positions(waypoints)
+    v = _derivative([w.v for w in waypoints], q.shape[1], "velocity")
+    return Knots(times, q, v, _derivative([w.a for w in waypoints], q.shape[1], "acceleration"))
 
 
 def have_torques(waypoints: Sequence[Waypoint]) -> bool:
