@@ -50,18 +50,31 @@ def figure(
     Yields:
         The axes: one, or an array of them.
     """
+    path = folder / f"{name}.png"
+    size = size or (4.6 * columns + 0.4, 3.1 * rows + 0.5)
+    with drawn(path, rows, columns, size, squeeze=True, **axes) as found:
+        yield found
+    print(f"figure: {path}")
+
+
+@contextmanager
+def drawn(
+    path: Path,
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    squeeze: bool = False,
+    **axes: Any,
+) -> Iterator[Any]:
+    """The same as any file, whose folder is made; an array of axes, unless they are squeezed."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):
-        made = Figure(
-            figsize=size or (4.6 * columns + 0.4, 3.1 * rows + 0.5), layout="constrained"
-        )
-        yield made.subplots(rows, columns, **axes)
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / f"{name}.png"
+        made = Figure(figsize=size, layout="constrained")
+        yield made.subplots(rows, columns, squeeze=squeeze, **axes)
+        path.parent.mkdir(parents=True, exist_ok=True)
         made.savefig(path)
-        print(f"figure: {path}")
 
 
 def use_style() -> None:

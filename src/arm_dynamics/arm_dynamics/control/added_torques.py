@@ -9,13 +9,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.compiled_law import AroundLaw
-from arm_dynamics.control.computed_torque import (
-    Controller,
-    Moving,
-    Parts,
-    added_torques,
-    restart,
-)
+from arm_dynamics.control.computed_torque import Controller, Moving, Parts, added_torques
 from arm_dynamics.trajectory.reference import Reference
 
 
@@ -29,16 +23,12 @@ class WithAddedTorques(AroundLaw):
     def __init__(self, control: Controller[Reference], n: int) -> None:
         """Take any joint controller of an arm with n joints."""
         super().__init__(control)
-        self.control, self._n = control, n
+        self._n = n
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         tau, added = self.control.torque(state, reference), added_torques(reference, self._n)
         return tau if added is None else np.asarray(tau + added)
-
-    def restart(self) -> None:
-        """Let the controller forget the past."""
-        restart(self.control)
 
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, *numbers: Any

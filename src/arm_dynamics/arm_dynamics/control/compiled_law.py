@@ -11,7 +11,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -126,10 +126,14 @@ class AroundLaw:
     Its numbers are those of the controller's formula; a wrapper with more puts them before these.
     """
 
-    def __init__(self, control: object) -> None:
+    def __init__(self, control: Any) -> None:
         """Take the controller."""
-        self._law: Any = law_of(control)
+        self.control, self._law = control, cast(Any, law_of(control))
         self.name = _name(control)
+
+    def restart(self) -> None:
+        """Let the controller forget the past."""
+        restart(self.control)
 
     @property
     def key(self) -> tuple[Any, ...] | None:

@@ -25,7 +25,6 @@ from arm_dynamics.control.computed_torque import (
     Moving,
     Parts,
     checked,
-    restart,
 )
 from arm_dynamics.exceptions import (
     ControllerFailed,
@@ -146,7 +145,7 @@ class Watched(AroundLaw):
             )
         _check_parts(control, name)
         super().__init__(control)
-        self._control, self.name, self._n = control, name, n
+        self.name, self._n = name, n
         self._failed: ControllerFailed | None = None
 
     @property
@@ -156,7 +155,7 @@ class Watched(AroundLaw):
         Raises:
             InvalidInput: If it says something else than ``all`` or ``dry``.
         """
-        terms = getattr(self._control, "friction_terms", None)
+        terms = getattr(self.control, "friction_terms", None)
         if terms not in (None, "all", "dry"):
             raise InvalidInput(
                 f"controller {self.name}: friction_terms = {terms!r}; allowed: 'all', 'dry'"
@@ -192,7 +191,7 @@ class Watched(AroundLaw):
         """Restart it, also after a failure."""
         self._failed = None
         try:
-            restart(self._control)
+            super().restart()
         except Exception as error:
             self._failed = self._failure(f"raised {_cause(error)} when restarted")
 
@@ -207,7 +206,7 @@ class Watched(AroundLaw):
         q, v = checked(state, self._n)
         goal = Reference(*map(read_only, (reference.q, reference.v, reference.a)))
         try:
-            tau = self._control.torque(Checked(read_only(q), read_only(v)), goal)
+            tau = self.control.torque(Checked(read_only(q), read_only(v)), goal)
         except Exception as error:
             self._failed = self._failure(f"raised {_cause(error)}")
             raise self._failed from error

@@ -10,7 +10,7 @@ import numpy as np
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.compiled_law import AroundLaw
-from arm_dynamics.control.computed_torque import Controller, Moving, Parts, restart
+from arm_dynamics.control.computed_torque import Controller, Moving, Parts
 from arm_dynamics.equations.elementary import Quantity, hyperbolic_tangent
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
@@ -64,17 +64,12 @@ class FrictionFeedForward(AroundLaw):
         if terms not in ("all", "dry"):
             raise InvalidInput(f"terms = {terms!r}; allowed: all, dry")
         super().__init__(control)
-        self._control, self._viscous = control, terms == "all"
-        self._friction = SteadyFriction.of(model)
+        self._viscous, self._friction = terms == "all", SteadyFriction.of(model)
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        tau = self._control.torque(state, reference)
+        tau = self.control.torque(state, reference)
         return np.asarray(self._with_friction(tau, reference))
-
-    def restart(self) -> None:
-        """Let the controller forget the past."""
-        restart(self._control)
 
     @property
     def key(self) -> tuple[Any, ...] | None:

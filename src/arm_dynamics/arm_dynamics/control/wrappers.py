@@ -104,7 +104,7 @@ class DisturbanceObserver(AroundLaw):
             InvalidInput: If a number has a wrong shape or value.
         """
         super().__init__(control)
-        self._control, self._n = control, dynamics.n
+        self._n = dynamics.n
         self._rigid, self._friction = RigidTerms(dynamics.model), dynamics.steady_friction
         each, K = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
         if np.any(K * each >= 1.0):
@@ -123,12 +123,12 @@ class DisturbanceObserver(AroundLaw):
         """Reset the observer."""
         still = np.zeros(self._n)
         self._seen: tuple[Array, ...] = still, still, still, np.zeros(1)
-        restart(self._control)
+        super().restart()
 
     def torque(self, state: Moving, reference: Any) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n)
-        wanted = partial(self._control.torque, state, reference)
+        wanted = partial(self.control.torque, state, reference)
         tau, self._seen = self._observed(self._rigid, q, v, self._tuning, self._seen, wanted)
         return np.array(tau)
 

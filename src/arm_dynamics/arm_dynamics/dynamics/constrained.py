@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, each, real_array
 from arm_dynamics.dynamics.at_rest import AtRest, Points
-from arm_dynamics.dynamics.gauss import constrained_motion, times
+from arm_dynamics.dynamics.gauss import constrained_motion, times, transposed
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
@@ -126,7 +126,7 @@ class Constrained:
         """
         multipliers = self._checked("lam", lam, self.m, q)
         rows = self._rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
-        reaction = times(_transposed(rows[..., :-1]), multipliers)
+        reaction = times(transposed(rows[..., :-1]), multipliers)
         needed = self._rigid.frictionless(q, v, a) + reaction - external
         tau: Array = self._friction.demanded(needed, v, np.sign(v), q)
         return tau
@@ -237,7 +237,3 @@ def _contact_place(model: ArmModel, frame: str | None) -> Touching:
             f"allowed: {known_names(model.frame_names)}"
         )
     return touching[0]
-
-
-def _transposed(matrices: Array) -> Array:
-    return np.swapaxes(matrices, -1, -2)

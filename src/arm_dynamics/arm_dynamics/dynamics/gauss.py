@@ -32,21 +32,22 @@ def constrained_motion(
         ModelError: If a mass matrix is not positive definite.
     """
     C = cholesky(M)
-    U, s, Vt = np.linalg.svd(_transposed(np.linalg.solve(C, _transposed(A))), full_matrices=False)
+    U, s, Vt = np.linalg.svd(transposed(np.linalg.solve(C, transposed(A))), full_matrices=False)
     counted = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < rank)
     inverted = np.divide(1.0, s, out=np.zeros_like(s), where=counted)
     x = np.linalg.solve(C, forces[..., None])[..., 0]
-    required = inverted * times(_transposed(U), -drift)
+    required = inverted * times(transposed(U), -drift)
     lacking = required - counted * times(Vt, x)
-    a = np.linalg.solve(_transposed(C), (x + times(_transposed(Vt), lacking))[..., None])
+    a = np.linalg.solve(transposed(C), (x + times(transposed(Vt), lacking))[..., None])
     return a[..., 0], -times(U, lacking * inverted)
 
 
 def times(matrices: Array, vectors: Array) -> Array:
-    """Products of matrices (k, m, n) and vectors (k, n), shape (k, m)."""
+    """Products of matrices (…, m, n) and vectors (…, n), shape (…, m)."""
     product: Array = (matrices @ vectors[..., None])[..., 0]
     return product
 
 
-def _transposed(matrices: Array) -> Array:
+def transposed(matrices: Array) -> Array:
+    """Each matrix transposed."""
     return np.swapaxes(matrices, -1, -2)

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, each, real_number, unit_vector, vectors
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
+from arm_dynamics.dynamics.gauss import times
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms, check_moving
@@ -229,7 +230,7 @@ class TaskSpace:
         still = np.zeros(self.n) if v is None else v
         q, v = vectors(self.model.joint_names, q=q, v=still)
         position, rotation, J, J_dot, W, bias, gravity, spring = _each(self._state, q, v)
-        A, drift = self._mobility(J, W), _times(J_dot, v)
+        A, drift = self._mobility(J, W), times(J_dot, v)
         inertia = task_inertia(A, self.linear, self.threshold)
         JW, L = J @ W, inertia.matrix
         J_bar = np.swapaxes(JW, -1, -2) @ L
@@ -237,12 +238,12 @@ class TaskSpace:
             "position": position,
             "rotation": rotation,
             "jacobian": J,
-            "velocity": _times(J, v),
+            "velocity": times(J, v),
             "bias": drift,
             "inertia": L,
-            "coriolis": _times(L, _times(JW, bias - gravity) - drift),
-            "gravity": _times(L, _times(JW, gravity)),
-            "spring": _times(L, _times(JW, spring)),
+            "coriolis": times(L, times(JW, bias - gravity) - drift),
+            "gravity": times(L, times(JW, gravity)),
+            "spring": times(L, times(JW, spring)),
             "inverse": J_bar,
             "null_space": np.eye(self.n) - J_bar @ J,
             "manipulability": manipulability(J),
@@ -315,10 +316,6 @@ def _each(answer: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Ar
     """As ``arrays.each``, for a result of several parts."""
     parts = answer(*vectors) if vectors[0].ndim == 1 else zip(*map(answer, *vectors), strict=True)
     return tuple(map(np.array, parts))
-
-
-def _times(matrix: Array, x: Array) -> Array:
-    return np.asarray((matrix @ x[..., None])[..., 0])
 
 
 def _plain(value: Any) -> Any:

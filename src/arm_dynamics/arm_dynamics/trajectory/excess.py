@@ -9,7 +9,7 @@ exceed a limit in between by more than ``time_scaling.BETWEEN`` of it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.quintics import extremes
 from arm_dynamics.trajectory.reference import Limits, Trajectory
 from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, closely
+from arm_dynamics.trajectory.waypoints import segment_excess
 
 _ROUNDED = 1e-9
 _POINTS = 60  # smallest number of points at which torques are computed
@@ -96,12 +97,8 @@ class Bounds:
         Raises:
             Unreachable: If gravity and friction alone exceed a limit.
         """
-        h, peaks = np.diff(trajectory.times)[:, None], extremes(trajectory.coefficients)
-        _, speed, rise = np.abs(peaks).max(axis=0)
-        limit, more = self.limits, 1.0 + self.margin
-        by_speed = float((speed / h / (limit.velocity * more)).max())
-        by_rise = float(np.sqrt(rise / h**2 / (limit.acceleration * more)).max())
-        slower = max(1.0, by_speed, by_rise)
+        peaks = extremes(trajectory.coefficients)
+        slower = max(1.0, float(segment_excess(trajectory, peaks, self._wide).max()))
         slower = max(slower, self._by_effort(trajectory))
         return slower if slower > 1.0 + _ROUNDED else 1.0
 
@@ -125,10 +122,17 @@ class Bounds:
 
         An arm that is already beyond a position limit may return from there.
         """
-        limits, more = self.limits, 1.0 + self.margin
-        speed, rise = limits.velocity * more, limits.acceleration * more
-        lower = np.stack((np.minimum(limits.lower, start), -speed, -rise))
-        return lower, np.stack((np.maximum(limits.upper, start), speed, rise))
+        wide = self._wide
+        speed, rise = wide.velocity, wide.acceleration
+        lower = np.stack((np.minimum(wide.lower, start), -speed, -rise))
+        return lower, np.stack((np.maximum(wide.upper, start), speed, rise))
+
+    @cached_property
+    def _wide(self) -> Limits:
+        """The limits with the margin of velocities and accelerations."""
+        given, more = self.limits, 1.0 + self.margin
+        speed, rise = given.velocity * more, given.acceleration * more
+        return replace(given, velocity=speed, acceleration=rise)
 
     def _jumps(self, trajectory: Trajectory, before: Array) -> Iterator[Excess]:
         """Velocities that jump between segments, which no acceleration allows."""

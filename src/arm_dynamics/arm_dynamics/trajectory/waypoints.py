@@ -58,7 +58,7 @@ def _moved(knots: Knots, limits: Limits | None) -> Trajectory:
     for _ in range(_STRETCH_TRIES):
         trajectory = knots.trajectory(stretch)
         peaks = extremes(trajectory.coefficients)
-        excess = float(_excess(trajectory, peaks, limits).max())
+        excess = float(segment_excess(trajectory, peaks, limits).max())
         if excess <= 1.0 + 1e-9 or from_rest:
             _check_positions(np.concatenate(peaks[:, 0]), knots.q[0], limits)
             return trajectory if excess <= 1.0 else knots.trajectory(stretch * excess)
@@ -257,10 +257,10 @@ def _through(h: Array, q: Array) -> list[Waypoint]:
 
 def _excess_of(h: Array, q: Array, limits: Limits) -> Array:
     trajectory = quintic(_through(h, q))
-    return _excess(trajectory, extremes(trajectory.coefficients), limits)
+    return segment_excess(trajectory, extremes(trajectory.coefficients), limits)
 
 
-def _excess(trajectory: Trajectory, peaks: Array, limits: Limits) -> Array:
+def segment_excess(trajectory: Trajectory, peaks: Array, limits: Limits) -> Array:
     """Factor by which each segment is too fast, shape (w − 1,)."""
     h = np.diff(trajectory.times)[:, None]
     peaks = np.abs(peaks).max(axis=0)

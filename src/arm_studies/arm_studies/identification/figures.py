@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_sim.figures import STYLE
+from arm_sim.figures import drawn
 from arm_studies.identification.result import Identification
 
 _POINTS = 2500  # of a curve
@@ -26,7 +26,7 @@ def draw_torques(found: Identification, path: Path) -> None:
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     order = np.arange(len(shown.time)) * float(np.median(np.diff(shown.time)))
     t = order[rows]
-    with _figure(path, n, 2, (13.0, 1.9 * n + 0.8)) as axes:
+    with drawn(path, n, 2, (13.0, 1.9 * n + 0.8)) as axes:
         for j, name in enumerate(found.joint_names):
             left, right = axes[j]
             left.plot(t, shown.nominal[rows, j], color="0.75", label="nominal", linewidth=1.0)
@@ -57,7 +57,7 @@ def draw_friction(found: Identification, path: Path) -> None:
     columns = min(4, n)
     lines = -(-n // columns)
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
-    with _figure(path, lines, columns, (3.4 * columns, 2.8 * lines + 0.3)) as axes:
+    with drawn(path, lines, columns, (3.4 * columns, 2.8 * lines + 0.3)) as axes:
         for j, at in enumerate(axes.ravel()):
             if j >= n:
                 at.set_visible(False)
@@ -86,22 +86,3 @@ def _shade(axes: Any, time: Any, held_out: Any) -> None:
     edges = np.flatnonzero(np.diff(held_out.astype(np.int8), prepend=0, append=0))
     for first, end in edges.reshape(-1, 2):
         axes.axvspan(time[first], time[end - 1], color="0.93", zorder=0)
-
-
-class _figure:
-    """A figure that is written at the end of the ``with`` block."""
-
-    def __init__(self, path: Path, rows: int, columns: int, size: tuple[float, float]) -> None:
-        self._path, self._rows, self._columns, self._size = path, rows, columns, size
-
-    def __enter__(self) -> Any:
-        import matplotlib as mpl
-        from matplotlib.figure import Figure
-
-        with mpl.rc_context(STYLE):
-            self._made = Figure(figsize=self._size, layout="constrained")
-            return self._made.subplots(self._rows, self._columns, squeeze=False)
-
-    def __exit__(self, kind: Any, *_: Any) -> None:
-        if kind is None:
-            self._made.savefig(self._path)

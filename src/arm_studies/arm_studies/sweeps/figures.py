@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
-from arm_sim.figures import STYLE
+from arm_sim.figures import drawn
 from arm_studies.sweeps.metrics import METRICS
 from arm_studies.sweeps.study import Study
 from arm_studies.sweeps.table import Table
@@ -61,7 +62,7 @@ def _scatter(
     table: Table, metrics: list[str], numbers: list[str], spread: set[str], path: Path
 ) -> Path:
     size = 2.0 if len(table) > _MANY else 9.0
-    with _Figure(path, len(metrics), len(numbers)) as axes:
+    with _small_axes(path, len(metrics), len(numbers)) as axes:
         for row, metric in zip(axes, metrics, strict=True):
             for at, name in zip(row, numbers, strict=True):
                 for label, these in _some(table).items():
@@ -79,7 +80,7 @@ def _scatter(
 
 
 def _distribution(table: Table, metrics: list[str], path: Path) -> Path:
-    with _Figure(path, 1, len(metrics)) as axes:
+    with _small_axes(path, 1, len(metrics)) as axes:
         for at, metric in zip(axes[0], metrics, strict=True):
             for label, these in _some(table).items():
                 values = np.sort(_finite(table[metric][these]))
@@ -114,25 +115,5 @@ def _scale(choose: Callable[[str], object], values: Array) -> None:
         choose("log")
 
 
-class _Figure:
-    """A figure of small axes that is written at the end of its ``with`` block."""
-
-    def __init__(self, path: Path, rows: int, columns: int) -> None:
-        self._path, self._shape = path, (rows, columns)
-
-    def __enter__(self) -> Any:
-        import matplotlib as mpl
-        from matplotlib.figure import Figure
-
-        rows, columns = self._shape
-        self._style = mpl.rc_context(STYLE)
-        self._style.__enter__()
-        size = (3.3 * columns + 0.6, 2.4 * rows + 0.5)
-        self._made = Figure(figsize=size, layout="constrained")
-        return self._made.subplots(rows, columns, squeeze=False)
-
-    def __exit__(self, kind: object, error: object, trace: object) -> None:
-        if kind is None:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._made.savefig(self._path)
-        self._style.__exit__(None, None, None)
+def _small_axes(path: Path, rows: int, columns: int) -> AbstractContextManager[Any]:
+    return drawn(path, rows, columns, (3.3 * columns + 0.6, 2.4 * rows + 0.5))
