@@ -8,11 +8,11 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.equations import motor, spring
+from arm_dynamics.equations import motor
 from arm_dynamics.equations.elementary import Quantity
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.drive import JointDrive
-from arm_dynamics.model.tree_builder import gravity_of, tree_of
+from arm_dynamics.model.rigid_expressions import RigidExpressions
 from arm_dynamics.scene.imperfections import Commands
 from arm_dynamics.scene.schema import Scene
 
@@ -125,10 +125,8 @@ def compensating(scene: Scene) -> Scene:
 @one_at_a_time
 def _weight(model: ArmModel) -> ca.Function:
     """Torques that balance gravity and springs, (q) -> shape (n,)."""
-    q, still = ca.SX.sym("q", model.n), ca.SX(model.n, 1)
-    carried = spring.frictionless(
-        model.springs, tree_of(model), q, still, still, gravity=gravity_of(model)
-    )
+    q = ca.SX.sym("q", model.n)
+    carried = RigidExpressions(model).standing(q)
     return ca.Function("weight", [q], [ca.densify(carried)], {"cse": True})
 
 

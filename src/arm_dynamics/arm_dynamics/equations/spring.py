@@ -23,7 +23,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -34,7 +33,7 @@ from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.elementary import Quantity, choose, larger, root
 from arm_dynamics.equations.frame import Frame, relative
 from arm_dynamics.equations.interpolation import Curve
-from arm_dynamics.equations.tree import Tree, constant, spread_map
+from arm_dynamics.equations.tree import Tree, constant, like, spread_map
 from arm_dynamics.scene.spring import PointSpring
 
 # Length in [m] below which a spring between points has no direction.
@@ -77,12 +76,12 @@ class Springs:
         Args:
             bent: Their deflections in [rad] or [m], shape (links,), an array or an expression.
         """
-        linear = _like(bent)(self.stiffness) * bent
+        linear = like(bent)(self.stiffness) * bent
         return self._with_tables(linear, bent, Curve.__call__)
 
     def stored(self, bent: Quantity) -> Quantity:
         """Energies of the joints' springs in [J], shape (links,); see ``pull``."""
-        linear = _like(bent)(self.stiffness) * bent**2 / 2
+        linear = like(bent)(self.stiffness) * bent**2 / 2
         return self._with_tables(linear, bent, _work)
 
     def _with_tables(
@@ -98,11 +97,6 @@ class Springs:
 def _work(table: Curve, bent: Quantity) -> Quantity:
     """Energy in [J] of a spring with this table, zero at no deflection."""
     return table.integral(bent) - table.integral(0.0)
-
-
-def _like(x: Quantity) -> Any:
-    """Converter of coefficients to the type of ``x``."""
-    return constant if isinstance(x, ca.SX) else np.asarray
 
 
 def tension(spring: PointSpring, square: Quantity, rate: Quantity) -> tuple[Quantity, Quantity]:

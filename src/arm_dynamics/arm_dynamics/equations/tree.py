@@ -15,11 +15,13 @@ Two exact transformations are made before any equation is built:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations.elementary import Quantity
 
 # Products of rotations by multiples of 90 degrees leave rounding errors, which would prevent the
 # simplification of factors.
@@ -169,6 +171,11 @@ def clean(values: Array, size: float = 1.0) -> Array:
 def constant(values: Array) -> ca.SX:
     """Numbers as an expression with structural zeros."""
     return ca.sparsify(ca.SX(ca.DM(values)))
+
+
+def like(x: Quantity) -> Any:
+    """Converter of coefficients to the type of ``x``; zeros vanish from an expression."""
+    return constant if isinstance(x, ca.SX) else np.asarray
 
 
 def sparse(values: Array, size: float = 1.0) -> ca.SX:

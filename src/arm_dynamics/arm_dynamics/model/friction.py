@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.equations import friction, transmission
-from arm_dynamics.equations.elementary import Quantity, choose, larger, size
+from arm_dynamics.equations.elementary import Quantity, choose, larger, sign, size
 from arm_dynamics.equations.interpolation import Curve
-from arm_dynamics.equations.tree import constant
+from arm_dynamics.equations.tree import like
 from arm_dynamics.model.friction_table import FrictionTable, steepest
 from arm_dynamics.scene.effect import given, refuse_of_joints
 from arm_dynamics.scene.friction import IN_TABLE, Friction, Sides, SpeedTable, Table, refusal
@@ -103,11 +103,11 @@ class DryFriction:
             q: Joint positions in [rad] or [m]; used only if ``by_position``.
             load: Drives' torques in [N m] or [N]; used only if ``by_load``.
         """
-        like, (coulomb, excess) = _like(v), (self.coulomb, self.excess)
-        fall = like(self.stribeck_velocity)
-        torque = friction.dry(v, direction, like(coulomb.mean), like(excess.mean), fall)
+        numbers, (coulomb, excess) = like(v), (self.coulomb, self.excess)
+        fall = numbers(self.stribeck_velocity)
+        torque = friction.dry(v, direction, numbers(coulomb.mean), numbers(excess.mean), fall)
         if coulomb.skew.any() or excess.skew.any():
-            skew = friction.dry(v, direction, like(coulomb.skew), like(excess.skew), fall)
+            skew = friction.dry(v, direction, numbers(coulomb.skew), numbers(excess.skew), fall)
             torque = torque + direction * skew
         factors = self._factors(q, load)
         return torque if factors is None else torque * factors
@@ -218,7 +218,7 @@ class JointFriction(DryFriction):
                 directions, zero for joints without dry friction.
         """
         nominal = self.coulomb.mean
-        part = coulomb / _like(coulomb)(np.where(nominal > 0.0, nominal, 1.0))
+        part = coulomb / like(coulomb)(np.where(nominal > 0.0, nominal, 1.0))
         return replace(self, scale=larger(part, UNLOADED))
 
     def smooth(self, v: Quantity, q: Quantity, coefficient: Quantity = None) -> Quantity:
@@ -229,9 +229,9 @@ class JointFriction(DryFriction):
             q: Joint positions in [rad] or [m]; used only if ``by_position``.
             coefficient: Replaces the scene's mean of viscous friction, if given, shape (n,).
         """
-        like, (mean, skew) = _like(v), self.viscous
-        mean = like(mean) if coefficient is None else coefficient
-        torque = friction.viscous(v, mean, like(skew) if skew.any() else None)
+        numbers, (mean, skew) = like(v), self.viscous
+        mean = numbers(mean) if coefficient is None else coefficient
+        torque = friction.viscous(v, mean, numbers(skew) if skew.any() else None)
         added = {
             i: _column(torque, i)
             + table.without_dry(_column(v, i), _column(q, i) if table.by_position else None)
@@ -265,13 +265,13 @@ class JointFriction(DryFriction):
         whole, (mean, skew) = reaction, self.static
         if skew.any():
             part = skew / np.where(mean > 0.0, mean, 1.0)
-            reaction = reaction / (1.0 + _like(reaction)(part) * _sign(reaction))
+            reaction = reaction / (1.0 + like(reaction)(part) * sign(reaction))
         factors, relative = self._factors(q, load), {}
         for i in self.gears:
             push = _column(whole, i)
-            level = mean[i] + skew[i] * _sign(push)
+            level = mean[i] + skew[i] * sign(push)
             level = level if factors is None else level * _column(factors, i)
-            lost = transmission.gear_loss(_sign(push), _column(load, i), self.efficiency[i])
+            lost = transmission.gear_loss(sign(push), _column(load, i), self.efficiency[i])
             relative[i] = push * self.level[i] / (level + size(lost) + UNLOADED)
         return _replaced(reaction if factors is None else reaction / factors, relative)
 
@@ -283,7 +283,7 @@ class JointFriction(DryFriction):
             q: Joint positions in [rad] or [m]; used only if ``by_position``.
             load: Drives' torques in [N m] or [N]; used only if ``by_load`` and by gears.
         """
-        return _like(way)(self.level) / size(self.relative_hold(way, q, load))
+        return like(way)(self.level) / size(self.relative_hold(way, q, load))
 
     def gear_input(self, required: Quantity, direction: Quantity) -> Quantity:
         """Motor torques that deliver ``required`` at the gears' outputs.
@@ -523,12 +523,3 @@ def _applied(curves: Sequence[Curve | None], x: Quantity) -> Quantity:
     x = np.asarray(x)
     ones = np.ones(x.shape[:-1])
     return np.stack([ones if c is None else c(x[..., i]) for i, c in enumerate(curves)], axis=-1)
-
-
-def _like(x: Quantity) -> Any:
-    """Converter of coefficients to the type of ``x``; zeros vanish from an expression."""
-    return constant if isinstance(x, ca.SX) else np.asarray
-
-
-def _sign(x: Quantity) -> Quantity:
-    return ca.sign(x) if isinstance(x, ca.SX) else np.sign(x)

@@ -181,8 +181,8 @@ class CouplingConstraint(_Constraint):
 
     def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
         """Refuse joints that are not free; arguments as of ``check_constraints``."""
-        free = [name for name in urdf.moving if name not in urdf.mimics and name not in locked]
-        check_joints(f"constraints.{place}.joints", self.joints, free, urdf, locked)
+        key, free = f"constraints.{place}.joints", urdf.free(locked)
+        check_joints(key, self.joints, free, urdf, locked)
 
 
 class Plane(Part):

@@ -148,7 +148,7 @@ def check_sensors(sensors: Sensors, urdf: Urdf, locked: Collection[str]) -> None
     Raises:
         SceneError: Naming the key, the joint and what is allowed.
     """
-    free = [name for name in urdf.moving if name not in urdf.mimics and name not in locked]
+    free = urdf.free(locked)
     for kind in ("position", "velocity", "effort"):
         part: Part = getattr(sensors, kind)
         for key in type(part).model_fields:

@@ -233,8 +233,7 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
 def _check_hold(scene: Scene, urdf: Urdf) -> None:
     """Refuse held joints that do not exist or move, and holding without loops to close."""
     hold, lock = scene.initial.hold, scene.robot.lock
-    free = [name for name in urdf.moving if name not in urdf.mimics and name not in lock]
-    check_joints("initial.hold", hold, free, urdf, lock)
+    check_joints("initial.hold", hold, urdf.free(lock), urdf, lock)
     if hold and not scene.bilateral:
         raise SceneError(
             f"scene: 'initial.hold' = {list(hold)}, but no constraint but contacts is there to be "

@@ -98,11 +98,6 @@ _built: WeakKeyDictionary[ArmModel, dict[tuple[str, tuple[str, ...]], Kernel]]
 _built = WeakKeyDictionary()
 
 
-def is_built(model: ArmModel, frame: str, axes: tuple[str, ...]) -> bool:
-    """Whether a kernel for this frame and these axes is available immediately."""
-    return (frame, axes) in _built.get(model, {})
-
-
 def build(model: ArmModel, frame: str, axes: tuple[str, ...]) -> Kernel:
     """The functions of a frame, built once for a model; see ``TaskKernel``, errors included."""
     known = _built.setdefault(model, {})

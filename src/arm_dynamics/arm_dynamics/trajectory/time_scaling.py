@@ -64,7 +64,7 @@ class Capacity:
             if drive is None:
                 continue
             motor, constant = drive.motor, drive.torque_constant
-            current[i] = abs(constant) * (motor.current_limit or np.inf)
+            current[i] = drive.current_torque
             if motor.voltage_limit is not None and motor.resistance is not None:
                 voltage[i] = motor.voltage_limit
                 self._resistance[i] = motor.resistance / constant

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
-from arm_studies.identification.data import JointRecord
+from arm_studies.identification.data import JointRecord, runs
 from arm_studies.identification.filtering import ABOVE, WIDEST, ZeroPhase, chosen_band
 
 ROUNDS = 4
@@ -39,8 +39,7 @@ def without_repeats(record: JointRecord) -> JointRecord:
     both = np.hstack([record.q, record.effort])
     same = (both[1:] == both[:-1]) | np.isnan(both[1:]) & np.isnan(both[:-1])
     repeated = np.concatenate([[False], same.all(axis=1)])
-    edges = np.flatnonzero(np.diff(repeated.astype(np.int8), prepend=0, append=0))
-    for start, end in edges.reshape(-1, 2):
+    for start, end in runs(repeated):
         repeated[start:end] = end - start <= REPEATS
     if not repeated.any():
         return record

@@ -231,3 +231,8 @@ def _record_of(recording: Any) -> JointRecord:
             "JointRecord"
         )
     return JointRecord.from_recording(recording)
+
+
+def runs(where: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """First row and end of each stretch in which a condition holds, shape (m, 2)."""
+    return np.flatnonzero(np.diff(where.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)

@@ -10,6 +10,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_sim.figures import drawn
+from arm_studies.identification.data import runs
 from arm_studies.identification.result import Identification
 
 _POINTS = 2500  # of a curve
@@ -83,6 +84,5 @@ def _law(found: Identification, j: int) -> tuple[Array, Array]:
 
 
 def _shade(axes: Any, time: Any, held_out: Any) -> None:
-    edges = np.flatnonzero(np.diff(held_out.astype(np.int8), prepend=0, append=0))
-    for first, end in edges.reshape(-1, 2):
+    for first, end in runs(held_out):
         axes.axvspan(time[first], time[end - 1], color="0.93", zorder=0)

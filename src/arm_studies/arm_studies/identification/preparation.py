@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification.clock import repaired, without_repeats
-from arm_studies.identification.data import JointRecord, MeasuredMotion
+from arm_studies.identification.data import JointRecord, MeasuredMotion, runs
 from arm_studies.identification.filtering import WIDEST, ZeroPhase, chosen_band, decimated
 
 GAP = 4.5
@@ -159,7 +159,7 @@ def _places(where: NDArray[np.bool_], time: Array) -> str:
     """How often and when a condition holds, in words."""
     count = np.count_nonzero(where)
     rows = "1 row" if count == 1 else f"{count} rows"
-    return f"{rows} ({_listed(time[_runs(where) - [0, 1]])})"
+    return f"{rows} ({_listed(time[runs(where) - [0, 1]])})"
 
 
 def _listed(spans: Array) -> str:
@@ -167,11 +167,6 @@ def _listed(spans: Array) -> str:
     texts = [f"{a:.3f} s" if a == b else f"{a:.3f} to {b:.3f} s" for a, b in spans[:SPANS]]
     more = f" and {len(spans) - SPANS} times more," if len(spans) > SPANS else ""
     return f"{', '.join(texts)}{more} after the start"
-
-
-def _runs(where: NDArray[np.bool_]) -> NDArray[np.int_]:
-    """First row and end of each stretch in which a condition holds, shape (m, 2)."""
-    return np.flatnonzero(np.diff(where.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
 
 
 def _without_frozen(record: JointRecord, start: float) -> tuple[JointRecord, list[str]]:
@@ -197,7 +192,7 @@ def _frozen(q: Array, effort: Array) -> NDArray[np.bool_]:
     usual = float(np.median(np.diff(changed)))  # more than one if it is measured more slowly
     small, typical = np.quantile(change[changed], [0.05, 0.5])
     least = JUMP * typical if typical < COARSE * small else 0.0
-    for start, last in _runs(change == 0.0):
+    for start, last in runs(change == 0.0):
         length = last - start + 1
         bent = abs(q[start : last + 1] - np.linspace(q[start], q[last], length)).max() > BENT
         # At the end of the recording, or before a hole, no change is known.
@@ -342,7 +337,7 @@ def saturated(effort: Array) -> NDArray[np.bool_]:
     found = np.zeros(effort.shape, bool)
     for i, column in enumerate(effort.T):
         for extreme in (np.nanmin(column, initial=np.inf), np.nanmax(column, initial=-np.inf)):
-            for start, end in _runs(column == extreme):
+            for start, end in runs(column == extreme):
                 found[start:end, i] |= end - start >= SATURATED
         if np.nanmin(column, initial=np.inf) >= np.nanmax(column, initial=-np.inf):
             found[:, i] = False  # a constant effort is refused in ``checks``
@@ -353,7 +348,7 @@ def _bridged(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Samples that are known or in a hole so short that it is interpolated, shape (k, n)."""
     found = known.copy()
     for j, column in enumerate(known.T):
-        for start, end in _runs(~column):
+        for start, end in runs(~column):
             found[start:end, j] = end - start < GAP - 1.0
     return found
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from ctypes import Structure, addressof, byref
+from ctypes import addressof, byref
 
 from rclpy.node import Node
 
@@ -14,12 +14,6 @@ from arm_dynamics.ros.joint_state import address
 
 _ROOM = 4096  # bytes of a state at first
 SILENCE = 1.0  # [s] without a joint state after which it is reported
-
-
-class _Last(Structure):
-    """``last_t`` of answers.h, where the fields are explained."""
-
-    _fields_ = HEADER.fields("last_t")
 
 
 class AnswerLog:
@@ -36,7 +30,7 @@ class AnswerLog:
     """
 
     def __init__(self) -> None:
-        self._last, self._command = _Last(), b""
+        self._last, self._command = HEADER.structure("last_t")(), b""
         self._make_room(_ROOM)
         self._seen = self._since = time.monotonic()
         self._answers = self.passed_over = self.jumps = 0

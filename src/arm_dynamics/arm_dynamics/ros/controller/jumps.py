@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import Structure, addressof, byref
+from ctypes import addressof, byref
 
 import numpy as np
 
@@ -14,12 +14,6 @@ from arm_dynamics.ros.controller.controller_library import HEADER, library
 _STEADY, _BACKWARDS, _PAUSED, _MOVED = (
     HEADER.constants[name] for name in ("STEADY", "BACKWARDS", "PAUSED", "MOVED")
 )
-
-
-class _Before(Structure):
-    """``before_t`` of answers.h: the last state."""
-
-    _fields_ = HEADER.fields("before_t")
 
 
 class Jumps:
@@ -32,7 +26,7 @@ class Jumps:
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         self._q, self._v = np.zeros((2, len(names)))
-        self._before = _Before(q=self._q.ctypes.data, v=self._v.ctypes.data)
+        self._before = HEADER.structure("before_t")(q=self._q.ctypes.data, v=self._v.ctypes.data)
 
     @property
     def place(self) -> int:

@@ -13,7 +13,7 @@ stops answering at every change, and resumes after the next answer by Python.
 from __future__ import annotations
 
 from collections.abc import Callable
-from ctypes import Structure, addressof, byref, c_void_p
+from ctypes import addressof, byref, c_void_p
 from dataclasses import dataclass
 from functools import partial
 from threading import Thread
@@ -44,10 +44,8 @@ _NEVER = 2**63 - 1
 _TAKE_IN_CALLBACKS = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
 
-class Answers(Structure):
-    """``answers_t`` of answers.h, where the fields are explained."""
-
-    _fields_ = HEADER.fields("answers_t")
+Answers = HEADER.structure("answers_t")
+"""``answers_t`` of answers.h, where the fields are explained."""
 
 
 @dataclass(frozen=True)

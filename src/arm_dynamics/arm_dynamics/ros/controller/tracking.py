@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import Structure, addressof, byref
+from ctypes import addressof, byref
 
 import numpy as np
 from arm_msgs.msg import TrackingState
@@ -29,12 +29,6 @@ _FIELDS = (
 _ARRAYS = HEADER.constants["ARRAYS"]  # in a TrackingState; the number ``remaining`` follows
 
 
-class _Report(Structure):
-    """``report_t`` of answers.h, where the fields are explained."""
-
-    _fields_ = HEADER.fields("report_t")
-
-
 class TrackingTopic:
     """Publishes the tracking state every few ticks while it has subscribers.
 
@@ -44,7 +38,7 @@ class TrackingTopic:
     def __init__(self, node: Node, names: Sequence[str]) -> None:
         """Advertise the topic of a controller of the joints ``names``."""
         self._publisher, self._names = advertise(node, CONTROLLER_STATE), list(names)
-        self._shared = _Report(publisher=self._publisher.handle.pointer)
+        self._shared = HEADER.structure("report_t")(publisher=self._publisher.handle.pointer)
         self._raw, self._outcome = bytearray(), ""
 
     @property

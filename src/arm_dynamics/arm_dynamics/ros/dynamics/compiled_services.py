@@ -54,16 +54,8 @@ HEADER = Header(SOURCE.with_suffix(".h"))
 _ENDED = HEADER.constants["ENDED"]
 
 
-class _Answer(ctypes.Structure):
-    """``answer_t`` of services.h, where the fields are explained."""
-
-    _fields_ = HEADER.fields("answer_t")
-
-
-class _Counts(ctypes.Structure):
-    """``counts_t`` of services.h."""
-
-    _fields_ = HEADER.fields("counts_t")
+_Answer = HEADER.structure("answer_t")
+"""``answer_t`` of services.h, where the fields are explained."""
 
 
 @cache
@@ -142,7 +134,7 @@ class CompiledServices:
     @property
     def counts(self) -> InC:
         """Counts of requests that C answered."""
-        counts = _Counts()
+        counts = HEADER.structure("counts_t")()
         if self._server:
             self._native.counts(self._server, ctypes.byref(counts))
         return InC(counts.answered, counts.lost, 1e-9 * counts.busy)

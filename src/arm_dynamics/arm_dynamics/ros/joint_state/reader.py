@@ -33,12 +33,6 @@ NONE, KNOWN, BEYOND, OTHER, FAILED = (HEADER.constants[name] for name in _OUTCOM
 _KINDS = HEADER.constants["KINDS"]
 
 
-class _State(ctypes.Structure):
-    """``joint_state_t`` of joint_state.h."""
-
-    _fields_ = HEADER.fields("joint_state_t")
-
-
 class _Kind(NamedTuple):
     """A kind of message: its source, the joints that it names, and what C reads it by."""
 
@@ -98,7 +92,7 @@ class JointStateReader:
         self._found, self._limit = bytearray(24 + 8 * n * count), limit
         self._unpack = Struct(f"=qqq{n * count}d").unpack_from
         self._numbers = [slice(3 + n * k, 3 + n * (k + 1)) for k in range(count)]
-        self._state = _State(
+        self._state = HEADER.structure("joint_state_t")(
             fields=count, joints=n, found=address(self._found),
             limit=limit.ctypes.data if limit.size else None, gaps=self._gaps,
         )  # fmt: skip

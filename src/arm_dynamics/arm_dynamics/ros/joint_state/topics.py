@@ -21,11 +21,8 @@ from arm_dynamics.ros.joint_state.joint_state_library import HEADER, address, li
 from arm_dynamics.ros.joint_state.reader import FAILED, NONE, JointStateReader, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 
-
-class Sink(ctypes.Structure):
-    """``sink_t`` of joint_state.h."""
-
-    _fields_ = HEADER.fields("sink_t")
+Sink = HEADER.structure("sink_t")
+"""``sink_t`` of joint_state.h."""
 
 
 class JointStateSource:

@@ -90,6 +90,10 @@ class Urdf:
         """Names of the joints that are not fixed."""
         return [name for name, kind in self.joints.items() if kind in MOVING]
 
+    def free(self, locked: Collection[str]) -> list[str]:
+        """Names of the joints that move independently while some are locked."""
+        return [name for name in self.moving if name not in (*self.mimics, *locked)]
+
     @property
     def lockable(self) -> list[str]:
         """Names of the joints that a scene may lock."""

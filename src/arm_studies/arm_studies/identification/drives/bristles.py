@@ -21,7 +21,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import friction, lugre
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_studies.identification.drives.evenly import even_table
+from arm_studies.identification.drives.evenly import check_motion, even_table
 from arm_studies.identification.drives.matching import Law, Match, Trial, match
 
 _WINDOW = 40  # samples
@@ -59,11 +59,7 @@ class SmallMotion:
                 varies.
         """
         t, columns = even_table(name, time, {"torque": torque, "position": position})
-        for key, column in columns.items():
-            if not np.all(np.isfinite(column)):
-                raise InvalidInput(f"{name}: {key} is missing in some samples; all are expected")
-            if np.ptp(column) == 0.0:
-                raise InvalidInput(f"{name}: {key} does not vary; a motion is expected")
+        check_motion(name, columns)
         return cls(t, **columns, name=name)
 
     @property

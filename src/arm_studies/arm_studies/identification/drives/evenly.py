@@ -45,6 +45,19 @@ def even_table(
     return read_only(t), {key: _column(name, key, x, len(t)) for key, x in given.items()}
 
 
+def check_motion(name: str, columns: Mapping[str, Array]) -> None:
+    """Refuse columns in which a sample is missing, or that do not vary.
+
+    Raises:
+        InvalidInput: Naming the record and the column.
+    """
+    for key, column in columns.items():
+        if not np.all(np.isfinite(column)):
+            raise InvalidInput(f"{name}: {key} is missing in some samples; all are expected")
+        if np.ptp(column) == 0.0:
+            raise InvalidInput(f"{name}: {key} does not vary; a motion is expected")
+
+
 def _column(name: str, key: str, value: ArrayLike | None, count: int) -> Array:
     if value is None:
         return read_only(np.full(count, np.nan))

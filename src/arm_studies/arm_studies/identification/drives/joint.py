@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import transmission
-from arm_dynamics.exceptions import InvalidInput
-from arm_studies.identification.drives.evenly import even_table
+from arm_studies.identification.drives.evenly import check_motion, even_table
 from arm_studies.identification.drives.matching import Law, Match, Trial, match
 
 UNITS = {
@@ -60,11 +59,7 @@ class JointTest:
         """
         given = {"torque": torque, "motor": motor} | ({} if link is None else {"link": link})
         t, columns = even_table(name, time, given)
-        for key, column in columns.items():
-            if not np.all(np.isfinite(column)):
-                raise InvalidInput(f"{name}: {key} is missing in some samples; all are expected")
-            if np.ptp(column) == 0.0:
-                raise InvalidInput(f"{name}: {key} does not vary; a motion is expected")
+        check_motion(name, columns)
         columns.setdefault("link", np.full(len(t), np.nan))
         return cls(t, **columns, name=name)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
-from arm_studies.identification.data import MeasuredMotion
+from arm_studies.identification.data import MeasuredMotion, runs
 from arm_studies.identification.filtering import REACH, ZeroPhase, decimated, spread
 from arm_studies.identification.preparation import thinned
 from arm_studies.identification.regression.friction_columns import (
@@ -241,8 +241,7 @@ def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
     slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
     found = np.zeros_like(slow)
     for j, column in enumerate(slow.T):
-        edges = np.flatnonzero(np.diff(column.astype(np.int8), prepend=0, append=0))
-        for start, end in edges.reshape(-1, 2):
+        for start, end in runs(column):
             found[start:end, j] = (end - start) * motion.dt > STILL
     return found
 
