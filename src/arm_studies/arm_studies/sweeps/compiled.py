@@ -49,8 +49,8 @@ def law(name: str, dynamics: Dynamics) -> ca.Function:
     made, n = _formula(name, dynamics, Settings()), dynamics.n
     x, desired = ca.SX.sym("x", 2 * n), ca.SX.sym("desired", 3 * n)
     tuning = [ca.SX.sym("tuning", part.size) for part in made.tuning]
-    q, v = ca.vertsplit(x, n)
-    reference: Any = Reference(*ca.vertsplit(desired, n), tau=ca.SX(n, 1))
+    (q, v), (q_d, v_d, a_d) = ca.vertsplit(x, n), ca.vertsplit(desired, n)
+    reference = Reference(q_d, v_d, a_d, ca.SX(n, 1))
     tau, _ = made.formula(RigidExpressions(dynamics.model), q, v, reference, tuning, ())
     command = ca.densify(CommandMap(dynamics.model)(q, v, tau))
     return ca.Function("law", [x, ca.vertcat(desired, *tuning)], [command], {"cse": True})
