@@ -86,9 +86,8 @@ def excite(
     from arm_studies.identification.excitation import Room
     from arm_studies.identification.excitation import excite as found
 
-    room = Room(
-        Dynamics(scene), share, margin, acceleration, _box(box, frames), clearance, _start(start)
-    )
+    begin = None if start is None else start.rows[0]
+    room = Room(Dynamics(scene), share, margin, acceleration, _box(box, frames), clearance, begin)
     with _progress(attempts) as report:
         best = found(
             room, period=period, harmonics=harmonics, aim=aim, attempts=attempts, seed=seed,
@@ -117,10 +116,6 @@ def _box(corners: Vector | None, frames: tuple[str, ...]) -> Any:
             f"--box: {len(numbers)} numbers; 6 are expected, x y z of two opposite corners in m"
         )
     return Box(numbers[:3], numbers[3:], frames)
-
-
-def _start(given: Vector | None) -> Any:
-    return None if given is None else given.rows[0]
 
 
 def _result(best: Excitation, out: Path, figure: Path) -> dict[str, Any]:

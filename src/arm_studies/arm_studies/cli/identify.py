@@ -176,16 +176,11 @@ def _known(error: float) -> float | None:
 
 
 def _show(found: Identification) -> None:
-    from arm_studies.identification.report import friction_words, residual, share
+    from arm_studies.identification.report import joint_rows, share
 
     out = console()
-    rows = [
-        [name, share(found.nominal_error[name], 1), share(found.torque_error[name], 1),
-         residual(found, name), friction_words(found, j)]
-        for j, name in enumerate(found.joint_names)
-    ]  # fmt: skip
     columns = ["joint", "nominal\nerror", "error", "residual\nrms", "friction"]
-    show(out, table(columns, rows, text=(0, 4)))
+    show(out, table(columns, joint_rows(found, 1), text=(0, 4)))
     count = len(found.parameters.keys() - found.missing.keys())
     out.print(
         f"torque error on held-out data: {share(found.error[0], 2)}, nominal "

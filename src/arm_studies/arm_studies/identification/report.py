@@ -81,13 +81,8 @@ def _summary(found: Identification, out: Path, sources: Sequence[str]) -> list[s
 
 
 def _joints(found: Identification) -> list[str]:
-    rows = [
-        [name, share(found.nominal_error[name], 2), share(found.torque_error[name], 2),
-         residual(found, name), friction_words(found, j)]
-        for j, name in enumerate(found.joint_names)
-    ]  # fmt: skip
     columns = ["joint", "nominal error", "error", "residual rms [N m, N]", "friction"]
-    lines = [*_table(columns, rows), ""]
+    lines = [*_table(columns, joint_rows(found, 2)), ""]
     if not np.allclose(found.scales, 1.0):
         pairs = zip(found.joint_names, found.scales, strict=True)
         lines += ["Torque per unit of effort: " + ", ".join(f"{n} {s:.4g}" for n, s in pairs), ""]
@@ -139,6 +134,15 @@ def _spoken(name: str) -> str:
 def share(error: float, digits: int) -> str:
     """A relative error on held-out data in per cent."""
     return "unknown" if math.isnan(error) else f"{error:.{digits}%}"
+
+
+def joint_rows(found: Identification, digits: int) -> list[list[str]]:
+    """Of each joint: name, nominal error and error, residual in [N m] or [N], friction."""
+    return [
+        [name, share(found.nominal_error[name], digits), share(found.torque_error[name], digits),
+         residual(found, name), friction_words(found, j)]
+        for j, name in enumerate(found.joint_names)
+    ]  # fmt: skip
 
 
 def residual(found: Identification, joint: str) -> str:

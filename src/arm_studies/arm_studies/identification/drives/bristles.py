@@ -23,6 +23,7 @@ from arm_dynamics.equations import friction, lugre
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_studies.identification.drives.evenly import check_motion, even_table
 from arm_studies.identification.drives.matching import Law, Match, Trial, match
+from arm_studies.identification.regression.estimation import solved
 
 _WINDOW = 40  # samples
 _KINKED = 2e-5, 0.04  # error and step: |v| has a kink where the motion turns
@@ -140,8 +141,7 @@ def _guess(records: list[SmallMotion]) -> dict[str, float]:
     small, wide = min(records, key=_span), max(records, key=_span)
     q, tau = small.position, small.torque
     table = np.column_stack([np.gradient(small.velocity, small.dt), small.velocity, q, q * 0 + 1])
-    scale = np.linalg.norm(table, axis=0)
-    J, s1, s0, _ = np.linalg.lstsq(table / scale, tau, rcond=1e-12)[0] / scale
+    J, s1, s0, _ = solved(table, tau, 1e-12)
     s0 = s0 if s0 > 0.0 else float(np.ptp(tau) / np.ptp(q))
     J = J if J > 0.0 else s0 * small.dt**2
     v = wide.velocity

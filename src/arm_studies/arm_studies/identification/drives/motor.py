@@ -30,6 +30,7 @@ from arm_dynamics.equations import motor
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification.drives.evenly import even_table
 from arm_studies.identification.drives.matching import Law, Match, Trial, match
+from arm_studies.identification.regression.estimation import solved
 
 Kind = Literal["blocked", "free", "coast"]
 UNITS = {
@@ -231,11 +232,7 @@ def _solved(parts: list[Array], count: int) -> Array:
     if not parts:
         return np.zeros(count)
     table = np.vstack(parts)
-    scale = np.linalg.norm(table[:, :count], axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    solution = np.linalg.lstsq(table[:, :count] / scale, table[:, count], rcond=1e-9)[0]
-    found: Array = solution / scale
-    return found
+    return solved(table[:, :count], table[:, count], 1e-9)
 
 
 def _torque_over_current(records: Sequence[MotorRecord]) -> float:

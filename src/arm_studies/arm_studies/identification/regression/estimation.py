@@ -192,11 +192,11 @@ def belief_of(nominal: Array, size: int, mass: float, shape: float) -> Belief:
     return Belief(x0, np.vstack(rows))
 
 
-def solved(R: Array, z: Array) -> Array:
+def solved(R: Array, z: Array, rcond: float = 1e-14) -> Array:
     """The x that minimizes ‖R x - z‖, of minimum norm where R does not determine it."""
     scale = np.linalg.norm(R, axis=0)
     scale[scale == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(R / scale, z, rcond=1e-14)[0] / scale)
+    return np.asarray(np.linalg.lstsq(R / scale, z, rcond=rcond)[0] / scale)
 
 
 def made_possible(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.regression.estimation import Belief, Mask
+from arm_studies.identification.regression.estimation import Belief, Mask, solved
 from arm_studies.identification.regression.friction_columns import (
     COULOMB,
     COULOMB_SKEW,
@@ -268,9 +268,7 @@ def _partly_positive(R: Array, z: Array, first: int) -> tuple[Array, NDArray[np.
     kept = np.ones(R.shape[1], bool)
     while True:
         x = np.zeros(R.shape[1])
-        size = np.linalg.norm(R[:, kept], axis=0)
-        size[size == 0.0] = 1.0
-        x[kept] = np.linalg.lstsq(R[:, kept] / size, z, rcond=1e-12)[0] / size
+        x[kept] = solved(R[:, kept], z, 1e-12)
         negative = np.where(x[first:] < 0.0, x[first:] * np.linalg.norm(R[:, first:], axis=0), 0.0)
         if not negative.any():
             return x, kept

@@ -121,7 +121,7 @@ class Choice:
             for j, offer in enumerate(self.offered)
         ]
         self._columns = columns_of(common, own)
-        self._first = len(belief.x0)
+        self._first, self._precision = len(belief.x0), belief.rows.T @ belief.rows
         starts = np.cumsum([self._first, *(len(offer) for offer in self.offered)])
         self._starts = starts.tolist()
         self._sums = [self._products(fold) for fold in range(FOLDS)]
@@ -146,16 +146,15 @@ class Choice:
 
     def run(self) -> list[JointFit]:
         """Select the laws of each joint."""
-        precision = self._precision()
-        weights = self._weights(precision)
+        weights = self._weights()
         for _ in range(ROUNDS):
             before = [set(chosen) for chosen in self.chosen]
             for j in range(self._rows.n):
-                self._extend(j, weights, precision)
-            weights = self._weights(precision)
+                self._extend(j, weights)
+            weights = self._weights()
             if before == self.chosen:
                 break
-        x = self._solve(self._total, weights, precision, self._all())
+        x = self._solve(self._total, weights, self._all())
         found = []
         for j, chosen in enumerate(self.chosen):
             places = sorted(chosen)
@@ -164,20 +163,14 @@ class Choice:
             found.append(replace(fit, refused=self._refused[j]))
         return found
 
-    def _precision(self) -> Array:
-        """Precision of the prior, shape (size, size)."""
-        found = np.zeros((self._columns.size, self._columns.size))
-        found[: self._first, : self._first] = self._belief.rows.T @ self._belief.rows
-        return found
-
-    def _weights(self, precision: Array) -> Array:
+    def _weights(self) -> Array:
         """Of each joint: 1 over the variance of its residual, shape (n,)."""
         n, size = self._rows.n, self._columns.size
         energy = np.array([self._total[j][size, size] for j in range(n)])
         weights = 1.0 / np.maximum(energy, 1e-300)
         counts = self._use.sum(axis=0) * self._rows.independent
         for _ in range(4):
-            x = self._solve(self._total, weights, precision, self._all())
+            x = self._solve(self._total, weights, self._all())
             left = np.array([_error(self._total[j], x) for j in range(n)])
             weights = np.maximum(counts, 1.0) / np.maximum(left, RESOLVED**2 * energy + 1e-300)
         return np.asarray(weights)
@@ -185,12 +178,13 @@ class Choice:
     def _all(self) -> list[int]:
         return [*range(self._first), *sorted(set().union(*self.chosen))]
 
-    def _solve(self, sums: Array, weights: Array, precision: Array, places: list[int]) -> Array:
+    def _solve(self, sums: Array, weights: Array, places: list[int]) -> Array:
         size = self._columns.size
         whole = np.tensordot(weights, sums, axes=1)
-        H = whole[:size, :size] + precision
+        H = whole[:size, :size]
+        H[: self._first, : self._first] += self._precision
         g = whole[:size, size].copy()
-        g[: self._first] += precision[: self._first, : self._first] @ self._belief.x0
+        g[: self._first] += self._precision @ self._belief.x0
         H, g = H[np.ix_(places, places)], g[places]
         scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
         small = H * np.outer(scale, scale) + 1e-13 * np.eye(len(places))
@@ -198,7 +192,7 @@ class Choice:
         x[places] = scale * np.linalg.solve(small, scale * g)
         return x
 
-    def _scores(self, j: int, weights: Array, precision: Array) -> tuple[Array, bool, float]:
+    def _scores(self, j: int, weights: Array) -> tuple[Array, bool, float]:
         """Weighted errors of each fold predicted from the others, and whether laws are possible.
 
         Friction must not fall under load, nor below zero towards rest, nor grow too steeply; also
@@ -206,7 +200,7 @@ class Choice:
         """
         places, found, possible, growth = self._all(), [], True, 0.0
         for sums in self._sums:
-            x = self._solve(self._total - sums, weights, precision, places)
+            x = self._solve(self._total - sums, weights, places)
             errors = [w * _error(s, x) for w, s in zip(weights, sums, strict=True)]
             found.append(sum(errors))
             allowed, grows = self._possible(j, x)
@@ -223,9 +217,9 @@ class Choice:
         excess = own[EXCESS][0] if EXCESS in own else 0.0
         return bool(grows >= 0.0 and excess >= -STEEP * max(level, 0.0)), float(grows / heaviest)
 
-    def _extend(self, j: int, weights: Array, precision: Array) -> None:
+    def _extend(self, j: int, weights: Array) -> None:
         """Add laws to a joint one by one as long as they reduce the prediction error."""
-        best, *_ = self._scores(j, weights, precision)
+        best, *_ = self._scores(j, weights)
         # The other joints add the same errors, so the gain is measured against this joint's.
         least = max(WORTH * self._use[:, j].sum() * self._rows.independent, CHANCE)
         while True:
@@ -237,7 +231,7 @@ class Choice:
                 if kind in taken:
                     continue
                 self.chosen[j].add(place)
-                scores, possible, growth = self._scores(j, weights, precision)
+                scores, possible, growth = self._scores(j, weights)
                 self.chosen[j].remove(place)
                 worth = best.sum() - scores.sum() > least
                 better = np.count_nonzero(scores < best) >= FOLDS - 1
