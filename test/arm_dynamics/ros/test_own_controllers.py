@@ -100,7 +100,7 @@ def test_torques_are_clipped_and_gains_handed_on_as_ours(ros: Ros) -> None:
     node.on_joint_states(state(0))
     tau = effort(node.on_joint_states(state(MS, HOME + 0.1)))
     assert (abs(tau) <= 0.5).all() and "clipped" in level(node)[1]
-    assert node.control.active.control.control._control.bandwidth == 7.0
+    assert node.control.active.control.control.control.bandwidth == 7.0
 
 
 @pytest.mark.parametrize("how", ["raise", "nan", "shape", "none"])
