@@ -411,6 +411,7 @@ def test_does_not_move_the_simulation() -> None:
 
 H = 0.1
 STUCK = {"coulomb": 1.0, "static": 1.5}
+GRIP = {"friction": 0.3, "static_friction": 0.5}  # a body of 1 kg slides at 2.94 N, if it slides
 REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
     "grazed": (rail(stop={}), [0.00125], [-0.05 * (1 + 1e-10)], [2 * (G + 1)], "grazed"),
     "hit at the beginning": (rail(stop={}), [0.0], [-1.0], [0.0], "begins with an impact"),
@@ -426,8 +427,16 @@ REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
     ),
     "piles up": (rail(stop={"restitution": 0.99}), [1e-8], [0.0], [0.0], "accumulate"),
     "straight on": (
-        touching(rails("xyz"), friction=0.3), [0, 0, 0], [0.03, 0.01, 0], [0, 0, 0], "straight",
+        touching(rails("xyz"), **GRIP), [0, 0, 0], [0.03, 0.01, 0], [0, 0, 0], "straight",
     ),
+    "would go on": (rail(STUCK) | {"gravity": [0, 0, 0]}, [0.5], [0.0], [1.2], "go on"),
+    "would go on down": (rail(STUCK) | {"gravity": [0, 0, 0]}, [0.5], [0.0], [-1.2], "go on"),
+    **{
+        f"would slip on along {along}": (
+            touching(rails("xyz"), **GRIP), [0, 0, 0], [0, 0, 0], push, "go on",
+        )
+        for along, push in (("x", [-3, 0, 0]), ("y", [0, 3, 0]), ("both", [-2, -2.5, 0]))
+    },
 }  # fmt: skip
 
 

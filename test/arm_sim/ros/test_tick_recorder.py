@@ -262,6 +262,8 @@ def test_memory_of_the_recorder_is_bounded(tmp_path: Path) -> None:
     thread.mcap = slow = _SlowDisk(thread.mcap)
     taken = sum(thread.add(1, 0, 0, bytes(100_000)) for _ in range(1000))
     assert taken <= 10 * COUNT and thread.lost == 1000 - taken
+    assert not thread.add_all(0, [(1, 0, bytes(50_000))] * 3)
+    assert thread.lost == 1000 - taken + 3, "each of those that belong together"
     slow.go.set()
     thread.close()
 
