@@ -183,6 +183,17 @@ def test_a_motor_at_its_voltage_limit_sets_the_pace(ratio: float) -> None:
     assert_close(R * J * 90.0 * x**2 / (K * 30.0) + K * 30.0 * 5.0 * x, V, ALGEBRA)
 
 
+@pytest.mark.parametrize("ratio", [30.0, -30.0])
+@pytest.mark.parametrize(("effort", "allowed"), [(np.inf, 3.0), (4.0, 3.0), (2.5, 2.5)])
+def test_the_smaller_of_the_limits_of_torque_and_current_counts(
+    effort: float, allowed: float, ratio: float
+) -> None:
+    motor = {"torque_constant": 0.05, "gear_ratio": ratio, "current_limit": 2.0}
+    capacity = Capacity(Dynamics(wheel(**motor)), np.array([effort]))
+    assert capacity.columns == [("effort", 0)]
+    assert_close(capacity.limits, [allowed], ALGEBRA)
+
+
 def test_a_rotor_on_a_flexible_transmission_takes_torque_too() -> None:
     J, Jm, N, b = 0.2, 1e-3, 10.0, 1e-3
     drive = {"rotor_inertia": Jm, "rotor_damping": b, "gear_ratio": N}

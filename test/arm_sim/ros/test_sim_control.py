@@ -275,6 +275,14 @@ def test_stale_commands_show(ros: Ros) -> None:
     node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 2)
     assert finding(node, "commands").level == DiagnosticStatus.OK
+    ticks(node, 10)
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
+    ticks(node, 2)
+    found = finding(node, "commands")
+    assert (found.level, found.message) == (
+        DiagnosticStatus.WARN, "commands stopped, and have resumed",
+    )  # fmt: skip
+    assert finding(node, "commands").level == DiagnosticStatus.OK
 
 
 def test_bad_commands_show(ros: Ros) -> None:
