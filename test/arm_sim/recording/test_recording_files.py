@@ -73,6 +73,29 @@ def test_what_was_loaded_is_saved_again_as_it_was(
         np.testing.assert_array_equal(getattr(twice, part), getattr(once, part))
 
 
+@pytest.mark.parametrize("name", KINDS)
+def test_changes_come_back_with_the_step_of_error_control_at_each(
+    name: str, tmp_path: Path
+) -> None:
+    sim = Simulator("two_link", dt=0.05, tolerance=1e-9)
+    rates = {2: [0.0, 0.1], 4: [6.0, -3.0], 7: [-1.0, 9.0]}
+
+    def control(state: State) -> np.ndarray:
+        if state.step in rates:
+            sim.set_state(v=rates[state.step])
+        return np.zeros(2)
+
+    run = sim.run(0.5, control)
+    loaded = Recording.load(run.save(tmp_path / name))
+    assert [jump.row for jump in loaded.jumps] == [2, 4, 7]
+    assert len({run.substep, *(jump.substep for jump in run.jumps)}) == 4
+    assert loaded.substep == run.substep
+    for jump, original in zip(loaded.jumps, run.jumps, strict=True):
+        assert (jump.tunable, jump.substep) == (original.tunable, original.substep)
+        np.testing.assert_array_equal(jump.x, original.x)
+        np.testing.assert_array_equal(jump.p, original.p)
+
+
 def test_laws_with_states_and_constraints_come_back(tmp_path: Path) -> None:
     for name in ("flexible_arm", "slider_crank"):
         run = Simulator(models.SCENES / f"{name}.yaml").run(0.02)

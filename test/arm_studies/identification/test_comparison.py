@@ -46,6 +46,16 @@ def test_the_true_scene_has_no_error() -> None:
     assert np.all(found.free_run.relative < 2e-3)
 
 
+def test_windows_in_which_an_effort_of_one_joint_is_missing_are_left_out() -> None:
+    good = record()
+    effort = good.effort.copy()
+    effort[2000:3500, 1] = np.nan
+    found = compare(HEAVY, JointRecord.of(good.joint_names, good.time, good.q, effort))
+    assert found.free_run is not None
+    assert found.free_run.count <= 17 and not found.free_run.lost
+    assert np.all(found.free_run.relative < 2e-3)
+
+
 def test_the_error_of_another_scene_is_what_it_lacks() -> None:
     """A payload of m at the tip: its torque by the definition of inverse dynamics."""
     found = compare(NOMINAL, record())
