@@ -47,6 +47,16 @@ def test_turns_follow_one_another() -> None:
     np.testing.assert_allclose(motion.sample(1.75).q, MOTION.sample(0.5).q)
 
 
+def test_added_torques_come_along_in_every_turn(tmp_path: Path) -> None:
+    torques = {0.0: [1.0, -2.0], 0.5: [3.0, 5.0], 0.75: [-4.0, 0.5], 1.25: [1.0, -2.0]}
+    motion = quintic([Waypoint(t, [t * (1.25 - t), 0], tau=tau) for t, tau in torques.items()])
+    path = JointTrajectory.of(motion, NAMES, turns=2).save(tmp_path / "a.yaml")
+    twice = JointTrajectory.load(path).motion(NAMES[::-1])
+    for turn in 0, 1:
+        for t, tau in torques.items():
+            np.testing.assert_allclose(twice.sample(1.25 * turn + t).tau, tau[::-1], atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("motion", "turns", "told"),
     [
