@@ -217,6 +217,33 @@ def test_a_run_that_cannot_be_made_is_a_row() -> None:
     assert "mass" in table["note"][1]
 
 
+def test_a_motion_that_is_not_allowed_is_a_row() -> None:
+    table = sweep(STUDY | {"vary": {"motion.points.0.time": [0.25, -0.2]}}, workers=1).table
+    assert table["status"].tolist() == ["done", "failed"]
+    assert table["note"][1] == "study: 'motion.points.0.time' = -0.2: more than 0 is expected"
+
+
+OF_THREE = {"bandwidth": [1.0, 2.0, 3.0]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"vary": {"payloads.0.mass": [-1.0, 0.5]}}, "mass"),
+        ({"vary": {"motion.points.0.time": [-0.2, 0.25]}}, "'motion.points.0.time' = -0.2"),
+        ({"vary": {"motion.points.0.position.elbow": ["far", 0.25]}}, "far"),
+        ({"controller": {"name": "pid", "settings": OF_THREE}}, r"shape \(3,\)"),
+        ({"controller": {"name": "pd", "settings": OF_THREE}}, r"shape \(3,\)"),
+        ({"controller": {"name": "computed_torque", "settings": OF_THREE}}, r"shape \(3,\)"),
+    ],
+)
+def test_what_the_first_run_cannot_use_is_refused_at_once(
+    changes: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(ArmError, match=said):
+        sweep(STUDY | changes, workers=1)
+
+
 CHANGES: dict[str, dict[str, Any]] = {
     "stops": {
         "controller": {"name": "pd", "settings": {"bandwidth": 3.0}}, "duration": 1.0,

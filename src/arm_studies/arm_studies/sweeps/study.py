@@ -225,8 +225,26 @@ def _validated(data: dict[str, Any]) -> Study:
     try:
         return Study.model_validate(data)
     except ValidationError as error:
-        said = complaints(error.errors(), Study, {}, (), _WHAT)
-        raise SceneError("\n".join(said)) from None
+        raise _refused(error) from None
+
+
+def part_of_run[P: Part](kind: type[P], key: str, data: Any) -> P:
+    """The part of a study under a key, with the values of one run.
+
+    Raises:
+        SceneError: If a value is not allowed.
+    """
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise _refused(error, (key,)) from None
+
+
+def _refused(error: ValidationError, place: tuple[str, ...] = ()) -> SceneError:
+    errors = error.errors()
+    for one in errors:
+        one["loc"] = (*place, *one["loc"])
+    return SceneError("\n".join(complaints(errors, Study, {}, (), _WHAT)))
 
 
 def _resolved(study: Study, folder: Path) -> Study:

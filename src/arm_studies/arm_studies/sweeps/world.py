@@ -36,7 +36,7 @@ from arm_sim.stepping.stepper import Stepper
 from arm_studies.sweeps.compiled import gains, is_compiled, law
 from arm_studies.sweeps.keys import below, tunable, with_values
 from arm_studies.sweeps.metrics import MeasuredRun, measured
-from arm_studies.sweeps.study import ControllerChoice, MotionChoice
+from arm_studies.sweeps.study import ControllerChoice, MotionChoice, part_of_run
 
 COMPILED, PYTHON = "compiled", "Python"
 """How runs are simulated: entirely in compiled code, or with the controller in Python."""
@@ -169,8 +169,10 @@ class World:
             ArmError: If they are not allowed.
         """
         self._tuned(job)
-        self._course(job)
-        if not runs_compiled(self._recipe, job):
+        _, rows = self._course(job)
+        if runs_compiled(self._recipe, job):
+            self._inputs(job, rows)
+        else:
             self._control(job)
 
     # --- inputs of a job -----------------------------------------------------------------------
@@ -218,7 +220,8 @@ class World:
             x0 = self._settled(job)
             own = {k: v for k, v in given.items() if below(k, ("motion",))}
             motion = json.loads(self._recipe.motion)
-            choice = MotionChoice.model_validate(with_values({"motion": motion}, own)["motion"])
+            varied = with_values({"motion": motion}, own)["motion"]
+            choice = part_of_run(MotionChoice, "motion", varied)
             motion = self._motion(choice, x0[: len(self.joint_names)])
             times = np.arange(self._ticks + 1) * self._simulator.dt
             if motion.torques is not None:
@@ -405,7 +408,7 @@ def chosen(recipe: Recipe, job: Job) -> tuple[ControllerChoice, Settings]:
 @lru_cache(maxsize=_REMEMBERED)
 def _chosen(controller: str, values: str) -> tuple[ControllerChoice, Settings]:
     given = with_values({"controller": json.loads(controller)}, json.loads(values))["controller"]
-    choice = ControllerChoice.model_validate(given)
+    choice = part_of_run(ControllerChoice, "controller", given)
     if choice.name not in NAMES and not is_own(choice.name):
         allowed = choices(choice.name, NAMES)
         raise InvalidInput(f"controller = {choice.name!r}; allowed: {allowed}")
