@@ -86,6 +86,24 @@ def test_what_holds_a_joint_at_its_stop_is_reported() -> None:
     assert not run.stop_torque[0].any()
 
 
+@pytest.mark.parametrize(
+    ("q", "pushed"),
+    [([-2.0, 0.3, 0.2], 0), ([0.1, 1.5, 0.2], 1), ([0.1, 0.3, -1.0], 2), ([3.0, -0.5, 0.9], -1)],
+)
+def test_every_stop_that_holds_is_reported_and_no_other(q: list[float], pushed: int) -> None:
+    """Either end of any joint, or of all of them at once."""
+    ends = {"joint1": (-2.0, 3.0), "joint2": (-0.5, 1.5), "joint3": (-1.0, 0.9)}
+    limits = {name: {"limits": {"lower": a, "upper": b}} for name, (a, b) in ends.items()}
+    sim = Simulator(two_link(limits, gravity=[0, 0, 0]))
+    lower, upper = np.transpose(list(ends.values()))
+    out = np.where(q == lower, -1.0, np.where(q == upper, 1.0, 0.0))
+    push = out * [5.0, 4.0, 3.0]
+    sim.reset(q)
+    sim.step(sim.dynamics.gravity(q) + push)
+    assert np.flatnonzero(out).tolist() == ([0, 1, 2] if pushed < 0 else [pushed])
+    assert_close(sim.stop_torque, -push, CLOSED_FORM)
+
+
 def test_a_stop_releases_at_the_lifting_torque_and_not_before() -> None:
     sim = Simulator(rail())
     sim.reset(q=[0.0])

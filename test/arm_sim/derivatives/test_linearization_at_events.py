@@ -429,8 +429,6 @@ REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
     "straight on": (
         touching(rails("xyz"), **GRIP), [0, 0, 0], [0.03, 0.01, 0], [0, 0, 0], "straight",
     ),
-    "would go on": (rail(STUCK) | {"gravity": [0, 0, 0]}, [0.5], [0.0], [1.2], "go on"),
-    "would go on down": (rail(STUCK) | {"gravity": [0, 0, 0]}, [0.5], [0.0], [-1.2], "go on"),
     **{
         f"would slip on along {along}": (
             touching(rails("xyz"), **GRIP), [0, 0, 0], [0, 0, 0], push, "go on",

@@ -13,6 +13,7 @@ import pytest
 
 from arm_dynamics import InvalidInput
 from arm_studies.sweeps import Sweep, sweep
+from arm_studies.sweeps.figures import groups
 from arm_studies.sweeps.pace import Pace
 from arm_studies.sweeps.sharing import Result
 from arm_studies.sweeps.world import Row
@@ -26,6 +27,12 @@ STUDY: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def done() -> Sweep:
     return sweep(STUDY, workers=1)
+
+
+def test_runs_are_grouped_by_everything_that_is_no_number(done: Sweep) -> None:
+    found = groups(done.table)
+    assert [mask.tolist() for mask in found.values()] == np.eye(4, dtype=bool).tolist()
+    assert [name.split(", ")[0] for name in found] == ["pd", "pd", "float", "float"]
 
 
 @pytest.mark.group("sweep")
