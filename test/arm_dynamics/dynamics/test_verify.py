@@ -309,10 +309,9 @@ def evaluated(question: PointAnswer, dynamics: Dynamics, bent: int = -1) -> tupl
 
 @pytest.mark.parametrize("question", [INVERSE, FORWARD, ALL_TERMS], ids=lambda one: one.title)
 def test_each_part_of_an_answer_is_compared(question: PointAnswer) -> None:
-    friction = {"*": {"friction": {"viscous": 0.3}, "spring": {"stiffness": 2.0, "rest": 0.1}}}
-    dynamics = Dynamics(
-        {"robot": models.scene("planar_3r").robot.model_dump(), "joints": friction}
-    )
+    joints = {"*": {"friction": {"viscous": 0.3}, "spring": {"stiffness": 2.0, "rest": 0.1}}}
+    robot = models.scene("planar_3r").robot.model_dump()
+    dynamics = Dynamics({"robot": robot, "joints": joints})
     right, outputs = evaluated(question, dynamics)
     question.check(dynamics, right)
     for i in range(len(outputs)):
