@@ -274,9 +274,11 @@ def test_for_other_compiled_code_it_is_the_same_to_the_bit(rng: np.random.Genera
 
 def test_limits_around_it_are_reported() -> None:
     dynamics = models.dynamics("two_link")
-    control = make_controller("computed_torque", dynamics, Settings(saturate=True, limit=7.0))
+    control = make_controller(
+        "computed_torque", dynamics, Settings(saturate=True, limit=[7.0, 3.0])
+    )
     law = compiled_law.compiled_law(control)
-    assert law is not None and law.limit is not None and law.limit.tolist() == [7.0, 7.0]
+    assert law is not None and law.limit is not None and law.limit.tolist() == [7.0, 3.0]
 
 
 def test_without_a_compiler_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:

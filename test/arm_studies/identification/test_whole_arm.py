@@ -401,6 +401,8 @@ def test_known_masses_are_kept():
     scene, record = spoilt()
     result = identify(scene, record, total_mass=3.3)
     assert result.bodies[:, 0].sum() == pytest.approx(3.3, rel=1e-4)
+    heavy = identify(*spoilt(tau=8.0 * two_link()[5]), total_mass=8.0 * 3.3)
+    assert heavy.bodies[:, 0].sum() == pytest.approx(8.0 * 3.3, rel=1e-4), "as said, not refused"
     with pytest.raises(InvalidInput, match="masses: unknown 'hip'; allowed: shoulder, elbow"):
         identify(scene, record, masses={"hip": 1.0})
 
