@@ -59,6 +59,16 @@ def test_velocity_joint_moment_and_limit_are_named() -> None:
     )
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_how_far_a_joint_goes_is_that_of_the_whole_trajectory(sign: float) -> None:
+    """It leaves its limit in the first segment, and goes on in the second."""
+    still = [0.0, 0.0]
+    places = [[0.0, 0.0], [0.0, 1.2 * sign], [0.0, 1.7 * sign], [0.0, 1.1 * sign]]
+    way = spline([Waypoint(float(k), q, still, still) for k, q in enumerate(places)])
+    bounds = Bounds(limits(lower=[-9, -1], upper=[9, 1]))
+    assert f"and reach {1.7 * sign:.4g}; allowed: {sign:.4g}" in complaint(bounds, way)
+
+
 def test_the_moment_counts_from_when_the_caller_starts_to_count() -> None:
     bounds = Bounds(limits(upper=[0.5, 9]))
     assert "position limit at 1.000 s" in complaint(bounds, rest_to_rest(1, 0))
@@ -84,6 +94,10 @@ def test_of_several_the_first_in_time_is_named() -> None:
 def test_an_arm_beyond_a_position_limit_may_come_back() -> None:
     away = spline([Waypoint(0.0, [1.2, 0], [0, 0], [0, 0]), Waypoint(1.0, [0.5, 0])])
     Bounds(limits(upper=[1, 1])).check(away)
+    below = spline([Waypoint(0.0, [0, -1.2], [0, 0], [0, 0]), Waypoint(1.0, [0, -0.5])])
+    Bounds(limits(lower=[-1, -1])).check(below)
+    out = spline([Waypoint(0.0, [0, -0.5], [0, 0], [0, 0]), Waypoint(1.0, [0, -1.2])])
+    assert "'elbow' would leave its position" in complaint(Bounds(limits(lower=[-1, -1])), out)
 
 
 def test_lines_jump_in_velocity_which_no_acceleration_limit_allows() -> None:

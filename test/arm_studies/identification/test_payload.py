@@ -66,3 +66,19 @@ def test_frames_that_carry_nothing_are_refused(record):
         identify_payload(scene(), record, "panda_hant")
     with pytest.raises(InvalidInput, match="fixed to the base; a moving frame is expected"):
         identify_payload(scene(), record, "panda_link0")
+
+
+@pytest.mark.parametrize(
+    ("part", "joint", "of", "said"),
+    [
+        ("effort", 6, lambda x: np.full_like(x, np.nan), "no effort of joint 'panda_joint7'"),
+        ("effort", 2, lambda x: np.full_like(x, 3.0), "'panda_joint3' is constantly 3"),
+        ("q", 4, np.degrees, "'panda_joint5' range from .* or degrees"),
+    ],
+)
+def test_recordings_that_cannot_be_right_are_refused(record, part, joint, of, said):
+    values = {"q": record.q.copy(), "effort": record.effort.copy()}
+    values[part][:, joint] = of(values[part][:, joint])
+    bad = JointRecord.of(record.joint_names, record.time, values["q"], values["effort"])
+    with pytest.raises(InvalidInput, match=said):
+        identify_payload(scene(), bad, "panda_hand")
