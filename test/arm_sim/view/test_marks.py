@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import models
+from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.interactive import InteractiveArm
 from arm_sim.view.marks import Instant, Marker
@@ -53,6 +54,21 @@ def test_forces_of_constraints_do_the_work_of_their_multipliers(
         opening = (apart(q + h * w) - apart(q - h * w)) / (2 * h)
         work = lam @ (rows.stacked(q, 0 * w, rows.names).jacobian @ w)
         np.testing.assert_allclose(force @ opening, -work, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_coupling_is_not_drawn_and_keeps_its_own_multiplier(first: bool) -> None:
+    scene = models.scene("four_bar").model_dump(exclude_unset=True)
+    (loop,), gear = scene["constraints"], {
+        "type": "coupling", "joints": ["crank_pivot", "knee"], "ratio": -2.0,
+    }  # fmt: skip
+    alone = ArmModel(load_scene(scene))
+    scene["constraints"] = [gear, loop] if first else [loop, gear]
+    together, own = ArmModel(load_scene(scene)), [3.0, -2.0, 0.5]
+    lam = [7.0, *own] if first else [*own, 7.0]
+    (mark,) = Marker(together).at(Instant(0.0, alone.q0, multipliers=np.array(lam))).constraints
+    (wanted,) = Marker(alone).at(Instant(0.0, alone.q0, multipliers=np.array(own))).constraints
+    np.testing.assert_allclose(mark, wanted, atol=1e-12)
 
 
 def test_a_spring_is_between_its_points_and_a_stop_where_the_joint_is() -> None:
