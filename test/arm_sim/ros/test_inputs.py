@@ -180,6 +180,15 @@ def test_efforts_act_up_to_their_limit_and_are_cut_beyond_it(
     assert log.warnings == ([told] if abs(factor) > 1.0 else [])
 
 
+def test_positions_from_before_bare_efforts_do_not_come_back(
+    inputs: Inputs, engine: TickEngine
+) -> None:
+    inputs.on_joint_commands(serialize_message(JointState(name=NAMES[:1], position=[0.3])))
+    inputs.on_commands(Float64MultiArray(data=[3.0] * 7))
+    inputs.on_joint_commands(command(joint2=2.0))
+    assert acting(engine) == [0.0, 2.0, *ZERO[2:]]
+
+
 def test_all_efforts_beyond_are_cut_and_the_first_is_told(
     inputs: Inputs, engine: TickEngine, log: Log
 ) -> None:

@@ -28,6 +28,8 @@ PLAIN: dict[str, Any] = {"scene": "two_link", "duration": 0.1}
         ({"vary": {"sim.dt": {"uniform": [0, 1], "normal": [0, 1]}}}, "exactly one of"),
         ({"vary": {"sim.dt": {"gauss": [0, 1]}}}, "unknown key 'vary.sim.dt.gauss'"),
         ({"motion": {"points": [{"time": 1}]}}, "'motion.points.0.position' is missing"),
+        ({"vary": {"sim.dt": {"uniform": [1, 1]}}}, "the lower end must lie below"),
+        ({"vary": {"sim.dt": {"log_uniform": [2, 1]}}}, "the lower end must lie below"),
     ],
 )
 def test_mistakes_are_named(part: dict[str, Any], said: str) -> None:
