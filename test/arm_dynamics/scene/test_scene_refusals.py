@@ -10,6 +10,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmError, ArmModel, SceneError, load_scene
+from arm_dynamics.scene.lines import parsed
 
 URDF = str(models.FOLDER / "planar_3r.urdf")
 NAN, INF = float("nan"), float("inf")
@@ -314,3 +315,10 @@ def refuses(source: Any, words: tuple[str, ...]) -> None:
         load_scene(source)
     missing = [word for word in words if word not in str(caught.value)]
     assert not missing, f"{missing} not in: {caught.value}"
+
+
+def test_several_mappings_may_be_merged_into_one() -> None:
+    text = "a: &a {x: 1}\nb: &b {y: 2}\nc:\n  <<: *a\n  <<: *b\n  z: 3\n"
+    assert parsed(text)["c"] == {"x": 1, "y": 2, "z": 3}
+    with pytest.raises(SceneError, match="'c.z' is given twice, in lines 6 and 7"):
+        parsed(text + "  z: 4\n")

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from pushes import pushed
@@ -187,6 +188,17 @@ def test_positions_from_before_bare_efforts_do_not_come_back(
     inputs.on_commands(Float64MultiArray(data=[3.0] * 7))
     inputs.on_joint_commands(command(joint2=2.0))
     assert acting(engine) == [0.0, 2.0, *ZERO[2:]]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_beside_an_effort_that_is_cut_gaps_stay_gaps(
+    inputs: Inputs, engine: TickEngine, sign: float
+) -> None:
+    message = JointState(name=NAMES[:3], effort=[NAN, sign * 1e3, NAN], position=[0.3, NAN, 0.2])
+    inputs.on_joint_commands(serialize_message(message))
+    held = engine.commands.held(engine.simulator.state.q)
+    np.testing.assert_array_equal(held.effort, [NAN, sign * LIMIT[1], *[NAN] * 5])
+    np.testing.assert_array_equal(held.position, [0.3, NAN, 0.2, *[NAN] * 4])
 
 
 def test_all_efforts_beyond_are_cut_and_the_first_is_told(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from sim_by_hand import NAMES, by_hand, command, motion, ticks
 
 import models
 from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
-from arm_sim.ros.commands.stopping import LONGEST, SLOW
+from arm_sim.ros.commands.latest import Stop
+from arm_sim.ros.commands.stopping import LONGEST, SLOW, Stopping
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -78,6 +80,18 @@ def test_a_stop_takes_the_way_that_the_servos_need(ros: Ros) -> None:
     np.testing.assert_allclose(place(node) - before, speed / 200.0, rtol=0.2)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_it_is_slowed_down_whichever_way_its_joints_turn(ros: Ros, sign: float) -> None:
+    node = braked(ros, "panda", command_timeout=0.001)
+    names = list(node.simulator.joint_names)
+    for _ in range(100):
+        node.inputs.on_joint_commands(command(name=names, velocity=[0.3 * sign] * 7))
+        node.tick()
+    ticks(node, 4)
+    assert (sign * node.simulator.state.v > 5 * SLOW).all()
+    assert node.engine.held != "brakes"
+
+
 def test_commands_let_it_go_on_from_where_it_stands(ros: Ros) -> None:
     node, sim = braked(ros), models.simulator("two_link")
     ticks(node, 50)
@@ -111,6 +125,21 @@ def test_a_push_moves_what_servos_hold_and_not_what_brakes_hold(ros: Ros) -> Non
         node.engine.push("forearm", [5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         ticks(node, 20)
         assert (place(node) != start).any() == moves
+
+
+@pytest.mark.parametrize("speed", [[0.0, 1.0], [-1.0, 0.0]])
+def test_a_push_soon_after_it_stood_is_not_taken_for_its_motion(speed: list[float]) -> None:
+    """Servos hold the place where it stood, though it has not been stopping for long."""
+    arm = SimpleNamespace(n=2, x=np.array([0.3, -0.2, *speed]), step_count=0, dt=1e-3)
+    stopping = Stopping(arm, SimpleNamespace(ready=True))
+    stopping.release()
+    slowing = stopping.command(Stop.SERVO)
+    assert slowing is not None and slowing.velocity.tolist() == [0.0, 0.0]
+    arm.x, arm.step_count = np.array([0.4, -0.1, 0.0, 0.0]), 1
+    held = stopping.command(Stop.SERVO)
+    assert held is not None and held.position.tolist() == [0.4, -0.1]
+    arm.x, arm.step_count = np.array([0.5, 0.0, *speed]), 2
+    assert stopping.command(Stop.SERVO) is held
 
 
 def test_energy_taken_by_brakes_is_reported_as_a_change(ros: Ros) -> None:

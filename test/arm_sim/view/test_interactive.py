@@ -147,6 +147,16 @@ def test_requests_are_served_in_turn_by_one_thread_and_refusals_are_reported() -
     assert served != [threading.current_thread()]
 
 
+def test_the_thread_may_end_itself() -> None:
+    told, done = list[str](), threading.Event()
+    loop = DrawLoop(lambda passed: None, told.append)
+    loop.order(lambda: (loop.stop(), done.set()))
+    loop.start()
+    assert done.wait(10.0)
+    loop.stop()
+    assert not told and not loop._thread.is_alive()
+
+
 @pytest.mark.group("view")
 def test_curves_go_back_by_the_seconds_that_they_promise() -> None:
     """Of simulated time, however fast it goes."""
