@@ -198,8 +198,9 @@ def test_settings_are_checked_whatever_controller_reads_them(
 
 def test_gains_of_each_joint_must_be_as_many_whatever_controller_reads_them() -> None:
     for name in ("float", "pd", "computed_torque"):
-        with pytest.raises(InvalidInput, match=r"bandwidth has shape \(3,\); allowed: a number"):
-            make_controller(name, models.dynamics("two_link"), Settings(bandwidth=[1, 2, 3]))
+        for gain in ("bandwidth", "damping_ratio"):
+            with pytest.raises(InvalidInput, match=rf"{gain} has shape \(3,\); allowed: a number"):
+                make_controller(name, models.dynamics("two_link"), Settings(**{gain: [1, 2, 3]}))
 
 
 @pytest.mark.parametrize("name", ["operational_space", "motion_force", "cartesian_impedance"])

@@ -17,6 +17,8 @@ import models
 from arm_dynamics import ArmError, InvalidInput, SceneError
 from arm_sim import Recording, Simulator, State
 from arm_sim.recording.files import where
+from arm_sim.recording.files.bags import _append
+from arm_sim.recording.files.container import FileContents
 from arm_sim.recording.files.messages import JointStateWriter
 from arm_sim.runtime_changes import external_change
 
@@ -308,3 +310,15 @@ def test_a_table_is_a_recording(tmp_path: Path) -> None:
     assert run.joint_names == ("a", "b")
     np.testing.assert_array_equal(run.q, [[1, 2], [1.5, 2.5]])
     assert np.isnan(run.v).all() and run.tau[0, 1] == 3.0 and np.isnan(run.tau[1, 1])
+
+
+def test_what_follows_in_another_file_of_a_bag_comes_later() -> None:
+    """Topics by their names, though files number them by themselves."""
+    one = FileContents(topics={1: ("/a", "A")}, messages={1: [(0, 5, b"x")]}, count=3)
+    other = FileContents(
+        topics={1: ("/b", "B"), 2: ("/a", "A")}, messages={1: [(0, 7, b"y")], 2: [(1, 8, b"z")]},
+        count=2,
+    )  # fmt: skip
+    _append(one, other)
+    assert one.of("A") == {"/a": [(0, 5, b"x"), (4, 8, b"z")]}
+    assert one.of("B") == {"/b": [(3, 7, b"y")]} and one.count == 5

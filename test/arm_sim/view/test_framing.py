@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from browser import Page, needed, opened
@@ -11,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from arm_sim import Simulator
 from arm_sim.view import show
-from arm_sim.view.framing import SAME, area, fitted, orientation, seen
+from arm_sim.view.framing import SAME, _Framed, area, fitted, orientation, seen
 
 # What is in front at pixels of the page: 1 for the picture, 0 for a panel, -1 outside the page.
 _IN_FRONT = """points => points.map(([x, y]) => {
@@ -44,6 +47,24 @@ def test_a_camera_looks_at_what_it_shall_with_the_sky_above() -> None:
     np.testing.assert_allclose(forward, way / np.linalg.norm(way), atol=1e-12)
     assert right[2] == pytest.approx(0.0, abs=1e-12)
     assert down[2] < 0.0
+
+
+@pytest.mark.parametrize("shift", np.vstack([0.4 * np.eye(3), -0.4 * np.eye(3)]).tolist())
+def test_a_camera_of_ours_follows_every_size_of_the_page(
+    shift: list[float], rng: np.random.Generator
+) -> None:
+    """Whichever side of the picture the arm would leave."""
+    points = rng.uniform(-1.0, 1.0, (60, 3)) * [0.5, 0.3, 1.0]
+    first = [pose + np.array(shift) for pose in fitted(points, 1.6)]
+    camera = SimpleNamespace(position=first[0], look_at=first[1], aspect=0.0)
+    framed = _Framed(SimpleNamespace(camera=camera, atomic=nullcontext), points, (*first,))
+    for aspect in (1.6, 0.5, 0.3, 4.0):
+        camera.aspect = aspect
+        framed.adapt()
+        left, right, bottom, top = area(aspect)
+        at = seen(points, camera.position, camera.look_at, aspect)
+        assert (at >= np.array([left, bottom]) - 1e-9).all()
+        assert (at <= np.array([right, top]) + 1e-9).all()
 
 
 def corners(places: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ import pytest
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification import JointRecord, prepare
 from arm_studies.identification.filtering import ZeroPhase, chosen_band
+from arm_studies.identification.preparation import SHORTEST, _pieces
 
 RATE = 500.0
 T = np.arange(0.0, 10.0, 1.0 / RATE)
@@ -204,3 +205,11 @@ def test_what_is_missing_is_named():
         prepare(record(T[:40]))
     with pytest.raises(InvalidInput, match="up to 200 Hz"):
         prepare(record(), band=240.0)
+
+
+@pytest.mark.parametrize(("count", "lost"), [(SHORTEST, 0), (SHORTEST - 1, SHORTEST - 1)])
+def test_stretches_between_gaps_are_used_from_the_shortest_on(count, lost):
+    time = 0.002 * np.r_[np.arange(count), 5000 + np.arange(2000)]
+    pieces, notes = _pieces(record(t=time), 0.002, 0.0)
+    assert sum(len(piece.time) for piece in pieces) == len(time) - lost
+    assert any(note.startswith(f"{lost} rows") for note in notes) == (lost > 0)

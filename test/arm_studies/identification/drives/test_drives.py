@@ -167,6 +167,8 @@ def test_times_must_be_even() -> None:
     t = DT * np.arange(50)
     with pytest.raises(InvalidInput, match="times are not even: 0.02 s, then 0.026 s"):
         MotorRecord.of("coast", np.where(t > 0.0205, t + 0.005, t), speed=t)
+    with pytest.raises(InvalidInput, match="times are not even: 0.02 s, then 0.0205 s"):
+        MotorRecord.of("coast", np.where(t > 0.0205, t - 0.0005, t), speed=t)
     with pytest.raises(InvalidInput, match="at least 20 samples"):
         MotorRecord.of("coast", t[:5], speed=t[:5])
 
