@@ -115,6 +115,15 @@ def test_lost_messages_are_requested_again_and_change_nothing(
     assert sim.lockstep.asked_again >= TICKS // 7 - 2
 
 
+def test_a_state_is_published_again_once_for_each_time_of_waiting(ros: Ros) -> None:
+    sim = lockstep(ros, lockstep_retry=10.0)
+    for count in 1, 2:
+        sim.lockstep._waiting.asked -= 100 * 10**9
+        for _ in range(3):
+            sim.lockstep.look()
+        assert sim.lockstep.asked_again == count
+
+
 def answer(sim: SimNode, stamp: int, tau: tuple[float, float] = (0.5, -0.5)) -> None:
     message = JointState(name=list(sim.simulator.joint_names), effort=list(tau))
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)

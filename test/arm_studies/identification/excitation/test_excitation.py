@@ -105,6 +105,7 @@ def test_it_is_more_informative_than_random_motions_and_reports_how_much() -> No
     search, rng = _Search(room, 4.0, 3, "all"), np.random.default_rng(5)
     chances = [search.gain(search.random(rng)) for _ in range(20)]
     assert best.information > max(chances) + best.parameters * np.log(1.5)
+    assert best.information == pytest.approx(max(best.attempts), rel=1e-9)
     assert best.parameters == 13
     assert 1.0 < best.condition < 100.0
 
@@ -137,6 +138,13 @@ def _least_squares(room: Room, found: Any) -> np.ndarray:
         rows.append(np.hstack([bodies[:, j], own]) / noise)
     R = np.linalg.qr(np.vstack(rows), mode="r")
     return np.linalg.norm(np.linalg.inv(R)[: model.n], axis=1)
+
+
+def test_the_best_attempt_is_kept_whichever_it_is() -> None:
+    room, _ = found()
+    for seed in range(4):
+        made = excite(room, period=4.0, harmonics=2, attempts=3, iterations=2, seed=seed)
+        assert made.information == pytest.approx(max(made.attempts), rel=1e-9)
 
 
 def test_the_same_seed_gives_the_same_motion() -> None:
