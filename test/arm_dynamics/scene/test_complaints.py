@@ -31,7 +31,18 @@ SAID = {
         {"robot": {**PLAIN["robot"], "lock": "elbow"}},
         r"'robot.lock' = 'elbow': a list is expected, such as \[elbow\]",
     ),
+    "text for a list": ({"gravity": "[0,0 -9.81]"}, r"such as \[0, 0, -9.81\]$"),
+    "nothing for a list": ({"payloads": None}, "'payloads' = None: a list is expected$"),
+    "nothing for names": (
+        {"joints": None},
+        "'joints' = None: a mapping from names to values is expected$",
+    ),
+    "list for names": ({"links": ["x"]}, "'links' = .*: a mapping from names to values"),
     "number for text": ({"sim": {"integrator": 3}}, "'sim.integrator' = 3: text is expected"),
+    "number for a name": (
+        {"robot": {**PLAIN["robot"], "lock": [1]}},
+        "'robot.lock.0' = 1: text is expected; in quotes it is text",
+    ),
     "text for truth": (
         {"joints": {"elbow": {"limits": {"stop": "yes"}}}},
         "'joints.elbow.limits.stop' = 'yes': true or false is expected\n"

@@ -219,7 +219,12 @@ BAD_YAML = {
     "an alias within its anchor": "robot: &all [*all]",
     "brackets without end": "[" * 5000,
     "key twice over": "robot: [urdf]\n  lock: x",
+    "a list for a key": "robot: {urdf: x}\njoints: {[joint1, joint2]: {armature: 1}}",
+    "a bell": "robot: {urdf: x}  # \a",
 }
+
+# Numbers that YAML 1.1 reads as 8, -8 and 90.
+OTHER_NUMBERS = ("010", "-0_10", "1:30")
 
 
 @pytest.mark.parametrize(("part", "words"), BAD_KEYS.values(), ids=BAD_KEYS)
@@ -285,6 +290,25 @@ def test_bad_yaml_names_the_file(text: str, tmp_path: Path) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     refuses(path, ("bad.yaml",))
+
+
+@pytest.mark.parametrize("number", OTHER_NUMBERS)
+def test_a_number_that_yaml_reads_as_another_is_refused(number: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(f"robot: {{urdf: {URDF}}}\ngravity:\n- 0\n- 0\n- {number}\n")
+    refuses(path, ("bad.yaml:5: scene: 'gravity.2' = ", number, "decimal"))
+
+
+def test_a_key_twice_in_an_item_of_a_list_is_named_with_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(f"robot: {{urdf: {URDF}}}\npayloads: [{{frame: x, mass: 1, mass: 2}}]\n")
+    refuses(path, ("bad.yaml:2: scene: 'payloads.0.mass' is given twice",))
+
+
+def test_a_long_value_is_cut(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"'gravity' = \[0, 0, .* … .*: 5000 entries") as caught:
+        load_scene({"robot": {"urdf": URDF}, "gravity": [0] * 5000})
+    assert len(str(caught.value)) < 2000
 
 
 def test_binary_file(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import get_args
 
 from pydantic_core import ErrorDetails
 
-from arm_dynamics.exceptions import choices, known_names
+from arm_dynamics.exceptions import choices, known_names, plain
 from arm_dynamics.scene.imperfections import ALL
 from arm_dynamics.scene.types import Part
 
@@ -74,15 +74,14 @@ def complaint(
     if place[:1] == ["sensors"] and place[-1] == ALL:
         place.pop()  # one number for all joints is written without it
     where = ".".join(map(str, place)) or file
-    fields = fields_at(error["loc"][:-1], whole, tagged)
+    fields, value = fields_at(error["loc"][:-1], whole, tagged), plain(repr(error["input"]))
     if error["type"] == "extra_forbidden":
         return (
-            f"{file}: unknown key '{where}' = {error['input']!r}; "
-            f"allowed here: {choices(place[-1], fields)}"
+            f"{file}: unknown key '{where}' = {value}; allowed here: {choices(place[-1], fields)}"
         )
     if error["type"] == "missing":
         return f"{file}: '{where}' is missing; it is required"
-    return f"{file}: '{where}' = {error['input']!r}: {_reason(error, whole, tagged)}"
+    return f"{file}: '{where}' = {value}: {_reason(error, whole, tagged)}"
 
 
 def _of_another_kind(error: ErrorDetails, errors: Sequence[ErrorDetails]) -> bool:
@@ -107,7 +106,8 @@ def _internal(key: int | str) -> bool:
 def _reason(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Part]]) -> str:
     kind, context = error["type"], error.get("ctx", {})
     if kind in _MAPPINGS:
-        fields = fields_at(error["loc"], whole, tagged, default=False)
+        named = kind == "dict_type"  # with keys that are names, and not those of the schema
+        fields = [] if named else fields_at(error["loc"], whole, tagged, default=False)
         keys = f" with some of {known_names(fields)}" if fields else " from names to values"
         return f"a mapping{keys} is expected"
     if kind == "union_tag_invalid":
@@ -127,13 +127,19 @@ def _reason(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Pa
         end, words = _ENDS[kind]
         return words.format(context[end])
     if kind == "tuple_type":
-        value = error["input"]
-        scalar = isinstance(value, str | int | float) and not isinstance(value, bool)
-        example = value if isinstance(value, str) else f"0, 0, {value if scalar else 1}"
-        return "a list is expected" + (
-            "" if isinstance(value, Mapping) else f", such as [{example}]"
-        )
+        return f"a list is expected{_as_list(error['input'])}"
+    if kind == "string_type" and isinstance(error["input"], bool | int | float):
+        return "text is expected; in quotes it is text"
     return _KINDS.get(kind, error["msg"].removeprefix("Value error, "))
+
+
+def _as_list(value: object) -> str:
+    """The list that is probably meant by a value, as the end of a message, or empty."""
+    if isinstance(value, str):
+        words = value.strip("[]() \n").replace(",", " ").split()
+        return f", such as [{', '.join(words)}]"
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return f", such as [0, 0, {value}]" if number else ""
 
 
 def fields_at(

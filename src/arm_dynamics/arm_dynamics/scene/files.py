@@ -8,13 +8,15 @@ ships them. That package is located, but not imported.
 
 from __future__ import annotations
 
+import codecs
+import logging
 import os
 import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
-from arm_dynamics.exceptions import SceneError, did_you_mean, known_names
+from arm_dynamics.exceptions import SceneError, did_you_mean, known_names, plain
 
 VARIABLE = "ARM_SCENES"
 """Environment variable with the user's folders of ready scenes, separated by colons."""
@@ -22,6 +24,7 @@ _SUFFIX = ".yaml"
 _PACKAGE = "arm_sim"
 _SHIPPED = "scenes", "scenes/lectures"  # folders with ready scenes in that package
 _ROBOTS = "example-robot-data"  # package of PyPI with the robots of some ready scenes
+_log = logging.getLogger(__name__)
 
 
 def find_scene(name: str, folder: Path) -> Path:
@@ -43,13 +46,13 @@ def find_scene(name: str, folder: Path) -> Path:
     places = [folder / name]
     places += [ready / f for ready in scene_folders() for f in (name, name + _SUFFIX)]
     for place in places:
-        if place.is_file():
+        if os.path.isfile(place):  # that of Path raises if a name is too long
             return place
     known = ready_scenes()
     files = [path.name for path in folder.glob("*") if path.suffix in (".yaml", ".urdf", ".xacro")]
     guess = did_you_mean(name, [*files, *known]) or did_you_mean(Path(name).stem, known) or "."
     raise SceneError(
-        f"scene: no file '{name}' in {folder}, and no ready scene of that name{guess} "
+        f"scene: no file '{plain(name)}' in {folder}, and no ready scene of that name{guess} "
         f"Ready scenes: {known_names(known, 60)}"
     )
 
@@ -79,22 +82,54 @@ def find_file(name: str, folder: Path) -> Path:
     elif "\n" in name or "\0" in name or not name.strip():
         raise SceneError(f"scene: {name[:60]!r} is neither URDF text nor the name of a file")
     else:
-        places = [folder / Path(name.removeprefix("file://")).expanduser()]
+        places = [folder / os.path.expanduser(name.removeprefix("file://"))]
     for place in places:
-        if place.is_file():
+        if os.path.isfile(place):
             return place
-    beside = places[0].parent.glob("*") if places and places[0].parent.is_dir() else ()
+    for place in filter(os.path.exists, places):
+        kind = "a folder" if place.is_dir() else "a pipe or a device"
+        raise SceneError(f"scene: '{place}' is {kind}; a file is expected")
+    beside = places[0].parent.glob("*") if places and os.path.isdir(places[0].parent) else ()
     guess = did_you_mean(Path(name).name, [path.name for path in beside if path.is_file()])
     raise SceneError(
-        f"scene: no file '{name}'; searched: {known_names(map(str, places), 4)}{guess}"
+        f"scene: no file '{plain(name)}'; searched: {known_names(map(str, places), 4)}{guess}"
     )
+
+
+def file_text(
+    path: Path, file: str = "scene", expected: str = "a scene (YAML) or a robot description (URDF)"
+) -> str:
+    """The text of a file in UTF-8, in UTF-16 with its mark, or else in Latin-1, with a warning.
+
+    Args:
+        path: An existing file.
+        file: What it is to be, for messages.
+        expected: The formats that it may have, for messages.
+
+    Raises:
+        SceneError: If it cannot be read, or is not text.
+    """
+    try:
+        with path.open("rb") as stream:
+            marked = stream.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        try:
+            text, known = path.read_text("utf-16" if marked else "utf-8-sig"), True
+        except UnicodeError:
+            text, known = path.read_text("latin-1"), False
+    except OSError as error:
+        raise SceneError(f"{file}: cannot read '{path}': {error.strerror or error}") from None
+    if "\0" in text:
+        raise SceneError(f"{file}: '{path}' is not text; {expected} is expected")
+    if not known:
+        _log.warning("'%s' is not UTF-8: read as Latin-1", path)
+    return text
 
 
 def scene_folders() -> list[Path]:
     """The folders of ready scenes, in the order in which they are searched."""
     listed = os.environ.get(VARIABLE, "").split(os.pathsep)
     shipped = [root / _PACKAGE / inside for root in _beside(_PACKAGE) for inside in _SHIPPED]
-    return [*(Path(entry).expanduser() for entry in listed if entry), *shipped]
+    return [*(Path(os.path.expanduser(entry)) for entry in listed if entry), *shipped]
 
 
 def ready_scenes() -> list[str]:

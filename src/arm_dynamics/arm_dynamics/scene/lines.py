@@ -14,6 +14,7 @@ import yaml
 from arm_dynamics.exceptions import SceneError
 
 _PLACE = re.compile(r"'([^' ]+)'")
+_NOT_DECIMAL = re.compile(r"[-+]?0[0-7_]*[0-7]|.*:.*")  # 010 is 8 in YAML 1.1, and 1:30 is 90
 _KINDS = {list: "a list", str: "text", int: "a number", float: "a number", bool: "a truth value"}
 
 
@@ -26,12 +27,13 @@ def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str
         keys: Its required keys, for messages.
 
     Raises:
-        SceneError: If it is not well-formed, not a mapping, or repeats a key, with the line.
+        SceneError: If it is not well-formed, not a mapping, repeats a key, or holds a number that
+            YAML reads as another one than people do, with the line.
     """
-    loader = yaml.SafeLoader(content)
     try:
+        loader = yaml.SafeLoader(content)
         node = loader.get_single_node()
-        _refuse_twins(node, file)
+        _refuse_traps(node, file)
         data = None if node is None else loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -44,33 +46,45 @@ def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str
     except RecursionError:
         said = "nested too deeply, or an alias within its own anchor"
         raise SceneError(f"{file}: this YAML cannot be used: {said}") from None
-    finally:
-        loader.dispose()
     if isinstance(data, dict):
         return data
     held = "the file is empty" if data is None else f"the file holds {_KINDS.get(type(data), '?')}"
     raise SceneError(f"{file}: {held}; a mapping with {keys} is expected")
 
 
-def _refuse_twins(node: yaml.Node | None, file: str, place: str = "") -> None:
-    """Refuse a repeated key, of which YAML would silently use the last."""
+def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:
+    """Refuse what YAML would silently read as something else than people do."""
+    if isinstance(node, yaml.SequenceNode):
+        for i, item in enumerate(node.value):
+            _refuse_traps(item, file, *place, str(i))
+    elif isinstance(node, yaml.MappingNode):
+        _refuse_twins(node, file, *place)
+        for key, child in node.value:
+            _refuse_traps(child, file, *place, key.value)
+    elif isinstance(node, yaml.ScalarNode):
+        number = node.tag.endswith((":int", ":float"))
+        if number and _NOT_DECIMAL.fullmatch(node.value):
+            raise SceneError(
+                f"{file}: '{'.'.join(place)}' = {node.value}: a decimal number is expected; YAML "
+                "reads a leading zero as octal, and colons as sixties"
+            )
+
+
+def _refuse_twins(node: yaml.MappingNode, file: str, *place: str) -> None:
+    """Refuse a repeated key, of which YAML would use the last, and keys that are not text."""
     seen: dict[str, int] = {}
-    for key, child in _children(node):
+    for key, _ in node.value:
         line = key.start_mark.line + 1
-        where = f"{place}{key.value}"
-        if isinstance(node, yaml.MappingNode) and key.value != "<<":
-            if key.value in seen:
-                lines = f"in lines {seen[key.value]} and {line}"
-                raise SceneError(f"{file}: '{where}' is given twice, {lines}; once is expected")
-            seen[key.value] = line
-        _refuse_twins(child, file, f"{where}.")
-
-
-def _children(node: yaml.Node | None) -> list[tuple[yaml.Node, yaml.Node]]:
-    """Keys and values of a mapping; for a list, its items as both."""
-    if isinstance(node, yaml.MappingNode):
-        return list(node.value)
-    return [(item, item) for item in node.value] if isinstance(node, yaml.SequenceNode) else []
+        if not isinstance(key, yaml.ScalarNode):
+            raise SceneError(
+                f"{file}: a key in line {line} is a list or a mapping; a name is expected"
+            )
+        if key.value in seen and key.value != "<<":
+            where, lines = ".".join((*place, key.value)), f"{seen[key.value]} and {line}"
+            raise SceneError(
+                f"{file}: '{where}' is given twice, in lines {lines}; once is expected"
+            )
+        seen[key.value] = line
 
 
 def line_of(content: str, place: str) -> int | None:
@@ -125,7 +139,8 @@ def in_file(path: Path) -> Iterator[None]:
 def _located(path: Path, message: str) -> str:
     found = _PLACE.search(message) if message.startswith(("scene: ", "study: ")) else None
     try:
-        line = line_of(path.read_text(encoding="utf-8"), found[1]) if found else None
-    except (OSError, UnicodeDecodeError):
+        content = path.read_text(encoding="utf-8", errors="replace")
+        line = line_of(content, found[1]) if found else None
+    except OSError:
         line = None
     return f"{path}:{line}: {message}" if line else f"{path}: {message}"

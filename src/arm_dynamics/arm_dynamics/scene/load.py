@@ -21,7 +21,7 @@ from arm_dynamics.exceptions import (
 )
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
 from arm_dynamics.scene.effect import check_effect
-from arm_dynamics.scene.files import find_file, find_scene
+from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.imperfections import check_sensors
 from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.schema import Joint, Scene, validated
@@ -119,19 +119,7 @@ def _is_urdf(text: str) -> bool:
 def _read(path: Path) -> str:
     if path.suffix == SUFFIX:
         return expanded(path)
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        text = path.read_text(encoding="latin-1")
-        if not _is_urdf(text):
-            raise SceneError(
-                f"scene: '{path}' is not text; a scene (YAML) or a robot description (URDF) is "
-                "expected"
-            ) from None
-        _log.warning("'%s' is not UTF-8: read as Latin-1", path)
-        return text
-    except OSError as error:
-        raise SceneError(f"scene: cannot read '{path}': {error}") from None
+    return file_text(path)
 
 
 def _complete(data: dict[str, Any], folder: Path) -> Scene:

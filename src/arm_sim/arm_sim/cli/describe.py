@@ -147,7 +147,8 @@ def _show_comment(out: Console, scene: str) -> None:
     """Show the comment that begins a scene file, such as where its numbers are from."""
     from arm_dynamics.scene.files import find_scene
 
-    lines = find_scene(scene, Path.cwd()).read_text(encoding="utf-8").splitlines()
+    path = find_scene(scene, Path.cwd())
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     comment = takewhile(lambda line: line.startswith("#"), lines)
     said = " ".join(line.lstrip("# ") for line in comment)
     if said:

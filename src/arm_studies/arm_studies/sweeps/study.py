@@ -19,7 +19,7 @@ from pydantic import (
 
 from arm_dynamics.exceptions import SceneError, choices
 from arm_dynamics.scene.complaints import complaints
-from arm_dynamics.scene.files import find_file, find_scene
+from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
 from arm_studies.sweeps.metrics import METRICS, check_metric
@@ -210,12 +210,7 @@ def load_study(source: StudySource) -> Study:
             "expected"
         )
     path = Path(source)
-    try:
-        content = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise SceneError(f"study: cannot read '{path}': {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise SceneError(f"study: '{path}' is not text; a study (YAML) is expected") from None
+    content = file_text(path, "study", "a study (YAML)")
     with in_file(path):
         data = parsed(content, _WHAT, "'scene' and 'duration'")
         return _resolved(_validated(data), path.resolve().parent)

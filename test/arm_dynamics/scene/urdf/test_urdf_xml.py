@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, ModelError, load_scene
+from arm_dynamics import ArmModel, Dynamics, ModelError, SceneError, load_scene
 from arm_dynamics.scene import SceneSource
 from arm_dynamics.scene.urdf import xml_root
 from arm_sim.cli.urdf import TOPICS, with_hardware
@@ -73,6 +73,23 @@ def test_a_file_of_another_encoding_is_read(
     assert model.has_frame("poign\u00e9e")
     assert model.whole.inertias[3] == arm(URDF).whole.inertias[3]
     assert f"'{path}' is not UTF-8: read as Latin-1" in caplog.text
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
+def test_a_scene_of_another_encoding_is_read(encoding: str, tmp_path: Path) -> None:
+    """As editors and shells of Windows write them; a description in UTF-16 as well."""
+    text = BODY.replace("link3", "poign\u00e9e")
+    (tmp_path / "arm.urdf").write_text(f'<?xml version="1.0"?>{text}', encoding)
+    path = tmp_path / "arm.yaml"
+    path.write_text("robot: {urdf: arm.urdf}  # 30 \u00b0\ngravity: [0, 0, 1]\n", encoding)
+    assert arm(path).has_frame("poign\u00e9e") and load_scene(path).gravity == (0.0, 0.0, 1.0)
+
+
+def test_utf_16_without_its_mark_is_not_text(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF, "utf-16-le")
+    with pytest.raises(SceneError, match=f"'{path}' is not text; a scene .* is expected"):
+        load_scene(path)
 
 
 def test_line_ends_and_marks_of_files_do_not_matter(tmp_path: Path) -> None:
