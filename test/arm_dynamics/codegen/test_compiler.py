@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -55,7 +56,7 @@ def test_second_build_takes_the_entry(cache: Path, monkeypatch: pytest.MonkeyPat
     def run(*args: object, **kwargs: object) -> None:
         raise AssertionError("the compiler was called")
 
-    monkeypatch.setattr(subprocess, "run", run)
+    monkeypatch.setattr(subprocess, "Popen", run)
     assert value(triple()) == 6.0
     assert [(path, path.stat().st_mtime_ns) for path in entries(cache)] == before
 
@@ -158,6 +159,30 @@ def test_compiler_that_fails(cache: Path, monkeypatch: pytest.MonkeyPatch) -> No
 def test_compiler_that_fails_without_a_word() -> None:
     with pytest.raises(KernelError, match="refused generated code:\nstatus 1, and no message"):
         compiler._run(["false"])
+
+
+def test_a_compiler_that_was_ended_is_named_with_the_signal() -> None:
+    with pytest.raises(KernelError, match="^sh was ended by SIGKILL before it had compiled"):
+        compiler._run(["true"], ["sh", "-c", "kill -KILL $$"])
+
+
+def test_an_interruption_ends_all_compilers(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[subprocess.Popen[str]] = []
+    start = compiler._started
+
+    def interrupted(command: list[str]) -> subprocess.Popen[str]:
+        if len(started) == 1:
+            monkeypatch.setattr(started[0], "communicate", interrupt)
+        started.append(start(command))
+        return started[-1]
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(compiler, "_started", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        compiler._run(["sleep", "600"], ["sleep", "600"])
+    assert [process.returncode for process in started] == [-signal.SIGTERM] * 2
 
 
 def test_many_processes_at_once(cache: Path) -> None:

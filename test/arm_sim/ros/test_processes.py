@@ -6,7 +6,9 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,9 +40,12 @@ class Processes:
     def start(self, node: str, **parameters: Any) -> subprocess.Popen[str]:
         entry = f"from {NODES[node]} import main; main()"
         pairs = [word for item in parameters.items() for word in ("-p", "{}:={}".format(*item))]
+        return self.begin("-c", entry, "--ros-args", *pairs)
+
+    def begin(self, *arguments: str, **surroundings: str) -> subprocess.Popen[str]:
         process = subprocess.Popen(
-            [sys.executable, "-c", entry, "--ros-args", *pairs],
-            env=self._environment,
+            [sys.executable, *arguments],
+            env={**self._environment, **surroundings},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -88,6 +93,33 @@ def test_three_processes_close_the_loop_and_end(
         assert "FATAL" not in said, said
         if name == "sim":
             assert "per second" in said
+
+
+# Stands in for a compiler that takes long, and says when it is at work.
+SLOW = """\
+case "$*" in *--version*) echo slow 1.0; exit;; esac
+echo > "$(dirname "$0")/at_work"
+exec sleep 600
+"""
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_is_ended_at_once_while_it_is_being_built(
+    processes: Processes, end: signal.Signals, tmp_path: Path
+) -> None:
+    compiler = tmp_path / "cc"
+    compiler.write_text(f"#!/bin/sh\n{SLOW}")
+    compiler.chmod(0o700)
+    entry = "from arm_sim.cli.main import main; main()"
+    places = {"CC": str(compiler), "XDG_CACHE_HOME": str(tmp_path)}
+    process = processes.begin("-c", entry, "sim", SCENE, **places)
+    end_of_patience = time.monotonic() + 60.0
+    while not (tmp_path / "at_work").exists() and process.poll() is None:
+        assert time.monotonic() < end_of_patience
+        time.sleep(0.05)
+    process.send_signal(end)
+    said, _ = process.communicate(timeout=60.0)
+    assert (process.returncode, said) == (0, "")
 
 
 @pytest.mark.parametrize("node", sampled(["sim", "dynamics", "controller"], 1))

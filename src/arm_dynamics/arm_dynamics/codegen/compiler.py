@@ -18,12 +18,12 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import stat
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
@@ -343,16 +343,26 @@ def _compiled(
 
 
 def _run(*commands: list[str]) -> None:
-    """Run all compiler commands in parallel."""
-    with ThreadPoolExecutor(len(commands)) as pool:
-        done = list(pool.map(_finished, commands))
-    for one in done:
-        if one.returncode != 0:
-            said = one.stderr[-2000:] or f"status {one.returncode}, and no message"
-            raise KernelError(f"{one.args[0]} refused generated code:\n{said}")
+    """Run all compiler commands in parallel; an interruption ends them."""
+    with ExitStack() as stack:
+        running = [stack.enter_context(_started(command)) for command in commands]
+        try:
+            told = [process.communicate()[1] for process in running]
+        except BaseException:
+            for process in running:
+                process.terminate()
+            raise
+    for command, process, said in zip(commands, running, told, strict=True):
+        if (status := process.returncode) < 0:
+            name = signal.Signals(-status).name
+            raise KernelError(f"{command[0]} was ended by {name} before it had compiled the code")
+        if status > 0:
+            said = said[-2000:] or f"status {status}, and no message"
+            raise KernelError(f"{command[0]} refused generated code:\n{said}")
 
 
-def _finished(command: list[str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False
-    )
+def _started(command: list[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        text=True,
+    )  # fmt: skip

@@ -102,7 +102,10 @@ def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> N
 
 
 def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Any:
-    """Run one node in this process; return it after a clean end, else exit with its status."""
+    """Run one node in this process; return it after a clean end, else exit with its status.
+
+    None if it was ended before it was complete.
+    """
     from rclpy.parameter import Parameter
 
     from arm_dynamics.ros.common.executor import run
@@ -120,7 +123,7 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
     status = run(make, list(rest))
     if status:
         sys.exit(status)
-    return made[0]
+    return made[0] if made else None
 
 
 def split_words(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, tuple[str, ...]]:

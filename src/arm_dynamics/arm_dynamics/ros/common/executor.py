@@ -129,7 +129,8 @@ def run(
 ) -> int:
     """Run one node in this process: start, spin until SIGINT or SIGTERM, clean up.
 
-    The signals only request the end, so that the node is destroyed while ROS still works.
+    The signals interrupt what builds the node, compilers included. Later they only request the
+    end, so that the node is destroyed while ROS still works.
 
     Args:
         make_node: The node's class, called with ``context=``.
@@ -137,23 +138,34 @@ def run(
         done: Called periodically; returns whether to end.
 
     Returns:
-        0 after a clean end, 2 when the node could not start, with the reason on stderr.
+        0 after a clean end, also before the node was built; 2 when it could not start, with the
+        reason on stderr.
     """
     asked: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _: asked.append(received))
+
+    def interrupt(number: int, _: Any) -> None:
+        asked.append(number)
+        _handle_signals(lambda received, _: asked.append(received))
+        raise KeyboardInterrupt
+
+    _handle_signals(interrupt)
     context = Context()
     node: Any = None
     try:
         _initialize(context, args)
         node = make_node(context=context)
+        _handle_signals(lambda received, _: asked.append(received))
         _warn_of_unknown(node)
         arrange_middleware_threads()
         if node.has_parameter(FREEZE) and node.get_parameter(FREEZE).value:
             freeze_garbage()
         with heard_by(NodeHandler(node)):
             spin(node, lambda: bool(asked) or done())
-    except (ArmError, OSError) as error:
+    except BaseException as error:
+        if asked and node is None:
+            return 0
+        if not isinstance(error, ArmError | OSError):
+            raise
         print(f"error: {error}", file=sys.stderr)
         return 2
     finally:
@@ -161,6 +173,11 @@ def run(
             node.destroy_node()
         context.try_shutdown()
     return 0
+
+
+def _handle_signals(handler: Callable[[int, Any], object]) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handler)
 
 
 def _warn_of_unknown(node: Node) -> None:
