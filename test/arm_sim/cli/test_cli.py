@@ -123,6 +123,12 @@ def test_describe_says_where_the_numbers_of_a_scene_are_from() -> None:
     assert "Gaz" not in run("describe", "real_panda").output
 
 
+def test_an_output_without_some_characters_gets_question_marks() -> None:
+    """As in a terminal of another encoding, or by PYTHONIOENCODING."""
+    found = CliRunner(charset="ascii").invoke(main, ["describe", "two_link"])
+    assert found.exit_code == 0 and "m/s?" in found.output
+
+
 def test_description_for_scripts() -> None:
     found = json.loads(run("describe", PANDA, "--json").output)
     sim = Simulator(PANDA)

@@ -18,7 +18,7 @@ from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.export import export
 from arm_sim.cli.nodes import controller, dynamics, sim
-from arm_sim.cli.output import examples, progress_on_stderr
+from arm_sim.cli.output import examples, print_anything, progress_on_stderr
 from arm_sim.cli.recordings import plot, record, replay
 from arm_sim.cli.robot import get, go, set_, watch
 from arm_sim.cli.urdf import urdf
@@ -57,6 +57,7 @@ class Suite(Commands):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; errors of the suite become a message and exit status 1."""
+        print_anything()
         try:
             with progress_on_stderr():
                 return super().invoke(ctx)

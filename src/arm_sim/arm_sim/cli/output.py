@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +34,14 @@ def console() -> Console:
 
     width = None if sys.stdout.isatty() else _WIDE
     return Console(width=width, highlight=False, emoji=False)
+
+
+def print_anything() -> None:
+    """Print a question mark in place of a character that the encoding of the output lacks."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            with suppress(OSError):  # it is flushed first, which may fail
+                stream.reconfigure(errors="replace")
 
 
 def progress_on_stderr() -> AbstractContextManager[None]:
