@@ -66,12 +66,15 @@ def test_payloads_springs_constraints_and_contacts_are_on_the_link(urdf: str) ->
 
 @alike
 @pytest.mark.parametrize("frame", ["upper", "fore", "tool"])
-def test_tasks_and_the_view_are_those_of_the_link(urdf: str, frame: str) -> None:
+def test_tasks_and_the_view_are_those_of_the_link(
+    monkeypatch: pytest.MonkeyPatch, urdf: str, frame: str
+) -> None:
+    monkeypatch.setattr("arm_sim.view.marks.outermost", lambda model: frame)
     q, places, origins = np.array([0.3, -0.7]), [], []
     for text in (urdf, DISTINCT):
         model = ArmModel(load_scene(scene(text, payloads=EXTRAS["payloads"])))
         places.append(FrameMotion(model, frame, "world").placement(q))
-        marker = Marker(model, frame)
+        marker = Marker(model)
         hand = marker.at(Instant(0.0, q)).hand
         np.testing.assert_array_equal(hand, places[-1][0])
         origins.append(

@@ -158,6 +158,9 @@ def test_states_and_files_are_those_of_python(
     assert replay(Recording.load(files[0])).equal
 
 
+IN_PART = 60 * MILLISECOND  # time of the state to which a partner answers for one joint alone
+
+
 def torque(stamp: int) -> tuple[float, float]:
     """An answer to a state of that time in [ns]."""
     return math.sin(3e-9 * stamp), math.cos(7e-9 * stamp)
@@ -174,7 +177,11 @@ def partner(domain: int) -> Iterator[None]:
 
     def answer(state: JointState) -> None:
         stamp = to_nanoseconds(state.header.stamp)
-        publisher.publish(message(*torque(stamp), stamp=stamp))
+        if stamp != IN_PART:
+            return publisher.publish(message(*torque(stamp), stamp=stamp))
+        told = JointState(header=state.header, name=NAMES[:1], effort=[torque(stamp)[0]])
+        told.header.frame_id = "leader"
+        publisher.publish(told)
 
     peer.create_subscription(JointState, "joint_states", answer, 10)
 
@@ -207,9 +214,11 @@ def test_in_lockstep_states_are_those_of_python(ros: Ros, tmp_path: Path, every:
     node.recorder.close()
     motion, made = Recording.load(path), node.simulator.arm.step_count
     assert len(motion) == made + 1 and not motion.gaps
-    expected = Simulator(models.scene("two_link"))
+    expected, tau = Simulator(models.scene("two_link")), [0.0, 0.0]
     for tick in range(made):
-        expected.step(torque(tick // every * every * MILLISECOND))
+        stamp = tick // every * every * MILLISECOND
+        tau = [torque(stamp)[0], tau[1] if stamp == IN_PART else torque(stamp)[1]]
+        expected.step(tau)
         assert motion.q[tick + 1].tobytes() == expected.state.q.tobytes()
         assert motion.v[tick + 1].tobytes() == expected.state.v.tobytes()
 
