@@ -206,11 +206,14 @@ def test_in_lockstep_states_are_those_of_python(ros: Ros, tmp_path: Path, every:
     path = tmp_path / "run.mcap"
     node = ros.add(
         SimNode, models.scene("two_link"), lockstep=True, publish_every=every, record=str(path),
-        stale_policy="zero",
+        stale_policy="zero", lockstep_retry=1.0,
     )  # fmt: skip
     with partner(ros.domain):
+        ros.spin_until(lambda: node.ordinary.count >= 20)
+        assert node.recorder is not None and node.lockstep is not None
+        asked = node.lockstep.asked_again
         ros.spin_until(lambda: node.ordinary.count >= 200)
-    assert node.recorder is not None and node.lockstep is not None
+    assert node.lockstep.asked_again == asked, "an answer was lost"
     node.recorder.close()
     motion, made = Recording.load(path), node.simulator.arm.step_count
     assert len(motion) == made + 1 and not motion.gaps
