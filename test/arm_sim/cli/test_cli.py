@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -127,6 +128,17 @@ def test_an_output_without_some_characters_gets_question_marks() -> None:
     """As in a terminal of another encoding, or by PYTHONIOENCODING."""
     found = CliRunner(charset="ascii").invoke(main, ["describe", "two_link"])
     assert found.exit_code == 0 and "m/s?" in found.output
+
+
+def test_files_of_the_suite_are_read_in_an_ascii_locale(tmp_path: Path) -> None:
+    """With all code written and compiled anew, from headers with Greek letters in them."""
+    odd = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    done = subprocess.run(
+        [sys.executable, "-m", "arm_sim.cli", "describe", "two_link"],
+        env=os.environ | odd | {"XDG_CACHE_HOME": str(tmp_path)},
+        capture_output=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
 
 
 def test_description_for_scripts() -> None:

@@ -332,7 +332,7 @@ def _compiled(
         library, names = Path(scratch) / "kernel.so", list[str]()
         for number, text in enumerate(parts):
             code = Path(scratch) / f"kernel{number or ''}.{suffix}"
-            code.write_text(text)
+            code.write_text(text, encoding="utf-8")
             names.append(str(code))
         objects = names if len(names) == 1 else [f"{name}.o" for name in names]
         if objects != names:

@@ -71,7 +71,9 @@ class Header:
             self.constants |= other.constants
             self._structures |= other._structures
             self._pointers |= other._pointers
-        text = _SPACE.sub(" ", _QUALIFIERS.sub("", _COMMENTS.sub("", path.read_text())))
+        text = _SPACE.sub(
+            " ", _QUALIFIERS.sub("", _COMMENTS.sub("", path.read_text(encoding="utf-8")))
+        )
         chosen = [_declaration(path, text, name) for name in only.split()]
         for declaration in chosen or _DECLARATION.findall(text):
             self._read(declaration.strip())

@@ -28,7 +28,7 @@ _USED = ("abm", "apx", "avx", "bmi", "cx16", "f16c", "fma", "gfni", "lahf_lm", "
 def instructions() -> frozenset[str]:
     """Extensions of the instruction set that this processor has and compilers use."""
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         return frozenset()
     flags = next((line for line in lines if line.startswith(("flags", "Features"))), ":")

@@ -73,7 +73,7 @@ def python_function(source: Path, takes: tuple[type, ...], *folders: Path) -> An
     versions = f"/* Python {sys.version}, NumPy {np.__version__} */\n".replace("\n", " ") + "\n"
     own = (f"-I{folder}" for folder in folders)
     places = *own, f"-isystem{headers}", f"-isystem{np.get_include()}"
-    code = compiler.build(versions + source.read_text(), local=places)
+    code = compiler.build(versions + source.read_text(encoding="utf-8"), local=places)
     library = ctypes.PyDLL(code.library._name, handle=code.library._handle)
     made = library.python_function
     made.argtypes, made.restype = takes, ctypes.py_object

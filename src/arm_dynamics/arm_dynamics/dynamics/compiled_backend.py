@@ -130,4 +130,4 @@ def _driver(function: ca.Function) -> str:
         "SZ_W": function.sz_w() + 1,
     }
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
-    return "\n".join(["", *lines, _DRIVER.read_text()])
+    return "\n".join(["", *lines, _DRIVER.read_text(encoding="utf-8")])

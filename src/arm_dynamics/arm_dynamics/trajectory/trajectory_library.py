@@ -35,6 +35,6 @@ def compiled() -> CDLL:
     Raises:
         KernelError: If there is no compiler, or it refuses the code.
     """
-    library = build(SOURCE.read_text(), local=(f"-I{HEADER.folder}",)).library
+    library = build(SOURCE.read_text(encoding="utf-8"), local=(f"-I{HEADER.folder}",)).library
     HEADER.bind(library)
     return library

@@ -65,7 +65,7 @@ def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Pat
         content = {"loop": loop, "round_trip": trip}
         if (recorder := made.recorder) is not None:
             content["recording"] = recorder.report()
-        report.write_text(json.dumps(content))
+        report.write_text(json.dumps(content), encoding="utf-8")
 
 
 @_node(

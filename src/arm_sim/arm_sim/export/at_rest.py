@@ -50,7 +50,7 @@ def at_rest(model: ArmModel, scalar: str) -> str:
         "SCALAR": scalar,
     }
     engine = source(defines, "modes.h", () if "TOGETHER" in defines else ("together.h",))
-    door = _HEAD.sub("", (_NATIVE / "at_rest.c").read_text())
+    door = _HEAD.sub("", (_NATIVE / "at_rest.c").read_text(encoding="utf-8"))
     text = static_functions(functions) + engine.replace("\nEXPORTED ", "\nstatic ") + door
     return prefixed(text, PREFIX)
 

@@ -44,7 +44,7 @@ def check_program(
     if library.tick:
         checks.run(library.tick)
     scalar = f"#define SCALAR {library.scalar}\n"
-    head = (_NATIVE / "check.h").read_text().replace("#pragma once\n", "")
+    head = (_NATIVE / "check.h").read_text(encoding="utf-8").replace("#pragma once\n", "")
     program = [
         comment(library.about) + f'#include "{library.name}.h"\n',
         decided(scalar + head),

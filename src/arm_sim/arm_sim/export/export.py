@@ -149,7 +149,9 @@ def _files(
         **code,
         **(units(name, tick, code, frames) if fmu and tick else {}),
         f"test_{name}.c": check_program(made, expected, points, errors),
-        "CMakeLists.txt": (_NATIVE / "CMakeLists.txt").read_text().replace("@NAME@", name),
+        "CMakeLists.txt": (_NATIVE / "CMakeLists.txt")
+        .read_text(encoding="utf-8")
+        .replace("@NAME@", name),
         "README.md": readme(made, errors),
         SCENE_FILE: scene_text(model.scene, URDF_FILE),
         URDF_FILE: model.scene.robot.urdf,

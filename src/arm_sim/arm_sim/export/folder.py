@@ -62,7 +62,7 @@ def _replace(out: Path, scratch: Path) -> None:
     os.close(probe)
     os.unlink(name)
     new = {path.name for path in scratch.iterdir()}
-    old = json.loads((out / LIST).read_text()) if (out / LIST).is_file() else []
+    old = json.loads((out / LIST).read_text(encoding="utf-8")) if (out / LIST).is_file() else []
     for path in scratch.iterdir():
         os.replace(path, out / path.name)
     for name in set(map(str, old)) - new:

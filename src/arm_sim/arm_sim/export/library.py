@@ -149,7 +149,7 @@ def elementary() -> str:
 
 def _inlined(file: str, folder: Path) -> str:
     """A header with those that it includes in their places."""
-    text = _FOR_EDITORS.sub(r"\1", (folder / file).read_text())
+    text = _FOR_EDITORS.sub(r"\1", (folder / file).read_text(encoding="utf-8"))
     return _INCLUDE.sub(lambda found: _inlined(found[1], folder), text)
 
 

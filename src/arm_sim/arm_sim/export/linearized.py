@@ -31,7 +31,7 @@ def derivatives_of_ticks(plant: Plant, choice: Choice, numbers: int) -> str:
     """
     engine = Engine() if plant.eventful else None
     code = Tangents(plant, choice, "auto", tuple(range(numbers)), engine).code
-    columns = (compiler.NATIVE / "columns.h").read_text()
+    columns = (compiler.NATIVE / "columns.h").read_text(encoding="utf-8")
     text = "\n".join([
         static_functions(code.functions),
         source(code.defines),

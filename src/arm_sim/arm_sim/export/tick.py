@@ -101,7 +101,7 @@ def tick_of(
 
 def _plain(files: Sequence[str]) -> str:
     """Files of the door without their first comments and what they include."""
-    texts = (_COMMENT.sub("", (NATIVE / file).read_text()) for file in files)
+    texts = (_COMMENT.sub("", (NATIVE / file).read_text(encoding="utf-8")) for file in files)
     return "".join(_INCLUDES.sub("", text) for text in texts)
 
 

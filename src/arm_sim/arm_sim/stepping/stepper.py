@@ -444,7 +444,7 @@ def _included(file: str, done: set[str]) -> Iterator[str]:
     if not file or file in done:
         return
     done.add(file)
-    text = (NATIVE / file).read_text()
+    text = (NATIVE / file).read_text(encoding="utf-8")
     found = _INCLUDES.search(text)
     for other in re.findall(r'"(\w+\.h)"', found[1] if found else ""):
         yield from _included(other, done)

@@ -75,7 +75,9 @@ def library_of(nx: int, n: int) -> ctypes.CDLL:
     Raises:
         CompilerMissing: If there is no C compiler.
     """
-    text = f"#define NX {nx}\n#define NU {n}\n" + (NATIVE / "backward.c").read_text()
+    text = f"#define NX {nx}\n#define NU {n}\n" + (NATIVE / "backward.c").read_text(
+        encoding="utf-8"
+    )
     library = compiler.build(text, "c", _FLAGS).library
     library.backward.restype = ctypes.c_longlong
     return library

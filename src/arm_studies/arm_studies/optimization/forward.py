@@ -146,4 +146,4 @@ class Forward:
         plant = self._ticking
         headers = "foresight.h" if plant.eventful else "arms.h"
         code = ticks_of_lanes(plant, self._choice, width, headers)
-        return code + (NATIVE / "forward.c").read_text()
+        return code + (NATIVE / "forward.c").read_text(encoding="utf-8")

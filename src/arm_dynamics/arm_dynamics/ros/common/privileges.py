@@ -108,7 +108,7 @@ def arrange_middleware_threads() -> None:
     """
     for task in _TASKS.glob("*"):
         with suppress(OSError):  # the thread has ended
-            thread, name = int(task.name), (task / "comm").read_text()
+            thread, name = int(task.name), (task / "comm").read_text(encoding="utf-8")
             if os.sched_getscheduler(thread) != os.SCHED_OTHER:
                 continue
             if name.startswith(_TIMERS):
@@ -126,7 +126,7 @@ class MiddlewareThreads:
         self._states = list[Path]()
         for task in _TASKS.glob("*"):
             with suppress(OSError):  # the thread has ended
-                if (task / "comm").read_text().startswith(_ALL):
+                if (task / "comm").read_text(encoding="utf-8").startswith(_ALL):
                     self._states.append(task / "stat")
 
     @property
@@ -141,7 +141,7 @@ class MiddlewareThreads:
 
 def _is_at_work(stat: Path) -> bool:
     with suppress(OSError):  # the thread has ended
-        return stat.read_text().rpartition(")")[2].split()[0] in _AT_WORK
+        return stat.read_text(encoding="utf-8").rpartition(")")[2].split()[0] in _AT_WORK
     return False
 
 

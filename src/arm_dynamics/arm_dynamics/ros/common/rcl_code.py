@@ -57,7 +57,9 @@ def code_of_nodes(
     flags = (*FLAGS, "-Wl,--no-as-needed")
     local = (*(f"-I{place}" for place in places), *called)
     try:
-        library = build("\n".join(file.read_text() for file in files), "c", flags, local).library
+        library = build(
+            "\n".join(file.read_text(encoding="utf-8") for file in files), "c", flags, local
+        ).library
     except CompilerMissing as error:
         raise CompilerMissing(f"nodes need compiled code: {error}; {_REMEDY}") from error
     for header in headers:

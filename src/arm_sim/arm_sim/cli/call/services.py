@@ -117,7 +117,7 @@ class Service:
         if self.text and not self.fields:
             return "", ""
         file = FILES / f"{(self.name or self.command).title().replace('_', '')}.srv"
-        request, _, response = file.read_text().partition("---\n")
+        request, _, response = file.read_text(encoding="utf-8").partition("---\n")
         return request, response
 
     @property

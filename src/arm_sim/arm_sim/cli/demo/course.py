@@ -89,7 +89,7 @@ def _run(
             raise DemoFailed(
                 "the sim node did not end cleanly; its log says:\n" + processes.tail("sim")
             )
-        return observer.seen(), json.loads(report.read_text())
+        return observer.seen(), json.loads(report.read_text(encoding="utf-8"))
 
 
 def _start_nodes(processes: Processes, observer: Observer, scene: Path, report: Path) -> None:
@@ -174,7 +174,7 @@ def _report(output: Path, motion: DemoMotion, seen: Seen, n: Numbers, out: Any) 
     )
     draw(figure, seen, model.joint_names, model.joint_types, n.duration, title)
     values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **asdict(n)}
-    file.write_text(json.dumps(values, indent=2) + "\n")
+    file.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     show(out, result_table(n))
     out.print(f"figure:  {figure}\nnumbers: {file}", soft_wrap=True)
     if reasons := complaints(n):

@@ -103,10 +103,10 @@ def _wrapper(unit: Unit, file: str, token: str) -> str:
         values["JACOBIANS"] = ", ".join(jacobians)
         values["EXTERNAL"] = str(parameters.index("external[0]"))
     defined = "".join(f"#define {key} {value}\n" for key, value in values.items())
-    common = (NATIVE / "instance.h").read_text()
+    common = (NATIVE / "instance.h").read_text(encoding="utf-8")
     for line in ("#pragma once\n", '#include "library.h"\n'):
         common = common.replace(line, "")
-    text = (NATIVE / file).read_text().replace('#include "instance.h"\n', common)
+    text = (NATIVE / file).read_text(encoding="utf-8").replace('#include "instance.h"\n', common)
     return f'{defined}#include "{unit.name}.h"\n\n{named(unit.name, text)}'
 
 

@@ -133,7 +133,7 @@ def complete(mcap: McapWriter, file: Path, folder: Path | None) -> None:
         "ros_distro": os.environ.get("ROS_DISTRO", "jazzy"),
     }  # fmt: skip
     text = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
-    (folder / "metadata.yaml").write_text(text)
+    (folder / "metadata.yaml").write_text(text, encoding="utf-8")
 
 
 def _path(given: Any) -> Path:
