@@ -277,11 +277,12 @@ def test_many_arms_beyond_their_stops_by_rounding_start_there() -> None:
     np.testing.assert_array_equal(starts[:, 0, 0], [0.0, 0.3, 2.0])
 
 
-def test_a_locked_joint_is_not_put_beyond_its_limits() -> None:
+@pytest.mark.parametrize("place", [1e4, -1e4])
+def test_a_locked_joint_is_not_put_beyond_its_limits(place: float) -> None:
     urdf = (models.FOLDER / "gantry.urdf").read_text()
     name = Simulator({"robot": {"urdf": urdf}}).joint_names[0]
-    scene = {"robot": {"urdf": urdf, "lock": [name]}, "initial": {"position": {name: 1e4}}}
-    with pytest.raises(SceneError, match=f"locked joint '{name}' at 10000 is beyond its limits"):
+    scene = {"robot": {"urdf": urdf, "lock": [name]}, "initial": {"position": {name: place}}}
+    with pytest.raises(SceneError, match=f"locked joint '{name}' at {place:g} is beyond its limits"):
         Simulator(scene)
 
 

@@ -45,6 +45,18 @@ def test_a_near_seed_keeps_the_branch(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(found.q, q, atol=1e-6)
 
 
+@pytest.mark.parametrize(("name", "q"), [
+    ("ur10", [3.9, 0.8, -1.3, -1.1, 4.0, 1.6]), ("puma560", [-0.3, 1.7, 0.0, -0.7, 0.4, 4.6]),
+    ("panda", [1.3, 1.2, -1.3, -2.4, 0.8, 3.0, 2.7]),
+    ("panda", [2.1, 1.3, 2.2, -1.7, -1.3, 0.0, 0.8]),
+], ids=["slow twice", "slow twice, too", "along lower limits", "along upper limits"])  # fmt: skip
+def test_one_seed_gets_there(name: str, q: list[float]) -> None:
+    """After stretches of no gain, and past joints that stop at either end."""
+    task = task_of(name)
+    found = InverseKinematics(task, seeds=1).solve(task.pose(np.array(q)))
+    assert found.reached and found.distance <= 1e-9 and found.angle <= 1e-9
+
+
 def test_position_alone_leaves_the_rest_free() -> None:
     task = task_of("panda", "position")
     goal = Pose(np.array([0.4, 0.3, 0.5]), np.eye(3))

@@ -143,6 +143,13 @@ def on_two_feet() -> dict[str, Any]:
     return rails("xz") | {"constraints": list(feet)}
 
 
+def jamming() -> dict[str, Any]:
+    """A pendulum that strikes a rough plane obliquely: its full rebound would add energy."""
+    plane = {"point": [np.sin(0.5), 0, -np.cos(0.5)], "normal": [np.cos(1.1), 0, np.sin(1.1)]}
+    wall = contact("bob", point=[0, 0, -1], friction=3.0, restitution=0.2, plane=plane)
+    return models.scene("pendulum").model_dump(exclude_unset=True) | {"constraints": [wall]}
+
+
 RAIL = ([0.05], [-1.0], [1.0])
 CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
     "lands": (lambda: rail(stop={}), 0.1, RAIL),
@@ -426,6 +433,7 @@ REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
         [0.05, 0.05], [-1.0, -1.0], [-1.0, -1.0], "same instant",
     ),
     "piles up": (rail(stop={"restitution": 0.99}), [1e-8], [0.0], [0.0], "accumulate"),
+    "jams": (jamming(), [0.55], [-1.0], [0.0], "adds no energy"),
     "straight on": (
         touching(rails("xyz"), **GRIP), [0, 0, 0], [0.03, 0.01, 0], [0, 0, 0], "straight",
     ),

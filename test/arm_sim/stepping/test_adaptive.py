@@ -77,6 +77,17 @@ def test_estimate_is_of_the_size_of_the_error() -> None:
     assert true / 100 < sim.state.error < 100 * true + 1e-4
 
 
+def test_estimate_of_an_arm_far_from_its_stops_is_that_of_one_without() -> None:
+    """That of every sub-step of a tick counts."""
+    scene, errors = models.scene("double_pendulum").model_dump(exclude_unset=True), []
+    for stop in (True, False):
+        scene["joints"] = {"*": {"limits": {"lower": -50.0, "upper": 50.0, "stop": stop}}}
+        run = Simulator(scene, integrator="dopri5", tolerance=1e-9, dt=0.5).run(1.0)
+        errors.append(run.error)
+    np.testing.assert_array_equal(*errors)
+    assert errors[0][-1] > 1e-8
+
+
 def test_fixed_steps_claim_no_error() -> None:
     run = models.simulator("double_pendulum", integrator="rk4").run(0.1)
     np.testing.assert_array_equal(run.error, np.zeros(101))
