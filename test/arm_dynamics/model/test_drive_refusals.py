@@ -148,6 +148,12 @@ LIMITED: dict[str, tuple[dict[str, Any], float, float, str]] = {
     "of the joint, below that of the current": ({"current_limit": 20}, 40.0, 40.0, "N m"),
     "of a current that the joint bears": ({"command": "current"}, 40.0, 16.0, "A"),
     "of a current": ({"command": "current", "current_limit": 3}, 7.5, 3.0, "A"),
+    "of a current, at rest below that of the current": (
+        {"command": "current", "current_limit": 3, "voltage_limit": 4},
+        5.0,
+        3.0,
+        "A",
+    ),
     "of a voltage": ({"command": "voltage", "voltage_limit": 24}, 30.0, 24.0, "V"),
     "of no voltage": ({"command": "voltage"}, 40.0, INF, "V"),
 }
@@ -164,6 +170,8 @@ def test_the_narrowest_limit_counts(
     np.testing.assert_allclose(model.effort_limit, [80.0, effort, 20.0], rtol=1e-15)
     np.testing.assert_allclose(model.command_limit, [80.0, command, 20.0], rtol=1e-15)
     assert model.command_unit == ("N m", unit, "N m")
+    standing = {"N m": effort, "A": effort / 2.5, "V": command}[unit]
+    np.testing.assert_allclose(model.standing_limit, [80.0, standing, 20.0], rtol=1e-15)
 
 
 @pytest.mark.parametrize(("effort", "expected"), [(5.0, 2.0), (7.5, 3.0), (8.0, 3.0), (INF, 3.0)])
