@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import InvalidInput, SceneError, load_scene
+from arm_dynamics import Dynamics, InvalidInput, SceneError, load_scene
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim import JointCommand, Simulator
+from arm_sim.plant.plant import Plant
+from arm_sim.servo.law import servo_law
 from models.rotor import rotor
 
 QUICK = 100.0
@@ -147,6 +150,38 @@ def test_a_far_place_is_reached_within_the_limits_of_speed_and_effort() -> None:
         assert (abs(recording.tau) <= sim.model.effort_limit).all()
         assert (recording.q - place).max() < 0.03
         np.testing.assert_allclose(recording.q[-1], place, atol=1e-9)
+
+
+MOTOR = {"resistance": 2.0, "torque_constant": 0.05, "gear_ratio": 50, "voltage_limit": 8.0}
+WEAK: dict[str, Any] = {
+    "effort": {"joints": {"elbow": {"limits": {"effort": 8.0}}}},
+    "voltage at rest": {"joints": {"elbow": {"actuator": MOTOR}}},
+    "effort beside the weight": {
+        "joints": {"elbow": {"limits": {"effort": 12.0}}},
+        "commands": {"gravity_compensated": True},
+    },
+}
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("weak", WEAK.values(), ids=WEAK)
+def test_a_weak_drive_is_used_up_and_slows_all_joints_alike(
+    weak: dict[str, Any], way: float
+) -> None:
+    """Towards a far place, both joints by their largest speeds: 6 and 8 rad/s."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True) | weak
+    dyn, q, still = Dynamics(scene), np.array([0.3, 0.4]), np.zeros(2)
+    plant = Plant(dyn.model)
+    far = np.concatenate([np.ones(4), q + way * np.array([0.25, 0.5]), np.zeros(4)])
+    state = np.concatenate([q, still])
+    law = one_at_a_time(servo_law)(plant, 1e-3)
+    tau = np.array(law(state, far, plant.parameters.nominal)).ravel()
+    if "commands" in weak:
+        tau += dyn.gravity(q)
+    np.testing.assert_allclose(tau[1], way * dyn.model.effort_limit[1], rtol=1e-8)
+    quickening = dyn.forward(q, still, tau)
+    assert (way * quickening > 10.0).all()
+    np.testing.assert_allclose(quickening[0] / quickening[1], 6 / 8, rtol=2e-3)
 
 
 def test_effort_alone_is_the_torque_to_the_bit(rng: np.random.Generator) -> None:
