@@ -110,6 +110,29 @@ def test_lines_jump_in_velocity_which_no_acceleration_limit_allows() -> None:
         Bounds(limits(acceleration=[5, 5])).check(lines, before=np.array([0.0, 0.1]))
 
 
+def test_a_line_that_ends_in_motion_stops_at_once() -> None:
+    line = spline([Waypoint(0.0, [0, 0], [0, 0], [0, 0]), Waypoint(1.0, [0, 0.1])])
+    with pytest.raises(InvalidInput, match="'elbow' .* acceleration limit at 1.000 s"):
+        Bounds(limits(acceleration=[5, 5])).check(line, before=np.array([0.0, 0.1]))
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.1])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_how_far_a_torque_goes_is_that_of_the_whole_trajectory(sign: float, margin: float) -> None:
+    """Of the joint that first exceeds its limit, which the margin widens."""
+    quick = rest_to_rest(0.4 * sign, 0.4 * sign, time=0.15)
+    said = complaint(Bounds(FREE, ARM, margin), quick)
+    torque = ARM.inverse(*quick.at(np.linspace(0.0, 0.15 - 1e-9, 1001)))
+    beyond = abs(torque) > ARM.model.effort_limit * (1.0 + margin)
+    first, joint = np.argwhere(beyond)[0]
+    most = torque[np.argmax(abs(torque[:, joint])), joint]
+    assert abs(most) > 1.2 * abs(torque[first, joint])
+    limit = np.copysign(ARM.model.effort_limit[joint] * (1.0 + margin), most)
+    assert f"'{ARM.joint_names[joint]}' would leave its effort limit" in said
+    reach, allowed = (float(part.split()[-1]) for part in said.split("; allowed:"))
+    assert reach == pytest.approx(most, rel=2e-3) and allowed == pytest.approx(limit, rel=1e-3)
+
+
 def test_torque_of_inverse_dynamics_is_held_to_the_effort_limit() -> None:
     quick = rest_to_rest(0.4, 0.4, time=0.12)
     Bounds(FREE, ARM).check(rest_to_rest(0.4, 0.4))
