@@ -352,8 +352,9 @@ def test_bad_settings_are_refused() -> None:
         PID(2, 0.0, 1.0, 1.0, 1e-3)
     with pytest.raises(InvalidInput, match="limit is 0"):
         Saturated(PD(2, 1.0, 1.0), 0.0, 2)
-    with pytest.raises(InvalidInput, match="must stay below one"):
-        DisturbanceObserver(PD(2, 1.0, 1.0), dyn, 1e-2, 200.0)
+    for bandwidth in (200.0, 100.0, [200.0, 20.0], [20.0, 200.0]):
+        with pytest.raises(InvalidInput, match="must stay below one"):
+            DisturbanceObserver(PD(2, 1.0, 1.0), dyn, 1e-2, bandwidth)
     with pytest.raises(InvalidInput, match="fade is -1"):
         Switch(PD(2, 1.0, 1.0), 1e-3, -1.0)
     with pytest.raises(InvalidInput, match="allowed: all, dry"):

@@ -49,7 +49,7 @@ def test_a_near_seed_keeps_the_branch(rng: np.random.Generator) -> None:
     ("ur10", [3.9, 0.8, -1.3, -1.1, 4.0, 1.6]), ("puma560", [-0.3, 1.7, 0.0, -0.7, 0.4, 4.6]),
     ("panda", [1.3, 1.2, -1.3, -2.4, 0.8, 3.0, 2.7]),
     ("panda", [2.1, 1.3, 2.2, -1.7, -1.3, 0.0, 0.8]),
-], ids=["slow twice", "slow twice, too", "along lower limits", "along upper limits"])  # fmt: skip
+], ids=["slow twice", "slow twice, too", "along upper limits", "along lower limits"])  # fmt: skip
 def test_one_seed_gets_there(name: str, q: list[float]) -> None:
     """After stretches of no gain, and past joints that stop at either end."""
     task = task_of(name)
