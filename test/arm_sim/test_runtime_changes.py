@@ -130,6 +130,8 @@ def test_a_push_stays_through_other_changes() -> None:
         (lambda s: friction_change(s, [-1.0] * 2), InvalidInput, "at least 0 is expected"),
         (lambda s: friction_change(s, [np.inf] * 2), InvalidInput, "finite"),
         (lambda s: friction_change(s, [1.0]), InvalidInput, "shape"),
+        (lambda s: friction_change(s, [0.5, -0.5]), InvalidInput, "at least 0 is expected"),
+        (lambda s: payload_change(s, -1, 1.0, [0] * 3, [0] * 6), InvalidInput, "has 1, counted"),
     ],
 )
 def test_what_cannot_be_is_refused(make: Any, error: type[ArmError], said: str) -> None:

@@ -51,6 +51,13 @@ def test_stamps_give_the_time_between_commands() -> None:
     np.testing.assert_allclose(found[1:, 1], 1.0, rtol=1e-12)
 
 
+@pytest.mark.parametrize("later", [0, -1_000_000, 200_000_000])
+def test_stamps_that_do_not_follow_closely_are_no_stream(later: int) -> None:
+    """The same again, earlier, or much later: a place, not a speed."""
+    sent = [JointCommand(position=[0.1 * k], stamp=10_000_000 + k * later) for k in range(2)]
+    np.testing.assert_array_equal(lead(dict(enumerate(sent)), 4)[1:], [[0.1, 0.0]] * 3)
+
+
 def test_a_stream_that_stops_ends_at_its_last_position() -> None:
     found = lead({k: JointCommand(position=[0.01 * k]) for k in range(10)}, 40)
     np.testing.assert_allclose(found[11], [0.11, 10.0], rtol=1e-9)  # two more might be on the way
