@@ -294,7 +294,7 @@ def test_a_locked_joint_is_not_put_beyond_its_limits(place: float) -> None:
     urdf = (models.FOLDER / "gantry.urdf").read_text()
     name = Simulator({"robot": {"urdf": urdf}}).joint_names[0]
     scene = {"robot": {"urdf": urdf, "lock": [name]}, "initial": {"position": {name: place}}}
-    with pytest.raises(SceneError, match=f"locked joint '{name}' at {place:g} is beyond its limits"):
+    with pytest.raises(SceneError, match=f"locked joint '{name}' at {place:g} is beyond its"):
         Simulator(scene)
 
 

@@ -93,7 +93,8 @@ def test_a_joint_that_begins_to_be_led_has_no_speed_yet() -> None:
 
 
 @pytest.mark.parametrize(("position", "velocity", "effort", "stays"), [
-    (0.3, None, None, True), (0.3, 0.5, 1.0, True), (None, 0.0, None, True), (None, 0.0, 1.0, True),
+    (0.3, None, None, True), (0.3, 0.5, 1.0, True),
+    (None, 0.0, None, True), (None, 0.0, 1.0, True),
     (None, 0.5, None, False), (None, None, 1.0, False), (None, None, 0.0, False),
     (None, 0.5, 1.0, False),
 ])  # fmt: skip

@@ -62,7 +62,7 @@ def test_one_joint_that_moves_in_one_recording_is_enough() -> None:
     some: list[Any] = [SimpleNamespace(q=q) for q in (still, turned)]
     np.testing.assert_allclose(checks.moved(some), [1.1e-3, 0.0])
     some[1].q[4] *= 0.9 / 1.1
-    with pytest.raises(InvalidInput, match="no joint moves: the largest range of a joint is 0.0009"):
+    with pytest.raises(InvalidInput, match="no joint moves: the largest range .* is 0.0009"):
         checks.moved(some)
 
 
@@ -79,7 +79,7 @@ def explained(error: float) -> Callable[[], None]:
 
 @pytest.mark.parametrize(("check", "said"), [
     (explained(0.599), None),
-    (explained(0.6), "leaves 60% .* nominal scene 30%.*efforts over nominal torques: shoulder 0.19"),
+    (explained(0.6), "leaves 60% .* scene 30%.*efforts over nominal torques: shoulder 0.19"),
     (explained(np.nan), "unexplained"),
     (masses(4.9), None),
     (masses(0.21), None),
