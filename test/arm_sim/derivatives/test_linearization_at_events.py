@@ -392,6 +392,18 @@ def test_a_joint_leans_on_the_only_stop_that_it_has(side: str, place: float) -> 
         assert not slopes.any()
 
 
+@pytest.mark.parametrize(("place", "way"), [(0.0, -1.0), (2.0, 1.0)])
+def test_a_push_at_a_stop_goes_on_only_away_from_it(place: float, way: float) -> None:
+    """Friction bears a load between its sliding and its static level, as the stop might."""
+    sim = Simulator(rail(STUCK, {}) | {"gravity": [0, 0, 0]}, dt=0.1, integrator="rk4")
+    start = sim.reset([place], [0.0])
+    A, B = sim.linearize(start, [1.2 * way])
+    np.testing.assert_array_equal(A, [[1.0, 0.0], [0.0, 0.0]])
+    assert not B.any()
+    with pytest.raises(NotDifferentiable, match="go on"):
+        sim.linearize(start, [-1.2 * way])
+
+
 def test_teeth_at_rest_within_their_backlash_touch_nothing() -> None:
     """Motor and link move freely there; at a flank they do so on one side only."""
     scene = wheel(
