@@ -70,11 +70,14 @@ def test_it_rebounds_as_newton_says_and_comes_to_rest() -> None:
     assert abs(run.balance).max() < 1e-10
 
 
+@pytest.mark.parametrize("method", [{}, {"tolerance": 1e-10}], ids=["fixed", "controlled"])
 @pytest.mark.parametrize(("place", "way"), [(2e-3, -1.0), (2.0 - 2e-3, 1.0)])
-def test_a_blow_between_rest_and_rebound_is_accounted_for(place: float, way: float) -> None:
+def test_a_blow_between_rest_and_rebound_is_accounted_for(
+    place: float, way: float, method: dict[str, Any]
+) -> None:
     """Within one tick: only the velocity after it, away from the stop, tells of it."""
     e, push = 0.6, 55.0 * MASS
-    sim = Simulator(rail({"restitution": e}), dt=0.01)
+    sim = Simulator(rail({"restitution": e}), dt=0.01, **method)
     sim.reset([place], [0.0])
     run = sim.run(0.01, np.array([[push * way + MASS * G]]))
     assert run.v[-1, 0] * way < 0.0 and sim.impacts == 1
