@@ -233,8 +233,12 @@ def test_what_is_refused() -> None:
         ILQR([Phase(sim, 5)], cost, smoothing=0.0)
     with pytest.raises(InvalidInput, match="the arm has contacts"):
         ILQR([Phase(Simulator("panda_table"), 5)], cost, smoothing=0.1)
-    with pytest.raises(InvalidInput, match="low is above high"):
-        ILQR([Phase(sim, 5)], cost, low=1.0, high=-1.0)
+    for low, high in (
+        (1.0, -1.0), ([-1.0, 1.0], [1.0, -1.0]), ([1.0, -1.0], [-1.0, 1.0]),
+        (1e9, None), (None, [1.0, -1e9]),
+    ):  # fmt: skip
+        with pytest.raises(InvalidInput, match="low is above high, or beyond the scene's limits"):
+            ILQR([Phase(sim, 5)], cost, low=low, high=high)
     with pytest.raises(InvalidInput, match=r"high has shape \(3,\)"):
         ILQR([Phase(sim, 5)], cost, high=np.ones(3))
     optimizer = ILQR([Phase(sim, NODES)], cost)
