@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from arm_dynamics.control import (
     preparation,
     tuned,
 )
+from arm_dynamics.ros import controller_node as module
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference
@@ -259,19 +261,21 @@ def test_any_other_change_keeps_the_reference(ros: Ros) -> None:
     assert_close(node.follower.reference(2 * MS).q, HOME, ALGEBRA)
 
 
-def test_the_newest_choice_counts_whatever_was_being_prepared(ros: Ros) -> None:
+def test_the_newest_choice_counts_whatever_was_being_prepared(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A controller that is ready late does not take the place of one that was chosen since."""
     node = controller_node(ros, switch_time=0.0, bandwidth=[4.0])
     effort(node, 0)
     settle(node)
-    assert change(node, controller="operational_space", task_frame="panda_link5").successful
-    assert node.busy  # compiles for a frame that no test has used before
+    ready = Event()
+    jobs = [lambda: ready.wait(20.0), None]  # the second one needs no preparation
+    monkeypatch.setattr(module, "preparation", lambda control: jobs.pop(0))
+    assert change(node, controller="pd").successful
+    assert node.busy
     assert change(node, controller="pd_gravity").successful
+    ready.set()
     settle(node)
-    end = time.monotonic() + 2.0
-    while time.monotonic() < end:
-        time.sleep(0.05)
-        node.deliver()
     still = Reference(HOME, np.zeros(7), np.zeros(7))
     chosen = make_controller("pd_gravity", models.dynamics("panda"), Settings(bandwidth=4.0))
     effort(node, MS, HOME + 0.1)

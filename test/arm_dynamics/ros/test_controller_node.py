@@ -120,6 +120,7 @@ def test_a_torque_that_is_not_finite_is_not_sent(
 def test_gains_may_change_while_it_runs(node: ControllerNode) -> None:
     effort(node, 0, (0.0, 0.0))
     off = (0.1, 0.1)
+    assert_close(effort(node, MS, off), wanted(off, (0, 0), still(0.0, 0.0)), ALGEBRA)
     gains = Parameter("bandwidth", value=[30.0, 5.0])
     assert node.set_parameters([gains])[0].successful
     exact = wanted(off, (0, 0), still(0.0, 0.0), [30.0, 5.0])

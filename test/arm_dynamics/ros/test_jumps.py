@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import time
+from threading import Event
+
 import numpy as np
 import pytest
 from harness import Ros
@@ -11,7 +14,10 @@ from two_link_control import MS, effort, point, reference_of, still, trajectory,
 import models
 from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.ros.controller import Jumps
+from arm_dynamics.ros.controller.goals import Goal
 from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.trajectory.follower import Outset
+from arm_dynamics.trajectory.reference import Motion, hold
 from tolerances import ALGEBRA, assert_close
 
 NOW = 1_700_000_000 * 1000 * MS  # a stamp of a system's clock
@@ -67,3 +73,25 @@ def test_a_jump_at_rest_says_nothing_of_the_last_goal(ros: Ros) -> None:
     effort(node, NOW + 900 * MS, (0.1, -0.2))
     effort(node, NOW, (0.1, -0.2))
     assert node.goals.outcome.startswith("following 1 points")
+
+
+@pytest.mark.ros
+def test_a_jump_ends_what_is_being_planned(ros: Ros) -> None:
+    node, ready = ros.add(ControllerNode, models.scene("two_link")), Event()
+    effort(node, NOW, (0.1, -0.2))
+
+    def plan(outset: Outset) -> Motion:
+        ready.wait(20.0)
+        return hold(outset.here.q + 0.1)
+
+    node.goals.follow(Goal("goal", "a step", None, plan))
+    assert node.goals.outcome == "planning goal: a step"
+    effort(node, NOW - MS, (0.3, 0.4))
+    ready.set()
+    end = time.monotonic() + 20.0
+    while node.busy and time.monotonic() < end:
+        time.sleep(1e-3)
+        node.deliver()
+    said = "given up, time went backwards; the arm is held where it is"
+    assert node.goals.outcome == said
+    assert_close(reference_of(node, NOW)[0], (0.3, 0.4), ALGEBRA)

@@ -9,10 +9,12 @@ import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Self
 
 import click
 import pytest
+from builtin_interfaces.msg import Time
 from click.testing import CliRunner
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from forging import running
@@ -278,6 +280,103 @@ def test_the_one_reason_why_a_motion_ended_elsewhere_is_given(
     monkeypatch.setattr("arm_sim.cli.robot.controller.Controller", Interrupted)
     done = CliRunner().invoke(go, ["elbow=1", "--controller", words])
     assert done.exit_code == 1 and said in done.output
+
+
+class Told:
+    """Tells a controller's client one state after another."""
+
+    def __init__(self, *states: SimpleNamespace) -> None:
+        self.states, self.controller = list(states), Controller.__new__(Controller)
+        vars(self.controller).update(_listener=self, _count=0, _target={}, _timeout=1.0)
+        self.controller._on_state(self.states.pop(0))
+
+    def until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        while not (met := condition()) and self.states:
+            self.controller._on_state(self.states.pop(0))
+        return met
+
+
+def told(goal: str = "", remaining: float = 0.0, at: int = 0, **numbers: Any) -> SimpleNamespace:
+    """What a controller says of two joints at a time in [s]."""
+    names = ("reference_position", "position_error", "velocity_error")
+    given = {name: numbers.get(name, (0.0, 0.0)) for name in names}
+    header = SimpleNamespace(stamp=Time(sec=at))
+    joints = ("shoulder", "elbow")
+    return SimpleNamespace(
+        joint_names=joints, goal=goal, remaining=remaining, header=header, **given
+    )
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_arm_has_settled_when_no_joint_is_off_or_moves(joint: int, sign: float) -> None:
+    one = [sign * (i == joint) for i in range(2)]
+    off, moves = told(position_error=one), told(velocity_error=one)
+    near = told(position_error=[1e-3 * x for x in one])
+    listener = Told(off, moves, near, told())
+    name = near.joint_names[joint]
+    assert listener.controller.settle(0.01, 1.0) == (name, pytest.approx(1e-3))
+    assert len(listener.states) == 1
+    assert Told(moves, off).controller.settle(0.01, 1.0) == (name, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("reference", "replaced"),
+    [((0.1, 0.2), False), ((0.1, 0.3), True), ((0.0, 0.2), True), ((0.0, 0.0), True)],
+)
+def test_a_motion_is_replaced_when_any_joint_ends_elsewhere(
+    reference: tuple[float, float], replaced: bool
+) -> None:
+    controller = Told(told(reference_position=reference)).controller
+    assert not controller.replaced
+    controller._target = {"shoulder": 0.1, "elbow": 0.2}
+    assert controller.replaced is replaced
+
+
+OLD = "following 1 points for 3.000 s"
+
+
+@pytest.mark.parametrize(
+    ("states", "words"),
+    [
+        ([told("planning a path"), told("following 9 poses")], "following 9 poses"),
+        ([told(OLD, 1.0, at=2), told(OLD, 0.0, at=4), told(OLD, 3.0, at=5)], OLD),
+        ([told(OLD, 1.0, at=2), told("planning 2", 0.5, at=2), told("path refused: x")], "x"),
+        ([told(OLD, 1.0, at=2), told(OLD, 0.0, at=4)], "no answer to the goal"),
+    ],
+    ids=["planned", "the same again", "refused", "no answer"],
+)
+def test_a_goal_has_begun_when_another_motion_is_followed(
+    states: list[SimpleNamespace], words: str
+) -> None:
+    """The same words may tell of another motion, which has more time left."""
+    listener = Told(told(OLD, 2.0, at=1), *states)
+    sent: list[bool] = []
+    try:
+        assert listener.controller.begin(lambda: sent.append(True)) == words
+    except click.ClickException as error:
+        assert words in error.message
+        assert "refused" in states[-1].goal or "no answer" in words
+    assert sent == [True] and not listener.states
+
+
+class Short(Interrupted):
+    """A controller whose arm stays away from its reference."""
+
+    replaced = False
+
+    def settle(self, tolerance: float, patience: float) -> tuple[str, float]:
+        return "elbow", float(self.words)
+
+
+@pytest.mark.parametrize(("error", "code"), [("0.01", 0), ("0.011", 1), ("nan", 1)])
+def test_an_arm_that_stops_short_has_not_arrived(
+    monkeypatch: pytest.MonkeyPatch, error: str, code: int
+) -> None:
+    monkeypatch.setattr("arm_sim.cli.robot.controller.Controller", Short)
+    done = CliRunner().invoke(go, ["elbow=1", "--controller", error])
+    assert done.exit_code == code
+    assert ("arrived" if code == 0 else "stopped short: elbow is off by") in done.output
 
 
 @ros

@@ -126,6 +126,20 @@ def test_age_counts_the_ticks_since_a_command_was_first_used(commands: LatestCom
     assert commands.age == 1
 
 
+@pytest.mark.parametrize("newer", [None, (5.0, 6.0)])
+def test_a_command_that_comes_while_ticks_are_made_elsewhere_acts_next(
+    commands: LatestCommand, newer: tuple[float, float] | None
+) -> None:
+    commands.put(TAU)
+    commands.take(Q)
+    before, last = commands.efforts, (3.0, 4.0)
+    if newer is not None:
+        commands.put(newer)
+    commands.acted(before, last, 2.0)
+    np.testing.assert_array_equal(commands.take(Q), newer or last)
+    assert commands.age == (3.0 if newer is None else 1.0)
+
+
 def test_each_time_that_commands_stop_is_counted_once(commands: LatestCommand) -> None:
     counts = []
     for _ in range(3):

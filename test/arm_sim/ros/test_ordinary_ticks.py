@@ -255,6 +255,9 @@ def test_a_command_of_some_joints_is_put_together_by_python(ros: Ros) -> None:
     fast.refuses(serialize_message(told))
     fast.node.tick()
     assert fast.node.simulator.arm.acted.tolist() == [1.5, -0.5]
+    before = fast.made
+    assert not fast.node.ordinary.by_the_clock(fast.due), "the other joint is not its own"
+    assert fast.made == before
 
 
 def test_an_order_waits_for_no_more_than_the_tick_under_way(ros: Ros) -> None:

@@ -142,6 +142,18 @@ def test_a_push_soon_after_it_stood_is_not_taken_for_its_motion(speed: list[floa
     assert stopping.command(Stop.SERVO) is held
 
 
+def test_each_stop_may_take_its_own_time() -> None:
+    """Up to the longest one; that of the stop before it does not count."""
+    arm = SimpleNamespace(n=2, x=np.array([0.3, -0.2, 1.0, -1.0]), step_count=0, dt=0.25)
+    stopping = Stopping(arm, SimpleNamespace(ready=True))
+    for begin in (0, 100):
+        stopping.release()
+        slowed = []
+        for arm.step_count in range(begin, begin + 6):
+            slowed.append(stopping.command(Stop.BRAKES) is not None)
+        assert slowed == [True] * round(LONGEST / arm.dt) + [False] * 2
+
+
 def test_energy_taken_by_brakes_is_reported_as_a_change(ros: Ros) -> None:
     node = braked(ros, command_timeout=0.0)
     ticks(node, 5)
