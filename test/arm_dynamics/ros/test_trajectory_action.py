@@ -20,6 +20,7 @@ from two_link_control import MS, NAMES, effort, point, reference_of, state, traj
 import models
 from arm_dynamics.ros.controller import trajectory_action
 from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.trajectory import Reference
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
@@ -431,6 +432,20 @@ def test_braking_leaves_what_is_being_planned(node: ControllerNode) -> None:
             break
         time.sleep(1e-3)
     assert_close(reference_of(node, 60_000 * MS)[0], moved(0.0999, 0.0), ALGEBRA)
+
+
+@pytest.mark.parametrize(
+    ("elbow", "speed", "begins", "ends"),
+    [(-0.2, 9.0, (-0.2, 9.0), 0.7), (2.7, 2.0, (2.7, 0.0), 2.7), (2.9, 1.0, (2.8, 0.0), 2.8)],
+    ids=["faster than allowed", "near its limit", "beyond its limit"],
+)
+def test_wherever_an_arm_is_stopped_it_ends_within_its_limits(
+    node: ControllerNode, elbow: float, speed: float, begins: tuple[float, float], ends: float
+) -> None:
+    here = Reference(np.array([0.1, elbow]), np.array([0.0, speed]), np.zeros(2))
+    node.goals.brake(here)
+    assert_close(reference_of(node, 0)[:2, 1], begins, ALGEBRA)
+    assert_close(reference_of(node, 5000 * MS)[:, 1], [ends, 0.0, 0.0], ALGEBRA)
 
 
 def test_a_continuous_joint_goes_the_shorter_way(ros: Ros) -> None:
