@@ -253,6 +253,28 @@ def test_after_floating_the_arm_is_held_where_it_was_led_to(ros: Ros) -> None:
     assert abs(effort(node, 4 * MS, led + 0.1) - effort(node, 4 * MS, led)).max() > 1.0
 
 
+def test_gains_set_while_a_controller_is_prepared_are_of_that_one(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And of no other; the arm is held where it was led to, though two changes ended that."""
+    node = controller_node(ros, controller="float", switch_time=0.0)
+    effort(node, 0)
+    settle(node)
+    ready, led = Event(), HOME + 0.4
+    jobs = [lambda: ready.wait(20.0), None]
+    monkeypatch.setattr(module, "preparation", lambda control: jobs.pop(0))
+    assert change(node, controller="pd_gravity").successful
+    assert node.busy
+    effort(node, MS, led)
+    assert change(node, bandwidth=8.0).successful
+    ready.set()
+    settle(node)
+    effort(node, 2 * MS, led)
+    chosen = make_controller("pd_gravity", models.dynamics("panda"), Settings(bandwidth=8.0))
+    exact = chosen.torque(Measured(HOME, np.zeros(7)), Reference(led, np.zeros(7), np.zeros(7)))
+    assert_close(effort(node, 3 * MS, HOME), exact, ALGEBRA)
+
+
 def test_any_other_change_keeps_the_reference(ros: Ros) -> None:
     node = controller_node(ros, controller="pd_gravity", switch_time=0.0)
     effort(node, 0)

@@ -115,6 +115,7 @@ class ControllerNode(Node):
         names = self.dynamics.joint_names
         period, fade = self.params.settings.dt, self.params.switch_time
         self.control = Switch(self._made(self.params), period, fade)
+        self._acting = self.params  # of the active controller
         self.answers = OrdinaryAnswers()
         self._builder = Background("builder", self.answers.interrupt)
         model = self.dynamics.model
@@ -205,7 +206,7 @@ class ControllerNode(Node):
 
     def _obstacle(self) -> str:
         """Reason why trajectories are not followed now; empty if they are."""
-        free = self.params.controller == _FREE
+        free = _FREE in (self.params.controller, self._acting.controller)
         return self._log.failure or ("controller 'float' follows no trajectories" if free else "")
 
     def _made(self, params: ControllerParams) -> AnyController:
@@ -223,16 +224,16 @@ class ControllerNode(Node):
 
     @_locked
     def _apply(self, params: ControllerParams) -> None:
-        before, control = self.params, self._made(params)
+        before, control = self._acting, self._made(params)
         gains = {name: getattr(before.settings, name) for name in _GAINS}
         same = replace(params, settings=replace(params.settings, **gains)) == before
-        retune = same and not self._builder.busy
 
         def put() -> None:
+            self._acting = params
             if self._log.failure:  # the arm has been braked: there is no torque to fade from
                 self.control.restart()
                 self.goals.drop("as the controller had failed")
-            if retune:
+            if same:
                 self.control.retune(control)
                 return
             self.control.to(control)
@@ -366,7 +367,7 @@ class ControllerNode(Node):
         """Diagnostics since the last call."""
         about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
         answers = self.answers.summary()
-        return [self._log.finding(self, self.params.controller, self._cut(), about, answers)]
+        return [self._log.finding(self, self._acting.controller, self._cut(), about, answers)]
 
     def _warn(self, warning: str) -> None:
         self.get_logger().warning(warning, throttle_duration_sec=THROTTLE)
