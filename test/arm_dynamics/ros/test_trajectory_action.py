@@ -281,7 +281,8 @@ def test_who_is_there_already_needs_no_time(node: ControllerNode, client: Client
     handle = client.send(goal(trajectory(point(0.0, *moved(0.005, -0.005)))))
     led(node, 10, 10)
     assert client.result(handle)[0] == SUCCEEDED
-    assert not client.send(goal(trajectory(point(0.0, *moved(0.02, 0.0))))).accepted
+    for away in ((0.02, 0.0), (0.0, -0.02)):
+        assert not client.send(goal(trajectory(point(0.0, *moved(*away))))).accepted
 
 
 BAD = {
@@ -305,6 +306,9 @@ BAD = {
     "time_from_start of point 0 is -1 s": goal(trajectory(point(-1.0, *HERE))),
     "last velocity of joint 'elbow' is 0.1": goal(
         trajectory(point(1.0, *HERE, velocities=[0.0, 0.1]))
+    ),
+    "last velocity of joint 'shoulder' is -0.1": goal(
+        trajectory(point(1.0, *HERE, velocities=[-0.1, 0.0]))
     ),
     "names joint 'nobody'": to(0.1, 0.1, path_tolerance=[tolerance("nobody", 0.1)]),
     "names joint 'elbow' twice": to(
