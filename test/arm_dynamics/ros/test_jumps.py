@@ -37,12 +37,22 @@ def at(*q: float, speed: float = 0.0) -> Measured:
         (100 * MS, at(0.0, 1.0, speed=2.0), "joint 'b' moved by 1 in 0.1 s"),
         (-1, at(0.0, 0.0), "time went backwards"),
         (2000 * MS, at(0.0, 0.0), "time advanced by 2 s between two states"),
+        (1000 * MS, at(0.0, 0.0), ""),  # as long as is allowed
+        (0, at(0.0, 0.5), ""),  # as far as is allowed
     ],
 )
 def test_time_and_joints_jump(gap: int, state: Measured, said: str) -> None:
     jumps = Jumps(["a", "b"])
     assert not jumps.look(NOW, at(0.0, 0.0), 1.0, 0.5)
     assert jumps.look(NOW + gap, state, 1.0, 0.5) == said
+
+
+@pytest.mark.parametrize("speed", [60.0, -60.0])
+def test_a_joint_that_was_fast_before_it_stopped_has_not_jumped(speed: float) -> None:
+    jumps = Jumps(["a", "b"])
+    jumps.look(NOW, at(0.0, 0.0, speed=speed), 1.0, 0.5)
+    assert not jumps.look(NOW + MS, at(0.0, -0.6), 1.0, 0.5)
+    assert jumps.look(NOW + 2 * MS, at(0.0, 0.0), 1.0, 0.5), "it has stood since"
 
 
 def test_zero_allows_any() -> None:
