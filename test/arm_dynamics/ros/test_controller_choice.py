@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from goal_client import Client, goal
 from harness import Ros
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
@@ -273,6 +274,30 @@ def test_gains_set_while_a_controller_is_prepared_are_of_that_one(
     chosen = make_controller("pd_gravity", models.dynamics("panda"), Settings(bandwidth=8.0))
     exact = chosen.torque(Measured(HOME, np.zeros(7)), Reference(led, np.zeros(7), np.zeros(7)))
     assert_close(effort(node, 3 * MS, HOME), exact, ALGEBRA)
+
+
+def test_a_controller_that_cannot_be_prepared_is_not_taken_for_the_one_that_acts(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """An arm that is still led by hand follows no goals."""
+
+    def fail() -> None:
+        raise InvalidInput("no compiler")
+
+    node = controller_node(ros, controller="float")
+    effort(node, 0)
+    settle(node)
+    monkeypatch.setattr(module, "preparation", lambda control: fail)
+    assert change(node, controller="pd_gravity").successful
+    settle(node)
+    assert "the old one stays active: no compiler" in capfd.readouterr().err
+    assert node.diagnostics()[0].values["controller"] == "float"
+    point = JointTrajectoryPoint(positions=HOME.tolist())
+    point.time_from_start.sec = 1
+    names = list(models.dynamics("panda").joint_names)
+    there = JointTrajectory(joint_names=names, points=[point])
+    assert not Client(ros).send(goal(there)).accepted
+    assert "'float' follows no trajectories" in node.goals.outcome
 
 
 def test_any_other_change_keeps_the_reference(ros: Ros) -> None:
