@@ -274,6 +274,11 @@ def test_goals_of_the_action_are_watched(ros: Ros, rng: np.random.Generator) -> 
         see(stamp, 0.0)
     see(600, 0.06)
     assert client.result(second)[1].error_code == Result.PATH_TOLERANCE_VIOLATED
+    count = node.answers.count
+    for stamp in range(601, 620):
+        see(stamp, 0.06)  # nobody watches any more
+    with node.answers:
+        assert node.answers.count > count + 10
 
 
 def test_diagnostics_say_who_answers(ros: Ros, rng: np.random.Generator) -> None:
