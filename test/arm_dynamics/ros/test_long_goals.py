@@ -30,8 +30,11 @@ from trajectory_msgs.msg import JointTrajectory
 import models
 from arm_dynamics.ros import controller_node
 from arm_dynamics.ros.common import executor
+from arm_dynamics.ros.controller.goals import Goal
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
+from arm_dynamics.trajectory.follower import Outset
+from arm_dynamics.trajectory.reference import Motion, hold
 from arm_sim.cli import nodes as cli
 from tolerances import assert_close
 
@@ -80,6 +83,31 @@ def test_a_plan_that_comes_too_late_is_made_again(node: ControllerNode) -> None:
         see(node, stamp)
     assert node.follower.remaining(stamp) < 10.0
     assert_close(node.follower.reference(stamp + 10_000 * MS).q, HOME + 0.2, 1e-12)
+
+
+def test_a_goal_that_is_never_planned_in_time_is_refused(node: ControllerNode) -> None:
+    """Each plan gets twice the time of the one before it; the motion goes on."""
+    node.on_joint_trajectory(long_trajectory(10, 60.0))
+    see(node, 300 * MS)
+    before, begins = node.follower, [299 * MS]
+    ended: list[object] = []
+
+    def plan(outset: Outset) -> Motion:
+        begins.append(outset.begin)
+        return hold(outset.here.q)
+
+    node.goals.follow(Goal("goal", "a stop", None, plan, ended.append))
+    end = time.monotonic() + 20.0
+    while not ended and time.monotonic() < end:
+        if node.goals.planner.ready:
+            node.goals.reference(begins[-1] + MS)
+            node.deliver()
+        time.sleep(1e-4)
+    assert ended == [None]
+    assert (np.diff(begins) - MS).tolist() == [50 * MS << k for k in range(9)]
+    assert node.goals.outcome.startswith("goal refused: the arm's reference changed faster")
+    assert node.follower is before
+    assert_close(node.follower.reference(60_000 * MS).q, HOME + 0.2, 1e-12)
 
 
 def test_another_frame_is_built_in_the_background_and_used_when_ready(ros: Ros) -> None:
