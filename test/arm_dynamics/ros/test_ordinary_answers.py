@@ -216,10 +216,11 @@ def test_what_is_cut_is_said_by_python(ros: Ros, rng: np.random.Generator) -> No
         return message
 
     with side_by_side(ros, TWO_LINK, saturate=True) as pair:
-        pair.led(10, rng)
-        pair.stamp += MS
-        pair.answers(pair.state(pair.q, pair.v + 1e4))
-        assert "torque clipped" in said()
+        for more in (1e4, (10.0, 0.0), (-10.0, 0.0), (0.0, 30.0), (0.0, -30.0)):
+            pair.led(10, rng)
+            pair.stamp += MS
+            pair.answers(pair.state(pair.q, pair.v + more))
+            assert "torque clipped" in said()
         count = pair.in_c
         pair.led(10, rng)
         assert pair.in_c > count and "torque clipped" not in said()
