@@ -252,6 +252,10 @@ def test_after_floating_the_arm_is_held_where_it_was_led_to(ros: Ros) -> None:
     assert_close(node.follower.reference(3 * MS).q, led, ALGEBRA)
     assert_close(effort(node, 3 * MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
     assert abs(effort(node, 4 * MS, led + 0.1) - effort(node, 4 * MS, led)).max() > 1.0
+    go(node, 0.1, 1)
+    assert change(node, bandwidth=8.0).successful
+    settle(node)
+    assert node.follower is not None and node.follower.remaining(4 * MS) > 0.9
 
 
 def test_gains_set_while_a_controller_is_prepared_are_of_that_one(
