@@ -185,6 +185,10 @@ class Sim(Part):
     tolerance: Positive | None = None
 
 
+Tunable = Literal["gravity", "payload", "friction", "coulomb", "external"]
+"""What a scene may declare tunable, in the order in which its numbers are stored."""
+
+
 class Scene(Part):
     """A scene; everything but the robot is optional, and what is absent is not computed.
 
@@ -219,7 +223,7 @@ class Scene(Part):
     sim: Sim = Sim()
     sensors: Sensors | None = None
     commands: Commands | None = None
-    tunable: tuple[Literal["gravity", "payload", "friction", "coulomb", "external"], ...] = ()
+    tunable: tuple[Tunable, ...] = ()
 
     @field_validator("tunable")
     @classmethod

@@ -180,9 +180,9 @@ def _numbers(plant: Plant) -> list[_Number]:
     most = {"coulomb": np.where(friction.coulomb.mean > 0.0, math.inf, 0.0).tolist()}
     found = list[_Number]()
     for item in plant.parameters.items:
-        lower, upper = cycle(least.get(item.name, [-math.inf])), most.get(item.name, [math.inf])
+        lower, upper = cycle(least.get(item.name, _ANY)), cycle(most.get(item.name, [math.inf]))
         for i in range(item.nominal.size if item.name != "constraints" else 0):
-            found.append(_Number(f"{item.name}[{i}]", next(lower), upper[i % len(upper)]))
+            found.append(_Number(f"{item.name}[{i}]", next(lower), next(upper)))
     return found
 
 

@@ -164,25 +164,33 @@ def _check_payloads(values: Array) -> None:
 
 def _check_friction(values: Array, least: Array, joints: Sequence[str]) -> None:
     """Reject viscous coefficients that are negative in a direction of motion."""
-    bad = np.argwhere(values < least)
-    if len(bad):
-        i = bad[0][-1]
+
+    def expected(i: int) -> str:
         why = " (half the difference of its two directions)" if least[i] else ""
-        raise InvalidInput(
-            f"friction[{i}]{_of_arm(bad[0])} = {values[tuple(bad[0])]:g} at joint '{joints[i]}'; "
-            f"at least {least[i]:g}{why} is expected"
-        )
+        return f"at least {least[i]:g}{why}"
+
+    _refuse("friction", values, values < least, expected, joints)
 
 
 def _check_dry(values: Array, dry: NDArray[np.bool_], joints: Sequence[str]) -> None:
     """Reject negative levels, and those of joints that have no dry friction to be changed."""
-    bad = np.argwhere((values < 0.0) | ((values > 0.0) & ~dry))
-    if len(bad):
-        i = bad[0][-1]
-        allowed = "at least 0" if dry[i] else "0, since it has no dry friction in the scene,"
+
+    def expected(i: int) -> str:
+        return "at least 0" if dry[i] else "0, since it has no dry friction in the scene,"
+
+    _refuse("coulomb", values, (values < 0.0) | ((values > 0.0) & ~dry), expected, joints)
+
+
+def _refuse(
+    name: str, values: Array, bad: NDArray[np.bool_], expected: Callable[[int], str],
+    joints: Sequence[str],
+) -> None:  # fmt: skip
+    """Refuse the first bad value of joints, of shape (…, n)."""
+    for place in np.argwhere(bad)[:1]:
+        i = int(place[-1])
         raise InvalidInput(
-            f"coulomb[{i}]{_of_arm(bad[0])} = {values[tuple(bad[0])]:g} at joint '{joints[i]}'; "
-            f"{allowed} is expected"
+            f"{name}[{i}]{_of_arm(place)} = {values[tuple(place)]:g} at joint '{joints[i]}'; "
+            f"{expected(i)} is expected"
         )
 
 

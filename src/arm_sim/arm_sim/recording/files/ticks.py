@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from arm_dynamics.cdr import GIGA
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene.constraint import switches
+from arm_dynamics.scene.schema import Tunable
 from arm_sim.imperfections import Measured
 from arm_sim.plant.placing import held_of
 from arm_sim.recording.changes import Jump
@@ -265,8 +266,7 @@ def _scene(contents: Contents) -> Scene:
 
 def tunable_names(scene: Scene) -> tuple[str, ...]:
     """Names of the tunable quantities, in the order of p."""
-    order = ("gravity", "payload", "friction", "coulomb", EXTERNAL)
-    names = [name for name in order if name in scene.tunable]
+    names = [name for name in get_args(Tunable) if name in scene.tunable]
     return (*names, *([SWITCHES] if switches(scene.constraints).size else []))
 
 
