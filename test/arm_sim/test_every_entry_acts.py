@@ -267,7 +267,8 @@ def equations(plant: Plant) -> list[Any]:
         x, u = 0.4 * rng.normal(size=plant.nx), strength * rng.normal(size=plant.model.n)
         p = np.concatenate([plant.parameters.nominal, np.full(size, direction)])
         found += [np.array(plant.rhs(x, u, p)), plant.joint_torque(x, u)]
-        found += [np.array(out) for f in plant.events[:1] for out in f.call([x, u, p])]
+        if plant.events:
+            found += [np.array(out) for out in plant.events["loads"].call([x, u, p])]
     return found
 
 

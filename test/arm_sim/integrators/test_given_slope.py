@@ -43,7 +43,7 @@ def built(plant: Plant, name: str, loads: ca.Function | None) -> ca.Function:
 @pytest.mark.parametrize("name", METHODS)
 def test_the_same_step(plant: Plant, name: str, rng: np.random.Generator) -> None:
     """To the bit, with the loads at its end where a stage is there."""
-    loads = next(function for function in plant.events if function.name() == "loads")
+    loads = plant.events["loads"]
     x, u = rng.normal(0.0, 0.5, plant.nx), rng.normal(0.0, 1.0, plant.model.n)
     modes = Modes(plant, plant.parameters.nominal)
     modes.direction[:] = 1.0, 0.0, -1.0

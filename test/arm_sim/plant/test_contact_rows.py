@@ -124,7 +124,7 @@ def test_forces_act_on_both_bodies_and_hold_what_they_are_to_hold(
     p = np.array([1.0, sticks, 0.6, 0.8, 1.0])
     assert made.contact is not None
     a = np.array(made.contact.acceleration(q, v, tau, p)).ravel()
-    loads = next(event for event in made.events if event.name() == "loads")
+    loads = made.events["loads"]
     found = loads(np.hstack([q, v]), tau, p)
     _, force, rate, *_ = (np.array(x).ravel() for x in found)
     sites = np.array(made.contact.sites(q))

@@ -93,7 +93,7 @@ def test_code_that_is_a_little_wrong_is_refused(
     n = made.model.n
     wrong, *events = (
         falsify(each, n + joint % n, 1.001) if each.name() in ("rhs", "loads") else each
-        for each in (made.rhs, *made.events)
+        for each in (made.rhs, *made.events.values())
     )
     monkeypatch.setattr(made, "_equations", lambda: (wrong, events))
     with pytest.raises(KernelError, match="differs from Pinocchio"):

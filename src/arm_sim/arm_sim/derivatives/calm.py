@@ -60,7 +60,7 @@ class CalmTick:
         """Those of a plant with events, with places in p to differentiate by."""
         rest = RestProjection(plant, tuned)
         margins = _margins(plant, "clear", held=True), _margins(plant, "clear_in_motion", False)
-        geometry = (event for event in plant.events if event.name() == "contact_geometry")
+        geometry = [plant.events["contact_geometry"]] if plant.contact else []
         functions = (*geometry, *margins, rest.rest_begin, rest.rest_end)
         return cls(functions, (rest.begin_at_rest, rest.end_at_rest), len(tuned))
 

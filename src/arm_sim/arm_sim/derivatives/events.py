@@ -226,7 +226,7 @@ class Events:
     def _functions(self) -> list[ca.Function]:
         plant, tuned = self._plant, self._tuned
         functions = [acting(plant), plant.slope_of_loads(), *guard_functions(plant, tuned)]
-        functions += [each for each in plant.events if each.name() in ENGINE]
+        functions += [function for name, function in plant.events.items() if name in ENGINE]
         functions += resting_functions(plant)
         if plant.directions or plant.points:
             functions += self._rest.matrices

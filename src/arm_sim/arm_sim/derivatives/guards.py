@@ -149,7 +149,7 @@ def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX, held: bool
 
     Where nothing is ``held``, loads and forces are zero.
     """
-    n, function = plant.model.n, {event.name(): event for event in plant.events}
+    n, function = plant.model.n, plant.events
     _, direction, pressed, _, contacts = plant.parts(p)
     load, force = ca.MX(n, 1), ca.MX(3 * len(plant.points), 1)
     heaviest = [ca.MX(0)] * len(plant.points)

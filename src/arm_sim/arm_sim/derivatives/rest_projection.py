@@ -115,7 +115,7 @@ def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
 def _leans(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     """Joints at rigid stops that friction alone would not hold there."""
     q, (lower, upper) = x[: plant.model.n], plant.model.stops.bounds
-    load = next(f for f in plant.events if f.name() == "loads")(x, u, p)[0]
+    load = plant.events["loads"](x, u, p)[0]
     push = ca.if_else(q <= lower, -load, ca.if_else(q >= upper, load, 0))
     return push > plant.model.friction.level
 

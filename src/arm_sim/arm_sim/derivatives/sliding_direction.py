@@ -40,7 +40,7 @@ def turning_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Funct
         its direction, and the rate in [1/s], of each contact; ``turning_gradient``
         (x, u, p, weights) -> gradients of the weighed sum of rates by x, and by u and quantities.
     """
-    functions = {event.name(): event for event in plant.events}
+    functions = plant.events
     x, u, p = functions["loads"].mx_in()
     force, W = functions["loads"](x, u, p)[1], functions["contact_inertia"](x, u, p)[0]
     speed = functions["contact_geometry"](x[: 2 * plant.model.n])[1]

@@ -41,7 +41,7 @@ def at_rest(model: ArmModel, scalar: str) -> str:
     if not model.has_dry_friction:
         return ""
     plant = _bare(model)
-    functions = [plant.slope_of_loads(), *plant.events, _acting(model)]
+    functions = [plant.slope_of_loads(), *plant.events.values(), _acting(model)]
     defines = {
         **sizes(plant, functions),
         **event_sizes(plant),

@@ -196,8 +196,8 @@ class Plant:
         return self._equations()[0]
 
     @property
-    def events(self) -> tuple[ca.Function, ...]:
-        """CasADi functions evaluated at events; empty where nothing sticks or touches.
+    def events(self) -> dict[str, ca.Function]:
+        """CasADi functions evaluated at events, by name; empty where nothing sticks or touches.
 
         ``loads`` (x, u, p), the last of which are torques of stops and x', with bilateral
         constraints ``bilateral`` (x, u, p), with stops ``strike`` and ``pressures``, with
@@ -205,12 +205,12 @@ class Plant:
         with contacts ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``,
         and where parts may hold together ``statics`` (x, u, p).
         """
-        return self._equations()[1] if self.eventful else ()
+        return self._equations()[1] if self.eventful else {}
 
     @one_at_a_time
     def slope_of_loads(self) -> ca.Function:
         """``rhs`` for code that contains ``loads``: it calls that, where there is one."""
-        loads = next((each for each in self.events if each.name() == "loads"), None)
+        loads = self.events.get("loads")
         if loads is None:
             return self.rhs
         given = [ca.MX.sym(name, loads.size1_in(i)) for i, name in enumerate("xup")]
@@ -283,7 +283,7 @@ class Plant:
         tau = u
         if self._moded:
             tau = _with_modes(self._moded, self._symbols[1], p, q, v, z, u)[0]
-        force = next(f for f in self.events if f.name() == "loads")(x, u, p)[1]
+        force = self.events["loads"](x, u, p)[1]
         contact = self._mechanics().contact
         assert contact is not None
         found = contact.slopes()(q, v, tau, p, slope[n : 2 * n], force)
@@ -372,7 +372,7 @@ def _composed(
     mechanics: Callable[[], Mechanics],
     laws: Ensemble | None,
     powers: Sequence[Power],
-) -> tuple[ca.Function, tuple[ca.Function, ...]]:
+) -> tuple[ca.Function, dict[str, ca.Function]]:
     """``rhs`` and ``events`` of an arm with internal states, and powers as additional states.
 
     The last of them is the energy taken by contact friction and compliant stops.
@@ -387,7 +387,8 @@ def _composed(
     )
     geometry = (arm.contact.geometry, arm.contact.close) if arm.contact else ()
     switches = (_switches(arm, laws),) if arm.joints.switches.numel() else ()
-    return rhs, (*of_state, *arm.of_joints, *switches, *geometry)
+    events = (*of_state, *arm.of_joints, *switches, *geometry)
+    return rhs, {function.name(): function for function in events}
 
 
 def _with_modes(

@@ -289,7 +289,7 @@ def ticks_of_lanes(
     if not plant.eventful:
         more, without = {"TICK": "tick"} | stop_defines(plant), {"foresight.h"}
         return _source(plant, width, [build_tick(motion, actuate)], more, file, control, without)
-    asked = [function for function in plant.events if function.name() in FORESEEN]
+    asked = [function for name, function in plant.events.items() if name in FORESEEN]
     functions = [plant.slope_of_loads(), motion, actuate, *asked]
     more = {"EVENTS": "1"} | mode_sizes(plant)
     more |= near_loads(functions)

@@ -339,7 +339,7 @@ def tick_functions(
 ) -> tuple[list[ca.Function], ca.Function]:
     """The functions that a tick evaluates, and that of them which advances without events."""
     smooth = smooth_motion(plant, choice)
-    functions = [plant.slope_of_loads(), smooth, actuate, *plant.events]
+    functions = [plant.slope_of_loads(), smooth, actuate, *plant.events.values()]
     if plant.free:
         smooth = smooth_motion(plant.free, choice, FREE)
         functions += [_renamed(plant.free.rhs), smooth]
@@ -480,8 +480,7 @@ def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function
     is known from the choice of modes.
     """
     n, scaled, method, dense = plant.model.n, plant.scaled_jacobian, choice.method, plant.eventful
-    known = {function.name(): function for function in plant.events}
-    loads = None if plant.moving else known.get("loads")
+    loads = None if plant.moving else plant.events.get("loads")
     more = plant.project, scaled, f"{prefix}{'step' if choice.tolerance is None else 'attempt'}"
     if choice.tolerance is None:
         return build_step(method, plant.rhs, n, *more, dense, loads)
@@ -523,10 +522,8 @@ def event_sizes(plant: Plant) -> dict[str, str]:
 
 def _together_sizes(plant: Plant) -> dict[str, str]:
     """Definitions for ``native/together.h``; empty where nothing can hold together."""
-    for function in plant.events:
-        if function.name() == "statics":
-            return {"TOGETHER": "1", "NM": str(function.size1_out(3))}
-    return {}
+    statics = plant.events.get("statics")
+    return {} if statics is None else {"TOGETHER": "1", "NM": str(statics.size1_out(3))}
 
 
 def braces(values: Sequence[float] | Array) -> str:
