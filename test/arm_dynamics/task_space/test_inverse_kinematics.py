@@ -57,6 +57,18 @@ def test_one_seed_gets_there(name: str, q: list[float]) -> None:
     assert found.reached and found.distance <= 1e-9 and found.angle <= 1e-9
 
 
+def test_poses_are_found_that_few_starting_points_lead_to() -> None:
+    """Between local minima of a wrist whose ranges end within a turn."""
+    task = task_of("puma560")
+    lower, upper = task.model.position_lower, task.model.position_upper
+    for share in (
+        [0.025, 0.182, 0.76, 0.223, 0.258, 0.967], [0.234, 0.106, 0.656, 0.707, 0.895, 0.5],
+        [0.215, 0.175, 0.535, 0.669, 0.708, 0.208],
+    ):  # fmt: skip
+        wanted = task.pose(lower + (upper - lower) * share)
+        assert InverseKinematics(task).solve(wanted).reached
+
+
 def test_position_alone_leaves_the_rest_free() -> None:
     task = task_of("panda", "position")
     goal = Pose(np.array([0.4, 0.3, 0.5]), np.eye(3))
