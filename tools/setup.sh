@@ -2,7 +2,7 @@
 # The set-up of ./arm, which sources this file only when something is missing or out of date.
 # shellcheck shell=bash disable=SC2154
 
-setup_log=$root/log/arm-setup.log
+setup_log=$root/log/arm-setup${env#"$root/.venv"}.log # of .venv-pypi-kilted: arm-setup-pypi-kilted.log
 on_terminal=
 if [[ -t 2 && ${TERM:-dumb} != dumb ]]; then on_terminal=yes; fi
 
@@ -265,11 +265,11 @@ if '$kind' == 'installed' and numpy.__file__.startswith(sys.prefix):
 
 # --- all of it ---------------------------------------------------------------------------------
 
-# One at a time; the lock goes when this process does, whatever ends it.
+# One at a time for an environment; the lock goes when this process does, whatever ends it.
 lock_set_up() {
     [[ -w $root ]] || die "cannot write to $root, where set-up puts everything; make it writable, or use a copy of it"
     type -p flock >/dev/null || return 0
-    exec {lock_fd}>"$root/.arm.lock"
+    exec {lock_fd}>"$env.lock"
     if ! flock -n "$lock_fd"; then
         say "Another ./arm is setting up here; waiting for it ..."
         flock "$lock_fd"
