@@ -221,6 +221,8 @@ BAD_YAML = {
     "key twice over": "robot: [urdf]\n  lock: x",
     "a list for a key": "robot: {urdf: x}\njoints: {[joint1, joint2]: {armature: 1}}",
     "a bell": "robot: {urdf: x}  # \a",
+    "aliases that double forty times": "a0: &a0 [1]\n"
+    + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for k in range(1, 41)),
 }
 
 # Numbers that YAML 1.1 reads as 8, -8 and 90.
