@@ -95,6 +95,7 @@ def test_code_that_is_a_little_wrong_is_refused(
         falsify(each, n + joint % n, 1.001) if each.name() in ("rhs", "loads") else each
         for each in (made.rhs, *made.events.values())
     )
-    monkeypatch.setattr(made, "_equations", lambda: (wrong, events))
+    named = {event.name(): event for event in events}
+    monkeypatch.setattr(made, "_equations", lambda: (wrong, named))
     with pytest.raises(KernelError, match="differs from Pinocchio"):
         stepper(made, backend)
