@@ -69,6 +69,7 @@ _NUMBER = re.compile(
     r"(SOFT_)?(LOWER|UPPER)(_REBOUND)?"
 )
 _ROOM = re.compile(r"SZ_\w+")
+_DECLARED = re.compile(r"\bOF_SCENE (.*?) VALUE\((.*?)\);")
 _BEFORE_CALLS = '#include "scalar.h"\n#define casadi_int long long int\n'
 FOR_EDITORS = ("scene.h", "scene_columns.h")
 """Files of ``native`` that stand for the definitions and the generated functions of a scene."""
@@ -395,7 +396,7 @@ def engine_apart(
     once for all of them. Arguments as of ``engine_source``.
     """
     defines, without = _definitions(plant, choice, functions, smooth)
-    numbers = source(defines | {"OF_SCENE": "const"}, "numbers.h")
+    numbers = source(defines | {"OF_SCENE": "const", "VALUE(...)": "= __VA_ARGS__"}, "numbers.h")
     shared = {name: value for name, value in defines.items() if not _NUMBER.fullmatch(name)}
     for name in filter(_ROOM.fullmatch, shared):  # of similar scenes it is the same
         shared[name] = str(1 << (int(shared[name]) - 1).bit_length())
@@ -465,13 +466,13 @@ def source(defines: dict[str, str], file: str = "", without: Collection[str] = (
     The definitions take the place of ``FOR_EDITORS``.
 
     Args:
-        defines: Values of names.
+        defines: Values of names; without OF_SCENE, numbers of the scene are defined in place.
         file: The file; empty for none.
         without: Files that are not needed, nor what only they include.
     """
-    usual = {"OF_SCENE": "static const", "VALUE(...)": "= __VA_ARGS__"}
-    lines = [f"#define {name} {value}" for name, value in (usual | defines).items()]
-    return "\n".join(["", *lines, *_included(file, {*FOR_EDITORS, *without})])
+    lines = [f"#define {name} {value}" for name, value in defines.items()]
+    text = "\n".join(["", *lines, *_included(file, {*FOR_EDITORS, *without})])
+    return text if "OF_SCENE" in defines else _DECLARED.sub(r"static const \1 = \2;", text)
 
 
 _INCLUDES = re.compile(r'(?:#pragma once\n)?((?:#include "\w+\.h"\n)+)\n')
