@@ -398,8 +398,10 @@ def engine_apart(
     defines, without = _definitions(plant, choice, functions, smooth)
     numbers = source(defines | {"OF_SCENE": "const", "VALUE(...)": "= __VA_ARGS__"}, "numbers.h")
     shared = {name: value for name, value in defines.items() if not _NUMBER.fullmatch(name)}
-    for name in filter(_ROOM.fullmatch, shared):  # of similar scenes it is the same
-        shared[name] = str(1 << (int(shared[name]) - 1).bit_length())
+    # Work space is rounded up, so that similar scenes have the same; not to powers of two, where
+    # arrays on the stack would share lines of the processor's cache.
+    for name in filter(_ROOM.fullmatch, shared):
+        shared[name] = str(-(-(int(shared[name]) + 8) // 64) * 64 - 8)
     arguments = "const real** arg, real** res, casadi_int* iw, real* w, int mem"
     calls = "".join(f"int {function.name()}({arguments});\n" for function in functions)
     apart = shared | {"OF_SCENE": "extern const", "VALUE(...)": ""}
