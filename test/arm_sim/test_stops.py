@@ -357,6 +357,17 @@ def test_accumulating_impacts_are_time_stepped_and_reported() -> None:
     assert sim.run(0.1).time_stepped[-1] == 0
 
 
+@pytest.mark.parametrize("method", ["euler", "rk4"])
+def test_what_flies_from_stop_to_stop_by_an_unstable_method_has_diverged(method: str) -> None:
+    """Friction stops the mass in 2 µs, the tick has 10 ms: its speed grows; it is not at rest."""
+    scene = rail({"restitution": 1.0}, friction={"viscous": 1e6})
+    sim = Simulator(scene, integrator=method, dt=1e-2)
+    sim.reset(v=[1.0])
+    with pytest.raises(SimulationDiverged, match="cannot be computed"):
+        sim.run(0.1)
+    assert 0.0 < sim.state.q[0] < 2.0 and sim.state.v[0] != 0.0
+
+
 def test_rest_at_a_stop_is_rest() -> None:
     limits = {"limits": {"lower": -0.5, "upper": 0.5}}
     sim = Simulator(two_link({f"joint{i}": limits for i in (1, 2, 3)}))
