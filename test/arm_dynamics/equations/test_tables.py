@@ -12,7 +12,7 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 
 import models
-from arm_dynamics import Dynamics
+from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.equations.interpolation import Curve
 from complex_step import EPSILON, evaluated, seeded
 from models.rotor import rotor
@@ -82,6 +82,15 @@ def test_rows_are_blended_between_positions() -> None:
     v = np.full(50, 0.4)
     assert_close(friction(around, v, q + 4.0), friction(around, v, q), ALGEBRA)
     assert_close(friction(around, v[:1], np.array([2.5])), [(one[0] + one[2]) / 2], CLOSED_FORM)
+
+
+def test_rows_that_agree_at_rest_still_differ_in_motion() -> None:
+    """So friction cannot be told without the position."""
+    dyn = wheel({"speed": [0.0, 1.0], "torque": [[1.0, 2.0], [1.0, 4.0]], "position": [0.0, 1.0]})
+    assert_close(friction(dyn, [1.0] * 3, np.array([0.0, 0.5, 1.0])), [2.0, 3.0, 4.0], CLOSED_FORM)
+    for many in (False, True):
+        with pytest.raises(InvalidInput, match="q is expected"):
+            dyn.friction([[1.0]] * 99 if many else [1.0])
 
 
 def test_a_table_of_viscous_friction_is_viscous_friction() -> None:
