@@ -84,9 +84,9 @@ def test_rows_are_blended_between_positions() -> None:
     assert_close(friction(around, v[:1], np.array([2.5])), [(one[0] + one[2]) / 2], CLOSED_FORM)
 
 
-def test_rows_that_agree_at_rest_still_differ_in_motion() -> None:
+def test_without_dry_friction_rows_still_differ_in_motion() -> None:
     """So friction cannot be told without the position."""
-    dyn = wheel({"speed": [0.0, 1.0], "torque": [[1.0, 2.0], [1.0, 4.0]], "position": [0.0, 1.0]})
+    dyn = wheel({"speed": [0.0, 1.0], "torque": [[0.0, 2.0], [0.0, 4.0]], "position": [0.0, 1.0]})
     assert_close(friction(dyn, [1.0] * 3, np.array([0.0, 0.5, 1.0])), [2.0, 3.0, 4.0], CLOSED_FORM)
     for many in (False, True):
         with pytest.raises(InvalidInput, match="q is expected"):
