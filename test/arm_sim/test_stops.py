@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import models
 from arm_dynamics import InvalidInput, SceneError
 from arm_sim import SimulationDiverged, Simulator
+from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
 
 G, MASS = 9.81, 2.0
@@ -355,6 +356,20 @@ def test_accumulating_impacts_are_time_stepped_and_reported() -> None:
     assert (np.diff(run.energy) <= 1e-6).all()
     assert sim.reset().time_stepped == 0
     assert sim.run(0.1).time_stepped[-1] == 0
+
+
+def test_no_time_stepped_tick_ends_beyond_a_stop_or_inside_a_slope() -> None:
+    """Elastic blows without end, in the wedge of a stop and a slope that leads into the stop."""
+    slope = {"normal": [0.8, 0.0, 0.6]}
+    scene = rails("xz", 1.5) | {"constraints": [contact("body", restitution=1.0, plane=slope)]}
+    limits = {"lower": -1.0, "upper": 1.0, "stop": {"restitution": 1.0}}
+    sim = Simulator(scene | {"joints": {"x": {"limits": limits}}}, dt=5.0)
+    for q, v in (((-0.7, 2.1), (181, 222)), ((-0.9, 2.1), (1063, 24)), ((0.9, 1.9), (-140, 293))):
+        sim.reset(q, v)
+        state = sim.step([0.0, 0.0])
+        assert state.time_stepped == 1
+        assert abs(state.q[0]) <= 1.0
+        assert 0.8 * state.q[0] + 0.6 * state.q[1] > -1e-12
 
 
 @pytest.mark.parametrize("method", ["euler", "rk4"])
