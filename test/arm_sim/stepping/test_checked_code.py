@@ -96,7 +96,7 @@ def test_code_that_is_a_little_wrong_is_refused(
         for each in (made.rhs, made.events.get("loads"))
         if each is not None
     )
-    events = made.events | {"loads": each for each in loads}
+    events = made.events | {each.name(): each for each in loads}
     monkeypatch.setattr(made, "_equations", lambda: (rhs, events))
     with pytest.raises(KernelError, match="differs from Pinocchio"):
         stepper(made, backend)
