@@ -133,6 +133,47 @@ def test_a_stiff_servo_that_grows_from_tick_to_tick_is_told(
     assert not caplog.records
 
 
+def extending(least: float) -> dict[str, Any]:
+    """A point mass of 1 kg, 1 m out on a turning rail, on which it may come in to ``least``."""
+    dot = '<inertial><mass value="{}"/><inertia {}/></inertial>'
+    none = " ".join(f'{key}="0"' for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+    urdf = f"""<robot name="boom"><link name="base"/><link name="rail"/><link name="end">
+      {dot.format(1, none)}</link>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="rail"/>
+      <axis xyz="0 0 1"/></joint><joint name="reach" type="prismatic"><parent link="rail"/>
+      <child link="end"/><axis xyz="1 0 0"/>
+      <limit lower="{least}" upper="1" effort="99" velocity="9"/></joint></robot>"""
+    return {
+        "robot": {"urdf": urdf},
+        "joints": {"turn": {"servo": {"stiffness": 1e3, "damping": 200.0}}},
+        "initial": {"position": {"reach": 1.0}},
+    }
+
+
+@pytest.mark.parametrize(("least", "stable"), [(0.9, True), (0.1, False)])
+def test_a_stiff_servo_is_told_for_all_postures(
+    least: float, stable: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """1 kg m² where it begins, 0.01 where it may get; from 0.1 on the servo grows."""
+    Simulator(extending(least), dt=1e-3)
+    assert ("the servo of joint 'turn'" in caplog.text) != stable
+
+
+@pytest.mark.parametrize(("damping", "stable"), [(195.0, True), (205.0, False)])
+def test_behind_soft_transmissions_a_servo_moves_its_rotor_alone(
+    damping: float, stable: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Of 0.1 kg m², which bears 200 N m s/rad in 1 ms, however the links move one another."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    joint = {
+        "servo": {"stiffness": 100.0, "damping": damping},
+        "actuator": {"rotor_inertia": 0.1},
+        "transmission": {"stiffness": 100.0, "damping": 0.1},
+    }
+    Simulator(scene | {"joints": {"*": joint}}, dt=1e-3)
+    assert ("is unstable at dt = 0.001 s, for which its torque is held" in caplog.text) != stable
+
+
 def test_a_velocity_is_reached_and_kept() -> None:
     sim = models.simulator("panda")
     wanted = np.array([0.3, -0.1, 0.2, 0.1, -0.3, 0.1, 0.4])
