@@ -78,6 +78,18 @@ def test_what_servos_hold_is_free_once_they_do_not(go_on: Any) -> None:
     assert sim.arm.hold == FREE
 
 
+@pytest.mark.parametrize("placed", ["set_state", "reset"])
+def test_what_was_commanded_before_an_arm_was_placed_is_no_stream(placed: str) -> None:
+    """The place after it has no velocity, as the first one of all."""
+    sims = [Simulator(soft(), dt=1e-3) for _ in range(2)]
+    for k in (1, 2):
+        sims[0].step(JointCommand(position=[1e-3 * k], stamp=1_000_000 * k))
+    for sim in sims:
+        getattr(sim, placed)(q=[3e-3], v=[0.0])
+        sim.step(JointCommand(position=[3e-3], stamp=3_000_000))
+    assert sims[0].state.v[0] == sims[1].state.v[0] == 0.0
+
+
 def test_a_joint_that_no_servo_holds_moves_on() -> None:
     """Slower than anything that counts as rest, beside a joint that rests."""
     urdf = """<robot name="two"><link name="base"/>{}</robot>""".format("".join(
