@@ -215,6 +215,22 @@ def test_a_stop_inside_a_tick_is_found() -> None:
     assert_close(sim.state.q, [speed * left + 0.5 * a * left**2], CLOSED_FORM)
 
 
+def test_every_joint_meets_either_stop_at_its_instant() -> None:
+    """There and half as fast back within a tick, whatever the other joints do."""
+    far = np.array([0.3, 0.2, 0.4])
+    stops = {
+        axis: {"limits": {"lower": -end, "upper": end, "stop": {"restitution": 0.5}}}
+        for axis, end in zip("xyz", far.tolist(), strict=True)
+    }
+    still = rails("xyz") | {"gravity": [0.0, 0.0, 0.0], "joints": stops}
+    sim = Simulator(still, integrator="rk4", dt=0.5)
+    for side in (-1.0, 1.0):
+        sim.reset(v=np.full(3, side))
+        state = sim.step(np.zeros(3))
+        assert_close(state.q, side * (far - 0.5 * (0.5 - far)), CLOSED_FORM)
+        assert_close(state.v, np.full(3, -0.5 * side), CLOSED_FORM)
+
+
 def test_what_a_follower_may_do_stops_its_leader() -> None:
     urdf = (models.FOLDER / "gripper.urdf").read_text()
     sim = Simulator({"robot": {"urdf": urdf}})

@@ -13,8 +13,9 @@ from arm_dynamics import Dynamics, InvalidInput, SceneError, load_scene
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim import JointCommand, Simulator
 from arm_sim.plant.plant import Plant
-from arm_sim.servo.law import servo_law
+from arm_sim.servo.law import default_bandwidth, inertia, servo_law
 from models.rotor import rotor
+from tolerances import CLOSED_FORM, assert_close
 
 QUICK = 100.0
 """Default bandwidth in [rad/s]."""
@@ -172,6 +173,16 @@ def test_behind_soft_transmissions_a_servo_moves_its_rotor_alone(
     }
     Simulator(scene | {"joints": {"*": joint}}, dt=1e-3)
     assert ("is unstable at dt = 0.001 s, for which its torque is held" in caplog.text) != stable
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_one_soft_transmission_makes_one_servo_slower(joint: int) -> None:
+    """Half of the natural frequency of its link; the others keep theirs."""
+    model, soft = models.dynamics("two_link").model, np.zeros(2)
+    assert_close(default_bandwidth(model, soft, 1e-3), [100.0, 100.0], CLOSED_FORM)
+    soft[joint] = 1.0 / (50.0**2 * inertia(model)[joint])
+    wanted = np.where(np.arange(2) == joint, 25.0, 100.0)
+    assert_close(default_bandwidth(model, soft, 1e-3), wanted, CLOSED_FORM)
 
 
 def test_a_velocity_is_reached_and_kept() -> None:
