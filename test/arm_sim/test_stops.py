@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 import models
 from arm_dynamics import InvalidInput, SceneError
+from arm_dynamics.model.stops import Range, stops_of
 from arm_sim import SimulationDiverged, Simulator
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
@@ -229,6 +230,17 @@ def test_every_joint_meets_either_stop_at_its_instant() -> None:
         state = sim.step(np.zeros(3))
         assert_close(state.q, side * (far - 0.5 * (0.5 - far)), CLOSED_FORM)
         assert_close(state.v, np.full(3, -0.5 * side), CLOSED_FORM)
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("side", [0, 1])
+def test_one_stop_of_one_joint_is_a_stop(joint: int, side: int) -> None:
+    names, ends = ("one", "two"), np.array([[-np.inf] * 2, [np.inf] * 2])
+    ends[side, joint] = 0.5
+    ranges = [Range(name, *ends[:, i], None, i, 1.0, 0.0) for i, name in enumerate(names)]
+    stops = stops_of(ranges, names)
+    assert stops
+    np.testing.assert_array_equal(stops.place, ends)
 
 
 def test_what_a_follower_may_do_stops_its_leader() -> None:
