@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from shutil import move
 from tempfile import TemporaryDirectory
 
 import click
@@ -29,7 +30,8 @@ Examples:
               help="Duration.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False),
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
-              help="Folder for soak.md, soak.json and the logs.")  # fmt: skip
+              help="Folder for soak.md, soak.json, the logs, and the recording of stamps and "
+              "commands, if anything is amiss.")  # fmt: skip
 @click.option("--shared-memory", is_flag=True,
               help="Let the nodes talk by shared memory too, as Fast DDS does by itself: version "
               "2.14 now and then loses a partner that was stopped for a second.")  # fmt: skip
@@ -65,7 +67,10 @@ def main(minutes: float, out: Path, shared_memory: bool) -> None:
                         for result in soak(system, minutes, progress):
                             write(result, out)  # a run that is cut short is not lost
                 finally:
-                    judge_recording(result, Path(recordings) / RECORDING)
+                    recording = Path(recordings) / RECORDING
+                    judge_recording(result, recording)
+                    if complaints(result) and recording.exists():
+                        move(recording, logs / RECORDING)
         except (DemoFailed, ArmError, KeyboardInterrupt) as error:
             result.ended = str(error) or type(error).__name__
     path = write(result, out)

@@ -101,7 +101,8 @@ def had_paused(commands: Messages, heard: Array, warned: float) -> bool:
 
     They must not have come for ``PAUSE`` while the recorder was reading, as messages of other
     topics show: what it has read late is no pause. And the pause must have lasted until ``LOGGED``
-    before the warning at least.
+    before the warning at least. Or no state of ``PAUSE`` was answered, whenever the recorder read
+    the answers to those before and after: each was sent after it had last read anything.
 
     Args:
         commands: The commands.
@@ -111,5 +112,9 @@ def had_paused(commands: Messages, heard: Array, warned: float) -> bool:
     reading = np.append(0.0, np.cumsum(np.minimum(np.diff(heard), READING)))
     ends = np.append(commands.at[1:], heard[-1])
     lasted = np.interp(ends, heard, reading) - np.interp(commands.at, heard, reading)
-    relevant = (commands.at <= warned) & (ends > warned - LOGGED)
-    return bool(np.any(relevant & (lasted > PAUSE)))
+    unanswered = 1e-9 * np.append(np.diff(commands.stamps), 0.0)
+    not_over = ends > warned - LOGGED
+    silent = (commands.at <= warned) & (lasted > PAUSE)
+    before = np.maximum(np.searchsorted(heard, commands.at) - 1, 0)
+    skipped = (heard[before] <= warned) & (unanswered > PAUSE)
+    return bool(np.any(not_over & (silent | skipped)))

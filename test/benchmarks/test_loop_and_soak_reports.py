@@ -205,17 +205,23 @@ def test_stamps_are_those_of_the_recorded_messages(tmp_path: Path) -> None:
         (1.25, True),  # logged late
         (1.90, False),  # too late to be because of it
         (5.20, False),  # in a pause of the recorder
+        (7.20, True),  # in one of both
+        (8.00, False),
         (9.00, False),
         (10.2, True),  # they ended
     ],
 )
 def test_a_warning_is_excused_by_a_pause_just_before_it(warned: float, excused: bool) -> None:
-    sent = np.concatenate([np.arange(0.0, 1.001, 0.01), np.arange(1.2, 10.001, 0.01)])
+    parts = (0.0, 1.001), (1.2, 7.051), (7.2, 10.001)
+    sent = np.concatenate([np.arange(*part, 0.01) for part in parts])
     states = np.arange(0.0, 11.0, 0.001)
-    read, heard = (np.where((at > 5.0) & (at < 5.3), 5.3, at) for at in (sent, states))
+    read, heard = (
+        np.where((at > 5.0) & (at < 5.3), 5.3, np.where((at > 7.0) & (at < 7.3), 7.3, at))
+        for at in (sent, states)
+    )
     intruder = np.arange(0.0, 10.0, 0.001)
     at = np.concatenate([read, intruder])
-    order = np.argsort(at)
+    order = np.argsort(at, kind="stable")
     stamps = np.concatenate([1e9 * (1.0 + sent), 0.0 * intruder])
     commands = answers(Messages(at[order], stamps[order]))
     assert had_paused(commands, np.unique(heard), warned) is excused

@@ -227,6 +227,10 @@ BAD_YAML = {
         "a key in line 2 is a list or a mapping; a name is expected",
     ),
     "a bell": ("robot: {urdf: x}  # \a", f"{NO_YAML}: unacceptable character #x0007"),
+    "aliases that double forty times": (
+        "a0: &a0 [1]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for k in range(1, 41)),
+        "with its aliases written out, this YAML has 6.6e+12 values; at most 1000000 are expected",
+    ),
 }
 
 # Numbers that YAML 1.1 reads as 8, -8 and 90.

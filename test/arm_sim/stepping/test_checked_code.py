@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
+import numpy as np
 import pytest
 
 import models
 from arm_dynamics import ArmModel, KernelError, load_scene
+from arm_sim import Simulator
 from arm_sim.integrators.selection import choose
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper
@@ -91,12 +94,25 @@ def test_code_that_is_a_little_wrong_is_refused(
 ) -> None:
     made, backend = plant(name)
     n = made.model.n
-    rhs, *loads = (
-        falsify(each, n + joint % n, 1.001)
-        for each in (made.rhs, made.events.get("loads"))
-        if each is not None
+    wrong, *events = (
+        falsify(each, n + joint % n, 1.001) if each.name() in ("rhs", "loads") else each
+        for each in (made.rhs, *made.events.values())
     )
-    events = made.events | {each.name(): each for each in loads}
-    monkeypatch.setattr(made, "_equations", lambda: (rhs, events))
+    named = {event.name(): event for event in events}
+    monkeypatch.setattr(made, "_equations", lambda: (wrong, named))
     with pytest.raises(KernelError, match="differs from Pinocchio"):
         stepper(made, backend)
+
+
+def test_scenes_that_differ_in_numbers_share_the_compiled_engine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What joints hold then still differs: it is not among what is shared."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    for level, lower in ((0.3, -1.0), (1.2, -2.0)):
+        joints = every(friction={"coulomb": level}, limits={"lower": lower, "upper": 3.0})
+        sim = Simulator({**TWO_LINK, **joints, "gravity": [0.0, 0.0, 0.0]}, backend="native")
+        assert np.any(sim.run(0.01, [0.5, 0.5]).v) == (level < 0.5)
+        sim.reset([lower, 0.0], [-1.0, 0.0])
+        assert sim.run(0.01, [0.0, 0.0]).q[-1, 0] >= lower
+    assert [len(list(tmp_path.rglob(f"*.{kind}"))) for kind in ("so", "o")] == [2, 1]

@@ -134,6 +134,7 @@ def build(
     language: str = "c",
     flags: tuple[str, ...] = FLAGS,
     local: tuple[str, ...] = (),
+    shared: str = "",
 ) -> Code:
     """Compile source into a library, or take it from a folder of ARM_CACHE or the user's cache.
 
@@ -143,6 +144,7 @@ def build(
         flags: Flags of the compiler, without the processor and what the language adds.
         local: Further flags, which name folders and libraries of this machine. Headers in the
             folders are part of the code, where they are is not.
+        shared: A second unit of the library, which many have: its object file is cached too.
 
     Returns:
         The loaded library.
@@ -153,17 +155,18 @@ def build(
     """
     flags += _FLAGS_OF_LANGUAGE[language]
     names = (Path(flag).name for flag in local)
-    key = digest(source, *_headers(source, flags + local), language, *flags, *names)
+    texts = [source, *([shared] if shared else [])]
+    key = digest(*texts, *_headers(texts, flags + local), language, *flags, *names)
     flags += local
     destination = _destination.get()
     if destination is not None:
-        return _build_into(destination, key, source, language, flags)
+        return _build_into(destination, key, texts, language, flags)
     found, refusals = compiled_scenes.search(key)
     if found is None:
         command = find_compiler(language)
         if command is None:
             raise CompilerMissing(_nothing_found(language, refusals))
-        found = _from_own_cache(key, source, language, command, flags)
+        found = _from_own_cache(key, texts, language, command, flags)
     for refusal in refusals:
         _log.warning("%s", refusal)
     return found
@@ -234,11 +237,11 @@ def digest(*parts: str) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:40]
 
 
-def _headers(source: str, flags: tuple[str, ...]) -> list[str]:
+def _headers(texts: list[str], flags: tuple[str, ...]) -> list[str]:
     """Texts of all headers that are found in our folder or by a flag -I, recursively."""
     folders = [Path(flag[2:]) for flag in flags if flag.startswith("-I")] + [NATIVE]
     found: dict[Path, str] = {}
-    texts = [source]
+    texts = [*texts]
     while texts:
         for name in _INCLUDE.findall(texts.pop()):
             for path in (folder / name for folder in folders):
@@ -259,7 +262,7 @@ def _nothing_found(language: str, refusals: list[str]) -> str:
 
 
 def _build_into(
-    destination: Destination, key: str, source: str, language: str, flags: tuple[str, ...]
+    destination: Destination, key: str, texts: list[str], language: str, flags: tuple[str, ...]
 ) -> Code:
     """Compile into a folder of compiled scenes, unless the entry exists already."""
     command = find_compiler(language)
@@ -273,7 +276,7 @@ def _build_into(
     except KernelError:  # there is none, or it cannot be used
         same = None
     if same != (version, destination.target, needs):
-        library = _compiled(source, language, command, flags, destination.target)
+        library = _compiled(texts, language, command, flags, destination.target)
         manifest = Manifest(
             scene=destination.scene, kernel=destination.kernel, compiler=version,
             target=destination.target, machine=os.uname().machine, instructions=needs,
@@ -284,11 +287,11 @@ def _build_into(
 
 
 def _from_own_cache(
-    key: str, source: str, language: str, command: tuple[str, ...], flags: tuple[str, ...]
+    key: str, texts: list[str], language: str, command: tuple[str, ...], flags: tuple[str, ...]
 ) -> Code:
     entry, version = _own_entry(key, command)
     if not _sound(entry):
-        write_sound(entry, _compiled(source, language, command, flags, processor.NATIVE))
+        write_sound(entry, _compiled(texts, language, command, flags, processor.NATIVE))
     return Code(ctypes.CDLL(str(entry)), version, key)
 
 
@@ -321,11 +324,13 @@ def write_sound(entry: Path, content: bytes) -> None:
 
 
 def _compiled(
-    source: str, language: str, command: tuple[str, ...], flags: tuple[str, ...], target: str
+    texts: list[str], language: str, command: tuple[str, ...], flags: tuple[str, ...], target: str
 ) -> bytes:
+    """A library of a source and, if there is a second text, of a unit that is shared."""
+    source, *shared = texts
     suffix = "c" if language == "c" else "cpp"
     chosen = [*command, f"-march={target}", *flags, f"-I{NATIVE}"]
-    parts = units(source, len(os.sched_getaffinity(0)))
+    parts = [*units(source, len(os.sched_getaffinity(0))), *shared]
     if (lines := source.count("\n")) > LONG:
         _log.info("compiling %d lines of C on %d cores", lines, len(parts))
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
@@ -336,10 +341,28 @@ def _compiled(
             names.append(str(code))
         objects = names if len(names) == 1 else [f"{name}.o" for name in names]
         if objects != names:
-            pairs = zip(names, objects, strict=True)
+            known = _object_of(shared[0], command, target, flags) if shared else None
+            if known is not None and (content := read_sound(known)) is not None:
+                Path(objects[-1]).write_bytes(content)
+                names.pop()
+            pairs = zip(names, objects, strict=False)
             _run(*([*chosen, "-c", "-o", made, name] for name, made in pairs))
+            if known is not None and len(names) == len(objects):
+                write_sound(known, Path(objects[-1]).read_bytes())
         _run([*chosen, "-o", str(library), *objects, "-lm"])
         return library.read_bytes()
+
+
+def _object_of(shared: str, command: tuple[str, ...], target: str, flags: tuple[str, ...]) -> Path:
+    """File of the user's own cache for the object file of a unit."""
+    made_by = (
+        *command,
+        compiler_version(command),
+        target,
+        *flags,
+        *sorted(processor.instructions()),
+    )
+    return cache_folder() / f"{digest(shared, *_headers([shared], flags), *made_by)}.o"
 
 
 def _run(*commands: list[str]) -> None:

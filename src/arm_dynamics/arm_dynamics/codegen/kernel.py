@@ -71,6 +71,8 @@ class Kernel:
         backend: ``native`` (a C compiler is needed), ``vm`` (CasADi's virtual machine), or
             ``auto``: native if possible.
         driver: C source that may call the functions, compiled with them.
+        engine: C source that may call the functions, compiled by itself, once for all kernels with
+            the same.
         needs_native: Features of the scene that need native code, such as "dry friction"; empty if
             there are none.
 
@@ -84,6 +86,7 @@ class Kernel:
         functions: Sequence[ca.Function],
         backend: str = "auto",
         driver: str = "",
+        engine: str = "",
         needs_native: str = "",
     ) -> None:
         if backend not in BACKENDS:
@@ -94,7 +97,7 @@ class Kernel:
         self.library: ctypes.CDLL | None = None
         self.backend = "virtual machine of CasADi"
         if backend != "vm":
-            self._compile(backend, driver, needs_native)
+            self._compile(backend, driver, engine, needs_native)
         elif needs_native:
             raise KernelError(
                 f"backend = 'vm', but {needs_native} needs compiled code: CasADi's virtual "
@@ -144,10 +147,10 @@ class Kernel:
             return Call(inputs, outputs, _virtual(self._functions[name], inputs, outputs))
         return Call(inputs, outputs, *self._bind(signature, inputs, outputs))
 
-    def _compile(self, backend: str, driver: str, needs_native: str) -> None:
+    def _compile(self, backend: str, driver: str, engine: str, needs_native: str) -> None:
         source = '#include "scalar.h"\n' + generate(list(self._functions.values())) + driver
         try:
-            code = compiler.build(source)
+            code = compiler.build(source, shared=engine)
         except CompilerMissing as error:
             if needs_native or backend == "native":
                 who = needs_native or "backend = 'native'"

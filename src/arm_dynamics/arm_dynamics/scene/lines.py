@@ -15,6 +15,7 @@ from arm_dynamics.exceptions import SceneError
 
 _PLACE = re.compile(r"'([^' ]+)'")
 _NOT_DECIMAL = re.compile(r"[-+]?0[0-7_]*[0-7]|.*:.*")  # 010 is 8 in YAML 1.1, and 1:30 is 90
+MOST = 1_000_000  # values of a file, aliases written out
 _KINDS = {list: "a list", str: "text", int: "a number", float: "a number", bool: "a truth value"}
 
 
@@ -33,6 +34,11 @@ def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str
     try:
         loader = yaml.SafeLoader(content)
         node = loader.get_single_node()
+        if node is not None and (size := _size(node, {})) > MOST:
+            raise SceneError(
+                f"{file}: with its aliases written out, this YAML has {size:.3g} values; at most "
+                f"{MOST} are expected"
+            )
         _refuse_traps(node, file)
         data = None if node is None else loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
@@ -50,6 +56,17 @@ def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str
         return data
     held = "the file is empty" if data is None else f"the file holds {_KINDS.get(type(data), '?')}"
     raise SceneError(f"{file}: {held}; a mapping with {keys} is expected")
+
+
+def _size(node: yaml.Node, known: dict[int, int]) -> int:
+    """Number of values, those of a repeated alias each time."""
+    if isinstance(node, yaml.ScalarNode):
+        return 1
+    if id(node) not in known:
+        pairs = isinstance(node, yaml.MappingNode)
+        parts = [part for pair in node.value for part in pair] if pairs else node.value
+        known[id(node)] = 1 + sum(_size(part, known) for part in parts)
+    return known[id(node)]
 
 
 def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:

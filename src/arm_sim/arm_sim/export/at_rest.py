@@ -25,7 +25,7 @@ PREFIX = "rest_"
 """Begins the names of this part of a library."""
 _NATIVE = Path(__file__).parent / "native"
 _HEAD = re.compile(r"\A/\*.*?\*/\n\n(?:#include [^\n]*\n)*", re.DOTALL)
-_COSTS = ("SLOPE", "LOADS", "INERTIA", "STRIKE", "STATICS")
+_COSTS = ("STEP", "SLOPE", "LOADS", "INERTIA", "STRIKE", "STATICS")
 
 
 @one_at_a_time
@@ -46,6 +46,7 @@ def at_rest(model: ArmModel, scalar: str) -> str:
         **sizes(plant, functions),
         **event_sizes(plant),
         **{f"COST_{name}": "0" for name in _COSTS},
+        "MOST_WORK": "0",
         "TUNABLE": braces(plant.parameters.nominal),
         "SCALAR": scalar,
     }

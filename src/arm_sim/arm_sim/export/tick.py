@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import cycle
 from pathlib import Path
 
 import casadi as ca
@@ -26,8 +25,6 @@ from arm_sim.stepping.stepper import braces, engine_source, tick_functions
 
 NATIVE = Path(__file__).parent / "native"
 _INCLUDES = re.compile(r'^(#include ["<][^"]*[">]|#pragma once)\n', re.MULTILINE)
-_ANY = [-math.inf]
-_LEAST_OF_A_BODY = [0.0, *3 * _ANY, 0.0, *2 * _ANY, 0.0, *_ANY, 0.0]  # mass, com, ixx ixy ... izz
 _COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
 
 
@@ -165,25 +162,20 @@ class _Number:
     """A tunable number: its name, and the values that it may have."""
 
     name: str
-    least: float = -math.inf
-    most: float = math.inf
+    least: float
+    most: float
 
 
 def _numbers(plant: Plant) -> list[_Number]:
     """The tunable numbers in the order of p; switches of constraints, which come last, are not."""
-    friction = plant.model.friction
-    least = {
-        "friction": abs(friction.viscous.skew).tolist(),
-        "coulomb": [0.0],
-        "payload": _LEAST_OF_A_BODY,
-    }
-    most = {"coulomb": np.where(friction.coulomb.mean > 0.0, math.inf, 0.0).tolist()}
-    found = list[_Number]()
-    for item in plant.parameters.items:
-        lower, upper = cycle(least.get(item.name, _ANY)), cycle(most.get(item.name, [math.inf]))
-        for i in range(item.nominal.size if item.name != "constraints" else 0):
-            found.append(_Number(f"{item.name}[{i}]", next(lower), next(upper)))
-    return found
+    return [
+        _Number(f"{item.name}[{i}]", least, most)
+        for item in plant.parameters.items
+        if item.name != "constraints"
+        for i, (least, most) in enumerate(
+            zip(item.least.tolist(), item.most.tolist(), strict=True)
+        )
+    ]
 
 
 def _setter(numbers: Sequence[_Number]) -> str:

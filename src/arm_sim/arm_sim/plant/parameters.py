@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -14,6 +14,9 @@ from arm_dynamics import ArmModel, InvalidInput, SceneError
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.scene.constraint import switches
 from arm_dynamics.scene.inertia import fault, possible
+
+# Mass, centre of mass, and ixx, ixy, ixz, iyy, iyz, izz.
+_LEAST_OF_A_BODY = [0.0, *[-np.inf] * 3, 0.0, *[-np.inf] * 2, 0.0, -np.inf, 0.0]
 
 
 @dataclass(frozen=True)
@@ -28,10 +31,15 @@ class Parameter:
             with which that at rest changes in proportion; external joint torques, not subject to
             effort limits, shape (n,); or 1 and 0 for switchable constraints that are active and
             inactive.
+        least: Smallest allowed values, of the same shape; those of payloads are necessary, not
+            sufficient.
+        most: Largest allowed values, of the same shape.
     """
 
     name: str
     nominal: Array
+    least: Array
+    most: Array
 
 
 class Parameters:
@@ -51,22 +59,28 @@ class Parameters:
             "external": np.zeros(model.n),
             "constraints": switches(model.scene.constraints),
         }
+        dry = nominal["coulomb"] > 0.0
+        least = {
+            "payload": np.tile(_LEAST_OF_A_BODY, len(payloads)),
+            "friction": abs(model.friction.viscous.skew),
+            "coulomb": np.zeros(model.n),
+        }
+        most = {"coulomb": np.where(dry, np.inf, 0.0)}
         tunable = {*model.scene.tunable, *(["constraints"] if nominal["constraints"].size else [])}
+        self._joints = model.joint_names
         self.items = tuple(
-            Parameter(name, value) for name, value in nominal.items() if name in tunable
-        )
-        least, dry = abs(model.friction.viscous.skew), nominal["coulomb"] > 0.0
+            Parameter(
+                name, value,
+                least.get(name, np.full(value.size, -np.inf)),
+                most.get(name, np.full(value.size, np.inf)),
+            )
+            for name, value in nominal.items() if name in tunable
+        )  # fmt: skip
         if "coulomb" in tunable and not dry.any():
             raise SceneError(
                 "scene: 'tunable': 'coulomb' is tunable, but no joint has dry friction without "
                 "states; a joint with 'friction.coulomb' is expected"
             )
-        self._checks: dict[str, Callable[[Array], None]] = {
-            "payload": _check_payloads,
-            "friction": lambda values: _check_friction(values, least, model.joint_names),
-            "coulomb": lambda values: _check_dry(values, dry, model.joint_names),
-            "constraints": _check_switches,
-        }
 
     @property
     def names(self) -> list[str]:
@@ -148,9 +162,26 @@ class Parameters:
 
     def _checked(self, item: Parameter, value: ArrayLike) -> Array:
         values = vector(item.name, np.atleast_1d(value), item.nominal.size)
-        if item.name in self._checks:
-            self._checks[item.name](values)
+        if item.name in ("friction", "coulomb"):
+            _check_bounds(item, values, self._joints)
+        elif item.name in _CHECKS:
+            _CHECKS[item.name](values)
         return values
+
+
+def _check_bounds(item: Parameter, values: Array, joints: Sequence[str]) -> None:
+    """Refuse the first value of joints, of shape (…, n), that is not within the bounds."""
+    for place in np.argwhere((values < item.least) | (values > item.most))[:1]:
+        i = int(place[-1])
+        expected, why = f"at least {item.least[i]:g}", ""
+        if item.least[i]:
+            why = " (half the difference of its two directions)"
+        elif item.most[i] == 0.0:
+            expected, why = "0", ", since it has no dry friction in the scene,"
+        raise InvalidInput(
+            f"{item.name}[{i}]{_of_arm(place)} = {values[tuple(place)]:g} at joint '{joints[i]}'; "
+            f"{expected}{why} is expected"
+        )
 
 
 def _check_payloads(values: Array) -> None:
@@ -160,38 +191,6 @@ def _check_payloads(values: Array) -> None:
     if len(bad):
         load = loads[tuple(bad[0])]
         raise InvalidInput(f"payload {bad[0][-1]}{_of_arm(bad[0])}: {fault(load[0], load[4:])}")
-
-
-def _check_friction(values: Array, least: Array, joints: Sequence[str]) -> None:
-    """Reject viscous coefficients that are negative in a direction of motion."""
-
-    def expected(i: int) -> str:
-        why = " (half the difference of its two directions)" if least[i] else ""
-        return f"at least {least[i]:g}{why}"
-
-    _refuse("friction", values, values < least, expected, joints)
-
-
-def _check_dry(values: Array, dry: NDArray[np.bool_], joints: Sequence[str]) -> None:
-    """Reject negative levels, and those of joints that have no dry friction to be changed."""
-
-    def expected(i: int) -> str:
-        return "at least 0" if dry[i] else "0, since it has no dry friction in the scene,"
-
-    _refuse("coulomb", values, (values < 0.0) | ((values > 0.0) & ~dry), expected, joints)
-
-
-def _refuse(
-    name: str, values: Array, bad: NDArray[np.bool_], expected: Callable[[int], str],
-    joints: Sequence[str],
-) -> None:  # fmt: skip
-    """Refuse the first bad value of joints, of shape (…, n)."""
-    for place in np.argwhere(bad)[:1]:
-        i = int(place[-1])
-        raise InvalidInput(
-            f"{name}[{i}]{_of_arm(place)} = {values[tuple(place)]:g} at joint '{joints[i]}'; "
-            f"{expected(i)} is expected"
-        )
 
 
 def _check_switches(values: Array) -> None:
@@ -206,3 +205,6 @@ def _check_switches(values: Array) -> None:
 def _of_arm(place: NDArray[np.intp]) -> str:
     """The index of the arm in a batch, for a message."""
     return f" of arm {place[0]}" if len(place) > 1 else ""
+
+
+_CHECKS = {"payload": _check_payloads, "constraints": _check_switches}

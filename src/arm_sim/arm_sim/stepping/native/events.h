@@ -12,8 +12,7 @@
  * are corrected at its end, without rebound, as in Moreau's scheme (Jean, "The non-smooth contact dynamics method", Comput.
  * Methods Appl. Mech. Eng. 177, 1999). That is of first order, and reported.
  *
- * Required definitions: impact.h, segments.h; DEEP (penetration up to which a point is treated as touching),
- * MOST_WORK (operations of the generated functions in a tick above which it is time-stepped).
+ * Required definitions: impact.h, segments.h; DEEP (penetration up to which a point is treated as touching).
  */
 
 #pragma once
@@ -180,7 +179,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
   for (int i = 0; i < NX; ++i) now[i] = x[i];
   if (is_inside(now, segment)) return INSIDE;
   segment->trace = trace;
-  while (segment->memory->work < MOST_WORK) {
+  while (segment->memory->work < costs.most) {
     __extension__ real after[NX], anchor[2 * NC];
     int calm;
     segment->record = next_record(trace, now);

@@ -74,7 +74,7 @@ static void find_strike(const real* x, const segment_t* segment, const real* cha
   res[0] = after;
   res[1] = held;
   strike(arg, res, iw, w, 0);
-  segment->memory->work += COST_STRIKE;
+  segment->memory->work += costs.strike;
 }
 
 /* The joint at a stop with the largest, or just the first, violation in the impact; -1 if there is none. */

@@ -12,11 +12,10 @@
  * Where statics does not determine the reactions of what is held, the parts hold together: see together.h. A set that does not
  * hold is released in the motion in which it gives way, and pivoting goes on from there.
  *
- * Required definitions: flow.h, cone.h, foreseen.h; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
- * HOLDING, RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`,
- * `contact_inertia`; RIGID where joints have rigid stops: at LOWER and UPPER, with LOWER_REBOUND and UPPER_REBOUND, and the
- * generated `strike`; NK (switches of drives and cords) and with them the generated `switches`; NQ (joints with compliant stops: NU or 0), with SOFT_LOWER and SOFT_UPPER and the generated
- * `pressures`; SLOWEST (tangential speed up to which a contact is at rest); NB (whether there are bilateral constraints) and
+ * Required definitions: flow.h, cone.h, foreseen.h, numbers.h; NP (tunable numbers), ND (joints with a direction in p: NU or
+ * 0), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`; RIGID where joints have rigid
+ * stops, and with it the generated `strike`; NK (switches of drives and cords) and with them the generated `switches`; NQ
+ * (joints with compliant stops: NU or 0) and with them the generated `pressures`; SLOWEST (tangential speed up to which a contact is at rest); NB (whether there are bilateral constraints) and
  * with them the generated `bilateral`.
  */
 
@@ -24,7 +23,7 @@
 #include "flow.h"
 #include "foreseen.h"
 #include "record.h"
-#include "stops.h"
+#include "numbers.h"
 #include "cone.h"
 #include "together.h"
 #include "search.h"
@@ -118,16 +117,9 @@ __extension__ typedef struct {
 __extension__ typedef struct {
   real W[MC * MC], B[NU * MC], free[MC];
 } inertia_t;
-static const double static_level[NU] = STATIC;
-__extension__ static const double friction[NC] = FRICTION; /* coefficients of sliding friction ... */
-__extension__ static const double holding[NC] = HOLDING;   /* ... and of static friction */
-__extension__ static const double restitution[NC] = RESTITUTION;
 
 /* Rigid stops: -1 and 1 for a joint at its lower or upper one, else 0. */
 #ifdef RIGID
-static const double lower_stop[NU] = LOWER;
-static const double upper_stop[NU] = UPPER;
-static const double rebound_of[2][NU] = {LOWER_REBOUND, UPPER_REBOUND};
 static int at_stop(const real* x, int joint) { return x[joint] <= lower_stop[joint] ? -1 : x[joint] >= upper_stop[joint]; }
 #else
 static int at_stop(const real* x, int joint) {
@@ -136,7 +128,6 @@ static int at_stop(const real* x, int joint) {
   return 0;
 }
 #endif
-static const double soft_stop[2][NU] = {SOFT_LOWER, SOFT_UPPER};
 
 /* Of a tick, of which nothing but the command is known yet. */
 static void begin_tick(segment_t* segment, const real* u, memory_t* memory) {
@@ -191,7 +182,7 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
   const loads_t* known = known_loads(x, segment);
   memory_t* memory = segment->memory;
   WORKSPACE;
-  memory->work += COST_LOADS;
+  memory->work += costs.loads;
   if (known) {
     *found = *known;
     return;
@@ -215,7 +206,7 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
 static void find_inertia(const real* x, const segment_t* segment, inertia_t* inertia) {
   const foreseen_t* known = segment->foreseen;
   WORKSPACE;
-  segment->memory->work += COST_INERTIA;
+  segment->memory->work += costs.inertia;
   if (NC && is_foreseen(segment) && known->slides && same(x, known->x, NX)) {
     memcpy(inertia, known->inertia, sizeof *inertia);
     return;
@@ -232,7 +223,7 @@ static void find_inertia(const real* x, const segment_t* segment, inertia_t* ine
 static void find_slope(const real* x, const segment_t* segment, real* slope) {
   const loads_t* found = known_loads(x, segment);
   WORKSPACE;
-  segment->memory->work += COST_SLOPE;
+  segment->memory->work += costs.slope;
   const real* answer = found ? found->slope : 0;
 #ifndef MOVING /* steps in motion are of other functions */
   if (is_foreseen(segment) && same(x, segment->foreseen->x, NX)) answer = segment->foreseen->inside.slope[0];
@@ -406,7 +397,7 @@ static void guess(const real* x, segment_t* segment, const geometry_t* geometry)
 #ifdef TOGETHER
 static void find_statics(const real* x, const segment_t* segment, statics_t* found) {
   WORKSPACE;
-  segment->memory->work += COST_STATICS;
+  segment->memory->work += costs.statics;
   arg[0] = x;
   arg[1] = segment->u;
   arg[2] = (const real*)&segment->p;

@@ -60,6 +60,10 @@ static inline long long AS_BITS(real x) {
 #define TOGETHER 1
 #define STOPS 1
 
+/* How a number of the scene is declared. */
+#define OF_SCENE static const
+#define VALUE(...) = __VA_ARGS__
+
 /* Brace lists by joint, and by contact. */
 #define LOWEST {-1.0, -1.0}
 #define HIGHEST {1.0, 1.0}

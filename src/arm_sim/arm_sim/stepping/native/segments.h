@@ -248,7 +248,7 @@ __extension__ typedef struct {
 static double excess_at(const search_t* search, double t, limits_t* limits) {
   piece_t part;
   real error[2];
-  search->segment->memory->work += COST_STEP;
+  search->segment->memory->work += costs.step;
   memcpy(part.begin, search->piece.begin, sizeof part.begin);
   memcpy(part.inside.slope[0], search->piece.inside.slope[0], sizeof part.inside.slope[0]);
   memcpy(part.end, part.begin, sizeof part.end);
@@ -526,7 +526,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     real error[2];
     int last = 1;
     error[0] = error[1] = 0.0;
-    segment->memory->work += COST_STEP;
+    segment->memory->work += costs.step;
 #ifdef ADAPTIVE
     const double h = next_length(&at, reach);
     ++control->attempts;

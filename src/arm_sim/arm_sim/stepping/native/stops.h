@@ -3,13 +3,13 @@
  * Positions of the joints' stops, both rigid and compliant, and detection of contact with them.
  *
  * Required definitions: NU (joints), LOWEST, HIGHEST (brace lists: positions of the stops, beyond every position where there
- * is none).
+ * is none), OF_SCENE and VALUE (see numbers.h).
  */
 
 #pragma once
 #include "scene.h"
 
-static const double stop_place[2][NU] = {LOWEST, HIGHEST};
+OF_SCENE double stop_place[2][NU] VALUE({LOWEST, HIGHEST});
 
 /* Whether a joint may meet a stop in a motion from q, v to q_end, v_end. The cubic with these ends goes no farther than half of
  * `way`; the rest is for its error. `margin` is added.
