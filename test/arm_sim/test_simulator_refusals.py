@@ -114,6 +114,30 @@ def test_bad_run(sim: Simulator, duration: Any, control: Any) -> None:
     keeps_state(sim, lambda: sim.run(duration, control))
 
 
+class Holding:
+    """A controller without memory."""
+
+    def torque(self, state: Any, reference: Any) -> Any:
+        return reference.q - state.q
+
+
+BAD_CONTROLLERS: dict[str, tuple[Any, Any, str]] = {
+    "a class": (Holding, None, "control is the class Holding; an instance of it is expected"),
+    "a function as reference": (Holding(), np.sin, "reference is of type ufunc; an object with"),
+    "a reference without controller": (ZERO, np.sin, "a reference is for a controller with"),
+    "a reference of a function": (lambda state: ZERO, np.sin, "a reference is for a controller"),
+    "a function of two": (lambda state, more: ZERO, None, "a function of one argument, the state"),
+}
+
+
+@pytest.mark.parametrize(
+    ("control", "reference", "said"), BAD_CONTROLLERS.values(), ids=BAD_CONTROLLERS
+)
+def test_bad_controller(sim: Simulator, control: Any, reference: Any, said: str) -> None:
+    assert said in keeps_state(sim, lambda: sim.run(0.01, control, reference))
+    assert len(sim.run(0.01, Holding())) == 11
+
+
 def test_controllers_own_error_passes_through(sim: Simulator) -> None:
     def control(state: object) -> None:
         raise ZeroDivisionError("in the user's code")

@@ -11,7 +11,9 @@ from scipy.integrate import solve_ivp
 
 import models
 from arm_dynamics import InvalidInput, SceneError
+from arm_dynamics.model.stops import Range, stops_of
 from arm_sim import SimulationDiverged, Simulator
+from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
 
 G, MASS = 9.81, 2.0
@@ -214,6 +216,33 @@ def test_a_stop_inside_a_tick_is_found() -> None:
     assert_close(sim.state.q, [speed * left + 0.5 * a * left**2], CLOSED_FORM)
 
 
+def test_every_joint_meets_either_stop_at_its_instant() -> None:
+    """There and half as fast back within a tick, whatever the other joints do."""
+    far = np.array([0.3, 0.2, 0.4])
+    stops = {
+        axis: {"limits": {"lower": -end, "upper": end, "stop": {"restitution": 0.5}}}
+        for axis, end in zip("xyz", far.tolist(), strict=True)
+    }
+    still = rails("xyz") | {"gravity": [0.0, 0.0, 0.0], "joints": stops}
+    sim = Simulator(still, integrator="rk4", dt=0.5)
+    for side in (-1.0, 1.0):
+        sim.reset(v=np.full(3, side))
+        state = sim.step(np.zeros(3))
+        assert_close(state.q, side * (far - 0.5 * (0.5 - far)), CLOSED_FORM)
+        assert_close(state.v, np.full(3, -0.5 * side), CLOSED_FORM)
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("side", [0, 1])
+def test_one_stop_of_one_joint_is_a_stop(joint: int, side: int) -> None:
+    names, ends = ("one", "two"), np.array([[-np.inf] * 2, [np.inf] * 2])
+    ends[side, joint] = 0.5
+    ranges = [Range(name, *ends[:, i], None, i, 1.0, 0.0) for i, name in enumerate(names)]
+    stops = stops_of(ranges, names)
+    assert stops
+    np.testing.assert_array_equal(stops.place, ends)
+
+
 def test_what_a_follower_may_do_stops_its_leader() -> None:
     urdf = (models.FOLDER / "gripper.urdf").read_text()
     sim = Simulator({"robot": {"urdf": urdf}})
@@ -355,6 +384,31 @@ def test_accumulating_impacts_are_time_stepped_and_reported() -> None:
     assert (np.diff(run.energy) <= 1e-6).all()
     assert sim.reset().time_stepped == 0
     assert sim.run(0.1).time_stepped[-1] == 0
+
+
+def test_no_time_stepped_tick_ends_beyond_a_stop_or_inside_a_slope() -> None:
+    """Elastic blows without end, in the wedge of a stop and a slope that leads into the stop."""
+    slope = {"normal": [0.8, 0.0, 0.6]}
+    scene = rails("xz", 1.5) | {"constraints": [contact("body", restitution=1.0, plane=slope)]}
+    limits = {"lower": -1.0, "upper": 1.0, "stop": {"restitution": 1.0}}
+    sim = Simulator(scene | {"joints": {"x": {"limits": limits}}}, dt=5.0)
+    for q, v in (((-0.7, 2.1), (181, 222)), ((-0.9, 2.1), (1063, 24)), ((0.9, 1.9), (-140, 293))):
+        sim.reset(q, v)
+        state = sim.step([0.0, 0.0])
+        assert state.time_stepped == 1
+        assert abs(state.q[0]) <= 1.0
+        assert 0.8 * state.q[0] + 0.6 * state.q[1] > -1e-12
+
+
+@pytest.mark.parametrize("method", ["euler", "rk4"])
+def test_what_flies_from_stop_to_stop_by_an_unstable_method_has_diverged(method: str) -> None:
+    """Friction stops the mass in 2 µs, the tick has 10 ms: its speed grows; it is not at rest."""
+    scene = rail({"restitution": 1.0}, friction={"viscous": 1e6})
+    sim = Simulator(scene, integrator=method, dt=1e-2)
+    sim.reset(v=[1.0])
+    with pytest.raises(SimulationDiverged, match="cannot be computed"):
+        sim.run(0.1)
+    assert 0.0 < sim.state.q[0] < 2.0 and sim.state.v[0] != 0.0
 
 
 def test_rest_at_a_stop_is_rest() -> None:

@@ -46,7 +46,7 @@ class SimulatedArm:
         acted: The effective command of the last tick, limits applied, shape (n,), likewise.
         notes: Current estimated error and number of time-stepped ticks, see ``State``, likewise.
         hold: What held the arm in the last tick: ``FREE``, ``BRAKES`` or ``SERVOS``, see
-            ``Recording``.
+            ``Recording``; ``FREE`` after a reset.
         step_count: Ticks since the last reset.
         pointers: The tick for other compiled code, see ``passed``; None if the scene runs on the
             virtual machine. Replaced by ``use``.
@@ -219,7 +219,7 @@ class SimulatedArm:
         if done:
             self.step_count += done
             self._effort[0], self._notes[0] = effort[done - 1], notes[done - 1]
-            self._state = None
+            self._state, self.hold = None, FREE
             if stepper is self._stepper:  # else the command is a controller's reference
                 self._saturation.look(
                     command[:done] if command.ndim == 2 else command, effort[:done]
@@ -286,6 +286,7 @@ class SimulatedArm:
         self.compiled.restart()
         self._x[:], self._stepper.p[:], self._stepper.substep = x, p, substep
         self.step_count, self._effort[:], self._notes[:], self._state = step, 0.0, 0.0, None
+        self.hold = FREE
         self._restart_imperfections()
 
     def imperfect(self, scene: Scene) -> None:

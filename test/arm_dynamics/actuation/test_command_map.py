@@ -46,6 +46,33 @@ def test_voltage_of_a_motion_by_hand() -> None:
     assert_close(dyn.command(q[0], v[0], a[0]), wanted[0], PINOCCHIO)
 
 
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize(
+    ("command", "resistance", "gain", "back_emf"),
+    [("current", 1.0, 0.5, 0.0), ("voltage", 1.0, 0.5, 2.0), ("voltage", 2.0, 1.0, 2.0)],
+)
+def test_one_motor_beside_a_joint_commanded_by_torque(
+    joint: int, command: str, resistance: float, gain: float, back_emf: float
+) -> None:
+    """N K_t = 2 N m/A = 2 V s/rad."""
+    motor = {"command": command, "resistance": resistance, "torque_constant": 0.04,
+             "rotor_inertia": 0.0, "gear_ratio": 50.0}  # fmt: skip
+    names = models.dynamics("two_link").joint_names
+    dyn = Dynamics({"robot": {"urdf": URDF}, "joints": {names[joint]: {"actuator": motor}}})
+    v, tau = np.array([3.0, -1.0]), np.array([5.0, 7.0])
+    wanted = tau.copy()
+    wanted[joint] = gain * tau[joint] + back_emf * v[joint]
+    assert_close(dyn.command_map(np.zeros(2), v, tau), wanted, ALGEBRA)
+
+
+def test_one_transmission_is_replaced_too() -> None:
+    motor = {"actuator": MOTOR | {"command": "torque"}}
+    names = models.dynamics("two_link").joint_names
+    joints = {names[0]: motor, names[1]: motor | {"transmission": SOFT}}
+    twin = rigid_twin(load_scene({"robot": {"urdf": URDF}, "joints": joints}))
+    assert [twin.joint(name).transmission for name in names] == [None, None]
+
+
 @pytest.mark.parametrize("command", ["torque", "current", "voltage"])
 def test_command_gives_the_acceleration_it_was_asked_for(
     command: str, rng: np.random.Generator

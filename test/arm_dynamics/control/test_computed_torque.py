@@ -229,3 +229,10 @@ def test_a_gain_is_one_number_or_one_for_each_joint(value: object) -> None:
 def test_invalid_gains_are_refused(value: object, said: str) -> None:
     with pytest.raises(InvalidInput, match=f"^stiffness.* {said}|^stiffness {said}"):
         gain("stiffness", value, 2)
+
+
+def test_no_joint_is_faster_than_any_torque() -> None:
+    gains([20.0, 1e6], 1.0, 2)
+    for bandwidth in ([20.0, 1.1e6], [1.1e6, 20.0]):
+        with pytest.raises(InvalidInput, match=r"bandwidth is .*; allowed: at most 1e\+06 rad/s"):
+            gains(bandwidth, 1.0, 2)

@@ -177,6 +177,8 @@ def test_made_by_name_they_hold_any_arm(name: str, robot_name: str) -> None:
         ({"bandwidth": 1e308}, "bandwidth = 1e.308; allowed: 0 to 3141.59"),
         ({"bandwidth": 400.0, "dt": 0.01}, "bandwidth = 400.0; allowed: 0 to 314.159"),
         ({"bandwidth": [20.0, np.nan]}, "bandwidth is .*; allowed: finite numbers"),
+        ({"bandwidth": [20.0, 3142.0]}, r"bandwidth = \[20.0, 3142.0\]; allowed: 0 to 3141.59"),
+        ({"stiffness": [50.0, -1.0]}, r"stiffness = \[50.0, -1.0\]; allowed: 0 to 1e.06"),
         ({"bandwidth": True}, "bandwidth = True: real numbers are expected"),
         ({"damping_ratio": 1e6}, "damping_ratio = 1000000.0; allowed: 0 to 100"),
         ({"damping_ratio": -1}, "damping_ratio = -1; allowed: 0 to 100"),
@@ -203,11 +205,27 @@ def test_gains_of_each_joint_must_be_as_many_whatever_controller_reads_them() ->
                 make_controller(name, models.dynamics("two_link"), Settings(**{gain: [1, 2, 3]}))
 
 
+def test_a_joint_without_stiffness_is_soft_where_another_has_one() -> None:
+    """Only where all are zero do they follow from the bandwidth."""
+    dyn = models.dynamics("two_link")
+    still = Reference(np.array([0.3, 0.2]), np.zeros(2), np.zeros(2))
+    about = {"damping": [1.0, 1.0]}
+    soft = make_controller("joint_impedance", dyn, Settings(stiffness=[0.0, 50.0], **about))
+    q = still.q + [0.1, 0.1]
+    asked = soft.torque(Measured(q, np.zeros(2)), still) - dyn.gravity(q)
+    assert_close(asked, [0.0, -5.0], 1e-9)
+
+
 @pytest.mark.parametrize("name", ["operational_space", "motion_force", "cartesian_impedance"])
 def test_gains_in_task_space_are_bounded_by_the_control_rate(name: str) -> None:
     about = {"frame": "tip", "axes": "x y", "direction": (1, 0, 0), "dt": 0.002}
     make_controller(name, models.dynamics("two_link"), Settings(bandwidth=370.0, **about))
-    for gains in ({"bandwidth": 380.0}, {"bandwidth": 100.0, "damping_ratio": 4.0}):
+    bad = (
+        {"bandwidth": 380.0},
+        {"bandwidth": [20.0, 380.0]},
+        {"bandwidth": 100.0, "damping_ratio": 4.0},
+    )
+    for gains in bad:
         with pytest.raises(InvalidInput, match="at 500 states per second .* at most 375 rad/s"):
             make_controller(name, models.dynamics("two_link"), Settings(**gains, **about))
 

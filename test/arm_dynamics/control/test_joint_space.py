@@ -350,6 +350,8 @@ def test_bad_settings_are_refused() -> None:
         PID(2, 1.0, 1.0, 1.0, 0.0)
     with pytest.raises(InvalidInput, match="positive where ki is positive"):
         PID(2, 0.0, 1.0, 1.0, 1e-3)
+    with pytest.raises(InvalidInput, match="positive where ki is positive"):
+        PID(2, [1.0, 0.0], [0.0, 1.0], 1.0, 1e-3)
     with pytest.raises(InvalidInput, match="limit is 0"):
         Saturated(PD(2, 1.0, 1.0), 0.0, 2)
     for bandwidth in (200.0, 100.0, [200.0, 20.0], [20.0, 200.0]):

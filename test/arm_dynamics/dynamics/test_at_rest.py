@@ -149,6 +149,28 @@ def test_a_loop_at_rest_is_held_by_its_joints(push: float) -> None:
     assert_close(A @ a, np.zeros(len(A)), 1e-8)
 
 
+@pytest.mark.parametrize("speed", [10.0, -10.0])
+def test_a_moving_loop_takes_a_joint_along_that_passes_through_rest(speed: float) -> None:
+    """A crank-rocker whose crank and coupler are in line: the rocker turns back, and friction
+    acts on each joint against its motion; that of the rocker against the way it is about to go.
+    """
+    given = models.scene("four_bar").model_dump(exclude_unset=True)
+    friction = {"friction": {"coulomb": 1.0}, "limits": {"stop": False}}
+    sim = Simulator(load_scene(given | {"joints": {"*": friction}}), integrator="rk4", dt=1e-7)
+    crank = np.arccos(0.22 / 0.28)  # 0.4 m in line, the rocker 0.25 m, pivots 0.35 m apart
+    rocker = np.arctan2(0.4 * np.sin(crank), 0.4 * np.cos(crank) - 0.35)
+    angle = {"crank_pivot": crank, "knee": 0.0, "rocker_pivot": rocker}
+    q = np.array([angle[name] for name in sim.joint_names])
+    rates = {"crank_pivot": speed, "knee": -speed * 0.4 / 0.3, "rocker_pivot": 0.0}
+    v = np.array([rates[name] for name in sim.joint_names])
+    sim.reset(q, v)
+    assert_close(sim.state.v, v, CLOSED_FORM)
+    a, _ = sim.dynamics.constrained_forward(q, v, np.zeros(sim.n))
+    sim.step(np.zeros(sim.n))
+    assert_close((sim.state.v - v) / 1e-7, a, 1e-4)
+    assert abs(a).min() > 10.0
+
+
 def test_joints_of_a_loop_hold_together_up_to_the_limit_of_a_linear_program(
     rng: np.random.Generator,
 ) -> None:

@@ -69,6 +69,22 @@ def test_and_breaks_away_at_the_right_torque(share: float, way: float) -> None:
     assert way * sim.state.v[0] > 1e-3
 
 
+@pytest.mark.parametrize("kind", ["position", "load"])
+@pytest.mark.parametrize(("part", "moves"), [(0.999, False), (1.001, True)])
+def test_beside_dry_friction_that_its_table_triples(kind: str, part: float, moves: bool) -> None:
+    """1.5 N m at this place, or under any load, beside what the teeth hold."""
+    scene = pendulum()
+    tripled = {"at": [0.0, np.pi / 2], "factor": [1.0, 3.0]} if kind == "position" else {
+        "at": [0.0, 0.1], "factor": [2.99, 3.0]}  # fmt: skip
+    scene["joints"]["swing"]["friction"] = {"coulomb": 0.5, kind: tripled}
+    sim = Simulator(scene)
+    limits = ETA * (9.81 - 1.5), (9.81 + 1.5) / ETA
+    for torque, way in ((limits[0] * (2.0 - part), -1.0), (limits[1] * part, 1.0)):
+        sim.reset()
+        sim.run(0.2, [torque])
+        assert way * sim.state.v[0] > 1e-4 if moves else sim.state.v[0] == 0.0
+
+
 def test_a_gear_without_load_turns_freely() -> None:
     sim = Simulator(wheel(LINK, **GEAR))
     sim.reset([0.0], [2.0])

@@ -12,7 +12,7 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 
 import models
-from arm_dynamics import Dynamics
+from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.equations.interpolation import Curve
 from complex_step import EPSILON, evaluated, seeded
 from models.rotor import rotor
@@ -22,6 +22,7 @@ SPEED = [0.0, 0.05, 0.2, 1.0, 3.0]
 TORQUE = [1.5, 1.1, 1.0, 1.3, 2.5]
 ROWS = [TORQUE, [0.6, 0.6, 0.7, 0.7, 0.5], [2.0, 1.0, 3.0, 0.0, 1.0]]
 BY_PLACE = {"speed": SPEED, "torque": ROWS, "position": [-1.0, 0.5, 2.0]}
+TWO_ROWS = {"speed": [0.0, 1.0], "torque": [[0.0, 2.0], [0.0, 4.0]], "position": [0.0, 1.0]}
 DRAG = {"speed": [0.0, 0.5, 1.0, 2.0], "torque": [0.0, 0.05, 0.2, 0.8]}
 
 
@@ -82,6 +83,20 @@ def test_rows_are_blended_between_positions() -> None:
     v = np.full(50, 0.4)
     assert_close(friction(around, v, q + 4.0), friction(around, v, q), ALGEBRA)
     assert_close(friction(around, v[:1], np.array([2.5])), [(one[0] + one[2]) / 2], CLOSED_FORM)
+
+
+def test_without_dry_friction_rows_still_differ_in_motion() -> None:
+    """So friction cannot be told without the position."""
+    dyn = wheel(TWO_ROWS)
+    assert_close(friction(dyn, [1.0] * 3, np.array([0.0, 0.5, 1.0])), [2.0, 3.0, 4.0], CLOSED_FORM)
+    urdf = models.scene("planar_3r").robot.urdf
+    arm = Dynamics(
+        {"robot": {"urdf": urdf}, "joints": {"joint2": {"friction": {"table": TWO_ROWS}}}}
+    )
+    for one in (dyn, arm):
+        for v in (np.ones(one.n), np.ones((99, one.n))):
+            with pytest.raises(InvalidInput, match="q is expected"):
+                one.friction(v)
 
 
 def test_a_table_of_viscous_friction_is_viscous_friction() -> None:

@@ -213,11 +213,30 @@ def test_pushing_takes_the_transposed_jacobian(rng: np.random.Generator) -> None
     assert_close(many, wrenches @ jacobian, ALGEBRA)
 
 
-@pytest.mark.parametrize("wrench", [[1.0, 2.0], [np.nan, 0.0, 0.0], 3.0, ["0", "0", "-7"]])
+@pytest.mark.parametrize(
+    "wrench", [[1.0, 2.0], [np.nan, 0.0, 0.0], 3.0, ["0", "0", "-7"], [0.0] * 4, [[0.0] * 3] * 2]
+)
 def test_bad_wrenches_are_refused(wrench: Any) -> None:
     dyn = Dynamics(models.SCENES / "panda_pen.yaml")
     with pytest.raises(InvalidInput, match="wrench"):
         dyn.contact_torque(dyn.model.q0, wrench)
+
+
+def test_wrenches_of_a_batch_are_one_or_one_for_each() -> None:
+    dyn = Dynamics(models.SCENES / "panda_pen.yaml")
+    q, wrench = dyn.model.q0, np.array([1.0, 2.0, 3.0])
+    one = dyn.contact_torque(q, wrench)
+    assert_close(dyn.contact_torque([q] * 3, wrench), [one] * 3, ALGEBRA)
+    for rows in (1, 2, 4):
+        with pytest.raises(InvalidInput, match=rf"shape \({rows}, 3\); a row for each of 3 pos"):
+            dyn.contact_torque([q] * 3, [wrench] * rows)
+
+
+def test_only_a_contact_with_the_world_says_where_the_arm_pushes_it() -> None:
+    """Fingertips touch a box that is a link of the same scene: which frame pushes must be said."""
+    dyn = Dynamics(models.SCENES / "lifting_gripper.yaml")
+    with pytest.raises(InvalidInput, match="frame is expected: the scene has 0 places"):
+        dyn.contact_torque(dyn.model.q0, [0, 0, 1])
 
 
 def test_bad_multipliers_and_names_are_refused() -> None:

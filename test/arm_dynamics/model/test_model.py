@@ -11,6 +11,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, SceneError, load_scene
+from models.touching import rails
 
 SCARA = str(models.FOLDER / "scara.urdf")
 
@@ -116,3 +117,12 @@ def test_real_robots_have_the_joints_they_are_sold_with() -> None:
 def test_dynamics_takes_a_model_that_is_built() -> None:
     model = ArmModel(load_scene(SCARA))
     assert Dynamics(model).model is model
+
+
+def test_a_joint_that_goes_round_beside_one_that_does_not() -> None:
+    """Its angle is kept as cosine and sine, the way on the rail as it is."""
+    dyn = Dynamics(rails("x", 2.0, turns=True))
+    assert [joint.nq for joint in list(dyn.model.pin.joints)[1:]] == [1, 2]
+    for turn in (0.3, 3.5, -9.0):
+        q = dyn.model.configuration(np.array([0.4, turn]))
+        np.testing.assert_allclose(q, [0.4, np.cos(turn), np.sin(turn)], atol=1e-15)

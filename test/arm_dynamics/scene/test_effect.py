@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import models
 from arm_dynamics import ArmModel, SceneError, load_scene
+from models.rotor import rotor
 
 URDF = (models.FOLDER / "planar_3r.urdf").read_text()
 ENDLESS = URDF.replace('name="joint2" type="revolute"', 'name="joint2" type="continuous"')
@@ -173,3 +175,31 @@ def test_loads_have_no_sign() -> None:
     )
     table.update(at=[0, 5, 10])
     assert load_scene(scene(joints={"joint2": {"friction": friction}}))
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "counts"),
+    [
+        ("-1e16", "1.0", True),
+        ("-1.0", "1e16", True),
+        ("-1e15", "1e16", True),
+        ("-1e16", "1e16", False),
+        ("0", "0", False),
+    ],
+)
+def test_a_limit_on_one_side_gives_a_stop_something_to_do(
+    lower: str, upper: str, counts: bool
+) -> None:
+    """Descriptions write numbers like 1e16 for no limit."""
+    urdf = rotor()["robot"]["urdf"].replace("continuous", "revolute").replace(
+        "</joint>", f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/></joint>'
+    )  # fmt: skip
+    scene = {
+        "robot": {"urdf": urdf},
+        "joints": {"axle": {"limits": {"stop": {"restitution": 0.5}}}},
+    }
+    if counts:
+        assert np.isfinite(ArmModel(load_scene(scene)).stops.place).any()
+    else:
+        with pytest.raises(SceneError, match="is without effect: the joint has no position limit"):
+            load_scene(scene)

@@ -209,20 +209,28 @@ BAD_SCENES: dict[str, tuple[Any, tuple[str, ...]]] = {
     "lock a name": ({"robot": {"urdf": URDF, "lock": "joint1"}}, ("lock", "joint1")),
 }  # fmt: skip
 
+NO_YAML = "this is not well-formed YAML"
+ENDLESS = "this YAML cannot be used: nested too deeply, or an alias within its own anchor"
 BAD_YAML = {
-    "unclosed": "robot: {urdf: arm.urdf",
-    "tab": "robot:\n\turdf: arm.urdf",
-    "a list": "- robot\n- gravity\n",
-    "a word": "panda",
-    "nothing": "",
-    "an object": "robot: !!python/object/apply:os.getcwd []",
-    "an alias within its anchor": "robot: &all [*all]",
-    "brackets without end": "[" * 5000,
-    "key twice over": "robot: [urdf]\n  lock: x",
-    "a list for a key": "robot: {urdf: x}\njoints: {[joint1, joint2]: {armature: 1}}",
-    "a bell": "robot: {urdf: x}  # \a",
-    "aliases that double forty times": "a0: &a0 [1]\n"
-    + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for k in range(1, 41)),
+    "unclosed": ("gravity: [0, 0, 9]\nrobot: {urdf: x\nsim:\n", f"{NO_YAML} in line 3: while"),
+    "tab": ("robot:\n\turdf: arm.urdf", f"{NO_YAML} in line 2: while scanning"),
+    "an alias of nothing": ("robot: {urdf: x}\nsim: *no", f"{NO_YAML} in line 2: found undefined"),
+    "a list": ("- robot\n- sim\n", "the file holds a list; a mapping with 'robot' is expected"),
+    "a word": ("panda", "the file holds text; a mapping with 'robot' is expected"),
+    "nothing": ("", "the file is empty; a mapping with 'robot' is expected"),
+    "an object": ("robot: !!python/object/apply:os.getcwd []", f"{NO_YAML} in line 1: could not"),
+    "an alias within its anchor": ("robot: &all [*all]", ENDLESS),
+    "brackets without end": ("[" * 5000, ENDLESS),
+    "key twice over": ("robot: [urdf]\n  lock: x", f"{NO_YAML} in line 2: while parsing"),
+    "a list for a key": (
+        "robot: {urdf: x}\njoints: {[joint1, joint2]: {armature: 1}}",
+        "a key in line 2 is a list or a mapping; a name is expected",
+    ),
+    "a bell": ("robot: {urdf: x}  # \a", f"{NO_YAML}: unacceptable character #x0007"),
+    "aliases that double forty times": (
+        "a0: &a0 [1]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for k in range(1, 41)),
+        "with its aliases written out, this YAML has 6.6e+12 values; at most 1000000 are expected",
+    ),
 }
 
 # Numbers that YAML 1.1 reads as 8, -8 and 90.
@@ -287,11 +295,11 @@ def test_an_unknown_key_of_a_part_is_answered_with_those_of_that_part() -> None:
     )
 
 
-@pytest.mark.parametrize("text", BAD_YAML.values(), ids=BAD_YAML)
-def test_bad_yaml_names_the_file(text: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("text", "said"), BAD_YAML.values(), ids=BAD_YAML)
+def test_bad_yaml_names_the_file_and_the_line(text: str, said: str, tmp_path: Path) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
-    refuses(path, ("bad.yaml",))
+    refuses(path, (f"bad.yaml: scene: {said}",))
 
 
 @pytest.mark.parametrize("number", OTHER_NUMBERS)

@@ -72,6 +72,16 @@ def test_one_joint_with_an_acceleration_limit_is_bang_bang() -> None:
     assert quick.duration == pytest.approx(2.0 * np.sqrt(0.5), rel=1e-4)
 
 
+@pytest.mark.parametrize("knot", [1e-5, 0.5, 1.0 - 1e-5, 1.0 - 1e-13])
+def test_it_goes_from_end_to_end_wherever_the_path_has_a_knot(knot: float) -> None:
+    us, way = np.array([0.0, knot, 1.0]), np.ones((3, 1))
+    path = Trajectory.through(us, us[:, None], way, 0.0 * way)
+    quick = retimed(JointPath(path, Quintic(9.0)), models.dynamics("pendulum"), np.inf, 2.0)
+    arrived = quick.sample(quick.duration - 1e-6).q, quick.sample(quick.duration).q
+    assert_close([quick.sample(0.0).q, *arrived], [[0.0], [1.0], [1.0]], ALGEBRA)
+    assert quick.duration == pytest.approx(2.0 * np.sqrt(0.5), rel=1e-4)
+
+
 def test_dry_friction_helps_to_brake() -> None:
     """Up with (T - F)/J and down with (T + F)/J, over 1 rad."""
     inertia, dry, most = 0.1, 1.0, 2.0

@@ -22,6 +22,8 @@ def test_timing_reaches_a_limit_and_exceeds_none(law: type, length: float) -> No
     assert max(speed, acceleration) <= 1.0 + 1e-9
     assert max(speed, acceleration) > 1.0 - 1e-3
     np.testing.assert_allclose(np.gradient(u, t)[5:-5], rate[5:-5], atol=3e-3 * rate.max())
+    gained = np.cumsum(0.5 * (rise[1:] + rise[:-1]) * np.diff(t))
+    np.testing.assert_allclose(gained, rate[1:], atol=3e-3 * rate.max())
     slow = timing.slower(2.0)
     assert slow.duration == 2 * timing.duration
     np.testing.assert_allclose(slow.at(0.6 * timing.duration)[1] * 2,

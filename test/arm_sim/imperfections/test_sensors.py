@@ -77,6 +77,19 @@ def test_noise_and_offset_of_each_quantity() -> None:
         np.testing.assert_allclose(found.std(axis=0), [0.1, 0.3], rtol=5 / np.sqrt(2 * count))
 
 
+@pytest.mark.parametrize("quantity", [0, 1, 2])
+@pytest.mark.parametrize("joint", [0, 1])
+def test_one_joint_alone_may_err(joint: int, quantity: int) -> None:
+    still, name = np.zeros((200, 2)), ("position", "velocity", "effort")[quantity]
+    for kind in ("noise", "offset"):
+        found = told(still, **{name: {kind: {NAMES[joint]: 0.1}}})[quantity]
+        assert not found[:, 1 - joint].any() and found[:, joint].all()
+    q, v = swing()
+    filtered = told(q, v, velocity={"cutoff": {NAMES[joint]: 50.0}})[1]
+    np.testing.assert_array_equal(filtered[:, 1 - joint], v[:, 1 - joint])
+    assert abs(filtered[:, joint] - v[:, joint]).max() > 1e-3
+
+
 def test_quantities_are_noisy_independently() -> None:
     given = {"noise": 1.0}
     found = np.hstack(told(np.zeros((5000, 2)), position=given, velocity=given, effort=given))

@@ -107,6 +107,17 @@ def test_without_laws_it_is_the_work_of_torques() -> None:
     assert not sim.arm.compiled.energy_account.makes_ticks_again(np.hstack([run.q, run.v]))
 
 
+def test_a_motor_alone_loses_what_its_resistance_does() -> None:
+    """No stops, no dry friction, fixed steps: the heat is R i², and b ω² of the joint."""
+    scene = rotor(0.1, viscous=0.05)
+    scene["joints"]["axle"]["actuator"] = MOTOR
+    run = Simulator(scene, integrator="rk4", dt=1e-4).run(0.2, [12.0])
+    heat = 1.0 * run.z[:, 0] ** 2 + 0.05 * run.v[:, 0] ** 2
+    lost = np.sum(0.5 * (heat[1:] + heat[:-1])) * 1e-4
+    assert_close(run.lost[-1], lost, 1e-4)
+    assert np.abs(run.balance).max() < 1e-6
+
+
 def test_energies_of_a_tick_do_not_depend_on_other_ticks(sim: Simulator) -> None:
     """A running account is evaluated every few ticks, that of a recording at once."""
     sim.reset()

@@ -12,7 +12,15 @@ import models
 from arm_dynamics.arrays import read_only
 from arm_sim import Recording, Simulator
 from arm_sim.integrators.selection import SECOND_LOOK
-from arm_sim.recording.second_look import FEWEST, drawn
+from arm_sim.recording.second_look import (
+    FEWEST,
+    Indices,
+    SecondLook,
+    Ticks,
+    drawn,
+    finer_tolerance,
+    second_look,
+)
 from models.rotor import rotor
 
 SCENE = rotor(0.1, coulomb=1.0)
@@ -93,6 +101,51 @@ def test_a_step_from_an_event_to_the_end_of_its_tick_is_noticed() -> None:
     phase = 150.0 * 0.004
     assert abs(run.q[-1, 0] - 0.012 - 2.0 / 150.0 * np.sin(phase)) > 1e-6
     assert not run.second_look.agrees
+
+
+def looked(tolerance: float | None, of_q: np.ndarray, of_v: np.ndarray) -> SecondLook:
+    """At all of four ticks of 0.1 s of two joints that stay at 0 and 1 rad: differences given."""
+    choice = replace(Simulator(SCENE).arm.compiled.choice, dt=0.1, tolerance=tolerance)
+    after, differs = np.tile([0.0, 1.0, 0.0, 0.0], (4, 1)), np.hstack([of_q, of_v])
+
+    def ticks(rows: Indices) -> Ticks:
+        number = rows[:, None] + 0.0  # which the ticks carry as their command
+        return Ticks(after[rows], after[rows], number, np.zeros((4, 0)), np.zeros(4))
+
+    def finer(some: Ticks) -> np.ndarray:
+        return some.after + differs[some.u[:, 0].astype(int)]
+
+    return second_look(np.zeros((4, 2)), np.ones(4, dtype=bool), choice, ticks, finer)
+
+
+def by_tick(look: SecondLook, values: np.ndarray) -> list[float]:
+    return [float(x) for x in values[np.argsort(look.ticks)]]
+
+
+def test_an_error_of_a_velocity_counts_for_as_long_as_it_lasts() -> None:
+    """With fixed steps to the end of the motion; else within its tick. Relative to 1 + |q|."""
+    of_q, of_v = np.zeros((2, 4, 2))
+    of_q[1, 1], of_v[0, 0], of_v[3, 1] = -4e-6, 1e-6, 6e-6
+    look = looked(None, of_q, of_v)
+    assert by_tick(look, look.difference) == pytest.approx([4e-7, 2e-6, 0.0, 3e-7], rel=1e-9)
+    assert by_tick(look, look.joint) == [0, 1, 0, 1]
+    assert look.error == pytest.approx(4e-7 + 2e-6 + 3e-7, rel=1e-9)
+    assert not look.agrees and look.ticks[look.worst] == 1
+    look = looked(1e-7, of_q, of_v)
+    assert by_tick(look, look.difference) == pytest.approx([1e-7, 2e-6, 0.0, 3e-7], rel=1e-9)
+    assert not look.agrees and looked(3e-7, of_q, of_v).agrees
+
+
+def test_a_tick_that_cannot_be_made_again_is_the_worst() -> None:
+    of_q = np.zeros((4, 2))
+    of_q[0, 0], of_q[2, 1] = 1.0, np.nan
+    look = looked(1e-9, of_q, np.zeros((4, 2)))
+    assert not look.agrees and look.ticks[look.worst] == 2
+
+
+def test_the_second_look_is_finer_as_far_as_rounding_allows() -> None:
+    finer = [finer_tolerance(x) for x in (1e-6, 1e-10, 1e-12, 1e-13, 1e-14)]
+    assert finer == pytest.approx([1e-8, 1e-12, 1e-13, 1e-13, 1e-14], rel=1e-12, abs=0)
 
 
 def test_what_is_drawn() -> None:

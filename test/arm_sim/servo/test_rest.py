@@ -10,6 +10,7 @@ import pytest
 from samples import sampled
 
 from arm_sim import JointCommand, Simulator
+from arm_sim.recording.contents import FREE, SERVOS
 from models.rotor import rotor
 
 TICKS = pytest.mark.parametrize("dt", sampled([1e-3, 2e-4, 1e-2], 2))
@@ -59,8 +60,34 @@ def test_at_rest_it_stays_to_the_bit_until_it_is_pushed() -> None:
     run = sim.run(40.0, JointCommand(position=[0.1 + 1e-12]))
     assert (run.q[-1000:] == run.q[-1]).all() and not run.v[-1000:].any()
     assert abs(run.q[-1, 0] - 0.1 - 1e-12) < 1e-13
+    assert run.hold is not None and run.hold[0] == FREE and (run.hold[-1000:-1] == SERVOS).all()
     sim.set_parameter("external", [1e-9])
     assert sim.run(T, JointCommand(position=[0.1 + 1e-12])).q[-1, 0] - 0.1 > 0.9e-9
+
+
+@pytest.mark.parametrize("go_on", [
+    lambda sim: sim.run(0.01, [0.0]),
+    lambda sim: sim.step([0.0]),
+    lambda sim: sim.reset([0.0]),
+])  # fmt: skip
+def test_what_servos_hold_is_free_once_they_do_not(go_on: Any) -> None:
+    sim = Simulator(soft(), dt=1e-3)
+    sim.run(0.01, JointCommand(position=[0.0]))
+    assert sim.arm.hold == SERVOS
+    go_on(sim)
+    assert sim.arm.hold == FREE
+
+
+@pytest.mark.parametrize("placed", ["set_state", "reset"])
+def test_what_was_commanded_before_an_arm_was_placed_is_no_stream(placed: str) -> None:
+    """The place after it has no velocity, as the first one of all."""
+    sims = [Simulator(soft(), dt=1e-3) for _ in range(2)]
+    for k in (1, 2):
+        sims[0].step(JointCommand(position=[1e-3 * k], stamp=1_000_000 * k))
+    for sim in sims:
+        getattr(sim, placed)(q=[3e-3], v=[0.0])
+        sim.step(JointCommand(position=[3e-3], stamp=3_000_000))
+    assert sims[0].state.v[0] == sims[1].state.v[0] == 0.0
 
 
 def test_a_joint_that_no_servo_holds_moves_on() -> None:

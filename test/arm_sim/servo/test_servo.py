@@ -13,8 +13,9 @@ from arm_dynamics import Dynamics, InvalidInput, SceneError, load_scene
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim import JointCommand, Simulator
 from arm_sim.plant.plant import Plant
-from arm_sim.servo.law import servo_law
+from arm_sim.servo.law import default_bandwidth, inertia, servo_law
 from models.rotor import rotor
+from tolerances import CLOSED_FORM, assert_close
 
 QUICK = 100.0
 """Default bandwidth in [rad/s]."""
@@ -131,6 +132,57 @@ def test_a_stiff_servo_that_grows_from_tick_to_tick_is_told(
     caplog.clear()
     Simulator(scene, dt=1e-4)
     assert not caplog.records
+
+
+def extending(least: float) -> dict[str, Any]:
+    """A point mass of 1 kg, 1 m out on a turning rail, on which it may come in to ``least``."""
+    dot = '<inertial><mass value="{}"/><inertia {}/></inertial>'
+    none = " ".join(f'{key}="0"' for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+    urdf = f"""<robot name="boom"><link name="base"/><link name="rail"/><link name="end">
+      {dot.format(1, none)}</link>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="rail"/>
+      <axis xyz="0 0 1"/></joint><joint name="reach" type="prismatic"><parent link="rail"/>
+      <child link="end"/><axis xyz="1 0 0"/>
+      <limit lower="{least}" upper="1" effort="99" velocity="9"/></joint></robot>"""
+    return {
+        "robot": {"urdf": urdf},
+        "joints": {"turn": {"servo": {"stiffness": 1e3, "damping": 200.0}}},
+        "initial": {"position": {"reach": 1.0}},
+    }
+
+
+@pytest.mark.parametrize(("least", "stable"), [(0.9, True), (0.1, False)])
+def test_a_stiff_servo_is_told_for_all_postures(
+    least: float, stable: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """1 kg m² where it begins, 0.01 where it may get; from 0.1 on the servo grows."""
+    Simulator(extending(least), dt=1e-3)
+    assert ("the servo of joint 'turn'" in caplog.text) != stable
+
+
+@pytest.mark.parametrize(("damping", "stable"), [(195.0, True), (205.0, False)])
+def test_behind_soft_transmissions_a_servo_moves_its_rotor_alone(
+    damping: float, stable: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Of 0.1 kg m², which bears 200 N m s/rad in 1 ms, however the links move one another."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    joint = {
+        "servo": {"stiffness": 100.0, "damping": damping},
+        "actuator": {"rotor_inertia": 0.1},
+        "transmission": {"stiffness": 100.0, "damping": 0.1},
+    }
+    Simulator(scene | {"joints": {"*": joint}}, dt=1e-3)
+    assert ("is unstable at dt = 0.001 s, for which its torque is held" in caplog.text) != stable
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_one_soft_transmission_makes_one_servo_slower(joint: int) -> None:
+    """Half of the natural frequency of its link; the others keep theirs."""
+    model, soft = models.dynamics("two_link").model, np.zeros(2)
+    assert_close(default_bandwidth(model, soft, 1e-3), [100.0, 100.0], CLOSED_FORM)
+    soft[joint] = 1.0 / (50.0**2 * inertia(model)[joint])
+    wanted = np.where(np.arange(2) == joint, 25.0, 100.0)
+    assert_close(default_bandwidth(model, soft, 1e-3), wanted, CLOSED_FORM)
 
 
 def test_a_velocity_is_reached_and_kept() -> None:

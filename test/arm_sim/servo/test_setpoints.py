@@ -18,15 +18,31 @@ def reference(setpoints: Setpoints) -> tuple[np.ndarray, np.ndarray]:
     return q.copy(), v.copy()
 
 
-def lead(commands: dict[int, JointCommand], ticks: int, n: int = 1) -> np.ndarray:
-    """Position and velocity of the first joint's reference in each tick, shape (ticks, 2)."""
-    setpoints, newest, found = Setpoints(n, DT), commands[0], []
-    for step in range(ticks):
-        newest = commands.get(step, newest)
-        setpoints.at(newest, step)
-        q, v = reference(setpoints)
-        found.append([q[0], v[0]])
-    return np.array(found)
+def among(command: JointCommand, place: int) -> JointCommand:
+    """The command of one joint as that of a joint of three, of which the others stay at 1 rad."""
+    fields = np.full((3, 3), [[1.0], [np.nan], [np.nan]])
+    fields[:, place] = [command.position[0], command.velocity[0], command.effort[0]]
+    return JointCommand(*fields, stamp=command.stamp)
+
+
+def lead(commands: dict[int, JointCommand], ticks: int) -> np.ndarray:
+    """Position and velocity of a joint's reference in each tick, shape (ticks, 2).
+
+    They are the same for each of three joints, and the others do not move.
+    """
+    found = np.empty((3, ticks, 2))
+    for joint in range(3):
+        setpoints = Setpoints(3, DT)
+        wider = {step: among(command, joint) for step, command in commands.items()}
+        newest = wider[0]
+        for step in range(ticks):
+            newest = wider.get(step, newest)
+            setpoints.at(newest, step)
+            q, v = reference(setpoints)
+            found[joint, step] = q[joint], v[joint]
+            assert np.delete(q, joint).tolist() == [1.0, 1.0] and not np.delete(v, joint).any()
+    np.testing.assert_array_equal(found, found[[0, 0, 0]])
+    return found[0]
 
 
 def test_a_first_command_is_a_place() -> None:
@@ -78,6 +94,20 @@ def test_a_velocity_beside_a_position_is_that_of_the_motion() -> None:
 
 def test_a_velocity_alone_goes_on() -> None:
     np.testing.assert_array_equal(lead({0: JointCommand(velocity=[0.5])}, 30)[:, 1], 0.5)
+
+
+def test_one_joint_goes_on_where_the_stream_of_another_has_ended() -> None:
+    nan, setpoints = np.nan, Setpoints(2, DT)
+    for k in range(3):
+        last = JointCommand([0.01 * k, nan], [nan, 0.5])
+        setpoints.at(last, k)
+    assert reference(setpoints)[1].tolist() == pytest.approx([10.0, 0.5])
+    for step in range(3, 12):
+        setpoints.at(last, step)
+    assert reference(setpoints)[0][0] == 0.02 and reference(setpoints)[1].tolist() == [0.0, 0.5]
+    assert not setpoints.at_rest
+    setpoints.at(JointCommand([0.02, nan], [nan, 0.0]), 12)
+    assert setpoints.at_rest
 
 
 def test_a_joint_that_begins_to_be_led_has_no_speed_yet() -> None:

@@ -197,6 +197,19 @@ def test_sliding_that_turns(
         assert rests[-1] and (run.q[rests] == run.q[-1]).all()
 
 
+@pytest.mark.parametrize("case", ["from a creep", "from a millimetre a second"])
+def test_what_creeps_has_broken_away_already(case: str) -> None:
+    """A push beyond sliding friction moves it on, although static friction would bear it."""
+    v, push, (allowed, _) = SLIDES[case]
+    foot = contact("body", friction=0.4, static_friction=0.9)
+    sim = Simulator({**rails("xyz", 2.0), "constraints": [foot]}, integrator="rk4", dt=1e-3)
+    sim.reset(v=[*v, 0.0])
+    sim.run(0.1, [*push, 0.0])
+    gained = (push[1] / 2.0 - 0.4 * G) * 0.1
+    assert sim.state.q[1] == pytest.approx(0.5 * gained * 0.1, abs=10 * allowed)
+    assert sim.state.v[1] == pytest.approx(gained, abs=1e-3)
+
+
 def test_friction_opposes_the_new_direction_of_a_creeping_block_that_is_struck() -> None:
     """Another block of 1 kg passes its speed on to it, early in a tick in which it creeps."""
     mu, dt, hit, push = 0.4, 1e-2, 1e-4, 9.0

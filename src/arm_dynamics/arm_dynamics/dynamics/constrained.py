@@ -209,10 +209,13 @@ def contact_torque(
     """
     name, point, offset = _contact_place(model, frame)
     f = real_array("wrench", wrench)
-    if f.shape[-1:] not in ((3,), (6,)) or f.ndim > q.ndim or not np.isfinite(f).all():
+    if f.shape[-1:] not in ((3,), (6,)) or not np.isfinite(f).all():
         raise InvalidInput(
             f"wrench = {wrench!r}: 3 finite numbers, a force, or 6, force and moment, are expected"
         )
+    if f.shape[:-1] not in ((), q.shape[:-1]):
+        rows = f"a row for each of {len(q)} positions" if q.ndim == 2 else f"({f.shape[-1]},)"
+        raise InvalidInput(f"wrench has shape {f.shape}; {rows} is expected")
     check_moving(model, name)
     motion = FrameMotion(model, name, "local_world_aligned")
 
