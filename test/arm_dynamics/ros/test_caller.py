@@ -192,6 +192,28 @@ def test_where_no_server_comes_nothing_is_asked_and_it_is_said(
     assert world.now - begin == pytest.approx(TIMEOUT, abs=0.011)
 
 
+def test_who_offers_it_under_another_name_is_told(
+    ros: Ros, caller: Caller, world: World
+) -> None:
+    """And which nodes there are, and in which domain."""
+    world.offered = float("inf")
+    kind = MODEL_INFO.type
+    for name in ("/left/model_info", "/left/other"):
+        ros.peer.create_service(kind, name, lambda request, response: response)
+    ros.adopt(Node("far", namespace="away", context=ros.context))
+    services = lambda: dict(caller._node.get_service_names_and_types())  # noqa: E731
+    ros.spin_until(lambda: {"/left/model_info", "/left/other"} <= services().keys())
+    ros.spin_until(lambda: {"far", "test_peer"} <= set(caller._node.get_node_names()))
+    with pytest.raises(NoAnswer) as caught:
+        caller.ask("node", MODEL_INFO, None)
+    assert str(caught.value).split("\n  ") == [
+        "no node offers /node/model_info (waited 12 s)",
+        "it is offered as /left/model_info",
+        "nodes seen: /away/far, /test_peer",
+        f"both sides must have the same ROS_DOMAIN_ID; here it is {ros.domain}",
+    ]
+
+
 @pytest.mark.parametrize("repeatable", [True, False])
 def test_a_timeout_states_the_time_and_whether_the_request_may_have_been_executed(
     caller: Caller, world: World, repeatable: bool

@@ -169,16 +169,22 @@ def test_gains_and_controllers_change_between_two_states(
         assert pair.in_c > before + 20
 
 
-def test_a_state_that_comes_again_gets_the_same_answer(ros: Ros, rng: np.random.Generator) -> None:
-    with side_by_side(ros, TWO_LINK) as pair:
-        pair.led(10, rng)
-        pair.stamp += MS
-        raw = pair.state(pair.q, pair.v)
-        first, count = pair.answers(raw), pair.in_c
-        assert pair.answers(raw) == first
-        assert pair.in_c == count
-        pair.led(10, rng)
-        assert pair.in_c >= count + 8
+@pytest.mark.parametrize("name", ["computed_torque", "pid"])
+def test_a_state_that_comes_again_gets_the_same_answer(
+    ros: Ros, rng: np.random.Generator, name: str
+) -> None:
+    """Also from a controller with memory, whether or not C was stopped in between."""
+    with side_by_side(ros, TWO_LINK, controller=name) as pair:
+        for stopped in True, False:
+            pair.led(10, rng)
+            pair.stamp += MS
+            raw = pair.state(pair.q, pair.v)
+            first = pair.answers(raw)
+            count = pair.in_c if stopped else 0
+            assert pair.answers(raw) == first
+            assert not stopped or pair.in_c == count
+            pair.led(10, rng)
+            assert pair.in_c >= count + 8
 
 
 def test_a_state_that_arrives_during_a_change_is_answered_after_it(

@@ -31,6 +31,7 @@ from arm_dynamics.ros.common.convert import to_nanoseconds, to_time
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
+from arm_sim.ros.lockstep import Ahead
 from arm_sim.ros.sim_node import SimNode
 from arm_sim.ros.timing.latency import Histogram
 from arm_sim.ros.timing.realtime_loop import Due
@@ -224,6 +225,27 @@ def test_in_lockstep_states_are_those_of_python(ros: Ros, tmp_path: Path, every:
         expected.step(tau)
         assert motion.q[tick + 1].tobytes() == expected.state.q.tobytes()
         assert motion.v[tick + 1].tobytes() == expected.state.v.tobytes()
+
+
+def test_an_order_in_lockstep_waits_for_no_answer(ros: Ros) -> None:
+    """The answer stays where it is until Python has done what it was asked for."""
+    node = ros.add(SimNode, models.scene("two_link"), lockstep=True, stale_policy="zero")
+    lockstep, waiting = node.lockstep, node.lockstep._waiting
+    lockstep.on_command(message(0.5, 0.5, stamp=0))
+    waiting.soon = SECOND
+
+    def ahead() -> int:
+        waiting.end = time.monotonic_ns() + 50 * MILLISECOND
+        return lockstep.ahead(waiting)
+
+    node.engine.queue.ring()
+    ros.publisher(JointState, JOINT_COMMANDS.name).publish(message(1.0, 1.0, stamp=MILLISECOND))
+    time.sleep(0.05)
+    assert ahead() == Ahead.CANNOT
+    node.engine.queue.serve()
+    while node.simulator.arm.step_count == 1:
+        assert ahead() == Ahead.NOTHING_CAME
+    assert node.simulator.arm.step_count == 2
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from harness import Ros
 from mcap.reader import make_reader
@@ -105,9 +106,18 @@ def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     ticks(node, 10)
     (finding,) = [found for found in node.diagnostics() if found.part == "recording"]
     assert finding.values["ticks"] == 10 and finding.values["ticks lost"] == 0
-    node.recorder.thread.failure = "the disk is full"
+    assert finding.values["path"] == str(tmp_path / "run.mcap")
+    assert finding.message(node).message == "ok"
+    thread = node.recorder.thread
+    node.recorder.lost, thread.lost, thread.failure = 2, 3, "the disk is full"
     (finding,) = [found for found in node.diagnostics() if found.part == "recording"]
-    assert "the disk is full" in " ".join(finding._words)
+    assert finding.values["ticks lost"] == 2 and finding.values["messages lost"] == 3
+    found = finding.message(node)
+    assert (found.level, found.message) == (
+        DiagnosticStatus.ERROR,
+        "2 ticks are not in the recording: the disk is slow; "
+        "3 ticks and messages are not in the recording: the disk is slow; the disk is full",
+    )
 
 
 @pytest.mark.parametrize("path", ["nowhere/run.mcap", "run.txt"])

@@ -156,6 +156,12 @@ def test_quality_of_service(ros: Ros, topic: str, reliable: bool) -> None:
     assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
 
 
+def test_when_its_inputs_are_closed_nobody_hears_commands(ros: Ros, node: SimNode) -> None:
+    ros.spin_until(lambda: ros.peer.count_subscribers("/joint_commands") == 1)
+    node.inputs.close()
+    ros.spin_until(lambda: ros.peer.count_subscribers("/joint_commands") == 0, timeout=5.0)
+
+
 def test_commands_go_by_name(node: SimNode) -> None:
     node.inputs.on_joint_commands(command(name=list(NAMES[::-1]), effort=TAU[::-1]))
     np.testing.assert_array_equal(acting(node), TAU)
@@ -244,7 +250,7 @@ def test_old_commands_give_way_to_the_policy(
         node.tick()
         sim.step(TAU if count < 5 else wanted())
         np.testing.assert_array_equal(motion(node), [sim.state.q, sim.state.v])
-    assert capfd.readouterr().err.count(f"the policy '{policy}' acts") == 1
+    assert capfd.readouterr().err.count(f"no command for 0.005 s: the policy '{policy}' acts") == 1
     node.inputs.on_commands(Float64MultiArray(data=TAU))
     node.tick()
     assert "commands have resumed" in capfd.readouterr().err

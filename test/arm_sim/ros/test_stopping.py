@@ -151,7 +151,21 @@ def test_each_stop_may_take_its_own_time() -> None:
         slowed = []
         for arm.step_count in range(begin, begin + 6):
             slowed.append(stopping.command(Stop.BRAKES) is not None)
-        assert slowed == [True] * round(LONGEST / arm.dt) + [False] * 2
+        assert slowed == [True] * 4 + [False] * 2  # a second
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize(
+    ("speed", "slows"), [(1.01e-3, True), (-1.01e-3, True), (1e-3, False), (-1e-3, False)]
+)
+def test_joints_below_a_millirad_per_second_are_held_at_once(
+    joint: int, speed: float, slows: bool
+) -> None:
+    arm = SimpleNamespace(n=2, x=np.zeros(4), step_count=0, dt=1e-3)
+    arm.x[2 + joint] = speed
+    stopping = Stopping(arm, SimpleNamespace(ready=True))
+    stopping.release()
+    assert (stopping.command(Stop.BRAKES) is not None) == slows
 
 
 def test_energy_taken_by_brakes_is_reported_as_a_change(ros: Ros) -> None:
