@@ -192,9 +192,7 @@ def test_where_no_server_comes_nothing_is_asked_and_it_is_said(
     assert world.now - begin == pytest.approx(TIMEOUT, abs=0.011)
 
 
-def test_who_offers_it_under_another_name_is_told(
-    ros: Ros, caller: Caller, world: World
-) -> None:
+def test_who_offers_it_under_another_name_is_told(ros: Ros, caller: Caller, world: World) -> None:
     """And which nodes there are, and in which domain."""
     world.offered = float("inf")
     kind = MODEL_INFO.type

@@ -300,6 +300,16 @@ def test_diagnostics_say_who_answers(ros: Ros, rng: np.random.Generator) -> None
         assert by_hand["answered in Python"] == "the executor answers"
 
 
+def test_who_is_destroyed_hears_no_more_states(ros: Ros) -> None:
+    node = ControllerNode(TWO_LINK, own_thread=True, context=ros.context)
+    ros.spin_until(lambda: ros.peer.count_subscribers("/joint_states") == 1)
+    thread = node.answers._thread
+    node.destroy_node()
+    assert not thread.is_alive()
+    ros.spin_until(lambda: ros.peer.count_subscribers("/joint_states") == 0, timeout=5.0)
+    node.answers.close()  # once is enough
+
+
 def test_who_shuts_down_ends_the_thread(ros: Ros) -> None:
     node = ros.adopt(ControllerNode(TWO_LINK, own_thread=True, context=ros.context))
     ros.context.try_shutdown()

@@ -241,6 +241,26 @@ def test_a_trajectory_on_the_topic_ends_the_goal(node: ControllerNode, client: C
     assert result.error_string == "Current goal cancelled due to new incoming trajectory."
 
 
+@pytest.mark.parametrize("by", ["trajectory", "goal"])
+def test_a_goal_that_is_replaced_before_its_acceptance_is_out_is_aborted(
+    node: ControllerNode, client: Client, by: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    follow = node.action._followed
+
+    def followed(*given: Any) -> None:
+        follow(*given)
+        if by == "trajectory":
+            node.on_joint_trajectory(trajectory(point(1.0, *HERE)))
+        else:
+            node.action._coming = {}  # a later one waits to be accepted
+
+    monkeypatch.setattr(node.action, "_followed", followed)
+    status, result = client.result(client.send(to(0.4, 0.4)))
+    assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
+    assert result.error_string == "Current goal cancelled due to new incoming action."
+    assert node.action.checks is None
+
+
 def test_states_whose_time_goes_backwards_end_the_goal(
     node: ControllerNode, client: Client
 ) -> None:

@@ -156,12 +156,6 @@ def test_quality_of_service(ros: Ros, topic: str, reliable: bool) -> None:
     assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
 
 
-def test_when_its_inputs_are_closed_nobody_hears_commands(ros: Ros, node: SimNode) -> None:
-    ros.spin_until(lambda: ros.peer.count_subscribers("/joint_commands") == 1)
-    node.inputs.close()
-    ros.spin_until(lambda: ros.peer.count_subscribers("/joint_commands") == 0, timeout=5.0)
-
-
 def test_commands_go_by_name(node: SimNode) -> None:
     node.inputs.on_joint_commands(command(name=list(NAMES[::-1]), effort=TAU[::-1]))
     np.testing.assert_array_equal(acting(node), TAU)

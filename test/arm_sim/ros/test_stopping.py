@@ -198,6 +198,17 @@ def test_put_elsewhere_it_is_held_there(ros: Ros) -> None:
         np.testing.assert_array_equal(place(node), start)
 
 
+def test_reset_to_a_motion_it_stands_there_at_once(ros: Ros) -> None:
+    """Though it was led before: until the first command it does not move."""
+    node = braked(ros)
+    node.inputs.on_joint_commands(command(name=list(NAMES), effort=[1.0, 2.0]))
+    ticks(node, 3)
+    node.engine.reset([0.4, -0.3], [1.0, -1.0])
+    ticks(node, 5)
+    np.testing.assert_array_equal(motion(node), [[0.4, -0.3], [0.0, 0.0]])
+    assert node.engine.held == "brakes"
+
+
 def test_another_policy_takes_over_in_motion(ros: Ros) -> None:
     node = braked(ros)
     ticks(node, 10)
