@@ -210,6 +210,7 @@ def test_cancelled_it_comes_to_rest_and_holds(node: ControllerNode, client: Clie
     assert client.cancel(handle) == 1
     status, result = client.result(handle)
     assert (status, result.error_code, result.error_string) == (CANCELED, 0, "")
+    assert node.goals.outcome == "action goal cancelled, the arm is held"
     assert_close(reference_of(node, 500 * MS)[:2], before[:2], ALGEBRA)  # no jump
     held = before[0] + 0.5 * 0.2 * before[1]
     assert_close(reference_of(node, 700 * MS), [held, [0, 0], [0, 0]], ALGEBRA)
@@ -289,12 +290,18 @@ def test_a_stamp_ahead_delays_the_start(node: ControllerNode, client: Client) ->
     assert client.result(handle)[0] == SUCCEEDED
 
 
-def test_points_that_are_over_are_left_out(node: ControllerNode, client: Client) -> None:
+def test_points_that_are_over_are_left_out(
+    ros: Ros, node: ControllerNode, client: Client
+) -> None:
     effort(node, 1000 * MS, HERE)
     points = trajectory(point(0.2, *moved(-0.2, 0.0)), point(1.5, *moved(0.4, 0.0)))
     assert client.send(stamped(goal(points), 0.5)).accepted  # a second from here to the last one
     assert_close(reference_of(node, 1500 * MS)[:2, 0], [0.3, 0.4], ALGEBRA)
     assert_close(reference_of(node, 2000 * MS)[0], moved(0.4, 0.0), ALGEBRA)
+    led(node, 1600, 1600)
+    ros.spin_until(lambda: client.feedback)
+    since = client.feedback[0].actual.time_from_start
+    assert (since.sec, since.nanosec) == (1, 100 * MS)  # since its stamp
 
 
 def test_who_is_there_already_needs_no_time(node: ControllerNode, client: Client) -> None:

@@ -225,7 +225,8 @@ def test_what_a_node_does_is_told_in_numbers(ros: Ros) -> None:
     assert told == {
         "time [s]": "0.007", "stamps": "sim", "tf": told["tf"], "paused": "false",
         "diverged": "false", "at stops": "none", "method": node.simulator.choice.method.name,
-        "error estimate": "0", "time-stepped ticks": "0", "energy balance [J]": "closed", "energy [J]": "closed",
+        "error estimate": "0", "time-stepped ticks": "0", "energy balance [J]": "closed",
+        "energy [J]": "closed",
     }  # fmt: skip
     node.engine.pause(True)
     assert values(finding(node, "simulation"))["paused"] == "true"
