@@ -257,6 +257,31 @@ def test_a_plan_that_is_ready_is_followed(ros: Ros, rng: np.random.Generator) ->
         assert pair.fast.follower.remaining(pair.stamp) > 0.5
 
 
+@pytest.mark.parametrize("which", ["planner", "builder"])
+def test_what_gets_ready_while_python_answers_is_not_left_to_c(
+    ros: Ros, rng: np.random.Generator, which: str
+) -> None:
+    """Too late to be delivered before that answer, but in time for the next one."""
+    with side_by_side(ros, TWO_LINK) as pair:
+        pair.led(10, rng)
+        fast, done = pair.fast, list[int]()
+        background = fast.goals.planner if which == "planner" else fast._builder
+        answer = fast.on_joint_states
+
+        def busy(raw: bytes) -> bytes | None:
+            fast.on_joint_states = answer
+            command = answer(raw)
+            background.start(lambda: 7, lambda result: done.append(result()))
+            while not background.ready:
+                time.sleep(1e-4)
+            return command
+
+        with fast.answers:  # so Python answers the next state
+            fast.on_joint_states = busy
+        pair.led(2, rng)
+        assert done == [7]
+
+
 def test_goals_of_the_action_are_watched(ros: Ros, rng: np.random.Generator) -> None:
     node = ros.adopt(ControllerNode(TWO_LINK, own_thread=True, context=ros.context))
     heard = ros.listen(JointState, "/joint_commands")

@@ -7,6 +7,7 @@ import gc
 import threading
 import weakref
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -208,6 +209,27 @@ def test_steps_do_not_age_the_command_and_need_a_pause_where_something_else_tick
     assert made.simulator.arm.step_count == 50
     made.pause(False)
     assert [acting(made) == [*TAU] for _ in range(3)] == [True, True, False]
+    by_hand = engine()
+    by_hand.step(3)
+    assert by_hand.simulator.arm.step_count == 3
+
+
+@pytest.mark.parametrize(
+    ("policy", "begun"), [("brake", 1), ("servo", 1), ("zero", 0), ("hold", 0), ("gravity", 0)]
+)
+def test_servos_that_may_have_to_stop_the_arm_are_built_while_it_moves(
+    policy: str, begun: int
+) -> None:
+    started = list[Any]()
+    background = SimpleNamespace(
+        busy=False, deliver=lambda: None, start=lambda job, then: started.append(job)
+    )
+    made = engine(background=background)
+    made.configure(0.0, policy)
+    made.commands.put(TAU)
+    ticks(made, 3)
+    assert len(started) == begun
+    assert made.simulator.effort.tolist() == [*TAU]
 
 
 def test_divergence_pauses_with_the_last_good_state_until_it_is_released() -> None:
