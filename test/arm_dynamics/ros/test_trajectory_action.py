@@ -290,9 +290,7 @@ def test_a_stamp_ahead_delays_the_start(node: ControllerNode, client: Client) ->
     assert client.result(handle)[0] == SUCCEEDED
 
 
-def test_points_that_are_over_are_left_out(
-    ros: Ros, node: ControllerNode, client: Client
-) -> None:
+def test_points_that_are_over_are_left_out(ros: Ros, node: ControllerNode, client: Client) -> None:
     effort(node, 1000 * MS, HERE)
     points = trajectory(point(0.2, *moved(-0.2, 0.0)), point(1.5, *moved(0.4, 0.0)))
     assert client.send(stamped(goal(points), 0.5)).accepted  # a second from here to the last one
