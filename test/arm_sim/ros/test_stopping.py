@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,9 +14,11 @@ from rclpy.parameter import Parameter
 from sim_by_hand import NAMES, by_hand, command, motion, ticks
 
 import models
+from arm_dynamics.exceptions import CompilerMissing
+from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
 from arm_sim.ros.commands.latest import Stop
-from arm_sim.ros.commands.stopping import LONGEST, SLOW, Stopping
+from arm_sim.ros.commands.stopping import LONGEST, SLOW, Servos, Stopping
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -152,6 +155,26 @@ def test_each_stop_may_take_its_own_time() -> None:
         for arm.step_count in range(begin, begin + 6):
             slowed.append(stopping.command(Stop.BRAKES) is not None)
         assert slowed == [True] * 4 + [False] * 2  # a second
+
+
+def test_servos_that_cannot_be_built_are_not_kept_quiet() -> None:
+    """Else the arm would be held by its brakes whatever positions are commanded, without a word."""
+
+    class Compiled:
+        has_servo = False
+
+        @property
+        def servo(self) -> None:
+            raise CompilerMissing("no compiler")
+
+    background = Background("servos")
+    servos = Servos(SimpleNamespace(compiled=Compiled()), background)
+    assert not servos.ready
+    while not background.ready:
+        time.sleep(1e-4)
+    with pytest.raises(CompilerMissing):
+        _ = servos.ready
+    background.close()
 
 
 @pytest.mark.parametrize("joint", [0, 1])
