@@ -116,13 +116,17 @@ def test_why_a_node_ended_is_one_line_unless_it_is_a_fault_of_the_program(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], error: Exception,
     built: bool,
 ) -> None:  # fmt: skip
-    made = list[Any]()
+    made, ended = list[Any](), list[str]()
+
+    class Failing(Node):
+        def destroy_node(self) -> None:
+            ended.append(self.get_name())
+            super().destroy_node()
 
     def make(**kwargs: Any) -> Node:
         made.append(kwargs["context"])
         if built:
-            made.append(Node("failing", **kwargs))
-            return made[1]
+            return Failing("failing", **kwargs)
         raise error
 
     def done() -> bool:
@@ -136,6 +140,7 @@ def test_why_a_node_ended_is_one_line_unless_it_is_a_fault_of_the_program(
         assert run(make, [], done) == 2
         assert f"error: {error}\n" in capfd.readouterr().err
     assert not made[0].ok()
+    assert ended == ["failing"] * built
 
 
 @pytest.mark.parametrize(
