@@ -111,7 +111,9 @@ def test_a_callback_that_fails_does_not_end_the_node(
 
 
 @pytest.mark.parametrize("built", [False, True])
-@pytest.mark.parametrize("error", [InvalidInput("no arm"), OSError("no disk"), RuntimeError("odd")])
+@pytest.mark.parametrize(
+    "error", [InvalidInput("no arm"), OSError("no disk"), RuntimeError("odd")]
+)
 def test_why_a_node_ended_is_one_line_unless_it_is_a_fault_of_the_program(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], error: Exception,
     built: bool,
