@@ -257,6 +257,29 @@ def test_an_order_in_lockstep_waits_for_no_answer(ros: Ros) -> None:
     assert ahead(soon=10, end=60_000) == Ahead.NOTHING_CAME
 
 
+def test_in_lockstep_c_ticks_for_answers_alone(ros: Ros) -> None:
+    """A command that comes late, twice or without a stamp is counted and acts with the answer."""
+    node = ros.add(SimNode, models.scene("two_link"), lockstep=True, stale_policy="zero")
+    lockstep, publisher = node.lockstep, ros.publisher(JointState, JOINT_COMMANDS.name)
+    lockstep.on_command(message(0.5, 0.5, stamp=0))
+    ignored = 0
+    for tick in 1, 2, 3:
+        for stamp in (0, 7 * MILLISECOND, (tick - 1) * MILLISECOND, tick * MILLISECOND):
+            publisher.publish(message(tick, stamp * 1e-9, stamp=stamp))
+        ignored += 3
+        end = time.monotonic() + 20.0
+        while node.simulator.arm.step_count == tick:
+            assert time.monotonic() < end
+            lockstep._waiting.soon = SECOND
+            lockstep._waiting.end = time.monotonic_ns() + 50 * MILLISECOND
+            lockstep._waiting.asked = time.monotonic_ns()
+            lockstep.ahead(lockstep._waiting)
+        assert node.simulator.arm.step_count == tick + 1
+        assert lockstep.ignored == ignored
+        assert node.simulator.effort.tolist() == [tick, tick * MILLISECOND * 1e-9]
+    assert node.ordinary.count == 3
+
+
 @pytest.mark.parametrize(
     "raw, refused",
     [

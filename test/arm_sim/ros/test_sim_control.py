@@ -363,6 +363,27 @@ def test_readers_of_seldom_topics_are_looked_for(
     assert by_hand(ros, dt=dt, energy_period=period)._outputs.seldom == every
 
 
+NEVER = 1 << 62
+
+
+@pytest.mark.parametrize(
+    ("by_the_clock", "multipliers", "energy", "every"),
+    [
+        (False, 0, False, 500), (False, 0, True, 100), (False, 1, False, 100),
+        (True, 0, False, NEVER), (True, 0, True, NEVER),  # energies have a thread of their own
+        (True, 1, False, 100), (True, 1, True, 100),
+    ],
+)  # fmt: skip
+def test_ticks_in_c_end_when_a_seldom_topic_is_due_that_somebody_reads(
+    ros: Ros, by_the_clock: bool, multipliers: int, energy: bool, every: int
+) -> None:
+    outputs = by_hand(ros)._outputs
+    outputs._by_the_clock = by_the_clock
+    outputs._multipliers = SimpleNamespace(get_subscription_count=lambda: multipliers)
+    outputs.energy = SimpleNamespace(every=100, heard=energy)
+    assert outputs.seldom == every
+
+
 def test_stale_commands_show(ros: Ros) -> None:
     node = by_hand(ros, command_timeout=0.005)
     node.inputs.on_commands(Float64MultiArray(data=TAU))

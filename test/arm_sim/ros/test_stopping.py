@@ -158,7 +158,7 @@ def test_each_stop_may_take_its_own_time() -> None:
 
 
 def test_servos_that_cannot_be_built_are_not_kept_quiet() -> None:
-    """Else the arm would be held by its brakes whatever positions are commanded, without a word."""
+    """Else the brakes would hold the arm whatever positions are commanded, without a word."""
 
     class Compiled:
         has_servo = False
