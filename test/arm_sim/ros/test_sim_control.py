@@ -375,13 +375,16 @@ NEVER = 1 << 62
     ],
 )  # fmt: skip
 def test_ticks_in_c_end_when_a_seldom_topic_is_due_that_somebody_reads(
-    ros: Ros, by_the_clock: bool, multipliers: int, energy: bool, every: int
-) -> None:
+    ros: Ros, by_the_clock: bool, multipliers: int, energy: bool, every: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
     outputs = by_hand(ros)._outputs
-    outputs._by_the_clock = by_the_clock
-    outputs._multipliers = SimpleNamespace(get_subscription_count=lambda: multipliers)
-    outputs.energy = SimpleNamespace(every=100, heard=energy)
-    assert outputs.seldom == every
+    topic = SimpleNamespace(get_subscription_count=lambda: multipliers)
+    with monkeypatch.context() as patch:
+        patch.setattr(outputs, "_by_the_clock", by_the_clock)
+        patch.setattr(outputs, "_multipliers", topic)
+        patch.setattr(outputs, "energy", SimpleNamespace(every=100, heard=energy))
+        assert outputs.seldom == every
 
 
 def test_stale_commands_show(ros: Ros) -> None:
