@@ -280,9 +280,13 @@ def stamped(wanted: Any, seconds: float) -> Any:
     return wanted
 
 
-def test_a_stamp_ahead_delays_the_start(node: ControllerNode, client: Client) -> None:
-    handle = client.send(stamped(to(0.4, 0.4), 2.0))
-    led(node, 0, 1990, off=lambda _: (0.0, 0.0))
+def test_a_stamp_ahead_delays_the_start(ros: Ros, node: ControllerNode, client: Client) -> None:
+    """Until then neither is the path checked nor feedback given."""
+    near = {"path_tolerance": [tolerance(NAMES[1], 0.05)]}
+    handle = client.send(stamped(to(0.4, 0.4, **near), 2.0))
+    led(node, 0, 1990, off=lambda _: (0.0, 0.06), step=10)
+    for _ in range(5):
+        ros.spin_once()
     assert not client.feedback
     assert_close(reference_of(node, 2000 * MS)[0], HERE, ALGEBRA)
     assert_close(reference_of(node, 2500 * MS)[0], moved(0.2, 0.2), ALGEBRA)

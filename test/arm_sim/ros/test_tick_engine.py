@@ -17,6 +17,7 @@ import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import SimulationDiverged, Simulator
+from arm_sim.ros import tick_engine
 from arm_sim.ros.tick_engine import MAX_STEPS, TickEngine
 from arm_sim.ros.tick_queue import TickQueue
 
@@ -196,6 +197,15 @@ def test_steps_are_bounded(steps: int) -> None:
     with pytest.raises(InvalidInput, match="allowed: 1 to 10000"):
         made.step(steps)
     assert made.simulator.arm.step_count == 0
+
+
+def test_as_many_steps_as_are_allowed_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tick_engine, "MAX_STEPS", 5)
+    made = engine()
+    made.step(5)
+    with pytest.raises(InvalidInput, match="steps = 6; allowed: 1 to 5"):
+        made.step(6)
+    assert made.simulator.arm.step_count == 5
 
 
 def test_steps_do_not_age_the_command_and_need_a_pause_where_something_else_ticks() -> None:
