@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from itertools import count
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ import models
 from arm_dynamics.ros.controller import trajectory_action
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.trajectory import Reference
+from arm_dynamics.trajectory.reference import Motion, hold
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
@@ -449,6 +451,27 @@ def test_a_newer_goal_takes_the_place_of_one_that_is_being_planned(
         assert client.result(first.result())[0] == ABORTED
     led(node, 0, 1000)
     assert client.result(second)[0] == SUCCEEDED
+
+
+def test_a_goal_that_is_given_up_while_it_is_planned_is_refused(
+    ros: Ros, node: ControllerNode, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go = Event()
+
+    def plan(outset: Any) -> Motion:
+        go.wait(20.0)
+        return hold(outset.here.q)
+
+    monkeypatch.setattr(node.action, "_planned", lambda message, params: plan)
+    first = client.begin(goal(trajectory(*[point(0.1 * k, *HERE) for k in range(1, 20)])))
+    ros.spin_until(lambda: node.goals.planner.busy)
+    node.on_joint_trajectory(trajectory(point(1.0, *HERE)))
+    go.set()
+    ros.spin_until(first.done, timeout=5.0)
+    assert not first.result().accepted
+    assert (
+        node.goals.outcome == "action goal refused: a newer goal came while it was being planned"
+    )
 
 
 def test_braking_leaves_what_is_being_planned(node: ControllerNode) -> None:

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from harness import Ros
 from mcap.reader import make_reader
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
@@ -68,6 +69,7 @@ def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path)
     node.inputs.on_wrench(push)
     ticks(node, 30)
     node.engine.reset()
+    assert node.set_parameters([Parameter("stale_policy", value="gravity")])[0].successful
     ticks(node, 20)
     states = node.recorder.ticks
     node.recorder.close()
@@ -78,6 +80,8 @@ def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path)
     assert found["/sim/wrench"][0][0] == "geometry_msgs/msg/WrenchStamped"
     wrench = deserialize_message(found["/sim/wrench"][0][1].data, WrenchStamped)
     assert wrench.wrench.force.z == 3.0
+    (told,) = [m.data for _, m in found["/sim/events"] if b"parameters: " in m.data]
+    assert b"stale_policy='gravity'" in told
     assert found["/sim/commands"][0][0] == "std_msgs/msg/Float64MultiArray"
     last = deserialize_message(found["/joint_states"][-1][1].data, JointState)
     assert last.name == NAMES
