@@ -337,11 +337,13 @@ def test_an_order_waits_for_no_more_than_the_tick_under_way(ros: Ros) -> None:
 
 def test_no_tick_is_made_while_the_arm_is_not_led_by_efforts(ros: Ros) -> None:
     fast = Fast(ros)
-    engine, ordinary = fast.node.engine, fast.node.ordinary
+    engine, ordinary, listen = fast.node.engine, fast.node.ordinary, lambda: None
     for begin, end in (
         (lambda: engine.pause(True), lambda: engine.pause(False)),
         (lambda: fast.node.tick(), lambda: None),  # stale
         (lambda: engine.push("tip", [0.1] * 6), lambda: engine.reset()),
+        (lambda: engine.arbiter.admit("other", frozenset({1})), lambda: engine.arbiter.forget()),
+        (lambda: engine.on_tick.append(listen), lambda: engine.on_tick.remove(listen)),
     ):
         begin()
         fast.publisher.publish(message(1.0, 1.0))

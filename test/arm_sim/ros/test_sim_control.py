@@ -250,9 +250,19 @@ def test_ticks_that_are_late_show_once(ros: Ros, monkeypatch: pytest.MonkeyPatch
     assert (found.level, found.message) == (DiagnosticStatus.OK, "ok")
 
 
-def test_why_ticks_are_made_in_python_shows(ros: Ros) -> None:
-    told = values(finding(by_hand(ros, scene(sensors={"delay": 0.001})), "loop"))
-    assert told["ticks made"] == "in Python: the scene has sensors or delayed commands"
+@pytest.mark.parametrize(
+    ("imperfect", "parameters", "why"),
+    [
+        ({"sensors": {"delay": 0.001}}, {}, "the scene has sensors or delayed commands"),
+        ({"commands": {"delay": 0.001}}, {}, "the scene has sensors or delayed commands"),
+        ({}, {"publish_all_joints": True}, "joint states of all joints are computed in Python"),
+    ],
+)
+def test_why_ticks_are_made_in_python_shows(
+    ros: Ros, imperfect: Any, parameters: dict[str, Any], why: str
+) -> None:
+    told = values(finding(by_hand(ros, scene(**imperfect), **parameters), "loop"))
+    assert told["ticks made"] == f"in Python: {why}"
 
 
 def test_joints_at_their_stops_and_ticks_of_first_order_show(ros: Ros) -> None:
