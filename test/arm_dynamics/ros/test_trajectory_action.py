@@ -109,13 +109,18 @@ def test_joints_may_come_in_any_order(node: ControllerNode, client: Client) -> N
     assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.5], ALGEBRA)
 
 
+@pytest.mark.parametrize(
+    "path", [{}, {"path_tolerance": [tolerance(NAMES[1], 0.05)]}], ids=["free", "near"]
+)
 def test_feedback_says_where_the_arm_is_and_should_be(
-    ros: Ros, node: ControllerNode, client: Client
+    ros: Ros, node: ControllerNode, client: Client, path: dict[str, Any]
 ) -> None:
-    client.send(to(0.4, -0.4))
+    """As often as it shall, although every state is compared with a tolerance."""
+    client.send(to(0.4, -0.4, **path))
     for k in range(10):
         led(node, 50 * k, 50 * k + 49, off=lambda stamp: (0.01, -0.02), step=7)
         ros.spin_until(lambda count=k: len(client.feedback) > count)  # 20 Hz
+    assert len(client.feedback) == 10
     for k, message in enumerate(client.feedback):
         assert list(message.joint_names) == NAMES
         assert (message.header.stamp.sec, message.header.stamp.nanosec) == (0, 50 * MS * k)
