@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
@@ -13,7 +14,7 @@ from rclpy.node import Node
 from arm_dynamics.exceptions import InvalidInput, NoAnswer
 from arm_dynamics.ros.common import caller as module
 from arm_dynamics.ros.common.caller import Caller
-from arm_dynamics.ros.interfaces import MODEL_INFO
+from arm_dynamics.ros.interfaces import MODEL_INFO, RESET
 
 pytestmark = pytest.mark.ros
 
@@ -192,6 +193,26 @@ def test_where_no_server_comes_nothing_is_asked_and_it_is_said(
     assert world.now - begin == pytest.approx(TIMEOUT, abs=0.011)
 
 
+def test_who_offers_it_under_another_name_is_told(ros: Ros, caller: Caller, world: World) -> None:
+    """And which nodes there are, and in which domain."""
+    world.offered = float("inf")
+    kind = MODEL_INFO.type
+    for name in ("/left/model_info", "/left/other"):
+        ros.peer.create_service(kind, name, lambda request, response: response)
+    ros.adopt(Node("far", namespace="away", context=ros.context))
+    services = lambda: dict(caller._node.get_service_names_and_types())  # noqa: E731
+    ros.spin_until(lambda: {"/left/model_info", "/left/other"} <= services().keys())
+    ros.spin_until(lambda: {"far", "test_peer"} <= set(caller._node.get_node_names()))
+    with pytest.raises(NoAnswer) as caught:
+        caller.ask("node", MODEL_INFO, None)
+    assert str(caught.value).split("\n  ") == [
+        "no node offers /node/model_info (waited 12 s)",
+        "it is offered as /left/model_info",
+        "nodes seen: /away/far, /test_peer",
+        f"both sides must have the same ROS_DOMAIN_ID; here it is {ros.domain}",
+    ]
+
+
 @pytest.mark.parametrize("repeatable", [True, False])
 def test_a_timeout_states_the_time_and_whether_the_request_may_have_been_executed(
     caller: Caller, world: World, repeatable: bool
@@ -199,6 +220,28 @@ def test_a_timeout_states_the_time_and_whether_the_request_may_have_been_execute
     with pytest.raises(NoAnswer, match="did not answer within 12 s") as caught:
         caller.ask("node", MODEL_INFO, None, repeatable)
     assert ("may have been carried out" in str(caught.value)) is not repeatable
+
+
+def test_an_answer_to_another_request_is_not_taken_for_this_one(ros: Ros) -> None:
+    """As one that comes after its request was given up."""
+    node, asked = Node("asker", context=ros.context), list[str]()
+
+    def answer(request: Any, response: Any) -> Any:
+        asked.append(f"answer {len(asked)}")
+        response.message = asked[-1]
+        return response
+
+    ros.peer.create_service(RESET.type, "/sim/reset", answer)
+    asker = module.Asker(node, RESET, "/sim/reset")
+    ros.spin_until(asker.ready)
+    time.sleep(0.3)  # until the server has seen the client, too
+    numbers = [asker.ask(RESET.type.Request()) for _ in range(3)]
+    ros.spin_until(lambda: len(asked) == 3)
+    assert asker.answer(numbers[1:2], 10.0).message == "answer 1"
+    assert asker.answer(numbers[1:2], 0.0) is None
+    assert asker.answer(numbers[2:], 10.0).message == "answer 2"
+    assert asker.answer(numbers, 0.01) is None
+    node.destroy_node()
 
 
 @pytest.mark.parametrize("name", ["", "/", "bad name", "a//b", "left/1st", "~sim", "{sim}"])

@@ -80,6 +80,7 @@ def test_planning_does_not_hold_up_the_loop(node: ControllerNode) -> None:
     np.testing.assert_array_equal(see(node, MS), before)
     planned(node, 2 * MS)
     duration = node.follower.remaining(2 * MS)
+    assert node.goals.outcome == f"following a straight line for {duration:.3f} s"
     assert duration > 1.0
     assert_close(hand(node, 2 * MS + round(1e9 * duration)), [0.0, 0.2, 0.0], 1e-8)
 
@@ -88,6 +89,7 @@ def test_a_path_is_followed_through_its_poses(node: ControllerNode) -> None:
     node.on_cartesian_path(path([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1]))
     planned(node, MS)
     duration = round(1e9 * node.follower.remaining(MS))
+    assert node.goals.outcome == f"following 3 poses for {1e-9 * duration:.3f} s"
     course = np.array([hand(node, MS + k * duration // 600) for k in range(601)])
     for corner in ([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1]):
         assert np.linalg.norm(course - corner, axis=1).min() < 2e-3

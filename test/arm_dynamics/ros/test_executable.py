@@ -40,6 +40,8 @@ def test_help_lists_the_scene_and_every_parameter(node: str) -> None:
 
 def test_help_of_the_controller_lists_groups_and_choices() -> None:
     told = usage(ControllerNode, ControllerParams)
+    assert "\n\nAnswers every joint state with a joint command.\n\nIt holds the arm" in told
+    assert "Attributes:" not in told
     for line in ("  bandwidth = 20.0", "  task_axes = 'pose'", "  priority = 0"):
         assert f"\n{line}\n" in told
     assert "[smooth, time_optimal]" in " ".join(told.split())

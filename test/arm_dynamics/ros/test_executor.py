@@ -13,6 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common import executor as module
 from arm_dynamics.ros.common.executor import make_executor, run, spin, subscribe
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
@@ -107,6 +108,41 @@ def test_a_callback_that_fails_does_not_end_the_node(
 ) -> None:
     subscribe(node, DIAGNOSTICS, lambda message: 1 / message).callback(0)
     assert "ZeroDivisionError" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("built", [False, True])
+@pytest.mark.parametrize(
+    "error", [InvalidInput("no arm"), OSError("no disk"), RuntimeError("odd")]
+)
+def test_why_a_node_ended_is_one_line_unless_it_is_a_fault_of_the_program(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], error: Exception,
+    built: bool,
+) -> None:  # fmt: skip
+    made, ended = list[Any](), list[str]()
+
+    class Failing(Node):
+        def destroy_node(self) -> None:
+            ended.append(self.get_name())
+            super().destroy_node()
+
+    def make(**kwargs: Any) -> Node:
+        made.append(kwargs["context"])
+        if built:
+            return Failing("failing", **kwargs)
+        raise error
+
+    def done() -> bool:
+        raise error
+
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    if isinstance(error, RuntimeError):
+        with pytest.raises(RuntimeError, match="odd"):
+            run(make, [], done)
+    else:
+        assert run(make, [], done) == 2
+        assert f"error: {error}\n" in capfd.readouterr().err
+    assert not made[0].ok()
+    assert ended == ["failing"] * built
 
 
 @pytest.mark.parametrize(

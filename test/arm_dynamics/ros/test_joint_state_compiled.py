@@ -17,7 +17,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES
 from arm_dynamics.ros.joint_state import JointStateReader, JointStateSink, JointStateSource
-from arm_dynamics.ros.joint_state.reader import Read
+from arm_dynamics.ros.joint_state.reader import FAILED, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 
 pytestmark = pytest.mark.ros
@@ -87,6 +87,27 @@ def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> No
                 next_of(source)
     source.close()
     assert source.take() is None
+
+
+def test_what_c_cannot_receive_python_does(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also for those who listen, as a recording does."""
+    node, heard = ros.add(Node, "both"), list[bytes]()
+    publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
+    reader = JointStateReader(JOINTS, ("effort",), partial=False, extra=False)
+    source = JointStateSource(node, JOINT_COMMANDS, reader)
+    source.tap = heard.append
+    matched(node, JOINT_COMMANDS.name)
+    for fails in True, False:
+        with monkeypatch.context() as patch:
+            if fails:
+                patch.setattr(reader, "next", lambda: FAILED)
+            assert source.take() is None
+            publisher.publish(JointState(name=JOINTS, effort=[1.0, 2.0]))
+            arrival, (_, values) = next_of(source)
+        assert values == [(1.0, 2.0)]
+        assert abs(time.time_ns() - arrival) < 30e9
+    assert [list(deserialize_message(raw, JointState).effort) for raw in heard] == [[1.0, 2.0]] * 2
+    source.close()
 
 
 class Message(ctypes.Structure):

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import os
 import time
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 import pytest
 from arm_msgs.msg import TrackingState
 from controller_pair import MS, side_by_side
+from geometry_msgs.msg import PoseStamped
 from goal_client import SUCCEEDED, Client, Result, goal, tolerance
 from harness import Ros
 from rclpy.serialization import deserialize_message
@@ -22,7 +24,9 @@ from two_link_control import NAMES, point, state, still, trajectory
 import models
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.control import NAMES as CONTROLLERS
+from arm_dynamics.ros.controller import OrdinaryAnswers
 from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.task_space.task_space import TaskSpace
 
 pytestmark = [
     pytest.mark.ros,
@@ -76,6 +80,28 @@ def test_commands_are_those_of_python(
         assert pair.in_c > 410
         pair.go((0.1, 0.01))  # the efforts fade out
         pair.led(60, rng)
+
+
+def with_poles() -> dict[str, Any]:
+    """As ``DRIVEN``, with a motor whose torque varies as it turns."""
+    scene = deepcopy(DRIVEN)
+    poles = {"amplitude": 0.01, "order": 4, "phase": 0.2}
+    scene["joints"]["shoulder"]["actuator"]["cogging"] = poles
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("scene", "parameters"),
+    [(with_poles(), {}), (TWO_LINK, {"gravity_compensated": True})],
+    ids=["cogging", "gravity compensated by the arm"],
+)
+def test_commands_that_depend_on_positions_are_for_python(
+    ros: Ros, rng: np.random.Generator, scene: Any, parameters: dict[str, Any]
+) -> None:
+    with side_by_side(ros, scene, **parameters) as pair:
+        pair.led(10, rng)
+        assert pair.in_c == 0
+        assert pair.fast.answers.obstacle == "commands depend on positions"
 
 
 @pytest.mark.parametrize("more", sampled([{"observer": 10.0, "saturate": True}, {}], 1), ids=str)
@@ -169,16 +195,22 @@ def test_gains_and_controllers_change_between_two_states(
         assert pair.in_c > before + 20
 
 
-def test_a_state_that_comes_again_gets_the_same_answer(ros: Ros, rng: np.random.Generator) -> None:
-    with side_by_side(ros, TWO_LINK) as pair:
-        pair.led(10, rng)
-        pair.stamp += MS
-        raw = pair.state(pair.q, pair.v)
-        first, count = pair.answers(raw), pair.in_c
-        assert pair.answers(raw) == first
-        assert pair.in_c == count
-        pair.led(10, rng)
-        assert pair.in_c >= count + 8
+@pytest.mark.parametrize("name", ["computed_torque", "pid"])
+def test_a_state_that_comes_again_gets_the_same_answer(
+    ros: Ros, rng: np.random.Generator, name: str
+) -> None:
+    """Also from a controller with memory, whether or not C was stopped in between."""
+    with side_by_side(ros, TWO_LINK, controller=name) as pair:
+        for stopped in True, False:
+            pair.led(10, rng)
+            pair.stamp += MS
+            raw = pair.state(pair.q, pair.v)
+            first = pair.answers(raw)
+            count = pair.in_c if stopped else 0
+            assert pair.answers(raw) == first
+            assert not stopped or pair.in_c == count
+            pair.led(10, rng)
+            assert pair.in_c >= count + 8
 
 
 def test_a_state_that_arrives_during_a_change_is_answered_after_it(
@@ -251,6 +283,52 @@ def test_a_plan_that_is_ready_is_followed(ros: Ros, rng: np.random.Generator) ->
         assert pair.fast.follower.remaining(pair.stamp) > 0.5
 
 
+def test_a_cartesian_motion_is_for_python(ros: Ros, rng: np.random.Generator) -> None:
+    task = {"task_frame": "tip", "task_axes": "x z"}
+    with side_by_side(ros, BENT, **task) as pair:
+        pair.led(10, rng)
+        goal, here = PoseStamped(), TaskSpace(pair.slow.dynamics, "tip").pose(pair.q).position
+        goal.pose.position.x, goal.pose.position.z = here[0] - 0.05, here[2]
+        pair.fast.on_cartesian_goal(goal)
+
+        def followed() -> bool:
+            pair.stamp += MS
+            pair.shown(pair.state(pair.q, pair.v))
+            return str(pair.fast.goals.outcome).startswith("following a straight line")
+
+        ros.spin_until(followed)
+        count = pair.in_c
+        for _ in range(3):
+            followed()
+        assert pair.in_c == count
+        assert pair.fast.answers.obstacle == "the motion is a Cartesian path"
+
+
+@pytest.mark.parametrize("which", ["planner", "builder"])
+def test_what_gets_ready_while_python_answers_is_not_left_to_c(
+    ros: Ros, rng: np.random.Generator, which: str
+) -> None:
+    """Too late to be delivered before that answer, but in time for the next one."""
+    with side_by_side(ros, TWO_LINK) as pair:
+        pair.led(10, rng)
+        fast, done = pair.fast, list[int]()
+        background = fast.goals.planner if which == "planner" else fast._builder
+        answer = fast.on_joint_states
+
+        def busy(raw: bytes) -> bytes | None:
+            fast.on_joint_states = answer
+            command = answer(raw)
+            background.start(lambda: 7, lambda result: done.append(result()))
+            while not background.ready:
+                time.sleep(1e-4)
+            return command
+
+        with fast.answers:  # so Python answers the next state
+            fast.on_joint_states = busy
+        pair.led(2, rng)
+        assert done == [7]
+
+
 def test_goals_of_the_action_are_watched(ros: Ros, rng: np.random.Generator) -> None:
     node = ros.adopt(ControllerNode(TWO_LINK, own_thread=True, context=ros.context))
     heard = ros.listen(JointState, "/joint_commands")
@@ -288,10 +366,35 @@ def test_diagnostics_say_who_answers(ros: Ros, rng: np.random.Generator) -> None
         values = pair.fast.diagnostics()[0].values
         assert values["answered in C"] == pair.in_c > 10
         assert values["answered in Python"] == "states that are not ordinary"
-        assert 0.0 < values["answer in C [µs]"] <= values["longest answer in C [µs]"]
+        assert 0.0 < values["answer in C [µs]"] <= values["longest answer in C [µs]"] < 1e7
         assert values["rate [Hz]"] > 0.0 and values["last state [s]"] < 5.0
         by_hand = pair.slow.diagnostics()[0].values
         assert by_hand["answered in Python"] == "the executor answers"
+        assert by_hand["answered in C"] == by_hand["longest answer in C [µs]"] == 0
+
+
+def test_times_of_answers_are_those_since_the_last_report() -> None:
+    answers = OrdinaryAnswers()
+    for count, busy, longest, mean in (
+        (0, 0, 0, 0.0), (10, 5000, 900, 0.5), (14, 4000, 2500, 1.0), (14, 0, 0, 0.0),
+    ):  # fmt: skip
+        answers.count = count
+        answers._answers.busy, answers._answers.longest = busy, longest
+        values = answers.summary()
+        assert values["answered in C"] == count
+        assert values["answer in C [µs]"] == pytest.approx(mean)
+        assert values["longest answer in C [µs]"] == pytest.approx(1e-3 * longest)
+        assert answers._answers.busy == answers._answers.longest == 0
+
+
+def test_who_is_destroyed_hears_no_more_states(ros: Ros) -> None:
+    node = ControllerNode(TWO_LINK, own_thread=True, context=ros.context)
+    ros.spin_until(lambda: ros.peer.count_subscribers("/joint_states") == 1)
+    thread = node.answers._thread
+    node.destroy_node()
+    assert not thread.is_alive()
+    ros.spin_until(lambda: ros.peer.count_subscribers("/joint_states") == 0, timeout=5.0)
+    node.answers.close()  # once is enough
 
 
 def test_who_shuts_down_ends_the_thread(ros: Ros) -> None:

@@ -60,9 +60,10 @@ def test_values_are_taken_from_the_constructor(ros: Ros) -> None:
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
-        ({"number": 3.0}, "'number'"),
-        ({"number": "much"}, "'number'"),
-        ({"count": 0}, "'count'"),
+        ({"number": 3.0}, "'number' is 3.0; allowed: 0 to 2"),
+        ({"number": -0.1}, "'number' is -0.1; allowed: 0 to 2"),
+        ({"number": "much"}, "'number': .* expecting type 'DOUBLE'"),
+        ({"count": 0}, "'count' is 0; allowed: 1 to 9"),
         ({"color": "blue"}, "'color' is 'blue'; allowed: one of red, green"),
     ],
 )
@@ -97,6 +98,8 @@ def test_parameters_cannot_be_taken_away(ros: Ros, name: str) -> None:
     [
         ({"number": 1.5}, "1.5 will not do"),
         ({"number": 3.0}, "number"),
+        ({"gains": [True]}, "parameter 'gains' is [True]; numbers are expected"),
+        ({"gains": None}, "parameter 'gains' has no value; a parameter cannot be removed"),
         ({"color": "blue"}, "allowed: one of red, green"),
         ({"count": 0}, "count"),
         ({"fixed": False}, "read-only"),
@@ -105,7 +108,7 @@ def test_parameters_cannot_be_taken_away(ros: Ros, name: str) -> None:
 )
 def test_bad_changes_are_refused_as_a_whole(ros: Ros, bad: dict[str, Any], complaint: str) -> None:
     holder = ros.add(Holder)
-    result = holder.change(gains=[7.0], **bad)
+    result = holder.change(**{"gains": [7.0], **bad})
     assert not result.successful
     assert complaint in result.reason
     assert holder.params == Some()

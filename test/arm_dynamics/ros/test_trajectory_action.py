@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from itertools import count
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ import models
 from arm_dynamics.ros.controller import trajectory_action
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.trajectory import Reference
+from arm_dynamics.trajectory.reference import Motion, hold
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
@@ -107,13 +109,18 @@ def test_joints_may_come_in_any_order(node: ControllerNode, client: Client) -> N
     assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.5], ALGEBRA)
 
 
+@pytest.mark.parametrize(
+    "path", [{}, {"path_tolerance": [tolerance(NAMES[1], 0.05)]}], ids=["free", "near"]
+)
 def test_feedback_says_where_the_arm_is_and_should_be(
-    ros: Ros, node: ControllerNode, client: Client
+    ros: Ros, node: ControllerNode, client: Client, path: dict[str, Any]
 ) -> None:
-    client.send(to(0.4, -0.4))
+    """As often as it shall, although every state is compared with a tolerance."""
+    client.send(to(0.4, -0.4, **path))
     for k in range(10):
         led(node, 50 * k, 50 * k + 49, off=lambda stamp: (0.01, -0.02), step=7)
         ros.spin_until(lambda count=k: len(client.feedback) > count)  # 20 Hz
+    assert len(client.feedback) == 10
     for k, message in enumerate(client.feedback):
         assert list(message.joint_names) == NAMES
         assert (message.header.stamp.sec, message.header.stamp.nanosec) == (0, 50 * MS * k)
@@ -210,6 +217,7 @@ def test_cancelled_it_comes_to_rest_and_holds(node: ControllerNode, client: Clie
     assert client.cancel(handle) == 1
     status, result = client.result(handle)
     assert (status, result.error_code, result.error_string) == (CANCELED, 0, "")
+    assert node.goals.outcome == "action goal cancelled, the arm is held"
     assert_close(reference_of(node, 500 * MS)[:2], before[:2], ALGEBRA)  # no jump
     held = before[0] + 0.5 * 0.2 * before[1]
     assert_close(reference_of(node, 700 * MS), [held, [0, 0], [0, 0]], ALGEBRA)
@@ -241,6 +249,26 @@ def test_a_trajectory_on_the_topic_ends_the_goal(node: ControllerNode, client: C
     assert result.error_string == "Current goal cancelled due to new incoming trajectory."
 
 
+@pytest.mark.parametrize("by", ["trajectory", "goal"])
+def test_a_goal_that_is_replaced_before_its_acceptance_is_out_is_aborted(
+    node: ControllerNode, client: Client, by: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    follow = node.action._followed
+
+    def followed(*given: Any) -> None:
+        follow(*given)
+        if by == "trajectory":
+            node.on_joint_trajectory(trajectory(point(1.0, *HERE)))
+        else:
+            node.action._coming = {}  # a later one waits to be accepted
+
+    monkeypatch.setattr(node.action, "_followed", followed)
+    status, result = client.result(client.send(to(0.4, 0.4)))
+    assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
+    assert result.error_string == "Current goal cancelled due to new incoming action."
+    assert node.action.checks is None
+
+
 def test_states_whose_time_goes_backwards_end_the_goal(
     node: ControllerNode, client: Client
 ) -> None:
@@ -259,9 +287,13 @@ def stamped(wanted: Any, seconds: float) -> Any:
     return wanted
 
 
-def test_a_stamp_ahead_delays_the_start(node: ControllerNode, client: Client) -> None:
-    handle = client.send(stamped(to(0.4, 0.4), 2.0))
-    led(node, 0, 1990, off=lambda _: (0.0, 0.0))
+def test_a_stamp_ahead_delays_the_start(ros: Ros, node: ControllerNode, client: Client) -> None:
+    """Until then neither is the path checked nor feedback given."""
+    near = {"path_tolerance": [tolerance(NAMES[1], 0.05)]}
+    handle = client.send(stamped(to(0.4, 0.4, **near), 2.0))
+    led(node, 0, 1990, off=lambda _: (0.0, 0.06), step=10)
+    for _ in range(5):
+        ros.spin_once()
     assert not client.feedback
     assert_close(reference_of(node, 2000 * MS)[0], HERE, ALGEBRA)
     assert_close(reference_of(node, 2500 * MS)[0], moved(0.2, 0.2), ALGEBRA)
@@ -269,12 +301,16 @@ def test_a_stamp_ahead_delays_the_start(node: ControllerNode, client: Client) ->
     assert client.result(handle)[0] == SUCCEEDED
 
 
-def test_points_that_are_over_are_left_out(node: ControllerNode, client: Client) -> None:
+def test_points_that_are_over_are_left_out(ros: Ros, node: ControllerNode, client: Client) -> None:
     effort(node, 1000 * MS, HERE)
     points = trajectory(point(0.2, *moved(-0.2, 0.0)), point(1.5, *moved(0.4, 0.0)))
     assert client.send(stamped(goal(points), 0.5)).accepted  # a second from here to the last one
     assert_close(reference_of(node, 1500 * MS)[:2, 0], [0.3, 0.4], ALGEBRA)
     assert_close(reference_of(node, 2000 * MS)[0], moved(0.4, 0.0), ALGEBRA)
+    led(node, 1600, 1600)
+    ros.spin_until(lambda: client.feedback)
+    since = client.feedback[0].actual.time_from_start
+    assert (since.sec, since.nanosec) == (1, 100 * MS)  # since its stamp
 
 
 def test_who_is_there_already_needs_no_time(node: ControllerNode, client: Client) -> None:
@@ -420,6 +456,27 @@ def test_a_newer_goal_takes_the_place_of_one_that_is_being_planned(
         assert client.result(first.result())[0] == ABORTED
     led(node, 0, 1000)
     assert client.result(second)[0] == SUCCEEDED
+
+
+def test_a_goal_that_is_given_up_while_it_is_planned_is_refused(
+    ros: Ros, node: ControllerNode, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go = Event()
+
+    def plan(outset: Any) -> Motion:
+        go.wait(20.0)
+        return hold(outset.here.q)
+
+    monkeypatch.setattr(node.action, "_planned", lambda message, params: plan)
+    first = client.begin(goal(trajectory(*[point(0.1 * k, *HERE) for k in range(1, 20)])))
+    ros.spin_until(lambda: node.goals.planner.busy)
+    node.on_joint_trajectory(trajectory(point(1.0, *HERE)))
+    go.set()
+    ros.spin_until(first.done, timeout=5.0)
+    assert not first.result().accepted
+    assert (
+        node.goals.outcome == "action goal refused: a newer goal came while it was being planned"
+    )
 
 
 def test_braking_leaves_what_is_being_planned(node: ControllerNode) -> None:

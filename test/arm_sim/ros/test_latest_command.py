@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import models
 from arm_sim.ros.commands.latest import LatestCommand
+from arm_sim.servo import JointCommand
 
 pytestmark = pytest.mark.ros
 
@@ -61,6 +64,16 @@ def test_gravity_is_what_springs_leave_of_it() -> None:
     slot.configure(1, "gravity")
     assert abs(dynamics.gravity(Q)).max() > 1.0
     np.testing.assert_allclose(slot.take(Q), [0.0, 0.0], atol=1e-12)
+
+
+def test_gravity_is_carried_by_commands_of_the_drives() -> None:
+    """Volts on a motor: the current that gives the torque, times the resistance."""
+    dynamics = models.dynamics("motor_pendulum")
+    slot, q = LatestCommand(dynamics), np.array([0.7])
+    slot.configure(1, "gravity")
+    current = dynamics.gravity(q) / (50 * 0.05)
+    assert abs(current[0]) > 0.1
+    np.testing.assert_allclose(slot.take(q), 0.8 * current, rtol=1e-12)
 
 
 @pytest.mark.parametrize("policy", ["zero", "hold", "gravity"])
@@ -124,6 +137,25 @@ def test_age_counts_the_ticks_since_a_command_was_first_used(commands: LatestCom
     commands.put(TAU.copy())
     commands.take(Q)
     assert commands.age == 1
+
+
+def test_efforts_act_from_their_first_tick_until_they_are_stale(commands: LatestCommand) -> None:
+    """And only then may ticks be made elsewhere; a position is no effort."""
+    told = [commands.efforts]
+    for command in (TAU, JointCommand(position=Q)):
+        commands.put(command)
+        for _ in range(5):
+            told.append(commands.efforts)
+            commands.take(Q)
+    assert [one is TAU for one in told] == [False, False, *[True] * 3, *[False] * 6]
+    assert all(one is TAU or one is None for one in told)
+    delayed = LatestCommand(
+        models.dynamics("two_link"), SimpleNamespace(send=lambda *_: None, receive=lambda _: TAU)
+    )
+    delayed.put(TAU)
+    delayed.arrive(0)
+    assert delayed.take(Q) is TAU
+    assert delayed.efforts is None
 
 
 @pytest.mark.parametrize("newer", [None, (5.0, 6.0)])

@@ -31,6 +31,8 @@ from arm_dynamics.ros.common.convert import to_nanoseconds, to_time
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
+from arm_sim.ros.lockstep import Ahead
+from arm_sim.ros.ordinary import ticks as ordinary
 from arm_sim.ros.sim_node import SimNode
 from arm_sim.ros.timing.latency import Histogram
 from arm_sim.ros.timing.realtime_loop import Due
@@ -125,12 +127,16 @@ def driven() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    "scene, every", [("two_link", 1), ("two_link", 2), (driven(), 1), (driven(), 3)],
-    ids=["every state", "every second one", "with a drive", "with a drive, every third one"],
+    "scene, every, rows",
+    [("two_link", 1, 3), ("two_link", 2, 8192), (driven(), 1, 8192), (driven(), 3, 8192)],
+    ids=["every state, for an account of few ticks at once", "every second one", "with a drive",
+         "with a drive, every third one"],
 )  # fmt: skip
 def test_states_and_files_are_those_of_python(
-    ros: Ros, tmp_path: Path, rng: np.random.Generator, scene: Any, every: int
-) -> None:
+    ros: Ros, tmp_path: Path, rng: np.random.Generator, scene: Any, every: int, rows: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(ordinary, "_ROWS", rows)
     files = [tmp_path / "fast.mcap", tmp_path / "slow.mcap"]
     fast = Fast(ros, scene, record=str(files[0]), publish_every=every)
     slow = node_of(ros, scene, record=str(files[1]), publish_every=every)
@@ -226,6 +232,54 @@ def test_in_lockstep_states_are_those_of_python(ros: Ros, tmp_path: Path, every:
         assert motion.v[tick + 1].tobytes() == expected.state.v.tobytes()
 
 
+def test_an_order_in_lockstep_waits_for_no_answer(ros: Ros) -> None:
+    """The answer stays where it is until Python has done what it was asked for."""
+    node = ros.add(SimNode, models.scene("two_link"), lockstep=True, stale_policy="zero")
+    lockstep, waiting = node.lockstep, node.lockstep._waiting
+    lockstep.on_command(message(0.5, 0.5, stamp=0))
+
+    def ahead(soon: int = 60_000, end: int = 50) -> int:
+        begin = time.monotonic_ns()
+        waiting.soon, waiting.asked = soon * MILLISECOND, begin
+        waiting.end = begin + end * MILLISECOND
+        found = lockstep.ahead(waiting)
+        assert time.monotonic_ns() - begin < 30 * SECOND, "others have their turn"
+        return found
+
+    node.engine.queue.ring()
+    ros.publisher(JointState, JOINT_COMMANDS.name).publish(message(1.0, 1.0, stamp=MILLISECOND))
+    time.sleep(0.05)
+    assert ahead() == Ahead.CANNOT
+    node.engine.queue.serve()
+    while node.simulator.arm.step_count == 1:
+        assert ahead() == Ahead.NOTHING_CAME
+    assert node.simulator.arm.step_count == 2
+    assert ahead(soon=10, end=60_000) == Ahead.NOTHING_CAME
+
+
+def test_in_lockstep_c_ticks_for_answers_alone(ros: Ros) -> None:
+    """A command that comes late, twice or without a stamp is counted and acts with the answer."""
+    node = ros.add(SimNode, models.scene("two_link"), lockstep=True, stale_policy="zero")
+    lockstep, publisher = node.lockstep, ros.publisher(JointState, JOINT_COMMANDS.name)
+    lockstep.on_command(message(0.5, 0.5, stamp=0))
+    ignored = 0
+    for tick in 1, 2, 3:
+        for stamp in (0, 7 * MILLISECOND, (tick - 1) * MILLISECOND, tick * MILLISECOND):
+            publisher.publish(message(tick, stamp * 1e-9, stamp=stamp))
+        ignored += 3
+        end = time.monotonic() + 20.0
+        while node.simulator.arm.step_count == tick:
+            assert time.monotonic() < end
+            lockstep._waiting.soon = SECOND
+            lockstep._waiting.end = time.monotonic_ns() + 50 * MILLISECOND
+            lockstep._waiting.asked = time.monotonic_ns()
+            lockstep.ahead(lockstep._waiting)
+        assert node.simulator.arm.step_count == tick + 1
+        assert lockstep.ignored == ignored
+        assert node.simulator.effort.tolist() == [tick, tick * MILLISECOND * 1e-9]
+    assert node.ordinary.count == 3
+
+
 @pytest.mark.parametrize(
     "raw, refused",
     [
@@ -245,6 +299,16 @@ def test_what_is_wrong_is_refused_by_python(ros: Ros, raw: bytes, refused: str) 
     fast.node.tick()
     assert fast.node.inputs.refused == count + 1
     assert fast.node.simulator.arm.acted.tolist() == [0.0, 0.0], "the old one is too old"
+
+
+def test_a_command_that_may_not_fit_into_the_recording_is_left_to_python(ros: Ros) -> None:
+    fast, long = Fast(ros), "x" * 5000
+    led_in_python(fast.node, message(0.5, 0.5, source=long))
+    fast.node.engine.arbiter.forget()
+    led_in_python(fast.node, message(0.5, 0.5, source=long))
+    fast.refuses(message(1.0, 2.0, source=long))
+    fast.node.tick()
+    assert fast.node.simulator.arm.acted.tolist() == [1.0, 2.0]
 
 
 def test_a_command_of_some_joints_is_put_together_by_python(ros: Ros) -> None:
@@ -273,11 +337,13 @@ def test_an_order_waits_for_no_more_than_the_tick_under_way(ros: Ros) -> None:
 
 def test_no_tick_is_made_while_the_arm_is_not_led_by_efforts(ros: Ros) -> None:
     fast = Fast(ros)
-    engine, ordinary = fast.node.engine, fast.node.ordinary
+    engine, ordinary, listen = fast.node.engine, fast.node.ordinary, lambda: None
     for begin, end in (
         (lambda: engine.pause(True), lambda: engine.pause(False)),
         (lambda: fast.node.tick(), lambda: None),  # stale
         (lambda: engine.push("tip", [0.1] * 6), lambda: engine.reset()),
+        (lambda: engine.arbiter.admit("other", frozenset({1})), lambda: engine.arbiter.forget()),
+        (lambda: engine.on_tick.append(listen), lambda: engine.on_tick.remove(listen)),
     ):
         begin()
         fast.publisher.publish(message(1.0, 1.0))

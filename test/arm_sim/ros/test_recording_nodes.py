@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from harness import Ros
 from mcap.reader import make_reader
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
@@ -67,6 +69,7 @@ def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path)
     node.inputs.on_wrench(push)
     ticks(node, 30)
     node.engine.reset()
+    assert node.set_parameters([Parameter("stale_policy", value="gravity")])[0].successful
     ticks(node, 20)
     states = node.recorder.ticks
     node.recorder.close()
@@ -77,6 +80,8 @@ def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path)
     assert found["/sim/wrench"][0][0] == "geometry_msgs/msg/WrenchStamped"
     wrench = deserialize_message(found["/sim/wrench"][0][1].data, WrenchStamped)
     assert wrench.wrench.force.z == 3.0
+    (told,) = [m.data for _, m in found["/sim/events"] if b"parameters: " in m.data]
+    assert b"stale_policy='gravity'" in told
     assert found["/sim/commands"][0][0] == "std_msgs/msg/Float64MultiArray"
     last = deserialize_message(found["/joint_states"][-1][1].data, JointState)
     assert last.name == NAMES
@@ -105,9 +110,18 @@ def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     ticks(node, 10)
     (finding,) = [found for found in node.diagnostics() if found.part == "recording"]
     assert finding.values["ticks"] == 10 and finding.values["ticks lost"] == 0
-    node.recorder.thread.failure = "the disk is full"
+    assert finding.values["path"] == str(tmp_path / "run.mcap")
+    assert finding.message(node).message == "ok"
+    thread = node.recorder.thread
+    node.recorder.lost, thread.lost, thread.failure = 2, 3, "the disk is full"
     (finding,) = [found for found in node.diagnostics() if found.part == "recording"]
-    assert "the disk is full" in " ".join(finding._words)
+    assert finding.values["ticks lost"] == 2 and finding.values["messages lost"] == 3
+    found = finding.message(node)
+    assert (found.level, found.message) == (
+        DiagnosticStatus.ERROR,
+        "2 ticks are not in the recording: the disk is slow; "
+        "3 ticks and messages are not in the recording: the disk is slow; the disk is full",
+    )
 
 
 @pytest.mark.parametrize("path", ["nowhere/run.mcap", "run.txt"])

@@ -50,6 +50,17 @@ def test_a_description_will_do_in_place_of_a_scene(ros: Ros, make: Any, by_topic
 
 
 @pytest.mark.parametrize("make", [SimNode, ControllerNode])
+@pytest.mark.parametrize("by_name", [True, False])
+def test_beside_a_scene_a_description_is_not_used(
+    ros: Ros, make: Any, by_name: bool, capfd: pytest.CaptureFixture[str]
+) -> None:
+    scene = models.SCENES / "two_link.yaml"
+    given = {"robot_description": "<robot"} | ({"scene": str(scene)} if by_name else {})
+    ros.add(make, None if by_name else models.scene("two_link"), **given)
+    assert "'robot_description' is not used" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("make", [SimNode, ControllerNode])
 @pytest.mark.parametrize(
     ("given", "complaint"),
     [

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,12 +27,18 @@ from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.ros.commands.arbiter import STREAM
 from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.timing.latency import Percentiles
+from arm_sim.ros.timing.realtime_loop import LoopReport
 
 pytestmark = pytest.mark.ros
 
 
 def finding(node: SimNode, part: str) -> DiagnosticStatus:
     return {f.part: f for f in node.diagnostics()}[part].message(node)
+
+
+def values(found: DiagnosticStatus) -> dict[str, str]:
+    return {pair.key: pair.value for pair in found.values}
 
 
 def command(source: str = "", effort: Any = TAU) -> bytes:
@@ -187,6 +195,107 @@ def test_time_stands_still_until_the_first_command(ros: Ros) -> None:
 # --- diagnostics -------------------------------------------------------------------------------
 
 
+def energy(node: SimNode) -> tuple[float, float]:
+    state = node.simulator.state
+    return node.simulator.dynamics.energy(state.q, state.v)
+
+
+def test_what_a_node_does_is_told_in_numbers(ros: Ros) -> None:
+    node = by_hand(ros, command_timeout=0.005, wrench_timeout=1.0)
+    node.inputs.on_joint_commands(command("leader"))
+    trip = node.inputs.round_trip
+    trip.reset()
+    for state, arrival in (7, 3_000_000), (8, 5_000_000):  # 3 and 5 ms after they were sent
+        trip.sent(state)
+        sent = trip._times[(trip.next - 1) % 256]
+        assert trip.answered(state, sent + arrival)
+    node.inputs.on_wrench(pushed("tip", 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    node.inputs.on_wrench(pushed("paw", *[1.0] * 6))
+    ticks(node, 3)
+    assert values(finding(node, "commands")) == {
+        "age [s]": "0.003", "stale": "false", "stale count": "0", "extended": "0",
+        "policy": "zero", "held": "no", "passed over": "0", "sources": "leader",
+        "publishers": "0", "answers": "2", "round trip p50 [s]": "0.003",
+        "round trip p99 [s]": "0.005", "pushed frames": "tip", "wrenches passed over": "1",
+    }  # fmt: skip
+    ticks(node, 4)
+    told = values(finding(node, "commands"))
+    assert (told["stale"], told["stale count"]) == ("true", "1")
+    told = values(finding(node, "simulation"))
+    assert told == {
+        "time [s]": "0.007", "stamps": "sim", "tf": told["tf"], "paused": "false",
+        "diverged": "false", "at stops": "none", "method": node.simulator.choice.method.name,
+        "error estimate": "0", "time-stepped ticks": "0", "energy balance [J]": "closed",
+        "energy [J]": "closed",
+    }  # fmt: skip
+    node.engine.pause(True)
+    assert values(finding(node, "simulation"))["paused"] == "true"
+
+
+def test_ticks_that_are_late_show_once(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = by_hand(ros, realtime_factor=0.5)
+    report = LoopReport(2000, 4.0, 3, 1, Percentiles(2000, 1e-5, 2e-4, 3e-3))
+    monkeypatch.setattr(node.loop, "report", lambda: report)
+    found = finding(node, "loop")
+    assert (found.level, found.message) == (
+        DiagnosticStatus.WARN, "3 ticks began after the next one was due; 1 ticks dropped",
+    )  # fmt: skip
+    assert values(found) == {
+        "rate [Hz]": "500", "ticks": "2000", "missed": "3", "dropped": "1",
+        "lateness p50 [s]": "1e-05", "lateness p99 [s]": "0.0002", "lateness max [s]": "0.003",
+        "realtime factor": "0.5", "overrun": "catch_up", "driven by": "hand",
+        "executor": "SingleThreadedExecutor", "messages": "in C", "ticks made": "0 of them in C",
+    }  # fmt: skip
+    found = finding(node, "loop")
+    assert (found.level, found.message) == (DiagnosticStatus.OK, "ok")
+
+
+@pytest.mark.parametrize(
+    ("imperfect", "parameters", "why"),
+    [
+        ({"sensors": {"delay": 0.001}}, {}, "the scene has sensors or delayed commands"),
+        ({"commands": {"delay": 0.001}}, {}, "the scene has sensors or delayed commands"),
+        ({}, {"publish_all_joints": True}, "joint states of all joints are computed in Python"),
+    ],
+)
+def test_why_ticks_are_made_in_python_shows(
+    ros: Ros, imperfect: Any, parameters: dict[str, Any], why: str
+) -> None:
+    told = values(finding(by_hand(ros, scene(**imperfect), **parameters), "loop"))
+    assert told["ticks made"] == f"in Python: {why}"
+
+
+def test_joints_at_their_stops_and_ticks_of_first_order_show(ros: Ros) -> None:
+    node = by_hand(ros)
+    state = replace(node.simulator.state, error=2.5e-4, time_stepped=4)
+    node.engine.simulator = SimpleNamespace(
+        state=state, stop_torque=np.array([0.0, -2.5]), joint_names=NAMES,
+        choice=node.simulator.choice, dt=node.simulator.dt,
+    )  # fmt: skip
+    found = finding(node, "simulation")
+    told = values(found)
+    assert (told["at stops"], told["error estimate"]) == ("elbow -2.5", "0.00025")
+    assert told["time-stepped ticks"] == "4"
+    assert (found.level, found.message) == (
+        DiagnosticStatus.WARN, "4 ticks were time-stepped at first order: too many events",
+    )  # fmt: skip
+    assert finding(node, "simulation").message == "ok"
+
+
+def test_commands_that_act_beyond_their_time_show(ros: Ros) -> None:
+    node = by_hand(ros, command_timeout=0.002)
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
+    node.engine.arriving = lambda: True
+    ticks(node, 5)
+    found = finding(node, "commands")
+    assert (found.level, found.message) == (
+        DiagnosticStatus.WARN, "3 ticks with an old command: the middleware has to catch up",
+    )  # fmt: skip
+    assert values(found)["extended"] == "3"
+    assert node.requests.answer(RESET_COUNTERS).success
+    assert values(finding(node, "commands"))["extended"] == "0"
+
+
 def test_diagnostics_are_published_while_somebody_listens(ros: Ros) -> None:
     node = by_hand(ros, energy_period=0.02)
     node.tick()
@@ -200,12 +309,11 @@ def test_diagnostics_are_published_while_somebody_listens(ros: Ros) -> None:
     ros.spin_until(lambda: len(heard) >= 2)
     status = {s.name: s for s in heard[-1].status}
     assert set(status) == {"sim: loop", "sim: commands", "sim: simulation"}
-    values = {v.key: v.value for v in status["sim: loop"].values}
-    assert values["driven by"] == "hand"
-    assert values["executor"] == "SingleThreadedExecutor"
-    values = {v.key: v.value for v in status["sim: simulation"].values}
-    assert abs(float(values["energy balance [J]"])) < 1e-3
-    assert values["diverged"] == "false"
+    assert values(status["sim: loop"])["driven by"] == "hand"
+    assert values(status["sim: loop"])["executor"] == "SingleThreadedExecutor"
+    told = values(status["sim: simulation"])
+    assert abs(float(told["energy balance [J]"])) < 1e-3
+    assert float(told["energy [J]"]) == pytest.approx(sum(energy(node)), rel=1e-5)
 
 
 def test_the_energy_account_is_kept_while_diagnostics_are_heard(ros: Ros) -> None:
@@ -263,6 +371,30 @@ def test_readers_of_seldom_topics_are_looked_for(
 ) -> None:
     """Each half a second of simulated time, and at least when the energy is due."""
     assert by_hand(ros, dt=dt, energy_period=period)._outputs.seldom == every
+
+
+NEVER = 1 << 62
+
+
+@pytest.mark.parametrize(
+    ("by_the_clock", "multipliers", "energy", "every"),
+    [
+        (False, 0, False, 500), (False, 0, True, 100), (False, 1, False, 100),
+        (True, 0, False, NEVER), (True, 0, True, NEVER),  # energies have a thread of their own
+        (True, 1, False, 100), (True, 1, True, 100),
+    ],
+)  # fmt: skip
+def test_ticks_in_c_end_when_a_seldom_topic_is_due_that_somebody_reads(
+    ros: Ros, by_the_clock: bool, multipliers: int, energy: bool, every: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    outputs = by_hand(ros)._outputs
+    topic = SimpleNamespace(get_subscription_count=lambda: multipliers)
+    with monkeypatch.context() as patch:
+        patch.setattr(outputs, "_by_the_clock", by_the_clock)
+        patch.setattr(outputs, "_multipliers", topic)
+        patch.setattr(outputs, "energy", SimpleNamespace(every=100, heard=energy))
+        assert outputs.seldom == every
 
 
 def test_stale_commands_show(ros: Ros) -> None:
@@ -341,6 +473,7 @@ def test_divergence_shows(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     found = finding(node, "simulation")
     assert found.level == DiagnosticStatus.ERROR
     assert "the last good state is kept" in found.message
+    assert values(found)["diverged"] == "true"
     node.requests.answer(RESET)
     assert finding(node, "simulation").level == DiagnosticStatus.OK
 

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from std_msgs.msg import Float64MultiArray
 
 import models
 from arm_dynamics import ArmError
+from arm_dynamics.ros.controller_node import ControllerNode
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -157,6 +160,25 @@ def test_a_failure_in_the_loop_pauses_it(
     said = capfd.readouterr().err
     assert said.count("by surprise") == 1
     assert ros.call(Step, "/sim/step", Step.Request(steps=2)).success
+
+
+@pytest.mark.parametrize("make", [SimNode, partial(ControllerNode, own_thread=True)])
+def test_when_a_node_is_destroyed_its_threads_have_ended(
+    ros: Ros, make: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = set(threading.enumerate())
+    node = make(models.scene("two_link"), context=ros.context)
+    assert len(set(threading.enumerate()) - before) >= 3
+    node.destroy_node()
+    assert set(threading.enumerate()) <= before
+    if make is SimNode:
+        report, trips = node.loop.report(), node.inputs.round_trip.percentiles()
+        told = (
+            f"{report.ticks} ticks, {report.rate:.2f} per second, {report.missed} late by more "
+            f"than a tick, {report.dropped} dropped; lateness {report.lateness}; "
+            f"0 answers, round trip {trips}"
+        )
+        assert told in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,9 +14,11 @@ from rclpy.parameter import Parameter
 from sim_by_hand import NAMES, by_hand, command, motion, ticks
 
 import models
+from arm_dynamics.exceptions import CompilerMissing
+from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
 from arm_sim.ros.commands.latest import Stop
-from arm_sim.ros.commands.stopping import LONGEST, SLOW, Stopping
+from arm_sim.ros.commands.stopping import LONGEST, SLOW, Servos, Stopping
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -151,7 +154,41 @@ def test_each_stop_may_take_its_own_time() -> None:
         slowed = []
         for arm.step_count in range(begin, begin + 6):
             slowed.append(stopping.command(Stop.BRAKES) is not None)
-        assert slowed == [True] * round(LONGEST / arm.dt) + [False] * 2
+        assert slowed == [True] * 4 + [False] * 2  # a second
+
+
+def test_servos_that_cannot_be_built_are_not_kept_quiet() -> None:
+    """Else the brakes would hold the arm whatever positions are commanded, without a word."""
+
+    class Compiled:
+        has_servo = False
+
+        @property
+        def servo(self) -> None:
+            raise CompilerMissing("no compiler")
+
+    background = Background("servos")
+    servos = Servos(SimpleNamespace(compiled=Compiled()), background)
+    assert not servos.ready
+    while not background.ready:
+        time.sleep(1e-4)
+    with pytest.raises(CompilerMissing):
+        _ = servos.ready
+    background.close()
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize(
+    ("speed", "slows"), [(1.01e-3, True), (-1.01e-3, True), (1e-3, False), (-1e-3, False)]
+)
+def test_joints_below_a_millirad_per_second_are_held_at_once(
+    joint: int, speed: float, slows: bool
+) -> None:
+    arm = SimpleNamespace(n=2, x=np.zeros(4), step_count=0, dt=1e-3)
+    arm.x[2 + joint] = speed
+    stopping = Stopping(arm, SimpleNamespace(ready=True))
+    stopping.release()
+    assert (stopping.command(Stop.BRAKES) is not None) == slows
 
 
 def test_energy_taken_by_brakes_is_reported_as_a_change(ros: Ros) -> None:
@@ -182,6 +219,17 @@ def test_put_elsewhere_it_is_held_there(ros: Ros) -> None:
         start = place(node)
         ticks(node, 50)
         np.testing.assert_array_equal(place(node), start)
+
+
+def test_reset_to_a_motion_it_stands_there_at_once(ros: Ros) -> None:
+    """Though it was led before: until the first command it does not move."""
+    node = braked(ros)
+    node.inputs.on_joint_commands(command(name=list(NAMES), effort=[1.0, 2.0]))
+    ticks(node, 3)
+    node.engine.reset([0.4, -0.3], [1.0, -1.0])
+    ticks(node, 5)
+    np.testing.assert_array_equal(motion(node), [[0.4, -0.3], [0.0, 0.0]])
+    assert node.engine.held == "brakes"
 
 
 def test_another_policy_takes_over_in_motion(ros: Ros) -> None:

@@ -7,6 +7,7 @@ import gc
 import threading
 import weakref
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import SimulationDiverged, Simulator
+from arm_sim.ros import tick_engine
 from arm_sim.ros.tick_engine import MAX_STEPS, TickEngine
 from arm_sim.ros.tick_queue import TickQueue
 
@@ -197,6 +199,15 @@ def test_steps_are_bounded(steps: int) -> None:
     assert made.simulator.arm.step_count == 0
 
 
+def test_as_many_steps_as_are_allowed_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tick_engine, "MAX_STEPS", 5)
+    made = engine()
+    made.step(5)
+    with pytest.raises(InvalidInput, match="steps = 6; allowed: 1 to 5"):
+        made.step(6)
+    assert made.simulator.arm.step_count == 5
+
+
 def test_steps_do_not_age_the_command_and_need_a_pause_where_something_else_ticks() -> None:
     made = engine(self_running=True)
     made.configure(0.002, "zero")
@@ -208,6 +219,27 @@ def test_steps_do_not_age_the_command_and_need_a_pause_where_something_else_tick
     assert made.simulator.arm.step_count == 50
     made.pause(False)
     assert [acting(made) == [*TAU] for _ in range(3)] == [True, True, False]
+    by_hand = engine()
+    by_hand.step(3)
+    assert by_hand.simulator.arm.step_count == 3
+
+
+@pytest.mark.parametrize(
+    ("policy", "begun"), [("brake", 1), ("servo", 1), ("zero", 0), ("hold", 0), ("gravity", 0)]
+)
+def test_servos_that_may_have_to_stop_the_arm_are_built_while_it_moves(
+    policy: str, begun: int
+) -> None:
+    started = list[Any]()
+    background = SimpleNamespace(
+        busy=False, deliver=lambda: None, start=lambda job, then: started.append(job)
+    )
+    made = engine(background=background)
+    made.configure(0.0, policy)
+    made.commands.put(TAU)
+    ticks(made, 3)
+    assert len(started) == begun
+    assert made.simulator.effort.tolist() == [*TAU]
 
 
 def test_divergence_pauses_with_the_last_good_state_until_it_is_released() -> None:

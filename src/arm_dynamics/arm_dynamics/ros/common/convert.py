@@ -131,7 +131,7 @@ def in_world(numbers: Sequence[float], frame_id: str, model: ArmModel) -> Pose:
         return pose
     if not model.has_frame(frame_id) or model.frame(frame_id).parentJoint:
         fixed = [name for name in model.frame_names if model.frame(name).parentJoint == 0]
-        allowed = choices(frame_id, ["world", *fixed])
+        allowed = choices(frame_id, fixed)
         raise InvalidInput(
             f"poses in frame '{plain(frame_id, 80)}'; allowed: fixed frames, {allowed}"
         )
