@@ -168,7 +168,10 @@ def test_when_a_node_is_destroyed_its_threads_have_ended(
 ) -> None:
     before = set(threading.enumerate())
     node = make(models.scene("two_link"), context=ros.context)
-    assert len(set(threading.enumerate()) - before) >= 3
+    threads = {thread.name: thread for thread in set(threading.enumerate()) - before}
+    assert len(threads) >= 3
+    for name in threads.keys() & {"states", "realtime_loop", "energy"}:
+        assert threads[name].daemon, "it would keep a process that has forgotten its node"
     node.destroy_node()
     assert set(threading.enumerate()) <= before
     if make is SimNode:
