@@ -11,6 +11,7 @@ if [[ -t 2 && ${TERM:-dumb} != dumb ]]; then on_terminal=yes; fi
 # Shows the seconds that pass and what is being worked on: in place on a terminal, otherwise in lines.
 tick() { # TITLE
     local line start=$SECONDS
+    [[ -z ${lock_fd:-} ]] || exec {lock_fd}>&- # or a nap that is left over would hold the lock
     while sleep 1.5; do
         line=$(tail -n 1 "$setup_log" 2>/dev/null | tr -cd '[:print:]') || true
         if [[ $on_terminal ]]; then
