@@ -42,7 +42,7 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """Processes to run folders of tests, more than cores, since many tests wait for processes of
     theirs; a few files are quicker in this one.
     """
-    return len(os.sched_getaffinity(0)) + 4 if any(map(os.path.isdir, config.args)) else 0
+    return len(os.sched_getaffinity(0)) + 2 if any(map(os.path.isdir, config.args)) else 0
 
 
 # Files whose tests take long each and share nothing: they are shared out one by one.
