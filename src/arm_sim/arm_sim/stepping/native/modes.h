@@ -15,7 +15,8 @@
  * Required definitions: flow.h, cone.h, foreseen.h, numbers.h; NP (tunable numbers), ND (joints with a direction in p: NU or
  * 0), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`; RIGID where joints have rigid
  * stops, and with it the generated `strike`; NK (switches of drives and cords) and with them the generated `switches`; NQ
- * (joints with compliant stops: NU or 0) and with them the generated `pressures`; SLOWEST (tangential speed up to which a contact is at rest); NB (whether there are bilateral constraints) and
+ * (joints with compliant stops: NU or 0) and with them the generated `pressures`; SLOWEST (tangential speed up to which a
+ * contact is at rest); NB (whether there are bilateral constraints) and
  * with them the generated `bilateral`.
  */
 
