@@ -330,39 +330,34 @@ def _compiled(
     source, *shared = texts
     suffix = "c" if language == "c" else "cpp"
     chosen = [*command, f"-march={target}", *flags, f"-I{NATIVE}"]
-    parts = [*units(source, len(os.sched_getaffinity(0))), *shared]
+    parts = units(source, len(os.sched_getaffinity(0)))
     if (lines := source.count("\n")) > LONG:
         _log.info("compiling %d lines of C on %d cores", lines, len(parts))
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
         library, names = Path(scratch) / "kernel.so", list[str]()
-        for number, text in enumerate(parts):
+        for number, text in enumerate([*parts, *shared]):
             code = Path(scratch) / f"kernel{number or ''}.{suffix}"
             code.write_text(text, encoding="utf-8")
             names.append(str(code))
-        objects = names if len(names) == 1 else [f"{name}.o" for name in names]
-        if objects != names:
-            known = _object_of(shared[0], command, target, flags) if shared else None
-            if known is not None and (content := read_sound(known)) is not None:
-                Path(objects[-1]).write_bytes(content)
-                names.pop()
-            pairs = zip(names, objects, strict=False)
-            _run(*([*chosen, "-c", "-o", made, name] for name, made in pairs))
-            if known is not None and len(names) == len(objects):
-                write_sound(known, Path(objects[-1]).read_bytes())
-        _run([*chosen, "-o", str(library), *objects, "-lm"])
+        if len(names) > 1:
+            made_of = [*shared, *_headers(shared, flags), target, *flags]
+            entry, _ = _own_entry(digest(*made_of), command)
+            names = _objects(names, chosen, entry.with_suffix(".o") if shared else None)
+        _run([*chosen, "-o", str(library), *names, "-lm"])
         return library.read_bytes()
 
 
-def _object_of(shared: str, command: tuple[str, ...], target: str, flags: tuple[str, ...]) -> Path:
-    """File of the user's own cache for the object file of a unit."""
-    made_by = (
-        *command,
-        compiler_version(command),
-        target,
-        *flags,
-        *sorted(processor.instructions()),
-    )
-    return cache_folder() / f"{digest(shared, *_headers([shared], flags), *made_by)}.o"
+def _objects(names: list[str], chosen: list[str], kept: Path | None) -> list[str]:
+    """Object files of units, compiled in parallel; that of the last one is kept in the cache."""
+    objects = [f"{name}.o" for name in names]
+    known = read_sound(kept) if kept else None
+    if known is not None:
+        Path(objects[-1]).write_bytes(known)
+    missing = list(zip(names, objects, strict=True))[: len(names) - (known is not None)]
+    _run(*([*chosen, "-c", "-o", made, name] for name, made in missing))
+    if kept and known is None:
+        write_sound(kept, Path(objects[-1]).read_bytes())
+    return objects
 
 
 def _run(*commands: list[str]) -> None:

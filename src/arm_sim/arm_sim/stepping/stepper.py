@@ -63,12 +63,8 @@ WEIGHTS = {
 """Operations that take as long as several additions."""
 
 
-# Definitions that are numbers of a scene, see native/numbers.h, and those of work space.
-_NUMBER = re.compile(
-    r"COST_\w+|MOST_WORK|STATIC|FRICTION|HOLDING|RESTITUTION|HIGHEST|LOWEST|"
-    r"(SOFT_)?(LOWER|UPPER)(_REBOUND)?"
-)
-_ROOM = re.compile(r"SZ_\w+")
+_ROOM = re.compile(r"SZ_\w+")  # work space
+# A number of a scene, and the definitions that it takes.
 _DECLARED = re.compile(r"\bOF_SCENE (.*?) VALUE\((.*?)\);")
 _BEFORE_CALLS = '#include "scalar.h"\n#define casadi_int long long int\n'
 FOR_EDITORS = ("scene.h", "scene_columns.h")
@@ -397,15 +393,17 @@ def engine_apart(
     """
     defines, without = _definitions(plant, choice, functions, smooth)
     numbers = source(defines | {"OF_SCENE": "const", "VALUE(...)": "= __VA_ARGS__"}, "numbers.h")
-    shared = {name: value for name, value in defines.items() if not _NUMBER.fullmatch(name)}
+    values = " ".join(value for _, value in _DECLARED.findall(numbers))
+    own = set(re.findall(r"\w+", values))
+    shared = {name: value for name, value in defines.items() if name not in own}
     # Work space is rounded up, so that similar scenes have the same; not to powers of two, where
     # arrays on the stack would share lines of the processor's cache.
     for name in filter(_ROOM.fullmatch, shared):
         shared[name] = str(-(-(int(shared[name]) + 8) // 64) * 64 - 8)
     arguments = "const real** arg, real** res, casadi_int* iw, real* w, int mem"
     calls = "".join(f"int {function.name()}({arguments});\n" for function in functions)
-    apart = shared | {"OF_SCENE": "extern const", "VALUE(...)": ""}
-    return numbers, f"{_BEFORE_CALLS}{calls}{source(apart, 'roll.c', without)}"
+    shared |= {"OF_SCENE": "extern const", "VALUE(...)": ""}
+    return numbers, f"{_BEFORE_CALLS}{calls}{source(shared, 'roll.c', without)}"
 
 
 def _definitions(
