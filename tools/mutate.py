@@ -1194,7 +1194,7 @@ class Laboratory:
     def _copy_kernels(self) -> None:
         user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "arm_dynamics"
         (self.kernels / "arm_dynamics").mkdir(parents=True, mode=0o700)
-        for entry in user.glob("*.so"):
+        for entry in [*user.glob("*.so"), *user.glob("*.o")]:
             shutil.copy2(entry, self.kernels / "arm_dynamics")
 
     def tests_of(self, mutation: Mutation) -> list[str]:

@@ -20,7 +20,8 @@ from arm_sim.integrators.selection import choose
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import LARGEST, SubstepControl
-from arm_sim.stepping.stepper import engine_source, source, tick_functions
+from arm_sim.stepping.engine import engine_source, source
+from arm_sim.stepping.stepper import tick_functions
 
 APART, SLIDES, STICKS, UNSOLVABLE = range(4)
 _CALLBACK = ctypes.CFUNCTYPE(

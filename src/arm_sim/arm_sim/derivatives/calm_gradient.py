@@ -28,8 +28,9 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback
+from arm_sim.stepping.engine import mode_sizes, sizes, source
 from arm_sim.stepping.rollout import ADDRESS, NUMBER, Engine, built_of_lanes, of_lanes
-from arm_sim.stepping.stepper import address, mode_sizes, pointer, sizes, source
+from arm_sim.stepping.stepper import address, pointer
 
 
 class Part(Protocol):

@@ -33,8 +33,9 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.symbols import dense_function
 from arm_sim.stepping.adaptive import SubstepControl
+from arm_sim.stepping.engine import NATIVE, event_sizes, sizes, source
 from arm_sim.stepping.rollout import ADDRESS, built_of_lanes, of_lanes
-from arm_sim.stepping.stepper import NATIVE, address, event_sizes, sizes, source
+from arm_sim.stepping.stepper import address
 
 # Segments of a tick, and steps of all of them, for which there is room.
 MOST_SEGMENTS, MOST_STEPS = 1000, 200_000

@@ -28,6 +28,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
+from arm_sim.stepping.engine import sizes, source
 from arm_sim.stepping.rollout import (
     ADDRESS,
     BEGINNING,
@@ -43,7 +44,7 @@ from arm_sim.stepping.rollout import (
     strides,
     widths,
 )
-from arm_sim.stepping.stepper import address, sizes, source
+from arm_sim.stepping.stepper import address
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from arm_sim.integrators.tangents import build_tangent
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import Kept, Slopes
+from arm_sim.stepping.engine import mode_sizes, sizes, source
 from arm_sim.stepping.rollout import (
     ADDRESS,
     BEGINNING,
@@ -43,7 +44,7 @@ from arm_sim.stepping.rollout import (
     strides,
     widths,
 )
-from arm_sim.stepping.stepper import MOVING, address, mode_sizes, pointer, sizes, source
+from arm_sim.stepping.stepper import MOVING, address, pointer
 
 # Largest number of operations of a step with its derivative that is compiled, in some ten seconds:
 # an implicit method needs 520 000 for seven joints.

@@ -19,7 +19,7 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import stops_of
 from arm_sim.export.generated import prefixed, static_functions
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.stepper import braces, event_sizes, sizes, source
+from arm_sim.stepping.engine import braces, event_sizes, sizes, source
 
 PREFIX = "rest_"
 """Begins the names of this part of a library."""

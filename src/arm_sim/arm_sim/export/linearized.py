@@ -13,8 +13,8 @@ from arm_sim.export.generated import prefixed, static_functions
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
+from arm_sim.stepping.engine import source
 from arm_sim.stepping.rollout import Engine
-from arm_sim.stepping.stepper import source
 
 PREFIX = "slope_"
 """Begins the names of this part of a library."""

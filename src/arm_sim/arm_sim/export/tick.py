@@ -21,7 +21,8 @@ from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
 from arm_sim.simulator import Simulator
-from arm_sim.stepping.stepper import braces, engine_source, tick_functions
+from arm_sim.stepping.engine import braces, engine_source
+from arm_sim.stepping.stepper import tick_functions
 
 NATIVE = Path(__file__).parent / "native"
 _INCLUDES = re.compile(r'^(#include ["<][^"]*[">]|#pragma once)\n', re.MULTILINE)

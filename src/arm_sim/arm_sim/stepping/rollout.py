@@ -28,20 +28,17 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.stepper import (
-    MOVING,
+from arm_sim.stepping.engine import (
     NATIVE,
-    Stepper,
-    address,
     braces,
     error_control,
     mode_sizes,
     near_loads,
     sizes,
-    smooth_motion,
     source,
     stop_places,
 )
+from arm_sim.stepping.stepper import MOVING, Stepper, address, smooth_motion
 
 ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_longlong
 BEGINNING = (
@@ -314,7 +311,7 @@ def _source(
     defines = sizes(plant, functions) | more
     if control is not None:
         defines["NR"] = str(control.law.size1_in(1))
-    if "STOPS" not in defines:
+    if "LOWEST" not in defines:
         without = {"stops.h", *without}
     return of_lanes(generate(functions), width) + source(defines, file, without)
 

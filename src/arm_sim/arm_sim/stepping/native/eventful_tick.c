@@ -45,7 +45,7 @@ static enum refusal check_sliding(const tick_t* tick, const record_t* segment, c
   real place[3 * NC], speed[3 * NC], size[NC], across[NC], rate[NC];
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t *mode = segment->p.contact + k, *next = following->p.contact + k;
-    if (mode->closed == 0.0 || mode->sticks != 0.0 || !(coefficient[k] > 0.0)) continue;
+    if (mode->closed == 0.0 || mode->sticks != 0.0 || !(friction[k] > 0.0)) continue;
     CALL(contact_geometry, (segment->end), (place, speed, size));
     const int stops = next->sticks != 0.0 && hypot(speed[3 * k + 1], speed[3 * k + 2]) <= SLOWEST;
     if (mode->fixed == 0.0 && !stops) continue;

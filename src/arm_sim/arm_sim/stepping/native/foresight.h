@@ -10,6 +10,7 @@
  */
 
 #pragma once
+#include "stops.h"
 #include "ticks.h"
 
 #define FEW (LANES / 4) /* lanes for which foreseeing takes longer than it saves */
@@ -78,7 +79,7 @@ static void write_made(const step_of_lanes_t* made, const real* place, foreseen_
 #ifdef CALM
 #define MOVES 1e-9 /* speeds that are not rounding, relative to the fastest joint; gaps, relative to their lengths */
 #define FAR_BELOW (0.9 - NEAR) /* loads that are not near a limit at either end of a tick */
-static const double static_of[NU] = STATIC, lowest[NU] = LOWEST, highest[NU] = HIGHEST;
+static const double static_of[NU] = STATIC;
 
 /* Lanes in which every contact is apart and every joint slides or is at rest, clearly so; `p` receives their modes if what is
  * at rest stays there. */
@@ -123,7 +124,7 @@ static real find_calm(const real* x, const real* next, const real* inside, const
   for (int i = 0; i < NX; ++i) calm = calm && fabs(next[i]) <= LARGEST;
   for (int i = 0; i < NU; ++i) {
     bound_inside(x, next, inside, h, i, &low, &high);
-    calm = calm && lowest[i] < low && high < highest[i];
+    calm = calm && stop_place[0][i] < low && high < stop_place[1][i];
     if (!(ND && static_of[i] > 0.0)) continue;
     bound_inside(x, next, inside, h, NU + i, &low, &high);
     const real ahead = 0.5 * (p[i] * (low + high) + low - high); /* low, or -high for a joint that moves back */

@@ -51,8 +51,8 @@ static void find_restitutions(const record_t* segment, blow_t* blow) {
 static enum refusal find_parts(const tick_t* tick, const record_t* segment, const blown_t* found, blow_t* blow) {
   for (int k = 0; k < NC; ++k) {
     const real *r = segment->impulse + 3 * k, *s = found->speed + 3 * k;
-    const int carries = r[0] > 0.0, sticks = carries && hypot(r[1], r[2]) < (1.0 - ON_EDGE) * coefficient[k] * r[0];
-    if (carries && !sticks && hypot(s[1], s[2]) <= SLOWEST && coefficient[k] > 0.0) return refuse(tick, IMPACT_ON_EDGE, k);
+    const int carries = r[0] > 0.0, sticks = carries && hypot(r[1], r[2]) < (1.0 - ON_EDGE) * friction[k] * r[0];
+    if (carries && !sticks && hypot(s[1], s[2]) <= SLOWEST && friction[k] > 0.0) return refuse(tick, IMPACT_ON_EDGE, k);
     blow->carries[k] = carries;
     blow->sticks[k] = sticks;
   }

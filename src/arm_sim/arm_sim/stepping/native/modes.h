@@ -24,7 +24,7 @@
 #include "flow.h"
 #include "foreseen.h"
 #include "record.h"
-#include "numbers.h"
+#include "costs.h"
 #include "cone.h"
 #include "together.h"
 #include "search.h"

@@ -1,23 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Numbers of a scene with events, by joint and contact, and what its functions cost.
+ * Numbers of a scene with events, by joint and contact.
  *
- * They are all that the engine needs to know of a scene besides sizes and features, so that its code may be shared: where it
- * is a unit of its own, OF_SCENE declares them there, and defines them in the unit of the scene.
+ * With the costs of its functions they are all that an engine needs to know of a scene besides sizes and features, so that its
+ * code may be shared: where it is a unit of its own, OF_SCENE declares them there, and defines them in the unit of the scene.
  *
  * Required definitions: NU (joints), NC (contacts), STATIC, FRICTION, HOLDING, RESTITUTION (brace lists); with RIGID also LOWER,
- * UPPER, LOWER_REBOUND and UPPER_REBOUND; SOFT_LOWER, SOFT_UPPER; MOST_WORK (operations of the generated functions in a tick
- * above which it is time-stepped), and COST_STEP, COST_SLOPE, COST_LOADS, COST_INERTIA, COST_STRIKE, COST_STATICS (operations
- * of one call); OF_SCENE and VALUE (how a number is declared).
+ * UPPER, LOWER_REBOUND and UPPER_REBOUND; SOFT_LOWER, SOFT_UPPER; OF_SCENE and VALUE (how a number is declared).
  */
 
 #pragma once
 #include "stops.h"
-
-typedef struct {
-  long long most, step, slope, loads, inertia, strike, statics;
-} costs_t;
-OF_SCENE costs_t costs VALUE({MOST_WORK, COST_STEP, COST_SLOPE, COST_LOADS, COST_INERTIA, COST_STRIKE, COST_STATICS});
 
 OF_SCENE double static_level[NU] VALUE(STATIC);
 __extension__ OF_SCENE double friction[NC] VALUE(FRICTION); /* coefficients of sliding friction ... */

@@ -6,8 +6,7 @@
  * after a tick then jumps with the velocity before it. Where friction vanishes, as in a lossy gear without load, a joint is held
  * by nothing.
  *
- * Required definitions: varied.h, least_squares.h; STATIC, LOWER, UPPER (brace lists by joint), HOLDING (by contact),
- * NB, with bilateral constraints NM (their rows), the generated `doubts` (x, u, p) -> whether there may be a reason, and whether
+ * Required definitions: varied.h, least_squares.h; NB, with bilateral constraints NM (their rows), the generated `doubts` (x, u, p) -> whether there may be a reason, and whether
  * there may be if the state itself is varied; `rhs`, with contacts `loads` and `settled` (q and v, p) -> velocities after
  * contact per velocity before; with bilateral constraints `statics`.
  */
@@ -18,9 +17,6 @@
 
 #define SHARE 1e-12  /* load relative to the sliding level that is rounding ... */
 #define NO_BRAKE 1e-12 /* ... and a deceleration, in [rad/s²] or [m/s²] */
-static const double level[NU] = STATIC;
-static const double bound[2][NU] = {LOWER, UPPER};
-__extension__ static const double static_friction[NC] = HOLDING;
 
 static double largest_number(const real* values) {
   double largest = 0.0;
@@ -52,7 +48,7 @@ static void find_way(int joint, const real* x, const tick_t* tick, const record_
     modes_t loose = segment->p;
     real settling[NU * NU];
     for (int i = 0; i < ND; ++i)
-      if (is_held(segment, i) && level[i] > 0.0) loose.direction[i] = 1.0;
+      if (is_held(segment, i) && static_level[i] > 0.0) loose.direction[i] = 1.0;
     CALL(settled, (x, numbers(&loose)), (settling));
     memcpy(way, settling + joint * NU, NU * sizeof *way);
     return;
@@ -64,9 +60,13 @@ static void find_way(int joint, const real* x, const tick_t* tick, const record_
 /* Whether a stop blocks a motion. */
 static int is_blocked(const real* x, const real* way, double sign) {
   int any = 0;
+#ifdef RIGID
   for (int i = 0; i < NU; ++i)
     if (fabs(way[i]) > SHARE)
-      any |= (x[i] <= bound[0][i] && sign * way[i] < 0.0) || (x[i] >= bound[1][i] && sign * way[i] > 0.0);
+      any |= (x[i] <= lower_stop[i] && sign * way[i] < 0.0) || (x[i] >= upper_stop[i] && sign * way[i] > 0.0);
+#else
+  (void)x, (void)way, (void)sign;
+#endif
   return any;
 }
 
@@ -83,7 +83,7 @@ static int find_gains(int joint, const real* x, const tick_t* tick, const record
     if (is_blocked(x, way, sign)) continue;
     modes_t pushed = segment->p;
     for (int i = 0; i < ND; ++i)
-      if (is_held(segment, i) && level[i] > 0.0 && fabs(way[i]) > SHARE * largest)
+      if (is_held(segment, i) && static_level[i] > 0.0 && fabs(way[i]) > SHARE * largest)
         pushed.direction[i] = sign * way[i] > 0.0 ? 1.0 : -1.0;
     CALL(rhs, (x, tick->u, numbers(&pushed)), (slope));
     gain[count++] = sign * product_of(NU, slope + NU, way) / product_of(NU, way, way);
@@ -99,8 +99,8 @@ static enum refusal check_slipping(const real* x, const tick_t* tick, const reco
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t* mode = segment->p.contact + k;
     const real* r = force + 3 * k;
-    if (mode->closed == 0.0 || mode->sticks == 0.0 || !(static_friction[k] > coefficient[k])) continue;
-    if (coefficient[k] > 0.0 && hypot(r[1], r[2]) >= (1.0 - SHARE) * coefficient[k] * r[0])
+    if (mode->closed == 0.0 || mode->sticks == 0.0 || !(holding[k] > friction[k])) continue;
+    if (friction[k] > 0.0 && hypot(r[1], r[2]) >= (1.0 - SHARE) * friction[k] * r[0])
       return refuse(tick, CONTACT_WOULD_GO_ON, k);
   }
 #else
@@ -117,7 +117,7 @@ static enum refusal check_rest(const tick_t* tick, const record_t* segment, int 
   CALL(doubts, (x, tick->u, numbers(&segment->p)), (doubt));
   if (doubt[begins] == 0.0) return NO_REFUSAL;
   for (int joint = 0; joint < ND; ++joint) {
-    if (!is_held(segment, joint) || !(level[joint] > 0.0)) continue;
+    if (!is_held(segment, joint) || !(static_level[joint] > 0.0)) continue;
     double gain[2], strength = 0.0;
     int goes_on = 0;
     const int count = find_gains(joint, x, tick, segment, gain);

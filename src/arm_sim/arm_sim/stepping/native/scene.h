@@ -2,7 +2,7 @@
  *
  * A scene with everything, for editors and for checks of these files: two joints with dry friction and stops, a drive with a
  * state, a bilateral constraint and two contacts, under error control. When a scene is compiled, its own definitions and
- * generated functions take the place of this file; see `source` in stepper.py.
+ * generated functions take the place of this file; see `source` in engine.py.
  */
 #pragma once
 #include <math.h>

@@ -5,12 +5,13 @@
  * A matrix of derivatives has a row for each number of the state and NV columns: by the state at the beginning of the tick,
  * the command that acts, and NT tunable quantities. Results of generated functions lie column by column.
  *
- * Required definitions: record.h, foreseen.h; FRICTION (brace list by contact), NT, SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of
- * the generated functions).
+ * Required definitions: record.h, foreseen.h, numbers.h; NT, SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated
+ * functions).
  */
 
 #pragma once
 #include "foreseen.h"
+#include "numbers.h"
 #include "record.h"
 
 #include <math.h>
@@ -62,8 +63,6 @@ static enum refusal refuse(const tick_t* tick, enum refusal why, int who) {
     real* res[SZ_RES] = {LIST found}; \
     function(arg, res, iw, w, 0); \
   } while (0)
-
-__extension__ static const double coefficient[NC] = FRICTION; /* of sliding friction */
 
 /* Parameters and modes of a segment, for generated functions. */
 static const real* numbers(const modes_t* p) { return (const real*)p; }
