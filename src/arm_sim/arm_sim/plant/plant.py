@@ -57,6 +57,7 @@ class Plant:
         directions: Number of joint directions that follow in p.
         pressed: Number of joints with compliant stops, likewise.
         moving: Whether all joints slide and nothing touches, whatever the modes.
+        glides: Whether there is dry friction or contact, so that ``in_motion`` is simpler.
         eventful: Whether joints may stick or meet stops, points touch, or drives and cords switch.
         constrained: Whether there are bilateral constraints.
         torques: CasADi function (x, u) -> torques of the drives, and of all models together, on
@@ -79,8 +80,9 @@ class Plant:
         touches = bool(model.scene.contacts)
         self.eventful = bool(self.directions or self.pressed or touches or switches)
         self.constrained = bool(model.scene.bilateral)
-        leaves = not (model.has_dry_friction or touches)
-        self.free = Plant(model, stops=False) if (self.stops or switches) and leaves else None
+        self.glides = model.has_dry_friction or touches
+        leaves = (self.stops or switches) and not self.glides
+        self.free = Plant(model, stops=False) if leaves else None
         self._make_mechanics = partial(Mechanics, model, self.parameters, stops, modes)
         self._mechanics = cache(one_at_a_time(self._make_mechanics))
         self.moving = False

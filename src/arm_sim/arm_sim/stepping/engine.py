@@ -124,6 +124,10 @@ def _definitions(
         defines |= event_sizes(plant) | near_loads(functions) | _work(choice, functions, smooth)
     else:
         without.add("events.h")
+    if plant.glides and choice.tolerance is None and _is_plain(plant):
+        defines["CLEAR"] = "1"
+    else:
+        without.add("clear.h")
     if "TOGETHER" not in defines:
         without.add("together.h")
     return defines, without
@@ -187,7 +191,8 @@ def event_sizes(plant: Plant) -> dict[str, str]:
         "NB": "1" if plant.constrained else "0",
         **({"RIGID": "1"} if stops.rigid.any() else {}),
         **({"FREE": "1"} if plant.free else {}),
-        **({"MOVING": "1"} if plant.points else {}),
+        **({"MOVING": "1"} if plant.glides else {}),
+        **({"CALM": "1"} if _is_plain(plant) else {}),
         **_together_sizes(plant),
         "LOWER": braces(lower),
         "UPPER": braces(upper),
@@ -202,6 +207,11 @@ def event_sizes(plant: Plant) -> dict[str, str]:
         "SLOWEST": repr(AT_REST),
         "DEEP": repr(INSIDE),
     }
+
+
+def _is_plain(plant: Plant) -> bool:
+    """Whether modes are those of joints with dry friction or rigid stops and of contacts alone."""
+    return not (plant.constrained or plant.pressed or plant.switches)
 
 
 def _together_sizes(plant: Plant) -> dict[str, str]:

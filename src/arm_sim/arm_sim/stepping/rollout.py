@@ -30,9 +30,8 @@ from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.engine import (
     NATIVE,
-    braces,
     error_control,
-    mode_sizes,
+    event_sizes,
     near_loads,
     sizes,
     source,
@@ -288,14 +287,9 @@ def ticks_of_lanes(
         return _source(plant, width, [build_tick(motion, actuate)], more, file, control, without)
     asked = [function for name, function in plant.events.items() if name in FORESEEN]
     functions = [plant.slope_of_loads(), motion, actuate, *asked]
-    more = {"EVENTS": "1"} | mode_sizes(plant)
-    more |= near_loads(functions)
-    if plant.points:
+    more = {"EVENTS": "1"} | event_sizes(plant) | near_loads(functions)
+    if plant.glides:
         functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
-        more["MOVING"] = "1"
-    if not (plant.constrained or plant.pressed or plant.switches):
-        more |= {"CALM": "1", "STATIC": braces(plant.model.friction.level)}
-        more |= stop_places(plant)
     return _source(plant, width, functions, more, file, control)
 
 

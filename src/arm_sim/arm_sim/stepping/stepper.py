@@ -98,7 +98,7 @@ class Stepper:
         first = self.kernel.operations("rhs") if plant.eventful and not plant.free else 0
         whole = self.kernel.operations(smooth) + limits + first
         self.tick_operations = self.moving_operations = whole
-        if plant.points:
+        if plant.glides:
             self.moving_operations = self.kernel.operations(f"{MOVING}{smooth}") + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
 
@@ -320,7 +320,7 @@ def tick_functions(
     if plant.free:
         smooth = smooth_motion(plant.free, choice, FREE)
         functions += [_renamed(plant.free.rhs), smooth]
-    if plant.points:
+    if plant.glides:
         functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
     return functions, smooth
 

@@ -90,6 +90,7 @@ static int is_above_planes(const double* x) {
 #ifdef EVENTS
   memory_t memory;
   segment_t segment;
+  forget_all(&memory);
   begin_tick(&segment, NULL, &memory);
   return !is_inside(x, &segment);
 #else

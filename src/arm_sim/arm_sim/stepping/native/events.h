@@ -16,6 +16,7 @@
  */
 
 #pragma once
+#include "clear.h"
 #include "segments.h"
 
 #define EVENTS
@@ -283,15 +284,41 @@ static int free_tick(const real* x, const real* u, const real* p, double h, cont
 #endif
 #endif
 
-static int tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report, real* after) {
-#ifdef FREE
-  if (free_tick(x, u, p, h, control, after)) {
-    report->trouble = NONE;
+#ifdef CLEAR
+/* A tick that clearly has no event, in which all joints slide or are held and no contact touches: 0 if it may have one. What was
+ * computed at its beginning is kept then. */
+static int clear_tick(const real* x, const real* u, const real* p, double h, memory_t* memory, real* after) {
+  real known[NP + MODES], place_after[PLACES + 1];
+  geometry_t geometry;
+  loads_t load;
+  step_of_lanes_t made;
+  int holds;
+  const real *place = (const real*)&geometry, *known_load = (const real*)&load;
+  find_places(x, (real*)&geometry);
+  const int clear = begins_clear(x, u, p, place, known, (real*)&load, &holds) != 0.0 && !(holds && NX > 2 * NU);
+  if (clear && stays_clear(x, u, &h, place, known, known_load, holds, &made, place_after) != 0.0) {
+    memcpy(after, made.next, sizeof made.next);
     return 1;
   }
+  if (NC) keep_geometry(x, memory, &geometry);
+  if (holds) keep_loads(x, known + NP, memory, &load);
+  return 0;
+}
 #endif
+
+static int tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report, real* after) {
   memory_t memory;
   segment_t segment;
+  int done = 0;
+  forget_all(&memory);
+#ifdef FREE
+  done = free_tick(x, u, p, h, control, after);
+#endif
+#ifdef CLEAR
+  done = clear_tick(x, u, p, h, &memory, after);
+#endif
+  report->trouble = NONE;
+  if (done) return 1;
   begin_tick(&segment, u, &memory);
   segment.control = control;
   segment.halves = report->halves;
@@ -305,6 +332,7 @@ EXPORTED void foresee(foreseen_t* tick) {
   memory_t memory;
   segment_t segment;
   geometry_t geometry;
+  forget_all(&memory);
   begin_tick(&segment, tick->u, &memory);
   memcpy(&segment.p, tick->p, sizeof segment.p);
   memcpy(&geometry, tick->geometry, sizeof geometry);
@@ -324,6 +352,7 @@ static enum trouble make_foreseen(const foreseen_t* tick, report_t* report, trac
   memory_t memory;
   segment_t segment;
   set_zero(report, sizeof *report);
+  forget_all(&memory);
   begin_tick(&segment, tick->u, &memory);
   segment.foreseen = tick;
   memcpy(segment.p.tunable, tick->p, sizeof segment.p.tunable);
@@ -360,6 +389,7 @@ EXPORTED int trace_tick(const real* x, const real* u, const real* p, double h, c
   segment_t segment;
   report_t report;
   set_zero(&report, sizeof report);
+  forget_all(&memory);
   begin_tick(&segment, u, &memory);
   segment.control = control;
   memcpy(segment.p.tunable, p, sizeof segment.p.tunable);

@@ -7,7 +7,8 @@
  *
  * Arrays may have no elements, which C and C++ know as an extension alone: hence `__extension__`.
  *
- * Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.h).
+ * Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.h), SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h); with
+ * contacts the generated `contact_geometry`.
  */
 
 #pragma once
@@ -23,12 +24,25 @@
 #define contact_close(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
 #endif
 
+#define MC (3 * NC)
+
 /* Numbers in modes_t after the tunable ones, loads_t, geometry_t and inertia_t. */
 #define MODES (ND + NQ + NK + 5 * NC)
 #define LOADS (NU + 7 * NC + NX)
 #define NEARS (NU + 3 * NC) /* load and force of them */
 #define PLACES (7 * NC)
 #define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
+
+/* Where the contacts are. */
+static inline void find_places(const real* x, real* found) {
+  real w[SZ_W];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG];
+  real* res[SZ_RES];
+  arg[0] = x;
+  for (int i = 0; i < 3; ++i) res[i] = found + i * MC;
+  contact_geometry(arg, res, iw, w, 0);
+}
 
 /* Whether every joint slides and every contact is apart, in modes after the tunable numbers. */
 static inline int all_moves(const double* modes) {

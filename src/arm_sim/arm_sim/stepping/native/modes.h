@@ -12,7 +12,7 @@
  * Where statics does not determine the reactions of what is held, the parts hold together: see together.h. A set that does not
  * hold is released in the motion in which it gives way, and pivoting goes on from there.
  *
- * Required definitions: flow.h, cone.h, foreseen.h, numbers.h; NP (tunable numbers), ND (joints with a direction in p: NU or
+ * Required definitions: flow.h, cone.h, foreseen.h, costs.h; NP (tunable numbers), ND (joints with a direction in p: NU or
  * 0), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`; RIGID where joints have rigid
  * stops, and with it the generated `strike`; NK (switches of drives and cords) and with them the generated `switches`; NQ
  * (joints with compliant stops: NU or 0) and with them the generated `pressures`; SLOWEST (tangential speed up to which a
@@ -130,10 +130,11 @@ static int at_stop(const real* x, int joint) {
 }
 #endif
 
-/* Of a tick, of which nothing but the command is known yet. */
+static void forget_all(memory_t* memory) { memory->work = memory->states = memory->loaded = 0; }
+
+/* Of a tick, of which nothing is known yet but the command and what is kept. */
 static void begin_tick(segment_t* segment, const real* u, memory_t* memory) {
   set_zero(segment, sizeof *segment);
-  memory->work = memory->states = memory->loaded = 0;
   segment->u = u;
   segment->memory = memory;
   for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
@@ -147,6 +148,12 @@ static int is_foreseen(const segment_t* segment) {
 /* Of the answers at the beginning and at the end of a tick, that for x, compared by its first `count` numbers; or null. */
 static const double* answer_at(const real* x, const foreseen_t* known, int count, const double* begin, const double* end) {
   return same(x, known->x, count) ? begin : same(x, known->after, count) ? end : 0;
+}
+
+static void keep_geometry(const real* x, memory_t* memory, const geometry_t* geometry) {
+  const long long place = memory->states++ % STATES;
+  memcpy(memory->x[place], x, sizeof memory->x[place]);
+  memory->geometry[place] = *geometry;
 }
 
 static void find_geometry(const real* x, const segment_t* segment, geometry_t* geometry) {
@@ -165,9 +172,7 @@ static void find_geometry(const real* x, const segment_t* segment, geometry_t* g
   res[1] = geometry->speed;
   res[2] = geometry->size;
   contact_geometry(arg, res, iw, w, 0);
-  const long long place = memory->states++ % STATES;
-  memcpy(memory->x[place], x, sizeof memory->x[place]);
-  memory->geometry[place] = *geometry;
+  keep_geometry(x, memory, geometry);
 }
 
 /* The loads at x if they are known; else null. */
@@ -177,6 +182,13 @@ static const loads_t* known_loads(const real* x, const segment_t* segment) {
   if (is_foreseen(segment) && known->rests && same(x, known->x, NX)) return (const loads_t*)known->loads;
   if (!memory->loaded || !same(x, memory->loads_x, NX)) return 0;
   return same((const real*)&segment->p + NP, memory->loads_in, MODES) ? &memory->loads : 0;
+}
+
+static void keep_loads(const real* x, const real* modes, memory_t* memory, const loads_t* found) {
+  memory->loaded = 1;
+  memory->loads = *found;
+  memcpy(memory->loads_x, x, sizeof memory->loads_x);
+  memcpy(memory->loads_in, modes, sizeof memory->loads_in);
 }
 
 static void find_loads(const real* x, const segment_t* segment, loads_t* found) {
@@ -198,10 +210,7 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
   res[4] = 0; /* torques of stops */
   res[5] = found->slope;
   loads(arg, res, iw, w, 0);
-  memory->loaded = 1;
-  memory->loads = *found;
-  memcpy(memory->loads_x, x, sizeof memory->loads_x);
-  memcpy(memory->loads_in, (const real*)&segment->p + NP, sizeof memory->loads_in);
+  keep_loads(x, (const real*)&segment->p + NP, memory, found);
 }
 
 static void find_inertia(const real* x, const segment_t* segment, inertia_t* inertia) {
@@ -779,6 +788,7 @@ EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
   memory_t memory;
   segment_t segment;
   geometry_t geometry;
+  forget_all(&memory);
   begin_tick(&segment, u, &memory);
   segment.p = *p;
   find_geometry(x, &segment, &geometry);
@@ -796,6 +806,7 @@ EXPORTED void share_reactions(const real* x, const real* u, const modes_t* p, do
   loads_t found;
   statics_t balance;
   part_t parts[PARTS];
+  forget_all(&memory);
   begin_tick(&segment, u, &memory);
   segment.p = *p;
   for (int i = 0; i < FORCES; ++i) change[i] = 0.0;

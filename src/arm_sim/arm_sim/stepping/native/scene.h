@@ -55,6 +55,7 @@ static inline long long AS_BITS(real x) {
 #define FREE 1
 #define MOVING 1
 #define CALM 1
+#define CLEAR 1
 #define FORETELLS 1
 #define NEAR_LOADS 1
 #define TOGETHER 1

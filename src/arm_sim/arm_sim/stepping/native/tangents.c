@@ -189,7 +189,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
       arg[2] = tick.p;
       for (int i = 0; i < 3; ++i) res[2 + i] = inside + i * NX;
       IN_MODES(advance, moving_advance)(arg, res, iw, w, 0);
-      find_geometry(next, place);
+      find_places(next, place);
       write_steps(next, inside, place, begun);
 #endif
       make_calm(begun, x, u, engine, begins && !k, calm, &tick);

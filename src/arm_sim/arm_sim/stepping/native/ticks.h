@@ -2,31 +2,19 @@
  *
  * Ticks of LANES arms for the engine of one arm: what is given, and steps that it need not make again.
  *
- * Required definitions: arms.h, foreseen.h; with contacts the generated `contact_geometry`.
+ * Required definitions: arms.h, foreseen.h.
  */
 
 #pragma once
 #include "arms.h"
 #include "foreseen.h"
 
-#define MC (3 * NC)
-
-static inline void find_geometry(const real* x, real* found) {
-  real w[SZ_W];
-  casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG];
-  real* res[SZ_RES];
-  arg[0] = x;
-  for (int i = 0; i < 3; ++i) res[i] = found + i * MC;
-  contact_geometry(arg, res, iw, w, 0);
-}
-
 /* Beginnings of ticks of length h from x under commands that act. Nothing is foreseen, in no modes and for no end of the
  * tick; `place` receives where the contacts are. */
 static inline void begin_ticks(const real* x, const real* u, const real* tunable, const real* h, foreseen_t* tick,
                                real* place) {
   const long long stride = sizeof(foreseen_t) / sizeof(double);
-  find_geometry(x, place);
+  find_places(x, place);
   write_arms(tick->x, stride, x, NX);
   write_arms(tick->u, stride, u, NU);
   write_arms(tick->p, stride, tunable, NP);
