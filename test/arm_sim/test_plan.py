@@ -98,7 +98,7 @@ def test_a_contact_costs_no_operation_of_a_step_while_it_is_apart(whole: Simulat
     table = {"type": "contact", "frame": "panda_hand", "plane": {"point": [0, 0, -1]}}
     above = Simulator({**PANDA, "constraints": [table]}, integrator="rk4")
     assert above.plan.apart <= 1.05 * whole.plan.operations < above.plan.operations
-    assert f"({above.plan.apart} while nothing touches)" in str(above.plan)
+    assert f"({above.plan.apart} in free motion)" in str(above.plan)
 
 
 def test_constraints_are_told_with_the_freedom_that_they_leave() -> None:

@@ -121,7 +121,7 @@ class Plan:
         control = "" if choice.tolerance is None else f", tolerance {choice.tolerance:g}"
         per = "sub-step" if choice.tolerance is not None else "tick"
         method = f"{self.integrator} (order {choice.method.order}), dt {choice.dt:g} s{control}"
-        apart = f" ({self.apart} while nothing touches)" if self.apart < self.operations else ""
+        apart = f" ({self.apart} in free motion)" if self.apart < self.operations else ""
         cost = f"{self.operations} operations per {per}{apart}, {self.evaluation} per evaluation"
         lines = [
             f"integrator  {method}: {self.reason}",
