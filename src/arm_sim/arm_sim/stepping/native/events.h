@@ -285,6 +285,13 @@ static int free_tick(const real* x, const real* u, const real* p, double h, cont
 #endif
 
 #ifdef CLEAR
+/* Whether every joint is held. */
+static int holds_all(const real* modes) {
+  int all = ND > 0;
+  for (int i = 0; i < ND; ++i) all &= modes[i] == 0.0;
+  return all;
+}
+
 /* A tick that clearly has no event, in which all joints slide or are held and no contact touches: 0 if it may have one. What was
  * computed at its beginning is kept then. */
 static int clear_tick(const real* x, const real* u, const real* p, double h, memory_t* memory, real* after) {
@@ -295,10 +302,11 @@ static int clear_tick(const real* x, const real* u, const real* p, double h, mem
   int holds;
   const real *place = (const real*)&geometry, *known_load = (const real*)&load;
   find_places(x, (real*)&geometry);
-  const int clear = begins_clear(x, u, p, place, known, (real*)&load, &holds) != 0.0 && !(holds && NX > 2 * NU);
-  if (clear && stays_clear(x, u, &h, place, known, known_load, holds, &made, place_after) != 0.0) {
-    memcpy(after, made.next, sizeof made.next);
-    return 1;
+  if (begins_clear(x, u, p, place, known, (real*)&load, &holds) != 0.0 && !(holds && NX > 2 * NU)) {
+    const int still = holds && holds_all(known + NP);
+    const int clear = still || stays_clear(x, u, &h, place, known, known_load, holds, &made, place_after) != 0.0;
+    if (clear) memcpy(after, still ? x : made.next, sizeof made.next);
+    if (clear) return 1;
   }
   if (NC) keep_geometry(x, memory, &geometry);
   if (holds) keep_loads(x, known + NP, memory, &load);
