@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from arm_sim.stepping import stepper
+from arm_sim.stepping import engine, stepper
 
 GUARDS = {
     "sliding joint": (
@@ -63,7 +63,7 @@ def switched_off(seed: int, label: str) -> Iterator[str]:
     own = [name for name in GUARDS if FEATURES[name] & set(label.split(", "))]
     name = str(np.random.default_rng(seed).choice(own or list(GUARDS)))
     whole, instead = GUARDS[name]
-    source = stepper.source
+    source = engine.source
 
     def blind(defines: dict[str, str], file: str = "", without: Collection[str] = ()) -> str:
         text = source(defines, file, without)
@@ -72,8 +72,8 @@ def switched_off(seed: int, label: str) -> Iterator[str]:
         return text.replace(whole, instead)
 
     recipe_of = stepper.recipe_of
-    stepper.source, stepper.recipe_of = blind, lambda *_: ""  # code without a guard is not kept
+    engine.source, stepper.recipe_of = blind, lambda *_: ""  # code without a guard is not kept
     try:
         yield name
     finally:
-        stepper.source, stepper.recipe_of = source, recipe_of
+        engine.source, stepper.recipe_of = source, recipe_of

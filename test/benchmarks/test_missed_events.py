@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from arm_sim import Simulator
-from arm_sim.stepping import stepper
+from arm_sim.stepping import engine
 from benchmarks.missed_events.blind import GUARDS, switched_off
 from benchmarks.missed_events.cases import Case, draw
 from benchmarks.missed_events.judge import RIGHT, examine
@@ -17,7 +17,7 @@ from models.rotor import rotor
 
 @pytest.mark.parametrize("name", GUARDS)
 def test_every_guard_stands_once_in_the_engine(name: str) -> None:
-    assert stepper.source({}, "segments.h").count(GUARDS[name][0]) == 1
+    assert engine.source({}, "segments.h").count(GUARDS[name][0]) == 1
 
 
 def test_an_engine_without_a_guard_passes_its_event_over() -> None:
