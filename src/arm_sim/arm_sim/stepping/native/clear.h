@@ -95,6 +95,12 @@ static int holds_any(const real* p) {
   return any;
 }
 
+/* Give joints that are held the speed 0, as the engine does, where it is -0; numbers besides are the same plus 0. */
+static void rest_held(real* x) {
+  for (int i = 0; i < ND; ++i)
+    if (static_level[i] > 0.0) x[NU + i] += 0.0;
+}
+
 /* Lanes in which what is at rest stays there under loads far below the limits of friction. */
 static real find_held(const real* load, const real* p) {
   const real none = 0.0;

@@ -12,7 +12,8 @@
  * are corrected at its end, without rebound, as in Moreau's scheme (Jean, "The non-smooth contact dynamics method", Comput.
  * Methods Appl. Mech. Eng. 177, 1999). That is of first order, and reported.
  *
- * Required definitions: impact.h, segments.h; DEEP (penetration up to which a point is treated as touching).
+ * Required definitions: impact.h, segments.h, with CLEAR clear.h; DEEP (penetration up to which a point is treated as
+ * touching).
  */
 
 #pragma once
@@ -292,8 +293,8 @@ static int holds_all(const real* modes) {
   return all;
 }
 
-/* A tick that clearly has no event, in which all joints slide or are held and no contact touches: 0 if it may have one. What was
- * computed at its beginning is kept then. */
+/* A tick that clearly has no event, in which all joints slide or are held and no contact touches: 0 if it may have one. What
+ * was computed at its beginning is kept then. */
 static int clear_tick(const real* x, const real* u, const real* p, double h, memory_t* memory, real* after) {
   real known[NP + MODES], place_after[PLACES + 1];
   geometry_t geometry;
@@ -306,6 +307,7 @@ static int clear_tick(const real* x, const real* u, const real* p, double h, mem
     const int still = holds && holds_all(known + NP);
     const int clear = still || stays_clear(x, u, &h, place, known, known_load, holds, &made, place_after) != 0.0;
     if (clear) memcpy(after, still ? x : made.next, sizeof made.next);
+    if (clear) rest_held(after);
     if (clear) return 1;
   }
   if (NC) keep_geometry(x, memory, &geometry);

@@ -35,6 +35,7 @@ static int foresee_clear(const real* x, const real* u, const real* tunable, cons
   if (2 * others > used) return others;
   *done = clear && stays_clear(x, u, h, place, p, load, holds, &made, after);
   for (int i = 0; i < NX; ++i) next[i] = made.next[i];
+  rest_held(next);
   for (int j = 0; j < used; ++j) left += LANE(*done, j) == 0.0;
   if (!left) return 0;
   write_made(&made, after, tick);

@@ -6,9 +6,9 @@
  * after a tick then jumps with the velocity before it. Where friction vanishes, as in a lossy gear without load, a joint is held
  * by nothing.
  *
- * Required definitions: varied.h, least_squares.h; NB, with bilateral constraints NM (their rows), the generated `doubts` (x, u, p) -> whether there may be a reason, and whether
- * there may be if the state itself is varied; `rhs`, with contacts `loads` and `settled` (q and v, p) -> velocities after
- * contact per velocity before; with bilateral constraints `statics`.
+ * Required definitions: varied.h, least_squares.h; NB, with bilateral constraints NM (their rows), the generated `doubts`
+ * (x, u, p) -> whether there may be a reason, and whether there may be if the state itself is varied; `rhs`, with contacts
+ * `loads` and `settled` (q and v, p) -> velocities after contact per velocity before; with bilateral constraints `statics`.
  */
 
 #pragma once
