@@ -311,7 +311,7 @@ static int clear_tick(const real* x, const real* u, const real* p, double h, mem
     if (clear) return 1;
   }
   if (NC) keep_geometry(x, memory, &geometry);
-  if (holds) keep_loads(x, known + NP, memory, &load);
+  else if (holds) keep_loads(x, known + NP, memory, &load); /* in modes that contain no contacts, as the engine's */
   return 0;
 }
 #endif
