@@ -52,8 +52,8 @@ FLAGS = (
     "-w",
 )
 # C++ is the language of many arms side by side: what is done lane by lane, such as finding angles
-# beyond the sine's range, becomes code without loops. Its own headers, which take a compiler longer
-# than many a kernel, are not needed: those of C are there.
+# beyond the sine's range, becomes code without loops. Its own headers, which take a compiler
+# longer than many a kernel, are not needed: those of C are there.
 _FLAGS_OF_LANGUAGE = {"c": (), "c++": ("-funroll-loops", "-nostdinc++")}
 HOW_TO_GET_CODE = (
     "install one (apt install gcc), or compile the scene on another machine "
