@@ -282,6 +282,21 @@ def test_a_bag_of_a_robot_is_a_recording(robot_bag: Path) -> None:
         Recording.load(robot_bag, topic="/wheels")
 
 
+def test_messages_without_stamps_go_by_their_arrival_once_each(robot_bag: Path) -> None:
+    """A robot without a clock; two of its messages arrived at the same time."""
+    place = JointStateWriter(("tool", *models.dynamics("two_link").joint_names)).stamp
+    base = sqlite3.connect(robot_bag)
+    for number, raw in base.execute("SELECT id, data FROM messages WHERE id < 99").fetchall():
+        unstamped = raw[:place] + bytes(8) + raw[place + 8 :]
+        base.execute("UPDATE messages SET data = ? WHERE id = ?", (unstamped, number))
+    base.execute("UPDATE messages SET timestamp = 7 WHERE id = 2")
+    base.commit()
+    base.close()
+    run = Recording.load(robot_bag)
+    np.testing.assert_allclose(1e9 * run.time, [0, *range(2, 50)], atol=1e-6)
+    assert any("1 messages have the time of another one" in e.text for e in run.events)
+
+
 def test_with_a_scene_it_has_energies(robot_bag: Path) -> None:
     run = Recording.load(robot_bag, models.scene("two_link"))
     dynamics = models.dynamics("two_link")
