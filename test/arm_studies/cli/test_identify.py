@@ -126,6 +126,11 @@ def test_refusals_leave_nothing_behind(table, tmp_path):
         assert not out.exists()
 
 
+def test_without_a_scene_there_is_nothing_to_identify(table, tmp_path):
+    done = typed(table, "--out", tmp_path / "a.yaml")
+    assert done.exit_code == 2 and "Missing option '--scene'" in done.output
+
+
 def test_an_arm_at_rest_at_the_end_has_no_error(table, tmp_path):
     """Whether its scene is better than the nominal one is unknown: it is written, and told."""
     record = np.loadtxt(table, delimiter=",", skiprows=1)

@@ -96,6 +96,13 @@ def motor_record(kind: Any, noise: float = 0.0, seed: int = 0, **more: Any) -> M
     return MotorRecord.of(kind, DT * np.arange(len(V)), **(given | more))
 
 
+def test_a_record_is_refused_by_its_name() -> None:
+    time, falling = 0.1 * np.arange(20), np.linspace(3.0, 1.0, 20)
+    with pytest.raises(InvalidInput, match=r"bench 7: a coast test needs speed"):
+        MotorRecord.of("coast", time, voltage=falling, name="bench 7")
+    assert MotorRecord.of("coast", time, speed=falling, name="bench 7").name == "bench 7"
+
+
 @pytest.mark.parametrize(
     ("kinds", "names"),
     [
