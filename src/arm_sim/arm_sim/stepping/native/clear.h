@@ -4,30 +4,13 @@
  *
  * The engine makes the same steps in the same modes, so the motion does not depend on which of both made a tick.
  *
- * Before this file: foreseen.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `step`, with NEAR_LOADS if it
- * returns loads, with MOVING `moving_step`, `rhs` and `loads`, and with contacts `contact_geometry`. With CALM, where modes are
- * those of sliding joints and of contacts alone, also stops.h and numbers.h.
+ * Before this file: loads.h; the generated `step`, with NEAR_LOADS if it returns loads, with MOVING `moving_step`. With CALM,
+ * where modes are those of sliding joints and of contacts alone, also stops.h and numbers.h.
  */
 
 #pragma once
-#include "foreseen.h"
+#include "loads.h"
 #include "numbers.h"
-
-static void loads_at(const real* x, const real* u, const real* p, real* found) {
-  real w[SZ_W];
-  casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG] = {x, u, p};
-  real* res[SZ_RES] = {found, found + NU, found + NU + MC, found + NU + 2 * MC, 0, found + LOADS - NX};
-  loads(arg, res, iw, w, 0);
-}
-
-static void slope_at(const real* x, const real* u, const real* p, real* slope) {
-  real w[SZ_W];
-  casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG] = {x, u, p};
-  real* res[SZ_RES] = {slope};
-  rhs(arg, res, iw, w, 0);
-}
 
 /* A step of all lanes, with its continuous output and the loads at its stage at the end. */
 typedef struct {
@@ -95,7 +78,7 @@ static int holds_any(const real* p) {
   return any;
 }
 
-/* Give joints that are held the speed 0, as the engine does, where it is -0; numbers besides are the same plus 0. */
+/* Give joints that are held the speed 0, as the engine does, where it is -0; other speeds do not change. */
 static void rest_held(real* x) {
   for (int i = 0; i < ND; ++i)
     if (static_level[i] > 0.0) x[NU + i] += 0.0;

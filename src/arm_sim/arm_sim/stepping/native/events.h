@@ -306,9 +306,11 @@ static int clear_tick(const real* x, const real* u, const real* p, double h, mem
   if (begins_clear(x, u, p, place, known, (real*)&load, &holds) != 0.0 && !(holds && NX > 2 * NU)) {
     const int still = holds && holds_all(known + NP);
     const int clear = still || stays_clear(x, u, &h, place, known, known_load, holds, &made, place_after) != 0.0;
-    if (clear) memcpy(after, still ? x : made.next, sizeof made.next);
-    if (clear) rest_held(after);
-    if (clear) return 1;
+    if (clear) {
+      memcpy(after, still ? x : made.next, sizeof made.next);
+      rest_held(after);
+      return 1;
+    }
   }
   if (NC) keep_geometry(x, memory, &geometry);
   else if (holds) keep_loads(x, known + NP, memory, &load); /* in modes that contain no contacts, as the engine's */

@@ -12,17 +12,16 @@
  * Where statics does not determine the reactions of what is held, the parts hold together: see together.h. A set that does not
  * hold is released in the motion in which it gives way, and pivoting goes on from there.
  *
- * Required definitions: flow.h, cone.h, foreseen.h, costs.h; NP (tunable numbers), ND (joints with a direction in p: NU or
- * 0), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`; RIGID where joints have rigid
- * stops, and with it the generated `strike`; NK (switches of drives and cords) and with them the generated `switches`; NQ
- * (joints with compliant stops: NU or 0) and with them the generated `pressures`; SLOWEST (tangential speed up to which a
- * contact is at rest); NB (whether there are bilateral constraints) and
- * with them the generated `bilateral`.
+ * Required definitions: flow.h, cone.h, loads.h, costs.h; NP (tunable numbers), ND (joints with a direction in p: NU or 0),
+ * with contacts the generated `contact_inertia`; RIGID where joints have rigid stops, and with it the generated `strike`; NK
+ * (switches of drives and cords) and with them the generated `switches`; NQ (joints with compliant stops: NU or 0) and with
+ * them the generated `pressures`; SLOWEST (tangential speed up to which a contact is at rest); NB (whether there are bilateral
+ * constraints) and with them the generated `bilateral`.
  */
 
 #pragma once
 #include "flow.h"
-#include "foreseen.h"
+#include "loads.h"
 #include "record.h"
 #include "costs.h"
 #include "cone.h"
@@ -159,7 +158,6 @@ static void keep_geometry(const real* x, memory_t* memory, const geometry_t* geo
 static void find_geometry(const real* x, const segment_t* segment, geometry_t* geometry) {
   const foreseen_t* known = segment->foreseen;
   const double* answer = NC && known ? answer_at(x, known, 2 * NU, known->geometry, known->geometry_after) : 0;
-  WORKSPACE;
   memory_t* memory = segment->memory;
   for (int i = 0; NC && !answer && i < STATES && i < memory->states; ++i)
     if (same(x, memory->x[i], 2 * NU)) answer = (const double*)(memory->geometry + i);
@@ -167,11 +165,7 @@ static void find_geometry(const real* x, const segment_t* segment, geometry_t* g
     memcpy(geometry, answer, sizeof *geometry);
     return;
   }
-  arg[0] = x;
-  res[0] = geometry->place;
-  res[1] = geometry->speed;
-  res[2] = geometry->size;
-  contact_geometry(arg, res, iw, w, 0);
+  find_places(x, (real*)geometry);
   keep_geometry(x, memory, geometry);
 }
 
@@ -194,22 +188,12 @@ static void keep_loads(const real* x, const real* modes, memory_t* memory, const
 static void find_loads(const real* x, const segment_t* segment, loads_t* found) {
   const loads_t* known = known_loads(x, segment);
   memory_t* memory = segment->memory;
-  WORKSPACE;
   memory->work += costs.loads;
   if (known) {
     *found = *known;
     return;
   }
-  arg[0] = x;
-  arg[1] = segment->u;
-  arg[2] = (const real*)&segment->p;
-  res[0] = found->load;
-  res[1] = found->force;
-  res[2] = found->rate;
-  res[3] = found->grip;
-  res[4] = 0; /* torques of stops */
-  res[5] = found->slope;
-  loads(arg, res, iw, w, 0);
+  loads_at(x, segment->u, (const real*)&segment->p, (real*)found);
   keep_loads(x, (const real*)&segment->p + NP, memory, found);
 }
 
@@ -232,7 +216,6 @@ static void find_inertia(const real* x, const segment_t* segment, inertia_t* ine
 
 static void find_slope(const real* x, const segment_t* segment, real* slope) {
   const loads_t* found = known_loads(x, segment);
-  WORKSPACE;
   segment->memory->work += costs.slope;
   const real* answer = found ? found->slope : 0;
 #ifndef MOVING /* steps in motion are of other functions */
@@ -242,11 +225,7 @@ static void find_slope(const real* x, const segment_t* segment, real* slope) {
     memcpy(slope, answer, NX * sizeof *slope);
     return;
   }
-  arg[0] = x;
-  arg[1] = segment->u;
-  arg[2] = (const real*)&segment->p;
-  res[0] = slope;
-  rhs(arg, res, iw, w, 0);
+  slope_at(x, segment->u, (const real*)&segment->p, slope);
 }
 
 /* Switching functions of drives and cords, positive where a comparison holds, and the magnitude of their terms. */
