@@ -44,10 +44,10 @@ class Jax:
 
 
 class Torch:
-    """The same by PyTorch."""
+    """The same by PyTorch, with tensors that are where it is told."""
 
-    def __init__(self) -> None:
-        self.torch = pytest.importorskip("torch", reason="PyTorch is missing")
+    def __init__(self, device: str = "cpu") -> None:
+        self.torch, self.device = pytest.importorskip("torch", reason="PyTorch is missing"), device
 
     def simulator(self, sim: Simulator) -> Any:
         return TorchSimulator(sim)
@@ -58,7 +58,7 @@ class Torch:
         leaves: Arrays = {}
 
         def leaf(name: str, value: np.ndarray) -> Any:
-            leaves[name] = self.torch.tensor(value, requires_grad=True)
+            leaves[name] = self.torch.tensor(value, requires_grad=True, device=self.device)
             return leaves[name]
 
         given = {
@@ -67,19 +67,31 @@ class Torch:
             for name, value in arguments.items()
         }  # fmt: skip
         states = of(**given)
-        (states * self.torch.tensor(g)).sum().backward()
-        found = {name: leaf.grad.numpy() for name, leaf in leaves.items()}
+        assert states.device.type == self.device
+        (states * self.torch.tensor(g, device=self.device)).sum().backward()
+        found = {name: leaf.grad.cpu().numpy() for name, leaf in leaves.items()}
         parts = {
             name: {key: found[key] for key in value} if isinstance(value, dict) else found[name]
             for name, value in arguments.items()
         }
-        return states.detach().numpy(), parts
+        return states.detach().cpu().numpy(), parts
+
+
+class TorchOnGpu(Torch):
+    """The same by PyTorch on a graphics processor, where there is one."""
+
+    def __init__(self) -> None:
+        super().__init__("cuda")
+        if not self.torch.cuda.is_available():
+            pytest.skip("there is no graphics processor")
 
 
 with_jax = pytest.mark.group("jax")
 
 
-@pytest.fixture(params=[pytest.param(Jax, marks=with_jax), Torch], ids=["jax", "torch"])
+@pytest.fixture(
+    params=[pytest.param(Jax, marks=with_jax), Torch, TorchOnGpu], ids=["jax", "torch", "cuda"]
+)
 def library(request: pytest.FixtureRequest) -> Iterator[Any]:
     made = request.param()
     if isinstance(made, Torch):
@@ -201,9 +213,21 @@ def test_torch_checks_the_gradient_and_keeps_the_type() -> None:
     run = Torch().simulator(sim)
     x0, tau = (torch.tensor(value[0, ..., :], requires_grad=True) for value in given.values())
     assert torch.autograd.gradcheck(run.step, (x0, tau[0]), eps=1e-4, atol=1e-6)
-    single = run.rollout(x0.float(), tau.float())
-    assert single.dtype == torch.float32
-    assert_close(single.detach().numpy(), run_in_double(sim, given)[0], 1e-6)
+    for kind, tolerance in ((torch.float32, 1e-6), (torch.bfloat16, 0.1)):
+        less = run.rollout(x0.to(kind), tau.to(kind))
+        assert less.dtype == kind
+        assert_close(less.detach().double().numpy(), run_in_double(sim, given)[0], tolerance)
+        less.sum().backward()
+
+
+def test_torch_takes_whole_numbers() -> None:
+    torch = pytest.importorskip("torch", reason="PyTorch is missing")
+    run, tau = Torch().simulator(arm("payload")), np.ones((TICKS, 3))
+    whole = run.rollout([0, 1, 0, 0, 0, 0], tau)
+    assert whole.dtype == torch.get_default_dtype()
+    real = run.rollout(torch.tensor([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]), tau)
+    np.testing.assert_array_equal(whole, real)
+    assert not np.array_equal(whole[-1], whole[-1].round())
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,8 @@ class TorchSimulator:
     """Steps and rollouts of a scene for PyTorch.
 
     ``backward`` computes the gradient of ``Simulator.rollout_gradient``: exact, in double
-    precision. Tensors are copied to the processor and results to the device and type of ``x0``.
+    precision. Tensors are copied to the processor and results to the device and type of ``x0``,
+    or PyTorch's default type if ``x0`` has whole numbers.
 
     Args:
         simulator: The scene, the method, and the current values of its tunable quantities. The
@@ -70,6 +71,7 @@ class TorchSimulator:
         given = self._motion.parameters(parameters)
         arms = self._motion.arms(x0, tau, given)
         x0 = torch.as_tensor(x0)
+        x0 = x0 if x0.is_floating_point() else x0.to(torch.get_default_dtype())
         like = {"dtype": x0.dtype, "device": x0.device}
         tau = torch.as_tensor(tau, **like)
         named = [torch.as_tensor(part, **like) for part in given]
@@ -112,10 +114,11 @@ def _simulated() -> Any:
 
 
 def _array(tensor: torch.Tensor) -> Any:
-    return tensor.detach().cpu().numpy()
+    """In double precision, since NumPy lacks some types of PyTorch."""
+    return tensor.detach().cpu().double().numpy()
 
 
 def _tensor(values: Array, like: torch.Tensor) -> torch.Tensor:
     import torch
 
-    return torch.from_numpy(values).to(like.device)
+    return torch.from_numpy(values).to(like.device, like.dtype)
