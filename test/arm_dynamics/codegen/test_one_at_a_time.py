@@ -4,14 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from threading import Event, Thread
+from time import sleep
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from arm_dynamics import Dynamics
 from arm_dynamics.actuation.command_map import CommandMap
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen.one_at_a_time import is_building, one_at_a_time
 from arm_dynamics.control import compiled_law, make_controller, preparation
 from arm_dynamics.dynamics.point_answers import INVERSE, compiled_answer
 from arm_dynamics.dynamics.rigid import MANY
@@ -65,6 +69,72 @@ def test_a_thread_waits_for_another_that_builds(name: str) -> None:
 
 def test_a_thread_may_build_within_a_build() -> None:
     assert one_at_a_time(one_at_a_time(lambda: 1))() == 1
+
+
+def test_a_thread_builds_while_another_waits_for_the_compiler(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first thread's compiler waits for a file that comes when the second has built."""
+    built = tmp_path / "built"
+    slow = tmp_path / "cc"
+    slow.write_text(
+        f"#!/bin/sh\ncase $1 in --version) exec cc $1;; esac\n"
+        f"touch {tmp_path}/waits; timeout 30 sh -c 'until [ -e {built} ]; do sleep 0.01; done'\n"
+        'exec cc "$@"\n'
+    )
+    slow.chmod(0o755)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("CC", str(slow))
+    found = list[bool]()
+
+    @one_at_a_time
+    def compile_slowly() -> None:
+        x = ca.SX.sym("x")
+        Kernel([ca.Function("g", [x], [x + 2.0])], "native")
+        found.append(is_building())
+
+    @one_at_a_time
+    def build() -> None:
+        Kernel([ca.Function("h", [ca.SX.sym("x")], [ca.SX(1.0)])], "vm")
+        built.touch()
+
+    threads = Thread(target=compile_slowly), Thread(target=build)
+    threads[0].start()
+    while not (tmp_path / "waits").exists():
+        assert threads[0].is_alive()
+        sleep(0.01)
+    threads[1].start()
+    threads[1].join(20.0)
+    came = built.exists()
+    built.touch()
+    threads[0].join(60.0)
+    assert came
+    assert found == [True]  # it is the first thread's turn again after its compiler
+
+
+def test_two_threads_that_want_the_same_compile_it_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counting = tmp_path / "cc"
+    counting.write_text(
+        "#!/bin/sh\ncase $1 in --version) exec cc $1;; esac\n"
+        f'echo . >> {tmp_path}/runs\nsleep 0.2\nexec cc "$@"\n'
+    )
+    counting.chmod(0o755)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("CC", str(counting))
+
+    @one_at_a_time
+    def build() -> None:
+        x = ca.SX.sym("x")
+        Kernel([ca.Function("f", [x], [x + 3.0])], "native")
+
+    threads = [Thread(target=build) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60.0)
+    assert (tmp_path / "runs").read_text().count(".") == 1
 
 
 def test_what_is_built_is_found_while_another_thread_builds() -> None:

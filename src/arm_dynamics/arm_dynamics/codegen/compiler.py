@@ -28,9 +28,11 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from threading import Lock
 
 from arm_dynamics.codegen import compiled_scenes, processor
 from arm_dynamics.codegen.compiled_scenes import Code, Manifest
+from arm_dynamics.codegen.one_at_a_time import others_may_build
 from arm_dynamics.codegen.split_functions import units
 from arm_dynamics.exceptions import CompilerMissing, KernelError
 
@@ -88,6 +90,7 @@ class Destination:
 
 
 _destination: ContextVar[Destination | None] = ContextVar("destination", default=None)
+_building: dict[str, Lock] = {}  # by what is compiled: two threads may want the same
 
 
 def find_compiler(language: str = "c") -> tuple[str, ...] | None:
@@ -158,7 +161,11 @@ def build(
     names = (Path(flag).name for flag in local)
     texts = [source, *([shared] if shared else [])]
     key = digest(*texts, *_headers(texts, flags + local), language, *flags, *names)
-    flags += local
+    with others_may_build(), _building.setdefault(key, Lock()):
+        return _build(key, texts, language, flags + local)
+
+
+def _build(key: str, texts: list[str], language: str, flags: tuple[str, ...]) -> Code:
     destination = _destination.get()
     if destination is not None:
         return _build_into(destination, key, texts, language, flags)
@@ -351,13 +358,20 @@ def _compiled(
 def _objects(names: list[str], chosen: list[str], kept: Path | None) -> list[str]:
     """Object files of units, compiled in parallel; that of the last one is kept in the cache."""
     objects = [f"{name}.o" for name in names]
-    known = read_sound(kept) if kept else None
-    if known is not None:
-        Path(objects[-1]).write_bytes(known)
-    missing = list(zip(names, objects, strict=True))[: len(names) - (known is not None)]
-    _run(*([*chosen, "-c", "-o", made, name] for name, made in missing))
-    if kept and known is None:
-        write_sound(kept, Path(objects[-1]).read_bytes())
+    commands = [
+        [*chosen, "-c", "-o", made, name] for name, made in zip(names, objects, strict=True)
+    ]
+    if kept is None:
+        _run(*commands)
+        return objects
+    with _building.setdefault(kept.name, Lock()):
+        known = read_sound(kept)
+        if known is None:
+            _run(*commands)
+            write_sound(kept, Path(objects[-1]).read_bytes())
+            return objects
+    Path(objects[-1]).write_bytes(known)
+    _run(*commands[:-1])
     return objects
 
 

@@ -8,18 +8,19 @@ at the same time end with a segmentation fault.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property, wraps
-from threading import RLock, get_ident
+from threading import Lock, get_ident
 from typing import Any
 
-_TURN = RLock()
-_builders: list[int] = []  # the thread whose turn it is, once for each function it is within
+_TURN = Lock()
+_builder: int | None = None  # the thread whose turn it is
 
 
 def is_building() -> bool:
     """Whether it is this thread's turn; tests require it wherever the suite makes a symbol."""
-    return get_ident() in _builders
+    return _builder == get_ident()
 
 
 def one_at_a_time[**P, T](build: Callable[P, T]) -> Callable[P, T]:
@@ -31,14 +32,42 @@ def one_at_a_time[**P, T](build: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(build)
     def waiting(*args: P.args, **kwargs: P.kwargs) -> T:
-        with _TURN:
-            _builders.append(get_ident())
-            try:
-                return build(*args, **kwargs)
-            finally:
-                _builders.pop()
+        if is_building():
+            return build(*args, **kwargs)
+        _take_turn()
+        try:
+            return build(*args, **kwargs)
+        finally:
+            _end_turn()
 
     return waiting
+
+
+@contextmanager
+def others_may_build() -> Iterator[None]:
+    """Within this block, which touches no expression, this thread gives its turn to others."""
+    if not is_building():
+        yield
+        return
+    _end_turn()
+    try:
+        yield
+    finally:
+        _take_turn()
+
+
+def _take_turn() -> None:
+    global _builder
+    _TURN.acquire()
+    _builder = get_ident()
+
+
+def _end_turn() -> None:
+    """It may have ended already: an interruption comes while a thread waits to take it again."""
+    global _builder
+    if is_building():
+        _builder = None
+        _TURN.release()
 
 
 class built_once[T](cached_property[T]):  # noqa: N801 - used as cached_property is
