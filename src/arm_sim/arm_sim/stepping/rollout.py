@@ -7,9 +7,11 @@ import ctypes
 import os
 import re
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import cache
 from itertools import compress
+from time import perf_counter
 from typing import Any
 
 import casadi as ca
@@ -49,6 +51,8 @@ WIDTHS = (8, 4, 2, 1)
 # Ticks of all arms from which code for error control or events side by side saves more time than
 # its compilation takes: up to ten seconds for implicit methods.
 MANY_TICKS = 100_000
+# Work in [s] that is worth a thread; with 16 of them, less takes longer than alone.
+WORTH_A_THREAD = 7e-4
 # Functions of events that ticks without events ask for, see native/foresight.h.
 FORESEEN = ("loads", "contact_geometry", "contact_inertia", "contact_close")
 # How CasADi writes choices; C++ has no such operator for many arms at a time.
@@ -401,7 +405,8 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
     Args:
         arms: Number of arms.
         width: Arms in a group.
-        threads: Number of threads; None for one per core.
+        threads: Number of threads; None for one per core, or fewer if the time that the first
+            group takes tells that they would not be worth it.
         work: Called with the first arm and the one after the last.
 
     Raises:
@@ -409,13 +414,32 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
     """
     if threads is not None:
         whole("threads", threads, 1)
-    count = threads or len(os.sched_getaffinity(0))
-    groups = -(-arms // width)
-    if count == 1 or groups <= 1:  # starting a thread takes longer than a short rollout
-        work(0, arms)
+    count, groups, done = threads or len(os.sched_getaffinity(0)), -(-arms // width), 0
+    if threads is None and count > 1 and groups > 1:
+        start = perf_counter()
+        work(0, width)
+        count = min(count, 1 + int((groups - 1) * (perf_counter() - start) / WORTH_A_THREAD))
+        done = 1
+    if count == 1 or groups - done <= 1:
+        work(done * width, arms)
         return
-    edges = [min(arms, groups * i // count * width) for i in range(count + 1)]
-    parts = [(a, b) for a, b in zip(edges, edges[1:], strict=False) if b > a]
-    with ThreadPoolExecutor(len(parts)) as pool:
-        for done in [pool.submit(work, *part) for part in parts]:
-            done.result()
+    edges = [done + (groups - done) * i // count for i in range(count + 1)]
+    first, *parts = [
+        (a * width, min(arms, b * width)) for a, b in zip(edges, edges[1:], strict=False) if b > a
+    ]
+    others = [_kept_threads(len(parts)).submit(work, *part) for part in parts]
+    try:
+        work(*first)
+    finally:
+        wait(others)
+    for other in others:
+        other.result()
+
+
+@cache
+def _kept_threads(count: int) -> ThreadPoolExecutor:
+    """Threads besides the calling one, which are started once."""
+    return ThreadPoolExecutor(count, "arms")
+
+
+os.register_at_fork(after_in_child=_kept_threads.cache_clear)  # a fork has none of them
