@@ -190,7 +190,7 @@ def _mechanisms(results: Record) -> str:
     body = [(r["task"], r["who"], duration(r["seconds"]), f"{r['error']:.1e}") for r in rows]
     text = (
         "Problems of IFToMM's library of computational benchmark problems, by their names there: "
-        "the least time with which each reaches the error. A05 is missing."
+        "the least time with which each reaches the error."
     )
     return f"{text}\n\n" + table(("problem", "who", "time", "error"), body)
 

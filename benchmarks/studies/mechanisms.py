@@ -3,9 +3,9 @@
 
 The simple pendulum (A01) against its closed form, in every simulator; closed chains by this suite:
 two four-bars in a row (A02) against their closed form, Andrews' mechanism (A03) against its
-published solution (test/reference), and Bricard's mechanism (A04) by its energy. A05, the stiff
-governor, is missing. Problems: González, Dopico, Lugrís, Cuadrado, "A benchmarking system for MBS
-simulation software", Multibody System Dynamics 16, 2006.
+published solution (test/reference), Bricard's mechanism (A04) by its energy, and the stiff flyball
+governor (A05) against its three coordinates. Problems: González, Dopico, Lugrís, Cuadrado, "A
+benchmarking system for MBS simulation software", Multibody System Dynamics 16, 2006.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from benchmarks.peers.base import OURS, Contestant, decades, halvings
 from benchmarks.robots.models import Robot
 from benchmarks.studies.bench import Bench, Record
 
-TARGET = 1e-6  # [rad], or [J] of energy
+TARGET = 1e-6  # [rad], [m], or [J] of energy
 MASS, LENGTH, OWN, GRAVITY = 1.0, 1.0, 1e-6, 9.81  # [kg], [m], [kg m²], [m/s²]
 PENDULUM = f"""<robot name="pendulum"><link name="link0"/>
 <link name="rod"><inertial><origin xyz="0 0 {-LENGTH}"/><mass value="{MASS}"/>
@@ -52,8 +52,10 @@ def run(bench: Bench) -> Record:
             "andrews", 0.03, (TORQUE,), _off("beta", ANDREWS)),
         f"A04, Bricard's mechanism, 10 s to {TARGET:g} J": (
             "bricard", 10.0, (), lambda run: float(np.ptp(run.energy))),
+        f"A05, stiff governor, 10 s to {TARGET:g} m": (
+            REFERENCE / "governor.yaml", 10.0, (), _governor()),
     }  # fmt: skip
-    for task, chain in bench.each("IFToMM A02 to A04", list(chains.items())):
+    for task, chain in bench.each("IFToMM A02 to A05", list(chains.items())):
         for who, ways in _ways().items():
             if found := _first(_moves(*chain, ways)):
                 errors[task, who], jobs[task, who] = found
@@ -95,12 +97,12 @@ def _swung(t: float) -> float:
 def _ways() -> dict[str, list[dict[str, Any]]]:
     """Settings from coarse to fine, by the name of the method."""
     fixed = {f"{OURS} {name}": [{"integrator": name, "dt": dt} for dt in STEPS]
-             for name in ("rk4", "nystrom4", "dop853")}  # fmt: skip
+             for name in ("rk4", "nystrom4", "dop853", "implicit")}  # fmt: skip
     return fixed | {
         f"{OURS} {name}, adaptive": [
             {"integrator": name, "dt": 1e-3, "tolerance": tolerance} for tolerance in TOLERANCES
         ]
-        for name in ("dopri5", "dop853")
+        for name in ("dopri5", "dop853", "implicit")
     }
 
 
@@ -128,6 +130,10 @@ def _moves(
 
 def _four_bars() -> Error:
     return _off("pivot0", float(reference("four_bar")["2"]["10"][0]))
+
+
+def _governor() -> Error:
+    return _off("lift", float(reference("governor")["motion"]["10"][1]))
 
 
 def _off(joint: str, expected: float) -> Error:
