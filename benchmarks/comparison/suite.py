@@ -52,7 +52,10 @@ RUNNERS: dict[str, Callable[[Bench], Record]] = {
     "derivatives": derivatives.run,
 }
 STUDIES = tuple(RUNNERS)
-PACKAGES = ("mujoco", "drake", "pybullet", "exudyn", "dynibo", "scipy", "pin", "casadi", "numpy")
+PACKAGES = (
+    "mujoco", "drake", "pybullet", "exudyn", "newton", "mujoco-warp", "warp-lang", "dynibo",
+    "frax", "jax", "scipy", "pin", "casadi", "numpy",
+)  # fmt: skip
 
 
 def run(quick: bool, only: Sequence[str], console: Console) -> Iterator[Record]:

@@ -15,6 +15,7 @@ ADAPTERS = {
     "MuJoCo": "mujoco",
     "Drake": "drake",
     "Exudyn": "exudyn",
+    "Newton": "newton",
     "PyBullet": "pybullet",
     "SciPy": "scipy",
 }

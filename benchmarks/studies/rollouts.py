@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many arms at once: arm-steps per second and core, against MuJoCo's threaded ``rollout``."""
+"""Many arms at once: arm-steps per second and core, against MuJoCo, Newton, Warp."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from typing import Protocol
 
 import numpy as np
@@ -30,13 +31,19 @@ class Fleet(Protocol):
 Fleets = dict[str, Callable[[Robot, int], Fleet]]  # label -> (robot, threads) -> fleet
 
 
-def mujoco_fleets() -> Fleets:
-    """MuJoCo's rollout with its Euler and RK4 steps; empty where it is not installed."""
-    try:
+def peers() -> Fleets:
+    """MuJoCo's rollout with its Euler and RK4 steps, and simulators on Warp, where installed."""
+    found: Fleets = {}
+    if find_spec("mujoco"):
         from benchmarks.peers import mujoco as mujoco_peer
-    except ImportError:
-        return {}
-    return {f"MuJoCo {m}": mujoco_peer.fleet(m, STEP, STEPS) for m in ("Euler", "RK4")}
+
+        found |= {f"MuJoCo {m}": mujoco_peer.fleet(m, STEP, STEPS) for m in ("Euler", "RK4")}
+    if find_spec("newton") and find_spec("mujoco_warp"):
+        from benchmarks.peers import mujoco_warp, newton
+
+        found["MuJoCo Warp Euler"] = mujoco_warp.fleet("cpu", STEP, STEPS)
+        found["Newton Euler"] = newton.fleet("cpu", STEP, STEPS)
+    return found
 
 
 @dataclass
@@ -68,7 +75,7 @@ def run(bench: Bench, ours: Fleets) -> Record:
     cores = len(os.sched_getaffinity(0))
     rows: list[Record] = []
     for robot in bench.robots():
-        samples = _samples(bench, robot, ours | mujoco_fleets(), cores)
+        samples = _samples(bench, robot, ours | peers(), cores)
         costs = bench.time(f"rollouts: {robot.name}", samples)
         rows += [
             {

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many arms in one world of a simulator on Warp, on the processor or a graphics processor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+import warp
+
+warp.config.log_level = warp.LOG_ERROR  # before its first use, which prints
+
+
+class World(Protocol):
+    """Arms side by side."""
+
+    def reset(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Start again from positions and velocities, one row for each arm."""
+
+    def torque(self, tau: np.ndarray) -> None:
+        """Torques from now on, one row for each arm."""
+
+    def step(self) -> None:
+        """One step of all arms."""
+
+    def states(self) -> tuple[warp.array, warp.array]:
+        """Positions and velocities now, arm by arm."""
+
+
+class WarpFleet:
+    """Worlds by their number of arms; on a graphics processor all steps are one recorded graph.
+
+    Args:
+        make: Makes a world of so many arms.
+        device: Of Warp.
+        n: Joints of an arm.
+        steps: In a call.
+    """
+
+    def __init__(self, make: Callable[[int], World], device: str, n: int, steps: int) -> None:
+        self.make, self.device, self.n, self.steps = make, device, n, steps
+        self.worlds: dict[int, tuple[World, warp.array, Callable[[], None]]] = {}
+
+    def __call__(self, q0: np.ndarray, v0: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Positions and velocities after every step, (steps, 2, arms, n)."""
+        world, states, roll = self._world(len(q0))
+        world.reset(q0, v0)
+        world.torque(tau)
+        roll()
+        return states.numpy().reshape(self.steps, 2, len(q0), self.n)
+
+    def run(self, arms: int) -> None:
+        """Go on with so many arms from where they are, and leave the states on the device."""
+        self._world(arms)[2]()
+        warp.synchronize_device(self.device)
+
+    def _world(self, arms: int) -> tuple[World, warp.array, Callable[[], None]]:
+        if arms in self.worlds:
+            return self.worlds[arms]
+        world, shape = self.make(arms), (self.steps, 2, arms * self.n)
+        kept = warp.empty(shape, dtype=warp.float32, device=self.device)
+
+        def roll() -> None:
+            for k in range(self.steps):
+                world.step()
+                for which, now in enumerate(world.states()):
+                    warp.copy(kept[k, which], now.flatten())
+
+        if warp.get_device(self.device).is_cuda:
+            roll()  # which compiles
+            with warp.ScopedCapture(self.device) as capture:
+                roll()
+            self.worlds[arms] = world, kept, lambda: warp.capture_launch(capture.graph)
+        else:
+            self.worlds[arms] = world, kept, roll
+        return self.worlds[arms]
