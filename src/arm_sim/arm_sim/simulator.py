@@ -348,7 +348,7 @@ class Simulator:
             steps: Ticks to advance.
             parameters: Tunable quantities by name, shape (size,) or (b, size).
             last_only: Whether to return only the last states.
-            threads: Cores to use; None for all.
+            threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is, under
                 error control and with dry friction or contact only where arms and steps are many.
                 Results do not depend on it.

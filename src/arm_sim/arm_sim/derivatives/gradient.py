@@ -136,7 +136,7 @@ def rollout_change(
         batch: The arms; ``out`` is not used.
         dx0: Changes of the initial (q, v), shape (b, 2n).
         dtau: Changes of the torques, shape (b, ticks, n).
-        threads: Cores to use; None for all.
+        threads: Cores to use; None for all that the work is worth.
         lanes: Arms in a vector register; None for the widest there is.
         side: See ``Linearizer.motion``.
 
@@ -182,7 +182,7 @@ class Gradients:
         Args:
             batch: The arms; ``out`` is not used.
             g: By the states, shape (b, steps + 1, nx).
-            threads: Cores to use; None for all.
+            threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
             side: See ``Linearizer.motion``.
 

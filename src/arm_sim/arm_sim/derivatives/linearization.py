@@ -103,7 +103,7 @@ class Linearizer:
             x: States, shape (b, nx).
             r: Commands, shape (b, n).
             ticks: Number of ticks.
-            threads: Cores to use; None for all.
+            threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
             side: See ``motion``.
 
@@ -141,7 +141,7 @@ class Linearizer:
         Args:
             x: States, shape (b, nx).
             r: Commands, shape (b, n).
-            threads: Cores to use; None for all.
+            threads: Cores to use; None for all that the work is worth.
 
         Returns:
             As ``many``.
@@ -230,7 +230,7 @@ class Linearizer:
 
         Args:
             arms: Where they begin, and the columns.
-            threads: Cores to use; None for all.
+            threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
             every: Whether to return the columns after every tick, not only after the last.
             side: See ``motion``.

@@ -185,7 +185,7 @@ class Tangents:
             r: Commands, shape (b, n).
             p: Parameters of all arms, shape (np,).
             ticks: Number of ticks.
-            threads: Cores to use; None for all.
+            threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
             begins: With events, whether motions begin here, see ``resting``.
 
@@ -212,7 +212,7 @@ class Tangents:
         Args:
             arms: Where they begin, and the columns.
             every: Whether to return the columns after every tick, not only after the last.
-            threads: Cores to use; None for all.
+            threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
             begins: As for ``slopes``.
 

@@ -427,7 +427,7 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
     first, *parts = [
         (a * width, min(arms, b * width)) for a, b in zip(edges, edges[1:], strict=False) if b > a
     ]
-    others = [_kept_threads(len(parts)).submit(work, *part) for part in parts]
+    others = [_kept_threads().submit(work, *part) for part in parts]
     try:
         work(*first)
     finally:
@@ -437,9 +437,9 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
 
 
 @cache
-def _kept_threads(count: int) -> ThreadPoolExecutor:
-    """Threads besides the calling one, which are started once."""
-    return ThreadPoolExecutor(count, "arms")
+def _kept_threads() -> ThreadPoolExecutor:
+    """Threads besides the calling one: those that ended their work wait for more."""
+    return ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1), "arms")
 
 
 os.register_at_fork(after_in_child=_kept_threads.cache_clear)  # a fork has none of them
