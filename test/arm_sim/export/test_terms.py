@@ -103,7 +103,8 @@ def test_forward_dynamics_of_a_linkage_know_no_contact(rng: np.random.Generator)
     closure = dyn.constrained.closure
     q, v = closure.closed(dyn.model.q0, rng.uniform(-1.0, 1.0, 3), closure.initially_active)
     tau = rng.uniform(-1.0, 1.0, 3)
-    assert_close(np.array(term.function(q, v, tau)).ravel(), dyn.forward(q, v, tau), EXPORT_FORWARD)
+    made = np.array(term.function(q, v, tau)).ravel()
+    assert_close(made, dyn.forward(q, v, tau), EXPORT_FORWARD)
 
 
 EXTENDED: dict[int, Callable[..., np.longdouble]] = {
