@@ -184,6 +184,40 @@ def test_a_joint_that_a_rod_leaves_no_speed_at_first(coulomb: float) -> None:
     assert_close(kinetic, 0.5 * 15.0 * 0.6**2 - fallen - coulomb * slid, 1e-6)
 
 
+@pytest.mark.parametrize("dt", [2e-3, 1e-2])
+def test_a_linkage_with_dry_friction_comes_to_rest(dt: float) -> None:
+    """Where its speed ends, the correction of a long step is not small against it."""
+    rough = scene("four_bar", joints={"*": {"friction": {"coulomb": 0.5}}})
+    fine = Simulator(rough, tolerance=1e-10).run(0.2)
+    run = Simulator(rough, integrator="rk4", dt=dt).run(0.2)
+    assert not run.v[-1].any()
+    error = abs(run.q[-1] - fine.q[-1]).max()
+    assert error < 5e4 * dt**4, f"{error:.1e}"
+
+
+@pytest.mark.parametrize("stopped", [(0, 1), (0, 2), (0, 3)])
+@pytest.mark.parametrize("coulomb", [0.0, 0.05])
+def test_a_linkage_between_two_stops_comes_to_rest(
+    stopped: tuple[int, int], coulomb: float
+) -> None:
+    """Rebounds that accumulate take the loop with them, also in ticks that are time-stepped."""
+    begin = Simulator(scene("five_bar")).model
+    names, q0 = begin.joint_names, begin.q0
+    joints: dict[str, Any] = {
+        names[k]: {"limits": {"lower": q0[k] - 0.03, "upper": q0[k] + 0.03,
+                              "stop": {"restitution": 0.8}}} for k in stopped
+    }  # fmt: skip
+    joints[names[0]]["friction"] = {"coulomb": coulomb}
+    start = {"position": dict(zip(names, q0.tolist(), strict=True))}
+    sim = Simulator(scene("five_bar", joints=joints, initial=start), integrator="rk4", dt=1e-2)
+    for seed in range(4):
+        sim.reset()
+        run = sim.run(2.0, np.random.default_rng(seed).normal(size=4))
+        assert not run.v[-1].any()
+        gap, speed = worst_gaps(sim, run, 201)
+        assert gap <= CLOSURE and speed <= CLOSURE_SPEED
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_doubled_constraints_change_nothing(turn: float) -> None:
     """Nor does a planar loop in a tilted plane, whose third row depends on the other two."""

@@ -93,6 +93,20 @@ def test_forward_dynamics_are_those_of_dynamics(case: Case) -> None:
         assert np.array_equal(made, [compiled.forward(*point) for point in points])
 
 
+def test_forward_dynamics_of_a_linkage_know_no_contact(rng: np.random.Generator) -> None:
+    """With modes of joints, those of contacts are among their inputs."""
+    scene = load_scene("four_bar").model_dump(exclude_unset=True)
+    floor = {"type": "contact", "frame": "coupler", "plane": {"point": [0.0, 0.0, -9.0]}}
+    constraints = [*scene["constraints"], floor]
+    dyn = Dynamics(scene | {"joints": DRY, "constraints": constraints})
+    (term,) = terms_of(dyn.model, ("forward_dynamics",), ())
+    closure = dyn.constrained.closure
+    q, v = closure.closed(dyn.model.q0, rng.uniform(-1.0, 1.0, 3), closure.initially_active)
+    tau = rng.uniform(-1.0, 1.0, 3)
+    made = np.array(term.function(q, v, tau)).ravel()
+    assert_close(made, dyn.forward(q, v, tau), EXPORT_FORWARD)
+
+
 EXTENDED: dict[int, Callable[..., np.longdouble]] = {
     ca.OP_ADD: np.add, ca.OP_SUB: np.subtract, ca.OP_MUL: np.multiply, ca.OP_DIV: np.divide,
     ca.OP_NEG: np.negative, ca.OP_SQ: np.square, ca.OP_TWICE: lambda x: 2 * x,

@@ -144,7 +144,8 @@ class _Point:
         bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
         a = Bilateral(model, s, joints).accelerations(s.tau - bias)
         slides = ca.DM.ones(joints.direction.shape[0])
-        nominal = ca.vertcat(ca.DM(parameters.nominal), slides)
+        apart = ca.DM.zeros(joints.contacts.shape[0])
+        nominal = ca.vertcat(ca.DM(parameters.nominal), slides, apart)
         found = ca.Function("a", [s.q, s.v, s.tau, joints.p], [a], {"cse": True})
         return found(self.q, self.v, free, nominal)
 

@@ -26,8 +26,9 @@ LEFT_OPEN, LEFT_MOVING = 1e-9, 1e-6
 # Residuals below this, in [m] or [rad], are rounding and not corrected, such that an arm at rest
 # stays at rest.
 ROUNDING = 1e-15
-# Largest correction relative to the step, and to the speed. Beyond, the step has left its branch
-# of the motion or its accelerations were invalid.
+# Largest correction relative to the step, and to the speed before or after it: a motion that comes
+# to rest has none at its end. Beyond, the step has left its branch of the motion or its
+# accelerations were invalid.
 ASTRAY = 0.1
 # A state so large is rejected by every stepper.
 REFUSED = 1e200
@@ -112,7 +113,7 @@ class Bilateral(Response):
         left = ca.fmax(
             _largest(_at(rows.every, s.q, q)) - LEFT_OPEN, _largest(A @ v) - LEFT_MOVING
         )
-        way = _astray(q - s.q, q - before[:n]) + _astray(v - s.v, v)
+        way = _astray(q - s.q, q - before[:n]) + _astray(v - s.v, v, before[n:])
         refused = REFUSED * (ca.fmax(0, left) + way)
         gap = _largest(rows.residual), _largest(rows.jacobian @ s.v)
         results = [ca.vertcat(q, v) + refused, *gap]
@@ -135,9 +136,10 @@ def _beyond_rounding(residual: ca.SX) -> ca.SX:
     return residual - ca.fmax(-ROUNDING, ca.fmin(ROUNDING, residual))
 
 
-def _astray(correction: ca.SX, whole: ca.SX) -> ca.SX:
-    """Positive if a correction is large relative to the step."""
-    return ca.fmax(0, ca.sumsqr(correction) - ASTRAY**2 * ca.sumsqr(whole) - LEFT_OPEN**2)
+def _astray(correction: ca.SX, *wholes: ca.SX) -> ca.SX:
+    """Positive if a correction is large relative to the largest of what it is measured by."""
+    whole = ca.mmax(ca.vertcat(*map(ca.sumsqr, wholes)))
+    return ca.fmax(0, ca.sumsqr(correction) - ASTRAY**2 * whole - LEFT_OPEN**2)
 
 
 def _largest(values: ca.SX) -> ca.SX:

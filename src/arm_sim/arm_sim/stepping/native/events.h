@@ -23,6 +23,8 @@
 #define EVENTS
 #define CATCHES 10   /* corrections of penetrations, or of contacts that set joints in motion */
 #define LEAST_PART 1e-6 /* fraction of such a correction below which it is not applied */
+#define MORE_STEPS (NB ? 2 * NU : 0) /* further ones of a linkage */
+#define END_HALVINGS 50 /* bisections to find where its joints end */
 #define TIME_STEPS 4 /* steps into which the rest of a time-stepped tick is divided */
 #define MOST_TRAVEL 1e6 /* longest motion of a joint in such a step [rad] or [m] */
 #define MOST_REBOUNDS 500 /* impacts with loss in one tick after which contacts no longer rebound */
@@ -121,18 +123,55 @@ static int strays(const piece_t* piece) {
   return farthest > MOST_TRAVEL;
 }
 
-/* The rest of a tick in a few steps of fixed length, in place. */
+#if NB
+/* Whether a joint is beyond its stop, or moves against its sliding direction. */
+static int passes_end(const real* x, const segment_t* segment) {
+  limits_t limits;
+  fill(&limits, -INFINITY);
+  stop_disobedience(x, segment, 0.0, &limits);
+  return largest_among(limits.stop, 2 * NU) > 0.0 || (ND && turns_back(x, segment));
+}
+
+/* Shorten a step that takes a joint beyond the end of its motion: its length, -1 if it cannot be computed. In a linkage the
+ * joint cannot be stopped alone afterwards, since that would open the loops.
+ */
+static double shorten(const segment_t* segment, double h, piece_t* piece) {
+  double low = 0.0, high = h;
+  real error[2];
+  if (!passes_end(piece->end, segment)) return h;
+  for (int k = 0; k < END_HALVINGS; ++k) {
+    const double middle = 0.5 * (low + high);
+    if (make_step(segment, middle, piece, error) && !passes_end(piece->end, segment)) low = middle;
+    else high = middle;
+  }
+  memcpy(piece->end, piece->begin, sizeof piece->end);
+  return low == 0.0 || make_step(segment, low, piece, error) ? low : -1.0;
+}
+#else
+static double shorten(const segment_t* segment, double h, const piece_t* piece) {
+  (void)segment;
+  (void)piece;
+  return h;
+}
+#endif
+
+/* The rest of a tick in a few steps of fixed length, in place; of a linkage also shorter ones, to where joints end. */
 static enum trouble step_through(real* x, segment_t* segment, double left, report_t* report) {
   long long losses = MOST_REBOUNDS;
+  double rest = left;
   segment->step = left / TIME_STEPS;
-  for (int k = 0; k < TIME_STEPS; ++k) {
+  for (int k = 0; k < TIME_STEPS + MORE_STEPS && (!NB || rest > 0.0); ++k) {
     __extension__ real after[NX], anchor[2 * NC], error[2];
     piece_t piece;
     const enum trouble trouble = begin_segment(x, segment, left, &losses, report, anchor);
     if (trouble != NONE) return trouble;
     memcpy(piece.begin, x, sizeof piece.begin);
     begin_piece(segment, &piece);
-    if (!make_step(segment, segment->step, &piece, error) || strays(&piece)) return NUMBERS;
+    const double h = NB ? fmin(segment->step, rest) : segment->step;
+    if (!make_step(segment, h, &piece, error) || strays(&piece)) return NUMBERS;
+    const double length = shorten(segment, h, &piece);
+    if (length < 0.0) return NUMBERS;
+    rest -= length;
     memcpy(after, piece.end, sizeof piece.end);
     close_contacts(after, segment, anchor);
     catch_up(after, segment);

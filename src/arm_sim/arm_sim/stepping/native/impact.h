@@ -183,6 +183,30 @@ static int find_leaving(const real* x, segment_t* segment, int rebounds, double 
 
 #endif
 
+#if NB && defined RIGID
+/* Joints set at rest on their stops after a blow take their loops with them. */
+static void rest_linked(real* x, segment_t* segment, blow_t* blow) {
+  real change[NU], held[NU], after[NU];
+  int any = 0;
+  for (int i = 0; i < NU; ++i) {
+    change[i] = x[NU + i] - blow->after[i];
+    any |= change[i] != 0.0;
+    segment->p.direction[i] = at_stop(x, i) && x[NU + i] == 0.0 ? 0.0 : 1.0;
+  }
+  if (!any) return;
+  for (int i = 0; i < MC; ++i) blow->impulse[i] = 0.0;
+  for (int i = 0; i < NU; ++i) x[NU + i] = blow->after[i];
+  find_strike(x, segment, change, blow->impulse, after, held);
+  for (int i = 0; i < NU; ++i) x[NU + i] = segment->p.direction[i] == 0.0 ? 0.0 : after[i];
+}
+#else
+static void rest_linked(real* x, segment_t* segment, blow_t* blow) {
+  (void)x;
+  (void)segment;
+  (void)blow;
+}
+#endif
+
 /* Record an impact with a fraction of the full rebound in a traced tick. */
 static void note_blow(record_t* record, const segment_t* segment, const blow_t* blow, double part) {
   if (!record) return;
@@ -242,6 +266,7 @@ static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geom
   note_blow(segment->record, segment, &blow, part);
   for (int i = 0; i < NU; ++i) x[NU + i] = blow.after[i];
   rest_on_stops(x, segment);
+  rest_linked(x, segment, &blow);
   find_geometry(x, segment, geometry);
   return blow.gain < 0.0 ? -blow.gain : 0.0;
 }
