@@ -23,7 +23,7 @@
 #define EVENTS
 #define CATCHES 10   /* corrections of penetrations, or of contacts that set joints in motion */
 #define LEAST_PART 1e-6 /* fraction of such a correction below which it is not applied */
-#define MORE_STEPS (NB ? 2 * NU : 0) /* further ones of a linkage */
+#define MORE_STEPS (NB ? 100 : 0) /* further ones of a linkage, which may hop between its stops ever faster */
 #define END_HALVINGS 50 /* bisections to find where its joints end */
 #define TIME_STEPS 4 /* steps into which the rest of a time-stepped tick is divided */
 #define MOST_TRAVEL 1e6 /* longest motion of a joint in such a step [rad] or [m] */
@@ -178,7 +178,7 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
     stop_short(x, segment, after);
     for (int i = 0; i < NX; ++i) x[i] = after[i];
   }
-  return NONE;
+  return NB && rest > LEAST_PART * left ? UNDETERMINED : NONE;
 }
 
 static long long count_time_stepped(const report_t* report) { return report->time_stepped; }
