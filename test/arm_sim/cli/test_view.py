@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click import BadParameter
 from forging import running
 
 import models
 from arm_sim import Simulator
 from arm_sim.cli.main import main
 from arm_sim.cli.robot.listener import Listener
-from arm_sim.cli.view import live, sources
+from arm_sim.cli.view import Size, live, sources
 from arm_sim.exceptions import ViewError
 from arm_sim.view import News
 
@@ -74,6 +75,20 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
         sources.shown([str(table)], *HERE)
     sources.shown([str(table)], *HERE, scene="two_link")
     np.testing.assert_array_equal(shown["what"][0].q, [[0.2, 0.1], [0.4, 0.3]])
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [("16x4096", (16, 4096)), ("4096x16", (4096, 16)), ("960x600", (960, 600)),
+     ("15x600", None), ("600x15", None), ("4097x600", None), ("600x4097", None), ("600", None),
+     ("600x", None), ("x600", None), ("9.5x600", None), ("600x-20", None)],
+)  # fmt: skip
+def test_sizes_of_pictures_have_limits(text: str, size: tuple[int, int] | None) -> None:
+    if size:
+        assert Size().convert(text, None, None) == size
+        return
+    with pytest.raises(BadParameter, match="allowed: 16x16 to 4096x4096"):
+        Size().convert(text, None, None)
 
 
 @pytest.mark.group("view")

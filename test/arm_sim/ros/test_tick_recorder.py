@@ -9,7 +9,7 @@ import textwrap
 import time
 from dataclasses import replace
 from pathlib import Path
-from threading import Event
+from threading import Event, Thread
 from typing import Any
 
 import numpy as np
@@ -133,6 +133,24 @@ def test_an_event_after_a_reset_is_at_the_time_of_the_recording(tmp_path: Path) 
     assert told == [("after 30", 0.03), ("after 20", 0.05), ("after 10", 0.06)]
     again = Recording.load(loaded.save(tmp_path / "again.mcap"))
     assert [round(event.time, 9) for event in again.events] == [0.03, 0.05, 0.06]
+
+
+def test_a_note_waits_for_no_tick_in_progress_but_idle_time_does(tmp_path: Path) -> None:
+    engine, path = engine_of(scene()), tmp_path / "run.mcap"
+    recorder = TickRecorder(path, engine)
+    run(engine, 5)
+    note = Thread(target=recorder.note, args=("from elsewhere",))
+    idle = Thread(target=lambda: [called() for called in engine.on_idle])
+    with recorder.thread.lock:  # a tick is being written
+        note.start()
+        note.join(10.0)
+        idle.start()
+        idle.join(0.1)
+        assert not note.is_alive() and idle.is_alive()
+    idle.join(10.0)
+    assert not idle.is_alive() and not recorder._waiting
+    recorder.close()
+    assert [event.text for event in Recording.load(path).events] == ["from elsewhere"]
 
 
 def test_a_run_under_a_servo_is_replayed(tmp_path: Path) -> None:

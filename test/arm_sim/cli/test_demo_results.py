@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers and figure of a demo run, from what was observed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pictures import written
+
+import models
+from arm_sim.cli.demo.figure import draw
+from arm_sim.cli.demo.observer import Seen
+from arm_sim.cli.demo.report import numbers
+
+TIME = np.linspace(0.0, 2.0, 201)
+NAMES = ("left_shoulder", "left_elbow")
+TORQUE = np.column_stack([np.sin(TIME), -3.0 * np.cos(TIME)])
+CLOCK: dict[str, Any] = {
+    "loop": {
+        "ticks": 1990, "elapsed": 2.0, "missed": 3, "dropped": 1,
+        "lateness": {"p50": 1e-6, "p99": 2e-6, "max": 3e-6},
+    },
+    "round_trip": {"count": 1980, "p50": 4e-5, "p99": 5e-5, "max": 6e-5},
+}  # fmt: skip
+
+
+def seen(**changed: Any) -> Seen:
+    """Two joints, of which the second has the larger error; it grows after the motion."""
+    error = np.column_stack([0.0 * TIME, np.where(TIME <= 1.5, 4e-3 * np.sin(20 * TIME), -0.9)])
+    reference = np.column_stack([TIME, -TIME])
+    energy = np.zeros((3, 6))
+    energy[:, 3], energy[:, 4], energy[:, 5] = [0.0, 5.0, 3.0], [0.0, 1.0, 2.0], [0.0, 1e-6, -2e-6]
+    parts: dict[str, Any] = {
+        "time": TIME, "reference": reference, "position": reference - error, "error": error,
+        "effort": TORQUE, "asked_time": TIME[::2], "asked_effort": TORQUE[::2] + [0.0, -0.2],
+        "asked_for": TORQUE[::2], "latencies": np.array([1e-3, 3e-3, 2e-3]), "energy": energy,
+    }  # fmt: skip
+    return Seen(**parts | changed)
+
+
+def told(observed: Seen) -> Any:
+    motion: Any = SimpleNamespace(
+        model=models.dynamics("two_link").model, trajectory=SimpleNamespace(duration=1.5),
+        waypoints=[SimpleNamespace(q=[9.0, 9.0]), SimpleNamespace(q=[2.0, -1.0])],
+        effort_share=0.3,
+    )  # fmt: skip
+    return numbers(motion, observed, CLOCK)
+
+
+def test_numbers_are_those_of_the_motion() -> None:
+    n = told(seen())
+    assert (n.joints, n.unit, n.duration, n.effort_share) == (2, "rad", 1.5, 0.3)
+    assert (n.ticks, n.rate, n.wanted_rate) == (1990, 995.0, 1000.0)
+    assert (n.missed, n.dropped, n.commands) == (3, 1, 1980)
+    assert (n.lateness_p50, n.lateness_p99, n.lateness_max) == (1e-6, 2e-6, 3e-6)
+    assert (n.round_trip_p50, n.round_trip_p99, n.round_trip_max) == (4e-5, 5e-5, 6e-5)
+    assert (n.questions, n.service_p50, n.service_max) == (3, 2e-3, 3e-3)
+    assert n.service_p99 == pytest.approx(3e-3, rel=0.01)
+    assert n.torque_difference == pytest.approx(0.2)
+    assert n.error_max == pytest.approx(4e-3, rel=0.01)  # before the motion's end
+    assert n.error_rms == pytest.approx(4e-3 / 2, rel=0.05)  # of a sine, in one of two joints
+    assert n.goal_distance == pytest.approx(0.1)  # it ended at -1.1
+    assert (n.energy_moved, n.energy_dissipated, n.energy_balance) == (7.0, 2.0, 2e-6)
+
+
+def test_without_answers_there_are_no_numbers_of_the_service() -> None:
+    nothing = np.zeros((0, 2))
+    n = told(seen(asked_effort=nothing, asked_for=nothing, latencies=np.zeros(0)))
+    assert n.questions == 0
+    assert np.isnan([n.service_p50, n.service_p99, n.service_max, n.torque_difference]).all()
+
+
+def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> None:
+    observed, file = seen(), tmp_path / "demo.png"
+    with written() as figures:
+        draw(file, observed, NAMES, ("revolute", "revolute"), 3.0, "Two links")
+    (figure,) = figures
+    assert file.stat().st_size > 10_000
+    position, error, torque = figure.axes
+    for k in range(2):
+        np.testing.assert_array_equal(position.lines[k].get_ydata(), observed.position[:, k])
+        np.testing.assert_array_equal(position.lines[2 + k].get_ydata(), observed.reference[:, k])
+        np.testing.assert_allclose(error.lines[k].get_ydata(), 1e3 * observed.error[:, k])
+        np.testing.assert_array_equal(torque.lines[k].get_ydata(), observed.effort[:, k])
+        circles = torque.lines[2 + k]
+        assert set(circles.get_ydata()) < set(observed.asked_effort[:, k])
+        assert 45 <= len(circles.get_xdata()) < 2 * 45 + 1
+        colors = {axis.lines[k].get_color() for axis in figure.axes}
+        assert colors == {circles.get_markeredgecolor()}  # of one joint
+    assert position.get_ylabel() == "position [rad]"
+    assert error.get_ylabel() == "error [mrad]" and torque.get_ylabel() == "torque [N m]"
+    assert position.lines[2].is_dashed() and not position.lines[0].is_dashed()
+    assert torque.get_xlim() == (0.0, 3.0) and torque.get_xlabel() == "time [s]"
+    assert [text.get_text() for text in figure.legends[0].texts] == ["shoulder", "elbow"]
+
+
+def test_a_figure_reaches_to_the_last_sample_and_has_a_suitable_prefix(tmp_path: Path) -> None:
+    observed = seen(error=np.full((201, 2), 2e-8))
+    with written() as figures:
+        draw(tmp_path / "demo.png", observed, ("a", "b"), ("prismatic", "revolute"), 1.5, "Robot")
+    (figure,) = figures
+    _, error, torque = figure.axes
+    assert torque.get_xlim() == (0.0, 2.0)
+    assert error.get_ylabel() == "error [nrad, nm]"
+    np.testing.assert_allclose(error.lines[0].get_ydata(), 20.0)
+    assert [text.get_text() for text in figure.legends[0].texts] == ["a", "b"]
