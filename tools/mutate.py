@@ -84,6 +84,9 @@ HANG = 150  # [s] for one test: the slowest takes a quarter of that
 MEMORY = 8 << 30  # bytes of its own that a process may have
 NO_TESTS, USAGE = 5, 4  # exit codes of pytest
 
+DECLARED = ("test/arm_studies/cli/test_options.py", "test/docs/test_stated.py")
+"""Tests of defaults and ranges, which no function has run when they are looked at."""
+
 TRACE_HELP = "Folder that keeps which test runs which line, for the next draw at this commit."
 
 EXAMPLES = """\b
@@ -952,6 +955,8 @@ class Trace:
         if not of_file:  # nothing but declarations, which work where they are imported
             of_file = {test for name in self._importers(near) for test in self.files[name]}
         of_line = self.lines[mutation.path, mutation.line] | self._named_in(mutation.path)
+        if not of_line:  # it is run when its module is imported, or never
+            of_line = {test for test in self.seconds if _file(test) in DECLARED}
         neighbours = {_file(test) for test in of_line}
         chosen: list[str] = []
         for tests in (of_line, {t for t in of_file if _file(t) in neighbours}, of_file):

@@ -23,7 +23,9 @@ def commands(group: click.Group, path: tuple[str, ...] = ()) -> list[str]:
     for name in group.list_commands(context):
         command = group.get_command(context, name)
         inner = (*path, name)
-        found += commands(command, inner) if isinstance(command, click.Group) else [" ".join(inner)]
+        found += (
+            commands(command, inner) if isinstance(command, click.Group) else [" ".join(inner)]
+        )
     return found
 
 

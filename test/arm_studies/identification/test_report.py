@@ -123,7 +123,9 @@ def test_figures_show_torques_residuals_and_the_law_of_friction(
     assert axes[1, 1].get_title() == "unknown error on held-out data"
     shoulder, elbow = figures[1].axes
     assert (shoulder.get_title(), elbow.get_title()) == ("shoulder", "elbow")
-    np.testing.assert_array_equal(elbow.lines[0].get_xydata().T, [shown.v[:, 1], shown.friction[:, 1]])
+    np.testing.assert_array_equal(
+        elbow.lines[0].get_xydata().T, [shown.v[:, 1], shown.friction[:, 1]]
+    )
     v, law = shoulder.lines[1].get_xydata().T
     assert len(elbow.lines) == 1  # of a joint whose friction is unknown only points
     expected = 0.4 * v + 0.6 * np.sign(v)

@@ -148,5 +148,7 @@ def test_without_a_number_there_is_no_scatter_and_without_a_metric_nothing(tmp_p
     assert only.axes[0].get_xlabel() == "energy [J]" and only.axes[0].get_xscale() == "linear"
     assert drawn({**words, "energy": [1.0, 1.0]}, words, tmp_path) == []
     numbers: dict[str, Any] = {"sim.dt": {"uniform": [0.001, 0.002]}}
-    scatter, distribution = drawn({"sim.dt": [0.001, 0.002], "energy": [1, 2.0]}, numbers, tmp_path)
+    scatter, distribution = drawn(
+        {"sim.dt": [0.001, 0.002], "energy": [1, 2.0]}, numbers, tmp_path
+    )
     assert scatter.axes[0].get_legend() is None and distribution.axes[0].get_legend() is None
