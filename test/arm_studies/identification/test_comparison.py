@@ -124,9 +124,20 @@ def test_before_and_after_stand_side_by_side(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "before error" in re.sub(r"\s+", " ", done.output), done.output
     assert "windows of 0.25 s" in done.output
+    made = [compare(scene, record()) for scene in (NOMINAL, HEAVY)]
+    rows = {line.split()[0]: line for line in done.output.splitlines() if line.split()}
+    for i, joint in enumerate(made[0].joint_names):
+        runs = [each.free_run for each in made]
+        words = [f"{made[0].torque[i]:.4g}", *(f"{each.error[i]:.3g}" for each in made)]
+        words += [f"{100.0 * each.relative[i]:.2f} %" for each in made]
+        words += [f"{runs[0].moved[i]:.3g}", *(f"{run.error[i]:.2g}" for run in runs)]
+        assert rows[joint].split()[1:] == " ".join(words).split()
+    whole = [f"{np.linalg.norm(made[0].torque):.4g}"]
+    whole += [f"{np.linalg.norm(each.error):.3g}" for each in made]
+    whole += [f"{100.0 * each.whole:.2f} %" for each in made]
+    assert rows["all"].split()[1:] == " ".join(whole).split()
     assert figure.stat().st_size > 20_000
     axes = np.reshape(figures[0].axes, (2, 2))
-    made = [compare(scene, record()) for scene in (NOMINAL, HEAVY)]
     for i, (left, right) in enumerate(axes):
         drawn = [line.get_ydata() for line in left.lines]
         wanted = [made[0].measured, *(each.computed for each in made)]
@@ -141,6 +152,14 @@ def test_before_and_after_stand_side_by_side(tmp_path: Path) -> None:
     done = typed("two_link", str(path), str(better), "--json")
     before, after = json.loads(done.stdout)["scenes"]
     assert before["relative_of_all"] > 50.0 * after["relative_of_all"]
+    for told, each in zip((before, after), made, strict=True):
+        assert told["band"] == pytest.approx(each.band) and told["notes"] == list(each.notes)
+        assert list(told["torque_error"].values()) == pytest.approx(each.error, rel=1e-6)
+        assert list(told["relative"].values()) == pytest.approx(each.relative, rel=1e-6)
+        free, ran = told["free_run"], each.free_run
+        assert (free["window"], free["windows"], free["diverged"]) == (0.25, ran.count, 0)
+        assert list(free["error"].values()) == pytest.approx(ran.error, rel=1e-6)
+        assert list(free["relative"].values()) == pytest.approx(ran.relative, rel=1e-6)
     assert set(after["free_run"]["error"]) == {"shoulder", "elbow"}
 
 
