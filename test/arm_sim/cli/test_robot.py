@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
@@ -18,6 +19,7 @@ from builtin_interfaces.msg import Time
 from click.testing import CliRunner
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from forging import running
+from rich.console import Console
 from sensor_msgs.msg import JointState
 from typist import Result
 
@@ -29,7 +31,7 @@ from arm_sim.cli.robot import go, goal
 from arm_sim.cli.robot.controller import Controller
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.robot.reports import Reports
-from arm_sim.cli.robot.watch import Seen
+from arm_sim.cli.robot.watch import Seen, _json, _line, _picture
 
 SCENE = str(models.SCENES / "two_link.yaml")
 Shell = Callable[..., Result]
@@ -238,6 +240,34 @@ def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPa
         "sim: x: oh",
         "sim: x: at stops: a",
     ]
+
+
+def test_states_are_shown_as_a_table_a_line_or_json(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [10.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    seen = Seen("/joint_states")
+    for k in range(60):
+        assert seen.measured == (k >= 50)
+        now[0] += 0.002
+        state = JointState(name=["a", "b"], position=[1.0, -1e-7], velocity=[-2.5, 0.25])
+        state.header.stamp.sec, state.header.stamp.nanosec = 3, 250_000_000
+        seen.hear_state(state)
+    status = DiagnosticStatus(level=DiagnosticStatus.OK, name="sim: x", message="all is well")
+    status.values = [KeyValue(key="held", value="b"), KeyValue(key="at stops", value="none")]
+    seen.reports.hear(DiagnosticArray(status=[status]))
+    assert _line(seen) == "3.250 a=1.00000 b=0.00000; sim: x: held: b"
+    assert json.loads(_json(seen)) == {
+        "time": 3.25, "rate": pytest.approx(500.0), "remarks": ["sim: x: held: b"],
+        "names": ["a", "b"], "position": [1.0, -1e-7], "velocity": [-2.5, 0.25],
+        "effort": [None, None],
+    }  # fmt: skip
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(_picture(seen))
+    lines = console.export_text().splitlines()
+    assert [line.split() for line in lines if line.startswith((" a", " b"))] == [
+        ["a", "1.00000", "-2.50000", "-"], ["b", "0.00000", "0.25000", "-"]
+    ]  # fmt: skip
+    assert " t = 3.250 s, 500 joint states/s" in lines and lines[-1] == " sim: x: held: b"
 
 
 class Interrupted:
