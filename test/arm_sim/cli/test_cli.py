@@ -10,6 +10,8 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
+from xml.etree import ElementTree
 
 import click
 import numpy as np
@@ -450,3 +452,37 @@ def test_commands_that_run_a_motion_say_whether_it_can_be_trusted(
     assert said.exit_code == 0, said.output
     assert ("not trustworthy: the energy account is off" in said.output) is not trusted
     assert json.loads(run("replay", str(path), "--json").stdout)["trusted"] is trusted
+
+
+def test_hardware_is_added_to_a_description(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lib.so").touch()
+
+    def hardware(*words: str) -> tuple[str, dict[str, str], list[str]]:
+        told = run("urdf", "two_link", "--ros2-control", *words)
+        assert told.exit_code == 0, told.output
+        tag: Any = ElementTree.fromstring(told.stdout).find("ros2_control")
+        parameters = {str(p.get("name")): str(p.text) for p in tag.iterfind("hardware/param")}
+        commands = [str(c.get("name")) for c in tag.iterfind("joint/command_interface")]
+        starts = [
+            float(p.text) for p in tag.iterfind("joint/state_interface[@name='position']/param")
+        ]
+        assert starts == Dynamics("two_link").model.q0.tolist()
+        return str(tag.findtext("hardware/plugin")), parameters, commands
+
+    plugin, parameters, commands = hardware("effort", "--library", "lib.so")
+    assert "arm_ros2_control" in plugin and commands == ["effort", "effort"]
+    assert parameters == {"library": str(tmp_path / "lib.so")}  # wherever it is started
+    plugin, parameters, commands = hardware("position", "--commands-topic", "/left/commands")
+    assert "topic" in plugin.lower() and commands == ["position", "position"]
+    assert parameters == {
+        "joint_commands_topic": "/left/commands", "joint_states_topic": "/robot_joint_states",
+        "trigger_joint_command_threshold": "-1",
+    }  # fmt: skip
+    plain = run("urdf", "two_link").stdout
+    assert ElementTree.fromstring(plain).find("ros2_control") is None
+    for library in ("none.so", str(tmp_path)):
+        wrong = run("urdf", "two_link", "--ros2-control", "effort", "--library", library)
+        assert wrong.exit_code == 2 and library in wrong.output

@@ -115,11 +115,16 @@ def test_the_first_run_of_each_kind_that_was_lost_is_named() -> None:
 
 
 def test_rows_and_medians_are_those_of_the_table(tmp_path: Path) -> None:
-    few, many = (run(tmp_path / str(n), STUDY + f"samples: {n}\n", "--no-figures") for n in (2, 15))
+    few, many = (
+        run(tmp_path / str(n), STUDY + f"samples: {n}\n", "--no-figures") for n in (2, 15)
+    )
     made = sweep(load_study(tmp_path / "2/study.yaml"), tmp_path / "2/out").table
     names = ["run", *made.varied, *made.metrics, "status"]
     columns = [made[name].tolist() for name in names]
-    wanted = [[x if isinstance(x, str) else f"{x:.4g}" for x in row] for row in zip(*columns, strict=True)]
+    wanted = [
+        [x if isinstance(x, str) else f"{x:.4g}" for x in row]
+        for row in zip(*columns, strict=True)
+    ]
     lines = [line.split() for line in few.stdout.splitlines()]
     assert [line for line in lines if line[-1:] == ["done"]] == wanted
     made = sweep(load_study(tmp_path / "15/study.yaml"), tmp_path / "15/out").table
