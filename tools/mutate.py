@@ -969,16 +969,20 @@ class Trace:
     def _in_turns(self, mutation: Mutation, tests: set[str]) -> Iterator[str]:
         """Tests in files that name what is changed, then in folders of the same name, then others.
 
+        A file may name the module in its own name, and the class and the function in its text.
         Among files that are equally near one test of each in turn, quick ones first.
         """
-        place, owner = set(Path(mutation.path).parts), mutation.owner.rpartition(".")[2]
+        place = Path(mutation.path)
+        owners = [name for name in mutation.owner.split(".") if name.strip("_")]
+        owners = [name for name in owners if not name.startswith("__")]
         queues = defaultdict(list)
         for test in sorted(tests, key=lambda t: (self.seconds.get(t, 1.0), t)):
             queues[_file(test)].append(test)
         groups = defaultdict(list)
         for file in sorted(queues):
-            strange = not (owner and owner in self.project.text(file))
-            groups[strange, -len(place & set(Path(file).parts))].append(queues[file])
+            text, own = self.project.text(file), place.stem.strip("_") in Path(file).stem
+            named = own + sum(name in text for name in owners)
+            groups[-named, -len({*place.parts} & {*Path(file).parts})].append(queues[file])
         for group in sorted(groups):
             for turn in zip_longest(*groups[group]):
                 yield from filter(None, turn)
