@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import io
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,11 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 from pictures import written
+from rich.console import Console
 
 import models
 from arm_sim.cli.demo.figure import draw
-from arm_sim.cli.demo.observer import Seen
-from arm_sim.cli.demo.report import numbers
+from arm_sim.cli.demo.observer import _FIELDS, Observer, Seen
+from arm_sim.cli.demo.report import complaints, numbers, remarks, result_table
 
 TIME = np.linspace(0.0, 2.0, 201)
 NAMES = ("left_shoulder", "left_elbow")
@@ -108,3 +111,80 @@ def test_a_figure_reaches_to_the_last_sample_and_has_a_suitable_prefix(tmp_path:
     assert error.get_ylabel() == "error [nrad, nm]"
     np.testing.assert_allclose(error.lines[0].get_ydata(), 20.0)
     assert [text.get_text() for text in figure.legends[0].texts] == ["a", "b"]
+
+
+def test_the_table_has_the_numbers_in_readable_units() -> None:
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(result_table(told(seen())))
+    lines = [" ".join(line.split()) for line in console.export_text().splitlines()]
+    for line in (
+        "two_link, 2 joints",
+        "ticks 1990 3 late by more than a tick, 1 dropped",
+        "rate 995.00 Hz 1000 Hz expected",
+        "lateness 1 µs median; p99 2 µs, max 3 µs",
+        "command round trip 40 µs median; p99 50 µs, max 60 µs",
+        "commands 1980 of 1990 states answered",
+        "service latency 2000 µs median; p99 2980 µs, max 3000 µs",
+        "torque queries 3 within 0.2 N m of the command",
+        "tracking error RMS 2.0e-03 rad 1.1e-01 degrees",
+        "tracking error max 4.0e-03 rad 2.3e-01 degrees",
+        "energy balance 2.0e-06 J off at most; the drives moved 7 J",
+    ):
+        assert line in lines
+    sliding = replace(told(seen()), unit="m")
+    console.print(result_table(sliding))
+    assert "degrees" not in console.export_text()
+
+
+@pytest.mark.parametrize(
+    ("changed", "complaint"),
+    [
+        ({}, None),
+        ({"rate": 800.0}, None),
+        ({"rate": 799.0}, "the simulator executed 799.0 ticks per second instead of 1000"),
+        ({"commands": 150}, None),
+        ({"commands": 149}, "only 149 of 1990 states were answered by a command"),
+        ({"questions": 0}, "the dynamics node answered no torque query"),
+        ({"error_rms": 0.02, "goal_distance": 0.02}, None),
+        ({"error_rms": 0.0201}, "tracking error 0.0201 rad RMS; allowed: 0.02"),
+        ({"error_rms": float("nan")}, "tracking error nan rad RMS"),
+        ({"goal_distance": 0.03}, "the arm stopped 0.03 rad from its goal; allowed: 0.02"),
+    ],
+)
+def test_a_loop_is_closed_within_limits(changed: dict[str, Any], complaint: str | None) -> None:
+    good = replace(told(seen()), goal_distance=0.0)
+    found = complaints(replace(good, **changed))
+    assert found == [] if complaint is None else len(found) == 1 and complaint in found[0]
+    assert bool(remarks(replace(good, **changed))) == (replace(good, **changed).rate < 990.0)
+
+
+def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
+    """Nothing of before it began, and only answers that succeeded."""
+    observer = Observer(["a", "b"], 0, lambda: None)
+
+    def state(seconds: float) -> Any:
+        numbers = {name: [seconds, k] for k, name in enumerate(_FIELDS)}
+        whole, part = divmod(round(1e9 * seconds), 1_000_000_000)
+        stamp = SimpleNamespace(sec=whole, nanosec=part)
+        return SimpleNamespace(header=SimpleNamespace(stamp=stamp), **numbers)
+
+    observer.start = 2_000_000_000
+    observer._states = [state(s) for s in (1.9, 2.0, 2.5, 3.25)]
+    observer._questions = [
+        (observer._states[k], 0.01 * k, SimpleNamespace(success=ok, effort=[k, -k]))
+        for k, ok in ((1, True), (2, False), (3, True))
+    ]
+    parts = "kinetic", "potential", "total", "input", "dissipated", "balance"
+    observer._energies = [SimpleNamespace(**{name: k for k, name in enumerate(parts)})]
+    found = observer.seen()
+    np.testing.assert_allclose(found.time, [0.0, 0.5, 1.25])
+    for k, name in enumerate(("reference", "position", "error", "effort")):
+        np.testing.assert_array_equal(getattr(found, name), [[2.0, k], [2.5, k], [3.25, k]])
+    np.testing.assert_allclose(found.asked_time, [0.0, 1.25])
+    np.testing.assert_array_equal(found.asked_effort, [[1, -1], [3, -3]])
+    np.testing.assert_array_equal(found.asked_for, [[2.0, 3], [3.25, 3]])
+    np.testing.assert_allclose(found.latencies, [0.01, 0.03])
+    np.testing.assert_array_equal(found.energy, [np.arange(6.0)])
+    assert observer.now() == pytest.approx(1.25)
+    observer._energies = []
+    assert observer.seen().energy.shape == (0, 6)
