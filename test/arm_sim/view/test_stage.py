@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import logging
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +18,8 @@ from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.marks import Instant, Marker
-from arm_sim.view.stage import KEPT, DrawnArm, _coils, _cones, lay_ground
+from arm_sim.view.shapes import METAL, Box, Cylinder, Mesh, Sphere
+from arm_sim.view.stage import KEPT, DrawnArm, _coils, _cones, _glb, _solid, lay_ground
 
 pytestmark = pytest.mark.group("view")
 
@@ -209,3 +211,34 @@ def test_the_ground_is_below_an_arm_that_hangs(
     lay_ground(server, [actor], 0.0)
     lowest = min(0.0, 0.5 * np.sin(angle))  # that of the elbow
     np.testing.assert_allclose(laid["position"], [0.0, 0.0, lowest - below * actor.size])
+
+
+def test_a_mesh_has_its_scale_and_a_colour_if_its_file_has_none(tmp_path: Path) -> None:
+    import trimesh
+
+    size = np.array([200.0, 100.0, 50.0])
+    for name in ("box.stl", "box.ply"):
+        trimesh.creation.box(size).export(tmp_path / name)
+    for mesh, colour, extents in (
+        (Mesh(tmp_path / "box.stl", (1e-3, 1e-3, 2e-3)), (0.2, 0.4, 0.6, 0.5), [0.2, 0.1, 0.1]),
+        (Mesh(tmp_path / "box.ply"), None, size),
+    ):
+        drawn = trimesh.load_scene(io.BytesIO(_glb(mesh, colour)), file_type="glb")
+        np.testing.assert_allclose(drawn.extents, extents, rtol=1e-6)
+        (geometry,) = drawn.geometry.values()
+        wanted = [round(255 * x) for x in colour or METAL]
+        assert geometry.visual.material.baseColorFactor.tolist() == wanted
+
+
+def test_solids_are_centred_and_as_large_as_they_say() -> None:
+    for shape, extents in (
+        (Box((0.1, 0.2, 0.3)), (0.1, 0.2, 0.3)),
+        (Sphere(0.25), (0.5, 0.5, 0.5)),
+        (Cylinder(0.1, 0.7, rounded=False), (0.2, 0.2, 0.7)),
+        (Cylinder(0.1, 0.7, rounded=True), (0.2, 0.2, 0.7)),
+    ):
+        solid = _solid(shape)
+        np.testing.assert_allclose(solid.extents, extents, rtol=0.02)
+        np.testing.assert_allclose(solid.bounds.mean(axis=0), 0.0, atol=2e-3)
+    flat, rounded = (_solid(Cylinder(0.1, 0.7, way)).volume for way in (False, True))
+    assert rounded < 0.95 * flat
