@@ -243,7 +243,9 @@ def test_an_archive_that_does_not_fit_together_is_refused(
 
 def test_a_folder_without_a_bag_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").touch()
-    with pytest.raises(InvalidInput, match=r"contains no \.mcap or \.db3; allowed: a bag's folder"):
+    with pytest.raises(
+        InvalidInput, match=r"contains no \.mcap or \.db3; allowed: a bag's folder"
+    ):
         Recording.load(tmp_path)
 
 
