@@ -955,7 +955,7 @@ class Trace:
         if not of_file:  # nothing but declarations, which work where they are imported
             of_file = {test for name in self._importers(near) for test in self.files[name]}
         of_line = self.lines[mutation.path, mutation.line] | self._named_in(mutation.path)
-        if not of_line:  # it is run when its module is imported, or never
+        if not of_line and mutation.path.endswith(".py"):  # it is run at import, or never
             of_line = {test for test in self.seconds if _file(test) in DECLARED}
         neighbours = {_file(test) for test in of_line}
         chosen: list[str] = []
