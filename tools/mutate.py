@@ -967,25 +967,46 @@ class Trace:
         return sorted(affordable, key=lambda test: files[_file(test)])  # fixtures are made once
 
     def _in_turns(self, mutation: Mutation, tests: set[str]) -> Iterator[str]:
-        """Tests in files that name what is changed, then in folders of the same name, then others.
+        """Tests in the order in which they are likely to notice.
 
-        A file may name the module in its own name, and the class and the function in its text.
-        Among files that are equally near one test of each in turn, quick ones first.
+        First those that go where few others go in the function that is changed; then those in
+        files that name what is changed, the module in their own name, the class and the function
+        in their text; then those in folders of the same name. Among files that are equally near
+        one test of each in turn, quick ones first.
         """
-        place = Path(mutation.path)
-        owners = [name for name in mutation.owner.split(".") if name.strip("_")]
-        owners = [name for name in owners if not name.startswith("__")]
+        place, crowds = Path(mutation.path), self._crowds(mutation)
+        owners = [name for name in mutation.owner.split(".") if not name.startswith("__")]
         queues = defaultdict(list)
-        for test in sorted(tests, key=lambda t: (self.seconds.get(t, 1.0), t)):
+        for test in sorted(tests, key=lambda t: (crowds[t], self.seconds.get(t, 1.0), t)):
             queues[_file(test)].append(test)
         groups = defaultdict(list)
         for file in sorted(queues):
             text, own = self.project.text(file), place.stem.strip("_") in Path(file).stem
-            named = own + sum(name in text for name in owners)
-            groups[-named, -len({*place.parts} & {*Path(file).parts})].append(queues[file])
+            named = own + sum(bool(name) and name in text for name in owners)
+            near = len({*place.parts} & {*Path(file).parts})
+            groups[crowds[queues[file][0]], -named, -near].append(queues[file])
         for group in sorted(groups):
             for turn in zip_longest(*groups[group]):
                 yield from filter(None, turn)
+
+    def _crowds(self, mutation: Mutation) -> dict[str, int]:
+        """By test how many run the line of the changed function that fewest run; in powers of two.
+
+        What few tests run is what they are about.
+        """
+        found: dict[str, int] = defaultdict(lambda: sys.maxsize)
+        path, functions = mutation.path, (ast.FunctionDef, ast.AsyncFunctionDef)
+        tree = ast.parse(self.project.text(path) if path.endswith(".py") else "")
+        around = [
+            (node.lineno, node.end_lineno)
+            for node in ast.walk(tree)
+            if isinstance(node, functions) and node.lineno <= mutation.line <= node.end_lineno
+        ]
+        first, last = max(around, default=(mutation.line, mutation.line))
+        for tests in (self.lines.get((path, line), set()) for line in range(first, last + 1)):
+            for test in tests:
+                found[test] = min(found[test], len(tests).bit_length())
+        return found
 
     def _users(self, name: str) -> set[str]:
         """The file itself, or the Python files that name one of C or one that includes it."""
