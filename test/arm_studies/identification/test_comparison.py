@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from click import ClickException
 from click.testing import CliRunner, Result
 from pictures import written
 
@@ -19,6 +21,7 @@ from arm_dynamics import InvalidInput, load_scene
 from arm_dynamics.control import ComputedTorque
 from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import Recording, Simulator
+from arm_studies.cli.comparison_figure import draw
 from arm_studies.cli.main import main
 from arm_studies.identification import JointRecord, compare
 
@@ -161,6 +164,19 @@ def test_before_and_after_stand_side_by_side(tmp_path: Path) -> None:
         assert list(free["error"].values()) == pytest.approx(ran.error, rel=1e-6)
         assert list(free["relative"].values()) == pytest.approx(ran.relative, rel=1e-6)
     assert set(after["free_run"]["error"]) == {"shoulder", "elbow"}
+
+
+def test_the_axes_of_errors_are_as_high_as_the_torques_either_way(tmp_path: Path) -> None:
+    made = compare(NOMINAL, record())
+    for sign in (1.0, -1.0):
+        turned = replace(made, measured=sign * made.measured, computed=sign * made.computed)
+        with written() as figures:
+            draw([turned], ["two_link"], tmp_path / "one.png")
+        for i, axis in enumerate(figures[0].axes[1::2]):
+            most = np.nanmax(abs(made.measured[:, i]))
+            assert axis.get_ylim() == (-most, most)
+    with pytest.raises(ClickException, match=r"one\.txt'"):
+        draw([made], ["two_link"], tmp_path / "one.txt")
 
 
 def test_joints_may_have_other_names(tmp_path: Path) -> None:
