@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from click import BadParameter
 from forging import running
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
 
 import models
 from arm_sim import Simulator
@@ -151,6 +154,71 @@ def test_a_running_arm_is_followed_whatever_its_description_locks(
             assert arm.newest() is None  # nothing is told twice
             with pytest.raises(ViewError, match="another robot than the scene: it has no joint"):
                 arm.meet(SCENE)
+
+
+class Deaf:
+    """A listener that hears nothing but what a test says."""
+
+    def __init__(self) -> None:
+        self.heard: dict[str, Any] = {}
+
+    def hear(self, topic: Any, name: str, called: Any, **_: Any) -> None:
+        self.heard[name] = called
+
+    def until(self, condition: Any, timeout: float) -> bool:
+        return bool(condition())
+
+    def where(self) -> str:
+        return "nowhere"
+
+
+@ros
+def test_news_are_those_of_the_scene_in_its_order() -> None:
+    listener: Any = Deaf()
+    arm = live.RunningArm(listener, "/left/arm/")
+    assert (arm.name, arm.topic) == ("left arm", "/left/arm/joint_states")
+    assert live.RunningArm(Deaf(), "").name == "arm"  # type: ignore[arg-type]
+    prefix = "/left/arm/"
+
+    def tell(**parts: Any) -> News | None:
+        state = JointState(**{"name": ["tool", "elbow", "shoulder"], **parts})
+        state.header.stamp.sec, state.header.stamp.nanosec = 7, 500_000_000
+        listener.heard[f"{prefix}joint_states"](serialize_message(state))
+        return arm.newest()
+
+    with pytest.raises(ViewError, match="no joint states on /left/arm/joint_states"):
+        arm.meet(SCENE)
+    arm._bytes = serialize_message(JointState(name=["tool", "elbow", "shoulder"]))
+    assert arm.meet(SCENE).joint_names == ("shoulder", "elbow")
+    news = tell(position=[9.0, 0.2, 0.1], effort=[9.0, 2.0, 1.0])
+    assert news is not None and news.time == 7.5
+    assert (news.q.tolist(), news.effort.tolist()) == ([0.1, 0.2], [1.0, 2.0])
+    assert news.error.tolist() == [0.0, 0.0] and news.energy.tolist() == [0.0] * 5
+    listener.heard[f"{prefix}controller/state"](
+        SimpleNamespace(joint_names=["elbow", "tool"], position_error=[0.5, 9.0])
+    )
+    listener.heard[f"{prefix}sim/energy"](
+        SimpleNamespace(kinetic=1.0, potential=2.0, total=3.0, input=4.0, dissipated=5.0)
+    )
+    news = tell(position=[9.0, 0.4, 0.3])
+    assert news is not None and news.effort.tolist() == [0.0, 0.0]
+    assert news.error.tolist() == [0.0, 0.5] and news.energy.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert arm.newest() is None
+    for position in ([], [9.0, 0.2], [9.0, np.nan, 0.1]):
+        assert tell(position=position) is None
+    assert tell(name=["tool", "elbow"], position=[9.0, 0.2]) is None
+
+
+@ros
+def test_a_description_of_another_robot_is_named() -> None:
+    listener: Any = Deaf()
+    arm = live.RunningArm(listener, "")
+    arm._bytes = serialize_message(JointState(name=["wrist"]))
+    with pytest.raises(ViewError, match="no robot description on /robot_description for"):
+        arm.meet(None)
+    listener.heard["/robot_description"](SimpleNamespace(data=TWO_LINK.read_text()))
+    with pytest.raises(ViewError, match="none of its joints shoulder, elbow, but wrist"):
+        arm.meet(None)
 
 
 @ros
