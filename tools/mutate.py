@@ -954,7 +954,8 @@ class Trace:
         of_file = {test for name in near for test in self.files[name]}
         if not of_file:  # nothing but declarations, which work where they are imported
             of_file = {test for name in self._importers(near) for test in self.files[name]}
-        of_line = self.lines[mutation.path, mutation.line] | self._named_in(mutation.path)
+        of_line = {test for place in self._places(mutation) for test in self.lines[place]}
+        of_line |= self._named_in(mutation.path)
         if not of_line and mutation.path.endswith(".py"):  # it is run at import, or never
             of_line = {test for test in self.seconds if _file(test) in DECLARED}
         neighbours = {_file(test) for test in of_line}
@@ -995,18 +996,37 @@ class Trace:
         What few tests run is what they are about.
         """
         found: dict[str, int] = defaultdict(lambda: sys.maxsize)
-        path, functions = mutation.path, (ast.FunctionDef, ast.AsyncFunctionDef)
-        tree = ast.parse(self.project.text(path) if path.endswith(".py") else "")
-        around = [
-            (node.lineno, node.end_lineno)
-            for node in ast.walk(tree)
-            if isinstance(node, functions) and node.lineno <= mutation.line <= node.end_lineno
-        ]
-        first, last = max(around, default=(mutation.line, mutation.line))
-        for tests in (self.lines.get((path, line), set()) for line in range(first, last + 1)):
+        for place in self._around(mutation):
+            tests = self.lines.get(place, set())
             for test in tests:
                 found[test] = min(found[test], len(tests).bit_length())
         return found
+
+    def _places(self, mutation: Mutation) -> list[tuple[str, int]]:
+        """The line; of C those of Python beside its folder that call its function."""
+        if mutation.path.endswith(".py"):
+            return [(mutation.path, mutation.line)]
+        called, folder = f".{mutation.owner}(", f"{Path(mutation.path).parents[1]}/"
+        return [
+            (name, number)
+            for name in self.project.sources
+            if mutation.owner and name.endswith(".py") and name.startswith(folder)
+            for number, line in enumerate(self.project.text(name).splitlines(), 1)
+            if called in line
+        ]
+
+    def _around(self, mutation: Mutation) -> list[tuple[str, int]]:
+        """The lines of the function; of C its places."""
+        path, functions = mutation.path, (ast.FunctionDef, ast.AsyncFunctionDef)
+        if not path.endswith(".py"):
+            return self._places(mutation)
+        spans = [
+            (node.lineno, node.end_lineno)
+            for node in ast.walk(ast.parse(self.project.text(path)))
+            if isinstance(node, functions) and node.lineno <= mutation.line <= node.end_lineno
+        ]
+        first, last = max(spans, default=(mutation.line, mutation.line))
+        return [(path, line) for line in range(first, last + 1)]
 
     def _users(self, name: str) -> set[str]:
         """The file itself, or the Python files that name one of C or one that includes it."""
