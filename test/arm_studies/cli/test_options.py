@@ -36,6 +36,7 @@ def shown(command: str) -> dict[str, str]:
     """What the help of a command says of each option apart from its description."""
     told = CliRunner().invoke(main, [*command.split(), "--help"], terminal_width=400)
     assert told.exit_code == 0, told.output
+    assert re.search(r"\n +Examples?:\n +\./arm ", told.output)
     text = told.output.partition("\nOptions:\n")[2].partition("\n\nExamples")[0]
     found = {}
     for part in re.split(r"\n  (?=-)", f"\n{text}")[1:]:
