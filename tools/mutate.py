@@ -973,12 +973,18 @@ class Trace:
         First those that go where few others go in the function that is changed; then those in
         files that name what is changed, the module in their own name, the class and the function
         in their text; then those in folders of the same name. Among files that are equally near
-        one test of each in turn, quick ones first.
+        one test of each in turn, those whose names speak of it and quick ones first.
         """
         place, crowds = Path(mutation.path), self._crowds(mutation)
         owners = [name for name in mutation.owner.split(".") if not name.startswith("__")]
         queues = defaultdict(list)
-        for test in sorted(tests, key=lambda t: (crowds[t], self.seconds.get(t, 1.0), t)):
+        words = {place.stem.strip("_"), *owners} - {""}
+
+        def order(test: str) -> tuple:
+            speaks = any(word in test.rpartition("::")[2] for word in words)
+            return crowds[test], not speaks, self.seconds.get(test, 1.0), test
+
+        for test in sorted(tests, key=order):
             queues[_file(test)].append(test)
         groups = defaultdict(list)
         for file in sorted(queues):
