@@ -123,6 +123,79 @@ def test_what_cannot_be_shown_is_reported(
     assert said in capfd.readouterr().err
 
 
+class Pages:
+    """A page that notes what it is asked for."""
+
+    url = "http://here"
+
+    def __init__(self) -> None:
+        self.asked: list[Any] = []
+
+    def shown(self, *asked: Any) -> Pages:
+        self.asked.append(("shown", *asked))
+        return self
+
+    def __enter__(self) -> Pages:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.asked.append("closed")
+
+    def picture(self, *asked: Any) -> None:
+        self.asked.append(("picture", *asked))
+
+    def film(self, *asked: Any) -> None:
+        self.asked.append(("film", *asked))
+
+    def page(self, *asked: Any) -> None:
+        self.asked.append(("page", *asked))
+
+    def wait(self) -> None:
+        self.asked.append("wait")
+
+
+@pytest.fixture
+def pages(monkeypatch: pytest.MonkeyPatch) -> Pages:
+    made = Pages()
+    monkeypatch.setattr(sources, "shown", made.shown)
+    return made
+
+
+def test_a_page_stays_open_until_it_is_ended(
+    pages: Pages, capfd: pytest.CaptureFixture[str]
+) -> None:
+    main(["view", "two_link", "panda", "--port", "9000"], standalone_mode=False)
+    what = ("two_link", "panda")
+    assert pages.asked == [("shown", what, "127.0.0.1", 9000, None, None, None), "wait", "closed"]
+    assert capfd.readouterr().out == "http://here  (Ctrl-C ends)\n"
+    main(["view", "two_link", "--host", "0.0.0.0", "--scene", "ur10", "--topic", "/a"],
+         standalone_mode=False)  # fmt: skip
+    assert pages.asked[3] == ("shown", ("two_link",), "0.0.0.0", None, None, "ur10", "/a")
+
+
+def test_pictures_are_written_as_they_are_asked_for(
+    pages: Pages, capfd: pytest.CaptureFixture[str]
+) -> None:
+    main(["view", "two_link", "--png", "a.png", "--gif", "a.gif", "--html", "a.html", "--mp4",
+          "a.mp4", "--size", "320x200", "--time", "1.5", "--duration", "3", "--control", "weight",
+          "--speed", "2", "--rate", "10", "--port", "9000"], standalone_mode=False)  # fmt: skip
+    size = (320, 200)
+    assert pages.asked == [
+        ("shown", ("two_link",), "127.0.0.1", 0, (3.0, "weight"), None, None),
+        ("picture", Path("a.png"), size, 1.5),
+        ("film", Path("a.gif"), size, 10.0, 2.0),
+        ("film", Path("a.mp4"), size, 10.0, 2.0),
+        ("page", Path("a.html"), 10.0, 2.0),
+        "closed",
+    ]
+    assert capfd.readouterr().out.split() == ["a.png", "a.gif", "a.mp4", "a.html"]
+    main(["view", "two_link", "--png", "b.png"], standalone_mode=False)
+    assert pages.asked[6:8] == [
+        ("shown", ("two_link",), "127.0.0.1", 0, (5.0, "nothing"), None, None),
+        ("picture", Path("b.png"), (960, 600), None),
+    ]
+
+
 # --- running arms ------------------------------------------------------------------------------
 
 
