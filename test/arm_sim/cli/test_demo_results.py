@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import io
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,8 +16,10 @@ from pictures import written
 from rich.console import Console
 
 import models
+from arm_sim.cli.demo.course import _follow, _progress, _report
 from arm_sim.cli.demo.figure import draw
 from arm_sim.cli.demo.observer import _FIELDS, Observer, Seen
+from arm_sim.cli.demo.processes import DemoFailed
 from arm_sim.cli.demo.report import complaints, numbers, remarks, result_table
 
 TIME = np.linspace(0.0, 2.0, 201)
@@ -188,3 +191,68 @@ def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
     assert observer.now() == pytest.approx(1.25)
     observer._energies = []
     assert observer.seen().energy.shape == (0, 6)
+
+
+class Watched:
+    """An observer of a motion that comes as far as is said, and processes with logs."""
+
+    def __init__(self, sends: bool, ends: float) -> None:
+        self.sends, self.ends, self.patience = sends, ends, 0.0
+
+    def send(self, waypoints: Any) -> bool:
+        return self.sends
+
+    def now(self) -> float:
+        return self.ends
+
+    def until(self, condition: Any, timeout: float) -> bool:
+        self.patience = timeout
+        return bool(condition())
+
+    def tail(self, name: str) -> str:
+        return f"the log of {name}"
+
+
+def test_a_motion_is_waited_for_half_as_long_again_and_ten_seconds() -> None:
+    motion: Any = SimpleNamespace(trajectory=SimpleNamespace(duration=4.0), waypoints=[])
+    for ends, arrives in ((4.3, True), (4.29, False)):
+        both: Any = Watched(True, ends)
+        if arrives:
+            _follow(motion, both, both)
+        else:
+            with pytest.raises(DemoFailed, match=r"only 4.29 s of the motion of 4 s .* 16 s;"):
+                _follow(motion, both, both)
+        assert both.patience == 16.0
+    neither: Any = Watched(False, 0.0)
+    with pytest.raises(DemoFailed, match="did not follow .*\n.*the log of controller"):
+        _follow(motion, neither, neither)
+
+
+def test_without_a_terminal_progress_is_lines_of_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [10.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    screen = io.StringIO()
+    with _progress(Console(file=screen)) as (say, go_on):
+        say("starting")
+        for passed in (1.0, 1.0, 1.0, 1.0):
+            now[0] += passed
+            go_on(0.5)
+        say("stopping")
+        go_on(0.9)
+    assert screen.getvalue().splitlines() == ["starting …", "  2 s", "  4 s", "stopping …"]
+
+
+def test_a_report_is_written_before_it_is_complained_of(tmp_path: Path) -> None:
+    motion: Any = SimpleNamespace(model=models.dynamics("two_link").model)
+    console = Console(width=120, record=True, file=io.StringIO())
+    good = replace(told(seen()), goal_distance=0.0, rate=985.0)
+    _report(tmp_path, motion, seen(), good, console)
+    said = console.export_text()
+    assert "note: the simulator executed 985.0 ticks per second instead of 1000" in said
+    assert f"figure:  {tmp_path / 'demo.png'}" in said and "torque queries" in said
+    kept = json.loads((tmp_path / "demo.json").read_text())
+    assert kept.pop("time").startswith("20") and kept == asdict(good)
+    (tmp_path / "demo.json").unlink()
+    with pytest.raises(DemoFailed, match="the loop was not closed:\n  the arm stopped 0.5 rad"):
+        _report(tmp_path, motion, seen(), replace(good, goal_distance=0.5), console)
+    assert (tmp_path / "demo.json").exists()

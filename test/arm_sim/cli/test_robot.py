@@ -390,6 +390,49 @@ def test_a_goal_has_begun_when_another_motion_is_followed(
     assert sent == [True] and not listener.states
 
 
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Messages that a client sends."""
+    messages: list[Any] = []
+    monkeypatch.setattr(Controller, "_send", lambda _, topic, message: messages.append(message))
+    return messages
+
+
+def test_goals_are_sent_by_name_with_their_times(sent: list[Any]) -> None:
+    controller = Told(told()).controller
+    controller.send_joints({"elbow": 0.5, "shoulder": -1.0}, 2.000000001)
+    (message,) = sent
+    (point,) = message.points
+    assert (message.joint_names, list(point.positions)) == (["elbow", "shoulder"], [0.5, -1.0])
+    assert (point.time_from_start.sec, point.time_from_start.nanosec) == (2, 1)
+    assert controller._target == {"elbow": 0.5, "shoulder": -1.0}
+
+
+def test_points_after_the_first_are_sent_with_all_that_they_have(sent: list[Any]) -> None:
+    points = (
+        Waypoint(0.0, [0.0, 0.0]),
+        Waypoint(1.5, [0.1, 0.2], [0.3, 0.4], [0.5, 0.6], [0.7, 0.8]),
+        Waypoint(2.0, [1.0, 2.0]),
+    )
+    controller = Told(told()).controller
+    controller.send_points(JointTrajectory(("elbow", "shoulder"), points))
+    (message,) = sent
+    whole, bare = message.points
+    assert message.joint_names == ["elbow", "shoulder"]
+    assert [list(x) for x in (whole.positions, whole.velocities, whole.accelerations)] == [
+        [0.1, 0.2], [0.3, 0.4], [0.5, 0.6]
+    ]  # fmt: skip
+    assert list(whole.effort) == [0.7, 0.8] and not len(bare.effort) + len(bare.velocities)
+    assert (whole.time_from_start.sec, whole.time_from_start.nanosec) == (1, 500_000_000)
+    assert controller._target == {"elbow": 1.0, "shoulder": 2.0}
+
+
+def test_a_pose_is_sent_in_its_order(sent: list[Any]) -> None:
+    Told(told()).controller.send_pose([1, 2, 3, 4, 5, 6, 7])
+    at, turn = sent[0].pose.position, sent[0].pose.orientation
+    assert [at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w] == [1, 2, 3, 4, 5, 6, 7]
+
+
 class Short(Interrupted):
     """A controller whose arm stays away from its reference."""
 

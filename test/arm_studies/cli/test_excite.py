@@ -15,6 +15,7 @@ from arm_dynamics import Dynamics
 from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim import Simulator
 from arm_studies.cli.excitation_figure import draw
+from arm_studies.cli.excite import _progress
 from arm_studies.cli.main import main
 from arm_studies.identification.excitation import Room
 
@@ -100,3 +101,14 @@ def test_the_figure_shows_shares_of_the_limits_by_joint(
         for line, share in zip(axis.lines, shares.T, strict=True):
             np.testing.assert_allclose(line.get_ydata(), share, atol=1e-9)
     assert [text.get_text() for text in figure.legends[0].texts] == ["shoulder", "elbow"]
+
+
+def test_attempts_are_counted_in_lines_without_a_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with _progress(3) as told:
+        told(1)
+        told(3)
+    assert capsys.readouterr().err.splitlines() == [
+        "searching: 3 attempts, a few seconds each", "1 of 3 attempts", "3 of 3 attempts"
+    ]  # fmt: skip
