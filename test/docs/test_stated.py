@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 import yaml
+from pydantic import BaseModel
 
 from arm_dynamics.ros.common.params import listed
 from arm_dynamics.scene import Scene
@@ -45,11 +46,13 @@ def of_node(name: str) -> dict[str, str]:
 
 
 def of_package(package: str) -> dict[str, str]:
-    """Default arguments of public functions, classes and methods."""
+    """Default arguments of public functions, classes and methods; not of parts of files."""
     found = {}
     for name in public_names.packages()[package]:
         thing = getattr(importlib.import_module(package), name)
         if public_names.home(package, name) != package or public_names.is_constant(thing):
+            continue
+        if inspect.isclass(thing) and issubclass(thing, BaseModel):
             continue
         found |= _defaults(name, thing)
         for inner, method in vars(thing).items() if inspect.isclass(thing) else ():
