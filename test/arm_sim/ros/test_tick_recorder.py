@@ -17,7 +17,7 @@ import pytest
 from mcap.reader import make_reader
 from recorded_engine import busy, contents, engine_of, run, scene
 
-from arm_dynamics import InvalidInput
+from arm_dynamics import InvalidInput, load_scene
 from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
 from arm_sim.ros.record.chunks import COUNT, SIZE
@@ -196,6 +196,22 @@ def test_another_method_is_measured_and_another_robot_refused(tmp_path: Path) ->
         replay(loaded, scene=scene(tunable=[]))
     with pytest.raises(InvalidInput, match="joints"):
         replay(loaded, scene="panda")
+
+
+def test_a_scene_with_other_internal_states_is_compared_by_the_motion_of_its_joints() -> None:
+    """From rest without load bristles hold where nothing else does, and then they do not."""
+    plain, bristles = Simulator("two_link"), load_scene("two_link").model_dump(exclude_unset=True)
+    lugre = {"coulomb": 1.0, "lugre": {"sigma0": 1e4}}
+    bristles["joints"] = {"elbow": {"friction": lugre}}
+    made = plain.run(0.05, [3.0, 1.0])
+    found = replay(made, scene=bristles)
+    assert found.first is not None and found.first.tick == 1 and not found.equal
+    assert found.first.what.startswith(("position of", "velocity of"))
+    apart = abs(found.recording.q - made.q).max(axis=1)
+    np.testing.assert_allclose(found.apart, apart, atol=1e-12)
+    back = replay(found.recording, scene="two_link")
+    np.testing.assert_allclose(back.recording.q, made.q, atol=1e-9)
+    np.testing.assert_allclose(back.apart, apart, atol=1e-9)
 
 
 class _SlowDisk:
