@@ -87,6 +87,22 @@ def test_painleve_is_said() -> None:
     assert sorted(with_friction) == [False, True]
 
 
+@pytest.mark.parametrize("tilt", [1.1, np.pi - 1.1])
+@pytest.mark.parametrize("turns", [1000, -1000])
+def test_a_rod_slips_on_its_end_however_often_it_was_turned(tilt: float, turns: int) -> None:
+    """To either side; the gap has the rounding of an angle of thousands of radians."""
+    rod = contact("body", point=[-0.5, 0, 0], friction=0.3)
+    data, ends = rails("xz", 1.0, turns=True, iyy=1.0 / 12.0), []
+    for whole in (0.0, 2.0 * np.pi * turns):
+        start = {"z": 0.5 * np.sin(tilt), "turn": whole - tilt}
+        sim = Simulator({**data, "initial": {"position": start}, "constraints": [rod]})
+        run = sim.run(0.05)
+        assert sim.contact_forces()[0].state == "slides"
+        ends.append(run.q[-1] - [0.0, 0.0, whole])
+    assert abs(ends[0][0]) > 1e-3
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-10)
+
+
 def test_two_motions_at_once_are_refused() -> None:
     """Pulled up while friction presses it down: it may lift off or jam; both are solutions."""
     rod = contact("body", point=[-0.5, 0, 0], friction=3.0)
