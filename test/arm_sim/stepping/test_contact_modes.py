@@ -121,21 +121,22 @@ def test_two_motions_at_once_are_refused() -> None:
     assert outcomes == {"apart", "refused"}
 
 
-def test_dry_joints_and_contacts_together() -> None:
+@pytest.mark.parametrize("axes", ["xz", "zx", "yzx"])
+def test_dry_joints_and_contacts_together(axes: str) -> None:
     """A body on a rail with dry friction Fc that also slides on the table: both brake it."""
-    rail = {**rails("xz", 2.0), "joints": {"x": {"friction": {"coulomb": 1.0}}}}
-    data = {**rail, "constraints": [contact("body", friction=0.3)]}
-    sim = Simulator(data, dt=5e-3)
-    sim.reset(v=[1.0, 0.0])
+    rail = {**rails(axes, 2.0), "joints": {"x": {"friction": {"coulomb": 1.0}}}}
+    data, x = {**rail, "constraints": [contact("body", friction=0.3)]}, axes.index("x")
+    sim, way = Simulator(data, dt=5e-3), np.eye(len(axes))[x]
+    sim.reset(v=way)
     run = sim.run(0.5)
     brake = (1.0 + 0.3 * 2.0 * G) / 2.0
-    assert_close(run.q[-1, 0], 0.5 / brake, CLOSED_FORM)
+    assert_close(run.q[-1, x], 0.5 / brake, CLOSED_FORM)
     still = run.time > 1.0 / brake
-    np.testing.assert_array_equal(run.v[still], np.zeros((still.sum(), 2)))
+    np.testing.assert_array_equal(run.v[still], np.zeros((still.sum(), len(axes))))
     assert (np.diff(run.q[still], axis=0) == 0.0).all()
-    holds = sim.run(0.2, [1.0 + 0.29 * 2.0 * G, 0.0])
+    holds = sim.run(0.2, (1.0 + 0.29 * 2.0 * G) * way)
     assert (holds.q == run.q[-1]).all()
-    assert sim.run(0.02, [1.0 + 0.31 * 2.0 * G, 0.0]).v[-1, 0] > 0.0
+    assert sim.run(0.02, (1.0 + 0.31 * 2.0 * G) * way).v[-1, x] > 0.0
 
 
 def test_same_input_same_bits_by_run_step_and_rollout() -> None:
