@@ -67,7 +67,7 @@ def _defaults(name: str, thing: Any) -> dict[str, str]:
         parameters = inspect.signature(thing).parameters.values()
     except (TypeError, ValueError):
         return {}
-    plain = (bool, int, float, str)
+    plain = (bool, int, float, str, tuple)
     said = [f"{p.name}={p.default!r}" for p in parameters if isinstance(p.default, plain)]
     return {name: ", ".join(said)} if said else {}
 

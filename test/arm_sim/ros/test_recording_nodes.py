@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from harness import Ros
 from mcap.reader import make_reader
+from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -83,6 +84,8 @@ def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path)
     assert wrench.wrench.force.z == 3.0
     (told,) = [m.data for _, m in found["/sim/events"] if b"parameters: " in m.data]
     assert b"stale_policy='gravity'" in told
+    event = deserialize_message(told, Log)
+    assert (event.level, event.name) == (20, "sim")  # INFO
     assert found["/sim/commands"][0][0] == "std_msgs/msg/Float64MultiArray"
     last = deserialize_message(found["/joint_states"][-1][1].data, JointState)
     assert last.name == NAMES

@@ -171,6 +171,22 @@ def test_curves_go_back_by_the_seconds_that_they_promise() -> None:
     assert torque.time[-1] == pytest.approx(sim.state.time, abs=2 * SAMPLED)
 
 
+@pytest.mark.parametrize("name", ["four_bar", "two_link"])
+def test_what_is_shown_are_the_forces_of_constraints_and_stops(name: str) -> None:
+    sim = Simulator(name)
+    rig = InteractiveArm(sim)
+    if name == "two_link":
+        upper = sim.model.position_upper
+        rig.place(np.where(np.isfinite(upper), upper, 0.0))
+        sim.step(np.full(2, 5.0))
+        assert sim.stop_torque.any()
+    shown = rig.look()
+    np.testing.assert_array_equal(shown.stop_torque, sim.stop_torque)
+    told = sim.multipliers() if name == "four_bar" else np.zeros(0)
+    np.testing.assert_array_equal(shown.multipliers, told)
+    assert shown.time == sim.state.time
+
+
 @pytest.fixture
 def bench(server: Any) -> Interactive:
     """A page of two arms with ticks of different lengths."""
