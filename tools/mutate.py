@@ -84,6 +84,9 @@ HANG = 150  # [s] for one test: the slowest takes a quarter of that
 MEMORY = 8 << 30  # bytes of its own that a process may have
 NO_TESTS, USAGE = 5, 4  # exit codes of pytest
 
+DECLARED = ("test/arm_studies/cli/test_options.py", "test/docs/test_stated.py")
+"""Tests of defaults and ranges, which no function has run when they are looked at."""
+
 TRACE_HELP = "Folder that keeps which test runs which line, for the next draw at this commit."
 
 EXAMPLES = """\b
@@ -951,7 +954,10 @@ class Trace:
         of_file = {test for name in near for test in self.files[name]}
         if not of_file:  # nothing but declarations, which work where they are imported
             of_file = {test for name in self._importers(near) for test in self.files[name]}
-        of_line = self.lines[mutation.path, mutation.line] | self._named_in(mutation.path)
+        of_line = {test for place in self._places(mutation) for test in self.lines[place]}
+        of_line |= self._named_in(mutation.path)
+        if not of_line and mutation.path.endswith(".py"):  # it is run at import, or never
+            of_line = {test for test in self.seconds if _file(test) in DECLARED}
         neighbours = {_file(test) for test in of_line}
         chosen: list[str] = []
         for tests in (of_line, {t for t in of_file if _file(t) in neighbours}, of_file):
@@ -962,21 +968,71 @@ class Trace:
         return sorted(affordable, key=lambda test: files[_file(test)])  # fixtures are made once
 
     def _in_turns(self, mutation: Mutation, tests: set[str]) -> Iterator[str]:
-        """Tests in files that name what is changed, then in folders of the same name, then others.
+        """Tests in the order in which they are likely to notice.
 
-        Among files that are equally near one test of each in turn, quick ones first.
+        First those that go where few others go in the function that is changed; then those in
+        files that name what is changed, the module in their own name, the class and the function
+        in their text; then those in folders of the same name. Among files that are equally near
+        one test of each in turn, those whose names speak of it and quick ones first.
         """
-        place, owner = set(Path(mutation.path).parts), mutation.owner.rpartition(".")[2]
+        place, crowds = Path(mutation.path), self._crowds(mutation)
+        owners = [name for name in mutation.owner.split(".") if not name.startswith("__")]
         queues = defaultdict(list)
-        for test in sorted(tests, key=lambda t: (self.seconds.get(t, 1.0), t)):
+        words = {place.stem.strip("_"), *owners} - {""}
+
+        def order(test: str) -> tuple:
+            speaks = any(word in test.rpartition("::")[2] for word in words)
+            return crowds[test], not speaks, self.seconds.get(test, 1.0), test
+
+        for test in sorted(tests, key=order):
             queues[_file(test)].append(test)
         groups = defaultdict(list)
         for file in sorted(queues):
-            strange = not (owner and owner in self.project.text(file))
-            groups[strange, -len(place & set(Path(file).parts))].append(queues[file])
+            text, own = self.project.text(file), place.stem.strip("_") in Path(file).stem
+            named = own + sum(bool(name) and name in text for name in owners)
+            near = len({*place.parts} & {*Path(file).parts})
+            groups[crowds[queues[file][0]], -named, -near].append(queues[file])
         for group in sorted(groups):
             for turn in zip_longest(*groups[group]):
                 yield from filter(None, turn)
+
+    def _crowds(self, mutation: Mutation) -> dict[str, int]:
+        """By test how many run the line of the changed function that fewest run; in powers of two.
+
+        What few tests run is what they are about.
+        """
+        found: dict[str, int] = defaultdict(lambda: sys.maxsize)
+        for place in self._around(mutation):
+            tests = self.lines.get(place, set())
+            for test in tests:
+                found[test] = min(found[test], len(tests).bit_length())
+        return found
+
+    def _places(self, mutation: Mutation) -> list[tuple[str, int]]:
+        """The line; of C those of Python beside its folder that call its function."""
+        if mutation.path.endswith(".py"):
+            return [(mutation.path, mutation.line)]
+        called, folder = f".{mutation.owner}(", f"{Path(mutation.path).parents[1]}/"
+        return [
+            (name, number)
+            for name in self.project.sources
+            if mutation.owner and name.endswith(".py") and name.startswith(folder)
+            for number, line in enumerate(self.project.text(name).splitlines(), 1)
+            if called in line
+        ]
+
+    def _around(self, mutation: Mutation) -> list[tuple[str, int]]:
+        """The lines of the function; of C its places."""
+        path, functions = mutation.path, (ast.FunctionDef, ast.AsyncFunctionDef)
+        if not path.endswith(".py"):
+            return self._places(mutation)
+        spans = [
+            (node.lineno, node.end_lineno)
+            for node in ast.walk(ast.parse(self.project.text(path)))
+            if isinstance(node, functions) and node.lineno <= mutation.line <= node.end_lineno
+        ]
+        first, last = max(spans, default=(mutation.line, mutation.line))
+        return [(path, line) for line in range(first, last + 1)]
 
     def _users(self, name: str) -> set[str]:
         """The file itself, or the Python files that name one of C or one that includes it."""

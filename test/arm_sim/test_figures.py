@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,15 @@ from pictures import unseen
 
 import models
 from arm_dynamics import InvalidInput
-from arm_sim.figures import MOST_FRAMES, animation, frame_points, legend_at_right, use_style
+from arm_sim.figures import (
+    MOST_FRAMES,
+    animation,
+    axis_at_right,
+    figure,
+    frame_points,
+    legend_at_right,
+    use_style,
+)
 
 TIME = np.linspace(0.0, 2.0, 401)  # [s]
 TIP = np.stack([np.cos(TIME), np.sin(TIME)], axis=1)
@@ -106,3 +115,33 @@ def test_a_legend_at_the_right_covers_no_axes(loc: str) -> None:
     legend = figure.legends[0].get_window_extent()
     assert max(axis.get_tightbbox().x1 for axis in axes) <= legend.x0
     assert legend.x1 <= figure.bbox.x1
+
+
+def test_a_second_axis_has_its_own_scale_and_no_grid() -> None:
+    _, axes = plt.subplots()
+    other = axis_at_right(axes, "torque [N m]", "tab:red")
+    axes.plot([0.0, 1.0], [0.0, 1.0])
+    other.plot([0.0, 1.0], [0.0, 500.0])
+    assert axes.get_ylim()[1] < 2.0 < 500.0 <= other.get_ylim()[1]
+    assert axes.get_xlim() == other.get_xlim()
+    assert (other.get_ylabel(), other.yaxis.label.get_color()) == ("torque [N m]", "tab:red")
+    assert other.spines["right"].get_visible() and not axes.spines["right"].get_visible()
+    plt.gcf().canvas.draw()
+    lines = [line.get_visible() for axis in (axes, other) for line in axis.get_ygridlines()[:1]]
+    assert lines == [True, False]
+
+
+def test_a_figure_is_written_where_it_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "figures"
+    with figure("one", folder=folder) as axes:
+        axes.plot([0.0, 1.0])
+    with figure("four", 2, 2, (3.0, 2.0), folder, sharex=True) as axes:
+        assert axes.shape == (2, 2)
+    assert capsys.readouterr().out.splitlines() == [
+        f"figure: {folder / name}.png" for name in ("one", "four")
+    ]
+    height, width, _ = plt.imread(folder / "four.png").shape
+    assert height / width == pytest.approx(2.0 / 3.0, rel=0.01)
+    assert plt.imread(folder / "one.png").shape[1] > width

@@ -420,3 +420,15 @@ def test_rest_at_a_stop_is_rest() -> None:
     sim.run(1.0, None)
     if not sim.state.v.any():
         assert sim.state.q.tolist() == q.tolist()
+
+
+def test_of_several_joints_beyond_their_stops_the_farthest_is_named() -> None:
+    sim = Simulator("panda")
+    q, (lower, upper) = sim.model.q0.copy(), sim.model.stops.bounds
+    q[1], q[3] = upper[1] + 0.1, lower[3] - 0.5
+    said = rf"joint 'panda_joint4' at {q[3]:.6g} is beyond its stops; allowed: {lower[3]:.6g} to"
+    with pytest.raises(InvalidInput, match=said):
+        sim.set_state(q, np.zeros(7))
+    q[3] = lower[3]
+    with pytest.raises(InvalidInput, match="joint 'panda_joint2' at"):
+        sim.set_state(q, np.zeros(7))

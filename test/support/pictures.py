@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of pyplot in tests: drawn in memory, and closed afterwards."""
+"""Figures in tests: drawn in memory and closed afterwards, or kept when they are written."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import matplotlib as mpl
+import pytest
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 
 @contextmanager
@@ -18,3 +21,17 @@ def unseen() -> Iterator[None]:
             yield
         finally:
             plt.close("all")
+
+
+@contextmanager
+def written() -> Iterator[list[Any]]:
+    """Figures that are written to files meanwhile."""
+    figures, write = list[Any](), Figure.savefig
+
+    def save(figure: Any, *where: Any, **how: Any) -> None:
+        figures.append(figure)
+        write(figure, *where, **how)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", save)
+        yield figures

@@ -15,7 +15,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import models
-from arm_dynamics import Dynamics, InvalidInput
+from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
+from arm_dynamics.actuation import StateKind
+from arm_dynamics.actuation.drives import states_of
 from arm_sim import Simulator
 from models.toy_law import Motor
 from tolerances import BACKENDS, assert_close
@@ -156,3 +158,14 @@ def test_plan_reports_the_cost_of_a_law(build: Build) -> None:
     (law,) = plan.laws
     assert law.states == ("joint0 current [A]",) and law.operations > 0 and law.nanoseconds > 0.0
     assert "toy motor: 1 state, 6 operations" in str(plan)
+
+
+@pytest.mark.parametrize(("ratio", "scale"), [(0.5, 1.0), (4.0, 0.25), (-4.0, 0.25)])
+def test_currents_are_scaled_to_torques_at_the_joint(ratio: float, scale: float) -> None:
+    """An ampere that makes 4 N m at the joint counts like a quarter, whichever way it turns."""
+    motor = {"command": "voltage", "resistance": 1.0, "inductance": 1e-3, "gear_ratio": ratio,
+             "torque_constant": 1.0, "back_emf_constant": 1.0}  # fmt: skip
+    given = models.scene("two_link").model_dump(exclude_unset=True)
+    model = ArmModel(load_scene(given | {"joints": {"elbow": {"actuator": motor}}}))
+    (current,) = states_of(model.drives[1], 1, "elbow", True)
+    assert (current.joint, current.kind, current.scale) == (1, StateKind.CURRENT, scale)

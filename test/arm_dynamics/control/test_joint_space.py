@@ -344,6 +344,10 @@ def test_bad_settings_are_refused() -> None:
     dyn = models.dynamics("two_link")
     with pytest.raises(InvalidInput, match="kp is -1"):
         PD(2, -1.0, 1.0)
+    with pytest.raises(InvalidInput, match=r"kp is \[ 1. -1.\]"):
+        PD(2, [1.0, -1.0], 1.0)
+    with pytest.raises(InvalidInput, match=r"bandwidth is \[20.0, 2000000.0\]; allowed: at most"):
+        ComputedTorque(dyn, [20.0, 2e6])
     with pytest.raises(InvalidInput, match=r"kd has shape \(3,\)"):
         PDGravity(dyn, 1.0, [1.0, 1.0, 1.0])
     with pytest.raises(InvalidInput, match="dt is 0"):
@@ -354,6 +358,8 @@ def test_bad_settings_are_refused() -> None:
         PID(2, [1.0, 0.0], [0.0, 1.0], 1.0, 1e-3)
     with pytest.raises(InvalidInput, match="limit is 0"):
         Saturated(PD(2, 1.0, 1.0), 0.0, 2)
+    with pytest.raises(InvalidInput, match=r"limit is \[5.0, 0.0\]"):
+        Saturated(PD(2, 1.0, 1.0), [5.0, 0.0], 2)
     for bandwidth in (200.0, 100.0, [200.0, 20.0], [20.0, 200.0]):
         with pytest.raises(InvalidInput, match="must stay below one"):
             DisturbanceObserver(PD(2, 1.0, 1.0), dyn, 1e-2, bandwidth)

@@ -149,11 +149,8 @@ def test_a_loop_at_rest_is_held_by_its_joints(push: float) -> None:
     assert_close(A @ a, np.zeros(len(A)), 1e-8)
 
 
-@pytest.mark.parametrize("speed", [10.0, -10.0])
-def test_a_moving_loop_takes_a_joint_along_that_passes_through_rest(speed: float) -> None:
-    """A crank-rocker whose crank and coupler are in line: the rocker turns back, and friction
-    acts on each joint against its motion; that of the rocker against the way it is about to go.
-    """
+def crank_rocker(speed: float) -> tuple[Simulator, np.ndarray, np.ndarray]:
+    """A crank-rocker whose crank and coupler are in line: the rocker turns back."""
     given = models.scene("four_bar").model_dump(exclude_unset=True)
     friction = {"friction": {"coulomb": 1.0}, "limits": {"stop": False}}
     sim = Simulator(load_scene(given | {"joints": {"*": friction}}), integrator="rk4", dt=1e-7)
@@ -162,13 +159,38 @@ def test_a_moving_loop_takes_a_joint_along_that_passes_through_rest(speed: float
     angle = {"crank_pivot": crank, "knee": 0.0, "rocker_pivot": rocker}
     q = np.array([angle[name] for name in sim.joint_names])
     rates = {"crank_pivot": speed, "knee": -speed * 0.4 / 0.3, "rocker_pivot": 0.0}
-    v = np.array([rates[name] for name in sim.joint_names])
+    return sim, q, np.array([rates[name] for name in sim.joint_names])
+
+
+@pytest.mark.parametrize("speed", [10.0, -10.0])
+def test_a_moving_loop_takes_a_joint_along_that_passes_through_rest(speed: float) -> None:
+    """Friction acts on each joint against its motion; that of the rocker against the way it is
+    about to go.
+    """
+    sim, q, v = crank_rocker(speed)
     sim.reset(q, v)
     assert_close(sim.state.v, v, CLOSED_FORM)
     a, _ = sim.dynamics.constrained_forward(q, v, np.zeros(sim.n))
     sim.step(np.zeros(sim.n))
     assert_close((sim.state.v - v) / 1e-7, a, 1e-4)
     assert abs(a).min() > 10.0
+
+
+def test_batches_of_loops_answer_as_single_points_do() -> None:
+    """At rest, held or beginning to move either way, and passing through rest either way."""
+    sim, q, v = crank_rocker(10.0)
+    pushes = [0.0, 12.0, 0.0, -12.0, 0.0, 1.0]
+    batch = (
+        np.tile(q, (6, 1)), np.outer([0, 0, 1, 0, -1, 0], v),
+        np.outer(pushes, np.eye(sim.n)[0]) + sim.dynamics.gravity(q),
+    )  # fmt: skip
+    a, multipliers = sim.dynamics.constrained_forward(*batch)
+    for k, point in enumerate(zip(*batch, strict=True)):
+        alone, forces = sim.dynamics.constrained_forward(*point)
+        assert_close(a[k], alone, ALGEBRA)
+        assert_close(multipliers[k], forces, ALGEBRA)
+    moves = [bool(row.any()) for row in a]
+    assert moves == [False, True, True, True, True, False]
 
 
 def test_joints_of_a_loop_hold_together_up_to_the_limit_of_a_linear_program(

@@ -165,3 +165,23 @@ def test_bad_lists_of_processors(text: str) -> None:
         read_cpus(text)
     with pytest.raises(InvalidInput, match="numbers of processors"):
         ThreadParams(cpus=text)
+
+
+def test_the_loop_is_the_most_urgent_thread_of_its_process(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The others are one below, but real-time threads, too."""
+    asked: list[tuple[int, int, int]] = []
+    monkeypatch.setattr(
+        os,
+        "sched_setscheduler",
+        lambda *given: asked.append((*given[:2], given[2].sched_priority)),
+    )
+    tasks = {int(task.name) for task in privileges._TASKS.iterdir()}
+    for priority, others in ((80, 79), (2, 1), (1, 1)):
+        asked.clear()
+        assert ThreadParams(priority=priority).claim() == []
+        *rest, own = asked
+        assert own == (0, os.SCHED_FIFO, priority)
+        assert {task for task, *_ in rest} == tasks
+        assert {tuple(how) for _, *how in rest} == {(os.SCHED_FIFO, others)}

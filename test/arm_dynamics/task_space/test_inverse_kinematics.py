@@ -253,3 +253,10 @@ def test_infeasible_requests_are_refused() -> None:
         timed(line(start, far), 0.0, 1.0)
     with pytest.raises(InvalidInput, match="profile = 'cubic'"):
         timed(line(start, far), 1.0, 1.0, "cubic")
+
+
+def test_positions_that_were_found_are_not_changed_by_accident() -> None:
+    task = task_of("ur10")
+    found = InverseKinematics(task).solve(task.pose(models.dynamics("ur10").model.q0))
+    with pytest.raises(ValueError, match="read-only"):
+        found.q[0] = 0.0

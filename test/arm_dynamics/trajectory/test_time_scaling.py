@@ -201,3 +201,10 @@ def test_a_rotor_on_a_flexible_transmission_takes_torque_too() -> None:
     points = np.zeros((1, 1)), np.full((1, 1), 2.0), np.full((1, 1), 50.0)
     x = Strain(Capacity(dyn, np.array([3.0])), *points).pace()
     assert_close((J + Jm * N**2) * 50.0 * x**2 + b * N**2 * 2.0 * x, 3.0, ALGEBRA)
+
+
+@pytest.mark.parametrize("part", [{"resistance": 0.5}, {}])
+def test_without_a_limit_of_its_voltage_a_motor_has_none(part: dict[str, float]) -> None:
+    motor = {"torque_constant": 0.05, "gear_ratio": 30.0, "current_limit": 2.0, **part}
+    capacity = Capacity(Dynamics(wheel(**motor)), np.array([np.inf]))
+    assert capacity.columns == [("effort", 0)]

@@ -10,16 +10,19 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
+from xml.etree import ElementTree
 
 import click
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from pictures import unseen, written
 
 import models
 from arm_dynamics import Dynamics, InvalidInput, load_scene
 from arm_dynamics.scene import Initial
-from arm_sim import Simulator
+from arm_sim import Recording, Simulator
 from arm_sim.cli.call.answers import Answer, readable
 from arm_sim.cli.call.services import SERVICES
 from arm_sim.cli.demo.motion import choose_motion
@@ -450,3 +453,112 @@ def test_commands_that_run_a_motion_say_whether_it_can_be_trusted(
     assert said.exit_code == 0, said.output
     assert ("not trustworthy: the energy account is off" in said.output) is not trusted
     assert json.loads(run("replay", str(path), "--json").stdout)["trusted"] is trusted
+
+
+def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
+    path, out = tmp_path / "run.npz", tmp_path / "again.npz"
+    first = Simulator("two_link").run(0.1)
+    first.save(path)
+    said = run("replay", str(path), "--out", str(out))
+    assert said.exit_code == 0 and "100 ticks replayed, every state bit-identical" in said.output
+    assert said.output.splitlines()[-1].strip() == str(out)
+    assert Recording.load(out).q.tobytes() == first.q.tobytes()
+    told = json.loads(run("replay", str(path), "--json").stdout)
+    assert told == {
+        "equal": True, "ticks": 100, "first_difference": None, "largest": 0.0, "failure": None,
+        "other_versions": [], "trusted": True,
+    }  # fmt: skip
+    out.unlink()
+    other = run("replay", str(path), "--integrator", "euler", "--json", "--out", str(out))
+    assert other.exit_code == 1 and out.exists()
+    told = json.loads(other.stdout)
+    assert not told["equal"] and 0.0 < told["largest"] < 0.1 and told["first_difference"]
+    exact = run("replay", str(path), "--tolerance", "1e-10")
+    assert exact.exit_code == 1 and "first difference: " in exact.output
+    assert re.search(r"positions differ by \S+ rad or m at most", exact.output)
+    lighter = tmp_path / "moon.yaml"
+    urdf = models.SCENES / "two_link.urdf"
+    lighter.write_text(f"robot: {{urdf: {urdf}}}\ngravity: [0, 0, -1.62]\n")
+    assert run("replay", str(path), "--scene", str(lighter)).exit_code == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--topics", "--scene", "panda"), "--topics plays the recording unchanged"),
+        (("--topics", "--integrator", "rk4"), "--topics plays the recording unchanged"),
+        (("--topics", "--tolerance", "1"), "--topics plays the recording unchanged"),
+        (("--topics", "--out", "a.npz"), "--topics plays the recording unchanged"),
+        (("--topics", "--json"), "--topics plays the recording unchanged"),
+        (("--topic", "/a"), "--topic is allowed with --topics only"),
+        (("--rate", "0"), "--rate is allowed with --topics only"),
+    ],
+)
+def test_options_of_playing_and_replaying_are_told_apart(
+    words: tuple[str, ...], said: str, tmp_path: Path
+) -> None:
+    done = run("replay", str(tmp_path / "run.npz"), *words)
+    assert done.exit_code == 2 and said in " ".join(done.output.split())
+
+
+def test_topics_are_played_as_they_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr("arm_sim.cli.recordings._play", lambda *given: asked.append(given))
+    run("replay", "a.mcap", "--topics")
+    run("replay", "a.mcap", "--topics", "--topic", "/a", "--topic", "/b", "--rate", "0")
+    assert asked == [(Path("a.mcap"), (), 1.0), (Path("a.mcap"), ("/a", "/b"), 0.0)]
+
+
+def test_a_plot_has_the_joints_and_the_scene_that_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("robot.csv").write_text("time,position.elbow,position.shoulder\n0,0.1,0.2\n0.5,0.3,0.4\n")
+    with unseen(), written() as figures:
+        first = run("plot", "robot.csv", "--joint", "elbow")
+        second = run("plot", "robot.csv", "robot.csv", "--scene", "two_link", "--out", "both.png")
+        wrong = run("plot", "robot.csv", "--out", "a.doc")
+    assert first.exit_code == second.exit_code == 0, first.output + second.output
+    assert Path("robot.png").exists() and Path("both.png").exists()
+    assert first.output.splitlines()[-1] == "robot.png"
+    assert "without a scene" in first.output and second.output.count("<Recording") == 2
+    assert "without a scene" not in second.output
+    one, both = (figure.axes[0].lines for figure in figures)
+    assert [line.get_label() for line in one if line.get_marker() == "None"] == ["elbow"]
+    drawn = [line.get_linestyle() for line in both if line.get_marker() == "None"]
+    assert drawn == ["-", "-", "--", "--"]
+    assert wrong.exit_code == 1 and "'a.doc' ends in '.doc'; allowed: " in wrong.output
+
+
+def test_hardware_is_added_to_a_description(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lib.so").touch()
+
+    def hardware(*words: str) -> tuple[str, dict[str, str], list[str]]:
+        told = run("urdf", "two_link", "--ros2-control", *words)
+        assert told.exit_code == 0, told.output
+        tag: Any = ElementTree.fromstring(told.stdout).find("ros2_control")
+        parameters = {str(p.get("name")): str(p.text) for p in tag.iterfind("hardware/param")}
+        commands = [str(c.get("name")) for c in tag.iterfind("joint/command_interface")]
+        starts = [
+            float(p.text) for p in tag.iterfind("joint/state_interface[@name='position']/param")
+        ]
+        assert starts == Dynamics("two_link").model.q0.tolist()
+        return str(tag.findtext("hardware/plugin")), parameters, commands
+
+    plugin, parameters, commands = hardware("effort", "--library", "lib.so")
+    assert "arm_ros2_control" in plugin and commands == ["effort", "effort"]
+    assert parameters == {"library": str(tmp_path / "lib.so")}  # wherever it is started
+    plugin, parameters, commands = hardware("position", "--commands-topic", "/left/commands")
+    assert "topic" in plugin.lower() and commands == ["position", "position"]
+    assert parameters == {
+        "joint_commands_topic": "/left/commands", "joint_states_topic": "/robot_joint_states",
+        "trigger_joint_command_threshold": "-1",
+    }  # fmt: skip
+    plain = run("urdf", "two_link").stdout
+    assert ElementTree.fromstring(plain).find("ros2_control") is None
+    for library in ("none.so", str(tmp_path)):
+        wrong = run("urdf", "two_link", "--ros2-control", "effort", "--library", library)
+        assert wrong.exit_code == 2 and library in wrong.output

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Progress displays."""
+"""Numbers, tables and progress displays."""
 
 from __future__ import annotations
 
 import io
 import logging
 import threading
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, redirect_stdout
 
 import pytest
+from rich.console import Console
+from rich.table import Table
 
 from arm_sim.cli import output
 
@@ -66,3 +68,49 @@ def test_one_hears_at_a_time() -> None:
     log.info("unheard")
     assert heard == ["building another"]
     assert screen.getvalue().splitlines() == ["building one", "building a third"]
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "said"),
+    [(1234567.0, 6, "1.23457e+06"), (0.1234567, 3, "0.123"), (-0.0, 6, "0"), (-2.0, 6, "-2"),
+     (-1e-9, 2, "-1e-09")],
+)  # fmt: skip
+def test_numbers_have_so_many_digits(value: float, digits: int, said: str) -> None:
+    assert output.number(value, digits) == output.limit(value, digits) == said
+
+
+def test_what_is_unlimited_is_a_dash_and_units_are_those_of_the_joints() -> None:
+    assert output.limit(float("inf")) == output.limit(-float("inf")) == "-"
+    assert output.number(0.12345678) == output.limit(0.12345678) == "0.123457"
+    assert output.units(["revolute", "continuous"], "rad", "m") == "rad"
+    assert output.units(["prismatic"], "rad", "m") == "m"
+    assert output.units(["prismatic", "revolute"], "rad", "m") == "rad, m"
+    assert output.units(["revolute", "prismatic"], "rad", "m", " or ") == "rad or m"
+
+
+def printed(made: Table, width: int) -> list[str]:
+    """The lines of a table on a terminal that is so wide."""
+    screen = io.StringIO()
+    with redirect_stdout(screen):
+        output.show(Console(width=width), made)
+    return [line.rstrip() for line in screen.getvalue().splitlines() if line.strip()]
+
+
+def test_tables_align_words_left_and_numbers_right_and_are_never_cut() -> None:
+    rows = [("[a]", "1", "no"), ("longer :name:", "1234567", "none at all")]
+    made = output.table(("joint", "torque", "friction"), rows, text=(0, 2))
+    head, _, first, second = printed(made, 80)
+    assert head == " joint           torque  friction"
+    assert first == " [a]                  1  no"
+    assert second == " longer :name:  1234567  none at all"
+    assert [line for line in printed(made, 10) if "1234567" in line] == [second]
+
+
+def test_facts_are_names_and_values() -> None:
+    lines = printed(output.facts([("mass", "2 kg"), ("[frame]", "[tip]")]), 40)
+    assert lines == [" mass     2 kg", " [frame]  [tip]"]
+
+
+def test_examples_are_one_or_several() -> None:
+    assert output.examples("a") == "\b\nExample:\n  a"
+    assert output.examples("a", "b") == "\b\nExamples:\n  a\n  b"

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
@@ -18,6 +19,7 @@ from builtin_interfaces.msg import Time
 from click.testing import CliRunner
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from forging import running
+from rich.console import Console
 from sensor_msgs.msg import JointState
 from typist import Result
 
@@ -29,7 +31,7 @@ from arm_sim.cli.robot import go, goal
 from arm_sim.cli.robot.controller import Controller
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.robot.reports import Reports
-from arm_sim.cli.robot.watch import Seen
+from arm_sim.cli.robot.watch import Seen, _json, _line, _picture
 
 SCENE = str(models.SCENES / "two_link.yaml")
 Shell = Callable[..., Result]
@@ -240,6 +242,34 @@ def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPa
     ]
 
 
+def test_states_are_shown_as_a_table_a_line_or_json(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [10.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    seen = Seen("/joint_states")
+    for k in range(60):
+        assert seen.measured == (k >= 50)
+        now[0] += 0.002
+        state = JointState(name=["a", "b"], position=[1.0, -1e-7], velocity=[-2.5, 0.25])
+        state.header.stamp.sec, state.header.stamp.nanosec = 3, 250_000_000
+        seen.hear_state(state)
+    status = DiagnosticStatus(level=DiagnosticStatus.OK, name="sim: x", message="all is well")
+    status.values = [KeyValue(key="held", value="b"), KeyValue(key="at stops", value="none")]
+    seen.reports.hear(DiagnosticArray(status=[status]))
+    assert _line(seen) == "3.250 a=1.00000 b=0.00000; sim: x: held: b"
+    assert json.loads(_json(seen)) == {
+        "time": 3.25, "rate": pytest.approx(500.0), "remarks": ["sim: x: held: b"],
+        "names": ["a", "b"], "position": [1.0, -1e-7], "velocity": [-2.5, 0.25],
+        "effort": [None, None],
+    }  # fmt: skip
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(_picture(seen))
+    lines = console.export_text().splitlines()
+    assert [line.split() for line in lines if line.startswith((" a", " b"))] == [
+        ["a", "1.00000", "-2.50000", "-"], ["b", "0.00000", "0.25000", "-"]
+    ]  # fmt: skip
+    assert " t = 3.250 s, 500 joint states/s" in lines and lines[-1] == " sim: x: held: b"
+
+
 class Interrupted:
     """A controller whose motion ends elsewhere, for ``go``."""
 
@@ -358,6 +388,49 @@ def test_a_goal_has_begun_when_another_motion_is_followed(
         assert words in error.message
         assert "refused" in states[-1].goal or "no answer" in words
     assert sent == [True] and not listener.states
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Messages that a client sends."""
+    messages: list[Any] = []
+    monkeypatch.setattr(Controller, "_send", lambda _, topic, message: messages.append(message))
+    return messages
+
+
+def test_goals_are_sent_by_name_with_their_times(sent: list[Any]) -> None:
+    controller = Told(told()).controller
+    controller.send_joints({"elbow": 0.5, "shoulder": -1.0}, 2.000000001)
+    (message,) = sent
+    (point,) = message.points
+    assert (message.joint_names, list(point.positions)) == (["elbow", "shoulder"], [0.5, -1.0])
+    assert (point.time_from_start.sec, point.time_from_start.nanosec) == (2, 1)
+    assert controller._target == {"elbow": 0.5, "shoulder": -1.0}
+
+
+def test_points_after_the_first_are_sent_with_all_that_they_have(sent: list[Any]) -> None:
+    points = (
+        Waypoint(0.0, [0.0, 0.0]),
+        Waypoint(1.5, [0.1, 0.2], [0.3, 0.4], [0.5, 0.6], [0.7, 0.8]),
+        Waypoint(2.0, [1.0, 2.0]),
+    )
+    controller = Told(told()).controller
+    controller.send_points(JointTrajectory(("elbow", "shoulder"), points))
+    (message,) = sent
+    whole, bare = message.points
+    assert message.joint_names == ["elbow", "shoulder"]
+    assert [list(x) for x in (whole.positions, whole.velocities, whole.accelerations)] == [
+        [0.1, 0.2], [0.3, 0.4], [0.5, 0.6]
+    ]  # fmt: skip
+    assert list(whole.effort) == [0.7, 0.8] and not len(bare.effort) + len(bare.velocities)
+    assert (whole.time_from_start.sec, whole.time_from_start.nanosec) == (1, 500_000_000)
+    assert controller._target == {"elbow": 1.0, "shoulder": 2.0}
+
+
+def test_a_pose_is_sent_in_its_order(sent: list[Any]) -> None:
+    Told(told()).controller.send_pose([1, 2, 3, 4, 5, 6, 7])
+    at, turn = sent[0].pose.position, sent[0].pose.orientation
+    assert [at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w] == [1, 2, 3, 4, 5, 6, 7]
 
 
 class Short(Interrupted):

@@ -5,17 +5,21 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from click import BadParameter
 from forging import running
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
 
 import models
 from arm_sim import Simulator
 from arm_sim.cli.main import main
 from arm_sim.cli.robot.listener import Listener
-from arm_sim.cli.view import live, sources
+from arm_sim.cli.view import Size, live, sources
 from arm_sim.exceptions import ViewError
 from arm_sim.view import News
 
@@ -76,6 +80,20 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
     np.testing.assert_array_equal(shown["what"][0].q, [[0.2, 0.1], [0.4, 0.3]])
 
 
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [("16x4096", (16, 4096)), ("4096x16", (4096, 16)), ("960x600", (960, 600)),
+     ("15x600", None), ("600x15", None), ("4097x600", None), ("600x4097", None), ("600", None),
+     ("600x", None), ("x600", None), ("9.5x600", None), ("600x-20", None)],
+)  # fmt: skip
+def test_sizes_of_pictures_have_limits(text: str, size: tuple[int, int] | None) -> None:
+    if size:
+        assert Size().convert(text, None, None) == size
+        return
+    with pytest.raises(BadParameter, match="allowed: 16x16 to 4096x4096"):
+        Size().convert(text, None, None)
+
+
 @pytest.mark.group("view")
 @pytest.mark.parametrize(
     ("words", "status", "said"),
@@ -103,6 +121,79 @@ def test_what_cannot_be_shown_is_reported(
         main(["view", *words])
     assert end.value.code == status
     assert said in capfd.readouterr().err
+
+
+class Pages:
+    """A page that notes what it is asked for."""
+
+    url = "http://here"
+
+    def __init__(self) -> None:
+        self.asked: list[Any] = []
+
+    def shown(self, *asked: Any) -> Pages:
+        self.asked.append(("shown", *asked))
+        return self
+
+    def __enter__(self) -> Pages:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.asked.append("closed")
+
+    def picture(self, *asked: Any) -> None:
+        self.asked.append(("picture", *asked))
+
+    def film(self, *asked: Any) -> None:
+        self.asked.append(("film", *asked))
+
+    def page(self, *asked: Any) -> None:
+        self.asked.append(("page", *asked))
+
+    def wait(self) -> None:
+        self.asked.append("wait")
+
+
+@pytest.fixture
+def pages(monkeypatch: pytest.MonkeyPatch) -> Pages:
+    made = Pages()
+    monkeypatch.setattr(sources, "shown", made.shown)
+    return made
+
+
+def test_a_page_stays_open_until_it_is_ended(
+    pages: Pages, capfd: pytest.CaptureFixture[str]
+) -> None:
+    main(["view", "two_link", "panda", "--port", "9000"], standalone_mode=False)
+    what = ("two_link", "panda")
+    assert pages.asked == [("shown", what, "127.0.0.1", 9000, None, None, None), "wait", "closed"]
+    assert capfd.readouterr().out == "http://here  (Ctrl-C ends)\n"
+    main(["view", "two_link", "--host", "0.0.0.0", "--scene", "ur10", "--topic", "/a"],
+         standalone_mode=False)  # fmt: skip
+    assert pages.asked[3] == ("shown", ("two_link",), "0.0.0.0", None, None, "ur10", "/a")
+
+
+def test_pictures_are_written_as_they_are_asked_for(
+    pages: Pages, capfd: pytest.CaptureFixture[str]
+) -> None:
+    main(["view", "two_link", "--png", "a.png", "--gif", "a.gif", "--html", "a.html", "--mp4",
+          "a.mp4", "--size", "320x200", "--time", "1.5", "--duration", "3", "--control", "weight",
+          "--speed", "2", "--rate", "10", "--port", "9000"], standalone_mode=False)  # fmt: skip
+    size = (320, 200)
+    assert pages.asked == [
+        ("shown", ("two_link",), "127.0.0.1", 0, (3.0, "weight"), None, None),
+        ("picture", Path("a.png"), size, 1.5),
+        ("film", Path("a.gif"), size, 10.0, 2.0),
+        ("film", Path("a.mp4"), size, 10.0, 2.0),
+        ("page", Path("a.html"), 10.0, 2.0),
+        "closed",
+    ]
+    assert capfd.readouterr().out.split() == ["a.png", "a.gif", "a.mp4", "a.html"]
+    main(["view", "two_link", "--png", "b.png"], standalone_mode=False)
+    assert pages.asked[6:8] == [
+        ("shown", ("two_link",), "127.0.0.1", 0, (5.0, "nothing"), None, None),
+        ("picture", Path("b.png"), (960, 600), None),
+    ]
 
 
 # --- running arms ------------------------------------------------------------------------------
@@ -136,6 +227,71 @@ def test_a_running_arm_is_followed_whatever_its_description_locks(
             assert arm.newest() is None  # nothing is told twice
             with pytest.raises(ViewError, match="another robot than the scene: it has no joint"):
                 arm.meet(SCENE)
+
+
+class Deaf:
+    """A listener that hears nothing but what a test says."""
+
+    def __init__(self) -> None:
+        self.heard: dict[str, Any] = {}
+
+    def hear(self, topic: Any, name: str, called: Any, **_: Any) -> None:
+        self.heard[name] = called
+
+    def until(self, condition: Any, timeout: float) -> bool:
+        return bool(condition())
+
+    def where(self) -> str:
+        return "nowhere"
+
+
+@ros
+def test_news_are_those_of_the_scene_in_its_order() -> None:
+    listener: Any = Deaf()
+    arm = live.RunningArm(listener, "/left/arm/")
+    assert (arm.name, arm.topic) == ("left arm", "/left/arm/joint_states")
+    assert live.RunningArm(Deaf(), "").name == "arm"  # type: ignore[arg-type]
+    prefix = "/left/arm/"
+
+    def tell(**parts: Any) -> News | None:
+        state = JointState(**{"name": ["tool", "elbow", "shoulder"], **parts})
+        state.header.stamp.sec, state.header.stamp.nanosec = 7, 500_000_000
+        listener.heard[f"{prefix}joint_states"](serialize_message(state))
+        return arm.newest()
+
+    with pytest.raises(ViewError, match="no joint states on /left/arm/joint_states"):
+        arm.meet(SCENE)
+    arm._bytes = serialize_message(JointState(name=["tool", "elbow", "shoulder"]))
+    assert arm.meet(SCENE).joint_names == ("shoulder", "elbow")
+    news = tell(position=[9.0, 0.2, 0.1], effort=[9.0, 2.0, 1.0])
+    assert news is not None and news.time == 7.5
+    assert (news.q.tolist(), news.effort.tolist()) == ([0.1, 0.2], [1.0, 2.0])
+    assert news.error.tolist() == [0.0, 0.0] and news.energy.tolist() == [0.0] * 5
+    listener.heard[f"{prefix}controller/state"](
+        SimpleNamespace(joint_names=["elbow", "tool"], position_error=[0.5, 9.0])
+    )
+    listener.heard[f"{prefix}sim/energy"](
+        SimpleNamespace(kinetic=1.0, potential=2.0, total=3.0, input=4.0, dissipated=5.0)
+    )
+    news = tell(position=[9.0, 0.4, 0.3])
+    assert news is not None and news.effort.tolist() == [0.0, 0.0]
+    assert news.error.tolist() == [0.0, 0.5] and news.energy.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert arm.newest() is None
+    for position in ([], [9.0, 0.2], [9.0, np.nan, 0.1]):
+        assert tell(position=position) is None
+    assert tell(name=["tool", "elbow"], position=[9.0, 0.2]) is None
+
+
+@ros
+def test_a_description_of_another_robot_is_named() -> None:
+    listener: Any = Deaf()
+    arm = live.RunningArm(listener, "")
+    arm._bytes = serialize_message(JointState(name=["wrist"]))
+    with pytest.raises(ViewError, match="no robot description on /robot_description for"):
+        arm.meet(None)
+    listener.heard["/robot_description"](SimpleNamespace(data=TWO_LINK.read_text()))
+    with pytest.raises(ViewError, match="none of its joints shoulder, elbow, but wrist"):
+        arm.meet(None)
 
 
 @ros

@@ -475,3 +475,14 @@ def test_another_importer_runs_it_to_the_bit(made: dict[str, Path]) -> None:
     unit.terminate()
     unit.free_instance()
     own.close()
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
+def test_commands_have_the_limits_of_the_scene(made: dict[str, Path], version: str) -> None:
+    file = made["smooth"] / ("unit.fmu" if version == "3" else "unit_fmi2.fmu")
+    root = ElementTree.fromstring(zipfile.ZipFile(file).read("modelDescription.xml"))
+    model = Dynamics(scene("smooth")).model
+    for joint, limit in zip(model.joint_names, model.command_limit, strict=True):
+        (one,) = (x for x in root.iter() if x.get("name") == f"{joint}.command")
+        about = one if version == "3" else one[0]
+        assert (float(about.get("min", "")), float(about.get("max", ""))) == (-limit, limit)

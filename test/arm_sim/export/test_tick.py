@@ -45,6 +45,7 @@ BRISTLES = {
     "robot": {"urdf": str(URDF)},
     "joints": {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
                                   "viscous": 0.4, "lugre": LUGRE}}},
+    "initial": {"position": {"shoulder": 0.3, "elbow": 0.5}},
 }  # fmt: skip
 ROWS = {"speed": [0, 0.5, 3], "torque": [[1, 0.5, 2], [0.5, 0.7, 1]], "position": [-1, 1]}
 SPRING = {"deflection": [-1, 0, 1], "torque": [-3, 0, 5]}

@@ -69,3 +69,16 @@ def test_order_of_the_middle(tableau: Tableau, order: int) -> None:
     """The state in the middle has the order that the stages allow."""
     coarse, fine = (error_in_the_middle(tableau, h) for h in (0.2, 0.1))
     assert np.log2(coarse / fine) == pytest.approx(order + 1, abs=ORDER)
+
+
+@pytest.mark.parametrize("name", [name for name in METHODS if name != "implicit"])
+def test_every_method_follows_the_motion_inside_its_step(name: str) -> None:
+    x, none = ca.SX.sym("x", 2), ca.SX.sym("none", 0)
+    rhs = ca.Function("rhs", [x, none, none], [ca.vertcat(x[1], -ca.sin(x[0]) * x[1] - x[0])])
+    step, h = build_step(METHODS[name], rhs, 1, dense=True), 0.02
+    after, first, last, middle = (np.array(part).ravel() for part in step(X, [], [], h))
+    solved = solve_ivp(
+        lambda _, x: slope(x), (0, h), X, "DOP853", rtol=1e-13, atol=1e-15, t_eval=[h / 2, h]
+    )
+    np.testing.assert_allclose(np.transpose([middle, after]), solved.y, atol=h**2)
+    np.testing.assert_allclose([first, last], [slope(X), slope(solved.y[:, 1])], atol=2.5 * h)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections.abc import Callable
 from dataclasses import replace
@@ -198,6 +199,7 @@ def test_a_damaged_chunk_is_a_gap(tmp_path: Path) -> None:
         ("run.csv", b"time,position.a\n", "not a table of numbers: it has no rows"),
         ("run.csv", b"time,position.a\n\n0\n1\n", "line 3 has 1 columns, the header 2"),
         ("run.csv", b"time,position.a\n0,0\n1,0,5\n", "line 3 has 3 columns, the header 2"),
+        ("run.db3", b"not even that", "not an SQLite database"),
         ("run.txt", b"", "allowed"),
     ],
 )
@@ -213,6 +215,38 @@ def test_an_archive_of_something_else_is_refused_by_what_it_holds(tmp_path: Path
     np.savez(tmp_path / "other.npz", weights=np.zeros(3))
     with pytest.raises(InvalidInput, match="weights"):
         Recording.load(tmp_path / "other.npz")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"q": np.zeros((7, 2))}, r"its arrays have \{'time': 51, 'q': 7, .* equal numbers"),
+        ({"v": np.zeros((51, 3))}, r"v has shape \(51, 3\); 2 columns are expected"),
+        ({"command": np.zeros((51, 1))}, r"command has shape \(51, 1\)"),
+        ({"format": "0"}, r"the recording is of format '0'; this version reads 1"),
+        ({"about": np.array("{}")}, r"and is not a recording: KeyError\('format'\)"),
+    ],
+)
+def test_an_archive_that_does_not_fit_together_is_refused(
+    changes: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    path = Simulator("two_link").run(0.05).save(tmp_path / "run.npz")
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    if "format" in changes:
+        about = json.loads(str(arrays["about"])) | changes
+        changes = {"about": np.array(json.dumps(about))}
+    np.savez(path, **arrays | changes)
+    with pytest.raises(InvalidInput, match=said):
+        Recording.load(path)
+
+
+def test_a_folder_without_a_bag_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(
+        InvalidInput, match=r"contains no \.mcap or \.db3; allowed: a bag's folder"
+    ):
+        Recording.load(tmp_path)
 
 
 def test_what_does_not_exist_is_an_error_of_ours(tmp_path: Path) -> None:
@@ -295,6 +329,29 @@ def test_messages_without_stamps_go_by_their_arrival_once_each(robot_bag: Path) 
     run = Recording.load(robot_bag)
     np.testing.assert_allclose(1e9 * run.time, [0, *range(2, 50)], atol=1e-6)
     assert any("1 messages have the time of another one" in e.text for e in run.events)
+
+
+def test_messages_of_other_joints_are_passed_over_and_counted(robot_bag: Path) -> None:
+    writer = JointStateWriter(("gripper",))
+    base = sqlite3.connect(robot_bag)
+    for number in (3, 4, 20):
+        base.execute("UPDATE messages SET data = ? WHERE id = ?", (bytes(writer.raw), number))
+    base.commit()
+    base.close()
+    run = Recording.load(robot_bag)
+    assert run.joint_names[0] == "tool" and len(run) == 47
+    texts = [event.text for event in run.events]
+    assert "file: 3 messages name other joints" in texts
+    assert any(text.startswith("file: 1 messages could not be read: ") for text in texts)
+
+
+def test_a_bag_of_which_no_message_can_be_read_is_refused(robot_bag: Path) -> None:
+    base = sqlite3.connect(robot_bag)
+    base.execute("DELETE FROM messages WHERE id < 99")
+    base.commit()
+    base.close()
+    with pytest.raises(InvalidInput, match="no message on '/joint_states' that can be read"):
+        Recording.load(robot_bag)
 
 
 def test_with_a_scene_it_has_energies(robot_bag: Path) -> None:

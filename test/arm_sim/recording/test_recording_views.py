@@ -139,3 +139,42 @@ def test_a_part_says_what_held_the_arm_there() -> None:
     run = sim.run(0.3, JointCommand(position=sim.state.q))
     assert run.hold is not None and run.hold.any()
     np.testing.assert_array_equal(run.part(range(100, 300, 20)).hold, run.hold[100:300:20])
+
+
+def test_a_figure_marks_stops_and_changes_and_says_units() -> None:
+    sim = Simulator("slider_crank_motor")
+    units = [axis.get_ylabel() for axis in sim.run(0.01).plot().axes]
+    assert units[:2] == ["position [rad, m]", "velocity [rad/s, m/s]"]
+    sim = Simulator("panda")
+    start, low = sim.model.q0.copy(), sim.model.position_lower
+    start[3] = low[3] + 0.01
+    sim.reset(start)
+
+    def control(state: State) -> list[float]:
+        if state.step == 60:
+            sim.set_state(start, np.zeros(7))
+        return (sim.dynamics.gravity(state.q) - [0, 0, 0, 20.0, 0, 0, 0]).tolist()
+
+    run = sim.run(0.1, control)
+    axes = run.plot(joints=["panda_joint1", "panda_joint4"]).axes
+    curves = [line for line in axes[0].lines if len(line.get_xdata()) > 2]
+    first, fourth = (line for line in axes[0].lines if line.get_marker() == "v")
+    assert not len(first.get_xdata())  # it never meets its stops
+    met = fourth.get_xdata()
+    assert len(met) == 2 and met[0] < 0.06 < met[1]  # once before, and once after the change
+    assert all(q == pytest.approx(low[3], abs=1e-9) for q in fourth.get_ydata())
+    assert fourth.get_color() == curves[1].get_color() != curves[0].get_color()
+    for axis in axes:
+        (mark,) = (line for line in axis.lines if line.get_linestyle() == ":")
+        assert mark.get_xdata()[0] == pytest.approx(0.06)
+
+
+def test_the_energies_of_a_figure_are_those_of_the_account(run: Recording) -> None:
+    axis = run.plot(run).axes[-1]
+    drawn = {line.get_label(): line for line in axis.lines if line.get_linestyle() == "-"}
+    for label, values in {
+        "kinetic": run.kinetic, "total, less the initial": run.energy - run.energy[0],
+        "supplied": run.supplied, "lost": run.lost, "unaccounted for": run.balance,
+    }.items():  # fmt: skip
+        np.testing.assert_array_equal(drawn[label].get_ydata(), values)
+    assert len([line for line in axis.lines if line.get_linestyle() == "--"]) == 5

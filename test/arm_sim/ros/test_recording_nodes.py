@@ -12,7 +12,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from harness import Ros
 from mcap.reader import make_reader
+from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
@@ -22,7 +24,7 @@ from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.interfaces import EVERY
-from arm_sim import Recording
+from arm_sim import Recording, Simulator
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.files import messages
 from arm_sim.replay import replay
@@ -82,6 +84,8 @@ def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path)
     assert wrench.wrench.force.z == 3.0
     (told,) = [m.data for _, m in found["/sim/events"] if b"parameters: " in m.data]
     assert b"stale_policy='gravity'" in told
+    event = deserialize_message(told, Log)
+    assert (event.level, event.name) == (20, "sim")  # INFO
     assert found["/sim/commands"][0][0] == "std_msgs/msg/Float64MultiArray"
     last = deserialize_message(found["/joint_states"][-1][1].data, JointState)
     assert last.name == NAMES
@@ -185,3 +189,92 @@ def test_what_cannot_be_played_is_said(ros: Ros, tmp_path: Path) -> None:
         player.start(-1.0)
     with pytest.raises(NoRecording, match="none"):
         Player(tmp_path / "none.mcap", context=ros.peer.context)
+
+
+class Clock:
+    """A clock that goes on while somebody waits, and what was published at its times."""
+
+    def __init__(self) -> None:
+        self.now, self.at = 50.0, list[float]()
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def wait(self, seconds: float) -> bool:
+        self.now += seconds + 0.001  # it is always a little late
+        return False
+
+    def set(self) -> None:
+        """Nobody is to be woken up."""
+
+    def publish(self, raw: bytes) -> None:
+        self.at.append(self.now - 50.0)
+
+
+@pytest.mark.parametrize(("rate", "stretch"), [(2.0, 0.5), (0.5, 2.0), (0.0, 0.0)])
+def test_messages_are_played_at_their_times(
+    rate: float, stretch: float, ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "robot.csv").write_text("time,position.a\n5,0\n5.04,1\n5.1,2\n")
+    player, clock = ros.add(Player, tmp_path / "robot.csv"), Clock()
+    assert not player.done and player.duration == pytest.approx(0.1)
+    monkeypatch.setattr("arm_sim.ros.record.player.time", clock)
+    player._pending = [(log, clock, raw) for log, _, raw in player._pending]
+    player._stop = clock
+    player.start(rate)
+    player._thread.join(10.0)
+    assert player.done and player.published == 3
+    times = stretch * np.array([0.0, 0.04, 0.1])
+    np.testing.assert_allclose(clock.at, times + (0.001 if rate else np.array([1, 2, 3]) / 1000))
+
+
+def test_a_player_that_is_destroyed_stops(ros: Ros, tmp_path: Path) -> None:
+    (tmp_path / "robot.csv").write_text("time,position.a\n0,0\n3600,1\n")
+    player = ros.add(Player, tmp_path / "robot.csv")
+    player.start()
+    ros.spin_until(lambda: player.published == 1)
+    player.destroy_node()
+    assert player.published == 1 and player.done
+
+
+def test_of_our_files_what_nodes_understand_is_played_or_what_is_named(
+    ros: Ros, tmp_path: Path
+) -> None:
+    path = Simulator("two_link").run(0.02).save(tmp_path / "run.mcap")
+
+    def topics(*names: str) -> set[str]:
+        player = ros.add(Player, path, names)
+        return {publisher.topic_name for _, publisher, _ in player._pending}
+
+    every = topics()
+    assert "/joint_states" in every and "/sim/ticks" not in every
+    assert topics("/joint_states") == {"/joint_states"}
+    with pytest.raises(InvalidInput, match=r"has no topic /joint_state; .* mean '/joint_states'"):
+        Player(path, ("/joint_states", "/joint_state"), context=ros.peer.context)
+
+
+RELIABLE, LOSSY = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
+LATCHED, PASSING = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
+
+
+@pytest.mark.parametrize(
+    ("offered", "taken"),
+    [
+        ([(RELIABLE, LATCHED)], (RELIABLE, LATCHED)),
+        ([(RELIABLE, LATCHED), (RELIABLE, PASSING)], (RELIABLE, PASSING)),
+        ([(LOSSY, PASSING), (RELIABLE, PASSING)], (LOSSY, PASSING)),
+    ],
+)
+def test_a_recorder_hears_every_publisher_of_a_topic(
+    offered: list[tuple[Any, Any]], taken: tuple[Any, Any], ros: Ros, tmp_path: Path
+) -> None:
+    for reliability, durability in offered:
+        profile = QoSProfile(depth=1, reliability=reliability, durability=durability)
+        ros.peer.create_publisher(JointState, "states", profile)
+    ros.spin_until(lambda: ros.peer.count_publishers("/states") == len(offered))
+    recorder = ros.add(TopicRecorder, tmp_path / "run.mcap", ("states",))
+    ros.spin_until(lambda: len(recorder.get_publishers_info_by_topic("/states")) == len(offered))
+    recorder.count.clear()
+    recorder.look()
+    found = recorder.get_subscriptions_info_by_topic("/states")[-1].qos_profile
+    assert (found.reliability, found.durability) == taken

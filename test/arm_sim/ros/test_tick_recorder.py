@@ -9,7 +9,7 @@ import textwrap
 import time
 from dataclasses import replace
 from pathlib import Path
-from threading import Event
+from threading import Event, Thread
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ import pytest
 from mcap.reader import make_reader
 from recorded_engine import busy, contents, engine_of, run, scene
 
-from arm_dynamics import InvalidInput
+from arm_dynamics import InvalidInput, load_scene
 from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
 from arm_sim.ros.record.chunks import COUNT, SIZE
@@ -135,6 +135,24 @@ def test_an_event_after_a_reset_is_at_the_time_of_the_recording(tmp_path: Path) 
     assert [round(event.time, 9) for event in again.events] == [0.03, 0.05, 0.06]
 
 
+def test_a_note_waits_for_no_tick_in_progress_but_idle_time_does(tmp_path: Path) -> None:
+    engine, path = engine_of(scene()), tmp_path / "run.mcap"
+    recorder = TickRecorder(path, engine)
+    run(engine, 5)
+    note = Thread(target=recorder.note, args=("from elsewhere",))
+    idle = Thread(target=lambda: [called() for called in engine.on_idle])
+    with recorder.thread.lock:  # a tick is being written
+        note.start()
+        note.join(10.0)
+        idle.start()
+        idle.join(0.1)
+        assert not note.is_alive() and idle.is_alive()
+    idle.join(10.0)
+    assert not idle.is_alive() and not recorder._waiting
+    recorder.close()
+    assert [event.text for event in Recording.load(path).events] == ["from elsewhere"]
+
+
 def test_a_run_under_a_servo_is_replayed(tmp_path: Path) -> None:
     sim = Simulator(scene())
     made = sim.run(0.3, JointCommand(position=sim.state.q))
@@ -178,6 +196,22 @@ def test_another_method_is_measured_and_another_robot_refused(tmp_path: Path) ->
         replay(loaded, scene=scene(tunable=[]))
     with pytest.raises(InvalidInput, match="joints"):
         replay(loaded, scene="panda")
+
+
+def test_a_scene_with_other_internal_states_is_compared_by_the_motion_of_its_joints() -> None:
+    """From rest without load bristles hold where nothing else does, and then they do not."""
+    plain, bristles = Simulator("two_link"), load_scene("two_link").model_dump(exclude_unset=True)
+    lugre = {"coulomb": 1.0, "lugre": {"sigma0": 1e4}}
+    bristles["joints"] = {"elbow": {"friction": lugre}}
+    made = plain.run(0.05, [3.0, 1.0])
+    found = replay(made, scene=bristles)
+    assert found.first is not None and found.first.tick == 1 and not found.equal
+    assert found.first.what.startswith(("position of", "velocity of"))
+    apart = abs(found.recording.q - made.q).max(axis=1)
+    np.testing.assert_allclose(found.apart, apart, atol=1e-12)
+    back = replay(found.recording, scene="two_link")
+    np.testing.assert_allclose(back.recording.q, made.q, atol=1e-9)
+    np.testing.assert_allclose(back.apart, apart, atol=1e-9)
 
 
 class _SlowDisk:

@@ -87,6 +87,22 @@ def test_painleve_is_said() -> None:
     assert sorted(with_friction) == [False, True]
 
 
+@pytest.mark.parametrize("tilt", [1.1, np.pi - 1.1])
+@pytest.mark.parametrize("turns", [1000, -1000])
+def test_a_rod_slips_on_its_end_however_often_it_was_turned(tilt: float, turns: int) -> None:
+    """To either side; the gap has the rounding of an angle of thousands of radians."""
+    rod = contact("body", point=[-0.5, 0, 0], friction=0.3)
+    data, ends = rails("xz", 1.0, turns=True, iyy=1.0 / 12.0), []
+    for whole in (0.0, 2.0 * np.pi * turns):
+        start = {"z": 0.5 * np.sin(tilt), "turn": whole - tilt}
+        sim = Simulator({**data, "initial": {"position": start}, "constraints": [rod]})
+        run = sim.run(0.05)
+        assert sim.contact_forces()[0].state == "slides"
+        ends.append(run.q[-1] - [0.0, 0.0, whole])
+    assert abs(ends[0][0]) > 1e-3
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-10)
+
+
 def test_two_motions_at_once_are_refused() -> None:
     """Pulled up while friction presses it down: it may lift off or jam; both are solutions."""
     rod = contact("body", point=[-0.5, 0, 0], friction=3.0)
@@ -105,21 +121,22 @@ def test_two_motions_at_once_are_refused() -> None:
     assert outcomes == {"apart", "refused"}
 
 
-def test_dry_joints_and_contacts_together() -> None:
+@pytest.mark.parametrize("axes", ["xz", "zx", "yzx"])
+def test_dry_joints_and_contacts_together(axes: str) -> None:
     """A body on a rail with dry friction Fc that also slides on the table: both brake it."""
-    rail = {**rails("xz", 2.0), "joints": {"x": {"friction": {"coulomb": 1.0}}}}
-    data = {**rail, "constraints": [contact("body", friction=0.3)]}
-    sim = Simulator(data, dt=5e-3)
-    sim.reset(v=[1.0, 0.0])
+    rail = {**rails(axes, 2.0), "joints": {"x": {"friction": {"coulomb": 1.0}}}}
+    data, x = {**rail, "constraints": [contact("body", friction=0.3)]}, axes.index("x")
+    sim, way = Simulator(data, dt=5e-3), np.eye(len(axes))[x]
+    sim.reset(v=way)
     run = sim.run(0.5)
     brake = (1.0 + 0.3 * 2.0 * G) / 2.0
-    assert_close(run.q[-1, 0], 0.5 / brake, CLOSED_FORM)
+    assert_close(run.q[-1, x], 0.5 / brake, CLOSED_FORM)
     still = run.time > 1.0 / brake
-    np.testing.assert_array_equal(run.v[still], np.zeros((still.sum(), 2)))
+    np.testing.assert_array_equal(run.v[still], np.zeros((still.sum(), len(axes))))
     assert (np.diff(run.q[still], axis=0) == 0.0).all()
-    holds = sim.run(0.2, [1.0 + 0.29 * 2.0 * G, 0.0])
+    holds = sim.run(0.2, (1.0 + 0.29 * 2.0 * G) * way)
     assert (holds.q == run.q[-1]).all()
-    assert sim.run(0.02, [1.0 + 0.31 * 2.0 * G, 0.0]).v[-1, 0] > 0.0
+    assert sim.run(0.02, (1.0 + 0.31 * 2.0 * G) * way).v[-1, x] > 0.0
 
 
 def test_same_input_same_bits_by_run_step_and_rollout() -> None:

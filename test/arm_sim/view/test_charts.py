@@ -8,9 +8,10 @@ import re
 from typing import Any
 
 import numpy as np
+import pytest
 
 from arm_sim.recording.figure import thinned
-from arm_sim.view.charts import POINTS, Chart, _columns, legend, with_curves
+from arm_sim.view.charts import COLOURS, POINTS, Chart, Charts, _columns, legend, with_curves
 
 PAGE = "<html><head></head><body><div></div></body></html>"
 
@@ -95,3 +96,33 @@ def test_what_is_not_finite_is_a_gap_and_a_name_ends_no_script() -> None:
     (curves,) = drawn(page)["charts"]
     assert curves["curves"] == [[1.0, None, None, 2.0]]
     assert (curves["title"], curves["names"]) == ("</script>", ["</body>"])
+
+
+def test_colours_of_a_legend_begin_again() -> None:
+    names = [f"joint {i}" for i in range(12)]
+    found = re.findall(r"color:(#\w+)", legend(names, np.zeros(12)))
+    assert found == [*COLOURS, *COLOURS[:2]]
+
+
+@pytest.mark.group("view")
+def test_a_panel_has_a_tab_of_each_chart_whose_legend_follows_the_time(server: Any) -> None:
+    time = np.arange(4.0)
+    rows = np.column_stack([time, 10.0 * time])
+    shown = Charts(
+        server,
+        [
+            Chart("torque [N m]", ("hip", "knee"), time, 1.0 + rows),
+            Chart("error [rad]", ("hip", "knee"), time[:0], rows[:0]),
+        ],
+    )
+    (plot, text), (_, empty) = (shown._handles[title] for title in shown._charts)
+    assert ">4<" in text.content and ">31<" in text.content  # the last ones
+    assert empty.content.count("–") == 2
+    assert plot.data[0].tolist() == time.tolist()
+    assert [curve.tolist() for curve in plot.data[1:3]] == (1.0 + rows).T.tolist()
+    for now, values in ((2.0, ">3<"), (1.5, ">2<"), (-1.0, ">1<"), (9.0, ">4<")):
+        shown.read(now)
+        assert values in text.content
+    shown.update("torque [N m]", time + 4.0, rows + 100.0)
+    assert ">103<" in text.content and plot.data[0][0] == 4.0
+    assert not Charts(server, [])._handles

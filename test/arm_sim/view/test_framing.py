@@ -118,3 +118,15 @@ def test_a_camera_that_a_visitor_has_moved_stays() -> None:
         page.until(lambda: client.camera.aspect < 1.0, "another size")
         page.handle.wait_for_timeout(300)
         assert np.linalg.norm(client.camera.position - mine) < SAME
+
+
+def test_the_arm_leaves_a_margin_on_every_side(rng: np.random.Generator) -> None:
+    """On a telephone it is above the controls."""
+    points = rng.uniform(-1.0, 1.0, (60, 3)) * [0.5, 0.3, 1.0]
+    for aspect, low, high in (
+        (1.6, [-0.85, -0.85], [0.85, 0.85]), (0.4, [-0.85, 0.27], [0.85, 0.92]),
+    ):  # fmt: skip
+        at = seen(points, *fitted(points, aspect), aspect)
+        assert (at.min(axis=0) >= np.array(low) - 1e-9).all()
+        assert (at.max(axis=0) <= np.array(high) + 1e-9).all()
+        assert (abs(at.min(axis=0) + at.max(axis=0) - np.sum([low, high], axis=0)) < 0.05).all()

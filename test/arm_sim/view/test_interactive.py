@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import threading
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -168,3 +169,106 @@ def test_curves_go_back_by_the_seconds_that_they_promise() -> None:
     torque, *_ = page._curves()
     assert np.ptp(torque.time) == pytest.approx(MEMORY, rel=0.01)
     assert torque.time[-1] == pytest.approx(sim.state.time, abs=2 * SAMPLED)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "two_link"])
+def test_what_is_shown_are_the_forces_of_constraints_and_stops(name: str) -> None:
+    sim = Simulator(name)
+    rig = InteractiveArm(sim)
+    if name == "two_link":
+        upper = sim.model.position_upper
+        rig.place(np.where(np.isfinite(upper), upper, 0.0))
+        sim.step(np.full(2, 5.0))
+        assert sim.stop_torque.any()
+    shown = rig.look()
+    np.testing.assert_array_equal(shown.stop_torque, sim.stop_torque)
+    told = sim.multipliers() if name == "four_bar" else np.zeros(0)
+    np.testing.assert_array_equal(shown.multipliers, told)
+    assert shown.time == sim.state.time
+
+
+@pytest.fixture
+def bench(server: Any) -> Interactive:
+    """A page of two arms with ticks of different lengths."""
+    sims = Simulator("two_link", dt=2e-3), Simulator("pendulum", dt=1e-3)
+    pairs = zip(sims, ("left", "right"), strict=True)
+    actors = [DrawnArm(server, sim.model, name) for sim, name in pairs]
+    return Interactive(server, [InteractiveArm(sim) for sim in sims], actors)
+
+
+@pytest.mark.group("view")
+def test_two_arms_share_a_clock_and_have_their_own_curves(bench: Interactive) -> None:
+    left, right = (rig.simulation for rig in bench.rigs)
+    assert not bench.running and bench._run.label == "Run"
+    bench.step(50)
+    assert (left.state.step, right.state.step) == (50, 100)
+    assert bench._status.content == "t = 0.100 s, paused"
+    kinds = "torque [N m]", "error [rad]", "energy [J]"
+    curves = {chart.title: chart for chart in bench._curves()}
+    assert list(curves) == [f"{name}: {kind}" for name in ("left", "right") for kind in kinds]
+    torque = curves["left: torque [N m]"]
+    assert torque.names == left.joint_names == curves["left: error [rad]"].names
+    np.testing.assert_allclose(torque.values[-1], left.dynamics.gravity(left.state.q), rtol=1e-6)
+    assert not curves["left: error [rad]"].values.any()  # nothing is to be followed
+    bench._choose(SLIDERS)
+    for rig in bench.rigs:
+        rig.target += 0.1
+    bench.step(31)
+    curves = {chart.title: chart for chart in bench._curves()}
+    np.testing.assert_array_equal(curves["left: error [rad]"].values[-1], bench.rigs[0].error)
+    assert bench.rigs[0].error.all()
+    bench.reset()
+    assert left.state.step == right.state.step == 0 and not len(bench._curves()[0].time)
+
+
+@pytest.mark.group("view")
+def test_time_passes_at_the_speed_that_is_chosen(
+    bench: Interactive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arm_sim.view.interactive.AT_ONCE", 60.0)
+    left, right = (rig.simulation for rig in bench.rigs)
+    bench._beat(0.101)
+    assert left.state.step == 0  # it is paused
+    bench.run(True)
+    assert bench.running and bench._run.label == "Pause"
+    bench._beat(0.101)
+    assert (left.state.step, right.state.step) == (50, 100)
+    bench._speed.value = "0.1"
+    bench._beat(0.101)
+    assert (left.state.step, right.state.step) == (55, 110)
+    assert bench._status.content.startswith("t = 0.110 s, running at 0.1 ×")
+    bench._speed.value = "2"
+    bench._beat(10.0)  # after a delay it makes up for a quarter of a second only
+    assert left.state.step == pytest.approx(55 + 125, abs=1)
+    bench._complain("no luck")
+    assert not bench.running and bench._status.content.endswith("paused\n\n**no luck**")
+    bench.run(True)
+    assert "no luck" not in bench._status.content
+
+
+@pytest.mark.group("view")
+def test_sliders_reach_the_limits_and_place_the_arm_while_it_is_paused(
+    bench: Interactive, server: Any
+) -> None:
+    rig, (first, second) = bench.rigs[0], bench._sliders[0]
+    sim = rig.simulation
+    assert [slider.value for slider in (first, second)] == pytest.approx(sim.state.q)
+    lower = np.maximum(sim.model.position_lower, -np.pi)
+    upper = np.minimum(sim.model.position_upper, np.pi)
+    assert [slider.min for slider in (first, second)] == pytest.approx(lower)
+    assert [slider.max for slider in (first, second)] == pytest.approx(upper)
+    before = sim.state.q
+    bench._slide(rig, 1, 0.3)
+    np.testing.assert_array_equal(sim.state.q, [before[0], 0.3])
+    assert second.value == 0.3 and first.value == pytest.approx(before[0])
+    bench.running = True
+    bench._slide(rig, 0, 0.2)
+    np.testing.assert_array_equal(sim.state.q, [before[0], 0.3])  # it moves by itself
+    rig.choose(SLIDERS)
+    bench._slide(rig, 0, 0.2)
+    np.testing.assert_array_equal(rig.target, [0.2, 0.3])
+    cart = Simulator("cart_pendulum")
+    (sliders,) = Interactive(
+        server, [InteractiveArm(cart)], [DrawnArm(server, cart.model, "cart")]
+    )._sliders
+    assert [(slider.min, slider.max) for slider in sliders] == [(-1.0, 1.0), (-np.pi, np.pi)]

@@ -5,10 +5,15 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image, ImageSequence
 
 from arm_sim.exceptions import ViewError
 from arm_sim.view import pictures
@@ -44,3 +49,88 @@ def test_a_film_holds_its_pictures(tmp_path: Path) -> None:
     np.testing.assert_allclose(shades, [frame.mean() for frame in FRAMES], atol=4.0)
     with pytest.raises(ViewError, match="ffmpeg failed"):
         pictures.write_film(tmp_path / "none" / "film.mp4", iter(FRAMES), 25.0)
+
+
+@pytest.mark.parametrize(("rate", "duration"), [(25.0, 40), (8.0, 120), (1000.0, 20)])
+def test_a_gif_holds_its_pictures_and_is_repeated(
+    rate: float, duration: int, tmp_path: Path
+) -> None:
+    bars = [np.full((31, 33, 3), (10, 20, 160), dtype=np.uint8) for _ in range(4)]
+    for k, bar in enumerate(bars):
+        bar[:, 8 * k : 8 * k + 8] = (200, 30, 60)  # where it is
+    pictures.write_film(tmp_path / "film.gif", iter(bars), rate)
+    with Image.open(tmp_path / "film.gif") as film:
+        shown = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
+        assert film.info["loop"] == 0 and film.info["duration"] == duration
+    np.testing.assert_allclose(np.array(shown, int), np.array(bars, int), atol=12)
+
+
+class Browser:
+    """A browser that draws light only after a while, and its page's client."""
+
+    def __init__(self, until_open: int, loading: int) -> None:
+        self.left, self.loading = until_open, loading
+        self.waited: list[float] = []
+        self.asked: dict[str, Any] = {}
+
+    def wait_for_timeout(self, milliseconds: float) -> None:
+        self.waited.append(milliseconds)
+        self.left -= 1
+
+    def clients(self) -> dict[int, Any]:
+        here = {7: self} if self.left <= 0 else {}
+        return {3: None, **here}  # somebody else looks, too
+
+    def get_render(self, height: int, width: int, **pose: Any) -> np.ndarray:
+        if self.loading < 0:
+            raise TimeoutError("too slow")
+        self.asked = {"height": height, "width": width, **pose}
+        self.loading = max(0, self.loading - 1)
+        return np.full((height, width, 4), 200 - self.loading, dtype=np.uint8)
+
+
+@contextmanager
+def opened(browser: Browser, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """The camera of a page that this browser shows."""
+    sizes: list[tuple[int, int]] = []
+
+    @contextmanager
+    def page(url: str, size: tuple[int, int]) -> Iterator[Browser]:
+        sizes.append(size)
+        yield browser
+
+    monkeypatch.setattr(pictures, "page_in_browser", page)
+    monkeypatch.setattr(pictures, "address", lambda server: "http://here")
+    place = SimpleNamespace(position=(0.0, -2.0, 1.0), look_at=(0.0, 0.0, 1.0), fov=0.7)
+    server: Any = SimpleNamespace(get_clients=browser.clients, initial_camera=place)
+    with pictures.camera(server, (96, 60)) as shoot:
+        yield shoot
+    ((width, height),) = sizes
+    assert height == 60 and width > 96  # with room for the panels
+
+
+def test_a_picture_is_taken_when_everything_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
+    browser = Browser(until_open=5, loading=4)
+    with opened(browser, monkeypatch) as shoot:
+        picture = shoot()
+    assert picture.shape == (60, 96, 3) and (picture == 200).all()
+    assert browser.waited == 5 * [100] + 6 * [1000 * pictures.SETTLED]  # until three are alike
+    assert (browser.asked["height"], browser.asked["width"]) == (60, 96)
+    np.testing.assert_array_equal(browser.asked["position"], (0.0, -2.0, 1.0))
+    assert browser.asked["fov"] == 0.7
+    # Its third axis looks along y, its second down.
+    np.testing.assert_allclose(browser.asked["wxyz"], [0.5**0.5, -(0.5**0.5), 0, 0], atol=1e-12)
+
+
+def test_a_browser_that_shows_nothing_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pictures, "PATIENCE", 2.0)
+    with (
+        pytest.raises(ViewError, match="the page did not open within 2 s"),
+        opened(Browser(until_open=21, loading=0), monkeypatch),
+    ):
+        pass
+    with (
+        pytest.raises(ViewError, match="the browser returned no picture: too slow"),
+        opened(Browser(until_open=1, loading=-1), monkeypatch),
+    ):
+        pass

@@ -11,6 +11,7 @@ import urllib.request
 from typing import Any
 
 import pytest
+import rich
 
 import models
 from arm_sim.exceptions import ViewError
@@ -110,6 +111,11 @@ class TestListening:
             open_server("arm", host="192.0.2.1", port=0)
         with pytest.raises(ViewError, match=r"port 8080 of 192\.0\.2\.1 cannot be used: .*assign"):
             open_server("arm", host="192.0.2.1")
+
+    def test_a_server_prints_nothing(self, capfd: pytest.CaptureFixture[str]) -> None:
+        console = rich.get_console()
+        close_server(open_server("arm", port=0))
+        assert "".join(capfd.readouterr()) == "" and not console.quiet
 
     def test_nothing_but_the_page_is_served_and_only_here(self) -> None:
         server = open_server("arm", port=0)

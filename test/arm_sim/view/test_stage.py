@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import logging
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +18,8 @@ from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.marks import Instant, Marker
-from arm_sim.view.stage import DrawnArm, _cones, lay_ground
+from arm_sim.view.shapes import METAL, Box, Cylinder, Mesh, Sphere
+from arm_sim.view.stage import KEPT, DrawnArm, _coils, _cones, _glb, _solid, lay_ground
 
 pytestmark = pytest.mark.group("view")
 
@@ -131,3 +133,112 @@ def test_places_are_those_of_the_state(server: Any) -> None:
     for frame, position, wxyz in zip(actor._joints, marks.position, marks.rotation, strict=True):
         np.testing.assert_array_equal(frame.position, position)
         np.testing.assert_array_equal(frame.wxyz, wxyz)
+
+
+def test_a_spring_is_a_zigzag_from_one_end_to_the_other() -> None:
+    ends = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0.0, 1.0, 2.0], [0.0, 1.0, 4.0]]])
+    lines = _coils(ends, size=1.5, turns=4)
+    assert _coils(np.zeros((0, 2, 3)), 1.5).shape == (0, 2, 3)
+    for (first, second), line in zip(ends, lines.reshape(2, -1, 2, 3), strict=True):
+        np.testing.assert_array_equal(line[0, 0], first)
+        np.testing.assert_array_equal(line[-1, 1], second)
+        np.testing.assert_array_equal(line[1:, 0], line[:-1, 1])  # each goes on at the last
+        bends = line[1:, 0] - first
+        along = (second - first) / np.linalg.norm(second - first)
+        across = bends - np.outer(bends @ along, along)
+        np.testing.assert_allclose(np.linalg.norm(across, axis=1), 0.02 * 1.5, rtol=0.1)
+        assert len(bends) == 2 * 4
+        np.testing.assert_allclose(across[1:], -across[:-1], atol=1e-12)  # to either side
+        assert (np.diff(bends @ along) > 0.0).all()
+
+
+def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(
+    server: Any,
+) -> None:
+    model = Simulator("spring_balanced_arm").model
+    actor = DrawnArm(server, model, "arm")
+    marks = actor.draw(Instant(0.0, model.q0))
+    springs, path = actor._lines["springs"], actor._lines["path"]
+    assert springs.visible and len(marks.springs)
+    np.testing.assert_allclose(springs.points[0, 0], marks.springs[0, 0], rtol=1e-6)
+    assert not path.visible
+    for k in range(KEPT + 50):
+        actor.trail(np.array([0.1 * k * actor.size, 0.0, 0.0]))
+    actor.trail(np.array([0.1 * k * actor.size, 1e-4 * actor.size, 0.0]))  # hardly a motion
+    assert path.visible and len(path.points) == KEPT
+    np.testing.assert_allclose(path.points[-1, 1], [0.1 * k * actor.size, 0.0, 0.0], rtol=1e-6)
+    for kind, line in (("springs", springs), ("path", path)):
+        actor.show(kind, False)
+        assert not line.visible
+        actor.show(kind, True)
+        assert line.visible
+    actor.forget_way()
+    assert not path.visible
+    actor.trail(np.zeros(3))
+    assert not path.visible  # a point is no path
+
+
+def test_joints_at_their_stops_are_marked(server: Any) -> None:
+    model = models.dynamics("panda").model
+    actor, q = DrawnArm(server, model, "arm"), model.q0.copy()
+    actor.draw(Instant(0.0, q))
+    assert not any(ball.visible for ball in actor._stops)
+    q[3] = model.position_lower[3]
+    marks = actor.draw(Instant(0.0, q))
+    assert [ball.visible for ball in actor._stops] == [True] + 6 * [False]
+    np.testing.assert_allclose(actor._stops[0].position, marks.position[4])
+
+
+def test_axes_and_links_are_shown_on_request(server: Any) -> None:
+    actor = DrawnArm(server, models.dynamics("panda").model, "arm")
+    assert not any(joint.show_axes for joint in actor._joints)
+    actor.show_axes(True)
+    assert all(joint.show_axes for joint in actor._joints) and len(actor._joints) == 8
+    actor.show_links(False)
+    assert actor.links and not any(link.visible for _, link in actor.links)
+
+
+@pytest.mark.parametrize(("angle", "below"), [(0.5, 0.0), (-0.5, 0.15)])
+def test_the_ground_is_below_an_arm_that_hangs(
+    angle: float, below: float, server: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    laid: dict[str, Any] = {}
+    monkeypatch.setattr(server.scene, "add_grid", lambda *_, **more: laid.update(more))
+    start = {"position": {"shoulder": angle, "elbow": 0.0}}
+    robot = {"urdf": str(models.SCENES / "two_link.urdf")}
+    model = ArmModel(load_scene({"robot": robot, "initial": start}))
+    actor = DrawnArm(server, model, "arm")
+    lay_ground(server, [actor], 0.0)
+    lowest = min(0.0, 0.5 * np.sin(angle))  # that of the elbow
+    np.testing.assert_allclose(laid["position"], [0.0, 0.0, lowest - below * actor.size])
+
+
+def test_a_mesh_has_its_scale_and_a_colour_if_its_file_has_none(tmp_path: Path) -> None:
+    import trimesh
+
+    size = np.array([200.0, 100.0, 50.0])
+    for name in ("box.stl", "box.ply"):
+        trimesh.creation.box(size).export(tmp_path / name)
+    for mesh, colour, extents in (
+        (Mesh(tmp_path / "box.stl", (1e-3, 1e-3, 2e-3)), (0.2, 0.4, 0.6, 0.5), [0.2, 0.1, 0.1]),
+        (Mesh(tmp_path / "box.ply"), None, size),
+    ):
+        drawn = trimesh.load_scene(io.BytesIO(_glb(mesh, colour)), file_type="glb")
+        np.testing.assert_allclose(drawn.extents, extents, rtol=1e-6)
+        (geometry,) = drawn.geometry.values()
+        wanted = [round(255 * x) for x in colour or METAL]
+        assert geometry.visual.material.baseColorFactor.tolist() == wanted
+
+
+def test_solids_are_centred_and_as_large_as_they_say() -> None:
+    for shape, extents in (
+        (Box((0.1, 0.2, 0.3)), (0.1, 0.2, 0.3)),
+        (Sphere(0.25), (0.5, 0.5, 0.5)),
+        (Cylinder(0.1, 0.7, rounded=False), (0.2, 0.2, 0.7)),
+        (Cylinder(0.1, 0.7, rounded=True), (0.2, 0.2, 0.7)),
+    ):
+        solid = _solid(shape)
+        np.testing.assert_allclose(solid.extents, extents, rtol=0.02)
+        np.testing.assert_allclose(solid.bounds.mean(axis=0), 0.0, atol=2e-3)
+    flat, rounded = (_solid(Cylinder(0.1, 0.7, way)).volume for way in (False, True))
+    assert rounded < 0.95 * flat

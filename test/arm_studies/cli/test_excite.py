@@ -9,11 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from pictures import written
 
 from arm_dynamics import Dynamics
-from arm_dynamics.trajectory import JointTrajectory
+from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim import Simulator
+from arm_studies.cli.excitation_figure import draw
+from arm_studies.cli.excite import _progress
 from arm_studies.cli.main import main
+from arm_studies.identification.excitation import Room
 
 
 def typed(*words: str) -> Result:
@@ -68,3 +72,43 @@ def test_a_simulated_arm_follows_it(tmp_path: Path) -> None:
 def test_what_cannot_be_is_refused(words: tuple[str, ...], said: str) -> None:
     done = typed("two_link", *words)
     assert done.exit_code != 0 and said in done.output
+
+
+@pytest.mark.parametrize("acceleration", [20.0, np.inf])
+def test_the_figure_shows_shares_of_the_limits_by_joint(
+    acceleration: float, tmp_path: Path
+) -> None:
+    room = Room(Dynamics("two_link"), acceleration=acceleration)
+    points = [Waypoint(0.0, [0.3, 0.8]), Waypoint(1.0, [0.9, 0.4]), Waypoint(2.0, [0.3, 0.8])]
+    motion = quintic(points)
+    with written() as figures:
+        draw(motion, room, tmp_path / "motion.png")
+    (figure,) = figures
+    position, speed, rise, torque = figure.axes
+    about = "limit" if acceleration == 20.0 else "largest"
+    assert rise.get_ylabel() == f"acceleration / {about}"
+    assert torque.get_xlim() == (0.0, 2.0) and torque.get_xlabel() == "time [s]"
+    times, limits = position.lines[0].get_xdata(), room.limits
+    states = [motion.sample(t) for t in times]
+    q, v, a = (np.array([getattr(state, part) for state in states]) for part in "qva")
+    tau = [room.dynamics.inverse(*state) for state in zip(q, v, a, strict=True)]
+    middle, half = (limits.lower + limits.upper) / 2, (limits.upper - limits.lower) / 2
+    fastest = acceleration if acceleration < np.inf else abs(a).max(axis=0)
+    for axis, shares in (
+        (position, (q - middle) / half), (speed, v / limits.velocity),
+        (rise, a / fastest), (torque, tau / room.effort),
+    ):  # fmt: skip
+        for line, share in zip(axis.lines, shares.T, strict=True):
+            np.testing.assert_allclose(line.get_ydata(), share, atol=1e-9)
+    assert [text.get_text() for text in figure.legends[0].texts] == ["shoulder", "elbow"]
+
+
+def test_attempts_are_counted_in_lines_without_a_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with _progress(3) as told:
+        told(1)
+        told(3)
+    assert capsys.readouterr().err.splitlines() == [
+        "searching: 3 attempts, a few seconds each", "1 of 3 attempts", "3 of 3 attempts"
+    ]  # fmt: skip

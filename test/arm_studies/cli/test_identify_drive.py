@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
 from arm_studies.cli.main import main
+from arm_studies.identification import drives
 
 R, L = 0.8, 2e-3
 
@@ -65,3 +67,42 @@ def test_one_kind_of_drive_at_a_time(blocked: Path) -> None:
     for words in ([], ["--blocked", str(blocked), "--flexible", str(blocked)]):
         done = typed(*words)
         assert done.exit_code == 2 and "exactly one kind of test is expected" in done.output
+
+
+@pytest.mark.parametrize(
+    ("option", "called", "head", "unit"),
+    [
+        ("flexible", "identify_joint", ("torque", "motor", "link"), "JOINT_UNITS"),
+        ("flexible", "identify_joint", ("torque", "motor"), "JOINT_UNITS"),
+        ("bristles", "identify_bristles", ("torque", "position"), "BRISTLE_UNITS"),
+    ],
+)
+def test_columns_of_other_drives_are_read_by_name(
+    option: str, called: str, head: tuple[str, ...], unit: str, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """In any order, with the file's name for complaints; the exit status says if they fit."""
+    columns = {name: np.sin((2.0 + i) * np.arange(40)) for i, name in enumerate(head)}
+    columns = dict(reversed({"time": 0.001 * np.arange(40), **columns}.items()))
+    path, seen = tmp_path / "test.csv", []
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, "%.17g", ",", header=", ".join(columns), comments="")
+    name = next(iter(getattr(drives, unit)))
+    estimate = SimpleNamespace(value=2.0, interval=0.5, found=True)
+    found = SimpleNamespace(
+        follows=False, residual={}, missing={}, notes=(), estimates={name: estimate}
+    )
+    monkeypatch.setattr(drives, called, lambda given: seen.append(given) or found)
+    done = typed(f"--{option}", str(path), "--json")
+    assert done.exit_code == 1, done.output  # it does not follow
+    told = json.loads(done.stdout)["parameters"][name]
+    assert told == {"value": 2.0, "interval": 0.5, "unit": getattr(drives, unit)[name]}
+    (record,) = seen[0] if option == "bristles" else seen
+    assert record.name == str(path)
+    np.testing.assert_allclose(record.torque, columns["torque"])
+    for name in head[1:]:
+        np.testing.assert_allclose(getattr(record, name), columns[name])
+    missing = tmp_path / "less.csv"
+    missing.write_text("time,torque\n0,1\n1,2\n")
+    done = typed(f"--{option}", str(missing))
+    assert done.exit_code == 1 and f"has no column '{head[1]}'" in done.output

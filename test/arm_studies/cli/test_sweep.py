@@ -3,12 +3,18 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
 from arm_studies.cli.main import main
+from arm_studies.cli.sweep import _left, _Lines, _losses
+from arm_studies.sweeps import load_study, sweep
 
 STUDY = """\
 scene: two_link
@@ -21,6 +27,7 @@ vary:
 
 
 def run(tmp_path: Path, text: str, *options: str) -> Result:
+    tmp_path.mkdir(exist_ok=True)
     file = tmp_path / "study.yaml"
     file.write_text(text)
     command = ["sweep", str(file), "--out", str(tmp_path / "out"), "--workers", "1", *options]
@@ -66,3 +73,63 @@ def test_another_study_in_the_folder_is_refused(tmp_path: Path) -> None:
     done = run(tmp_path, STUDY + "seed: 2\n", "--no-figures")
     assert done.exit_code == 1
     assert "'study.seed' was not given and is 2" in done.output
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [(None, ""), (0.2, "about 1 s left"), (89.4, "about 89 s left"), (90.0, "about 2 min left"),
+     (5390.0, "about 90 min left"), (5400.0, "about 1.5 h left"), (20000.0, "about 5.6 h left")],
+)  # fmt: skip
+def test_the_remaining_time_is_told_in_round_numbers(seconds: float | None, said: str) -> None:
+    assert _left(seconds) == said
+
+
+def test_lines_of_progress_come_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    lines = _Lines()
+    for passed, what, done, remaining in (
+        (0.0, "building", 0, None), (0.1, "building", 1, 5.0), (0.1, "running", 2, 30.0),
+        (60.0, "running", 3, 20.0),
+    ):  # fmt: skip
+        now[0] += passed
+        lines.tell(SimpleNamespace(what=what, done=done, total=9, remaining=remaining))
+    assert capsys.readouterr().err.splitlines() == [
+        "building: 0 of 9 runs", "running: 2 of 9 runs, about 30 s left",
+        "running: 3 of 9 runs, about 20 s left",
+    ]  # fmt: skip
+
+
+def test_the_first_run_of_each_kind_that_was_lost_is_named() -> None:
+    table = {
+        "run": np.arange(5),
+        "status": np.array(["done", "diverged", "failed", "done", "diverged"]),
+        "note": np.array(["", "at 0.1 s", "no room", "", "at 0.2 s"]),
+    }
+    done: Any = SimpleNamespace(table=table, plan=SimpleNamespace(runs=5))
+    assert list(_losses(done)) == [
+        "2 of 5 runs diverged; run 1: at 0.1 s", "1 of 5 runs failed; run 2: no room"
+    ]  # fmt: skip
+
+
+def test_rows_and_medians_are_those_of_the_table(tmp_path: Path) -> None:
+    few, many = (
+        run(tmp_path / str(n), STUDY + f"samples: {n}\n", "--no-figures") for n in (2, 15)
+    )
+    made = sweep(load_study(tmp_path / "2/study.yaml"), tmp_path / "2/out").table
+    names = ["run", *made.varied, *made.metrics, "status"]
+    columns = [made[name].tolist() for name in names]
+    wanted = [
+        [x if isinstance(x, str) else f"{x:.4g}" for x in row]
+        for row in zip(*columns, strict=True)
+    ]
+    lines = [line.split() for line in few.stdout.splitlines()]
+    assert [line for line in lines if line[-1:] == ["done"]] == wanted
+    made = sweep(load_study(tmp_path / "15/study.yaml"), tmp_path / "15/out").table
+    for controller in ("pd", "pd_gravity"):
+        values = made["energy"][made["controller"] == controller]
+        cells = [f"{x:.4g}" for x in np.percentile(values, (5, 50, 95, 100))]
+        (line,) = (x for x in many.stdout.splitlines() if x.split()[:2] == [controller, "energy"])
+        assert line.split()[2:] == ["15", *cells]

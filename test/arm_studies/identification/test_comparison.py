@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from click import ClickException
 from click.testing import CliRunner, Result
+from pictures import written
 
 from arm_dynamics import InvalidInput, load_scene
 from arm_dynamics.control import ComputedTorque
 from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import Recording, Simulator
+from arm_studies.cli.comparison_figure import draw
 from arm_studies.cli.main import main
 from arm_studies.identification import JointRecord, compare
 
@@ -118,15 +122,61 @@ def test_before_and_after_stand_side_by_side(tmp_path: Path) -> None:
     path, better = run().save(tmp_path / "run.npz"), tmp_path / "better.yaml"
     better.write_text(yaml.safe_dump(json.loads(json.dumps(HEAVY))))
     figure = tmp_path / "both.png"
-    done = typed("two_link", str(path), str(better), "--figure", str(figure))
+    with written() as figures:
+        done = typed("two_link", str(path), str(better), "--figure", str(figure))
     assert done.exit_code == 0, done.output
     assert "before error" in re.sub(r"\s+", " ", done.output), done.output
     assert "windows of 0.25 s" in done.output
+    made = [compare(scene, record()) for scene in (NOMINAL, HEAVY)]
+    rows = {line.split()[0]: line for line in done.output.splitlines() if line.split()}
+    for i, joint in enumerate(made[0].joint_names):
+        runs = [each.free_run for each in made]
+        words = [f"{made[0].torque[i]:.4g}", *(f"{each.error[i]:.3g}" for each in made)]
+        words += [f"{100.0 * each.relative[i]:.2f} %" for each in made]
+        words += [f"{runs[0].moved[i]:.3g}", *(f"{run.error[i]:.2g}" for run in runs)]
+        assert rows[joint].split()[1:] == " ".join(words).split()
+    whole = [f"{np.linalg.norm(made[0].torque):.4g}"]
+    whole += [f"{np.linalg.norm(each.error):.3g}" for each in made]
+    whole += [f"{100.0 * each.whole:.2f} %" for each in made]
+    assert rows["all"].split()[1:] == " ".join(whole).split()
     assert figure.stat().st_size > 20_000
+    axes = np.reshape(figures[0].axes, (2, 2))
+    for i, (left, right) in enumerate(axes):
+        drawn = [line.get_ydata() for line in left.lines]
+        wanted = [made[0].measured, *(each.computed for each in made)]
+        np.testing.assert_allclose(drawn, [column[:, i] for column in wanted], atol=1e-6)
+        left_over = [line.get_ydata() for line in right.lines]
+        np.testing.assert_allclose(left_over, drawn[0] - np.array(drawn[1:]), atol=1e-6)
+        assert right.get_ylim()[1] == -right.get_ylim()[0] == np.nanmax(abs(drawn[0]))
+        shares = [f"{100.0 * each.relative[i]:.1f} %" for each in made]
+        names = [line.get_label() for line in right.lines]
+        assert names == [f"two_link: {shares[0]}", f"better: {shares[1]}"]
+    assert [line.get_label() for line in axes[0, 0].lines] == ["measured", "two_link", "better"]
     done = typed("two_link", str(path), str(better), "--json")
     before, after = json.loads(done.stdout)["scenes"]
     assert before["relative_of_all"] > 50.0 * after["relative_of_all"]
+    for told, each in zip((before, after), made, strict=True):
+        assert told["band"] == pytest.approx(each.band) and told["notes"] == list(each.notes)
+        assert list(told["torque_error"].values()) == pytest.approx(each.error, rel=1e-6)
+        assert list(told["relative"].values()) == pytest.approx(each.relative, rel=1e-6)
+        free, ran = told["free_run"], each.free_run
+        assert (free["window"], free["windows"], free["diverged"]) == (0.25, ran.count, 0)
+        assert list(free["error"].values()) == pytest.approx(ran.error, rel=1e-6)
+        assert list(free["relative"].values()) == pytest.approx(ran.relative, rel=1e-6)
     assert set(after["free_run"]["error"]) == {"shoulder", "elbow"}
+
+
+def test_the_axes_of_errors_are_as_high_as_the_torques_either_way(tmp_path: Path) -> None:
+    made = compare(NOMINAL, record())
+    for sign in (1.0, -1.0):
+        turned = replace(made, measured=sign * made.measured, computed=sign * made.computed)
+        with written() as figures:
+            draw([turned], ["two_link"], tmp_path / "one.png")
+        for i, axis in enumerate(figures[0].axes[1::2]):
+            most = np.nanmax(abs(made.measured[:, i]))
+            assert axis.get_ylim() == (-most, most)
+    with pytest.raises(ClickException, match=r"one\.txt'"):
+        draw([made], ["two_link"], tmp_path / "one.txt")
 
 
 def test_joints_may_have_other_names(tmp_path: Path) -> None:

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was identified, as a scene that can be loaded."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import models
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification.checks import check_model
@@ -13,6 +16,7 @@ from arm_studies.identification.regression.friction_columns import (
     COULOMB_SKEW,
     EXCESS,
     VISCOUS,
+    VISCOUS_SKEW,
     JointFit,
     Shape,
 )
@@ -97,3 +101,65 @@ def test_a_table_is_replaced_by_coefficients():
     notes, friction = told({}, Shape(None, None, 1.0), model=ArmModel(load_scene(scene)))
     assert notes == ["'shoulder': its table of friction is replaced by coefficients"]
     assert (friction.table, friction.coulomb, friction.viscous) == (None, 1.0, 0.1)
+
+
+def test_friction_that_differs_by_direction_is_written_for_both():
+    notes, friction = told({VISCOUS_SKEW: 0.03, COULOMB_SKEW: -0.25}, Shape())
+    assert not notes
+    sides = [(x.positive, x.negative) for x in (friction.viscous, friction.coulomb)]
+    np.testing.assert_allclose(sides, [(0.13, 0.07), (0.75, 1.25)], rtol=1e-12)
+    notes, friction = told({VISCOUS_SKEW: -0.5}, Shape())  # more than there is
+    assert (friction.viscous.positive, friction.viscous.negative) == (0.0, 0.2)
+    notes, friction = told({COULOMB_SKEW: 1.5}, Shape())
+    assert (friction.coulomb.positive, friction.coulomb.negative) == (2.0, 0.0)
+    assert notes == [
+        "'shoulder': a constant torque of 1.5 exceeds its Coulomb friction of 1 (an offset of the "
+        "sensor, or gravity?); the scene limits it to that"
+    ]
+
+
+def test_friction_at_rest_is_above_that_of_sliding():
+    notes, friction = told({EXCESS: 0.5}, Shape(0.2, None, 1.0))
+    assert not notes and (friction.static, friction.stribeck_velocity) == (1.5, 0.2)
+    _, friction = told({EXCESS: 0.5, COULOMB_SKEW: 0.25}, Shape(0.2, None, 1.0))
+    assert (friction.static.positive, friction.static.negative) == (1.75, 1.25)
+    _, friction = told({}, Shape(0.2, None, 1.0))
+    assert friction.static is None and friction.stribeck_velocity is None
+
+
+def written(scene, theta=None, armature=None, friction=None):
+    """An identified scene, its notes, and the model that it was identified from."""
+    model, notes = ArmModel(load_scene(scene)), []
+    theta = RigidRegressor(model).nominal if theta is None else theta
+    armature = np.full(model.n, np.nan) if armature is None else np.array(armature)
+    found = scene_with(model, theta, armature, friction or [None] * model.n, notes)
+    return found, notes, model
+
+
+def test_what_drives_bring_is_not_written_twice():
+    """The rotor's inertia and damping, and the losses of the gear, are those of the joint."""
+    scene = load_scene("two_link").model_dump(exclude_unset=True, mode="json")
+    drive = {"gear_ratio": 10.0, "rotor_inertia": 1e-3, "rotor_damping": 2e-3, "efficiency": 0.8}
+    scene["joints"] = {"elbow": {"actuator": drive}, "*": {"armature": 0.7, "friction": {}}}
+    values = {VISCOUS: 0.5, COULOMB: 1.0}
+    law = JointFit(tuple(values), Shape(), values)
+    found, notes, _ = written(scene, armature=[0.25, 0.35], friction=[None, law])
+    elbow = found.joints["elbow"]
+    assert elbow.armature == pytest.approx(0.35 - 0.1)
+    assert elbow.friction.viscous == pytest.approx(0.5 - 0.2)
+    assert elbow.actuator.efficiency == 1.0 and elbow.actuator.rotor_inertia == 1e-3
+    assert notes == ["'elbow': the identified friction includes the losses of the gear"]
+    assert found.joints["shoulder"].armature == 0.25 and "*" not in found.joints
+    found, *_ = written(scene, armature=[np.nan, 0.05])
+    assert found.joints["elbow"].armature == 0.0  # less than the rotor's
+    assert found.joints["shoulder"].armature == 0.7  # unchanged
+
+
+def test_followers_have_no_friction_of_their_own():
+    urdf = Path(models.__file__).with_name("gripper.urdf")
+    scene, notes, model = written({"robot": {"urdf": str(urdf)}})
+    followers = [name for name in list(model.pin.names)[1:] if name not in model.joint_names]
+    assert followers and not notes
+    for name in followers:
+        joint = scene.joints[name]
+        assert (joint.friction.viscous, joint.friction.coulomb, joint.armature) == (0.0, 0.0, 0.0)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Even times, no lag, derivatives; faults of a recording are reported or refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -213,3 +215,11 @@ def test_stretches_between_gaps_are_used_from_the_shortest_on(count, lost):
     pieces, notes = _pieces(record(t=time), 0.002, 0.0)
     assert sum(len(piece.time) for piece in pieces) == len(time) - lost
     assert any(note.startswith(f"{lost} rows") for note in notes) == (lost > 0)
+
+
+@pytest.mark.parametrize(("band", "every"), [(20.0, 12), (62.5, 4), (63.0, 3), (150.0, 1)])
+def test_rows_are_left_out_only_where_the_others_say_all(band, every):
+    made = prepare(record(), band=band)
+    assert made.every == every
+    assert made.independent == pytest.approx(2.0 * band / RATE)
+    assert replace(made, band=np.inf).every == replace(made, band=np.inf).independent == 1

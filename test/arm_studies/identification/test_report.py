@@ -2,12 +2,15 @@
 """The words of a report say of each joint what is known of it, and no more."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from pictures import written
 
 from arm_dynamics import Dynamics
 from arm_studies.identification import Identification, JointRecord, identify
+from arm_studies.identification.figures import draw_friction, draw_torques
 from arm_studies.identification.regression.friction_columns import JointFit
 from arm_studies.identification.report import friction_words, residual, share, text
 
@@ -42,3 +45,104 @@ def test_an_unknown_error_is_not_a_number(found: Identification, tmp_path) -> No
     assert share(0.0123, 1) == "1.2%"
     page = text(rests, tmp_path / "arm.yaml", ["run"], [tmp_path / "a.png", tmp_path / "b.png"])
     assert "**unknown**" in page and "nan" not in page
+
+
+def rows_of(page: str, heading: str) -> list[list[str]]:
+    """Rows of the first table after a heading."""
+    lines = page.partition(heading)[2].splitlines()
+    table = [line for line in lines if line.startswith("| ")]
+    end = next(k for k, line in enumerate(lines[lines.index(table[0]) :]) if not line)
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in table[2:end]]
+
+
+def test_the_report_has_each_parameter_with_its_interval_and_each_body(
+    found: Identification,
+) -> None:
+    given = replace(
+        found, scales=np.array([1.0, 2.5]), effort_band=7.25, band=12.5, condition=33.0,
+        error=(0.01, 0.25), notes=("first", "second"),
+    )  # fmt: skip
+    page = text(given, Path("x/arm.yaml"), ["run", "other"], [Path("a.png"), Path("b.png")])
+    assert page.startswith("# arm: identified from run, other\n")
+    assert "held-out data: **1.00%**, of the nominal scene 25.00%." in page
+    assert "low-pass filter: 12.5 Hz. Condition number of the motion: 33." in page
+    assert "Predictions are low-pass filtered at 7.25 Hz." in page
+    assert "Torque per unit of effort: shoulder 1, elbow 2.5" in page
+    assert "## Notes\n\n- first\n- second\n" in page
+    assert "![Torques](a.png)\n\n![Friction](b.png)" in page
+    rows = {row[0]: row[1:] for row in rows_of(page, "## Identified parameters")}
+    assert len(rows) == len(given.parameters.keys() - given.missing.keys())
+    value, interval, scene, nominal = rows["elbow: Coulomb"]
+    assert (float(value), nominal) == (pytest.approx(0.6, rel=1e-2), "")
+    low, high = map(float, interval.split(" to "))
+    assert (low, high) == pytest.approx(given.intervals["elbow.coulomb"], rel=1e-3)
+    assert float(scene) == pytest.approx(given.written["elbow.coulomb"], rel=1e-4)
+    for name, before in given.nominal.items():
+        assert name in given.missing or float(rows[name][3]) == pytest.approx(before, rel=1e-4)
+    reasons = rows_of(page, "## Not identified")
+    assert [row[1] for row in reasons] == list(given.missing.values())
+    for row, name, body in zip(
+        rows_of(page, "## Bodies"), given.body_names, given.bodies, strict=True
+    ):
+        assert row[0] == name and float(row[1]) == pytest.approx(body[0], rel=1e-3)
+        centre = [float(x) for x in row[2].split(",")]
+        np.testing.assert_allclose(centre, body[1:4] / body[0], rtol=1e-3, atol=1e-9)
+    plain = text(found, Path("arm.yaml"), ["run"], [Path("a.png"), Path("b.png")])
+    assert "Torque per unit" not in plain and "Predictions are" not in plain
+
+
+def test_figures_show_torques_residuals_and_the_law_of_friction(
+    found: Identification, tmp_path: Path
+) -> None:
+    unknown = replace(
+        found, torque_error=found.torque_error | {"elbow": np.nan},
+        friction=(found.friction[0], None),
+    )  # fmt: skip
+    with written() as figures:
+        draw_torques(unknown, tmp_path / "torques.png")
+        draw_friction(unknown, tmp_path / "friction.png")
+    shown = found.torques
+    axes = np.reshape(figures[0].axes, (2, 2))
+    for j, (left, right) in enumerate(axes):
+        nominal, measured, predicted = (line.get_ydata() for line in left.lines)
+        for drawn, column in (
+            (nominal, shown.nominal), (measured, shown.measured), (predicted, shown.predicted),
+        ):  # fmt: skip
+            np.testing.assert_array_equal(drawn, column[:, j])
+        np.testing.assert_array_equal(right.lines[0].get_ydata(), measured - predicted)
+        span = left.lines[0].get_xdata()[-1]
+        assert span == pytest.approx(np.ptp(shown.time), rel=1e-6)
+        (shade,) = left.patches
+        first, last = np.flatnonzero(shown.held_out)[[0, -1]]
+        times = shade.get_x(), shade.get_x() + shade.get_width()
+        expected = shown.time[[first, last]] - shown.time[0]
+        np.testing.assert_allclose(times, expected, atol=1e-6)
+    names = [line.get_label() for line in axes[0, 0].lines]
+    assert names == ["nominal", "measured", "predicted"]
+    assert axes[0, 1].get_title() == f"error {found.torque_error['shoulder']:.1%} on held-out data"
+    assert axes[1, 1].get_title() == "unknown error on held-out data"
+    shoulder, elbow = figures[1].axes
+    assert (shoulder.get_title(), elbow.get_title()) == ("shoulder", "elbow")
+    np.testing.assert_array_equal(
+        elbow.lines[0].get_xydata().T, [shown.v[:, 1], shown.friction[:, 1]]
+    )
+    v, law = shoulder.lines[1].get_xydata().T
+    assert len(elbow.lines) == 1  # of a joint whose friction is unknown only points
+    expected = 0.4 * v + 0.6 * np.sign(v)
+    np.testing.assert_allclose(law, expected, rtol=0.02, atol=0.02)
+    assert np.isnan(law).sum() == 1 and np.nanmax(v) == np.nanmax(abs(shown.v[:, 0]))
+
+
+def test_a_figure_of_five_joints_has_two_rows(found: Identification, tmp_path: Path) -> None:
+    shown = found.torques
+    wide = {
+        name: np.resize(getattr(shown, name), (len(shown.time), 5))
+        for name in ("measured", "predicted", "nominal", "v", "friction")
+    }
+    more = replace(
+        found, joint_names=tuple("abcde"), friction=5 * (None,), torques=replace(shown, **wide)
+    )
+    with written() as figures:
+        draw_friction(more, tmp_path / "friction.png")
+    visible = [axis.get_visible() for axis in figures[0].axes]
+    assert visible == 5 * [True] + 3 * [False]

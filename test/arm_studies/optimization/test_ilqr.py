@@ -246,11 +246,23 @@ def test_what_is_refused() -> None:
         optimizer.start(sim.arm.x, np.zeros((3, 2)))
     with pytest.raises(InvalidInput, match="x0 has shape"):
         optimizer.start(np.full(4, np.nan), np.zeros((NODES, 2)))
+    with pytest.raises(InvalidInput, match="x0 has shape"):
+        optimizer.start([0.0, np.nan, 0.0, 0.0], np.zeros((NODES, 2)))
     for nodes in (1, NODES - 1):
         with pytest.raises(InvalidInput, match="the cost has x and u of shapes .* needs "):
             ILQR([Phase(sim, nodes)], cost).solve(sim.arm.x, np.zeros((nodes, 2)))
     with pytest.raises(InvalidInput, match="above zero"):
         QuadraticCost(cost.x, cost.x_weight, cost.u, 0.0 * cost.u)
+    for name, words in (
+        ("x_weight", "x_weight holds negative numbers"),
+        ("u_weight", "above zero"),
+    ):
+        weights = {"x_weight": cost.x_weight.copy(), "u_weight": cost.u_weight.copy()}
+        weights[name][1, 1] = -1e-9
+        with pytest.raises(InvalidInput, match=words):
+            QuadraticCost(cost.x, weights["x_weight"], cost.u, weights["u_weight"])
+    with pytest.raises(InvalidInput, match="equal ones of"):
+        QuadraticCost(cost.x, cost.x_weight[:, 1:], cost.u, cost.u_weight)
     with pytest.raises(InvalidInput, match="one more is expected"):
         QuadraticCost(cost.x[1:], cost.x_weight[1:], cost.u, cost.u_weight)
     with pytest.raises(SimulationDiverged):

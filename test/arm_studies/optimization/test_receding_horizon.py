@@ -83,3 +83,7 @@ def test_what_is_refused() -> None:
         RecedingHorizon(Dynamics(scene(friction={"coulomb": 1.0})))
     with pytest.raises(InvalidInput, match=r"at least 0.71"):
         RecedingHorizon(Dynamics(scene()), damping_ratio=0.1)
+    for gains in ({"bandwidth": [20.0, 0.0]}, {"damping_ratio": [1.0, 0.7]}):
+        with pytest.raises(InvalidInput, match="allowed: numbers above 0, and of at least 0.71"):
+            RecedingHorizon(Dynamics(scene()), **gains)
+    RecedingHorizon(Dynamics(scene()), bandwidth=[20.0, 30.0], damping_ratio=[1.0, 0.71])

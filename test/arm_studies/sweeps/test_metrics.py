@@ -51,6 +51,18 @@ def test_a_joint_may_overshoot_downwards() -> None:
     assert found == [pytest.approx(0.15, rel=1e-14)] * 2
 
 
+def test_errors_and_work_of_all_joints_count() -> None:
+    """Both joints move and brake; the second ends farther off than the first."""
+    q = np.array([[0.0, 0.0], [0.5, -1.0], [0.4, -2.0]])
+    reference = np.array([[0.9, 0.0], [0.5, -1.0], [0.5, -1.7]])
+    torque, none = np.array([[2.0, 3.0], [4.0, -5.0]]), np.full(2, np.inf)
+    made = MeasuredRun(DT, q, reference, torque, torque, none, np.array([-none, none]))
+    names = ["final_error", "final_error.first", "tracking_max", "energy", "energy.second",
+             "saturation", "stop_time"]  # fmt: skip
+    wanted = [0.3, 0.1, 0.9, 2.0 * 0.5 + 3.0 + 4.0 * 0.1 + 5.0, 8.0, 0.0, 0.0]
+    assert measured(made, names, ("first", "second")) == pytest.approx(wanted, rel=1e-12)
+
+
 def test_each_metric_is_tested() -> None:
     tested = {mark.args[1][k][0].partition(".")[0] for mark in test_metrics.pytestmark  # type: ignore[attr-defined]
               for k in range(len(mark.args[1]))}  # fmt: skip

@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pictures import written
 
 from arm_dynamics import InvalidInput
-from arm_studies.sweeps import Sweep, sweep
-from arm_studies.sweeps.figures import groups
+from arm_studies.sweeps import Sweep, load_study, sweep
+from arm_studies.sweeps.figures import draw, groups
 from arm_studies.sweeps.pace import Pace
 from arm_studies.sweeps.sharing import Result
+from arm_studies.sweeps.table import Table
 from arm_studies.sweeps.world import Row
 
 STUDY: dict[str, Any] = {
@@ -90,3 +92,63 @@ def test_a_kind_of_which_nothing_is_known_is_taken_for_the_others() -> None:
         pace.note(result("quick", 2, 2.0), float(k))
     assert pace.remaining(3.0) == pytest.approx(4 * 1.0 / 2.0)
     assert np.isfinite(pace.remaining(3.0) or np.inf)
+
+
+def drawn(columns: dict[str, Any], varied: dict[str, Any], tmp_path: Path) -> list[Any]:
+    """Figures of a table with these columns."""
+    study = load_study({"scene": "two_link", "duration": 0.1, "vary": varied})
+    metrics = tuple(name for name in columns if name not in varied)
+    arrays = {name: np.array(values) for name, values in columns.items()}
+    table = Table(arrays | {"run": np.arange(len(arrays[metrics[0]]))}, tuple(varied), metrics)
+    with written() as figures:
+        paths = draw(study, table, tmp_path)
+    names = ["scatter.png", "distribution.png"][2 - len(figures) :]
+    assert paths == [tmp_path / name for name in names]
+    return figures
+
+
+def test_figures_of_a_sweep_show_each_group_over_each_number(tmp_path: Path) -> None:
+    damping = "joints.elbow.friction.viscous"
+    scatter, distribution = drawn(
+        {
+            "controller": ["pd", "float", "pd", "float"],
+            "gravity_scale": [1.0, 2.0, 3.0, 4.0],
+            damping: [0.001, 0.01, 0.1, 1.0],
+            "tracking_rms": [4.0, 1.0, 2.0, np.nan],
+            "energy": [1.0, 10.0, 100.0, 1000.0],
+            "saturated": [0.0, 0.0, 0.0, 0.0],  # nothing to see
+        },
+        {
+            "controller": ["pd", "float"],
+            "gravity_scale": {"uniform": [1.0, 4.0]},
+            damping: {"log_uniform": [0.001, 1.0]},
+        },
+        tmp_path,
+    )
+    axes = np.reshape(scatter.axes, (2, 2))
+    assert [axis.get_xlabel() for axis in axes[1]] == ["gravity_scale", damping]
+    assert [axis.get_ylabel() for axis in axes[:, 0]] == [
+        "tracking_rms [rad, m]", "energy [J]"
+    ]  # fmt: skip
+    assert [axis.get_yscale() for axis in axes[:, 0]] == ["linear", "log"]
+    assert [axis.get_xscale() for axis in axes[0]] == ["linear", "log"]
+    pd, float_ = (points.get_offsets() for points in axes[0, 1].collections)
+    assert pd.tolist() == [[0.001, 4.0], [0.1, 2.0]] and float_[0].tolist() == [0.01, 1.0]
+    assert [text.get_text() for text in axes[0, 0].get_legend().texts] == ["pd", "float"]
+    first, second = distribution.axes
+    assert first.get_ylabel() == "share of runs below" and second.get_xscale() == "log"
+    pd, float_ = (line.get_xydata().tolist() for line in first.lines)
+    assert pd == [[2.0, 0.5], [4.0, 1.0]] and float_ == [[1.0, 1.0]]
+    assert [text.get_text() for text in first.get_legend().texts] == ["pd", "float"]
+
+
+def test_without_a_number_there_is_no_scatter_and_without_a_metric_nothing(tmp_path: Path) -> None:
+    words = {"controller": ["pd", "float"]}
+    (only,) = drawn({**words, "energy": [1.0, 2.0]}, words, tmp_path)
+    assert only.axes[0].get_xlabel() == "energy [J]" and only.axes[0].get_xscale() == "linear"
+    assert drawn({**words, "energy": [1.0, 1.0]}, words, tmp_path) == []
+    numbers: dict[str, Any] = {"sim.dt": {"uniform": [0.001, 0.002]}}
+    scatter, distribution = drawn(
+        {"sim.dt": [0.001, 0.002], "energy": [1, 2.0]}, numbers, tmp_path
+    )
+    assert scatter.axes[0].get_legend() is None and distribution.axes[0].get_legend() is None

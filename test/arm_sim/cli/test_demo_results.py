@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers and figure of a demo run, from what was observed."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pictures import written
+from rich.console import Console
+
+import models
+from arm_sim.cli.demo.course import _follow, _progress, _report
+from arm_sim.cli.demo.figure import draw
+from arm_sim.cli.demo.observer import _FIELDS, Observer, Seen
+from arm_sim.cli.demo.processes import DemoFailed
+from arm_sim.cli.demo.report import complaints, numbers, remarks, result_table
+
+TIME = np.linspace(0.0, 2.0, 201)
+NAMES = ("left_shoulder", "left_elbow")
+TORQUE = np.column_stack([np.sin(TIME), -3.0 * np.cos(TIME)])
+CLOCK: dict[str, Any] = {
+    "loop": {
+        "ticks": 1990, "elapsed": 2.0, "missed": 3, "dropped": 1,
+        "lateness": {"p50": 1e-6, "p99": 2e-6, "max": 3e-6},
+    },
+    "round_trip": {"count": 1980, "p50": 4e-5, "p99": 5e-5, "max": 6e-5},
+}  # fmt: skip
+
+
+def seen(**changed: Any) -> Seen:
+    """Two joints, of which the second has the larger error; it grows after the motion."""
+    error = np.column_stack([0.0 * TIME, np.where(TIME <= 1.5, 4e-3 * np.sin(20 * TIME), -0.9)])
+    reference = np.column_stack([TIME, -TIME])
+    energy = np.zeros((3, 6))
+    energy[:, 3], energy[:, 4], energy[:, 5] = [0.0, 5.0, 3.0], [0.0, 1.0, 2.0], [0.0, 1e-6, -2e-6]
+    parts: dict[str, Any] = {
+        "time": TIME, "reference": reference, "position": reference - error, "error": error,
+        "effort": TORQUE, "asked_time": TIME[::2], "asked_effort": TORQUE[::2] + [0.0, -0.2],
+        "asked_for": TORQUE[::2], "latencies": np.array([1e-3, 3e-3, 2e-3]), "energy": energy,
+    }  # fmt: skip
+    return Seen(**parts | changed)
+
+
+def told(observed: Seen) -> Any:
+    motion: Any = SimpleNamespace(
+        model=models.dynamics("two_link").model, trajectory=SimpleNamespace(duration=1.5),
+        waypoints=[SimpleNamespace(q=[9.0, 9.0]), SimpleNamespace(q=[2.0, -1.0])],
+        effort_share=0.3,
+    )  # fmt: skip
+    return numbers(motion, observed, CLOCK)
+
+
+def test_numbers_are_those_of_the_motion() -> None:
+    n = told(seen())
+    assert (n.joints, n.unit, n.duration, n.effort_share) == (2, "rad", 1.5, 0.3)
+    assert (n.ticks, n.rate, n.wanted_rate) == (1990, 995.0, 1000.0)
+    assert (n.missed, n.dropped, n.commands) == (3, 1, 1980)
+    assert (n.lateness_p50, n.lateness_p99, n.lateness_max) == (1e-6, 2e-6, 3e-6)
+    assert (n.round_trip_p50, n.round_trip_p99, n.round_trip_max) == (4e-5, 5e-5, 6e-5)
+    assert (n.questions, n.service_p50, n.service_max) == (3, 2e-3, 3e-3)
+    assert n.service_p99 == pytest.approx(3e-3, rel=0.01)
+    assert n.torque_difference == pytest.approx(0.2)
+    assert n.error_max == pytest.approx(4e-3, rel=0.01)  # before the motion's end
+    assert n.error_rms == pytest.approx(4e-3 / 2, rel=0.05)  # of a sine, in one of two joints
+    assert n.goal_distance == pytest.approx(0.1)  # it ended at -1.1
+    assert (n.energy_moved, n.energy_dissipated, n.energy_balance) == (7.0, 2.0, 2e-6)
+
+
+def test_without_answers_there_are_no_numbers_of_the_service() -> None:
+    nothing = np.zeros((0, 2))
+    n = told(seen(asked_effort=nothing, asked_for=nothing, latencies=np.zeros(0)))
+    assert n.questions == 0
+    assert np.isnan([n.service_p50, n.service_p99, n.service_max, n.torque_difference]).all()
+
+
+def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> None:
+    observed, file = seen(), tmp_path / "demo.png"
+    with written() as figures:
+        draw(file, observed, NAMES, ("revolute", "revolute"), 3.0, "Two links")
+    (figure,) = figures
+    assert file.stat().st_size > 10_000
+    position, error, torque = figure.axes
+    for k in range(2):
+        np.testing.assert_array_equal(position.lines[k].get_ydata(), observed.position[:, k])
+        np.testing.assert_array_equal(position.lines[2 + k].get_ydata(), observed.reference[:, k])
+        np.testing.assert_allclose(error.lines[k].get_ydata(), 1e3 * observed.error[:, k])
+        np.testing.assert_array_equal(torque.lines[k].get_ydata(), observed.effort[:, k])
+        circles = torque.lines[2 + k]
+        assert set(circles.get_ydata()) < set(observed.asked_effort[:, k])
+        assert 45 <= len(circles.get_xdata()) < 2 * 45 + 1
+        colors = {axis.lines[k].get_color() for axis in figure.axes}
+        assert colors == {circles.get_markeredgecolor()}  # of one joint
+    assert position.get_ylabel() == "position [rad]"
+    assert error.get_ylabel() == "error [mrad]" and torque.get_ylabel() == "torque [N m]"
+    assert position.lines[2].is_dashed() and not position.lines[0].is_dashed()
+    assert torque.get_xlim() == (0.0, 3.0) and torque.get_xlabel() == "time [s]"
+    assert [text.get_text() for text in figure.legends[0].texts] == ["shoulder", "elbow"]
+
+
+def test_a_figure_reaches_to_the_last_sample_and_has_a_suitable_prefix(tmp_path: Path) -> None:
+    observed = seen(error=np.full((201, 2), 2e-8))
+    with written() as figures:
+        draw(tmp_path / "demo.png", observed, ("a", "b"), ("prismatic", "revolute"), 1.5, "Robot")
+    (figure,) = figures
+    _, error, torque = figure.axes
+    assert torque.get_xlim() == (0.0, 2.0)
+    assert error.get_ylabel() == "error [nrad, nm]"
+    np.testing.assert_allclose(error.lines[0].get_ydata(), 20.0)
+    assert [text.get_text() for text in figure.legends[0].texts] == ["a", "b"]
+
+
+def test_the_table_has_the_numbers_in_readable_units() -> None:
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(result_table(told(seen())))
+    lines = [" ".join(line.split()) for line in console.export_text().splitlines()]
+    for line in (
+        "two_link, 2 joints",
+        "ticks 1990 3 late by more than a tick, 1 dropped",
+        "rate 995.00 Hz 1000 Hz expected",
+        "lateness 1 µs median; p99 2 µs, max 3 µs",
+        "command round trip 40 µs median; p99 50 µs, max 60 µs",
+        "commands 1980 of 1990 states answered",
+        "service latency 2000 µs median; p99 2980 µs, max 3000 µs",
+        "torque queries 3 within 0.2 N m of the command",
+        "tracking error RMS 2.0e-03 rad 1.1e-01 degrees",
+        "tracking error max 4.0e-03 rad 2.3e-01 degrees",
+        "energy balance 2.0e-06 J off at most; the drives moved 7 J",
+    ):
+        assert line in lines
+    sliding = replace(told(seen()), unit="m")
+    console.print(result_table(sliding))
+    assert "degrees" not in console.export_text()
+
+
+@pytest.mark.parametrize(
+    ("changed", "complaint"),
+    [
+        ({}, None),
+        ({"rate": 800.0}, None),
+        ({"rate": 799.0}, "the simulator executed 799.0 ticks per second instead of 1000"),
+        ({"commands": 150}, None),
+        ({"commands": 149}, "only 149 of 1990 states were answered by a command"),
+        ({"questions": 0}, "the dynamics node answered no torque query"),
+        ({"error_rms": 0.02, "goal_distance": 0.02}, None),
+        ({"error_rms": 0.0201}, "tracking error 0.0201 rad RMS; allowed: 0.02"),
+        ({"error_rms": float("nan")}, "tracking error nan rad RMS"),
+        ({"goal_distance": 0.03}, "the arm stopped 0.03 rad from its goal; allowed: 0.02"),
+    ],
+)
+def test_a_loop_is_closed_within_limits(changed: dict[str, Any], complaint: str | None) -> None:
+    good = replace(told(seen()), goal_distance=0.0)
+    found = complaints(replace(good, **changed))
+    assert found == [] if complaint is None else len(found) == 1 and complaint in found[0]
+    assert bool(remarks(replace(good, **changed))) == (replace(good, **changed).rate < 990.0)
+
+
+def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
+    """Nothing of before it began, and only answers that succeeded."""
+    observer = Observer(["a", "b"], 0, lambda: None)
+
+    def state(seconds: float) -> Any:
+        numbers = {name: [seconds, k] for k, name in enumerate(_FIELDS)}
+        whole, part = divmod(round(1e9 * seconds), 1_000_000_000)
+        stamp = SimpleNamespace(sec=whole, nanosec=part)
+        return SimpleNamespace(header=SimpleNamespace(stamp=stamp), **numbers)
+
+    observer.start = 2_000_000_000
+    observer._states = [state(s) for s in (1.9, 2.0, 2.5, 3.25)]
+    observer._questions = [
+        (observer._states[k], 0.01 * k, SimpleNamespace(success=ok, effort=[k, -k]))
+        for k, ok in ((1, True), (2, False), (3, True))
+    ]
+    parts = "kinetic", "potential", "total", "input", "dissipated", "balance"
+    observer._energies = [SimpleNamespace(**{name: k for k, name in enumerate(parts)})]
+    found = observer.seen()
+    np.testing.assert_allclose(found.time, [0.0, 0.5, 1.25])
+    for k, name in enumerate(("reference", "position", "error", "effort")):
+        np.testing.assert_array_equal(getattr(found, name), [[2.0, k], [2.5, k], [3.25, k]])
+    np.testing.assert_allclose(found.asked_time, [0.0, 1.25])
+    np.testing.assert_array_equal(found.asked_effort, [[1, -1], [3, -3]])
+    np.testing.assert_array_equal(found.asked_for, [[2.0, 3], [3.25, 3]])
+    np.testing.assert_allclose(found.latencies, [0.01, 0.03])
+    np.testing.assert_array_equal(found.energy, [np.arange(6.0)])
+    assert observer.now() == pytest.approx(1.25)
+    observer._energies = []
+    assert observer.seen().energy.shape == (0, 6)
+
+
+class Watched:
+    """An observer of a motion that comes as far as is said, and processes with logs."""
+
+    def __init__(self, sends: bool, ends: float) -> None:
+        self.sends, self.ends, self.patience = sends, ends, 0.0
+
+    def send(self, waypoints: Any) -> bool:
+        return self.sends
+
+    def now(self) -> float:
+        return self.ends
+
+    def until(self, condition: Any, timeout: float) -> bool:
+        self.patience = timeout
+        return bool(condition())
+
+    def tail(self, name: str) -> str:
+        return f"the log of {name}"
+
+
+def test_a_motion_is_waited_for_half_as_long_again_and_ten_seconds() -> None:
+    motion: Any = SimpleNamespace(trajectory=SimpleNamespace(duration=4.0), waypoints=[])
+    for ends, arrives in ((4.3, True), (4.29, False)):
+        both: Any = Watched(True, ends)
+        if arrives:
+            _follow(motion, both, both)
+        else:
+            with pytest.raises(DemoFailed, match=r"only 4.29 s of the motion of 4 s .* 16 s;"):
+                _follow(motion, both, both)
+        assert both.patience == 16.0
+    neither: Any = Watched(False, 0.0)
+    with pytest.raises(DemoFailed, match="did not follow .*\n.*the log of controller"):
+        _follow(motion, neither, neither)
+
+
+def test_without_a_terminal_progress_is_lines_of_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [10.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    screen = io.StringIO()
+    with _progress(Console(file=screen)) as (say, go_on):
+        say("starting")
+        for passed in (1.0, 1.0, 1.0, 1.0):
+            now[0] += passed
+            go_on(0.5)
+        say("stopping")
+        go_on(0.9)
+    assert screen.getvalue().splitlines() == ["starting …", "  2 s", "  4 s", "stopping …"]
+
+
+def test_a_report_is_written_before_it_is_complained_of(tmp_path: Path) -> None:
+    motion: Any = SimpleNamespace(model=models.dynamics("two_link").model)
+    console = Console(width=120, record=True, file=io.StringIO())
+    good = replace(told(seen()), goal_distance=0.0, rate=985.0)
+    _report(tmp_path, motion, seen(), good, console)
+    said = console.export_text()
+    assert "note: the simulator executed 985.0 ticks per second instead of 1000" in said
+    assert f"figure:  {tmp_path / 'demo.png'}" in said and "torque queries" in said
+    kept = json.loads((tmp_path / "demo.json").read_text())
+    assert kept.pop("time").startswith("20") and kept == asdict(good)
+    (tmp_path / "demo.json").unlink()
+    with pytest.raises(DemoFailed, match="the loop was not closed:\n  the arm stopped 0.5 rad"):
+        _report(tmp_path, motion, seen(), replace(good, goal_distance=0.5), console)
+    assert (tmp_path / "demo.json").exists()
