@@ -121,7 +121,7 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "mimics itself": (
         changed('<parent link="link1"/>', '<parent link="link1"/><mimic joint="joint2"/>'),
-        ("joint2",),
+        ("joint2", "mimics 'joint2', which is that joint itself; allowed: joint1, joint3"),
     ),
     "mimics by NaN": (
         changed(

@@ -335,9 +335,9 @@ def _mimics(joints: dict[str, ElementTree.Element], kinds: dict[str, str]) -> di
             allowed = known_names(others) + (
                 "" if leader in kinds else did_you_mean(leader, others)
             )
-            raise ModelError(
-                f"joint '{name}': mimics {leader!r}, which does not move; allowed: {allowed}"
-            )
+            why = "is not a joint" if leader not in kinds else "does not move"
+            why = "is that joint itself" if leader == name else why
+            raise ModelError(f"joint '{name}': mimics {leader!r}, which {why}; allowed: {allowed}")
         rules[name] = Mimic(
             leader, float(element.get("multiplier", "1")), float(element.get("offset", "0"))
         )
