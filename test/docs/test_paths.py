@@ -72,7 +72,10 @@ class Typed:
                 except OSError:  # the other end is closed
                     ended = True
                     self.process.wait()
-                self.silent = max(self.silent, (time.monotonic() - last) / slow_now[0])
+                silent = time.monotonic() - last
+                if silent > SILENT * slow_now[0]:  # others may have become busy meanwhile
+                    slow_now[0] = max(slow_now[0], slow())
+                self.silent = max(self.silent, silent / slow_now[0])
                 last = time.monotonic()
                 if ended or (enough and re.search(enough, self.said)):
                     return
