@@ -210,7 +210,7 @@ def _rollouts(results: Record) -> str:
 def _rates(rows: list[Record], key: str) -> str:
     arms = list(dict.fromkeys(r["arms"] for r in rows))
     value = {(r["robot"], r["who"], r["arms"]): number(r[key] / 1e3) for r in rows}
-    body = [(*k, *(value[(*k, a)] for a in arms))
+    body = [(*k, *(value.get((*k, a), "") for a in arms))
             for k in dict.fromkeys((r["robot"], r["who"]) for r in rows)]  # fmt: skip
     return table(("robot", "who", *map(str, arms)), body)
 

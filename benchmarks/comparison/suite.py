@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import datetime
+import logging
 import platform
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, version
@@ -70,6 +71,8 @@ def run(quick: bool, only: Sequence[str], console: Console) -> Iterator[Record]:
         After each study everything measured so far, as plain data: ``about``, one entry a study,
         ``targets``, ``claims``.
     """
+    # Steps that are too long for a scene are part of what is measured.
+    logging.getLogger("arm_sim").setLevel(logging.ERROR)
     peers, missing = installed()
     for name, reason in missing.items():
         console.print(f"left out: {name} ({reason})")

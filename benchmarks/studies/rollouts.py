@@ -19,6 +19,8 @@ STEP = 1e-3
 STEPS = 50
 ARMS = (1, 8, 64, 1024)
 QUICK_ARMS = (8, 512)
+ON_WARP = ("MuJoCo Warp Euler", "Newton Euler")  # on one thread of the processor
+FEWEST_ON_WARP = 64  # a step of one arm takes nearly as long as one of as many
 
 
 class Fleet(Protocol):
@@ -41,8 +43,8 @@ def peers() -> Fleets:
     if find_spec("newton") and find_spec("mujoco_warp"):
         from benchmarks.peers import mujoco_warp, newton
 
-        found["MuJoCo Warp Euler"] = mujoco_warp.fleet("cpu", STEP, STEPS)
-        found["Newton Euler"] = newton.fleet("cpu", STEP, STEPS)
+        modules = mujoco_warp, newton
+        found |= {w: m.fleet("cpu", STEP, STEPS) for w, m in zip(ON_WARP, modules, strict=True)}
     return found
 
 
@@ -98,10 +100,11 @@ def _samples(
 ) -> dict[tuple[str, int, int], Sample]:
     samples: dict[tuple[str, int, int], Sample] = {}
     for who, build in fleets.items():
-        for threads in sorted({1, cores}):
+        for threads in (1,) if who in ON_WARP else sorted({1, cores}):
             fleet = build(robot, threads)
             for arms in QUICK_ARMS if bench.quick else ARMS:
-                samples[who, threads, arms] = _sample(fleet, robot, arms)
+                if who not in ON_WARP or arms >= FEWEST_ON_WARP:
+                    samples[who, threads, arms] = _sample(fleet, robot, arms)
     return samples
 
 
