@@ -113,7 +113,8 @@ def _errors(results: Record) -> Iterator[Line]:
     for robot, scenario, target in keys:
         some = [r for r in rows if (r["robot"], r["scenario"], r["target_rad"])
                 == (robot, scenario, target)]  # fmt: skip
-        yield from _line(f"1 s of {robot}, {scenario}, to {target:g} rad", some, "cpu_s")
+        moved = f"{some[0]['duration_s']:g} s of {robot}, {scenario}"
+        yield from _line(f"{moved}, to {target:g} rad", some, "cpu_s")
 
 
 def _chains(results: Record) -> Iterator[Line]:

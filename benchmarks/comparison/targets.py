@@ -58,6 +58,7 @@ def table(points: list[Record], ours: str) -> list[Record]:
                     {
                         "robot": robot,
                         "scenario": scenario,
+                        "duration_s": here[0]["duration_s"],
                         "target_rad": target,
                         "family": family,
                         "method": found[1] if found else None,

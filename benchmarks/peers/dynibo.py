@@ -3,23 +3,19 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import dynibo
 import numpy as np
 
 from benchmarks.measurement.timing import Job, cpu
 from benchmarks.peers.pinocchio import BATCH, states
 from benchmarks.robots.models import Robot
+from benchmarks.robots.urdf import in_file
 
 
 def interpreted(robot: Robot) -> Job:
     """Seconds for one ``forward_dynamics`` called from Python, which writes where it is told."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.urdf"
-        path.write_text(robot.urdf)
-        arm = dynibo.Robot.from_urdf(str(path))
+    with in_file(robot.urdf) as path:
+        arm = dynibo.Robot.from_urdf(path)
     some = [tuple(x[:, k].copy() for x in states(robot)) for k in range(BATCH)]
     out = np.empty(robot.n)
 

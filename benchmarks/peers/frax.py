@@ -4,17 +4,16 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import time
 import warnings
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import jax
 
 from benchmarks.measurement.timing import Job
 from benchmarks.peers.pinocchio import BATCH, states
 from benchmarks.robots.models import Robot
+from benchmarks.robots.urdf import in_file
 
 # As it advises for one core, before JAX looks for processors.
 FLAGS = (
@@ -56,7 +55,5 @@ def _arm(robot: Robot) -> frax.Robot:
     for link in tree.iter("link"):
         if link.find("inertial") is None:
             link.append(ET.fromstring(BASE))
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.urdf"
-        path.write_text(ET.tostring(tree, encoding="unicode"))
-        return frax.Robot(str(path))
+    with in_file(ET.tostring(tree, encoding="unicode")) as path:
+        return frax.Robot(path)

@@ -3,25 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import mujoco
 import mujoco_warp
 import numpy as np
 import warp
 
 from benchmarks.peers.mujoco import compile_model
-from benchmarks.peers.warp_fleet import WarpFleet
 from benchmarks.robots.models import Robot
 
 UNKNOWN = ("MIDPHASE", "AUTORESET")  # switches of MuJoCo that it refuses
-
-
-def fleet(device: str, step: float, steps: int) -> Callable[[Robot, int], WarpFleet]:
-    """A maker of fleets on a device."""
-    return lambda robot, _threads: WarpFleet(
-        lambda arms: World(robot, arms, device, step), device, robot.n, steps
-    )
 
 
 class World:

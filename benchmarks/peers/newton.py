@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import newton
 import numpy as np
 import warp
 
 from benchmarks.peers.base import TICK, Contestant, Vector, halvings
-from benchmarks.peers.warp_fleet import WarpFleet
 from benchmarks.robots.models import Robot
 
+warp.config.log_level = warp.LOG_ERROR  # before its first use, which prints
 FREE = ("joint_limit_ke", "joint_limit_kd", "joint_target_ke", "joint_target_kd", "joint_armature")
 """What it gives joints that a robot file does not ask for."""
 
@@ -95,10 +93,3 @@ class NewtonTrial:
         self.world.step()
         self.world.torque(np.zeros(self.n))
         return (self.state()[1] - v.astype(np.float32)) / self.world.length
-
-
-def fleet(device: str, step: float, steps: int) -> Callable[[Robot, int], WarpFleet]:
-    """A maker of fleets on a device."""
-    return lambda robot, _threads: WarpFleet(
-        lambda arms: World(robot, arms, device, step), device, robot.n, steps
-    )

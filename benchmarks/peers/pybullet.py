@@ -4,15 +4,14 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 
 from benchmarks.peers.base import TICK, Contestant, Vector, halvings
 from benchmarks.robots.models import Robot
+from benchmarks.robots.urdf import in_file
 
 
 @contextmanager
@@ -52,14 +51,11 @@ class BulletTrial:
         """Load the robot."""
         self.step_size = step
         self.client = bullet.connect(bullet.DIRECT)
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "robot.urdf"
-            path.write_text(robot.urdf)
-            flags = bullet.URDF_USE_INERTIA_FROM_FILE
-            with quiet():
-                self.body = bullet.loadURDF(
-                    str(path), useFixedBase=True, flags=flags, physicsClientId=self.client
-                )
+        flags = bullet.URDF_USE_INERTIA_FROM_FILE
+        with in_file(robot.urdf) as path, quiet():
+            self.body = bullet.loadURDF(
+                path, useFixedBase=True, flags=flags, physicsClientId=self.client
+            )
         self.joints = list(range(robot.n))
         self._bare(step)
 

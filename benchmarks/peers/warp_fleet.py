@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import warp
 
-warp.config.log_level = warp.LOG_ERROR  # before its first use, which prints
+from benchmarks.robots.models import Robot
 
 
 class World(Protocol):
@@ -26,6 +26,22 @@ class World(Protocol):
 
     def states(self) -> tuple[warp.array, warp.array]:
         """Positions and velocities now, arm by arm."""
+
+
+def fleet_maker(
+    world: Callable[[Robot, int, str, float], World], device: str, step: float, steps: int
+) -> Callable[[Robot, int], WarpFleet]:
+    """A maker of fleets for the studies.
+
+    Args:
+        world: Makes a world of a robot, a number of arms, a device and the length of a step [s].
+        device: Of Warp: ``cpu`` or a graphics processor.
+        step: Length of a step [s].
+        steps: In a call.
+    """
+    return lambda robot, _threads: WarpFleet(
+        lambda arms: world(robot, arms, device, step), device, robot.n, steps
+    )
 
 
 class WarpFleet:

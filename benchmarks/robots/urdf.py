@@ -7,10 +7,24 @@ same differential equation.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import numpy as np
 import pinocchio as pin
 
 AXES = {"RX": (1, 0, 0), "RY": (0, 1, 0), "RZ": (0, 0, 1)}
+
+
+@contextmanager
+def in_file(urdf: str) -> Iterator[str]:
+    """The path of a temporary file with this text, for readers that want a file."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(urdf)
+        yield str(path)
 
 
 def plain_urdf(model: pin.Model) -> str:

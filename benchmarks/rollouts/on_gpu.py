@@ -7,15 +7,15 @@ import os
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import click
 import numpy as np
 
+from benchmarks.measurement.machine import processor
 from benchmarks.peers import ours
 from benchmarks.reporting.markdown import table
-from benchmarks.robots.models import Robot, panda
-from benchmarks.studies.rollouts import STEP, STEPS, Fleet
+from benchmarks.robots.models import panda
+from benchmarks.studies.rollouts import STEP, STEPS, Fleet, starts
 
 ARMS = (256, 1024, 4096, 16384, 65536)
 REPEATS = 5
@@ -35,7 +35,7 @@ def main(device: str, arms: tuple[int, ...]) -> None:
     try:
         import warp
 
-        from benchmarks.peers import mujoco_warp, newton
+        from benchmarks.peers import mujoco_warp, newton, warp_fleet
     except ImportError as error:
         raise click.ClickException(f"{error}: './arm bench' installs the peers") from None
     try:
@@ -50,31 +50,24 @@ def main(device: str, arms: tuple[int, ...]) -> None:
         for threads in sorted({1, cores})
     }
     peers = {
-        "MuJoCo Warp": mujoco_warp.fleet(device, STEP, STEPS)(robot, 1),
-        "Newton": newton.fleet(device, STEP, STEPS)(robot, 1),
+        who: warp_fleet.fleet_maker(world, device, STEP, STEPS)(robot, 1)
+        for who, world in (("MuJoCo Warp", mujoco_warp.World), ("Newton", newton.World))
     }
     rows: dict[str, list[str]] = {}
     for count in arms:
-        starts = _starts(robot, count)
+        some = starts(robot, count)
         for name, fleet in own.items():
-            ends = np.asarray(fleet(*starts))[:, -1, : robot.n].copy()
-            rows.setdefault(name, []).append(_rate(partial(fleet, *starts), count))
+            ends = np.asarray(fleet(*some))[:, -1, : robot.n].copy()
+            rows.setdefault(name, []).append(_rate(partial(fleet, *some), count))
         for name, fleet in peers.items():
-            if (off := abs(fleet(*starts)[-1, 0] - ends).max()) > SAME:
+            if (off := abs(fleet(*some)[-1, 0] - ends).max()) > SAME:
                 raise click.ClickException(f"{name} ends {off:.1e} rad from arm_sim")
-            copied, left = partial(fleet, *starts), partial(fleet.run, count)
+            copied, left = partial(fleet, *some), partial(fleet.run, count)
             rows.setdefault(f"{name}, copied to the host", []).append(_rate(copied, count))
             rows.setdefault(name, []).append(_rate(left, count))
         click.echo(f"{count} arms", err=True)
-    click.echo(f"{where}; {_processor()}, {cores} threads")
+    click.echo(f"{where}; {processor()}")
     click.echo(table(("who", *map(str, arms)), [(name, *row) for name, row in rows.items()]))
-
-
-def _starts(robot: Robot, arms: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, velocities and torques."""
-    rng = np.random.default_rng(0)
-    q0 = robot.q0 + rng.uniform(-0.1, 0.1, (arms, robot.n))
-    return q0, rng.uniform(-0.1, 0.1, q0.shape), rng.uniform(-1, 1, q0.shape)
 
 
 def _rate(call: Callable[[], object], count: int) -> str:
@@ -85,13 +78,6 @@ def _rate(call: Callable[[], object], count: int) -> str:
         call()
         times.append(time.perf_counter() - start)
     return f"{1e-6 * count * STEPS / float(np.median(times)):.3g}"
-
-
-def _processor() -> str:
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            return line.split(":", 1)[1].strip()
-    return "a processor"
 
 
 if __name__ == "__main__":

@@ -41,10 +41,11 @@ def peers() -> Fleets:
 
         found |= {f"MuJoCo {m}": mujoco_peer.fleet(m, STEP, STEPS) for m in ("Euler", "RK4")}
     if find_spec("newton") and find_spec("mujoco_warp"):
-        from benchmarks.peers import mujoco_warp, newton
+        from benchmarks.peers import mujoco_warp, newton, warp_fleet
 
-        modules = mujoco_warp, newton
-        found |= {w: m.fleet("cpu", STEP, STEPS) for w, m in zip(ON_WARP, modules, strict=True)}
+        worlds = mujoco_warp.World, newton.World
+        for who, world in zip(ON_WARP, worlds, strict=True):
+            found[who] = warp_fleet.fleet_maker(world, "cpu", STEP, STEPS)
     return found
 
 
@@ -109,9 +110,14 @@ def _samples(
 
 
 def _sample(fleet: Fleet, robot: Robot, arms: int) -> Sample:
+    some = starts(robot, arms)
+    fleet(*some)
+    return Sample(fleet, some, max(1, round(20_000 / (arms * STEPS))))
+
+
+def starts(robot: Robot, arms: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, velocities and torques, shape (arms, n) each, drawn at random."""
     rng = np.random.default_rng(0)
     q0 = robot.q0 + rng.uniform(-0.1, 0.1, (arms, robot.n))
     v0 = rng.uniform(-0.1, 0.1, (arms, robot.n))
-    tau = rng.uniform(-1, 1, (arms, robot.n))
-    fleet(q0, v0, tau)
-    return Sample(fleet, (q0, v0, tau), max(1, round(20_000 / (arms * STEPS))))
+    return q0, v0, rng.uniform(-1, 1, (arms, robot.n))

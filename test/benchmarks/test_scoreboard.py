@@ -17,12 +17,16 @@ RESULTS = {
     ]},
     "targets": [
         {"robot": "Panda", "scenario": "free", "target_rad": 1e-6, "family": OURS,
+         "duration_s": 1.0,
          "method": "dop853", "cpu_s": 1e-3, "ratio": 1.0},
         {"robot": "Panda", "scenario": "free", "target_rad": 1e-6, "family": "Drake",
+         "duration_s": 1.0,
          "method": "RK5", "cpu_s": 0.1, "ratio": 100.0},
         {"robot": "Panda", "scenario": "free", "target_rad": 1e-9, "family": OURS,
+         "duration_s": 1.0,
          "method": "dop853", "cpu_s": 2e-3, "ratio": 1.0},
         {"robot": "Panda", "scenario": "free", "target_rad": 1e-9, "family": "Drake",
+         "duration_s": 1.0,
          "method": None, "cpu_s": None, "ratio": None},
     ],
     "closed_chain": {"rows": [

@@ -71,20 +71,24 @@ def test_a_thread_may_build_within_a_build() -> None:
     assert one_at_a_time(one_at_a_time(lambda: 1))() == 1
 
 
+def compile_after(command: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compile after a command of the shell, with an empty cache."""
+    compiler = folder / "cc"
+    compiler.write_text(
+        f'#!/bin/sh\ncase $1 in --version) exec cc $1;; esac\n{command}\nexec cc "$@"\n'
+    )
+    compiler.chmod(0o755)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
+    monkeypatch.setenv("CC", str(compiler))
+
+
 def test_a_thread_builds_while_another_waits_for_the_compiler(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The first thread's compiler waits for a file that comes when the second has built."""
     built = tmp_path / "built"
-    slow = tmp_path / "cc"
-    slow.write_text(
-        f"#!/bin/sh\ncase $1 in --version) exec cc $1;; esac\n"
-        f"touch {tmp_path}/waits; timeout 30 sh -c 'until [ -e {built} ]; do sleep 0.01; done'\n"
-        'exec cc "$@"\n'
-    )
-    slow.chmod(0o755)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setenv("CC", str(slow))
+    wait = f"timeout 30 sh -c 'until [ -e {built} ]; do sleep 0.01; done'"
+    compile_after(f"touch {tmp_path}/waits; {wait}", tmp_path, monkeypatch)
     found = list[bool]()
 
     @one_at_a_time
@@ -115,14 +119,7 @@ def test_a_thread_builds_while_another_waits_for_the_compiler(
 def test_two_threads_that_want_the_same_compile_it_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    counting = tmp_path / "cc"
-    counting.write_text(
-        "#!/bin/sh\ncase $1 in --version) exec cc $1;; esac\n"
-        f'echo . >> {tmp_path}/runs\nsleep 0.2\nexec cc "$@"\n'
-    )
-    counting.chmod(0o755)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setenv("CC", str(counting))
+    compile_after(f"echo . >> {tmp_path}/runs; sleep 0.2", tmp_path, monkeypatch)
 
     @one_at_a_time
     def build() -> None:
