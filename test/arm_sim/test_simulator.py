@@ -139,7 +139,7 @@ def test_recording(sim: Simulator) -> None:
     run = sim.run(0.01, [500.0, 1.0, 2.0])
     assert len(run) == 11
     assert run.q.shape == run.v.shape == run.tau.shape == (11, 3)
-    assert run.time.shape == run.energy.shape == run.error.shape == (11,)
+    assert run.time.shape == run.energy.shape == run.local_error.shape == (11,)
     np.testing.assert_array_equal(run.time, np.arange(1, 12) * 1e-3)
     np.testing.assert_array_equal(run.tau, np.tile([80.0, 1.0, 2.0], (11, 1)))
     np.testing.assert_array_equal(run.q[-1], sim.state.q)

@@ -14,8 +14,10 @@ from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
+from arm_sim.recording.witness import Witness
 from arm_sim.stepping.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
+from arm_sim.stepping.trial import keeps_accuracy
 
 if TYPE_CHECKING:
     from arm_sim.derivatives import Derivatives
@@ -38,6 +40,14 @@ class CompiledScene:
         self.plant, self.choice, self.backend = plant, choice, backend
         self.stepper = Stepper(plant, choice, backend)
         self._controlled: tuple[CompiledControl, Stepper] | None = None
+
+    @classmethod
+    def chosen(cls, plant: Plant, choice: Choice, backend: str) -> CompiledScene:
+        """By a choice, or by what replaces it where steps of fixed length are too inaccurate."""
+        made = cls(plant, choice, backend)
+        if choice.instead is None or keeps_accuracy(plant, made.stepper, choice):
+            return made
+        return cls(plant, choice.instead, backend)
 
     def pushable(self) -> CompiledScene:
         """Copy with external joint torques, the quantity ``external``.
@@ -94,6 +104,11 @@ class CompiledScene:
         """Computes the energy account of motions, with dynamics of its own, in any thread."""
         own = PresentDynamics(self.plant)
         return EnergyAccount(self.plant, own, self.choice, self.backend)
+
+    @cached_property
+    def witness(self) -> Witness:
+        """Repeats motions by other means, to estimate their error."""
+        return Witness(self.plant, self.choice, self.backend)
 
     @built_once
     def plan(self) -> Plan:

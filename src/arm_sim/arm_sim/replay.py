@@ -17,7 +17,8 @@ from arm_sim.plant.parameters import Parameters
 from arm_sim.recording.changes import Jump
 from arm_sim.recording.contents import BRAKES, FREE
 from arm_sim.recording.files.ticks import EXTERNAL, tunable_names
-from arm_sim.recording.origin import Physics, versions
+from arm_sim.recording.origin import versions
+from arm_sim.recording.physics import Physics
 from arm_sim.recording.recording import Recording
 from arm_sim.runtime_changes import external_change
 from arm_sim.simulator import Simulator
@@ -154,7 +155,7 @@ class _Run:
 
     def made(self) -> Replay:
         """Run the replay."""
-        edges, failure = self._edges(), ""
+        edges, failure = self._recording.edges, ""
         for row, end in zip(edges, [*edges[1:], None], strict=True):
             self._begin(row)
             if end is None or end in self._recording.gaps:
@@ -165,16 +166,6 @@ class _Run:
                 failure = str(error)
                 break
         return self._compared(failure)
-
-    def _edges(self) -> list[int]:
-        """Rows at which a change, a tuning or a hold begins."""
-        recording, last = self._recording, len(self._recording) - 1
-        p, gaps = recording.p, recording.gaps
-        tuned = np.flatnonzero(np.any(p[1:] != p[:-1], axis=1)) + 1
-        hold = np.zeros(last + 1) if recording.hold is None else recording.hold
-        held = np.flatnonzero(np.diff(hold)) + 1
-        edges = {0, *self._jumps, *gaps, *(row - 1 for row in gaps), last}
-        return sorted(edges | {*tuned.tolist(), *held.tolist()})
 
     def _begin(self, row: int) -> None:
         """Apply changes at a time other than by ticks."""
@@ -270,7 +261,7 @@ class _Run:
         q, v, z = (read_only(part) for part in parts)
         arrays = {
             name: getattr(recording, name)[:rows]
-            for name in ("time", "command", "error", "time_stepped")
+            for name in ("time", "command", "local_error", "time_stepped")
         }
         p = recording.p[:rows]
         if p.shape[1] != len(sim.arm.parameters):

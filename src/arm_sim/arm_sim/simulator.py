@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
+from arm_dynamics.actuation.command_map import gravity_compensated
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import choices, not_copied
@@ -30,6 +31,7 @@ from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed, placed
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.recording import Recording
+from arm_sim.recording.witness import Control as Again
 from arm_sim.servo import JointCommand
 from arm_sim.servo.stability import danger
 from arm_sim.simulated_arm import SimulatedArm
@@ -104,7 +106,7 @@ class Simulator:
         with naming(scene):
             plant = Plant(model)
             choice = choose(plant, integrator, dt, tolerance)
-            compiled = CompiledScene(plant, choice, backend)
+            compiled = CompiledScene.chosen(plant, choice, backend)
         if unstable := danger(model, choice.dt):
             _log.warning("%s", unstable)
         self.n, self.joint_names, self.dt = model.n, model.joint_names, choice.dt
@@ -235,8 +237,9 @@ class Simulator:
             control = answers(control, reference, self.dynamics, self.measured)
         elif reference is not None:
             raise InvalidInput("a reference is for a controller with torque(state, reference)")
+        given, again = False, None
         if isinstance(control, CompiledControl):
-            done = self._run_compiled(control, trace)
+            done, again = self._run_compiled(control, trace)
         elif isinstance(control, JointCommand):
             commands = control.rows(trace.ticks, self.n, self.dt)
             done = self._run_function(lambda _: next(commands), trace)
@@ -245,22 +248,26 @@ class Simulator:
         else:
             table = torque_table(control, trace.ticks, self.joint_names, self.dt)
             done = self._run_table(table, trace)
-        recording = trace.recording(done)
+            given = not gravity_compensated(self.model.scene)
+        recording = trace.recording(done, given, again)
         if done < trace.ticks:
             diverged = self.arm.diverged()
             diverged.recording = recording
             raise diverged
         return recording
 
-    def _run_compiled(self, control: CompiledControl, trace: Trace) -> int:
+    def _run_compiled(self, control: CompiledControl, trace: Trace) -> tuple[int, Again]:
+        """Its ticks, and the controller by row, for a second run."""
         if self.arm.sensors is not None or self.arm.line is not None:
             raise InvalidInput(
                 "a compiled controller uses the true state without delay, but the scene has "
                 "'sensors' or 'commands'; allowed: a controller that is a function of the state"
             )
-        return trace.roll(
-            self.arm.compiled.controlled(control), control.reference(trace.time[:-1])
+        stepper, reference = (
+            self.arm.compiled.controlled(control),
+            control.reference(trace.time[:-1]),
         )
+        return trace.roll(stepper, reference), lambda x, k: stepper.actuated(x, reference[k])
 
     def _run_table(self, table: Array, trace: Trace) -> int:
         arm, shape = self.arm, (trace.ticks, self.n)

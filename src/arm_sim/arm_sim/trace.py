@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,8 +13,9 @@ from arm_sim.imperfections import Measured
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.changes import Jump
 from arm_sim.recording.contents import FREE
-from arm_sim.recording.origin import Physics
+from arm_sim.recording.physics import Physics
 from arm_sim.recording.recording import Recording
+from arm_sim.recording.witness import Control
 from arm_sim.simulated_arm import SimulatedArm
 from arm_sim.state import read_only_view
 from arm_sim.stepping.stepper import Stepper
@@ -76,23 +79,32 @@ class Trace:
         if arm.sensors is not None and self._measured is not None:
             self._measured[row + 1] = arm.sensors.measured
 
-    def recording(self, done: int) -> Recording:
-        """The motion over the ticks that were executed."""
+    def recording(self, done: int, given: bool, control: Control | None) -> Recording:
+        """The motion over the ticks that were executed.
+
+        Args:
+            done: Their number.
+            given: Whether their commands were given in advance.
+            control: The controller, if it can be evaluated again.
+        """
         arm, changes, command = self._arm, self._changes, self._command
         command[done] = command[done - 1] if done else 0.0
         rows = [self.time, self._x, command, self._notes]
         time, x, command, notes = (read_only_view(array[: done + 1]) for array in rows)
         q, v, z = np.split(x, (arm.n, 2 * arm.n), axis=1)
-        compiled, origin, measured = arm.compiled, arm.origin, self._measured
+        compiled, measured = arm.compiled, self._measured
+        origin = replace(arm.origin, given=given)
         return Recording(
-            time=time, q=q, v=v, z=z, command=command, error=notes[:, 0],
+            time=time, q=q, v=v, z=z, command=command, local_error=notes[:, 0],
             time_stepped=notes[:, 1], joint_names=arm.joint_names,
             p=changes.parameters(done + 1), origin=origin, held=arm.held_constraints,
             jumps=changes.jumps(), hold=changes.hold(done + 1), substep=self._substep,
             physics=Physics.built(
-                origin, compiled.plant, compiled.present, compiled.energy_account
+                origin, compiled.plant, compiled.present, compiled.energy_account,
+                compiled.witness,
             ),
             measured=None if measured is None else Measured.of(measured[: done + 1]),
+            control=control,
         )  # fmt: skip
 
 

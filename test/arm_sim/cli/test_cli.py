@@ -446,13 +446,18 @@ def test_a_batch_of_numbers_is_a_table() -> None:
 def test_commands_that_run_a_motion_say_whether_it_can_be_trusted(
     method: str, trusted: bool, tmp_path: Path
 ) -> None:
-    """Euler's method at 5 ms makes energy; RK4 does not."""
+    """Euler's method is wrong at any length of tick."""
     path = tmp_path / "run.npz"
-    Simulator("two_link", method, dt=5e-3).run(0.5).save(path)
-    said = run("replay", str(path))
-    assert said.exit_code == 0, said.output
-    assert ("not trustworthy: the energy account is off" in said.output) is not trusted
-    assert json.loads(run("replay", str(path), "--json").stdout)["trusted"] is trusted
+    motion = Simulator("two_link", method).run(0.2)
+    motion.save(path)
+    assert motion.trusted is trusted
+    for words, status in (((), 0), (("--check",), int(not trusted))):
+        said = run("replay", str(path), *words)
+        assert said.exit_code == status, said.output
+        assert ("right to " in said.output) is trusted
+        assert ("not trustworthy: " in said.output) is not trusted
+        facts = json.loads(run("replay", str(path), *words, "--json").stdout)
+        assert facts["trusted"] is trusted
 
 
 def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
@@ -491,6 +496,7 @@ def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
         (("--topics", "--out", "a.npz"), "--topics plays the recording unchanged"),
         (("--topics", "--json"), "--topics plays the recording unchanged"),
         (("--topic", "/a"), "--topic is allowed with --topics only"),
+        (("--check", "--out", "a.npz"), "--check judges the recording as it is"),
         (("--rate", "0"), "--rate is allowed with --topics only"),
     ],
 )

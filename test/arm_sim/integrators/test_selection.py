@@ -13,9 +13,10 @@ import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
 from arm_sim import Simulator
 from arm_sim.integrators.selection import (
+    FALL,
     QUICK_STIFF,
-    QUICK_STIFF_TOLERANCE,
-    QUICK_TOLERANCE,
+    SHARE,
+    SHARE_IMPLICIT,
     STIFF,
     Choice,
     choose,
@@ -26,6 +27,8 @@ from arm_sim.plant.plant import Plant
 from models.driven import wheel
 from models.rotor import rotor
 from tolerances import assert_close
+
+CONTROLLED, IMPLICIT = pytest.approx(1e-6 * SHARE), pytest.approx(1e-6 * SHARE_IMPLICIT)
 
 
 def model(scene: Any) -> ArmModel:
@@ -94,14 +97,14 @@ def test_bristles_are_not_left_to_a_fixed_step() -> None:
     scene = bristles(0.1)
     for name in (None, "rk4"):
         choice = chosen(scene, name)
-        assert (choice.method.name, choice.tolerance) == ("implicit", 1e-6)
+        assert (choice.method.name, choice.tolerance) == ("implicit", IMPLICIT)
     assert chosen(scene, tolerance=1e-9).tolerance == 1e-9
     assert chosen(scene, "dop853", tolerance=1e-9).method.name == "dop853"
     assert chosen(scene, "rk4", dt=5e-5).method.name == "rk4"  # 1e-3 of a tick's limit of 1.4
 
 
 @pytest.mark.parametrize(("L", "name", "tolerance"), [
-    (1e-4, "implicit", QUICK_STIFF_TOLERANCE), (1e-1, "dop853", QUICK_TOLERANCE),
+    (1e-4, "implicit", IMPLICIT), (1e-1, "dop853", CONTROLLED),
 ])  # fmt: skip
 def test_drives_get_error_control(L: float, name: str, tolerance: float) -> None:
     """The current of a winding decays at R/L; from 50 a tick on the implicit method pays."""
@@ -131,8 +134,8 @@ def rails(*masses: float) -> str:
 
 
 @pytest.mark.parametrize(("stiffness", "name", "tolerance"), [
-    (2.4e3, "rk4", None), (2.6e3, "dop853", QUICK_TOLERANCE), (2.4e9, "dop853", QUICK_TOLERANCE),
-    (2.6e9, "implicit", QUICK_STIFF_TOLERANCE),
+    (2.4e3, "rk4", None), (2.6e3, "dop853", CONTROLLED), (2.4e9, "dop853", CONTROLLED),
+    (2.6e9, "implicit", IMPLICIT),
 ])  # fmt: skip
 def test_compliant_stops_get_error_control(
     stiffness: float, name: str, tolerance: float | None
@@ -144,7 +147,7 @@ def test_compliant_stops_get_error_control(
         choice = chosen(scene)
         assert (choice.method.name, choice.tolerance) == (name, tolerance)
         assert ("a stop throws back a joint" in choice.reason) == (tolerance is not None)
-    assert chosen(against({"stiffness": 1.0, "damping": 100.0})).tolerance == QUICK_TOLERANCE
+    assert chosen(against({"stiffness": 1.0, "damping": 100.0})).tolerance == CONTROLLED
 
 
 def test_an_elastic_stop_returns_a_mass_in_time() -> None:
@@ -184,20 +187,54 @@ def test_backlash_does_not_hide_the_stiffness_behind_it() -> None:
     assert_close(rate / np.sqrt(1e9 / 0.1 + 1e9 / 0.1), 1.0, 1e-6)
 
 
-@pytest.mark.parametrize("phase", [0.0, np.pi])
-def test_cogging_swings_a_joint_as_a_spring_does(phase: float) -> None:
-    """At √(A m N²/J), also where it begins on a crest; back-EMF only slows a joint down."""
-    waves = {"amplitude": 0.05, "order": 12, "phase": phase}
-    motor = {"rotor_inertia": 4e-5, "gear_ratio": 100.0, "cogging": waves}
-    scene = {**rotor(0.1), "joints": {"axle": {"actuator": motor, "friction": {"viscous": 0.01}}}}
-    rate = np.sqrt(0.05 * 12 * 100.0**2 / (0.1 + 4e-5 * 100.0**2))
-    found = chosen(scene, dt=0.06 / rate)
-    assert (found.method.name, found.tolerance) == ("dop853", QUICK_TOLERANCE)
-    assert chosen(scene, dt=0.04 / rate).method.name == "rk4"
-    damped = {"rotor_inertia": 4e-5, "gear_ratio": 100.0, "command": "voltage",
-              "resistance": 1.0, "torque_constant": 0.05}  # fmt: skip
+def test_what_varies_with_the_position_gets_error_control() -> None:
+    """A joint may pass its waves at any speed; back-EMF only slows it down."""
+    motor = {"rotor_inertia": 4e-5, "gear_ratio": 100.0}
+    waves = motor | {"cogging": {"amplitude": 0.05, "order": 12}}
+    bent = {"stiffness": 1.0, "kinematic_error": {"amplitude": 1e-6, "order": 1}}
+    table = {"coulomb": 1.0, "position": {"at": [0.0, 1.0], "factor": [1.0, 2.0]}}
+    for joint, cause in (
+        ({"actuator": waves}, "cogging"), ({"friction": table}, "friction varies"),
+        ({"actuator": motor, "transmission": bent}, "drives with states"),
+    ):  # fmt: skip
+        found = chosen({**rotor(0.1), "joints": {"axle": joint}})
+        assert (found.method.name, found.tolerance) == ("dop853", CONTROLLED)
+        assert cause in found.reason
+    damped = motor | {"command": "voltage", "resistance": 1.0, "torque_constant": 0.05}
     slowed = {**rotor(0.1), "joints": {"axle": {"actuator": damped}}}
     assert chosen(slowed, dt=0.5 / rate_of(slowed)).method.name == "rk4"
+
+
+def test_friction_that_falls_fast_gets_error_control() -> None:
+    """At a rate of sqrt(2/e) (Fs - Fc) / (J vs)."""
+    for share, name in ((0.9, "rk4"), (1.1, "dop853")):
+        speed = np.sqrt(2.0 / np.e) * 0.5 / (0.1 * share * FALL * 1e3)
+        law = {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": speed}
+        found = chosen(rotor(0.1, **law))
+        assert found.method.name == name
+        assert ("falling friction" in found.reason) == (name == "dop853")
+
+
+def test_an_accuracy_that_is_asked_for_leads_the_tolerance() -> None:
+    for accuracy in (1e-8, 1e-4):
+        scene = bristles(0.1) | {"sim": {"accuracy": accuracy}}
+        assert chosen(scene).tolerance == pytest.approx(SHARE_IMPLICIT * accuracy)
+    spring = {
+        "rail0": {"spring": {"stiffness": 1e4}},
+        "rail1": {"friction": {"coulomb": 0.5, "lugre": {"sigma0": 1e5, "sigma1": 1.0}}},
+    }
+    beside = {"robot": {"urdf": rails(1.0, 1.0)}, "joints": spring}  # fmt: skip
+    assert (chosen(beside).method.name, chosen(beside).tolerance) == ("implicit", CONTROLLED)
+
+
+@pytest.mark.parametrize(("dt", "name"), [(1e-3, "rk4"), (2e-2, "dop853")])
+def test_steps_of_fixed_length_are_kept_where_trial_motions_are_right(
+    dt: float, name: str
+) -> None:
+    sim = models.simulator("double_pendulum", dt=dt)
+    assert sim.choice.method.name == name and ("misses" in str(sim.plan)) == (name != "rk4")
+    assert sim.run(0.5).trusted
+    assert models.simulator("double_pendulum", "rk4", dt=dt).choice.method.name == "rk4"
 
 
 def test_a_light_joint_of_a_loop_moves_with_the_others() -> None:

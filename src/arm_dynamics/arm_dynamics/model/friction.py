@@ -134,16 +134,22 @@ class DryFriction:
 
     @property
     def steepest_rise(self) -> Array:
-        """Largest slope of dry friction over speed in [N m s/rad] or [N s/m], shape (n,).
+        """Largest slope of dry friction over speed in [N m s/rad] or [N s/m], shape (n,)."""
+        return self._steepest(abs(self.excess.skew) - self.excess.mean)
 
-        Where friction rises by ΔF (1 - exp(-(v/vs)²)), that is √(2/e) ΔF/vs.
-        """
-        rise = np.maximum(abs(self.excess.skew) - self.excess.mean, 0.0)
+    @property
+    def steepest_fall(self) -> Array:
+        """The same where it falls over speed, as by the Stribeck effect."""
+        return self._steepest(abs(self.excess.skew) + self.excess.mean)
+
+    def _steepest(self, change: Array) -> Array:
+        """Slope √(2/e) ΔF/vs of a change by ΔF (1 - exp(-(v/vs)²)), zero if that is negative."""
         largest = [
             float(np.prod([curve.values.max() for curve in curves if curve]))
             for curves in zip(self.position, self.load, strict=True)
         ]
-        return np.asarray(np.sqrt(2.0 / np.e) * rise / self.stribeck_velocity * largest)
+        slope = np.sqrt(2.0 / np.e) * np.maximum(change, 0.0) / self.stribeck_velocity
+        return np.asarray(slope * largest)
 
     def _factors(self, q: Quantity, load: Quantity) -> Quantity | None:
         product: Any = 1.0 if self.scale is None else self.scale

@@ -178,11 +178,14 @@ class Sim(Part):
         dt: Length of a tick in [s], 1e-9 to 10; a command is held for a tick.
         tolerance: Scaled error |e| / (1 + |x|) allowed in each sub-step, 1e-14 to 0.1. Turns on
             error control inside each tick; needs ``dopri5``, ``dop853``, ``implicit`` or ``auto``.
+        accuracy: Largest error of a motion that is trusted, relative to 1 + |x| of positions and
+            velocities, and after the first second for each second. ``auto`` is led by it.
     """
 
     integrator: str | None = None
     dt: Positive = 1.0e-3
     tolerance: Positive | None = None
+    accuracy: Positive = 1.0e-6
 
 
 Tunable = Literal["gravity", "payload", "friction", "coulomb", "external"]

@@ -82,6 +82,17 @@ def waiting(what: str) -> Iterator[None]:
         progress.stop()
 
 
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Log no warnings: the command prints what they say itself."""
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        yield
+    finally:
+        logging.disable(before)
+
+
 def table(
     columns: Sequence[str], rows: Iterable[Sequence[str]], text: Sequence[int] = (0,)
 ) -> Table:

@@ -7,13 +7,13 @@ import json
 import sys
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 from arm_dynamics.exceptions import choices
 from arm_sim.cli.completion import SCENE
-from arm_sim.cli.output import console, examples, waiting
+from arm_sim.cli.output import console, examples, quiet, waiting
 
 if TYPE_CHECKING:
     from arm_sim import Recording
@@ -67,7 +67,7 @@ def plot(
     out = out or Path(f"{recording.stem or recording.name}.png")
     figure.savefig(out, dpi=150)
     for made in loaded:
-        console().print(repr(made), markup=False)
+        console().print(_checked(made), markup=False)
     console().print(f"{out}", markup=False)
     if show:
         pyplot.show()
@@ -127,6 +127,9 @@ def record(topics: tuple[str, ...], out: Path | None, duration: float | None) ->
 )
 @click.argument("recording", type=_PATH)
 @click.option("--scene", type=SCENE, help="Replay with another scene that has the same joints.")
+@click.option(
+    "--check", is_flag=True, help="Estimate the error of the motion by a second run instead."
+)
 @click.option("--integrator", help="Replay with another integration method.")
 @click.option("--tolerance", type=float, help="Replay with another tolerance.")
 @click.option("--out", type=_PATH, help="Recording to save the new motion to.")
@@ -141,14 +144,19 @@ def record(topics: tuple[str, ...], out: Path | None, duration: float | None) ->
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def replay(
-    recording: Path, scene: str | None, integrator: str | None, tolerance: float | None,
-    out: Path | None, topics: bool, names: tuple[str, ...], rate: float | None, as_json: bool,
+    recording: Path, scene: str | None, check: bool, integrator: str | None,
+    tolerance: float | None, out: Path | None, topics: bool, names: tuple[str, ...],
+    rate: float | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Run the scene of a RECORDING again from its commands, and compare every state.
 
     The file contains the scene, its robot, commands, parameter changes and external forces. The
-    exit status is 1 if any state differs, by as little as one bit.
+    exit status is 1 if any state differs, by as little as one bit. With --check the whole motion
+    is made again by another method, a finer tick and a tighter tolerance; the exit status is 1 if
+    its error exceeds the scene's accuracy.
     """
+    if check and (scene or integrator or tolerance or out or topics):
+        raise click.UsageError("--check judges the recording as it is: only --json is allowed")
     if topics:
         if scene or integrator or tolerance or out or as_json:
             raise click.UsageError(
@@ -164,7 +172,10 @@ def replay(
 
     with waiting(f"replaying {recording}"):
         loaded = Recording.load(recording)
-        found = again(loaded, scene, integrator, tolerance)
+        if not check:
+            found = again(loaded, scene, integrator, tolerance)
+    if check:
+        _judge(loaded, as_json)
     if as_json:
         if out is not None:
             found.recording.save(out)
@@ -174,6 +185,28 @@ def replay(
     if out is not None:
         console().print(str(found.recording.save(out)), markup=False)
     sys.exit(0 if found.equal else 1)
+
+
+def _checked(recording: Recording) -> str:
+    """Summary of a recording, with the error of its motion if it can be known."""
+    if recording.origin is not None and not recording.of_robot:
+        with waiting("checking by a second run"), quiet():
+            recording.verdict  # noqa: B018 - the summary has it then
+    return repr(recording)
+
+
+def _judge(recording: Recording, as_json: bool) -> NoReturn:
+    """Print what a second run says of a recorded motion, and end."""
+    import numpy as np
+
+    text = _checked(recording)
+    if as_json:
+        error = np.asarray(recording.error).max(axis=0).tolist()
+        facts = {"trusted": recording.trusted, "doubt": recording.doubt, "error": error}
+        click.echo(json.dumps(facts | {"how": recording.second_run.how}))
+    else:
+        console().print(text, markup=False)
+    sys.exit(0 if recording.trusted else 1)
 
 
 def _show_replay(recording: Recording, found: Replay) -> None:
@@ -186,7 +219,7 @@ def _show_replay(recording: Recording, found: Replay) -> None:
     if found.first is not None:
         screen.print(f"first difference: {found.first}", markup=False)
         screen.print(f"positions differ by {_largest(found.apart):.3g} rad or m at most")
-    found.recording.trust()  # warns if it cannot be trusted
+    screen.print(_checked(found.recording), markup=False)
     if found.failure:
         screen.print(f"the replay ends early: {found.failure}", markup=False)
 

@@ -13,7 +13,7 @@ from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_dynamics.arrays import real_number
 from arm_dynamics.exceptions import choices
 from arm_sim.integrators.methods import METHODS, Method
-from arm_sim.integrators.response import LAWS, SPRINGS, STOPS, Response, responses
+from arm_sim.integrators.response import SPRINGS, STOPS, Response, responses
 from arm_sim.integrators.stability import grows, longest_step, worst
 from arm_sim.plant.plant import Plant
 
@@ -24,18 +24,19 @@ TOLERANCE_RANGE = (1e-14, 1e-1)
 # Differential Equations II, figure IV.2.1). Half of that is allowed where the arm begins; it is
 # faster in other postures, of which only some are looked at.
 STIFF, STIFF_ELSEWHERE = 1.4, 2.5
-# Default error per sub-step with stiff bristles: a tick takes 1.1 to 2.7 sub-steps on average, 150
-# where a joint reverses, and half a second of motion is accurate to 1e-7 rad.
-STIFF_LAW = 1e-6
+# Tolerance of a sub-step, relative to the scene's accuracy: a second takes a thousand sub-steps
+# and more, whose errors add up; those of the implicit method, which damps what is stiff, less so.
+SHARE, SHARE_IMPLICIT = 1e-4, 1e-2
 # Drives, springs and compliant stops respond within a tick, so a step of fixed length cannot be
 # trusted: see docs/concepts/drives.md for the cost of these tolerances. From about this rate, the
 # extrapolated implicit method is faster than DOP853.
-QUICK_TOLERANCE = 1e-10
-QUICK_STIFF, QUICK_STIFF_TOLERANCE = 50.0, 1e-8
+QUICK_STIFF = 50.0
 # A swing of h ω in a step is computed by RK4 with an error of (h ω)⁴/120 radians per radian.
 SWING = 0.05
-SECOND_LOOK = 0.01
-"""Share of the ticks that are made again where trust in a motion is asked for."""
+# Falling friction lets a joint speed up at a rate λ, until it has passed the Stribeck velocity;
+# RK4 leaves that with an error of (h λ)⁵/120 of it.
+FALL = 0.3
+MISSED = "a second of motion by steps of fixed length misses the accuracy"
 _log = logging.getLogger(__name__)
 
 
@@ -48,12 +49,14 @@ class Choice:
         dt: Length of a tick in [s].
         tolerance: Scaled error per sub-step, None for one step of fixed length per tick.
         reason: Why this method was selected, as text.
+        instead: What to take if the steps of fixed length turn out to miss the scene's accuracy.
     """
 
     method: Method
     dt: float
     tolerance: float | None
     reason: str
+    instead: Choice | None = None
 
     @property
     def remark(self) -> str:
@@ -93,7 +96,8 @@ def choose(
         reason = f"{law} answers in {1 / rate:.2g} s: implicit, with error control"
         if name not in ("auto", "implicit"):
             _log.warning("integrator = %r is replaced at dt = %g s: %s", name, dt, reason)
-        return Choice(METHODS["implicit"], dt, tolerance or STIFF_LAW, reason)
+        share = SHARE if _swings(responses(plant), dt) else SHARE_IMPLICIT
+        return _implicit(plant, dt, tolerance, reason, share)
     if name == "auto":
         return _automatic(plant, dt, tolerance)
     return _chosen(plant, METHODS[name], dt, tolerance)
@@ -126,42 +130,85 @@ def _chosen(plant: Plant, method: Method, dt: float, tolerance: float | None) ->
 
 def _automatic(plant: Plant, dt: float, tolerance: float | None) -> Choice:
     found = responses(plant)
-    if plant.nz or any(_swings(response, dt) for response in found):
+    if plant.nz or _swings(found, dt):
         return _controlled(plant, dt, tolerance, found)
+    if cause := _varies(plant, dt):
+        return _controlled(plant, dt, tolerance, found, cause)
     if any(response.fastest * dt > _most(response) for response in found):
         if any(plant.model.friction.tables):  # slopes at the start say little about others
             return _controlled(plant, dt, tolerance, found)
-        return Choice(METHODS["implicit"], dt, tolerance, f"stiff: {_fastest(plant, found)}")
+        stiff = f"stiff: {_fastest(plant, found)}"
+        instead = _implicit(plant, dt, None, f"{stiff}; {MISSED}")
+        return Choice(METHODS["implicit"], dt, tolerance, stiff, instead)
     if tolerance is None:
-        return Choice(METHODS["rk4"], dt, None, "the scene is not stiff")
+        instead = _controlled(plant, dt, None, found, MISSED)
+        return Choice(METHODS["rk4"], dt, None, "the scene is not stiff", instead)
     return Choice(METHODS["dop853"], dt, tolerance, "not stiff, error control: the highest order")
 
 
-def _controlled(plant: Plant, dt: float, tolerance: float | None, found: list[Response]) -> Choice:
+def _controlled(
+    plant: Plant, dt: float, tolerance: float | None, found: list[Response], cause: str = ""
+) -> Choice:
     """A method with error control."""
     if any(response.fastest * dt > QUICK_STIFF for response in found):
         reason = f"stiff, error control: {_fastest(plant, found)}"
-        return Choice(METHODS["implicit"], dt, tolerance or QUICK_STIFF_TOLERANCE, reason)
-    what = "drives with states" if plant.nz else _fastest(plant, found)
+        return _implicit(plant, dt, tolerance, reason)
+    what = cause or ("drives with states" if plant.nz else _fastest(plant, found))
     reason = f"{what}: error control, the highest order"
-    return Choice(METHODS["dop853"], dt, tolerance or QUICK_TOLERANCE, reason)
+    tolerance = tolerance or _share(plant, SHARE)
+    return Choice(METHODS["dop853"], dt, tolerance, reason)
+
+
+def _implicit(
+    plant: Plant, dt: float, tolerance: float | None, reason: str, share: float = SHARE_IMPLICIT
+) -> Choice:
+    """The implicit method with error control."""
+    return Choice(METHODS["implicit"], dt, tolerance or _share(plant, share), reason)
+
+
+def _share(plant: Plant, share: float) -> float:
+    """Tolerance that leaves a sub-step a share of the scene's accuracy."""
+    least, most = TOLERANCE_RANGE
+    return min(max(share * plant.model.scene.sim.accuracy, 10.0 * least), most)
+
+
+def _varies(plant: Plant, dt: float) -> str:
+    """What changes within a step if a joint moves, or slides off, as text; empty if nothing does.
+
+    Forces with a wavelength change as fast as the joint turns, and a user may set any speed.
+    """
+    model = plant.model
+    motors = [drive for drive in model.drives if drive]
+    if model.friction.by_position:
+        return "friction varies with the position"
+    if any(drive.motor.cogging for drive in motors):
+        return "cogging varies with the position"
+    if any(drive.coupling and drive.coupling.kinematic_error for drive in motors):
+        return "gears vary with the position"
+    fall = model.friction.steepest_fall
+    if not fall.any():
+        return ""
+    try:
+        mobility = np.diag(np.linalg.inv(Dynamics(model).mass_matrix(model.q0)))
+    except np.linalg.LinAlgError:
+        return ""
+    rate, joint = max(zip((fall * mobility).tolist(), model.joint_names, strict=True))
+    if rate * dt <= FALL:
+        return ""
+    return f"falling friction speeds a joint up in {1.0 / rate:.2g} s ('{joint}')"
 
 
 def _most(response: Response) -> float:
     return STIFF if response.begins else STIFF_ELSEWHERE
 
 
-def _swings(response: Response, dt: float) -> bool:
-    """Whether a spring, stop or cogging moves a joint faster than steps of fixed length resolve.
-
-    Cogging is the part of a drive without states that does not slow a joint down: it swings there,
-    or throws it away where its torque falls with the angle.
-    """
-    rates = response.modes[0]
-    quick = np.flatnonzero(abs(rates) * dt > SWING)
-    cogs = np.maximum(abs(rates.imag), rates.real) * dt > SWING
-    causes = ((response.cause(mode)[0], cogs[mode]) for mode in quick.tolist())
-    return any(part in (SPRINGS, STOPS) or (part == LAWS and cog) for part, cog in causes)
+def _swings(found: list[Response], dt: float) -> bool:
+    """Whether a spring or a stop moves a joint faster than steps of fixed length resolve."""
+    return any(
+        response.cause(mode)[0] in (SPRINGS, STOPS)
+        for response in found
+        for mode in np.flatnonzero(abs(response.modes[0]) * dt > SWING).tolist()
+    )
 
 
 def _danger(plant: Plant, method: Method, dt: float) -> str:

@@ -42,7 +42,8 @@ class Contents:
         command: Effective command from each time, limits applied, shape (k+1, n): torques in
             [N m] or [N], or the command of a joint's drive; the last row repeats the last tick's.
             Of a robot, its measured effort, NaN where it reported none.
-        error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
+        local_error: Sum of the estimated errors of q in all sub-steps up to each time in [rad] or
+            [m], shape (k+1,); zeros without error control.
         time_stepped: Number of time-stepped ticks up to each time; see ``State``, shape (k+1,).
         joint_names: Order of the joints in each row.
         p: Tunable quantities from each time, shape (k+1, np).
@@ -64,7 +65,7 @@ class Contents:
     v: Array
     z: Array
     command: Array
-    error: Array
+    local_error: Array
     time_stepped: Array
     joint_names: tuple[str, ...]
     p: Array
@@ -108,9 +109,23 @@ class Contents:
         return moved
 
     @property
+    def edges(self) -> list[int]:
+        """Rows at which a change, a tuning, a hold or a gap begins, the first and the last row."""
+        last = len(self.time) - 1
+        tuned = np.flatnonzero(np.any(self.p[1:] != self.p[:-1], axis=1)) + 1
+        held = [] if self.hold is None else (np.flatnonzero(np.diff(self.hold)) + 1).tolist()
+        jumps = (jump.row for jump in self.jumps)
+        before = (row - 1 for row in self.gaps)
+        return sorted({0, last, *jumps, *self.gaps, *before, *tuned.tolist(), *held})
+
+    @property
     def first_jumps(self) -> tuple[Jump, ...]:
         """The first change at each time, which knows what was there before all of them."""
         return tuple({jump.row: jump for jump in reversed(self.jumps)}.values())
+
+    def __len__(self) -> int:
+        """Number of recorded states."""
+        return len(self.time)
 
     def fields(self) -> dict[str, Any]:
         """Every attribute by its name."""

@@ -11,8 +11,7 @@ accurately as the motion itself. All of this is computed on demand.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -28,7 +27,6 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.placing import holding
 from arm_sim.plant.plant import Plant, Power, split
 from arm_sim.plant.present import PresentDynamics
-from arm_sim.recording.second_look import finer_tolerance
 from arm_sim.stepping.stepper import Stepper
 
 # Distance to a stop, in ticks at the joint's velocity, within which it may have hit the stop.
@@ -227,28 +225,6 @@ class EnergyAccount:
         ]
         return float(np.max(np.concatenate(parts), initial=0.0)) if parts else 0.0
 
-    def made_finer(self, x: Array, u: Array, p: Array) -> Array:
-        """Ends of ticks that are made again in two halves, see ``second_look``.
-
-        Args:
-            x: States at the beginning of each tick, shape (k, nx).
-            u: Effective command in each tick, shape (k, n).
-            p: Tunable quantities in each tick, shape (k, np).
-
-        Returns:
-            States, shape (k, nx); NaN for a tick that cannot be computed.
-        """
-        return self._finer.each(_unpaid(x), u, p, ticks=2)[0][:, : x.shape[1]]
-
-    @cached_property
-    def _finer(self) -> Stepper:
-        tolerance = self.choice.tolerance
-        finer = None if tolerance is None else finer_tolerance(tolerance)
-        half = replace(self.choice, dt=0.5 * self.choice.dt, tolerance=finer)
-        twin = self._ledger.twin(half)
-        twin.report.halves = 1
-        return twin
-
     def _parts(self, x: Array) -> list[Array]:
         """q, v and z of states."""
         n = self._plant.model.n
@@ -281,16 +257,6 @@ class EnergyAccount:
 def _unpaid(x: Array) -> Array:
     """States with energies of ``FLOWS`` behind them, all zero, shape (k, nx + 5)."""
     return np.hstack([x, np.zeros((len(x), len(FLOWS)))])
-
-
-def verdict(error: float) -> str:
-    """What an energy error, relative to the energy that moved, says of a motion."""
-    if error <= TRUSTED:
-        return f"energy account closed to {error:.2g} of the energy that moved"
-    return (
-        f"not trustworthy: the energy account is off by {error:.2g} of the energy that "
-        f"moved, more than {TRUSTED:g}"
-    )
 
 
 def relative_error(balance: float, moved: float, size: float) -> float:

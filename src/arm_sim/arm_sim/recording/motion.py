@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 from arm_dynamics import Dynamics, InvalidInput, Scene
 from arm_dynamics.arrays import Array, read_only
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.contents import BRAKES, FREE, Contents
-from arm_sim.recording.energy_account import TRUSTED, EnergyAccount, relative_error, verdict
-from arm_sim.recording.origin import Physics
-from arm_sim.recording.second_look import Indices, SecondLook, Ticks, second_look
+from arm_sim.recording.contents import BRAKES, Contents
+from arm_sim.recording.energy_account import EnergyAccount, relative_error
+from arm_sim.recording.physics import Physics
+from arm_sim.recording.witness import NUDGE, WINDOWS, Control, SecondRun, doubt
 
 _log = logging.getLogger(__name__)
 
@@ -29,9 +29,11 @@ class RecordedMotion(Contents):
 
     Attributes:
         physics: The equations for derived quantities; None if the scene is unknown.
+        control: The controller, if it can be evaluated again.
     """
 
     physics: Physics | None = None
+    control: Control | None = None
 
     # --- origin --------------------------------------------------------------------------------
 
@@ -65,10 +67,6 @@ class RecordedMotion(Contents):
         return self.physics
 
     # --- derived quantities --------------------------------------------------------------------
-
-    def __len__(self) -> int:
-        """Number of recorded states."""
-        return len(self.time)
 
     @cached_property
     def tau(self) -> Array:
@@ -178,17 +176,11 @@ class RecordedMotion(Contents):
 
     @cached_property
     def energy_error(self) -> float:
-        """Largest unexplained energy, relative to the energy that moved; inf if it is unknown.
-
-        Above 1e-3 the motion cannot be trusted: a warning is logged once for each recording.
-        """
+        """Largest unexplained energy, relative to the energy that moved; inf if it is unknown."""
         parts = np.column_stack([self._energies, self.supplied, self.lost, self.changed])
         moved = float(np.ptp(parts, axis=0).sum()) + self._turnover
         balance = float(np.max(abs(self.balance)))
-        error = relative_error(balance, moved, float(abs(self._energies).max()))
-        if error > TRUSTED:
-            _log.warning("%s; a smaller dt or a tolerance is expected", verdict(error))
-        return error
+        return relative_error(balance, moved, float(abs(self._energies).max()))
 
     @cached_property
     def _turnover(self) -> float:
@@ -200,62 +192,69 @@ class RecordedMotion(Contents):
     def _made_again(self) -> bool:
         return len(self) > 1 and self.account.makes_ticks_again(self.x)
 
-    @property
-    def trusted(self) -> bool:
-        """Whether the energy account is closed, and a second look agrees; see ``trust``."""
-        return self.trust()
-
-    def trust(self, *, second_look: bool = True) -> bool:
-        """Whether the motion can be trusted.
-
-        Args:
-            second_look: Whether some of its ticks are made again, see ``second_look``.
-
-        Returns:
-            Whether the error of the energy account is at most 1e-3 of the energy that moved, and
-            the ticks that were made again agree.
-        """
-        return self.energy_error <= TRUSTED and not (second_look and self.doubt)
+    # --- error ---------------------------------------------------------------------------------
 
     @cached_property
-    def second_look(self) -> SecondLook:
-        """Some ticks of the motion, made again with half the step."""
-        usable = np.ones(max(len(self) - 1, 0), dtype=bool)
-        usable &= np.diff(self.time_stepped) == 0
-        usable[[row - 1 for row in self.gaps]] = False
-        if self.hold is not None:
-            usable &= self.hold[:-1] == FREE
-        change, n = np.diff(self.v, axis=0), len(self.joint_names)
-        for jump in self.first_jumps:
-            change[jump.row - 1 : jump.row] = jump.x[n : 2 * n] - self.v[jump.row - 1]
-        account = self.account
-        return second_look(
-            change, usable, account.choice, self._ticks,
-            lambda ticks: account.made_finer(ticks.x, ticks.u, ticks.p),
-        )  # fmt: skip
+    def second_run(self) -> SecondRun:
+        """All of the motion, run again by other means; some four times the cost of the run.
 
-    def _ticks(self, rows: Indices) -> Ticks:
-        """The ticks that begin at ``rows``."""
-        after = self.states(rows + 1)
-        for jump in self.first_jumps:
-            after[rows + 1 == jump.row] = jump.x
-        error = self.error[rows + 1] - self.error[rows]
-        return Ticks(self.states(rows), after, self.command[rows], self.p[rows], error)
+        Raises:
+            InvalidInput: If the motion is of a robot or of no known scene, or not of whole ticks.
+        """
+        if self.of_robot:
+            raise InvalidInput("the error of a motion that was measured is not known")
+        steps = np.diff(self.time) / self._known.origin.dt
+        if np.delete(abs(steps - 1.0) > 1e-6, [row - 1 for row in self.gaps]).any():
+            raise InvalidInput("part of a recording: its error is not known, but that of all is")
+        return self._known.witness.run(self, self.control)
+
+    @cached_property
+    def error(self) -> Array:
+        """Estimated error of q and v at each time, from ``second_run``, shape (k+1, 2n).
+
+        In [rad] or [m], and [rad/s] or [m/s]; infinite from where that could not go on.
+        """
+        run, columns = self.second_run, 2 * len(self.joint_names)
+        error = run.carried + abs(run.x - self.ended)[:, :columns]
+        return read_only(np.where(np.isnan(error), np.inf, error))
+
+    @property
+    def trusted(self) -> bool:
+        """Whether ``error`` stays below the scene's accuracy; see ``doubt``."""
+        return not self.doubt
 
     @cached_property
     def doubt(self) -> str:
-        """What the second look found, as text; empty if it agrees. A warning is logged once."""
-        look = self.second_look
-        if look.agrees:
-            return ""
-        worst = look.worst
-        text = (
-            f"not trustworthy: the tick at {self.time[look.ticks[worst]]:.9g} s, made again with "
-            f"half the step, ends elsewhere: joint '{self.joint_names[look.joint[worst]]}' by "
-            f"{look.difference[worst]:.2g} of 1 + |q|, allowed {look.allowed[worst]:.2g}"
-        )
-        _log.warning("%s; a smaller dt or a tolerance is expected", text)
+        """Joint, time and, where known, cause of an error beyond the scene's accuracy, else empty.
+
+        The accuracy, ``sim.accuracy``, holds relative to 1 + |x|, and after the first second for
+        each second. A difference of velocities counts where it lasts for two ticks: an event that
+        ends a tick is in one run before that, and in the other after it. A doubt is logged once.
+        """
+        text = doubt(self, self.second_run, self.error, self._magnification)
+        if text:
+            _log.warning("%s", text)
         return text
+
+    @property
+    def verdict(self) -> str:
+        """The largest error, or the doubt, in a sentence."""
+        if self.doubt:
+            return self.doubt
+        n, run = len(self.joint_names), self.second_run
+        largest = float(self.error[:, :n].max(initial=0.0))
+        kinds = {kind == "prismatic" for kind in self._known.model.joint_types}
+        unit = " or ".join(["rad"] * (False in kinds) + ["m"] * (True in kinds))
+        return f"right to {largest:.1g} {unit}, by a second run {run.how} ({run.means})"
+
+    def _magnification(self, row: int) -> float:
+        """Factor by which a change of the start has grown at a row; 1 with windows."""
+        run = self.second_run
+        if run.how == WINDOWS:
+            return 1.0
+        nudged = self._known.witness.run(self, self.control, NUDGE)
+        n = len(self.joint_names)
+        return float(np.nanmax(abs(nudged.x - run.x)[: row + 1, :n], initial=0.0) / NUDGE)
 
     def part(self, rows: ArrayLike) -> Self:
         """Select some of its states.
@@ -273,7 +272,7 @@ class RecordedMotion(Contents):
             raise InvalidInput(
                 f"rows from {ends.min()} to {ends.max()}; the recording has {count} states"
             )
-        states = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
+        states = ("time", "q", "v", "z", "command", "local_error", "time_stepped", "p")
         chosen: dict[str, Any] = {name: read_only(getattr(self, name)[here]) for name in states}
         hold = None if self.hold is None else self.hold[here]
         return replace(self, **chosen, hold=hold, jumps=(), gaps=(), measured=None)

@@ -1,27 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Origin of a recording: scene, method and versions, and the equations derived from them."""
+"""Origin of a recording: scene, method and versions."""
 
 from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Self
 
 import casadi
 import numpy as np
 import pinocchio
 
-from arm_dynamics import ArmModel, InvalidInput, Scene
+from arm_dynamics import InvalidInput, Scene
 from arm_dynamics.scene import scene_of, scene_text
 from arm_sim.integrators.methods import METHODS
-from arm_sim.integrators.selection import Choice
-from arm_sim.plant.plant import Plant
-from arm_sim.plant.present import PresentDynamics
-from arm_sim.recording.energy_account import EnergyAccount
 
 SCENE_FILE, URDF_FILE = "scene.yaml", "robot.urdf"
+GIVEN, FED_BACK = "given", "fed back"
 
 
 def versions() -> dict[str, str]:
@@ -45,6 +41,7 @@ class Origin:
         dt: Length of a tick in [s].
         tolerance: Scaled error per sub-step, None for steps of fixed length.
         source: Name or path of the scene when it was loaded; empty if unknown.
+        given: Whether its commands were given in advance, rather than in answer to the state.
         versions: Versions of the computation.
     """
 
@@ -53,6 +50,7 @@ class Origin:
     dt: float
     tolerance: float | None
     source: str = ""
+    given: bool = False
     versions: Mapping[str, str] = field(default_factory=versions)
 
     def texts(self) -> dict[str, str]:
@@ -65,7 +63,8 @@ class Origin:
         tolerance = "" if self.tolerance is None else repr(self.tolerance)
         return {
             "integrator": self.integrator, "dt": repr(self.dt), "tolerance": tolerance,
-            "source": self.source, **{f"version of {k}": v for k, v in self.versions.items()},
+            "source": self.source, "commands": GIVEN if self.given else FED_BACK,
+            **{f"version of {k}": v for k, v in self.versions.items()},
         }  # fmt: skip
 
     @classmethod
@@ -91,50 +90,5 @@ class Origin:
             )
         head = "version of "
         told = {k.removeprefix(head): v for k, v in about.items() if k.startswith(head)}
-        return cls(scene, integrator, dt, precise, about.get("source", ""), told)
-
-
-class Physics:
-    """The equations of a recording's scene, built on first use.
-
-    Args:
-        origin: Scene and method.
-        backend: As for ``Kernel``.
-
-    Attributes:
-        origin: Likewise.
-    """
-
-    def __init__(self, origin: Origin, backend: str = "auto") -> None:
-        self.origin, self._backend = origin, backend
-
-    @classmethod
-    def built(
-        cls, origin: Origin, plant: Plant, present: PresentDynamics, account: EnergyAccount
-    ) -> Self:
-        """With parts that exist already."""
-        made = cls(origin)
-        vars(made).update(plant=plant, model=plant.model, present=present, account=account)
-        return made
-
-    @cached_property
-    def model(self) -> ArmModel:
-        """The arm."""
-        return ArmModel(self.origin.scene)
-
-    @cached_property
-    def plant(self) -> Plant:
-        """The equation of motion."""
-        return Plant(self.model)
-
-    @cached_property
-    def present(self) -> PresentDynamics:
-        """Its dynamics under tunable quantities."""
-        return PresentDynamics(self.plant)
-
-    @cached_property
-    def account(self) -> EnergyAccount:
-        """Computes the energy account."""
-        origin = self.origin
-        choice = Choice(METHODS[origin.integrator], origin.dt, origin.tolerance, "as recorded")
-        return EnergyAccount(self.plant, self.present, choice, self._backend)
+        given = about.get("commands") == GIVEN
+        return cls(scene, integrator, dt, precise, about.get("source", ""), given, told)

@@ -12,9 +12,8 @@ from typing import Any, NoReturn, Self
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import known_names, not_copied
 from arm_sim.recording.contents import Contents
-from arm_sim.recording.energy_account import verdict
 from arm_sim.recording.motion import RecordedMotion
-from arm_sim.recording.origin import Physics
+from arm_sim.recording.physics import Physics
 
 
 @dataclass(frozen=True, repr=False)
@@ -137,10 +136,7 @@ class Recording(RecordedMotion):
         raise not_copied(self, "save(path) and Recording.load(path) pass it on")
 
     def __repr__(self) -> str:
-        """A summary: duration, origin, events, and the error of the energy account.
-
-        The energy account is computed here only if no tick must be repeated for it.
-        """
+        """A summary: duration, origin, events, and the verdict, if it has been asked for."""
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
         joints = f"{len(self.joint_names)} joints: {known_names(self.joint_names, 8)}"
         lines = [f"{max(len(self) - 1, 0)} ticks, {span}", joints, *self._origin_texts()]
@@ -153,7 +149,7 @@ class Recording(RecordedMotion):
         return "<Recording: " + "\n  ".join(lines) + ">"
 
     def _origin_texts(self) -> list[str]:
-        """Origin, and error of the energy account, as text."""
+        """Origin and verdict as text."""
         if self.of_robot:
             return ["measured: without a scene" if self.origin is None else "measured"]
         if self.origin is None or self.physics is None:
@@ -162,8 +158,5 @@ class Recording(RecordedMotion):
         control = "" if origin.tolerance is None else f", tolerance {origin.tolerance:g}"
         source = f" of {origin.source}" if origin.source else ""
         method = f"{origin.integrator}, dt {origin.dt:g} s{control}{source}"
-        fresh = "account" in vars(self.physics)
-        cheap = fresh and not self.account.makes_ticks_again(self.x)
-        known = "energy_error" in vars(self) or cheap
-        told = verdict(self.energy_error) if known else "energy account not evaluated yet"
-        return [method, told]
+        known = "second_run" in vars(self)
+        return [method, self.verdict if known else "not checked yet: trusted does it"]

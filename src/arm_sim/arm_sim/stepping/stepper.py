@@ -244,9 +244,13 @@ class Stepper:
         pushes = np.where(q <= lower, torque > 0.0, (q >= upper) & (torque < 0.0))
         return np.where(pushes, torque, 0.0)
 
+    def actuated(self, x: Array, command: Array) -> Array:
+        """Effective command of a tick from a state, of a controller's reference or a command."""
+        return self._actuate(x, command)[0].copy()
+
     def slope(self, x: Array, command: Array) -> tuple[Array, Array]:
         """Slope x' under a command, limits applied, and torques of the drives on the joints."""
-        u = self._actuate(x, command)[0].copy()
+        u = self.actuated(x, command)
         rates: Array = self.kernel.call("rhs")(x, u, self.modes_at(x, u).p)[0]
         return rates.copy(), self._plant.joint_torque(x, u)
 

@@ -147,7 +147,7 @@ def made(
     rows, (q, v, effort) = len(time), parts
     return Contents(
         time=read_only(time), q=read_only(q), v=read_only(v), z=read_only(np.zeros((rows, 0))),
-        command=read_only(effort), error=read_only(np.zeros(rows)),
+        command=read_only(effort), local_error=read_only(np.zeros(rows)),
         time_stepped=read_only(np.zeros(rows)), joint_names=names,
         p=read_only(np.zeros((rows, 0))),
         events=tuple(Event(float(time[-1]), f"file: {note}") for note in notes), of_robot=True,

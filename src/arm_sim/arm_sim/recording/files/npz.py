@@ -18,13 +18,17 @@ from arm_sim.recording.contents import Contents, Event
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE, Origin
 
 FORMAT = "1"
-_ROWS = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
+_ROWS = {
+    "time": "time", "q": "q", "v": "v", "z": "z", "command": "command", "local_error": "error",
+    "time_stepped": "time_stepped", "p": "p",
+}  # fmt: skip
+"""Names in files of the arrays with a row for each state."""
 _FILES = (SCENE_FILE, URDF_FILE)
 
 
 def write(contents: Contents, path: Path) -> None:
     """Write a recording of any kind."""
-    arrays: dict[str, Any] = {name: getattr(contents, name) for name in _ROWS}
+    arrays: dict[str, Any] = {key: getattr(contents, name) for name, key in _ROWS.items()}
     jumps, origin = contents.jumps, contents.origin
     if jumps:
         arrays["jump_x"] = np.array([jump.x for jump in jumps])
@@ -76,7 +80,7 @@ def _contents(arrays: dict[str, Any]) -> Contents:
         raise InvalidInput(
             f"the recording is of format {about['format']!r}; this version reads {FORMAT}"
         )
-    rows = {name: read_only(arrays[name]) for name in _ROWS}
+    rows = {name: read_only(arrays[key]) for name, key in _ROWS.items()}
     _check(rows, len(about["joint_names"]))
     texts = {name: str(arrays[name]) for name in _FILES if name in arrays}
     origin = None if about["origin"] is None else Origin.read(texts, about["origin"])

@@ -203,7 +203,10 @@ def _rows(contents: Contents, efforts: Array, file: TickFile) -> _Rows:
     # Effective commands of the tick that ended at each time.
     command, effort = (np.roll(array, 1, axis=0) for array in (contents.command, efforts))
     effort[0] = 0.0
-    notes, measured = np.column_stack([contents.error, contents.time_stepped]), contents.measured
+    notes, measured = (
+        np.column_stack([contents.local_error, contents.time_stepped]),
+        contents.measured,
+    )
     exact = (x[:, :n], x[:, n : 2 * n], effort)
     for start, message, arrays in (
         (starts[0], state, exact if measured is None else _parts(measured)),
@@ -255,7 +258,7 @@ def _changes(contents: Contents) -> Iterator[tuple[int, Change]]:
             p = np.delete(p, np.s_[place - n : place])
         stamp, text = _nanoseconds(contents.time[row]), "changed" if row else "start"
         known = substep if row in jumps or not row else UNCHANGED
-        notes = float(contents.error[row]), float(contents.time_stepped[row])
+        notes = float(contents.local_error[row]), float(contents.time_stepped[row])
         yield row, Change(stamp, text, tunable, p, x[row], (known, *notes))
 
 
@@ -450,7 +453,7 @@ class _Run:
         q, v, z = (read_only(part) for part in np.split(x, (n, 2 * n), axis=1))
         return Contents(
             time=read_only(self.time()), q=q, v=v, z=z,
-            command=read_only(np.vstack(self._commands)), error=read_only(notes[:, 0]),
+            command=read_only(np.vstack(self._commands)), local_error=read_only(notes[:, 0]),
             time_stepped=read_only(notes[:, 1]), joint_names=names, p=p, origin=origin,
             held=held_of(self._scene.constraints, p[-1]), jumps=tuple(self._jumps), events=events,
             gaps=tuple(self._gaps), hold=hold if hold.any() else None, substep=self._substep,
