@@ -7,7 +7,6 @@ a simulator which shares no line with the suite.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
@@ -100,7 +99,7 @@ def _judged(
     if apart > NUDGE * growth:  # else rounding
         error = max(error, _error(run.q, np.asarray(second)))
     allowed = FIXED if tolerance is None else max(FACTOR * tolerance, 1e-12)
-    told = "; ".join(_told(run, error, controlled=tolerance is not None))
+    told = run.doubt
     outcome = RIGHT if error <= allowed else SHOWN if told else MISSED
     if outcome == MISSED and error <= growth * allowed:
         outcome = MAGNIFIED
@@ -112,18 +111,6 @@ def _judged(
 
 def _error(q: np.ndarray, true: np.ndarray) -> float:
     return float(np.max(abs(q - true) / (1 + abs(true))))
-
-
-def _told(run: Recording, error: float, controlled: bool) -> Iterator[str]:
-    if run.energy_error > 1e-3:
-        yield "energy account"
-    if run.doubt:
-        yield "second look"
-    if run.time_stepped[-1]:
-        yield "time-stepped"
-    stated = run.error[-1] if controlled else 0.0
-    if FACTOR * max(stated, run.second_look.error) >= error:
-        yield "stated error"
 
 
 def _made(case: Case) -> tuple[Simulator, tuple[np.ndarray, np.ndarray], Recording]:

@@ -50,7 +50,7 @@ class Result:
         error: largest error of q, relative to 1 + |q|; None where the motion is not known.
         account: energy from nowhere, relative to what moved.
         claimed: error that the simulator states, in [rad]; None with fixed steps.
-        told: what told of an error: ``account``, ``stated error`` or ``time-stepped``.
+        told: what told of an error: ``doubt``, ``stated error`` or ``time-stepped``.
         false_alarm: whether the account is off though the motion is right.
         slowest: CPU time of the longest tick [s].
         message: what was said when it stopped or was refused; of the reference, if that stopped.
@@ -222,14 +222,14 @@ class _Clock:
 
 
 def _finite(run: Recording) -> bool:
-    return all(bool(np.isfinite(x).all()) for x in (run.q, run.v, run.z, run.tau, run.error))
+    return all(bool(np.isfinite(x).all()) for x in (run.q, run.v, run.z, run.tau))
 
 
 def _judged(told: Result, run: Recording, controlled: bool, truth: Truth) -> Result:
     error = None if truth.q is None else difference(run.q, truth.q)
-    claimed = float(run.error[-1]) if controlled else None
+    claimed = float(run.local_error[-1]) if controlled else None
     words = {
-        "account": not run.trusted,
+        "doubt": not run.trusted,
         "time-stepped": run.time_stepped[-1] > 0,
         "stated error": claimed is not None and claimed >= STATED * (error or np.inf),
     }
@@ -242,8 +242,8 @@ def _judged(told: Result, run: Recording, controlled: bool, truth: Truth) -> Res
     if wrong(error, truth):
         return replace(found, outcome=SHOWN if found.told else UNDETECTED)
     right = error is not None and error <= RIGHT * truth.travel
-    alarm = words["account"] and truth.steady and right
-    shown = words["account"] and not alarm
+    alarm = words["doubt"] and truth.steady and right
+    shown = words["doubt"] and not alarm
     return replace(found, outcome=SHOWN if shown else SURVIVED, false_alarm=alarm)
 
 

@@ -234,7 +234,7 @@ def test_steps_of_fixed_length_are_kept_where_trial_motions_are_right(
     sim = models.simulator("double_pendulum", dt=dt)
     assert sim.choice.method.name == name and ("misses" in str(sim.plan)) == (name != "rk4")
     assert sim.run(0.5).trusted
-    assert models.simulator("double_pendulum", "rk4", dt=dt).choice.method.name == "rk4"
+    assert models.simulator("double_pendulum", integrator="rk4", dt=dt).choice.method.name == "rk4"
 
 
 def test_a_light_joint_of_a_loop_moves_with_the_others() -> None:

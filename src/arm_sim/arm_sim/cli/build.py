@@ -137,6 +137,7 @@ def _other_parts(
 
     if simulator.arm.compiled.energy_account.may_make_ticks_again:
         yield "energy account", simulator.arm.compiled.energy_account.prepare
+    yield "check by a second run", lambda: simulator.arm.compiled.witness.stepper
     if job := preparation(make_controller("computed_torque", _controlled(simulator))):
         yield "computed torque", job
     if not batches:
