@@ -246,7 +246,7 @@ def test_a_report_is_written_before_it_is_complained_of(tmp_path: Path) -> None:
     motion: Any = SimpleNamespace(model=models.dynamics("two_link").model)
     console = Console(width=120, record=True, file=io.StringIO())
     good = replace(told(seen()), goal_distance=0.0, rate=985.0)
-    _report(tmp_path, motion, seen(), good, console)
+    _report(tmp_path, motion, seen(), good, "right to 1e-9 rad", console)
     said = console.export_text()
     assert "note: the simulator executed 985.0 ticks per second instead of 1000" in said
     assert f"figure:  {tmp_path / 'demo.png'}" in said and "torque queries" in said
@@ -254,5 +254,5 @@ def test_a_report_is_written_before_it_is_complained_of(tmp_path: Path) -> None:
     assert kept.pop("time").startswith("20") and kept == asdict(good)
     (tmp_path / "demo.json").unlink()
     with pytest.raises(DemoFailed, match="the loop was not closed:\n  the arm stopped 0.5 rad"):
-        _report(tmp_path, motion, seen(), replace(good, goal_distance=0.5), console)
+        _report(tmp_path, motion, seen(), replace(good, goal_distance=0.5), "", console)
     assert (tmp_path / "demo.json").exists()

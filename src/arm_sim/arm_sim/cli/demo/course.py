@@ -24,13 +24,15 @@ from arm_sim.cli.demo.motion import DemoMotion, choose_motion
 from arm_sim.cli.demo.observer import Observer, Seen
 from arm_sim.cli.demo.processes import DemoFailed, Processes, free_domain
 from arm_sim.cli.demo.report import Numbers, complaints, numbers, remarks, result_table
-from arm_sim.cli.output import console, show
+from arm_sim.cli.output import console, quiet, show
+from arm_sim.recording import Recording
 from arm_sim.view.server import library
 
 _SETTLED = 0.3  # [s] of observation after the motion
 _OPENING = 3.0  # [s] for a browser to open
 _TELL = 1.7  # [s] between lines of progress
 _LATE = 10.0  # [s] that the motion may take beyond one and a half times its duration
+RECORDING = "run.mcap"
 _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
 Say = Callable[[str], None]
@@ -50,7 +52,10 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
     out = console()
     with tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch, _progress(out) as (say, bar):
         seen, clock = _run(motion, output, Path(scratch), say, bar, view)
-    _report(output, motion, seen, numbers(motion, seen, clock), out)
+        say("checking the simulated motion by a second run")
+        with quiet():
+            verdict = Recording.load(Path(scratch) / RECORDING).verdict
+    _report(output, motion, seen, numbers(motion, seen, clock), verdict, out)
 
 
 def _run(
@@ -98,7 +103,8 @@ def _start_nodes(processes: Processes, observer: Observer, scene: Path, report: 
     processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
     observer.wait_for_partners()
     # Started last, so that no other start-up disturbs its timing.
-    processes.start("sim", "sim", str(scene), "--with-parent", "--report", str(report))
+    record = "--ros-args", "-p", f"record:={report.with_name(RECORDING)}"
+    processes.start("sim", "sim", str(scene), "--with-parent", "--report", str(report), *record)
     observer.wait_for_motion()
 
 
@@ -165,7 +171,9 @@ def _in_lines(out: Any) -> tuple[Say, Callable[[float], None]]:
     return say, go_on
 
 
-def _report(output: Path, motion: DemoMotion, seen: Seen, n: Numbers, out: Any) -> None:
+def _report(
+    output: Path, motion: DemoMotion, seen: Seen, n: Numbers, verdict: str, out: Any
+) -> None:
     """Write the figure and the numbers, and print a summary."""
     figure, file, model = output / "demo.png", output / "demo.json", motion.model
     title = (
@@ -176,6 +184,7 @@ def _report(output: Path, motion: DemoMotion, seen: Seen, n: Numbers, out: Any) 
     values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **asdict(n)}
     file.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     show(out, result_table(n))
+    out.print(f"motion:  {verdict}", soft_wrap=True, markup=False)
     out.print(f"figure:  {figure}\nnumbers: {file}", soft_wrap=True)
     if reasons := complaints(n):
         raise DemoFailed("the loop was not closed:\n  " + "\n  ".join(reasons))
