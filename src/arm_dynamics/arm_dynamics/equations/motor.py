@@ -49,7 +49,7 @@ def current_under(
 
     With a limited current it gives the torque-speed curve: constant torque up to the corner speed,
     then a straight line through the no-load speed V_max / K_e. Beyond that speed the current
-    brakes.
+    brakes. From (V_max + R I) / K_e on, a current limit I leaves the voltage above V_max.
     """
     low = settled_current(-voltage_limit, emf, resistance)
     return within(current, low, settled_current(voltage_limit, emf, resistance))

@@ -81,6 +81,17 @@ class JointDrive:
         return min(self.current_torque, abs(self.torque_constant) * stall)
 
     @property
+    def overspeed(self) -> float:
+        """Speed of the joint from which the current limit leaves the voltage above its limit.
+
+        In [rad/s] or [m/s]; inf without both limits.
+        """
+        motor, emf = self.motor, abs(self.back_emf_constant)
+        if not (motor.voltage_limit and motor.current_limit and emf):
+            return np.inf
+        return (motor.voltage_limit + (motor.resistance or 0.0) * motor.current_limit) / emf
+
+    @property
     def current_torque(self) -> float:
         """Largest torque that the current limit allows at any speed, in [N m] or [N]."""
         return abs(self.torque_constant) * (self.motor.current_limit or np.inf)

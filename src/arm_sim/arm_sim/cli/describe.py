@@ -215,6 +215,8 @@ def _joint_columns(model: ArmModel) -> tuple[dict[str, Array], list[str]]:
 
 
 def _show_drives(out: Console, model: ArmModel) -> None:
+    import numpy as np
+
     if not any(model.drives):
         return
     columns = ("joint", "command", "at most", "gear\nratio", "rotor inertia\nat the joint",
@@ -229,6 +231,13 @@ def _show_drives(out: Console, model: ArmModel) -> None:
         if drive is not None
     ]  # fmt: skip
     show(out, table(columns, rows, text=(0, 1, 6)))
+    for name, drive, kind in zip(model.joint_names, model.drives, model.joint_types, strict=True):
+        if drive is not None and np.isfinite(drive.overspeed):
+            unit = "m/s" if kind == "prismatic" else "rad/s"
+            out.print(
+                f"{name}: beyond {drive.overspeed:.4g} {unit} the current limit holds, and the "
+                "voltage limit cannot", markup=False,
+            )  # fmt: skip
 
 
 def _show_springs(out: Console, model: ArmModel) -> None:
