@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from samples import always
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import models
@@ -48,6 +49,32 @@ TURN = Trajectory(
     np.array([[0.0], [1.0]]),
 )
 """One joint by 1 rad."""
+
+
+@pytest.mark.parametrize("law", [
+    {"coulomb": 0.3}, {"coulomb": 0.6, "static": 0.9, "stribeck_velocity": 0.1},
+    {"coulomb": 0.3, "viscous": 0.5},
+])  # fmt: skip
+def test_friction_that_varies_with_the_speed_is_met_on_a_fine_enough_grid(law: Any) -> None:
+    """By full torque to a place, then by the opposite one to rest at 1 rad, to 0.1 %."""
+
+    def until(event: Any, torque: float, start: list[float]) -> Any:
+        event.terminal = True
+        friction = Dynamics(rotor(0.1, **law)).friction
+
+        def slope(_: float, x: Any) -> list[float]:
+            return [x[1], (torque - friction([max(x[1], 1e-12)])[0]) / 0.1]
+
+        return solve_ivp(slope, (0.0, 9.0), start, events=event, rtol=1e-8, atol=1e-10)
+
+    def motion(place: float) -> tuple[float, float]:
+        faster = until(lambda _, x: x[0] - place, 1.0, [0.0, 1e-12])
+        slower = until(lambda _, x: x[1], -1.0, faster.y[:, -1])
+        return slower.y[0, -1], faster.t[-1] + slower.t[-1]
+
+    _, best = motion(brentq(lambda place: motion(place)[0] - 1.0, 0.5, 0.99, xtol=1e-6))
+    quick = retimed(JointPath(TURN, Quintic(9.0)), Dynamics(rotor(0.1, effort=1.0, **law)))
+    assert 1.0 - 1e-5 < quick.duration / best < 1.0 + 1.1e-3
 
 
 def test_a_profile_is_covered_with_constant_accelerations() -> None:

@@ -8,6 +8,7 @@ voltages that follow the speed, which the method excludes, are linearized in tur
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,8 @@ _SETTLED = 1e-4
 _ROUNDS = 20
 _LOOKS = 33  # points of a segment of the path at which joints are looked at for reversals
 _APART = 1e-9
+_GAIN, _DOUBLINGS = 1e-3, 4
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,8 @@ def retimed(
             any case.
         acceleration: Limits of joint accelerations in [rad/s²] or [m/s²], positive, likewise.
         points: Number of intervals of the path in which limits are imposed; there are more where
-            the path has knots, or dry friction changes its sign.
+            the path has knots, or dry friction changes its sign, and while twice as many make the
+            motion shorter by more than 0.1 %. A warning tells what may be left after 8 times.
 
     Raises:
         Unreachable: If limits cannot be met at any speed.
@@ -112,6 +116,20 @@ def retimed(
     capacity = Capacity(dynamics, effort, speed, rise)
     if all(quantity == "velocity" for quantity, _ in capacity.columns):
         raise InvalidInput("nothing limits the motion: no torque and no acceleration limit")
+    best, gain = _timed(motion, capacity, points // 2), np.inf
+    for _ in range(_DOUBLINGS):
+        finer = _timed(motion, capacity, points)
+        gain = 1.0 - finer.duration / best.duration
+        best, points = min(best, finer, key=lambda found: found.duration), 2 * points
+        if gain < _GAIN:
+            return best
+    _log.warning("the fastest timing may be another %.1f %% shorter: it was found in steps of "
+                 "1/%d of the path", 100.0 * gain, points // 2)  # fmt: skip
+    return best
+
+
+def _timed(motion: JointPath, capacity: Capacity, points: int) -> JointPath:
+    """The motion with the fastest timing on a grid."""
     profile = _Way(motion, capacity, points).fastest()
     quick = JointPath(motion.over, profile)
     return quick.slower(slowdown(capacity, quick.at, profile.times))
