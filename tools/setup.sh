@@ -252,6 +252,8 @@ write_environment() (
     cp "$root/tools/arm_environment.py" "$packages/"
     printf '%s\n' "$env/workspace/install/lib/python3.12/site-packages" "$root/src/arm_studies" \
         "$root/src/arm_sim" "$root/src/arm_dynamics" "import arm_environment" >"$packages/arm.pth"
+    # Where the installed executables find what they start.
+    printf '%s\n' "$env/workspace/build/"arm_{studies,sim,dynamics} >>"$packages/arm.pth"
 )
 
 check_workspace() (

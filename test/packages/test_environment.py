@@ -43,6 +43,30 @@ def test_equal_files_become_one_and_everything_python_needs_stays(
     assert "0 MB" in capsys.readouterr().out
 
 
+EXECUTABLES = [
+    ("arm_dynamics", "dynamics"), ("arm_dynamics", "controller"), ("arm_sim", "sim"),
+    ("arm_sim", "arm"), ("arm_studies", "studies"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("package", "name"), EXECUTABLES, ids=str)
+def test_installed_executables_start(package: str, name: str) -> None:
+    """As ros2 run and ros2 launch start them, by their path; and without the environment's help."""
+    path = Path(sys.prefix) / "workspace/install/lib" / package / name
+    plain = {"PATH": "/usr/bin:/bin", "HOME": os.environ.get("HOME", "/")}
+    for environment in (dict(os.environ), plain):
+        done = subprocess.run(
+            [path, "--help"], env=environment, capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 0 and "usage" in done.stdout.lower(), done.stderr
+
+
+def test_every_installed_executable_is_tested() -> None:
+    library = Path(sys.prefix) / "workspace/install/lib"
+    found = {(path.parent.name, path.name) for path in library.glob("arm_*/*")}
+    assert found == set(EXECUTABLES)
+
+
 @pytest.fixture
 def environment(tmp_path: Path) -> Path:
     """A virtual environment with what the set-up writes into it."""
