@@ -51,7 +51,7 @@ EXECUTABLES = [
 
 @pytest.mark.parametrize(("package", "name"), EXECUTABLES, ids=str)
 def test_installed_executables_start(package: str, name: str) -> None:
-    """As ros2 run and ros2 launch start them, by their path; and without the environment's help."""
+    """As ros2 run and ros2 launch start them, by their path; also outside the environment."""
     path = Path(sys.prefix) / "workspace/install/lib" / package / name
     plain = {"PATH": "/usr/bin:/bin", "HOME": os.environ.get("HOME", "/")}
     for environment in (dict(os.environ), plain):
