@@ -21,7 +21,7 @@ SAYS = {
         "cli": "./arm identify, excite, compare, sweep …; the whole command line",
         "autodiff": "for JAX and PyTorch",
         "identification": "a scene from measured motions",
-        "optimization": "iLQR, a receding horizon",
+        "optimization": "iLQR",
         "sweeps": "many closed loops, one table",
     },
     "arm_sim": {

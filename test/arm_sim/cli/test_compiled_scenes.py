@@ -28,7 +28,7 @@ from arm_dynamics.control import NAMES, Settings, make_controller
 from arm_dynamics.control.compiled_law import compiled_law
 from arm_sim import Simulator
 from arm_studies.cli.main import main
-from arm_studies.optimization import ILQR, Phase, QuadraticCost, RecedingHorizon
+from arm_studies.optimization import ILQR, Phase, QuadraticCost
 from arm_studies.optimization.backward import library_of
 
 URDF = """
@@ -165,7 +165,6 @@ def test_derivatives_are_compiled_on_request(
     x, u = np.zeros((11, 2)), np.zeros((10, 1))
     optimizer = ILQR([Phase(sim, 10)], QuadraticCost(x, np.ones(x.shape), u, np.ones(u.shape)))
     assert optimizer.solve([0.1, 0.0], u).verdict == "converged"
-    RecedingHorizon(sim.dynamics)
     rollouts = sim.arm.compiled.rollouts
     batch = rollouts.batch(np.zeros((3, 1)), np.ones((3, 1)), [0.0], 5, sim.arm.parameters, False)
     assert rollouts.side_by_side(batch) == []

@@ -23,7 +23,7 @@ from exported import (
 )
 from samples import always
 
-from arm_dynamics import Dynamics, InvalidInput, load_scene
+from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.model.pinocchio_terms import FrameMotion
 from arm_sim.export import DERIVATIVES, TERMS, export
 from arm_sim.export.terms import terms_of
@@ -229,43 +229,3 @@ def test_joints_that_dry_friction_holds_stay_at_rest_as_in_dynamics(
         assert_close(library("forward_dynamics", q, v, tau, shape=(n,)), expected, EXPORT_FORWARD)
         stuck += int((expected == 0.0).any())
     assert 0 < stuck
-
-
-SINGLE = {"panda": {}, "four_bar": {}, "two_link": {"joints": DRY}}
-
-
-@pytest.mark.parametrize("name", always(SINGLE, "two_link"))
-def test_single_precision_is_as_good_as_its_readme_says(
-    name: str, tmp_path: Path, rng: np.random.Generator
-) -> None:
-    """Code in single precision alone, by any compiler; joints at rest are held by friction."""
-    scene = load_scene(name).model_dump(exclude_unset=True) | SINGLE[name]
-    dyn = Dynamics(scene)
-    frames = dyn.model.frame_names[-1:]
-    export(dyn.model, tmp_path, "arm", tick=False, frames=frames, scalar="float")
-    rows = re.findall(r"`arm_(\w+)` \| (\S+) \|\n", (tmp_path / "README.md").read_text())
-    errors = {term: float(error) for term, error in rows}
-    assert set(errors) > set(TERMS) and max(errors.values()) < 1e-4
-    held_in_double = [] if dyn.model.has_dry_friction else ["-Wdouble-promotion"]
-    assert_no_compiler_warns(tmp_path, "arm", *held_in_double)
-    assert_clean(tmp_path / "arm.c", "arm")
-    assert_sound(tmp_path, "arm")
-    library, n = Library(tmp_path, "arm"), dyn.n
-    q, v, a = rng.uniform(-0.5, 0.5, (3, n)).astype(np.float32).astype(float)
-    expected = dyn.inverse(q, v, a)
-    made = library("inverse_dynamics", q, v, a, shape=(n,), scalar=np.float32)
-    assert 0.0 < abs(made - expected).max() < 2.0 * errors["inverse_dynamics"] * max(abs(expected))
-    if dyn.model.has_dry_friction:
-        still, tau = np.zeros(n), dyn.gravity(q) + [0.5, 0.0]
-        assert not library("forward_dynamics", q, still, tau, shape=(n,), scalar=np.float32).any()
-
-
-def test_what_single_precision_cannot_do_is_refused(tmp_path: Path) -> None:
-    for arguments, said in (
-        ({"scalar": "half", "tick": False}, "scalar = 'half'; allowed: double, float"),
-        ({"scalar": "float"}, "scalar = 'float' with the tick"),
-        ({"scalar": "float", "tick": False, "terms": DERIVATIVES}, "of forward_dynamics_derivat"),
-    ):
-        with pytest.raises(InvalidInput, match=said):
-            export("four_bar", tmp_path / "out", "arm", **arguments)
-    assert list(tmp_path.iterdir()) == []

@@ -35,8 +35,6 @@ from arm_sim.cli.output import examples
               help="Also export pose and Jacobian of this frame; may be repeated.")  # fmt: skip
 @click.option("--derivatives", is_flag=True,
               help="Also export derivatives of the dynamics, and of the tick.")  # fmt: skip
-@click.option("--float", "single", is_flag=True,
-              help="Export the terms in single precision; their errors are measured.")  # fmt: skip
 def export(
     scene: str,
     out: Path,
@@ -46,7 +44,6 @@ def export(
     fmu: bool,
     frames: tuple[str, ...],
     derivatives: bool,
-    single: bool,
 ) -> None:
     """Write SCENE as a C library into DIR, which needs nothing of the suite.
 
@@ -58,6 +55,5 @@ def export(
     from arm_sim.export import export as exported
 
     terms = (*TERMS, *DERIVATIVES) if derivatives else TERMS
-    scalar = "float" if single else "double"
-    made = exported(scene, out, name, terms, tick or fmu or servo, fmu, frames, servo, scalar)
+    made = exported(scene, out, name, terms, tick or fmu or servo, fmu, frames, servo)
     click.echo(f"{made.folder}: library '{made.name}', {len(made.files)} files")

@@ -29,14 +29,10 @@ _COSTS = ("STEP", "SLOPE", "LOADS", "INERTIA", "STRIKE", "STATICS")
 
 
 @one_at_a_time
-def at_rest(model: ArmModel, scalar: str) -> str:
+def at_rest(model: ArmModel) -> str:
     """C source of ``rest_is_resting`` and ``rest_begin_motion``, see ``native/at_rest.c``.
 
     Empty for an arm without dry friction that can stick.
-
-    Args:
-        model: The arm.
-        scalar: Type of arguments and results in C; between them, numbers are doubles.
     """
     if not model.has_dry_friction:
         return ""
@@ -48,7 +44,6 @@ def at_rest(model: ArmModel, scalar: str) -> str:
         **{f"COST_{name}": "0" for name in _COSTS},
         "MOST_WORK": "0",
         "TUNABLE": braces(plant.parameters.nominal),
-        "SCALAR": scalar,
     }
     engine = source(defines, "modes.h", () if "TOGETHER" in defines else ("together.h",))
     door = _HEAD.sub("", (_NATIVE / "at_rest.c").read_text(encoding="utf-8"))

@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_sim.export.conditions import decided
@@ -19,35 +17,27 @@ from arm_sim.export.tick import Tick
 
 _NATIVE = Path(__file__).parent / "native"
 _ROUNDING = 1e-12
-_OTHER_LIBM = 4.0  # times the errors of single precision that were measured with this machine's
 
 
-def check_program(
-    library: Library,
-    expected: Expected,
-    points: Sequence[Point],
-    errors: Mapping[str, float],
-) -> str:
+def check_program(library: Library, expected: Expected, points: Sequence[Point]) -> str:
     """``test_N.c`` of a library.
 
     Args:
         library: The library.
         expected: Right results of its functions.
         points: Where they are compared.
-        errors: Of functions in single precision by name.
     """
-    checks = _Checks(library, errors)
+    checks = _Checks(library)
     for k, point in enumerate(points):
         checks.at(k, *point)
         for term in library.terms:
             checks.compare(k, term, expected.of(term, *point))
     if library.tick:
         checks.run(library.tick)
-    scalar = f"#define SCALAR {library.scalar}\n"
     head = (_NATIVE / "check.h").read_text(encoding="utf-8").replace("#pragma once\n", "")
     program = [
         comment(library.about) + f'#include "{library.name}.h"\n',
-        decided(scalar + head),
+        decided(head),
         *checks.tables,
         "\nint main(void) {\n  int wrong = 0;",
         *checks.calls,
@@ -60,27 +50,26 @@ def check_program(
 class _Checks:
     """Tables of numbers, and calls that compare with them."""
 
-    def __init__(self, library: Library, errors: Mapping[str, float]) -> None:
-        self._name, self._scalar, self._errors = library.name, library.scalar, errors
+    def __init__(self, library: Library) -> None:
+        self._name = library.name
         self.tables, self.calls = list[str](), list[str]()
 
     def at(self, k: int, q: Array, v: Array, a: Array) -> None:
         self.tables += [
-            _table(f"{name}{k}", values, self._scalar)
+            _table(f"{name}{k}", values)
             for name, values in (("q", q), ("v", v), ("a", a))
         ]
 
     def compare(self, k: int, term: Term, results: Sequence[Array]) -> None:
         given = [f"{'a' if x == 'tau' else x}{k}" for x in term.arguments]
         made = [f"got{i}" for i in range(len(results))]
-        most = max(_ROUNDING, _OTHER_LIBM * self._errors.get(term.name, 0.0))
-        lines = [f"{self._scalar} got{i}[{values.size}];" for i, values in enumerate(results)]
+        lines = [f"double got{i}[{values.size}];" for i, values in enumerate(results)]
         lines.append(f"{self._name}_{term.name}({', '.join([*given, *made])});")
         for i, values in enumerate(results):
             table = f"{term.name}_{k}" + (f"_{term.results[i]}" if i else "")
             self.tables.append(_table(table, values))
             what = f'"{term.name}", got{i}, {table}, {values.size}'
-            lines.append(f"wrong += differs({what}, {most:.1g});")
+            lines.append(f"wrong += differs({what}, {_ROUNDING});")
         self.calls.append("  {\n    " + "\n    ".join(lines) + "\n  }")
 
     def run(self, tick: Tick) -> None:
@@ -130,10 +119,8 @@ class _Checks:
         )
 
 
-def _table(name: str, values: Array, scalar: str = "double") -> str:
+def _table(name: str, values: Array) -> str:
     """Numbers as a table in C, to the last bit."""
-    of_type = np.float32 if scalar == "float" else np.float64
-    suffix = "f" if scalar == "float" else ""
-    numbers = ", ".join(f"{float(value)!r}{suffix}" for value in values.astype(of_type))
-    text = f"static const {scalar} {name}[{values.size}] = {{{numbers}}};"
+    numbers = ", ".join(f"{float(value)!r}" for value in values)
+    text = f"static const double {name}[{values.size}] = {{{numbers}}};"
     return "\n".join(textwrap.wrap(text, 98, subsequent_indent="    "))

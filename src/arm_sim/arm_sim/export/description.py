@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from arm_dynamics import ArmModel, __version__
-from arm_sim.export.expected import SAMPLED
 from arm_sim.export.library import Library
 from arm_sim.export.tick import Tick
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE, versions
@@ -40,19 +38,6 @@ and powers, ask libm, whose last bits may differ.
 
 `cmake -D@NAME@_NATIVE=ON`, or the flags `-march=native -fno-math-errno -fno-trapping-math`, make
 ticks up to a fifth faster and change no bit.
-"""
-_BITS_OF_SINGLE = """
-The last bits depend on the compiler and on libm, whose `sinf` and `cosf` are called.
-"""
-_SINGLE = f"""\
-## Single precision
-
-Numbers are `float`. This is the largest error of each function at {SAMPLED} random states, of
-positions within 1 rad or m of where the scene begins, and speeds and the rest up to 1; relative to
-the largest number of the result, or 1, and with the rounding of arguments in it.
-
-| function | error |
-|---|---|
 """
 _TICKS = """\
 ## Simulation
@@ -103,8 +88,8 @@ def about(name: str, model: ArmModel) -> str:
     )
 
 
-def readme(library: Library, errors: Mapping[str, float]) -> str:
-    """``README.md`` of a library; ``errors`` are those of single precision."""
+def readme(library: Library) -> str:
+    """``README.md`` of a library."""
     model, tick = library.model, library.tick
     gravity = ", ".join(f"{g:g}" for g in model.scene.gravity)
     intro = (
@@ -117,18 +102,12 @@ def readme(library: Library, errors: Mapping[str, float]) -> str:
         intro,
         _joints(model),
         _functions(library),
-        *([_single(errors)] if errors else []),
         *([_ticks(model, tick)] if tick else []),
-        _BUILD + (_BITS_OF_SINGLE if errors else _BITS),
+        _BUILD + _BITS,
         _made_by(),
         _LICENCE,
     )
     return "\n".join(parts).replace("@NAME@", library.name).replace("@URDF@", URDF_FILE)
-
-
-def _single(errors: Mapping[str, float]) -> str:
-    rows = "".join(f"| `@NAME@_{name}` | {error:.1e} |\n" for name, error in errors.items())
-    return f"{_SINGLE}{rows}"
 
 
 def _joints(model: ArmModel) -> str:

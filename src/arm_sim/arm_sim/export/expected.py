@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from arm_dynamics import ArmModel, Dynamics, InvalidInput, SceneError
+from arm_dynamics import ArmModel, Dynamics, SceneError
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen import compiler
 from arm_dynamics.dynamics.verify import compare
 from arm_dynamics.exceptions import ConstraintError
 from arm_dynamics.model.loop_closure import Closure
@@ -26,8 +24,6 @@ Point = tuple[Array, Array, Array]
 
 STATES = 3
 """Number of random states at which terms are compared."""
-SAMPLED = 100
-"""Number of those at which errors of single precision are measured."""
 _COMMANDS, _HELD, _MODEST = 5, 20, 50.0  # of ticks: commands, ticks of each, and [N m] at most
 _SPREAD, _CLOSED_SPREAD = 1.0, 0.1  # of positions around the initial ones, in loops the second
 
@@ -98,48 +94,6 @@ class Expected:
             pairs = [(evaluated(term, *p)[0], self.of(term, *p)[0]) for p in points]
             made, right = (np.array(rows) for rows in zip(*pairs, strict=True))
             compare(f"function {term.name}", (made - right, np.maximum(abs(right), 1.0)))
-
-    def single_errors(
-        self, name: str, source: str, terms: Sequence[Term], points: Sequence[Point]
-    ) -> dict[str, float]:
-        """The largest error of each term of a library in single precision, by running it.
-
-        It is relative to the largest number of the result, or 1, as in the test program, and
-        contains the rounding of the arguments.
-
-        Args:
-            name: Name of the library.
-            source: Its code in C, including its header.
-            terms: Its functions.
-            points: Where they are compared.
-
-        Raises:
-            CompilerMissing: If there is no C compiler.
-            KernelError: If it refuses the code.
-            InvalidInput: If single precision does not suffice for a term.
-        """
-        library = compiler.build(f"#pragma GCC visibility push(default)\n{source}").library
-        found = dict[str, float]()
-        for term in terms:
-            function = library[f"{name}_{term.name}"]
-            worst = np.max([self._single_error(function, term, point) for point in points])
-            if not worst < 1.0:
-                raise InvalidInput(
-                    f"scalar = 'float': errors of {term.name} are {worst:.1g}, relative to the "
-                    "result; allowed: to leave it out, or double"
-                )
-            found[term.name] = float(worst)
-        return found
-
-    def _single_error(self, function: ctypes._NamedFuncPointer, term: Term, at: Point) -> float:
-        right = self.of(term, *at)
-        given = dict(zip(("q", "v", "a", "tau"), (*at, at[2]), strict=True))
-        made = [np.full(values.size, np.nan, np.float32) for values in right]
-        arrays = [*(given[x].astype(np.float32) for x in term.arguments), *made]
-        function.restype = None
-        function(*(ctypes.c_void_p(array.ctypes.data) for array in arrays))
-        pairs = zip(made, right, strict=True)
-        return float(np.max([abs(a - b).max() / max(1.0, abs(b).max()) for a, b in pairs]))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from arm_dynamics.scene.load import SceneSource, naming
 from arm_sim.export import library
 from arm_sim.export.check_program import check_program
 from arm_sim.export.description import about, readme
-from arm_sim.export.expected import SAMPLED, Expected, states
+from arm_sim.export.expected import Expected, states
 from arm_sim.export.fmu import units
 from arm_sim.export.folder import check_folder, put_files
 from arm_sim.export.names import from_title, library_name
@@ -53,7 +53,6 @@ def export(
     fmu: bool = False,
     frames: Sequence[str] = (),
     servo: bool = False,
-    scalar: str = "double",
 ) -> Exported:
     """Write a scene as a C library into a folder that needs nothing of the suite.
 
@@ -71,12 +70,10 @@ def export(
         frames: Frames whose poses and Jacobians are wanted, and on which wrenches may act in the
             units.
         servo: Whether to add the servos, which track positions and velocities, to the tick.
-        scalar: Type of numbers in C: ``double``, or ``float`` for terms without the tick, whose
-            errors are measured and written into the README.
 
     Raises:
         InvalidInput: If an argument is not allowed; nothing is written.
-        CompilerMissing: If units or ``float`` are wanted and there is no C compiler; likewise.
+        CompilerMissing: If units are wanted and there is no C compiler; likewise.
         SceneError: If the scene cannot be used; likewise.
         KernelError: If a function differs from Pinocchio; likewise.
         OSError: If the folder cannot be written; likewise.
@@ -84,7 +81,7 @@ def export(
     if not isinstance(out, str | Path):
         raise InvalidInput(f"out = {out!r}; the path of a folder is expected")
     folder, wanted = Path(out), chosen(terms)
-    _check(tick, fmu, servo, scalar)
+    _check(tick, fmu, servo)
     called = None if name is None else library_name(name)
     check_folder(folder)
     model = arm_model(scene)
@@ -94,7 +91,7 @@ def export(
     with naming(scene):
         slopes = any(name in DERIVATIVES for name in wanted)
         made = tick_of(model, fmu and bool(frames), servo, slopes) if tick else None
-        files = _files(model, called, wanted, made, fmu, frames, scalar)
+        files = _files(model, called, wanted, made, fmu, frames)
     if made and slopes and not made.differentiable:
         _log.warning("the tick has no derivatives: its error is controlled, with tolerance = "
                      "%g; a scene with a method of fixed steps has them",
@@ -110,19 +107,12 @@ def _title(scene: SceneSource | ArmModel, model: ArmModel) -> str:
     return given.stem if given and is_scene else model.pin.name
 
 
-def _check(tick: bool, fmu: bool, servo: bool, scalar: str) -> None:
+def _check(tick: bool, fmu: bool, servo: bool) -> None:
     """Refuse what does not go together."""
     if fmu and not tick:
         raise InvalidInput("fmu = True with tick = False; allowed: units with the tick")
     if servo and not tick:
         raise InvalidInput("servo = True with tick = False; allowed: servos with the tick")
-    if scalar not in ("double", "float"):
-        raise InvalidInput(f"scalar = {scalar!r}; allowed: double, float")
-    if scalar == "float" and tick:
-        raise InvalidInput(
-            "scalar = 'float' with the tick, whose events need double; allowed: terms in float, "
-            "and the tick in double under another name"
-        )
 
 
 def _files(
@@ -132,27 +122,22 @@ def _files(
     tick: Tick | None,
     fmu: bool,
     frames: Sequence[str],
-    scalar: str,
 ) -> dict[str, str | bytes]:
     """Contents of all files of a library by name."""
     expected, points = Expected(model, frames), states(model)
     terms = terms_of(model, wanted, frames)
     expected.verify(terms, points)
-    made = library.Library(name, about(name, model), model, terms, tick, scalar)
+    made = library.Library(name, about(name, model), model, terms, tick)
     header, source = library.header(made), library.source(made)
-    errors: dict[str, float] = {}
-    if scalar == "float":
-        whole = source.replace(f'#include "{name}.h"\n', header)
-        errors = expected.single_errors(name, whole, terms, states(model, SAMPLED))
     code = {f"{name}.h": header, f"{name}.c": source}
     return {
         **code,
         **(units(name, tick, code, frames) if fmu and tick else {}),
-        f"test_{name}.c": check_program(made, expected, points, errors),
+        f"test_{name}.c": check_program(made, expected, points),
         "CMakeLists.txt": (_NATIVE / "CMakeLists.txt")
         .read_text(encoding="utf-8")
         .replace("@NAME@", name),
-        "README.md": readme(made, errors),
+        "README.md": readme(made),
         SCENE_FILE: scene_text(model.scene, URDF_FILE),
         URDF_FILE: model.scene.robot.urdf,
     }

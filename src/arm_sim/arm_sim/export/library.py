@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from arm_dynamics import ArmModel
 from arm_dynamics.codegen import compiler
 from arm_sim.export.at_rest import PREFIX, at_rest
@@ -20,11 +18,6 @@ from arm_sim.export.names import c_string
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 
-_TYPES = {"casadi_real": "float", "casadi_int": "long long"}
-_LIBM = re.compile(
-    r"\b(a?sin|a?cos|a?tan|atan2|tanh|exp|log|pow|sqrt|hypot|fabs|floor|fmin|fmax)(?=\()"
-)
-_NUMBER = re.compile(r"(?<![\w.])\d+\.\d*(?:e[+-]\d+)?")
 _INCLUDE = re.compile(r'#include "(\w+\.h)"\n')
 _STANDARD = re.compile(r"^#include <[^>\n]+>\n", re.MULTILINE)
 _FOR_EDITORS = re.compile(
@@ -64,7 +57,6 @@ class Library:
         model: The arm.
         terms: Its functions.
         tick: Its tick, if any.
-        scalar: Type of its numbers in C, ``double`` or ``float``.
     """
 
     name: str
@@ -72,7 +64,6 @@ class Library:
     model: ArmModel
     terms: Sequence[Term]
     tick: Tick | None
-    scalar: str
 
 
 def header(library: Library) -> str:
@@ -96,17 +87,17 @@ def header(library: Library) -> str:
 
 def source(library: Library) -> str:
     """``N.c`` of a library."""
-    name, tick, single = library.name, library.tick, library.scalar == "float"
+    name, tick = library.name, library.tick
     functions = {term.function.name(): term.function for term in library.terms}
     functions |= {function.name(): function for function in (tick.functions if tick else ())}
     generated = static_functions(list(functions.values()))
     names = ", ".join(map(c_string, library.model.joint_names))
     moves = any(term.name == "forward_dynamics" for term in library.terms)
-    resting = at_rest(library.model, library.scalar) if moves else ""
-    kinds = [resting, in_single(generated)] if single else [generated, resting]
+    resting = at_rest(library.model) if moves else ""
     parts = [
-        elementary() if resting or not single else "",
-        *kinds,
+        elementary(),
+        generated,
+        resting,
         f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",
         *(_definition(library, term, bool(resting)) for term in library.terms),
         named(name, tick.source) if tick else "",
@@ -153,24 +144,9 @@ def _inlined(file: str, folder: Path) -> str:
     return _INCLUDE.sub(lambda found: _inlined(found[1], folder), text)
 
 
-def in_single(generated: str) -> str:
-    """Generated code in single precision: its types, numbers, and functions of libm."""
-    for double, single in _TYPES.items():
-        generated = generated.replace(double, single)
-    return "#include <math.h>\n\n" + _NUMBER.sub(_single, _LIBM.sub(r"\1f", generated))
-
-
-def _single(number: re.Match[str]) -> str:
-    """A number of this type; what keeps divisors from zero stays above it."""
-    limits, value = np.finfo(np.float32), float(number[0])
-    if value == 0.0 or limits.tiny <= value <= limits.max:
-        return f"{number[0]}f"
-    return f"{np.clip(value, limits.tiny, limits.max):.9e}f"
-
-
 def _signature(library: Library, term: Term) -> str:
-    given = [f"const {library.scalar}* {x}" for x in term.arguments]
-    arguments = ", ".join([*given, *(f"{library.scalar}* {x}" for x in term.results)])
+    given = [f"const double* {x}" for x in term.arguments]
+    arguments = ", ".join([*given, *(f"double* {x}" for x in term.results)])
     head = f"void {library.name}_{term.name}("
     return "\n".join(
         textwrap.wrap(f"{head}{arguments})", _COLUMNS - 2, subsequent_indent=" " * len(head))
@@ -181,8 +157,8 @@ def _definition(library: Library, term: Term, sticks: bool) -> str:
     rests = sticks and term.name == "forward_dynamics"
     return (
         f"{_signature(library, term)} {{\n"
-        f"  const {library.scalar}* arg[] = {{{', '.join(term.arguments)}}};\n"
-        f"  {library.scalar}* res[] = {{{', '.join(term.results)}}};\n"
+        f"  const double* arg[] = {{{', '.join(term.arguments)}}};\n"
+        f"  double* res[] = {{{', '.join(term.results)}}};\n"
         + (
             f"  if ({PREFIX}is_resting(v)) {PREFIX}begin_motion(q, v, tau, a);\n  else"
             if rests

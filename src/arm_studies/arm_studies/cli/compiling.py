@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -12,13 +11,7 @@ if TYPE_CHECKING:
 
 
 def of_optimization(simulator: Simulator) -> Iterator[tuple[str, Callable[[], object]]]:
-    """The code of trajectory optimization and of the receding horizon, by name."""
-    from arm_dynamics import InvalidInput
-    from arm_studies.optimization import RecedingHorizon, prepare
-
-    def horizon() -> None:
-        with suppress(InvalidInput):  # a model with events has none
-            RecedingHorizon(simulator.dynamics)
+    """The code of trajectory optimization, by name."""
+    from arm_studies.optimization import prepare
 
     yield "trajectory optimization", lambda: prepare(simulator)
-    yield "receding horizon", horizon

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trajectory optimization with the simulator's own steps: iLQR with limits, and a controller.
+"""Trajectory optimization with the simulator's own steps: iLQR with limits.
 
 Depends on simulators and their compiled ticks and derivatives; the cost is any object with
 ``value`` and ``expansion``.
@@ -7,9 +7,7 @@ Depends on simulators and their compiled ticks and derivatives; the cost is any 
 
 from arm_studies.optimization.cost import Cost, Expansion, QuadraticCost
 from arm_studies.optimization.ilqr import ILQR, Phase, Trajectory, prepare
-from arm_studies.optimization.receding_horizon import RecedingHorizon
 
 __all__ = [
-    "ILQR", "Cost", "Expansion", "Phase", "QuadraticCost", "RecedingHorizon", "Trajectory",
-    "prepare",
+    "ILQR", "Cost", "Expansion", "Phase", "QuadraticCost", "Trajectory", "prepare",
 ]  # fmt: skip

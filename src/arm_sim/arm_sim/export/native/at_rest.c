@@ -2,26 +2,25 @@
  *
  * Accelerations of an arm some of whose joints are at rest: those that dry friction holds stay there.
  *
- * Required definitions: modes.h and what it needs, without contacts and stops; TUNABLE (nominal tunable numbers), SCALAR (type of
- * arguments and results), and the generated `acting_torques` (torques less those of friction with states).
+ * Required definitions: modes.h and what it needs, without contacts and stops; TUNABLE (nominal tunable numbers), and
+ * the generated `acting_torques` (torques less those of friction with states).
  */
 
 #include "../../stepping/native/modes.h"
 
 #ifndef TUNABLE /* read alone, as editors do */
 #define TUNABLE {0.0, 0.0, -9.81}
-#define SCALAR double
 GENERATED(acting_torques);
 #endif
 
-static int is_resting(const SCALAR* v) {
+static int is_resting(const double* v) {
   int any = 0;
-  for (int i = 0; i < NU; ++i) any |= (double)v[i] == 0.0 && may_stick(i);
+  for (int i = 0; i < NU; ++i) any |= v[i] == 0.0 && may_stick(i);
   return any;
 }
 
 /* NaN if the laws of friction determine no motion. */
-static void begin_motion(const SCALAR* q, const SCALAR* v, const SCALAR* tau, SCALAR* a) {
+static void begin_motion(const double* q, const double* v, const double* tau, double* a) {
   __extension__ static const double nominal[NP] = TUNABLE;
   double x[NX], torque[NU], u[NU], slope[NX];
   modes_t p;
@@ -44,5 +43,5 @@ static void begin_motion(const SCALAR* q, const SCALAR* v, const SCALAR* tau, SC
   arg[2] = (const double*)&p;
   res[0] = slope;
   rhs(arg, res, iw, w, 0);
-  for (int i = 0; i < NU; ++i) a[i] = (SCALAR)(found ? slope[NU + i] : (double)NAN);
+  for (int i = 0; i < NU; ++i) a[i] = found ? slope[NU + i] : NAN;
 }

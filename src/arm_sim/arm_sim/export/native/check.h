@@ -7,17 +7,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#ifndef SCALAR
-#define SCALAR double /* type of numbers in the library */
-#endif
-
 /* Compare `count` numbers; prints the difference, relative to the largest of the expected numbers or 1, and returns 1 if it is
  * more than `most`, else 0. */
-static int differs(const char* what, const SCALAR* got, const double* expected, int count, double most) {
+static int differs(const char* what, const double* got, const double* expected, int count, double most) {
   double largest = 1.0, difference = 0.0;
   for (int i = 0; i < count; ++i) {
     if (fabs(expected[i]) > largest) largest = fabs(expected[i]);
-    const double apart = fabs((double)got[i] - expected[i]);
+    const double apart = fabs(got[i] - expected[i]);
     if (!(apart <= difference)) difference = apart;
   }
   const int wrong = !(difference <= most * largest);
