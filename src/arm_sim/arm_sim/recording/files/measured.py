@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 
@@ -60,7 +61,7 @@ def from_bag(found: FileContents, topic: str | None, where: Path) -> Contents:
         notes.append(f"joint states are those of {chosen}; also recorded: {others}")
     if refused:
         notes.append(f"{len(refused)} messages could not be read: {refused[0]}")
-    return _contents(states, times, notes)
+    return replace(_contents(states, times, notes), left=found.besides(chosen))
 
 
 def _contents(states: list[JointStates], times: list[int], notes: list[str]) -> Contents:
@@ -78,15 +79,16 @@ def _contents(states: list[JointStates], times: list[int], notes: list[str]) -> 
             continue
         groups.append(np.array(members))
         known |= own
-    stamps, why = _clock(states, np.array(times, np.int64), groups)
-    notes += [f"times are those of arrival: {why}"] if why else []
+    if not groups:
+        raise InvalidInput("the joint states name no joints")
+    stamps = _clock(states, np.array(times, np.int64), groups, notes)
     (names, at, parts), *others = (_series(states, stamps, group) for group in groups)
     for joints, its, more in others:
         new = [i for i, name in enumerate(joints) if name not in names]
         added = tuple(joints[i] for i in new)
         notes.append(
-            f"{known_names(added)}: in {len(its)} messages without {known_names(names)}, "
-            "interpolated to their times"
+            f"{known_names(added)}: from {len(its)} messages of their own, interpolated to the "
+            f"times of {known_names(names)}"
         )
         parts = [
             np.hstack([part, _interpolated(at, its, values[:, new])])
@@ -99,17 +101,23 @@ def _contents(states: list[JointStates], times: list[int], notes: list[str]) -> 
 
 
 def _clock(
-    states: list[JointStates], arrived: NDArray[np.int64], groups: list[Indices]
-) -> tuple[NDArray[np.int64], str]:
-    """Time of each message in [ns], and why it is that of arrival, if it is."""
-    stamps = np.array([state.stamp for state in states], np.int64)
-    if not all(np.all(np.diff(stamps[group]) > 0) for group in groups):
-        return arrived, "stamps do not increase from message to message"
-    apart = np.ptp([np.median(arrived[group] - stamps[group]) for group in groups])
-    spans = [np.ptp(clock[groups[0]]) for clock in (arrived, stamps)]
+    states: list[JointStates], arrived: NDArray[np.int64], groups: list[Indices], notes: list[str]
+) -> NDArray[np.int64]:
+    """Time of each message in [ns]: its stamp, or that of arrival where stamps are of no use."""
+    times = np.array([state.stamp for state in states], np.int64)
+    for group in groups:
+        if not np.all(np.diff(times[group]) > 0):
+            times[group] = arrived[group]
+            names = known_names(states[group[0]].names)
+            notes.append(f"{names}: stamps do not increase, times are those of arrival")
+    apart = np.ptp([np.median(arrived[group] - times[group]) for group in groups])
+    spans = [np.ptp(clock[groups[0]]) for clock in (arrived, times)]
     if apart > _APART and abs(spans[0] - spans[1]) < 0.1 * spans[1]:
-        return arrived, f"stamps of different joints are {1e-9 * apart:.3g} s apart"
-    return stamps, ""
+        notes.append(
+            f"clocks of joints are {1e-9 * apart:.3g} s apart, times are those of arrival"
+        )
+        return arrived
+    return times
 
 
 def _series(

@@ -97,11 +97,11 @@ class Table:
         cell, line = plain(self.rows[row][column], 40), self.lines[row]
         return InvalidInput(f"'{self.path}': row {line}, column '{name}' = '{cell}': {why}")
 
-    def numbers(self, column: int) -> Array:
+    def numbers(self, column: int, allowed: str = _CELL) -> Array:
         """Numbers of a column; NaN where they are missing."""
         found = [value(cell) for cell in self._cells(column)]
         if None in found:
-            raise self.error(found.index(None), column, _CELL)
+            raise self.error(found.index(None), column, allowed)
         return np.array(found, float)
 
     def _cells(self, column: int) -> list[str]:
@@ -134,7 +134,7 @@ class Table:
 
     def _counted(self, column: int, factor: float) -> Array:
         """Times that are numbers."""
-        found, cells, name = self.numbers(column), self._cells(column), self.names[column]
+        found, cells, name = self.numbers(column, _TIME), self._cells(column), self.names[column]
         if missing := np.flatnonzero(np.isnan(found)).tolist():
             raise self.error(missing[0], column, _TIME)
         units = [unit for least, unit in _CLOCKS.items() if factor == 1.0 and found[0] >= least]
