@@ -213,12 +213,12 @@ def _echoed(table: Table, row: int) -> JointStates:
     names = tuple(takewhile(lambda cell: value(cell) is None, cells[3:]))
     at = 3 + len(names)
     for _ in PARTS:
-        here = cells[at : at + (len(names) if any(cells[at : at + 1]) else 1)]
-        found = [value(cell) for cell in here]
+        size = len(names) if any(cells[at : at + 1]) else 1
+        found = [value(cell) for cell in cells[at : at + size]]
         if None in found:
             raise table.error(row, at + found.index(None), _ECHO)
         parts.append(np.array(found, float))
-        at += max(len(here), 1)
+        at += size
     if len(stamp) < 2 or not names or at != len(cells):
         raise table.error(row, len(cells) - 1 if len(stamp) == 2 else 0, _ECHO)
     return JointStates(10**9 * stamp[0] + stamp[1], names, *parts)

@@ -62,14 +62,14 @@ class Repaired:
     Attributes:
         writer: Writes it.
         count: Number of messages by topic.
-        kept: Names of attachments and metadata.
+        kept: Attachments and metadata: what each is, by name.
         damage: Descriptions of what is unreadable.
         made: What has been written once, by content.
     """
 
     writer: Writer
     count: dict[str, int] = field(default_factory=dict)
-    kept: list[str] = field(default_factory=list)
+    kept: dict[str, str] = field(default_factory=dict)
     damage: list[str] = field(default_factory=list)
     made: dict[Any, int] = field(default_factory=dict)
 
@@ -94,10 +94,10 @@ class Repaired:
                 times = record.create_time, record.log_time
                 content = record.name, record.media_type, record.data
                 self._once(self.writer.add_attachment, *times, *content)
-                self.kept.append(record.name)
+                self.kept[record.name] = "attachment"
             elif opcode == Opcode.METADATA:
                 self._once(self.writer.add_metadata, record.name, record.metadata)
-                self.kept.append(record.name)
+                self.kept[record.name] = "metadata"
 
     def _add_message(self, channels: dict[int, tuple[int, str]], raw: bytes) -> None:
         _, _, channel, sequence, log, publish = MESSAGE.unpack_from(raw)

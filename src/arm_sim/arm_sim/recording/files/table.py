@@ -28,8 +28,8 @@ _DATE = re.compile(
     r" ?(Z|[+-]\d\d:?\d\d)?"
 )
 _CELL = (
-    "allowed: a finite number without thousands separators, with a decimal point (or comma, "
-    "where columns are separated by ';' or tabs); or nothing, where it is missing"
+    "allowed: a finite number without thousands separators, with a decimal point (or comma in "
+    "every row of the column, if ';' or tabs separate columns); or nothing, where it is missing"
 )
 _TIME = "allowed: a number, or a time such as 13:45:00.125 or 2025-05-31 13:45:00.125"
 _EPOCH = 1e8  # [s] above which times count from 1970
