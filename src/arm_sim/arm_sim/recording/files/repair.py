@@ -12,6 +12,7 @@ from mcap.opcode import Opcode
 from mcap.writer import Writer
 
 from arm_dynamics.exceptions import InvalidInput
+from arm_sim.exceptions import NoRecording
 from arm_sim.recording.files import new_file
 from arm_sim.recording.files.bags import bag_files
 from arm_sim.recording.files.container import MESSAGE, PREFIX, REPAIRED, intact_records
@@ -28,9 +29,12 @@ def repair(source: Path, out: Path) -> Repaired:
         out: The file to write (``.mcap``).
 
     Raises:
+        NoRecording: If it does not exist.
         InvalidInput: If it is another kind of file, contains nothing, or ``out`` exists.
         OSError: If it cannot be read or written.
     """
+    if not source.exists():
+        raise NoRecording(f"no recording '{source}'")
     files = bag_files(source)
     if out.suffix != ".mcap" or any(file.suffix != ".mcap" for file in files):
         raise InvalidInput(
