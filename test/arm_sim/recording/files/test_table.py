@@ -129,8 +129,8 @@ def test_times_of_calendars_and_other_units(content: str, told: str, tmp_path: P
 
 
 def test_a_clock_of_an_unlikely_unit_is_told(tmp_path: Path) -> None:
-    (told,) = notes(loaded(tmp_path, timed(0, 4, 8, 12)))
-    assert told.startswith("'time' has steps of 4, read as s; another unit is stated in the name")
+    run = loaded(tmp_path, timed(0, 4, 8, 12))
+    assert "\n  file: 'time' has steps of 4, read as s; another unit is stated in th" in repr(run)
 
 
 def test_columns_that_are_not_used_are_told(tmp_path: Path) -> None:
