@@ -190,8 +190,8 @@ def _messages(
 ) -> tuple[list[JointStates], list[int]]:
     """Joint states whose names are in cells, as of ``rostopic echo -p``, and their arrival."""
     stamp = [i for i, name in enumerate(table.names) if name.endswith("header.stamp")]
-    arrived = _whole(clock.factor * table.numbers(clock.place))
-    stamps = _whole(1e-9 * table.numbers(stamp[0])) if stamp else arrived
+    arrived = _nanoseconds(table, clock.place, clock.factor)
+    stamps = _nanoseconds(table, stamp[0], 1e-9) if stamp else arrived
     numbers = {key: table.numbers(place) for key, place in elements.items() if key[0] != "name"}
     states, none = list[JointStates](), np.full(len(stamps), np.nan)
     for row, cells in enumerate(table.rows):
@@ -202,14 +202,14 @@ def _messages(
     return states, arrived
 
 
-def _whole(times: Array) -> list[int]:
-    return [round(1e9 * time) for time in times.tolist()]
+def _nanoseconds(table: Table, column: int, factor: float) -> list[int]:
+    return [round(1e9 * factor * time) for time in table.stamps(column, factor).tolist()]
 
 
 def _echoed(table: Table, row: int) -> JointStates:
     """A row of ``ros2 topic echo --csv``: stamp, frame, names, then each part or an empty cell."""
     cells, parts = table.rows[row], list[Array]()
-    stamp = [int(cell) for cell in cells[:2] if cell.isdecimal()]
+    stamp = [int(cell) for cell in cells[:2] if cell.isdecimal() and len(cell) < 11]
     names = tuple(takewhile(lambda cell: value(cell) is None, cells[3:]))
     at = 3 + len(names)
     for _ in PARTS:

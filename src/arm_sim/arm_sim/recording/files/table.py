@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import codecs
 import csv
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -32,6 +33,7 @@ _CELL = (
     "every row of the column, if ';' or tabs separate columns); or nothing, where it is missing"
 )
 _TIME = "allowed: a number, or a time such as 13:45:00.125 or 2025-05-31 13:45:00.125"
+FAR = 9e9  # [s] before and after 1970 that integers of ns express
 _EPOCH = 1e8  # [s] above which times count from 1970
 _CLOCKS = {1e17: ("ns", 1e-9), 1e14: ("us", 1e-6), 1e11: ("ms", 1e-3)}  # by their least size then
 _STEPS = 1e-5, 0.99  # [s] between rows beyond which another unit is likely
@@ -40,7 +42,7 @@ _STEPS = 1e-5, 0.99  # [s] between rows beyond which another unit is likely
 def value(cell: str) -> float | None:
     """The number in a cell: NaN if it is missing, None if it is something else."""
     if _NUMBER.fullmatch(cell):
-        return float(cell)
+        return float(cell) if math.isfinite(float(cell)) else None
     return float("nan") if cell.lstrip("+-").lower() in _MISSING else None
 
 
@@ -104,6 +106,13 @@ class Table:
             raise self.error(found.index(None), column, allowed)
         return np.array(found, float)
 
+    def stamps(self, column: int, factor: float = 0.0) -> Array:
+        """Numbers of a column of times, none missing, nor beyond ``FAR`` with a factor to [s]."""
+        found = self.numbers(column, _TIME)
+        if bad := np.flatnonzero(~(abs(factor * found) < FAR)).tolist():
+            raise self.error(bad[0], column, _TIME)
+        return found
+
     def _cells(self, column: int) -> list[str]:
         """Cells of a column, with decimal points."""
         cells = [row[column] for row in self.rows]
@@ -134,9 +143,7 @@ class Table:
 
     def _counted(self, column: int, factor: float) -> Array:
         """Times that are numbers."""
-        found, cells, name = self.numbers(column, _TIME), self._cells(column), self.names[column]
-        if missing := np.flatnonzero(np.isnan(found)).tolist():
-            raise self.error(missing[0], column, _TIME)
+        found, cells, name = self.stamps(column), self._cells(column), self.names[column]
         units = [unit for least, unit in _CLOCKS.items() if factor == 1.0 and found[0] >= least]
         unit, factor = units[0] if units else ("", factor)
         if factor * found[0] > _EPOCH:
