@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable
 from functools import partial
@@ -60,6 +61,12 @@ def simulated(
     sim = Simulator(given, dt=4e-3)
     waves = Waves(sim.dynamics, sim.state.q, seed)
     sim.run(duration, ComputedTorque(sim.dynamics), waves).save(path)
+
+
+def cut_off(path: Path) -> None:
+    """A recording whose writer was killed."""
+    simulated(path)
+    os.truncate(path, path.stat().st_size * 2 // 3)
 
 
 def measured(scene: str, seed: int, rate: float = 100.0) -> tuple[tuple[str, ...], Array, Array]:
@@ -188,6 +195,7 @@ def written(text: str) -> Callable[[Path], None]:
 MAKERS: dict[str, Callable[[Path], None]] = {
     "run.mcap": simulated,
     "held.mcap": partial(simulated, holding=1.2),
+    "cut.mcap": cut_off,
     "other.npz": partial(simulated, duration=1.0),
     "other_run.mcap": partial(simulated, scene=ROBOT, seed=2),
     "bag_of_my_robot": partial(bag, scene="panda"),

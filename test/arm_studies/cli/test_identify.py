@@ -99,7 +99,10 @@ def test_a_payload_alone(table, tmp_path):
     out = tmp_path / "holding.yaml"
     done = typed(heavier, "--scene", lighter, "--payload", "tip", "--out", out)
     assert done.exit_code == 0, done.output
-    assert "centre of mass" in done.output
+    assert re.search(r"\bmass +0\.\d+ +kg +0\.\d+ to 0\.\d+ ", done.output)
+    undetermined = r"inertia\.x[xyz] .*the motion does not determine it"
+    assert len(re.findall(undetermined, done.output)) == 3
+    assert len(re.findall(f"(?m)^# {undetermined}$", out.read_text())) == 3
     assert "note: 'elbow': no effort in 100 rows (5.000 to 5.990 s" in done.output
     (found,) = load_scene(out).payloads
     assert found.mass == pytest.approx(0.5, rel=0.02)

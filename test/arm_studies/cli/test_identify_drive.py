@@ -49,9 +49,9 @@ def test_a_blocked_motor_is_found(blocked: Path) -> None:
     [
         ("time,voltage,amps\n0,1,2", "unknown column 'amps'; allowed: time, voltage, current"),
         ("voltage,current\n1,2", "has no column 'time'"),
-        ("time,voltage,current\n0,x,2", "not a table of numbers"),
+        ("time,voltage,current\n0,x,2\n", "row 2, column 'voltage' = 'x'"),
         ("", "not a table of numbers"),
-        ("time,voltage,current\n0,1\n1,1", "line 2 has 2 columns, the header 3"),
+        ("time,voltage,current\n0,1\n1,1", "row 2 has 2 columns, the header 3"),
         ("time,voltage,current\n0,1,2\n1,1,3", "at least 20 samples"),
     ],
 )

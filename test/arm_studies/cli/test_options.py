@@ -66,7 +66,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         told.update(options, given=given)
         raise Stop("enough")
 
-    of_data = [f"identification.{name}" for name in ("identify", "identify_payload", "compare")]
+    of_data = [f"identification.{name}" for name in ("identify", "estimate_payload", "compare")]
     for place in (*of_data, "identification.excitation.excite", "sweeps.sweep"):
         monkeypatch.setattr(f"arm_studies.{place}", stop)
     return told

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A payload on an arm that is known comes out by itself, and is a body that there can be."""
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.exceptions import InvalidInput
-from arm_studies.identification import JointRecord, identify_payload
+from arm_studies.identification import JointRecord, estimate_payload, identify_payload
 
 BODY = {
     "frame": "panda_hand", "mass": 1.2, "com": (0.01, -0.02, 0.08),
@@ -49,6 +51,54 @@ def test_it_comes_out_on_an_arm_of_point_masses():
     found = identify_payload(arm, record, "bob")
     again = Dynamics(arm | {"payloads": [found.model_dump()]})
     np.testing.assert_allclose(again.inverse(q, v, a), record.effort, atol=1e-4)
+
+
+def nearly_planar(tilt, seed):
+    """An arm whose axes are parallel up to a tilt, and a noisy recording of it with a payload."""
+    arm = load_scene("two_link").model_dump(exclude_unset=True, mode="json")
+    root = ElementTree.fromstring(arm["robot"]["urdf"])
+    root.find("joint[@name='elbow']/origin").set("rpy", f"{tilt} 0 0")
+    arm["robot"]["urdf"] = ElementTree.tostring(root, encoding="unicode")
+    dynamics = Dynamics(arm | {"payloads": [BODY | {"frame": "tip"}]})
+    t, w, rng = np.arange(0.0, 12.0, 0.02)[:, None], [2.1, 3.3], np.random.default_rng(seed)
+    q = np.sin(w * t + seed) + 0.4 * np.cos(5.0 * t)
+    v = w * np.cos(w * t + seed) - 2.0 * np.sin(5.0 * t)
+    a = -np.square(w) * np.sin(w * t + seed) - 10.0 * np.cos(5.0 * t)
+    effort = dynamics.inverse(q, v, a) + 0.02 * rng.standard_normal(q.shape)
+    return arm, JointRecord.of(dynamics.joint_names, t[:, 0], q, effort, v, a)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "missing"),
+    [
+        (0.0, {"com.y", *(f"inertia.{axes}" for axes in ("xx", "xy", "xz", "yz", "zz"))}),
+        (0.1, {"inertia.xx", "inertia.xz", "inertia.zz"}),
+        (0.5, set()),
+    ],
+)
+def test_intervals_contain_the_truth_and_what_is_not_determined_is_named(tilt, missing):
+    """In a plane only the inertia about its normal acts; near it, others hardly do."""
+    inside = []
+    for seed in range(5):
+        found = estimate_payload(*nearly_planar(tilt, seed), "tip")
+        true = (BODY["mass"], *BODY["com"], *BODY["inertia"])
+        assert set(found.missing) == missing
+        for (name, value, _), truth in zip(found.rows(), true, strict=True):
+            assert name in found.intervals or name in missing
+            if name not in missing:
+                low, high = found.intervals[name]
+                assert low < value < high and high - low < 0.02
+                inside.append(low < truth < high)
+    assert np.mean(inside) >= 0.85
+
+
+def test_from_python_what_is_not_determined_is_told():
+    told = []
+    identify_payload(*nearly_planar(0.0, 0), "tip", told=told.append)
+    assert told == [
+        "the motion does not determine com.y, inertia.xx, inertia.xy, inertia.xz, inertia.yz, "
+        "inertia.zz"
+    ]
 
 
 def test_under_noise_it_is_still_a_body(record):

@@ -121,8 +121,9 @@ def _reason(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Pa
         return f"allowed: {choices(error['input'], allowed)}"
     if kind in ("too_short", "too_long"):
         length = context.get("length") or context.get("max_length") or context.get("min_length")
-        given = len(error["input"])
-        return f"{given} {'entry' if given == 1 else 'entries'}; {length} are expected"
+        given, commas = len(error["input"]), any(isinstance(x, int) for x in error["input"])
+        hint = " (decimals have a point, as in 0.5)" if kind == "too_long" and commas else ""
+        return f"{given} {'entry' if given == 1 else 'entries'}; {length} are expected{hint}"
     if kind in _ENDS:
         end, words = _ENDS[kind]
         return words.format(context[end])

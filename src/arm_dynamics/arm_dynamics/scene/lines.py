@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from arm_dynamics.exceptions import SceneError
 
 _PLACE = re.compile(r"'([^' ]+)'")
 _NOT_DECIMAL = re.compile(r"[-+]?0[0-7_]*[0-7]|.*:.*")  # 010 is 8 in YAML 1.1, and 1:30 is 90
+_WHOLE = re.compile(r"[-+]?\d+(?:[eE][-+]?\d+)?")  # what a comma leaves of a decimal
 MOST = 1_000_000  # values of a file, aliases written out
 _KINDS = {list: "a list", str: "text", int: "a number", float: "a number", bool: "a truth value"}
 
@@ -75,6 +77,7 @@ def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:
         for i, item in enumerate(node.value):
             _refuse_traps(item, file, *place, str(i))
     elif isinstance(node, yaml.MappingNode):
+        _refuse_decimal_commas(node, file, *place)
         _refuse_twins(node, file, *place)
         for key, child in node.value:
             _refuse_traps(child, file, *place, key.value)
@@ -83,7 +86,17 @@ def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:
         if number and _NOT_DECIMAL.fullmatch(node.value):
             raise SceneError(
                 f"{file}: '{'.'.join(place)}' = {node.value}: a decimal number is expected; YAML "
-                "reads a leading zero as octal, and colons as sixties"
+                "reads a leading zero as octal, colons as sixties, a comma as a number's end"
+            )
+
+
+def _refuse_decimal_commas(node: yaml.MappingNode, file: str, *place: str) -> None:
+    """Refuse ``{viscous: 0,5}``, which YAML reads as ``viscous: 0`` and a key 5 without value."""
+    for (key, whole), (rest, nothing) in pairwise(node.value if node.flow_style else ()):
+        if nothing.value == "" and all(_WHOLE.fullmatch(str(x.value)) for x in (whole, rest)):
+            raise SceneError(
+                f"{file}: '{'.'.join((*place, key.value))}' = {whole.value},{rest.value}: a "
+                f"decimal point is expected, as in {whole.value}.{rest.value}"
             )
 
 

@@ -77,6 +77,7 @@ def plot(
     epilog=examples(
         "./arm record",
         "./arm record /joint_states /joint_commands --out try.mcap --duration 10",
+        "./arm record --repair cut.mcap --out whole.mcap",
     )
 )
 @click.argument("topics", nargs=-1, metavar="[TOPIC…]")
@@ -86,12 +87,23 @@ def plot(
 @click.option(
     "--duration", type=click.FloatRange(min=0.0, min_open=True), help="How long to record, in s."
 )
-def record(topics: tuple[str, ...], out: Path | None, duration: float | None) -> None:
+@click.option(
+    "--repair", "cut", type=_PATH, metavar="FILE",
+    help="Instead, write all that is intact of a file that was cut off, or of a bag's folder.",
+)  # fmt: skip
+def record(
+    topics: tuple[str, ...], out: Path | None, duration: float | None, cut: Path | None
+) -> None:
     """Record TOPICs of a running system until Ctrl-C; all topics if none is given.
 
     To record every tick of a simulator with its full state, for a bit-exact replay, let the
     simulator record itself: ./arm sim SCENE --ros-args -p record:=FILE.
     """
+    if cut is not None:
+        if topics or duration:
+            raise click.UsageError("--repair records nothing: only --out is allowed")
+        _repair(cut, out or cut.with_name(f"{cut.stem}-repaired.mcap"))
+        return
     from time import monotonic
 
     from arm_sim.ros.record.topics import TopicRecorder
@@ -107,8 +119,7 @@ def record(topics: tuple[str, ...], out: Path | None, duration: float | None) ->
 
     status = _run_node(make, lambda: end is not None and monotonic() > end)
     for node in nodes:
-        for topic, count in node.count.items():
-            click.echo(f"{count:9d}  {topic}")
+        _show_topics(node.count)
         for topic in node.missing:
             click.echo(f"        -  {topic}: no publisher")
         if node.thread.lost:
@@ -116,6 +127,23 @@ def record(topics: tuple[str, ...], out: Path | None, duration: float | None) ->
         click.echo(str(path))
         status = status or int(bool(node.thread.failure))
     sys.exit(status)
+
+
+def _show_topics(count: dict[str, int]) -> None:
+    for topic, messages in count.items():
+        click.echo(f"{messages:9d}  {topic}")
+
+
+def _repair(cut: Path, out: Path) -> None:
+    from arm_sim.recording.files.repair import repair
+
+    with waiting(f"repairing {cut}"):
+        found = repair(cut, out)
+    for damage in dict.fromkeys(found.damage):
+        click.echo(f"{cut}: {damage}", err=True)
+    _show_topics(found.count)
+    click.echo(f"attachments and metadata: {', '.join(found.kept) or 'none'}")
+    click.echo(str(out))
 
 
 @click.command(

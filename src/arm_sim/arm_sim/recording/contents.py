@@ -58,6 +58,7 @@ class Contents:
         substep: Initial sub-step of the error control, in [s]; see ``SimulatedArm.substep``.
         measured: Sensor measurements at each time; None if the scene has no sensors.
         of_robot: Whether it is of a robot or another simulator, not of our own ticks.
+        left: What its file contains besides, such as topics, and ``save`` does not write.
     """
 
     time: Array
@@ -78,6 +79,7 @@ class Contents:
     substep: float = 0.0
     measured: Measured | None = None
     of_robot: bool = False
+    left: tuple[str, ...] = ()
 
     @property
     def x(self) -> Array:

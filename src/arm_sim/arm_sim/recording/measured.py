@@ -49,4 +49,5 @@ def with_scene(contents: Contents, scene: Any) -> Contents:
         contents, q=read_only(q), v=read_only(v), command=read_only(command),
         z=read_only(np.reshape(z, (rows, plant.nz))), joint_names=model.joint_names,
         p=read_only(np.tile(nominal, (rows, 1))), origin=Origin(loaded, "rk4", dt, None),
+        left=(*contents.left, *(name for name in names if name not in model.joint_names)),
     )  # fmt: skip

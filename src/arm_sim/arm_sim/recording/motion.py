@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics import Dynamics, InvalidInput, Scene
 from arm_dynamics.arrays import Array, read_only
+from arm_sim.imperfections import Measured
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import BRAKES, Contents
 from arm_sim.recording.energy_account import EnergyAccount, relative_error
@@ -275,7 +276,9 @@ class RecordedMotion(Contents):
         states = ("time", "q", "v", "z", "command", "local_error", "time_stepped", "p")
         chosen: dict[str, Any] = {name: read_only(getattr(self, name)[here]) for name in states}
         hold = None if self.hold is None else self.hold[here]
-        return replace(self, **chosen, hold=hold, jumps=(), gaps=(), measured=None)
+        seen = self.measured
+        measured = seen and Measured.of(np.hstack([seen.q, seen.v, seen.effort])[here])
+        return replace(self, **chosen, hold=hold, jumps=(), gaps=(), measured=measured)
 
     @cached_property
     def _flows(self) -> Array:

@@ -50,7 +50,7 @@ class Recording(RecordedMotion):
         Args:
             path: A file of ``save``; a bag of ROS 2 (``.mcap``, ``.db3`` or a folder of them) with
                 joint states; or a ``.csv`` with columns ``time`` and ``position.NAME``,
-                ``velocity.NAME``, ``effort.NAME``.
+                ``velocity.NAME``, ``effort.NAME``, or from ``ros2 topic echo --csv``.
             scene: For a recording without one: anything ``load_scene`` accepts.
             topic: Topic of the joint states, if a bag has several.
 
@@ -146,6 +146,7 @@ class Recording(RecordedMotion):
         ):  # fmt: skip
             if count:
                 lines.append(f"{count} {what}")
+        lines += [event.text for event in self.events if event.text.startswith("file: ")]
         return "<Recording: " + "\n  ".join(lines) + ">"
 
     def _origin_texts(self) -> list[str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim.cli.output import console, examples, facts, progress_on_stderr, show, table
+from arm_sim.cli.output import console, examples, number, progress_on_stderr, show, table
 
 if TYPE_CHECKING:
     from arm_studies.identification import Identification, JointRecord
@@ -118,26 +118,34 @@ def _carried(
 ) -> None:  # fmt: skip
     """Identify only the payload, and write the scene with it."""
     from arm_dynamics import load_scene
-    from arm_studies.identification import identify_payload
+    from arm_studies.identification import estimate_payload
     from arm_studies.identification.report import write_scene
 
     arm = load_scene(scene)
     with progress_on_stderr():
-        found = identify_payload(
+        found = estimate_payload(
             arm, records, frame, band=band, names=names,
             told=lambda text: click.echo(f"note: {text}", err=True),
         )  # fmt: skip
-    files = write_scene(arm.model_copy(update={"payloads": (*arm.payloads, found)}), out)
+    rows = [
+        [name, number(value, 4), unit, "{:.4g} to {:.4g}".format(*found.intervals[name])
+         if name in found.intervals else "",
+         "the motion does not determine it" if name in found.missing else ""]
+        for name, value, unit in found.rows()
+    ]  # fmt: skip
+    head = "".join(f"# {' '.join(filter(None, row))}\n" for row in rows)
+    head = f"# Payload on {frame}, with 95 % intervals:\n{head}"
+    carrying = arm.model_copy(update={"payloads": (*arm.payloads, found.payload)})
+    files = write_scene(carrying, out, head)
     if as_json:
-        result = {"files": [str(path) for path in files], "payload": found.model_dump(mode="json")}
-        click.echo(json.dumps(result))
+        payload = found.payload.model_dump(mode="json")
+        click.echo(json.dumps({
+            "files": [str(path) for path in files], "payload": payload,
+            "intervals": dict(found.intervals), "missing": found.missing,
+        }))  # fmt: skip
         return
-    console().print(facts([
-        ("frame", frame), ("mass", f"{found.mass:.4g} kg"),
-        ("centre of mass", f"{', '.join(f'{x:.4g}' for x in found.com)} m, in the frame"),
-        ("inertia", f"{', '.join(f'{x:.3g}' for x in found.inertia)} kg m² about the center of "
-                    "mass: xx, xy, xz, yy, yz, zz"),
-    ]))  # fmt: skip
+    console().print(f"payload on {frame}", markup=False)
+    show(console(), table(["", "value", "", "95 % interval", ""], rows, text=(0, 2, 3, 4)))
     _show_files(files)
 
 

@@ -106,20 +106,23 @@ def _bristles(paths: tuple[Path, ...]) -> tuple[Match, dict[str, str]]:
 
 def _read(path: Path, known: tuple[str, ...], needed: tuple[str, ...] = ()) -> dict[str, Any]:
     """Columns of a table by name, without those that it does not have."""
-    from arm_sim.recording.files.measured import read_table
+    from arm_sim.recording.files.table import Table
 
-    names, values = read_table(path)
-    header = [name.strip() for name in names]
-    if unknown := [name for name in header if name not in ("time", *known)]:
+    table = Table.read(path)
+    if unknown := [name for name in table.names if name not in ("time", *known)]:
         raise click.ClickException(
             f"'{path}': unknown column '{unknown[0]}'; allowed: time, {', '.join(known)}"
         )
     for name in ("time", *needed):
-        if name not in header:
+        if name not in table.names:
             raise click.ClickException(
-                f"'{path}' has no column '{name}'; it has {', '.join(header)}"
+                f"'{path}' has no column '{name}'; it has {', '.join(table.names)}"
             )
-    return {name: values[:, i] for i, name in enumerate(header)}
+    read = {name: table.numbers(i) for i, name in enumerate(table.names) if name != "time"}
+    read["time"] = table.times(table.names.index("time"))
+    for note in table.notes:
+        click.echo(f"note: '{path}': {note}", err=True)
+    return read
 
 
 def _result(found: Match, units: dict[str, str]) -> dict[str, Any]:

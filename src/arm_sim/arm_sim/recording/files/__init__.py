@@ -7,15 +7,17 @@ Depends on the contents of a recording, but not on ROS: messages are serialized 
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.contents import Contents
 from arm_sim.recording.files import measured, npz, ticks
@@ -35,6 +37,7 @@ __all__ = [
     "save",
 ]
 
+_log = logging.getLogger(__name__)
 SUFFIXES = (".csv", ".npz", *BAGS)
 """Suffixes of files that ``load`` reads."""
 
@@ -48,6 +51,11 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         efforts: Returns the torques on the joints from each time, shape (k+1, n).
     """
     path = _path(path)
+    if contents.left:
+        _log.warning(
+            "'%s' does not contain what else was in the recording's file: %s (./arm record "
+            "--repair copies a file whole)", path, known_names(contents.left),
+        )  # fmt: skip
     if path.suffix == ".npz":
         _check_folder(path)
         part = path.with_name(path.name + ".part")
@@ -159,7 +167,7 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
     ours, kinds = (TICK, CHANGE, LOG), (TICK, CHANGE, LOG, JOINT_STATE)
     found = read_bag(path, lambda name, kind: kind in (kinds if topic else ours))
     if topic is None and found.of(CHANGE) and ticks.FACTS in found.facts:
-        contents = ticks.read(found)
+        contents = replace(ticks.read(found), left=ticks.left(found))
         if contents.origin is None or contents.origin.scene.sensors is None:
             return contents
         seen = read_bag(path, lambda name, kind: kind == JOINT_STATE).of(JOINT_STATE)

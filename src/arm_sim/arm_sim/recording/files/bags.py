@@ -17,22 +17,24 @@ SQLITE = b"SQLite format 3\0"
 
 
 def read_bag(path: Path, wanted: Callable[[str, str], bool]) -> FileContents:
-    """Content of a bag; see ``Found.read``."""
-    if path.is_dir():
-        return _folder(path, wanted)
-    return _sqlite(path, wanted) if path.suffix == ".db3" else FileContents.read(path, wanted)
-
-
-def _folder(path: Path, wanted: Callable[[str, str], bool]) -> FileContents:
-    """The files of a bag, in the order of their names."""
-    files = [file for suffix in BAGS for file in path.glob(f"*{suffix}")]
-    if not files:
-        raise InvalidInput(f"'{path}' contains no {' or '.join(BAGS)}; allowed: a bag's folder")
-    by_number = sorted(files, key=lambda file: (len(file.stem), file.stem))
-    first, *others = (read_bag(file, wanted) for file in by_number)
+    """Content of a bag; see ``FileContents.read``."""
+    first, *others = (
+        _sqlite(file, wanted) if file.suffix == ".db3" else FileContents.read(file, wanted)
+        for file in bag_files(path)
+    )
     for other in others:
         _append(first, other)
     return first
+
+
+def bag_files(path: Path) -> list[Path]:
+    """The files of a bag, in the order of their names; a file is one by itself."""
+    if not path.is_dir():
+        return [path]
+    files = [file for suffix in BAGS for file in path.glob(f"*{suffix}")]
+    if not files:
+        raise InvalidInput(f"'{path}' contains no {' or '.join(BAGS)}; allowed: a bag's folder")
+    return sorted(files, key=lambda file: (len(file.stem), file.stem))
 
 
 def _append(first: FileContents, other: FileContents) -> None:
@@ -40,6 +42,7 @@ def _append(first: FileContents, other: FileContents) -> None:
     for number, topic in other.topics.items():
         here = numbers.setdefault(topic, max(first.topics, default=0) + 1)
         first.topics[here] = topic
+        first.used |= {here} if number in other.used else set()
         messages = other.messages.get(number, [])
         later = [(place + first.count, time, data) for place, time, data in messages]
         first.messages.setdefault(here, []).extend(later)
@@ -71,6 +74,7 @@ def _sqlite(path: Path, wanted: Callable[[str, str], bool]) -> FileContents:
                 if number in found.messages:
                     found.messages[number].append((found.count, time, bytes(data)))
                 found.count += 1
+                found.used.add(number)
     except sqlite3.Error as error:
         if not any(found.messages.values()):
             raise InvalidInput(f"'{path}' is damaged or not a bag of ROS 2: {error}") from None

@@ -27,6 +27,7 @@ try:
     import zstandard
     from mcap import records
     from mcap.data_stream import ReadDataStream, RecordBuilder
+    from mcap.exceptions import McapError
     from mcap.opcode import Opcode
     from mcap.stream_reader import get_chunk_data_stream
 except ModuleNotFoundError as error:
@@ -35,10 +36,17 @@ except ModuleNotFoundError as error:
     ) from None
 
 MAGIC = b"\x89MCAP0\r\n"
+REPAIRED = "repaired"
+"""Name of the metadata with the damage that a repaired file had."""
 MESSAGE = struct.Struct("<BQHIQQ")
 """Head of a message: opcode, length, channel, sequence, log time and publish time in [ns]."""
-_PREFIX, _CHUNK = struct.Struct("<BQ"), struct.Struct("<QQQI")
+PREFIX, _CHUNK = struct.Struct("<BQ"), struct.Struct("<QQQI")
 _IDS_AND_TIMES = 22  # bytes of a message record before its data
+_KINDS: dict[int, Any] = {
+    Opcode.HEADER: records.Header, Opcode.SCHEMA: records.Schema,
+    Opcode.CHANNEL: records.Channel, Opcode.ATTACHMENT: records.Attachment,
+    Opcode.METADATA: records.Metadata, Opcode.CHUNK: records.Chunk,
+}  # fmt: skip
 _LEVEL = 1  # of zstd; see docs/how-to/recordings.md for a comparison
 
 
@@ -133,7 +141,7 @@ class McapWriter:
         packed, crc = self._compressor.compress(data), zlib.crc32(data)
         head = _CHUNK.pack(first, last, len(data), crc) + _text("zstd")
         head += struct.pack("<Q", len(packed))
-        record = _PREFIX.pack(Opcode.CHUNK, len(head) + len(packed)) + head + packed
+        record = PREFIX.pack(Opcode.CHUNK, len(head) + len(packed)) + head + packed
         numbers, counts = (array.tolist() for array in np.unique(channel, return_counts=True))
         pieces = [_index(number, channel, times, offsets) for number in numbers]
         ends = np.cumsum([self.written + len(record), *map(len, pieces)]).tolist()
@@ -196,7 +204,7 @@ class McapWriter:
             )
             summary += piece
         footer = struct.pack("<QQ", start, start + len(summary))
-        head = _PREFIX.pack(Opcode.FOOTER, len(footer) + 4) + footer
+        head = PREFIX.pack(Opcode.FOOTER, len(footer) + 4) + footer
         crc = zlib.crc32(summary + offsets + head)
         return end + summary + offsets + head + struct.pack("<I", crc) + MAGIC
 
@@ -222,6 +230,8 @@ class FileContents:
         messages: Of each requested channel: position in the file, log time in [ns], and data of
             every message.
         damage: Description of unreadable parts.
+        count: Number of messages, also of channels that are not requested.
+        used: Channels that have messages.
     """
 
     topics: dict[int, tuple[str, str]] = field(default_factory=dict)
@@ -230,6 +240,12 @@ class FileContents:
     messages: dict[int, list[tuple[int, int, bytes]]] = field(default_factory=dict)
     damage: list[str] = field(default_factory=list)
     count: int = 0
+    used: set[int] = field(default_factory=set)
+
+    def besides(self, *topics: str) -> tuple[str, ...]:
+        """Topics with messages other than these."""
+        found = (self.topics[number][0] for number in sorted(self.used & self.topics.keys()))
+        return tuple(topic for topic in found if topic not in topics)
 
     def of(self, kind: str) -> dict[str, list[tuple[int, int, bytes]]]:
         """Messages of a type, by topic."""
@@ -252,50 +268,71 @@ class FileContents:
             OSError: If it cannot be read.
         """
         found, schemas = cls(), dict[int, str]()
-        with path.open("rb") as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                raise InvalidInput(f"'{path}' is not an MCAP file: its first bytes differ")
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
-                for opcode, start, end in _records(raw, len(MAGIC)):
-                    if opcode == Opcode.DATA_END:
-                        return found
-                    found._take(raw, opcode, start, end, schemas, wanted)
-        found.damage.append("it is truncated: the end of the recording is missing")
+        for opcode, record, raw, start, end in intact_records(path, found.damage):
+            if opcode == Opcode.MESSAGE:
+                head = MESSAGE.unpack_from(raw, start - PREFIX.size)
+                kept = found.messages.get(head[2])
+                if kept is not None:
+                    kept.append((found.count, head[4], raw[start + _IDS_AND_TIMES : end]))
+                found.count += 1
+                found.used.add(head[2])
+            elif opcode == Opcode.SCHEMA:
+                schemas[record.id] = record.name
+            elif opcode == Opcode.CHANNEL:
+                kind = schemas.get(record.schema_id, "")
+                found.topics[record.id] = record.topic, kind
+                if record.message_encoding == "cdr" and wanted(record.topic, kind):
+                    found.messages.setdefault(record.id, [])
+            elif opcode == Opcode.ATTACHMENT:
+                found.texts[record.name] = record.data.decode(errors="replace")
+            elif opcode == Opcode.METADATA:
+                found.facts[record.name] = record.metadata
+        found.damage += found.facts.get(REPAIRED, {}).values()
         return found
 
-    def _take(
-        self, raw: mmap.mmap | bytes, opcode: int, start: int, end: int, schemas: dict[int, str],
-        wanted: Callable[[str, str], bool],
-    ) -> None:  # fmt: skip
+
+Buffer = mmap.mmap | bytes
+Record = tuple[int, Any, Buffer, int, int]
+"""Opcode, what was parsed (nothing of a message), and the buffer with its start and end there."""
+
+
+def intact_records(path: Path, damage: list[str]) -> Iterator[Record]:
+    """Records of a file, and of its chunks, from beginning to end or to where it is truncated.
+
+    Args:
+        path: Path of the file.
+        damage: Receives a description of each unreadable part.
+
+    Raises:
+        InvalidInput: If it is not an MCAP file.
+        OSError: If it cannot be read.
+    """
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise InvalidInput(f"'{path}' is not an MCAP file: its first bytes differ")
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
+            for place in _records(raw, len(MAGIC)):
+                if place[0] == Opcode.DATA_END:
+                    return
+                yield from _parsed(raw, *place, damage)
+    damage.append("it is truncated: the end of the recording is missing")
+
+
+def _parsed(raw: Buffer, opcode: int, start: int, end: int, damage: list[str]) -> Iterator[Record]:
+    """A record, or those of a chunk."""
+    kind, inner = _KINDS.get(opcode), b""
+    try:
+        record: Any = kind.read(_stream(raw[start:end])) if kind else None
         if opcode == Opcode.CHUNK:
-            try:
-                data = _unpacked(records.Chunk.read(_stream(raw[start:end])))
-            except (ValueError, RuntimeError, zstandard.ZstdError, struct.error) as error:
-                self.damage.append(f"a chunk at byte {start} is damaged: {error}")
-                return
-            for inner in _records(data, 0):
-                self._take(data, *inner, schemas, wanted)
-        elif opcode == Opcode.MESSAGE:
-            head = MESSAGE.unpack_from(raw, start - _PREFIX.size)
-            kept = self.messages.get(head[2])
-            if kept is not None:
-                kept.append((self.count, head[4], raw[start + _IDS_AND_TIMES : end]))
-            self.count += 1
-        elif opcode == Opcode.SCHEMA:
-            schema = records.Schema.read(_stream(raw[start:end]))
-            schemas[schema.id] = schema.name
-        elif opcode == Opcode.CHANNEL:
-            channel = records.Channel.read(_stream(raw[start:end]))
-            kind = schemas.get(channel.schema_id, "")
-            self.topics[channel.id] = channel.topic, kind
-            if channel.message_encoding == "cdr" and wanted(channel.topic, kind):
-                self.messages.setdefault(channel.id, [])
-        elif opcode == Opcode.ATTACHMENT:
-            attachment = records.Attachment.read(_stream(raw[start:end]))
-            self.texts[attachment.name] = attachment.data.decode(errors="replace")
-        elif opcode == Opcode.METADATA:
-            metadata = records.Metadata.read(_stream(raw[start:end]))
-            self.facts[metadata.name] = metadata.metadata
+            inner = _unpacked(record)
+    except (ValueError, RuntimeError, McapError, zstandard.ZstdError, struct.error) as error:
+        what = Opcode(opcode).name.lower()
+        damage.append(f"a record ({what}) at byte {start} is damaged: {error!r}")
+        return
+    if opcode != Opcode.CHUNK:
+        yield opcode, record, raw, start, end
+    for place in _records(inner, 0):
+        yield from _parsed(inner, *place, damage)
 
 
 def _bytes(record: Any) -> bytes:
@@ -322,7 +359,7 @@ def _index(
     """The record with times and offsets of a channel's messages in a chunk."""
     mine = channels == number
     index = np.stack([times[mine], offsets[mine].astype(np.uint64)], axis=1).tobytes()
-    head = _PREFIX.pack(Opcode.MESSAGE_INDEX, 6 + len(index))
+    head = PREFIX.pack(Opcode.MESSAGE_INDEX, 6 + len(index))
     return head + struct.pack("<HI", number, len(index)) + index
 
 
@@ -340,11 +377,11 @@ def _unpacked(chunk: records.Chunk) -> bytes:
     return stream.read(size)
 
 
-def _records(raw: mmap.mmap | bytes, at: int) -> Iterator[tuple[int, int, int]]:
+def _records(raw: Buffer, at: int) -> Iterator[tuple[int, int, int]]:
     """Opcode, start and end of each complete record from a place on."""
-    while at + _PREFIX.size <= len(raw):
-        opcode, length = _PREFIX.unpack_from(raw, at)
-        start, at = at + _PREFIX.size, at + _PREFIX.size + length
+    while at + PREFIX.size <= len(raw):
+        opcode, length = PREFIX.unpack_from(raw, at)
+        start, at = at + PREFIX.size, at + PREFIX.size + length
         if at > len(raw):
             return
         yield opcode, start, at

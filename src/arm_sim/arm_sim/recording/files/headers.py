@@ -8,6 +8,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from arm_dynamics.exceptions import InvalidInput
+
 PARTS = ("position", "velocity", "effort")
 """The quantities of a joint state."""
 _WORDS = {
@@ -15,7 +17,8 @@ _WORDS = {
     "velocity": ("velocity", "vel", "speed", "qd", "dq", "v"),
     "effort": ("effort", "eff", "torque", "tau", "current"),
 }
-_CLOCKS = r"(?:__)?(?:time|timestamp|stamp|t|seconds|sec)"
+_CLOCKS = r"(?:__|%)?(?:time|timestamp|stamp|t|seconds|sec)"
+_ELEMENT = re.compile(r"(?:.*[./])?(name|position|velocity|effort)[._]?\[?(\d+)\]?")
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _TURN = math.pi / 180.0
 _UNITS = {
@@ -53,6 +56,20 @@ class Header:
     columns: dict[tuple[str, str], Column]
 
 
+def read_elements(names: Sequence[str]) -> dict[tuple[str, int], int]:
+    """Columns of messages, as ``rostopic echo -p`` writes them, by field and place in it.
+
+    Args:
+        names: Names of the columns, such as ``field.name0`` and ``field.position0``.
+
+    Returns:
+        Their indices; empty if there are none with names of joints.
+    """
+    matches = ((i, _ELEMENT.fullmatch(name)) for i, name in enumerate(names))
+    found = {(match[1], int(match[2])): i for i, match in matches if match}
+    return found if any(field == "name" for field, _ in found) else {}
+
+
 def read_header(names: Sequence[str]) -> Header:
     """Times and joints among columns.
 
@@ -63,6 +80,9 @@ def read_header(names: Sequence[str]) -> Header:
 
     Args:
         names: Names of the columns.
+
+    Raises:
+        InvalidInput: If two columns are the same quantity of a joint.
     """
     clock, found = None, dict[tuple[str, str], Column]()
     for place, name in enumerate(names):
@@ -70,7 +90,12 @@ def read_header(names: Sequence[str]) -> Header:
         if clock is None and (factor := _clock(bare, unit)):
             clock = Column(place, factor)
         elif (what := _part(bare)) and unit in _UNITS:
-            found.setdefault(what, Column(place, _UNITS[unit]))
+            if what in found:
+                raise InvalidInput(
+                    f"columns '{names[found[what].place]}' and '{name}' are both the {what[0]} of "
+                    f"joint '{what[1]}'; one is expected"
+                )
+            found[what] = Column(place, _UNITS[unit])
     numbers = [int(joint) for _, joint in found if joint.isdigit()]
     first = 1 - min(numbers, default=1) if 0 in numbers else 0
     found = {
@@ -90,7 +115,8 @@ def _unit(name: str) -> tuple[str, str]:
 def _clock(name: str, unit: str) -> float | None:
     """Seconds per unit of a time column; None if it is not one."""
     match = re.fullmatch(rf"{_CLOCKS}(?:_(s|sec|ms|us|ns))?", name.lower())
-    return _TIMES.get(match[1] or unit or "s") if match else None
+    of_ros = "ns" if name.startswith("%") else "s"
+    return _TIMES.get(match[1] or unit or of_ros) if match else None
 
 
 def _part(name: str) -> tuple[str, str] | None:

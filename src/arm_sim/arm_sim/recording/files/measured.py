@@ -3,21 +3,30 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.recording.contents import Contents, Event
 from arm_sim.recording.files.bags import told
 from arm_sim.recording.files.container import FileContents
-from arm_sim.recording.files.headers import PARTS, Column, read_header
+from arm_sim.recording.files.headers import PARTS, Column, read_elements, read_header
 from arm_sim.recording.files.messages import JOINT_STATE, JointStates
+from arm_sim.recording.files.table import Table, value
 
-_SEPARATORS = (",", ";", "\t")
+Indices = NDArray[np.int_]
+_APART = 5e7  # [ns] between clocks that are not the same one
+_HOLE = 4.0  # median steps between two messages across which values are not interpolated
+_ECHO = (
+    "a table without a header, unless from `ros2 topic echo --csv`, is not allowed; there: sec, "
+    "nanosec, frame, names, as many positions, velocities and efforts, or an empty column of each"
+)
 
 
 def from_bag(found: FileContents, topic: str | None, where: Path) -> Contents:
@@ -47,36 +56,94 @@ def from_bag(found: FileContents, topic: str | None, where: Path) -> Contents:
     if not states:
         raise InvalidInput(f"'{where}' has no message on '{chosen}' that can be read")
     notes = list(found.damage)
+    if topic is None and len(topics) > 1:
+        others = known_names(name for name in topics if name != chosen)
+        notes.append(f"joint states are those of {chosen}; also recorded: {others}")
     if refused:
         notes.append(f"{len(refused)} messages could not be read: {refused[0]}")
-    return _contents(states, times, notes)
+    return replace(_contents(states, times, notes), left=found.besides(chosen))
 
 
 def _contents(states: list[JointStates], times: list[int], notes: list[str]) -> Contents:
-    """Rows of the joints that most messages name; messages of other joints are ignored."""
-    kinds: dict[frozenset[str], int] = {}
-    for state in states:
-        kinds[frozenset(state.names)] = kinds.get(frozenset(state.names), 0) + 1
-    common = max(kinds, key=lambda names: kinds[names])
-    kept = [(s, t) for s, t in zip(states, times, strict=True) if frozenset(s.names) == common]
-    if len(kept) < len(states):
-        notes = [*notes, f"{len(states) - len(kept)} messages name other joints"]
-    names = kept[0][0].names
-    stamps = np.array([state.stamp for state, _ in kept], np.int64)
-    if not np.all(np.diff(stamps) > 0):  # a robot without a clock: only arrival times are known
-        stamps = np.array([time for _, time in kept], np.int64)
-    rows = np.argsort(stamps, kind="stable")
+    """Rows at the times of the joints that most messages name.
+
+    Joints that only other messages name are interpolated to these times.
+    """
+    kinds: dict[frozenset[str], list[int]] = {}
+    for i, state in enumerate(states):
+        kinds.setdefault(frozenset(state.names), []).append(i)
+    groups, known, notes = list[Indices](), frozenset[str](), [*notes]
+    for own, members in sorted(kinds.items(), key=lambda item: -len(item[1])):
+        if own <= known:
+            notes.append(f"{len(members)} messages name no further joint than others")
+            continue
+        groups.append(np.array(members))
+        known |= own
+    if not groups:
+        raise InvalidInput("the joint states name no joints")
+    stamps = _clock(states, np.array(times, np.int64), groups, notes)
+    (names, at, parts), *others = (_series(states, stamps, group) for group in groups)
+    for joints, its, more in others:
+        new = [i for i, name in enumerate(joints) if name not in names]
+        added = tuple(joints[i] for i in new)
+        notes.append(
+            f"{known_names(added)}: from {len(its)} messages of their own, interpolated to the "
+            f"times of {known_names(names)}"
+        )
+        parts = [
+            np.hstack([part, _interpolated(at, its, values[:, new])])
+            for part, values in zip(parts, more, strict=True)
+        ]
+        names += added
+    if twice := sum(map(len, groups)) - len(at) - sum(len(its) for _, its, _ in others):
+        notes.append(f"{twice} messages have the time of another one")
+    return made(1e-9 * (at - at[0]), names, parts, notes)
+
+
+def _clock(
+    states: list[JointStates], arrived: NDArray[np.int64], groups: list[Indices], notes: list[str]
+) -> NDArray[np.int64]:
+    """Time of each message in [ns]: its stamp, or that of arrival where stamps are of no use."""
+    times = np.array([state.stamp for state in states], np.int64)
+    for group in groups:
+        if not np.all(np.diff(times[group]) > 0):
+            times[group] = arrived[group]
+            names = known_names(states[group[0]].names)
+            notes.append(f"{names}: stamps do not increase, times are those of arrival")
+    apart = np.ptp([np.median(arrived[group] - times[group]) for group in groups])
+    spans = [np.ptp(clock[groups[0]]) for clock in (arrived, times)]
+    if apart > _APART and abs(spans[0] - spans[1]) < 0.1 * spans[1]:
+        notes.append(
+            f"clocks of joints are {1e-9 * apart:.3g} s apart, times are those of arrival"
+        )
+        return arrived
+    return times
+
+
+def _series(
+    states: list[JointStates], stamps: NDArray[np.int64], group: Indices
+) -> tuple[tuple[str, ...], NDArray[np.int64], list[Array]]:
+    """Joints, times in [ns] and parts of messages of the same joints, in order of time."""
+    rows = group[np.argsort(stamps[group], kind="stable")]
     once = rows[np.diff(stamps[rows], prepend=stamps[rows[0]] - 1) > 0]
-    if len(once) < len(rows):
-        notes = [*notes, f"{len(rows) - len(once)} messages have the time of another one"]
-    time = 1e-9 * (stamps[once] - stamps[once[0]])
-    places = [[state.names.index(name) for name in names] for state, _ in kept]
-    parts = [
-        np.array([_numbers(getattr(state, part), place)
-                  for (state, _), place in zip(kept, places, strict=True)])[once]
-        for part in PARTS
-    ]  # fmt: skip
-    return made(time, names, parts, notes)
+    names, kept = states[group[0]].names, [states[row] for row in once]
+    places = [[state.names.index(name) for name in names] for state in kept]
+    pairs = [*zip(kept, places, strict=True)]
+    parts = [np.array([_numbers(getattr(s, part), place) for s, place in pairs]) for part in PARTS]
+    return names, stamps[once], parts
+
+
+def _interpolated(at: NDArray[np.int64], its: NDArray[np.int64], values: Array) -> Array:
+    """Values at other times; NaN where no two of their own on either side are near."""
+    found = np.full((len(at), values.shape[1]), np.nan)
+    if len(its) > 1:
+        after = np.clip(np.searchsorted(its, at), 1, len(its) - 1)
+        steps = np.diff(its)
+        share = (at - its[after - 1]) / steps[after - 1]
+        near = (share >= 0.0) & (share <= 1.0) & (steps[after - 1] <= _HOLE * np.median(steps))
+        last, share = after[near], share[near, None]
+        found[near] = (1.0 - share) * values[last - 1] + share * values[last]
+    return found
 
 
 def _numbers(values: Array, places: list[int]) -> Array:
@@ -86,58 +153,75 @@ def _numbers(values: Array, places: list[int]) -> Array:
 
 
 def from_table(path: Path) -> Contents:
-    """Read a CSV file with columns such as ``time`` and ``position.NAME``; see ``read_header``.
+    """Read a CSV file: columns such as ``position.NAME``, see ``read_header``, or messages.
 
     Raises:
         InvalidInput: If it is not such a file.
     """
-    names, values = read_table(path)
-    header = read_header(names)
-    if header.clock is None or not header.joints:
+    table = Table.read(path)
+    if not table.names:
+        states = [_echoed(table, row) for row in range(len(table.rows))]
+        return _contents(states, [state.stamp for state in states], table.notes)
+    header, elements = read_header(table.names), read_elements(table.names)
+    if header.clock is None or not (header.joints or elements):
         raise InvalidInput(
-            f"'{path}' has columns {known_names(names)}; 'time', 'position.NAME' and, where "
+            f"'{path}' has columns {known_names(table.names)}; 'time', 'position.NAME' and, where "
             "they are known, 'velocity.NAME' and 'effort.NAME' are expected"
         )
+    if elements:
+        return _contents(*_messages(table, elements, header.clock), table.notes)
 
     def of(column: Column | None) -> Array:
         if column is None:
-            return np.full(len(values), np.nan)
-        return np.asarray(values[:, column.place] * column.factor)
+            return np.full(len(table.rows), np.nan)
+        return column.factor * table.numbers(column.place)
 
-    time = of(header.clock)
-    if not np.isfinite(time).all() or not np.all(np.diff(time) > 0.0):
-        raise InvalidInput(
-            f"'{path}': column '{names[header.clock.place]}' does not increase from row to row"
-        )
-    parts = [
-        np.column_stack([of(header.columns.get((part, joint))) for joint in header.joints])
-        for part in PARTS
-    ]
-    return made(time, header.joints, parts, [])
+    time = table.times(header.clock.place, header.clock.factor)
+    wanted = [[header.columns.get((part, joint)) for joint in header.joints] for part in PARTS]
+    parts = [np.column_stack([*map(of, columns)]) for columns in wanted]
+    used = {header.clock.place, *(column.place for row in wanted for column in row if column)}
+    unused = [name or "without a name" for i, name in enumerate(table.names) if i not in used]
+    notes = [f"columns that are not used: {known_names(unused)}"] if unused else []
+    return made(time, header.joints, parts, [*table.notes, *notes])
 
 
-def read_table(path: Path) -> tuple[list[str], Array]:
-    """Read the header and the numbers of a CSV file; empty cells are NaN.
+def _messages(
+    table: Table, elements: dict[tuple[str, int], int], clock: Column
+) -> tuple[list[JointStates], list[int]]:
+    """Joint states whose names are in cells, as of ``rostopic echo -p``, and their arrival."""
+    stamp = [i for i, name in enumerate(table.names) if name.endswith("header.stamp")]
+    arrived = _nanoseconds(table, clock.place, clock.factor)
+    stamps = _nanoseconds(table, stamp[0], 1e-9) if stamp else arrived
+    numbers = {key: table.numbers(place) for key, place in elements.items() if key[0] != "name"}
+    states, none = list[JointStates](), np.full(len(stamps), np.nan)
+    for row, cells in enumerate(table.rows):
+        own = {i: cells[at] for (field, i), at in elements.items() if field == "name"}
+        places = sorted(i for i, name in own.items() if name)
+        parts = [np.array([numbers.get((p, i), none)[row] for i in places]) for p in PARTS]
+        states.append(JointStates(stamps[row], tuple(own[i] for i in places), *parts))
+    return states, arrived
 
-    Raises:
-        InvalidInput: If it has no rows, a row of another length than the header, or words.
-    """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            first = file.readline()
-            between = max(_SEPARATORS, key=first.count)
-            file.seek(0)
-            reader = csv.reader(file, delimiter=between)
-            lines = [(reader.line_num, row) for row in reader if row]
-        if len(lines) < 2:
-            raise ValueError("it has no rows below a header")
-        names = lines[0][1]
-        for line, row in lines:
-            if len(row) != len(names):
-                raise ValueError(f"line {line} has {len(row)} columns, the header {len(names)}")
-        return names, np.array([[float(word or "nan") for word in row] for _, row in lines[1:]])
-    except (ValueError, UnicodeDecodeError, csv.Error) as error:
-        raise InvalidInput(f"'{path}' is not a table of numbers: {error}") from None
+
+def _nanoseconds(table: Table, column: int, factor: float) -> list[int]:
+    return [round(1e9 * factor * time) for time in table.stamps(column, factor).tolist()]
+
+
+def _echoed(table: Table, row: int) -> JointStates:
+    """A row of ``ros2 topic echo --csv``: stamp, frame, names, then each part or an empty cell."""
+    cells, parts = table.rows[row], list[Array]()
+    stamp = [int(cell) for cell in cells[:2] if cell.isdecimal() and len(cell) < 11]
+    names = tuple(takewhile(lambda cell: value(cell) is None, cells[3:]))
+    at = 3 + len(names)
+    for _ in PARTS:
+        size = len(names) if any(cells[at : at + 1]) else 1
+        found = [value(cell) for cell in cells[at : at + size]]
+        if None in found:
+            raise table.error(row, at + found.index(None), _ECHO)
+        parts.append(np.array(found, float))
+        at += size
+    if len(stamp) < 2 or not names or at != len(cells):
+        raise table.error(row, len(cells) - 1 if len(stamp) == 2 else 0, _ECHO)
+    return JointStates(10**9 * stamp[0] + stamp[1], names, *parts)
 
 
 def made(

@@ -96,7 +96,7 @@ def _contents(arrays: dict[str, Any]) -> Contents:
         events=tuple(Event(float(time), str(text)) for time, text in about["events"]),
         gaps=tuple(about["gaps"]), substep=float(about["substep"]),
         of_robot=bool(about["of_robot"]),
-        hold=arrays.get("hold"),
+        hold=arrays.get("hold"), left=(),
         measured=Measured.of(arrays["measured"]) if "measured" in arrays else None,
     )  # fmt: skip
 

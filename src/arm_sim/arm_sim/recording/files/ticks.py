@@ -304,6 +304,14 @@ def read(found: FileContents) -> Contents:
     return _joined(found, origin, names, changes, ticks)
 
 
+def left(found: FileContents) -> tuple[str, ...]:
+    """Topics of a file that are not of the recording itself, such as commands as received."""
+    kinds = dict(found.topics.values())
+    states = [topic for topic, kind in kinds.items() if kind == JOINT_STATE][:1]
+    own = [topic for topic, kind in kinds.items() if kind in (TICK, CHANGE, LOG, STRING)]
+    return found.besides(*states, *own)
+
+
 def _only(found: FileContents, kind: str) -> list[tuple[int, int, bytes]]:
     return [message for messages in found.of(kind).values() for message in messages]
 

@@ -94,15 +94,10 @@ def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates
     columns, names = with_shapes(rows, fit)
     places = np.array([*lead, *range(fit.bodies + rows.n, columns.size)])
     R, z = columns.whitened(rows.effort - rows.known, fit.weights, 1.0)
-    R = R[:, places]
-    lengths = np.linalg.norm(R, axis=0)
-    shown = lengths > SINGULAR * lengths.max()
-    _, singular, axes = np.linalg.svd(R[:, shown] / lengths[shown], full_matrices=False)
-    hidden = (axes[singular < SINGULAR * singular[0]] ** 2).sum(axis=0) > SINGULAR
-    doubt = np.sqrt(_variances(rows, use, fit, columns, places[shown]))
-    doubt[hidden | (doubt * lengths[shown] > VAGUE * np.linalg.norm(z))] = np.inf
-    found, deviations = np.zeros(len(places)), np.full(len(places), np.inf)
-    found[shown], deviations[shown] = solved(R[:, shown], z), doubt
+    own = _weighted(use, fit, columns, places)
+    found, deviations, condition = determined(
+        rows, R[:, places], z, own, fit.weights * fit.residual, float(np.linalg.norm(z))
+    )
     first = len(places) - len(names)
     pairs = list(zip(found.tolist(), deviations.tolist(), strict=True))
     shapes = {}
@@ -113,10 +108,38 @@ def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates
         elif name == STRIBECK_VELOCITY and shape.stribeck_velocity is not None:
             shapes[j, name] = Estimate.of_positive(shape.stribeck_velocity, sd)
     linear = tuple(Estimate.of(*pair) for pair in pairs[:first])
-    return Estimates(linear, shapes, float(singular[0] / max(singular[-1], 1e-300)))
+    return Estimates(linear, shapes, condition)
 
 
-def _variances(rows: Rows, use: Mask, fit: Fit, columns: Columns, places: Places) -> Array:
+def determined(
+    rows: Rows, R: Array, z: Array, own: Array, left: Array, torque: float
+) -> tuple[Array, Array, float]:
+    """Least-squares estimates, their standard deviations, and the condition number.
+
+    Args:
+        rows: The regression's rows.
+        R: Triangle of the weighted columns of the unknowns.
+        z: Its right-hand side.
+        own: These columns in each joint's rows, zero where not used, shape (n, k, unknowns).
+        left: Weighted residuals, shape (k, n).
+        torque: Norm of the weighted torques; an unknown is not determined if its deviation makes
+            more than ``VAGUE`` of them.
+
+    Returns:
+        Shapes (unknowns,); deviations are inf where the motion does not determine an unknown.
+    """
+    lengths = np.linalg.norm(R, axis=0)
+    shown = lengths > SINGULAR * lengths.max()
+    _, singular, axes = np.linalg.svd(R[:, shown] / lengths[shown], full_matrices=False)
+    hidden = (axes[singular < SINGULAR * singular[0]] ** 2).sum(axis=0) > SINGULAR
+    doubt = np.sqrt(_variances(rows, own[:, :, shown], left))
+    doubt[hidden | (doubt * lengths[shown] > VAGUE * torque)] = np.inf
+    found, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
+    found[shown], deviations[shown] = solved(R[:, shown], z), doubt
+    return found, deviations, float(singular[0] / max(singular[-1], 1e-300))
+
+
+def _variances(rows: Rows, own: Array, left: Array) -> Array:
     """Variances of unknowns, the larger of two estimates each.
 
     One is for residuals that are white within the band, as the noise of efforts is. The other is
@@ -126,17 +149,15 @@ def _variances(rows: Rows, use: Mask, fit: Fit, columns: Columns, places: Places
     uncertain. Scores of all joints at a time are summed, so that their correlation counts, too.
     Both account for the unknowns that each joint's residuals have been fitted by.
     """
-    own = _weighted(use, fit, columns, places)
     H = np.array([part.T @ part for part in own])
     scale = 1.0 / np.sqrt(np.diag(H.sum(axis=0)))
     both = np.outer(scale, scale)
     inverse = both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
     independent = rows.independent * (FLAT if np.isfinite(rows.band) else 1.0)
-    count = use.sum(axis=0) * independent
+    count = own.any(axis=2).sum(axis=1) * independent
     grown = count / np.maximum(count - np.sum(H * inverse, axis=(1, 2)), 1.0)
     white = np.tensordot(grown, H, axes=1) / independent
-    left = np.sqrt(grown) * fit.weights * fit.residual
-    scores = np.einsum("jkm,kj->km", own, left)
+    scores = np.einsum("jkm,kj->km", own, np.sqrt(grown) * left)
     S = scores.T @ scores
     for back in range(1, rows.lag + 1):
         cross = scores[back:].T @ scores[:-back]

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Repair of files that were cut off, as when a recorder is killed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mcap.opcode import Opcode
+from mcap.writer import Writer
+
+from arm_dynamics.exceptions import InvalidInput
+from arm_sim.exceptions import NoRecording
+from arm_sim.recording.files import new_file
+from arm_sim.recording.files.bags import bag_files
+from arm_sim.recording.files.container import MESSAGE, PREFIX, REPAIRED, intact_records
+
+
+def repair(source: Path, out: Path) -> Repaired:
+    """Write all that is intact of a file into another one, with the index that readers require.
+
+    Every topic is kept, also without messages, with its type and quality of service, and so are
+    attachments and metadata, whichever program wrote them.
+
+    Args:
+        source: A file (``.mcap``), or the folder of a bag of them, which become one.
+        out: The file to write (``.mcap``).
+
+    Raises:
+        NoRecording: If it does not exist.
+        InvalidInput: If it is another kind of file, contains nothing, or ``out`` exists.
+        OSError: If it cannot be read or written.
+    """
+    if not source.exists():
+        raise NoRecording(f"no recording '{source}'")
+    files = bag_files(source)
+    if out.suffix != ".mcap" or any(file.suffix != ".mcap" for file in files):
+        raise InvalidInput(
+            f"'{source}' to '{out}': only .mcap is repaired, into .mcap (.db3 needs no repair; "
+            "ros2 bag reindex writes its metadata.yaml)"
+        )
+    part = new_file(out)[0].with_name(out.name + ".part")
+    try:
+        with part.open("wb") as sink:
+            found = Repaired(Writer(sink))
+            for file in files:
+                found.add(file)
+            if not found.made:
+                raise InvalidInput(f"'{source}' contains nothing that can be repaired")
+            if found.damage:
+                told = {"damage": "; ".join(dict.fromkeys(found.damage))}
+                found.writer.add_metadata(REPAIRED, told)
+            found.writer.finish()  # type: ignore[no-untyped-call]
+        part.replace(out)
+    finally:
+        part.unlink(missing_ok=True)
+    return found
+
+
+@dataclass
+class Repaired:
+    """Content of a repaired file.
+
+    Attributes:
+        writer: Writes it.
+        count: Number of messages by topic.
+        kept: Attachments and metadata: what each is, by name.
+        damage: Descriptions of what is unreadable.
+        made: What has been written once, by content.
+    """
+
+    writer: Writer
+    count: dict[str, int] = field(default_factory=dict)
+    kept: dict[str, str] = field(default_factory=dict)
+    damage: list[str] = field(default_factory=list)
+    made: dict[Any, int] = field(default_factory=dict)
+
+    def add(self, path: Path) -> None:
+        """Add what is intact of a file, in which channels have numbers of their own."""
+        channels, schemas = dict[int, tuple[int, str]](), {0: 0}
+        for opcode, record, raw, start, end in intact_records(path, self.damage):
+            if not self.made:
+                head = (record.profile, record.library) if opcode == Opcode.HEADER else ()
+                self.made["header"] = self.writer.start(*head) or 0
+            if opcode == Opcode.MESSAGE:
+                self._add_message(channels, raw[start - PREFIX.size : end])
+            elif opcode == Opcode.SCHEMA:
+                content = record.name, record.encoding, record.data
+                schemas[record.id] = self._once(self.writer.register_schema, *content)
+            elif opcode == Opcode.CHANNEL:
+                content = record.topic, record.message_encoding, schemas.get(record.schema_id, 0)
+                number = self._once(self.writer.register_channel, *content, record.metadata)
+                channels[record.id] = number, record.topic
+                self.count.setdefault(record.topic, 0)
+            elif opcode == Opcode.ATTACHMENT:
+                times = record.create_time, record.log_time
+                content = record.name, record.media_type, record.data
+                self._once(self.writer.add_attachment, *times, *content)
+                self.kept[record.name] = "attachment"
+            elif opcode == Opcode.METADATA:
+                self._once(self.writer.add_metadata, record.name, record.metadata)
+                self.kept[record.name] = "metadata"
+
+    def _add_message(self, channels: dict[int, tuple[int, str]], raw: bytes) -> None:
+        _, _, channel, sequence, log, publish = MESSAGE.unpack_from(raw)
+        if channel not in channels:
+            self.damage.append(f"a message is of channel {channel}, which is not described")
+            return
+        number, topic = channels[channel]
+        self.writer.add_message(number, log, raw[MESSAGE.size :], publish, sequence)
+        self.count[topic] += 1
+
+    def _once(self, write: Callable[..., int | None], *content: Any) -> int:
+        """Write what was not yet written; return its number."""
+        key = repr((write.__name__, content))
+        if key not in self.made:
+            self.made[key] = write(*content) or 0
+        return self.made[key]

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joints that different messages of a topic name, as those of several drivers, are joined."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+
+from arm_dynamics import InvalidInput
+from arm_sim import Recording
+from arm_sim.recording.files.messages import JOINT_STATE, JointStateWriter, definition
+
+START = 1_760_000_000_000_000_000
+MS = 1_000_000
+
+
+class Message(NamedTuple):
+    """A joint state that moves at one rad/s, with times in [ms] from the start."""
+
+    names: Sequence[str]
+    time: float
+    late: float = 0.1
+    stamped: bool = True
+    topic: str = "/joint_states"
+
+    def raw(self) -> bytes:
+        writer, stamp = JointStateWriter(self.names), START + round(MS * self.time)
+        numbers = [1e-3 * self.time + 10.0 * ord(name[0]) for name in self.names]
+        for place, add in zip(writer.places, (0.0, 1.0, 2.0), strict=True):
+            raw = (np.array(numbers) + add).tobytes()
+            writer.raw[place : place + len(raw)] = raw
+        stamps = np.array(divmod(stamp if self.stamped else 0, 10**9), np.int32).tobytes()
+        writer.raw[writer.stamp : writer.stamp + 8] = stamps
+        return bytes(writer.raw)
+
+
+def loaded(path: Path, messages: Iterable[Message]) -> Recording:
+    writer, channels = Writer(str(path)), dict[str, int]()
+    writer.start("ros2")
+    schema = writer.register_schema(JOINT_STATE, "ros2msg", definition(JOINT_STATE).encode())
+    for message in sorted(messages, key=lambda m: m.time + m.late):
+        if message.topic not in channels:
+            channels[message.topic] = writer.register_channel(message.topic, "cdr", schema)
+        log = START + round(MS * (message.time + message.late))
+        writer.add_message(channels[message.topic], log, message.raw(), log)
+    writer.finish()
+    return Recording.load(path)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "bag.mcap"
+
+
+def notes(run: Recording) -> list[str]:
+    return [event.text.removeprefix("file: ") for event in run.events]
+
+
+def check(run: Recording, known: dict[str, slice]) -> None:
+    """Values of each joint are those at the recording's times, and known where said."""
+    assert run.joint_names == tuple(known)
+    for j, (name, rows) in enumerate(known.items()):
+        for part, add in ((run.q, 0.0), (run.v, 1.0), (run.tau, 2.0)):
+            there = np.zeros(len(run), bool)
+            there[rows] = True
+            np.testing.assert_array_equal(np.isfinite(part[:, j]), there)
+            start = 10.0 * ord(name[0]) + add
+            np.testing.assert_allclose(part[there, j] - start, run.time[there], atol=1e-9)
+
+
+def test_a_message_for_each_joint(path: Path) -> None:
+    run = loaded(
+        path, [Message([n], 5 * k + 0.5 * i) for k in range(40) for i, n in enumerate("abc")]
+    )
+    check(run, {"a": slice(0, 40), "b": slice(1, 40), "c": slice(1, 40)})
+    np.testing.assert_allclose(np.diff(run.time), 5e-3, atol=1e-12)
+    assert notes(run) == [
+        "b: from 40 messages of their own, interpolated to the times of a",
+        "c: from 40 messages of their own, interpolated to the times of a, b",
+    ]
+
+
+def test_an_arm_and_a_slower_gripper_that_pauses(path: Path) -> None:
+    """Joints in another order; no value is made up in the pause, nor beyond the last message."""
+    arm = [Message(["b", "a"] if k % 2 else ["a", "b"], 2 * k) for k in range(100)]
+    gripper = [Message(["g"], 20 * k + 1) for k in range(9) if k not in (3, 4, 5, 6)]
+    run = loaded(path, arm + gripper)
+    known = np.r_[1:21, 71:81]
+    check(run, {"a": slice(None), "b": slice(None), "g": known})  # type: ignore[dict-item]
+
+
+def test_joints_are_taken_from_most_messages_that_name_them(path: Path) -> None:
+    """A node publishes joints of the driver once more, merged, later and less often."""
+    driver = [Message("ab", 2 * k) for k in range(100)]
+    merged = [Message("abc", 10 * k + 0.7) for k in range(20)]
+    again = [Message("b", 50 * k + 0.3) for k in range(3)]
+    run = loaded(path, [*driver, *merged, *again])
+    check(run, {"a": slice(None), "b": slice(None), "c": slice(1, 96)})
+    assert notes(run)[0] == "3 messages name no further joint than others"
+
+
+@pytest.mark.parametrize(
+    ("gripper", "told"),
+    [
+        ({"stamped": False}, "g: stamps do not increase, times are those of arrival"),
+        ({"late": 3000.1, "shift": -3000.0}, "clocks of joints are 3 s apart, times are those of"),
+    ],
+)
+def test_other_clocks_are_told(gripper: dict[str, float], told: str, path: Path) -> None:
+    """A driver without stamps, and one on a computer whose clock is three seconds behind."""
+    shift = gripper.pop("shift", 0.0)
+    arm = [Message("a", 2 * k, late=0.0) for k in range(100)]
+    more = {"late": 0.0} | gripper
+    run = loaded(path, [*arm, *(Message("g", 2 * k + shift, **more) for k in range(100))])
+    assert np.isfinite(run.q).mean() > 0.99
+    assert any(note.startswith(told) for note in notes(run)), notes(run)
+
+
+def test_of_several_topics_the_one_that_is_read_is_told(
+    path: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    left = [Message("a", 2 * k, topic="/left/joint_states") for k in range(30)]
+    right = [Message("b", 2 * k, topic="/right/joint_states") for k in range(20)]
+    run = loaded(path, [*left, *right])
+    check(run, {"a": slice(None)})
+    assert notes(run) == [
+        "joint states are those of /left/joint_states; also recorded: /right/joint_states"
+    ]
+    run.save(tmp_path / "left.npz")
+    assert "left.npz' does not contain what else was in" in caplog.text
+    assert "/right/joint_states (./arm record --repair copies a file whole)" in caplog.text
+
+
+def test_messages_without_names_are_refused(path: Path) -> None:
+    with pytest.raises(InvalidInput, match="the joint states name no joints"):
+        loaded(path, [Message("", k) for k in range(3)])

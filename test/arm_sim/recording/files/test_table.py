@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables as spreadsheets, loggers and ROS write them: read, or refused by row and column."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_dynamics import InvalidInput
+from arm_sim import Recording
+
+TIME, Q, TAU = (
+    0.005 * np.arange(5),
+    np.array([0.1, -0.25, 1.5e-3, 2.0, 12.125]),
+    np.arange(5) + 0.5,
+)
+ROWS = [f"{t:.3f},{q:.6f},{tau:.6f}" for t, q, tau in zip(TIME, Q, TAU, strict=True)]
+HEAD = "time,position.hip,effort.hip"
+PLAIN = "\n".join([HEAD, *ROWS, ""])
+GERMAN = "\n".join(
+    [HEAD.replace(",", ";"), *(r.replace(",", ";").replace(".", ",") for r in ROWS), ""]
+)
+STAMPS = [f"2025-03-30 01:59:59.{round(990 + 1e3 * t):03d}" for t in TIME[:2]]
+
+
+def loaded(folder: Path, content: str | bytes) -> Recording:
+    path = folder / "robot.csv"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return Recording.load(path)
+
+
+def notes(run: Recording) -> list[str]:
+    return [event.text.removeprefix("file: ") for event in run.events]
+
+
+def timed(*cells: object, between: str = ",") -> str:
+    """A table with these times, and positions without decimals."""
+    rows = (f"{cell}{between}{i}" for i, cell in enumerate(cells))
+    return "\n".join([f"time{between}position.hip", *rows, ""])
+
+
+@pytest.mark.parametrize(
+    "content",
+    {
+        "of Excel": GERMAN,
+        "with its separator": f"sep=;\r\n{GERMAN}",
+        "decimal commas between tabs": GERMAN.replace(";", "\t"),
+        "tabs": PLAIN.replace(",", "\t"),
+        "of Windows": PLAIN.replace("\n", "\r\n"),
+        "aligned by spaces": PLAIN.replace(",", "   "),
+        "quoted": PLAIN.replace(HEAD, '"time","position.hip","effort.hip"').replace(
+            "0.005,", '"0.005",'
+        ),
+        "comments": f"# robot 7, {HEAD}\n\n# by hand\n{PLAIN}",
+        "of numpy.savetxt": "# " + PLAIN.replace(",", " "),
+        "blank lines": PLAIN.replace("\n", "\n\n"),
+        "UTF-8 with a mark": b"\xef\xbb\xbf" + PLAIN.encode(),
+        "UTF-16": GERMAN.encode("utf-16"),
+        "UTF-16, the other order": b"\xfe\xff" + PLAIN.encode("utf-16-be"),
+    }.items(),
+    ids=lambda pair: pair[0],
+)
+def test_the_same_numbers_in_many_ways(content: tuple[str, str | bytes], tmp_path: Path) -> None:
+    run = loaded(tmp_path, content[1])
+    np.testing.assert_array_equal(run.time, TIME)
+    np.testing.assert_array_equal(run.q[:, 0], Q)
+    np.testing.assert_array_equal(run.tau[:, 0], TAU)
+    assert not run.events
+
+
+@pytest.mark.parametrize("cell", ["", "NaN", "-nan", "N/A", "null"])
+def test_missing_cells_are_nan(cell: str, tmp_path: Path) -> None:
+    run = loaded(tmp_path, PLAIN.replace("-0.250000", cell))
+    np.testing.assert_array_equal(np.isnan(run.q[:, 0]), [False, True, False, False, False])
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (PLAIN.replace("-0.250000", "ERR"), "row 3, column 'position.hip' = 'ERR': allowed: a f"),
+        (PLAIN.replace("2.500000", "inf"), "row 4, column 'effort.hip' = 'inf': allowed: a fini"),
+        (PLAIN.replace("2.000000", "#DIV/0!"), "row 5, column 'position.hip' = '#DIV/0!'"),
+        (PLAIN.replace("12.125000", '"1,234.5"'), "row 6, .*'1,234.5'.* without thousands separ"),
+        (PLAIN.replace("2.000000", "1e999"), "row 5, column 'position.hip' = '1e999': allowed: a"),
+        (PLAIN.replace("12.125000", "1_234"), "row 6, column 'position.hip' = '1_234'"),
+        (GERMAN.replace("12,125000", "1.234,5"), "row 6, .*'1.234,5'.* without thousands separ"),
+        (GERMAN.replace("12,125000", "12.125"), "row 6, .*'12.125'.* in every row of the column"),
+        (GERMAN.replace(";", ","), "row 2 has 6 columns, the header 3; with decimal commas, ';'"),
+        (PLAIN.replace("0.010,", "0.010,7,"), "row 4 has 4 columns, the header 3"),
+        (PLAIN.replace("0.010,", "0.004,"), "row 4, column 'time' = '0.004': it does not incre"),
+        (PLAIN.replace("0.010,", "0.005,"), "row 4, .* it does not increase, after 0.005"),
+        (PLAIN.replace("0.010,", ","), "row 4, column 'time' = '': allowed: a number, or a time"),
+        (PLAIN.replace("effort.", "position."), "two columns are named 'position.hip'"),
+        (PLAIN.replace("effort.hip", "hip_pos"), "'position.hip' and 'hip_pos' are both the po"),
+        ("\n".join(ROWS), "row 1, column '1' = '0.000': a table without a header"),
+        (timed("05/31/2025 1:45", 2), "row 2, column 'time' = '05/31/2025 1:45': .* 2025-05-31 "),
+        (timed(*STAMPS, "later"), "row 4, column 'time' = 'later': allowed: a number, or a time"),
+        ("%time,name0,position0\n1,hip,2\n,hip,3\n", "row 3, column '%time' = '': allowed: a nu"),
+        ("%time,name0,position0\n9e18,hip,2\n", "row 2, column '%time' = '9e18': allowed: a num"),
+        (timed("25:00:00", "25:00:01"), "row 2, column 'time' = '25:00:00'"),
+        (PLAIN.replace("hip", "höft").encode("latin-1"), "row 1 is not UTF-8; UTF-8, or UTF-16 w"),
+        (PLAIN.encode("utf-16-le"), "contains zero bytes; UTF-8, or UTF-16 with a byte-order"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_refused_by_row_and_column(
+    content: str | bytes, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        loaded(tmp_path, content)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (timed(*STAMPS), "time counts from 2025-03-30 01:59:59.990"),
+        (timed(*STAMPS, between=";").replace(".9", ",9"), "counts from 2025-03-30 01:59:59,990"),
+        (timed("30.03.2025 23:59:59.998", "31.03.2025 00:00:00.003"), "counts from 30.03.2025"),
+        (timed("2025-03-30T01:59:59.998Z", "2025-03-30T04:00:00.003+02:00"), "T01:59:59.998Z"),
+        (timed("9:59:59.998", "10:00:00.003"), "time counts from 9:59:59.998"),
+        (timed(1760000000123456789, 1760000000128456789), "read as ns since 1970"),
+        (timed(1760000000123, 1760000000128), "from 1760000000123, read as ms since 1970"),
+        (timed("1760000000.123456", "1760000000.128456"), "time counts from 1760000000.123456"),
+        (timed(0, 5).replace("time", "time [ms]"), ""),
+    ],
+)
+def test_times_of_calendars_and_other_units(content: str, told: str, tmp_path: Path) -> None:
+    run = loaded(tmp_path, content)
+    np.testing.assert_allclose(run.time, [0.0, 0.005], rtol=0.0, atol=1e-12)
+    assert told in "".join(notes(run))
+
+
+def test_a_clock_of_an_unlikely_unit_is_told(tmp_path: Path) -> None:
+    run = loaded(tmp_path, timed(0, 4, 8, 12))
+    assert "\n  file: 'time' has steps of 4, read as s; another unit is stated in th" in repr(run)
+
+
+def test_columns_that_are_not_used_are_told(tmp_path: Path) -> None:
+    """Text and unknown units among them; pandas writes a first column without a name."""
+    lines = (PLAIN.replace(HEAD, f"{HEAD} [kp cm],state") + "\n").splitlines()
+    run = loaded(tmp_path, "\n".join([f",{lines[0]}", *(f"7,{x},RUN" for x in lines[1:-1]), ""]))
+    np.testing.assert_array_equal(run.q[:, 0], Q)
+    assert notes(run) == ["columns that are not used: without a name, effort.hip [kp cm], state"]
+
+
+@pytest.mark.parametrize("size", range(1, len(ROWS[-1]) + 1))
+def test_a_last_line_that_is_cut_off_is_left_out(size: int, tmp_path: Path) -> None:
+    """Wherever the writer was stopped; only a lost line end is not an incomplete line."""
+    kept = 5 if size == 1 else 4
+    run = loaded(tmp_path, PLAIN[:-size])
+    np.testing.assert_array_equal(run.q[:, 0], Q[:kept])
+    assert notes(run) == (
+        [] if size in (1, len(ROWS[-1]) + 1) else ["row 6 is cut off and left out"]
+    )
+    assert len(loaded(tmp_path, PLAIN.encode("utf-16")[: -2 * size - 1])) in (4, 5)
+
+
+# --- of ROS -------------------------------------------------------------------------------------
+
+ECHO = "{sec},{ns},base,knee,hip,{q[1]},{q[0]},{v},{tau},{tau}\n"
+
+
+def echoed(**more: str) -> str:
+    """What ``ros2 topic echo --csv`` prints for joint states, by default without velocities."""
+    stamps = 1_760_000_000_000_000_000 + 5_000_000 * np.arange(5)
+    return "".join(
+        ECHO.format_map({"sec": s // 10**9, "ns": s % 10**9, "q": (q, 2 * q), "v": "", "tau": tau}
+                        | more)
+        for s, q, tau in zip(stamps.tolist(), Q.tolist(), TAU.tolist(), strict=True)
+    )  # fmt: skip
+
+
+def test_what_ros2_topic_echo_prints(tmp_path: Path) -> None:
+    run = loaded(tmp_path, echoed())
+    assert run.joint_names == ("knee", "hip")
+    np.testing.assert_allclose(run.time, TIME, rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(run.q, np.column_stack([2 * Q, Q]))
+    np.testing.assert_array_equal(run.tau, np.column_stack([TAU, TAU]))
+    assert np.isnan(run.v).all()
+    assert notes(loaded(tmp_path, echoed()[:-9])) == ["row 5 is cut off and left out"]
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"v": "0.5"}, "row 1, column '10' = '0.5': a table without a header, unless"),
+        ({"v": "0.5,..."}, "row 1, column '9' = '...': .* as many positions, velocities and eff"),
+        ({"ns": "0.5"}, "row 1, column '1' = '1760000000': a table without a header"),
+    ],
+)
+def test_what_it_prints_otherwise_is_refused(
+    more: dict[str, str], said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        loaded(tmp_path, echoed(**more))
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "%time,field.header.seq,field.header.stamp,field.header.frame_id,field.name0,field.name1,"
+        "field.position0,field.position1,field.effort0,field.effort1",
+        "time [ns],seq,header.stamp,frame,name[0],name[1],position[0],position[1],effort[0],x",
+    ],
+)
+def test_what_rostopic_echo_prints(head: str, tmp_path: Path) -> None:
+    """Names of the joints are in cells; times are those of the headers, in ns."""
+    rows = (
+        f"{5_000_000 * i + 999_000 * (i % 2)},{i},{5_000_000 * i},,hip,knee,{q},{2 * q},{tau},"
+        for i, (q, tau) in enumerate(zip(Q.tolist(), TAU.tolist(), strict=True))
+    )
+    run = loaded(tmp_path, "\n".join([head, *rows, ""]))
+    assert run.joint_names == ("hip", "knee") and not run.events
+    np.testing.assert_allclose(run.time, TIME, rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(run.q, np.column_stack([Q, 2 * Q]))
+    np.testing.assert_array_equal(run.tau, np.column_stack([TAU, np.full(5, np.nan)]))
