@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 from arm_dynamics.logs import Throttled, heard_by
 from arm_dynamics.ros.common.privileges import arrange_middleware_threads, freeze_garbage
+from arm_dynamics.ros.common.transport import avoid_shared_memory
 from arm_dynamics.ros.interfaces import Topic
 
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
@@ -193,6 +194,7 @@ def _warn_of_unknown(node: Node) -> None:
 
 
 def _initialize(context: Context, args: list[str] | None) -> None:
+    avoid_shared_memory()
     try:
         rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
