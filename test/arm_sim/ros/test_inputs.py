@@ -18,6 +18,8 @@ from std_msgs.msg import Float64MultiArray
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.convert import to_time
+from arm_dynamics.ros.joint_state import reader
+from arm_dynamics.ros.joint_state.serialization import parsed
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -230,6 +232,18 @@ def test_a_bad_wrench_is_passed_over_and_counted_apart_from_commands(
         assert len(log.warnings) == 1
     engine.queue.serve()
     assert engine.pushed_frames == ()
+
+
+def test_messages_of_a_rival_are_analysed_once(
+    inputs: Inputs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Refused a thousand times a second, they would slow down the loop."""
+    lead(inputs)
+    analysed = list[bytes]()
+    monkeypatch.setattr(reader, "parsed", lambda raw: analysed.append(raw) or parsed(raw))
+    for count in (1, 2, 3):
+        assert inputs.on_joint_commands(command(source="other", joint1=9.0)) is None
+        assert (inputs.refused, len(analysed)) == (count, 1)
 
 
 def test_every_reason_is_told_once(inputs: Inputs, log: Log) -> None:

@@ -49,7 +49,7 @@ def with_room() -> dict[str, str]:
 
 
 def as_usual() -> dict[str, str]:
-    """Environment of processes with Fast DDS's default transports, on this machine only."""
+    """Environment of processes that communicate as for users, on this machine only."""
     return {DISCOVERY: "LOCALHOST"}
 
 
