@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a batch through the service takes, with 512 kB of shared memory and with 64 MB.
+"""How long a batch through the service takes, by UDP and with 64 MB of shared memory.
 
 ./arm python -m benchmarks.latency.long_batches
 
-512 kB are what Fast DDS gives by itself, 64 MB what ``large_batches.xml`` does. A Panda's dynamics
-node runs in a process of its own, and so does who asks it.
+UDP is what the nodes use by themselves, 64 MB of shared memory what ``large_batches.xml`` gives. A
+Panda's dynamics node runs in a process of its own, and so does who asks it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from arm_sim.cli.demo.processes import Processes, free_domain
 
 POINTS = 1000, 3000, 10_000, 30_000, 100_000
 CALLS = 21
-WAYS = {"512 kB": {DISCOVERY: "SYSTEM_DEFAULT"}, "64 MB": with_room()}
+WAYS = {"UDP": {DISCOVERY: "SYSTEM_DEFAULT"}, "64 MB": with_room()}
 
 
 def measured(environment: dict[str, str]) -> list[list[float]]:
@@ -57,7 +57,7 @@ def main() -> None:
             with spawn.Pool(1) as pool:
                 found[way] = pool.apply(measured, (environment,))
     heads = (f"{way}: {what}" for way in WAYS for what in ("median", "longest"))
-    table = Table("points", *heads, title="time of a call in ms, by shared memory")
+    table = Table("points", *heads, title="time of a call in ms")
     for k, points in enumerate(POINTS):
         times = (1e3 * f(found[way][k]) for way in WAYS for f in (np.median, max))
         table.add_row(f"{points:,}", *(f"{time:.1f}" for time in times))

@@ -115,8 +115,8 @@ def page(r: Record, figure: str) -> str:
         table(("", "p50 [ms]", "p99 [ms]", "max [ms]"), trips),
         "**Batches**, in points per second. The largest difference from Pinocchio is "
         f"{difference:.0e} of the largest value. Terms are M, C, G, F and the energies. "
-        "Above 3000 points a message exceeds Fast DDS's shared memory; "
-        "[many points](../how-to/many-points.md) explains how to enlarge it.",
+        "Messages of more than 3000 points are partly sent twice; "
+        "[many points](../how-to/many-points.md) explains how to avoid it.",
         table(("", "inverse dynamics", "forward dynamics", "terms"), _batches(r)),
         "**Lockstep.** The digest is computed from all states and torques.",
         table(("", "ticks/s", "digest"), steps),

@@ -51,7 +51,8 @@ def main(minutes: float, out: Path, shared_memory: bool) -> None:
     from benchmarks.soak.system import RECORDING, running
 
     domain = free_domain()
-    os.environ |= {"ROS_DOMAIN_ID": str(domain), **(as_usual() if shared_memory else by_udp())}
+    shared = {**as_usual(), "FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}
+    os.environ |= {"ROS_DOMAIN_ID": str(domain), **(shared if shared_memory else by_udp())}
     logs = out / "soak_logs"
     logs.mkdir(parents=True, exist_ok=True)
     result = Result(minutes)

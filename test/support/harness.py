@@ -8,6 +8,7 @@ import socket
 import time
 from collections.abc import Callable
 from itertools import count
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -16,7 +17,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from arm_dynamics.ros.common.transport import PROFILES, as_usual
+from arm_dynamics.ros.common.transport import FOLDER, PROFILES, SEGMENTS, as_usual
 
 DOMAINS = 100  # domains above 101 collide with ports that the system gives away
 RESERVATIONS = 22_119  # first of the ports that stand for domains in use
@@ -27,6 +28,13 @@ def surroundings(**more: str) -> dict[str, str]:
     """Environment for a process that shall talk as it does for users, on this machine."""
     ours = {name: value for name, value in os.environ.items() if name not in PROFILES}
     return {**ours, **as_usual(), **more}
+
+
+def segments(pid: int) -> set[str]:
+    """What a process has in shared memory."""
+    lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
+    names = {Path(line.split()[-1]).name for line in lines if f"{FOLDER}/" in line}
+    return {name for name in names if name.startswith(SEGMENTS)}
 
 
 def reserve_domain() -> tuple[int, socket.socket]:

@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log messages of the cores, for a terminal or a node."""
+"""Log messages: of the cores, for a terminal or a node, and those that may be repeated."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+import re
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 CORES = ("arm_dynamics", "arm_sim")
+PERIOD = 1.0  # [s] between messages with the same reason
+MOST = 10  # messages in that time, whatever their reasons
+_NUMBERS = re.compile(r"(?<!\w)[-+]?\d[\d.]*(?:e[-+]?\d+)?")  # not in names
 _listening: list[logging.Handler] = []
 
 
@@ -39,3 +45,44 @@ def _hand_over(
         logger.removeHandler(handler)
     for handler in after:
         logger.addHandler(handler)
+
+
+class Throttled:
+    """A logger for messages that may come a thousand times a second.
+
+    A reason is logged once in ``PERIOD``, and at most ``MOST`` reasons are, by the steady clock:
+    a system clock that is set back silences nothing.
+
+    Args:
+        log: A node's logger; it needs a line of code for each severity.
+        clock: Returns the time in [s].
+    """
+
+    def __init__(self, log: Any, clock: Callable[[], float] = time.monotonic) -> None:
+        self._log, self._clock = log, clock
+        self._told: dict[str, float] = {}
+
+    def info(self, text: str, reason: str | None = None) -> None:
+        """Log, unless the reason, by default the text without its numbers, is known by now."""
+        if self._is_due(text, reason):
+            self._log.info(text)
+
+    def warning(self, text: str, reason: str | None = None) -> None:
+        """The same as a warning."""
+        if self._is_due(text, reason):
+            self._log.warning(text)
+
+    def error(self, text: str, reason: str | None = None) -> None:
+        """The same as an error."""
+        if self._is_due(text, reason):
+            self._log.error(text)
+
+    def _is_due(self, text: str, reason: str | None) -> bool:
+        now, why = self._clock(), _NUMBERS.sub("#", text) if reason is None else reason
+        if now - self._told.get(why, -PERIOD) < PERIOD:
+            return False
+        recent = {why: at for why, at in tuple(self._told.items()) if now - at < PERIOD}
+        if len(recent) >= MOST:
+            return False
+        self._told = recent | {why: now}
+        return True

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log messages of the cores appear on the node's console and on /rosout."""
+"""Log messages of the cores appear on the node's console; what is repeated is told in turns."""
 
 from __future__ import annotations
 
 import logging
+from importlib.resources import files
 
 import pytest
 from harness import Ros
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
 
-from arm_dynamics.logs import CORES, heard_by
+from arm_dynamics.logs import CORES, MOST, PERIOD, Throttled, heard_by
 from arm_dynamics.ros.common.executor import NodeHandler
 
 pytestmark = pytest.mark.ros
@@ -45,3 +46,58 @@ def test_a_log_that_fails_does_not_last(ros: Ros) -> None:
     with pytest.raises(RuntimeError), heard_by(NodeHandler(node)):
         raise RuntimeError
     assert all(not logging.getLogger(core).handlers for core in CORES)
+
+
+class Steady:
+    """A log and its clock."""
+
+    def __init__(self) -> None:
+        self.now, self.lines = 100.0, list[str]()
+        self.info = self.warning = self.error = self.lines.append
+        self.throttled = Throttled(self, lambda: self.now)
+
+    def told(self) -> int:
+        """Number of lines since the last look."""
+        count = len(self.lines)
+        self.lines.clear()
+        return count
+
+
+def test_each_reason_is_told_and_its_repetitions_are_not() -> None:
+    log = Steady()
+    for value in (0.5, -1e-9, 3):  # a reason whatever its numbers
+        log.throttled.warning(f"torque {value} of joint 'elbow2' is clipped")
+    log.throttled.warning("torque 0.5 of joint 'elbow3' is clipped")
+    log.throttled.error("no robot")
+    assert log.told() == 3
+    for duration in (1, 2, 2):  # unless they are part of it
+        log.throttled.error(text := f"goal of {duration} s refused", text)
+    assert log.told() == 2
+
+
+def test_a_reason_is_told_again_after_a_while_of_the_steady_clock() -> None:
+    log = Steady()
+    for _ in range(5):
+        log.throttled.info("holding the arm")
+        log.now += 0.4 * PERIOD
+    assert log.told() == 2
+
+
+def test_a_flood_of_reasons_is_limited_and_does_not_last() -> None:
+    log = Steady()
+    for k in range(100):
+        log.throttled.warning(f"unknown joint 'x{k}'")
+    assert log.told() == MOST
+    log.now += PERIOD
+    log.throttled.warning("unknown joint 'x7'")
+    assert log.told() == 1
+
+
+def test_nothing_else_throttles_or_measures_durations_by_the_system_clock() -> None:
+    """``rclpy`` throttles by the system clock, and is mute for as long as that is set back."""
+    folders = [files(name) for name in ("arm_dynamics", "arm_sim", "arm_studies")]
+    sources = [path for folder in folders for path in folder.rglob("*.py")]
+    assert len(sources) > 300
+    for path in sources:
+        text = path.read_text(encoding="utf-8")
+        assert "throttle_duration_sec" not in text and "time.time()" not in text, path

@@ -6,11 +6,10 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from pathlib import Path
 
-from harness import Ros, surroundings
+from harness import Ros, segments, surroundings
 
-from arm_dynamics.ros.common.transport import FOLDER, SEGMENTS, clear_dead
+from arm_dynamics.ros.common.transport import FOLDER, clear_dead
 
 NODE = """
 import rclpy
@@ -29,13 +28,6 @@ def node() -> subprocess.Popen[str]:
     )  # fmt: skip
     assert process.stdout is not None and process.stdout.readline() == "there\n"
     return process
-
-
-def segments(pid: int) -> set[str]:
-    """What a process has in shared memory."""
-    lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
-    names = {Path(line.split()[-1]).name for line in lines if f"{FOLDER}/" in line}
-    return {name for name in names if name.startswith(SEGMENTS)}
 
 
 def there() -> set[str]:

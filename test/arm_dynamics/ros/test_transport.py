@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from arm_dynamics.ros.common.transport import by_udp, with_room
+from arm_dynamics.ros.common.transport import avoid_shared_memory, by_udp, with_room
 from arm_sim.cli.demo.processes import free_domain
 
 # Joins the graph, and prints the size of the largest piece of Fast DDS's shared memory it has.
@@ -38,3 +38,35 @@ def test_shared_memory_is_as_the_environment_says(environment, least, most):
         [sys.executable, "-c", JOINS], env=environment, capture_output=True, text=True, check=True
     )
     assert least <= int(done.stdout) <= most
+
+
+RANGE, TRANSPORTS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_BUILTIN_TRANSPORTS"
+
+
+@pytest.mark.parametrize(
+    "environment", [{}, {RANGE: "SUBNET"}, {RANGE: "LOCALHOST"}, {"ROS_LOCALHOST_ONLY": "1"}]
+)
+def test_nodes_stay_out_of_shared_memory(environment):
+    """Whatever is said of how far they are heard, which stays as it is."""
+    local = environment not in ({}, {RANGE: "SUBNET"})
+    avoid_shared_memory(environment)
+    assert environment.items() >= (by_udp() if local else {TRANSPORTS: "UDPv4"}).items()
+    assert "ROS_LOCALHOST_ONLY" not in environment
+    again = dict(environment)
+    avoid_shared_memory(again)
+    assert again == environment
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        with_room(),
+        {TRANSPORTS: "SHM"},
+        {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp", RANGE: "LOCALHOST"},
+        {"ROS_STATIC_PEERS": "192.168.0.1", RANGE: "LOCALHOST"},
+    ],
+)
+def test_transports_that_are_chosen_stay(environment):
+    before = dict(environment)
+    avoid_shared_memory(environment)
+    assert environment == before

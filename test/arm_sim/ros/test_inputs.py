@@ -18,6 +18,8 @@ from std_msgs.msg import Float64MultiArray
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.convert import to_time
+from arm_dynamics.ros.joint_state import reader
+from arm_dynamics.ros.joint_state.serialization import parsed
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -35,7 +37,6 @@ class Log:
     def __init__(self) -> None:
         self.warnings: list[str] = []
         self.told: list[str] = []
-        self.throttles: set[float] = set()
 
     def get_logger(self) -> Log:
         return self
@@ -43,9 +44,8 @@ class Log:
     def info(self, text: str) -> None:
         self.told.append(text)
 
-    def warning(self, text: str, throttle_duration_sec: float) -> None:
+    def warning(self, text: str) -> None:
         self.warnings.append(text)
-        self.throttles.add(throttle_duration_sec)
 
 
 class Waiting:
@@ -111,7 +111,7 @@ def test_a_refused_command_changes_nothing_and_is_counted(
     for count in (1, 2):
         assert inputs.on_joint_commands(command(8, joint2=NAN)) is None
         assert inputs.refused == count
-        assert len(log.warnings) == count
+        assert len(log.warnings) == 1
     assert acting(engine)[1] == 2.0
     assert inputs.refused_wrenches == 0
 
@@ -229,17 +229,29 @@ def test_a_bad_wrench_is_passed_over_and_counted_apart_from_commands(
     for count in (1, 2):
         inputs.on_wrench(message)
         assert (inputs.refused_wrenches, inputs.refused) == (count, 0)
-        assert len(log.warnings) == count
+        assert len(log.warnings) == 1
     engine.queue.serve()
     assert engine.pushed_frames == ()
 
 
-def test_warnings_of_a_kind_are_two_seconds_apart(inputs: Inputs, log: Log) -> None:
-    inputs.on_commands(Float64MultiArray(data=[]))
-    inputs.on_commands(Float64MultiArray(data=[1e3] * 7))
-    inputs.on_wrench(pushed("nowhere", *ZERO[1:]))
+def test_messages_of_a_rival_are_analysed_once(
+    inputs: Inputs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Refused a thousand times a second, they would slow down the loop."""
+    lead(inputs)
+    analysed = list[bytes]()
+    monkeypatch.setattr(reader, "parsed", lambda raw: analysed.append(raw) or parsed(raw))
+    for count in (1, 2, 3):
+        assert inputs.on_joint_commands(command(source="other", joint1=9.0)) is None
+        assert (inputs.refused, len(analysed)) == (count, 1)
+
+
+def test_every_reason_is_told_once(inputs: Inputs, log: Log) -> None:
+    for _ in range(3):
+        inputs.on_commands(Float64MultiArray(data=[]))
+        inputs.on_commands(Float64MultiArray(data=[1e3] * 7))
+        inputs.on_wrench(pushed("nowhere", *ZERO[1:]))
     assert len(log.warnings) == 3
-    assert log.throttles == {2.0}
 
 
 # --- before a tick -----------------------------------------------------------------------------

@@ -117,14 +117,15 @@ def test_diagnostics_report_the_recording(ros: Ros, tmp_path: Path) -> None:
     assert finding.values["path"] == str(tmp_path / "run.mcap")
     assert finding.message(node).message == "ok"
     thread = node.recorder.thread
-    node.recorder.lost, thread.lost, thread.failure = 2, 3, "the disk is full"
+    node.recorder.lost, thread.lost = 2, 3
+    thread.trouble, thread.failure = "the disk is full", "recording stopped"
     (finding,) = [found for found in node.diagnostics() if found.part == "recording"]
     assert finding.values["ticks lost"] == 2 and finding.values["messages lost"] == 3
     found = finding.message(node)
     assert (found.level, found.message) == (
         DiagnosticStatus.ERROR,
-        "2 ticks are not in the recording: the disk is slow; "
-        "3 ticks and messages are not in the recording: the disk is slow; the disk is full",
+        "2 ticks are not in the recording: the disk is full; 3 ticks and messages are not in the "
+        "recording: the disk is full; recording stopped",
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from arm_msgs.srv import ModelInfo
 from diagnostic_msgs.msg import DiagnosticArray
-from harness import Ros, surroundings
+from harness import Ros, segments, surroundings
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -128,6 +128,7 @@ def loop(shared: Loop) -> Loop:
 
 def test_a_killed_controller_is_replaced_and_the_arm_stays(loop: Loop) -> None:
     before = loop.position()
+    assert not any(segments(process.pid) for process in loop.running.values())  # whose locks stay
     loop.kill("controller")
     loop.until_said("sim: commands", "commands stopped")
     np.testing.assert_allclose(loop.position(), before, atol=1e-3)

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import subprocess
 import sys
 import textwrap
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from threading import Event, Thread
@@ -324,6 +327,34 @@ def test_whatever_goes_wrong_in_the_thread_is_said(tmp_path: Path) -> None:
     run(engine, 10)
     recorder.close()
     assert "ZeroDivisionError" in recorder.thread.failure and said == [recorder.thread.failure]
+
+
+@pytest.mark.parametrize(
+    ("number", "trouble"),
+    [
+        (errno.ENOSPC, "the disk is full"),
+        (errno.EDQUOT, "the disk quota is used up"),
+        (errno.EIO, "the recording has stopped"),
+    ],
+)
+def test_a_full_disk_is_not_slow(number: int, trouble: str, tmp_path: Path) -> None:
+    recorder = TickRecorder(tmp_path / "run.mcap", engine_of(scene()))
+    thread = recorder.thread
+    assert thread.trouble == "the disk is slow"
+    thread.mcap.put = raises(error := OSError(number, os.strerror(number)))
+    thread.add(1, 0, 0, b"")
+    recorder.close()
+    assert thread.trouble == trouble and str(error) in thread.failure
+    assert (trouble in thread.failure) == (number != errno.EIO)
+
+
+def raises(error: Exception) -> Callable[..., None]:
+    """A function that raises an exception."""
+
+    def raising(*given: object) -> None:
+        raise error
+
+    return raising
 
 
 PROGRAM = """

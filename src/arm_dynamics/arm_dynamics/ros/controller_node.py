@@ -25,11 +25,12 @@ from arm_dynamics.control.factory import IN_TASK_SPACE, Settings, make_controlle
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput, plain
+from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executable import execute
-from arm_dynamics.ros.common.executor import THROTTLE, subscribe
+from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.controller import (
@@ -122,8 +123,9 @@ class ControllerNode(Node):
         self._build_ahead(self.params)
         limits = Limits.of(model, self.params.acceleration_limit or float("inf"))
         self._log, self._jumps = AnswerLog(), Jumps(names)
+        self._throttled = Throttled(self.get_logger())
         interrupt, forget = self.answers.interrupt, self._log.forget
-        self.goals = Goals(model, limits, self.get_logger(), interrupt, forget)
+        self.goals = Goals(model, limits, Throttled(self.get_logger()), interrupt, forget)
         self.action = TrajectoryAction(
             self, self.goals, model, limits, self._obstacle, self.answers
         )
@@ -283,7 +285,7 @@ class ControllerNode(Node):
             stamp, (q, *v) = self._reader.read(raw)
         except InvalidInput as error:
             self._log.pass_over(f"{plain(error)}{self._way_out(error)}")
-            self._warn(f"joint state ignored: {self._log.unusable}")
+            self._throttled.warning(f"joint state ignored: {self._log.unusable}")
             return None
         state, reference = self._motion(stamp, np.array(q), *map(np.array, v))
         try:
@@ -293,10 +295,10 @@ class ControllerNode(Node):
             return None
         if not finite_numbers(tau.tolist()):
             self.control.restart()
-            self._warn(f"no command, the torque would not be finite: {tau}")
+            self._throttled.warning(f"no command, the torque would not be finite: {tau}")
             return None
         if cut := self._cut():
-            self._warn(f"torque clipped at the effort limit: {', '.join(cut)}")
+            self._throttled.warning(f"torque clipped at the effort limit: {', '.join(cut)}")
         command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))
         self.send(command)
         self._log.note(raw, command)
@@ -310,7 +312,7 @@ class ControllerNode(Node):
             f"{error}; no commands until it is tuned, another one is selected, or "
             "the simulation is reset"
         )
-        self.get_logger().error(self._log.failure, throttle_duration_sec=THROTTLE)
+        self._throttled.error(self._log.failure)
         self.action.abort("Current goal cancelled, the controller failed.")
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
@@ -323,9 +325,7 @@ class ControllerNode(Node):
                 self.control.restart()
                 if self._velocity is not None:
                     self._velocity.restart()
-            self.get_logger().info(
-                f"{why}holding the arm at its position", throttle_duration_sec=THROTTLE
-            )
+            self._throttled.info(f"{why}holding the arm at its position")
             goals.hold(state.q, jump)
             self._report.restart()
         return goals.reference(stamp)
@@ -368,9 +368,6 @@ class ControllerNode(Node):
         about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
         answers = self.answers.summary()
         return [self._log.finding(self, self._acting.controller, self._cut(), about, answers)]
-
-    def _warn(self, warning: str) -> None:
-        self.get_logger().warning(warning, throttle_duration_sec=THROTTLE)
 
     @_locked
     def on_joint_trajectory(self, message: bytes | JointTrajectory) -> None:

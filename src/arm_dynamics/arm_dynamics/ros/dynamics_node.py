@@ -17,11 +17,12 @@ from std_msgs.msg import String
 
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, ModelError, plain
+from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.background import take_short_turns
 from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executable import execute
-from arm_dynamics.ros.common.executor import THROTTLE, guarded, subscribe
+from arm_dynamics.ros.common.executor import guarded, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.common.robot_source import (
     DescriptionLimits,
@@ -62,6 +63,7 @@ class DynamicsNode(Node):
         """
         super().__init__("dynamics", **node_kwargs)
         self._dynamics: Dynamics | None = None
+        self._log = Throttled(self.get_logger())
         self._lock = RLock()  # services are answered on two threads
         self._compiled: CompiledServices | None = None
         self._counts = RequestCounts()
@@ -153,10 +155,7 @@ class DynamicsNode(Node):
         except ArmError as error:
             self._counts.descriptions_refused += 1
             kept = "the previous one is kept" if self._dynamics else "there is still no robot"
-            self.get_logger().error(
-                f"robot_description refused, {kept}: {plain(error)}",
-                throttle_duration_sec=THROTTLE,
-            )
+            self._log.error(f"robot_description refused, {kept}: {plain(error)}")
 
     def diagnostics(self) -> list[Finding]:
         """Diagnostics since the last call."""
@@ -165,7 +164,7 @@ class DynamicsNode(Node):
 
     def answer(self, service: Service, request: Any, response: Any) -> Any:
         """Answer one of ``ANSWERS``; errors are reported in the response."""
-        with self._lock, answering(response, self.get_logger()):
+        with self._lock, answering(response, self._log):
             ANSWERS[service](self.dynamics, request, response)
         return response
 

@@ -117,13 +117,16 @@ def record(
         click.echo(f"recording to {path}", err=True)
         return nodes[0]
 
-    status = _run_node(make, lambda: end is not None and monotonic() > end)
+    def done() -> bool:
+        return (end is not None and monotonic() > end) or any(n.thread.failure for n in nodes)
+
+    status = _run_node(make, done)
     for node in nodes:
         _show_topics(node.count)
         for topic in node.missing:
             click.echo(f"        -  {topic}: no publisher")
         if node.thread.lost:
-            click.echo(f"{node.thread.lost} messages lost: the disk is too slow", err=True)
+            click.echo(f"{node.thread.lost} messages lost: {node.thread.trouble}", err=True)
         click.echo(str(path))
         status = status or int(bool(node.thread.failure))
     sys.exit(status)

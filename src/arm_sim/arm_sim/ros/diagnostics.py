@@ -151,9 +151,9 @@ class SimDiagnostics:
             "path": str(recorder.path), "ticks": recorder.ticks, "ticks lost": recorder.lost,
             "messages lost": thread.lost, "written [B]": thread.mcap.written,
         }  # fmt: skip
-        slow = "are not in the recording: the disk is slow"
-        self.growth.warn(found, recorder.lost, f"ticks {slow}")
-        self.growth.warn(found, thread.lost, f"ticks and messages {slow}")
+        for count, what in ((recorder.lost, "ticks"), (thread.lost, "ticks and messages")):
+            if grown := self.growth.of(what, count):
+                found.complain(WARN, f"{grown} {what} are not in the recording: {thread.trouble}")
         if thread.failure:
             found.complain(ERROR, thread.failure)
         return found

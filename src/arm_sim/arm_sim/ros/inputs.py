@@ -16,7 +16,7 @@ from std_msgs.msg import Float64MultiArray
 from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
-from arm_dynamics.ros.common.executor import THROTTLE
+from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
 from arm_dynamics.ros.joint_state import JointStateReader, JointStateSource, Numbers
 from arm_sim.inputs import clipped
@@ -42,9 +42,10 @@ class Inputs:
     """
 
     def __init__(self, node: Node, engine: TickEngine) -> None:
-        self._log, self._engine, self._model = node.get_logger(), engine, engine.simulator.model
+        self._log, self._engine = Throttled(node.get_logger()), engine
+        self._model = engine.simulator.model
         self._limit = self._model.command_limit.tolist()
-        self._joints = JointCommands(self._model, engine.arbiter.admit, self._warn)
+        self._joints = JointCommands(self._model, engine.arbiter.admit, self._log.warning)
         ways = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
         names, every = self._model.joint_names, ("effort", "position", "velocity")
         references = JointStateReader(names, every, gaps=True, admit=self._joints.note, **ways)
@@ -184,19 +185,16 @@ class Inputs:
             self._engine.push(message.header.frame_id, wrench)
         except ArmError as error:
             self.refused_wrenches += 1
-            self._log.warning(f"wrench ignored: {plain(error)}", throttle_duration_sec=THROTTLE)
+            self._log.warning(f"wrench ignored: {plain(error)}")
 
     def _cut(self, tau: Numbers) -> Numbers:
         """Clip efforts to their limits, with a warning."""
         limits = self._limit
         joint = next(i for i, limit in enumerate(limits) if abs(tau[i]) > limit)
-        self._warn(clipped(self._model, joint, tau[joint]))
+        self._log.warning(clipped(self._model, joint, tau[joint]))
         pairs = zip(tau, limits, strict=True)
         return tuple(x if abs(x) <= limit or x != x else copysign(limit, x) for x, limit in pairs)
 
-    def _warn(self, what: str) -> None:
-        self._log.warning(what, throttle_duration_sec=THROTTLE)
-
     def _refuse(self, why: InvalidInput) -> None:
         self.refused += 1
-        self._log.warning(f"command ignored: {plain(why)}", throttle_duration_sec=THROTTLE)
+        self._log.warning(f"command ignored: {plain(why)}")

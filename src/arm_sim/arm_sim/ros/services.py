@@ -11,6 +11,7 @@ from rclpy.node import Node
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
+from arm_dynamics.logs import Throttled
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import answering, joint_indices, spread
 from arm_dynamics.ros.interfaces import Service
@@ -30,7 +31,7 @@ class SimServices:
 
     def __init__(self, node: Node, engine: TickEngine, reset_counters: Action) -> None:
         """Offer the services; ``reset_counters`` is run between ticks."""
-        self._engine, self._log = engine, node.get_logger()
+        self._engine, self._log = engine, Throttled(node.get_logger())
         self._orders: dict[Service, Callable[[Any, Any], Action]] = {
             interfaces.RESET: lambda *_: engine.reset,
             interfaces.PAUSE: lambda request, _: partial(engine.pause, request.data),

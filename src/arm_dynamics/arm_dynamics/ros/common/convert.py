@@ -12,7 +12,6 @@ import numpy as np
 import pinocchio as pin
 from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
-from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.exceptions import (
@@ -23,9 +22,9 @@ from arm_dynamics.exceptions import (
     known_names,
     plain,
 )
+from arm_dynamics.logs import Throttled
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import GIGA
-from arm_dynamics.ros.common.executor import THROTTLE
 from arm_dynamics.task_space.task_space import Pose
 
 _UNIT = 1e-3  # tolerance of a quaternion's length
@@ -48,7 +47,7 @@ def to_array(values: Any) -> array[float]:
 
 
 @contextmanager
-def answering(response: Any, log: RcutilsLogger) -> Iterator[None]:
+def answering(response: Any, log: Throttled) -> Iterator[None]:
     """Answer a service with success or with an error message; no request ends the node."""
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # refused by finite_answer
@@ -56,10 +55,7 @@ def answering(response: Any, log: RcutilsLogger) -> Iterator[None]:
     except ArmError as error:
         response.success, response.message = False, plain(error)
     except Exception as error:
-        log.error(
-            f"a service call failed unexpectedly: {plain(repr(error))}",
-            throttle_duration_sec=THROTTLE,
-        )
+        log.error(f"a service call failed unexpectedly: {plain(repr(error))}")
         response.success, response.message = False, plain(f"unexpected failure: {error!r}")
     else:
         response.success = True

@@ -19,14 +19,14 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
-from arm_dynamics.logs import heard_by
+from arm_dynamics.logs import Throttled, heard_by
 from arm_dynamics.ros.common.privileges import arrange_middleware_threads, freeze_garbage
+from arm_dynamics.ros.common.transport import avoid_shared_memory
 from arm_dynamics.ros.interfaces import Topic
 
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 _PROBE_TIMEOUT = 0.5  # [s]
 _SPIN_TIMEOUT = 0.25  # [s] between checks whether to end, without events
-THROTTLE = 2.0  # [s] between log messages of one kind
 
 
 def make_executor(node: Node) -> Executor:
@@ -88,15 +88,13 @@ def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Any
 
 def guarded(node: Node, callback: Callable[[Any], Any]) -> Callable[[Any], None]:
     """A callback for messages whose exceptions are logged and do not end the node."""
+    log = Throttled(node.get_logger())
 
     def called(message: Any) -> None:
         try:
             callback(message)
         except Exception as error:
-            node.get_logger().error(
-                plain(f"a message was ignored after an unexpected failure: {error!r}"),
-                throttle_duration_sec=THROTTLE,
-            )
+            log.error(plain(f"a message was ignored after an unexpected failure: {error!r}"))
 
     return called
 
@@ -196,6 +194,7 @@ def _warn_of_unknown(node: Node) -> None:
 
 
 def _initialize(context: Context, args: list[str] | None) -> None:
+    avoid_shared_memory()
     try:
         rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Transports where Fast DDS's defaults do not suffice, and cleanup after killed processes.
 
-Shared memory is Fast DDS's default, and its ports belong to the whole machine. When a process is
-killed, or stopped for a second, version 2.14 considers its port dead and maps it again: a process
-that is just leaving it may crash, and one that still writes to the old port is no longer received.
+Shared memory is Fast DDS's default, and its ports belong to the whole machine. Who writes to a
+port wakes the reader while holding the port's lock. If it is killed then, the lock is never given
+back, and all others that write to this port wait for ever, the loop of a simulator among them. So
+our nodes use UDP, which is as fast (docs/laboratory/fast-dds.md).
 
-The end of a message larger than the sender's shared memory, 512 kB, is lost and sent again some
+By shared memory, the end of a message larger than the sender's 512 kB is lost and sent again some
 milliseconds later, repeatedly until it is complete.
 
 Each participant has segments in /dev/shm and holds a lock on each while it lives. A process that
@@ -17,12 +18,14 @@ from __future__ import annotations
 
 import fcntl
 import os
+from collections.abc import MutableMapping
 from pathlib import Path
 
-DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+DISCOVERY, _LOCAL_ONLY = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """Variables with the path of a profile: of version 2 (Jazzy); of 3 (Kilted), which warns of the
 first."""
+_TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 THIS_MACHINE = Path(__file__).with_name("this_machine.xml")
 LARGE_BATCHES = Path(__file__).with_name("large_batches.xml")
 """A profile of Fast DDS with 64 MB of shared memory, for service calls of many points."""
@@ -46,8 +49,24 @@ def with_room() -> dict[str, str]:
 
 
 def as_usual() -> dict[str, str]:
-    """Environment of processes with Fast DDS's default transports, on this machine only."""
+    """Environment of processes that communicate as for users, on this machine only."""
     return {DISCOVERY: "LOCALHOST"}
+
+
+def avoid_shared_memory(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Let this process communicate by UDP, unless its environment chooses the transports.
+
+    Call it before ROS starts. With the range LOCALHOST only a profile without a range can.
+    """
+    ours = "fastrtps" in (environment.get("RMW_IMPLEMENTATION") or "rmw_fastrtps_cpp")
+    if not ours or any(environment.get(name) for name in (*PROFILES, _TRANSPORTS)):
+        return
+    local = environment.get(_LOCAL_ONLY) == "1" or environment.get(DISCOVERY) == "LOCALHOST"
+    if not local:
+        environment[_TRANSPORTS] = "UDPv4"
+    elif not environment.get("ROS_STATIC_PEERS"):
+        environment.update(by_udp())
+        environment.pop(_LOCAL_ONLY, None)
 
 
 def _profiled(profile: Path) -> dict[str, str]:

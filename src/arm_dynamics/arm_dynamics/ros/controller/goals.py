@@ -13,15 +13,14 @@ from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, plain
+from arm_dynamics.logs import Throttled
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.convert import in_world
-from arm_dynamics.ros.common.executor import THROTTLE
 from arm_dynamics.ros.controller.controller_params import ControllerParams
 from arm_dynamics.ros.controller.messages import (
     PathBytes,
@@ -77,7 +76,7 @@ class Goals:
         self,
         model: ArmModel,
         limits: Limits,
-        log: RcutilsLogger,
+        log: Throttled,
         planned: Callable[[], None] = lambda: None,
         taken: Callable[[], None] = lambda: None,
     ) -> None:
@@ -200,10 +199,7 @@ class Goals:
             return
         self.outcome = f"planning {goal.kind}: {goal.about}"
         if self.planner.start(plan, partial(self._take, goal, follower, outset, tries)):
-            self._log.info(
-                "a newer goal replaces the one that was being planned",
-                throttle_duration_sec=THROTTLE,
-            )
+            self._log.info("a newer goal replaces the one that was being planned")
 
     def _take(
         self,
@@ -222,7 +218,7 @@ class Goals:
             stretch = motion.stretch if isinstance(motion, Trajectory) else 1.0
             slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
             self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
-            self._log.info(self.outcome, throttle_duration_sec=THROTTLE)
+            self._log.info(self.outcome)
             self._taken()
             goal.then(motion)
         elif tries < _TRIES:
@@ -240,10 +236,7 @@ class Goals:
             return None
 
     def refuse(self, kind: str, why: str) -> None:
-        """Log that a goal of a kind is refused, and why, and count it.
-
-        Of many refusals within ``THROTTLE`` the first is logged; ``outcome`` has the newest.
-        """
+        """Log that a goal of a kind is refused, and why, and count it."""
         self.outcome = plain(f"{kind} refused{why}")
         self.refused += 1
-        self._log.error(self.outcome, throttle_duration_sec=THROTTLE)
+        self._log.error(self.outcome, self.outcome)  # its numbers are part of the reason

@@ -28,9 +28,9 @@ from arm_dynamics.dynamics import point_answers
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.point_answers import PointAnswer, compiled_answer
 from arm_dynamics.exceptions import KernelError, plain
+from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.c_message import CMessage
-from arm_dynamics.ros.common.executor import THROTTLE
 from arm_dynamics.ros.common.rcl_code import code_of_nodes
 from arm_dynamics.ros.dynamics.request_counts import InC
 from arm_dynamics.ros.interfaces import (
@@ -113,7 +113,7 @@ class CompiledServices:
         dynamics: Callable[[], Dynamics | None],
         lock: RLock,
     ) -> None:
-        self._node, self._native, self._answer = node, library, answer
+        self._log, self._native, self._answer = Throttled(node.get_logger()), library, answer
         self._arm, self._lock = dynamics, lock
         self._known: dict[int, _Known] = {}
         self._asked, self._tried = Counter[int](), set[int]()
@@ -183,7 +183,7 @@ class CompiledServices:
                 self._by_python(k)
             except Exception as error:
                 said = f"a request was ignored after an unexpected failure: {error!r}"
-                self._node.get_logger().error(plain(said), throttle_duration_sec=THROTTLE)
+                self._log.error(plain(said))
 
     def _by_python(self, k: int) -> None:
         """Answer the request that C has passed on."""

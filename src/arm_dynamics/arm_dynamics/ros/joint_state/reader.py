@@ -194,9 +194,9 @@ class JointStateReader:
     def _introduced(self, message: JointState) -> Read:
         """Pass the kind of a message to C, and read it, in this machine's byte order."""
         kind = self._kind_of(message)
-        self._admit(kind.source, kind.joints)
         if all(kind.layout != known.layout for known in self._kinds):
-            self._register(kind, message)
+            self._register(kind, message)  # admitted or not: a rival may send as often as a leader
+        self._admit(kind.source, kind.joints)
         raw = bytes(serialize_message(message))
         if (outcome := self._look(raw, len(raw))) <= BEYOND:
             return self._values_of(kind, outcome)[1]

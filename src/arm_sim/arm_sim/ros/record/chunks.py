@@ -9,6 +9,7 @@ messages are dropped and counted. A message that is larger than a chunk gets one
 
 from __future__ import annotations
 
+import errno
 import os
 import threading
 import time
@@ -29,6 +30,7 @@ SIZE = 1 << 20  # bytes per chunk
 COUNT = 8  # number of chunks
 HEAD = MESSAGE.size  # bytes of a message's head
 PERIOD_NS = round(1e9 * PERIOD)
+_FULL = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the disk quota is used up"}
 _NICE = 10  # priority of the thread, below those with deadlines
 
 
@@ -79,13 +81,15 @@ class ChunkThread:
 
     Attributes:
         lock: Held while ``room`` is used.
-        lost: Number of messages lost because the disk was too slow or failed.
+        lost: Number of messages that are not in the file.
+        trouble: What keeps them from it.
         failure: Reason why writing has stopped; empty while it has not.
     """
 
     def __init__(self, mcap: McapWriter, tell: Callable[[str], None] = lambda text: None) -> None:
         self.mcap, self._tell = mcap, tell
-        self.lost, self.failure, self._closed = 0, "", False
+        self.lost, self.trouble, self.failure = 0, "the disk is slow", ""
+        self._closed = False
         self._free, self._full = SimpleQueue[Chunk](), SimpleQueue[Chunk | None]()
         for _ in range(COUNT - 1):
             self._free.put(Chunk(SIZE))
@@ -209,9 +213,12 @@ class ChunkThread:
 
     def _fail(self, error: Exception, lost: int) -> None:
         self.lost += lost
-        why = error if isinstance(error, OSError) else repr(error)
+        why = str(error) if isinstance(error, OSError) else repr(error)
+        full = _FULL.get(getattr(error, "errno", None) or 0)
+        self.trouble = full or "the recording has stopped"
         self.failure = (
-            f"recording stopped after {self.mcap.written} bytes, which remain readable: {why}"
+            f"recording stopped after {self.mcap.written} bytes, which remain readable: "
+            f"{f'{full} ({why})' if full else why}"
         )
         self._tell(self.failure)
 

@@ -31,7 +31,7 @@ class TickRecorder:
 
     Attributes:
         ticks: Number of ticks in the file or in its buffers.
-        lost: Number of ticks that were dropped because the disk was too slow.
+        lost: Number of ticks that are not in the file.
         path: The file or folder.
         thread: The writing thread.
     """

@@ -7,10 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from rclpy.impl.rcutils_logger import RcutilsLogger
-
 from arm_dynamics import ArmError
-from arm_dynamics.ros.common.executor import THROTTLE
+from arm_dynamics.logs import Throttled
 
 # Result.msg
 UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
@@ -34,7 +32,7 @@ def clipped(text: str) -> str:
 
 
 @contextmanager
-def answering(result: Any, log: RcutilsLogger) -> Iterator[None]:
+def answering(result: Any, log: Throttled) -> Iterator[None]:
     """Fill a ``simulation_interfaces/Result``; no request ends the node."""
     try:
         yield
@@ -43,13 +41,13 @@ def answering(result: Any, log: RcutilsLogger) -> Iterator[None]:
     except ArmError as error:
         result.result, result.error_message = FAILED, str(error)
     except Exception as error:
-        log.error(f"a service call failed unexpectedly: {error!r}", throttle_duration_sec=THROTTLE)
+        log.error(f"a service call failed unexpectedly: {error!r}")
         result.result, result.error_message = FAILED, f"unexpected failure: {error!r}"
     else:
         result.result = OK
 
 
-def answered(answer: Callable[[Any, Any], None], log: RcutilsLogger) -> Callable[..., Any]:
+def answered(answer: Callable[[Any, Any], None], log: Throttled) -> Callable[..., Any]:
     """A service callback from a function that fills the response or raises an exception."""
 
     def callback(request: Any, response: Any) -> Any:

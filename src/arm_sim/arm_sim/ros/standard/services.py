@@ -8,6 +8,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.convert import to_time
 from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.standard.entities import Entities, Entity
@@ -67,7 +68,7 @@ class StandardServices:
         except ImportError:
             return
         self._entities = Entities(engine.simulator)
-        log = node.get_logger()
+        log = Throttled(node.get_logger())
         node.create_service(srv.GetSimulatorFeatures, "~/get_simulator_features", self._features)
         for name, answer in self._answers().items():
             kind = getattr(srv, name.title().replace("_", ""), None)

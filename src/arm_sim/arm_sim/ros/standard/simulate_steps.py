@@ -6,10 +6,10 @@ from __future__ import annotations
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
-from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.task import Future
 
+from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_sim.ros.standard.results import FAILED, INCORRECT_STATE, OK, Unmet, answering
 from arm_sim.ros.tick_engine import TickEngine
@@ -25,7 +25,7 @@ class SimulateSteps:
     def __init__(self, node: Node, engine: TickEngine, kind: Any) -> None:
         """Offer the action ``~/simulate_steps`` of type ``kind``."""
         self._engine, self._kind = engine, kind
-        self._log: RcutilsLogger = node.get_logger()
+        self._log = Throttled(node.get_logger())
         self._goal: Any = None
         self._timer = steady_timer(node, _PERIOD, self._part)
         self._timer.cancel()
