@@ -132,12 +132,13 @@ class Goals:
 
     def trajectory(self, raw: bytes) -> None:
         """Follow a serialized JointTrajectory from the current reference, or report why not."""
-        n = self._model.n
-        if (message := self._result("trajectory", lambda: TrajectoryBytes(raw, n))) is None:
+        names = self._model.joint_names
+        most = len(names) + len(names.rules)
+        if (message := self._result("trajectory", lambda: TrajectoryBytes(raw, most))) is None:
             return
 
         def plan(outset: Outset) -> Motion:
-            points = waypoints(message, self._model.joint_names, outset.here)
+            points = waypoints(message, names, outset.here)
             motion = outset.through(points, self._limits)
             while points:  # released one by one: releasing all at once would delay the loop
                 points.pop()
@@ -244,6 +245,7 @@ class Goals:
 
         Of many refusals within ``THROTTLE`` the first is logged; ``outcome`` has the newest.
         """
-        self.outcome = plain(f"{kind} refused{why}")
+        outcome = plain(f"{kind} refused{why}")
+        self.outcome = f"{outcome} (again)" if outcome == self.outcome else outcome
         self.refused += 1
         self._log.error(self.outcome, throttle_duration_sec=THROTTLE)
