@@ -22,7 +22,7 @@ from arm_dynamics.scene.effect import check_effect
 from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.imperfections import check_sensors
 from arm_dynamics.scene.lines import in_file, parsed
-from arm_dynamics.scene.schema import Joint, Scene, validated
+from arm_dynamics.scene.schema import Joint, RobotChoice, Scene, validated
 from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.units import unit_remarks
 from arm_dynamics.scene.urdf import Urdf, read_urdf, with_bodies
@@ -115,23 +115,33 @@ def _is_urdf(text: str) -> bool:
 
 
 def _read(path: Path) -> str:
-    if path.suffix == SUFFIX:
-        return expanded(path)
-    return file_text(path)
+    return expanded(path, {}) if path.suffix == SUFFIX else file_text(path)
+
+
+def _described(robot: RobotChoice, folder: Path) -> tuple[str, AbstractContextManager[None]]:
+    """The URDF text of a robot, and what adds the name of its file to errors."""
+    path = None
+    if robot.xacro is not None or not _is_urdf(robot.urdf):
+        path = find_file(robot.urdf, folder)
+        if robot.xacro is not None or path.suffix == SUFFIX:
+            return expanded(path, robot.arguments), in_file(path)
+    if robot.arguments:
+        raise SceneError(
+            f"scene: 'robot.arguments' = {robot.arguments}, but 'robot.urdf' is not in xacro; "
+            "give the file as 'robot.xacro'"
+        )
+    return (robot.urdf, nullcontext()) if path is None else (file_text(path), in_file(path))
 
 
 def _complete(data: dict[str, Any], folder: Path) -> Scene:
     scene = validated(data)
-    text = scene.robot.urdf
-    origin: AbstractContextManager[None] = nullcontext()
-    if not _is_urdf(text):
-        path = find_file(text, folder)
-        text, origin = _read(path), in_file(path)
+    lock = scene.robot.lock
+    text, origin = _described(scene.robot, folder)
     with origin:
-        urdf = read_urdf(with_bodies(text, scene.links), scene.robot.lock)
+        urdf = read_urdf(with_bodies(text, scene.links), lock)
     _check_names(scene, urdf)
     _warn(scene, urdf)
-    robot = scene.robot.model_copy(update={"urdf": text})
+    robot = RobotChoice(urdf=text, lock=lock) if lock else RobotChoice(urdf=text)
     return scene.model_copy(update={"robot": robot})
 
 
