@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from arm_dynamics import Dynamics, load_scene
+from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Measured
@@ -64,8 +64,10 @@ class ClosedLoop:
             ArmError: If a scene, the controller or a setting cannot be used.
         """
         self.simulator = Simulator(scene, **simulator)
-        known = load_scene(scene if controller_scene is None else controller_scene)
-        self._dynamics = Dynamics(rigid_twin(known))
+        if controller_scene is None:  # of which the simulator has warned already
+            self._dynamics = Dynamics(ArmModel(rigid_twin(self.simulator.model.scene)))
+        else:
+            self._dynamics = Dynamics(rigid_twin(load_scene(controller_scene)))
         settings = settings or Settings(dt=self.simulator.dt)
         if isinstance(controller, str) and is_own(controller):
             controller = load_controller(controller)

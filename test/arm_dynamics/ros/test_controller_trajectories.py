@@ -54,6 +54,43 @@ def test_joints_that_a_trajectory_does_not_name_stay(node: ControllerNode) -> No
     assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.7], ALGEBRA)
 
 
+def gripper(ros: Ros) -> ControllerNode:
+    """Controls swing and left_slide; right_slide follows by 0.01 - 0.7 left_slide."""
+    node = ros.add(ControllerNode, models.scene("gripper"))
+    names = list(node.dynamics.joint_names)
+    node.on_joint_states(
+        serialize_message(JointState(name=names, position=[0.0, 0.0], velocity=[0.0, 0.0]))
+    )
+    return node
+
+
+def test_mimic_joints_may_be_named_if_they_agree(ros: Ros) -> None:
+    node, names = gripper(ros), ["right_slide", "swing", "left_slide"]
+    there = point(1.0, -0.011, 0.2, 0.03, velocities=[0.0, 0.0, 0.0])
+    node.on_joint_trajectory(trajectory(there, names=names))
+    assert_close(reference_of(node, 1000 * MS)[0], [0.2, 0.03], ALGEBRA)
+
+
+@pytest.mark.parametrize(
+    ("message", "complaint"),
+    [
+        (trajectory(point(1.0, 0.01), names=["right_slide"]), "right_slide follows left_slide; c"),
+        (
+            trajectory(point(1.0, 0.03, 0.03), names=["left_slide", "right_slide"]),
+            "positions of point 0: right_slide is 0.03, but right_slide follows left_slide, so",
+        ),
+    ],
+)
+def test_mimic_joints_that_contradict_are_refused(
+    ros: Ros, message: JointTrajectory, complaint: str
+) -> None:
+    node = gripper(ros)
+    for again in ("", " (again)"):  # so that one who waits for the answer sees it
+        node.on_joint_trajectory(message)
+        assert complaint in node.goals.outcome and node.goals.outcome.endswith(again)
+    assert not reference_of(node, 1000 * MS).any()
+
+
 def test_given_velocities_and_accelerations_are_met(node: ControllerNode) -> None:
     effort(node, 0, (0.0, 0.0))
     middle = point(1.0, 0.5, 0.5, velocities=[0.3, 0.4], accelerations=[0.1, -0.1])
@@ -107,7 +144,7 @@ def test_velocity_limits_slow_it_down(ros: Ros, capfd: pytest.CaptureFixture[str
         (trajectory(point(1.0, 1.0, 1.0, velocities=[1.0])), "velocities of point 0 has 1"),
         (trajectory(point(1.0, 1.0, 1.0, velocities=[1.0, 1.0])), "last waypoint"),
         (trajectory(point(1.0, 1.0, 1.0, accelerations=[np.inf] * 2)), "inf"),
-        (trajectory(point(1.0, 1.0), names=["nobody"]), "joint names are nobody; allowed: "),
+        (trajectory(point(1.0, 1.0), names=["nobody"]), "unknown joints nobody; allowed: "),
         (trajectory(point(1.0, 1.0, 1.0), names=[NAMES[0]] * 2), "each once"),
         (trajectory(point(1.0), names=[]), "no joint names"),
     ],

@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from readers import PlainReader, said
 from sensor_msgs.msg import JointState
 
+import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.joint_state import JointStateReader
 from arm_dynamics.ros.joint_state import reader as reading
@@ -251,6 +252,50 @@ def test_extra_joints_are_passed_over_when_allowed(reader: Readers) -> None:
     np.testing.assert_array_equal(reader(extra=True).read(raw)[1], [[1, 2, 3], [4, 5, 6]])
     with pytest.raises(InvalidInput, match="unknown joints hand; allowed: base, elbow"):
         reader().read(raw)
+
+
+ORDER = ("effort", "position", "velocity")
+FOLLOWERS = {
+    "agreeing": ({"position": [0.03, -0.011, 0.2]}, ""),
+    "within rounding": ({"position": [0.03, -0.0115, 0.2]}, ""),
+    "of all fields": (
+        {"position": [0.03, -0.011, 0.2], "velocity": [0.1, -0.07, 0], "effort": [5.0, 0, 1]}, ""
+    ),
+    "without a number": ({"position": [0.03, float("nan"), 0.2]}, ""),
+    "contradicting": ({"position": [0.03, 0.03, 0.2]}, "right_slide is 0.03, but right_slide f"),
+    "in velocity": ({"velocity": [0.1, 0.1, 0.0]}, "velocity: right_slide is 0.1, but"),
+    "with an effort": ({"effort": [5.0, 5.0, 1.0]}, "follows left_slide, so 0 is expected"),
+    "without its leader's number": (
+        {"position": [float("nan"), 0.01, 0.2]}, "right_slide follows left_slide; command that one"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("fields", "words"), FOLLOWERS.values(), ids=FOLLOWERS)
+def test_mimic_joints_may_be_named_if_they_agree(fields: dict[str, Any], words: str) -> None:
+    """The first message of a kind is read in Python, the next ones in C alone."""
+    arm = models.dynamics("gripper").model.joint_names
+    options: dict[str, Any] = {"partial": True, "extra": False, "gaps": True}
+    reader = JointStateReader(arm, ORDER, **options)
+    names = ["left_slide", "right_slide", "swing"]
+    raw = serialize_message(JointState(name=names, **fields))
+    for outcome in (reading.OTHER, reading.OTHER if words else reading.KNOWN):
+        assert reader._look(raw, len(raw)) == outcome
+        if words:
+            with pytest.raises(InvalidInput, match=words):
+                reader.read(raw)
+            continue
+        for field, row in zip(ORDER, reader.read(raw)[1], strict=True):
+            given = fields.get(field, [np.nan] * 3)
+            np.testing.assert_array_equal(row, [given[2], given[0]])
+
+
+def test_a_mimic_joint_alone_is_told_to_follow() -> None:
+    arm = models.dynamics("gripper").model.joint_names
+    reader = JointStateReader(arm, ("effort",), partial=True, extra=False)
+    raw = serialize_message(JointState(name=["swing", "right_slide"], effort=[1.0, 0.0]))
+    with pytest.raises(InvalidInput, match="^right_slide follows left_slide; command that one$"):
+        reader.read(raw)
 
 
 def test_absent_joints_keep_their_numbers_when_allowed(reader: Readers) -> None:

@@ -324,7 +324,7 @@ def test_who_is_there_already_needs_no_time(node: ControllerNode, client: Client
 BAD = {
     "no joint names": goal(trajectory(point(1.0), names=[])),
     "0 points": goal(trajectory()),
-    "joint names are nobody": goal(trajectory(point(1.0, 0.1, 0.1), names=["nobody", NAMES[0]])),
+    "unknown joints nobody": goal(trajectory(point(1.0, 0.1, 0.1), names=["nobody", NAMES[0]])),
     "each once": goal(trajectory(point(1.0, 0.1, 0.1), names=[NAMES[0]] * 2)),
     "joints elbow are missing": goal(trajectory(point(1.0, 0.1), names=NAMES[:1])),
     "positions of point 0 has 1 numbers; allowed: 2": goal(trajectory(point(1.0, 0.1))),
@@ -346,7 +346,7 @@ BAD = {
     "last velocity of joint 'shoulder' is -0.1": goal(
         trajectory(point(1.0, *HERE, velocities=[-0.1, 0.0]))
     ),
-    "names joint 'nobody'": to(0.1, 0.1, path_tolerance=[tolerance("nobody", 0.1)]),
+    "names joint nobody": to(0.1, 0.1, path_tolerance=[tolerance("nobody", 0.1)]),
     "names joint 'elbow' twice": to(
         0.1, 0.1, goal_tolerance=[tolerance(NAMES[1], 0.1), tolerance(NAMES[1], velocity=0.1)]
     ),
@@ -366,6 +366,28 @@ BAD = {
     "'elbow' would leave its velocity limit at 0.": to(0.0, 2.0, time=0.3),
     "'shoulder' would leave its effort limit at 0.": to(0.6, 0.0, time=0.2),
 }  # fmt: skip
+
+
+def test_mimic_joints_may_be_named_if_they_agree(ros: Ros) -> None:
+    """As by those who command both fingers of a gripper."""
+    node = ros.add(ControllerNode, models.scene("gripper"))
+    names = list(node.dynamics.joint_names)
+    rest = JointState(name=names, position=[0.0, 0.0], velocity=[0.0, 0.0])
+    node.on_joint_states(serialize_message(rest))
+    client, every = Client(ros), ["right_slide", *names]
+    agreeing = point(1.0, -0.011, 0.2, 0.03, velocities=[0.0, 0.0, 0.0])
+    assert client.send(goal(trajectory(agreeing, names=every))).accepted
+    assert_close(reference_of(node, 1000 * MS)[0], [0.2, 0.03], ALGEBRA)
+    for positions, given, words in (
+        ((0.03, 0.2, 0.03), every, "right_slide is 0.03, but right_slide follows left_slide, so"),
+        ((0.03, 0.2), every[:2], "right_slide follows left_slide; command that one"),
+    ):
+        assert not client.send(goal(trajectory(point(1.0, *positions), names=given))).accepted
+        assert words in node.goals.outcome
+    off = tolerance("right_slide", 0.1)
+    sent = goal(trajectory(agreeing, names=every), path_tolerance=[off])
+    assert not client.send(sent).accepted
+    assert "right_slide follows left_slide; command that one" in node.goals.outcome
 
 
 @pytest.mark.parametrize("complaint", BAD)

@@ -310,17 +310,22 @@ def test_an_arm_with_a_joint_that_moves_no_mass_is_described(tmp_path: Path) -> 
     assert re.search("not simulated: .*arm.urdf: joint 'joint3' moves no mass", said)
 
 
+def test_units_that_cannot_be_are_told_once(tmp_path: Path) -> None:
+    text = (models.FOLDER / "planar_3r.urdf").read_text()
+    (tmp_path / "arm.urdf").write_text(re.sub(r'(i[yz]{2}="[.\d]+)"', r'\1e6"', text))
+    said = run("describe", str(tmp_path / "arm.urdf")).output
+    assert said.count("radius of gyration of 115 m") == said.count("inertias are in kg m²") == 1
+
+
 def test_limits_that_are_placeholders_are_named(tmp_path: Path) -> None:
     text = (models.FOLDER / "planar_3r.urdf").read_text()
-    text = text.replace('effort="80"', 'effort="1"').replace('friction="0.2"', 'friction="41"')
-    (tmp_path / "arm.urdf").write_text(text)
-    words = r"placeholders: joint1 \(effort 1\), joint2 \(friction 41 above effort 40\); a scene"
+    (tmp_path / "arm.urdf").write_text(text.replace('effort="80"', 'effort="1"'))
+    words = r"placeholders: joint1 \(effort 1\); a scene"
     assert re.search(words, " ".join(run("describe", str(tmp_path / "arm.urdf")).output.split()))
     told = json.loads(run("describe", str(tmp_path / "arm.urdf"), "--json").output)
-    assert list(told["placeholders"]) == ["joint1", "joint2"]
+    assert list(told["placeholders"]) == ["joint1"]
     (tmp_path / "arm.yaml").write_text(
-        "robot: {urdf: arm.urdf}\njoints: {joint1: {limits: {effort: 1}}, "
-        "joint2: {friction: {coulomb: 39}}}"
+        "robot: {urdf: arm.urdf}\njoints: {joint1: {limits: {effort: 1}}}"
     )
     assert "placeholder" not in run("describe", str(tmp_path / "arm.yaml")).output
 

@@ -192,6 +192,19 @@ def test_bad_commands_are_passed_over(
     assert complaint in said
 
 
+def test_mimic_joints_may_be_commanded_as_they_follow(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node, both = by_hand(ros, "gripper"), ["left_slide", "right_slide"]
+    node.inputs.on_joint_commands(command(name=both, position=[0.03, -0.011]))
+    np.testing.assert_array_equal(acting(node).position, [np.nan, 0.03])
+    for fields in ({"name": both, "position": [0.02, 0.02]}, {"name": both[1:], "effort": [1.0]}):
+        node.inputs.on_joint_commands(command(**fields))
+        np.testing.assert_array_equal(acting(node).position, [np.nan, 0.03])
+    assert node.inputs.refused == 2
+    assert "command ignored: position: right_slide is 0.02, but right_" in capfd.readouterr().err
+
+
 @pytest.mark.parametrize("data", [[], [1.0], [1.0] * 3, [np.nan, 0.0], [0.0] * 100_000])
 def test_bad_arrays_are_passed_over(
     node: SimNode, data: list[float], capfd: pytest.CaptureFixture[str]

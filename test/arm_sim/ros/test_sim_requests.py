@@ -37,6 +37,19 @@ def step(node: SimNode, steps: int) -> Any:
     return node.requests.answer(STEP, Step.Request(steps=steps))
 
 
+def test_mimic_joints_may_be_set_as_they_follow(ros: Ros) -> None:
+    node, both = by_hand(ros, "gripper"), ["right_slide", "left_slide"]
+    assert set_joint_state(node, joint_names=both, position=[-0.011, 0.03]).success
+    np.testing.assert_array_equal(motion(node), [[0.0, 0.03], [0.0, 0.0]])
+    for fields, words in (
+        ({"joint_names": both, "velocity": [0.1, 0.1]}, "right_slide is 0.1, but right_slide fol"),
+        ({"joint_names": both[:1], "position": [0.0]}, "right_slide follows left_slide; command"),
+    ):
+        answer = set_joint_state(node, **fields)
+        assert not answer.success and words in answer.message
+    np.testing.assert_array_equal(motion(node), [[0.0, 0.03], [0.0, 0.0]])
+
+
 def test_pause_stops_and_releases(node: SimNode) -> None:
     ticks(node, 3)
     assert node.requests.answer(PAUSE, SetBool.Request(data=True)).success
@@ -112,7 +125,7 @@ def test_set_joint_state_by_name_while_time_goes_on(ros: Ros, node: SimNode) -> 
         ({"position": [1.0, np.nan]}, f"nan of joint '{NAMES[1]}'"),
         ({"velocity": [0.0, 1e17]}, "is 1e+17; allowed: up to 1000 rad/s, 1 rad in a tick"),
         ({"velocity": [-1000.1, 0.0]}, f"velocity of joint '{NAMES[0]}' is -1000.1; allowed: "),
-        ({"joint_names": ["nobody"], "position": [1.0]}, "joint names are nobody; allowed: "),
+        ({"joint_names": ["nobody"], "position": [1.0]}, "unknown joints nobody; allowed: "),
         ({"joint_names": [NAMES[0]] * 2, "position": [1.0] * 2}, "each once"),
     ],
 )

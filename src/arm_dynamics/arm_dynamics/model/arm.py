@@ -19,6 +19,7 @@ from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.springs import springs_of
 from arm_dynamics.model.stops import ROUNDED, Range, stops_of
+from arm_dynamics.model.units import unit_remarks
 from arm_dynamics.scene.load import SceneSource, load_scene, naming
 from arm_dynamics.scene.schema import Joint, Limits, Scene
 
@@ -90,20 +91,14 @@ class ArmModel(Robot):
     def placeholders(self) -> dict[str, str]:
         """Joints whose effort limit in the URDF is probably no figure of the robot, and why.
 
-        Programs that write URDFs give an effort of 1, and a joint with more friction than effort
-        could never move.
+        Programs that write URDFs give an effort of 1.
         """
-        found = {}
-        for i, name in enumerate(self.joint_names):
-            own, effort = self.scene.joint(name), self.effort_limit[i]
-            friction = self.friction.static.mean[i]
-            if own.limits.effort is not None or own.actuator is not None:
-                continue
-            if effort == 1.0:
-                found[name] = "effort 1"
-            elif friction > effort:
-                found[name] = f"friction {friction:g} above effort {effort:g}"
-        return found
+        joints = {name: self.scene.joint(name) for name in self.joint_names}
+        return {
+            name: "effort 1"
+            for (name, own), effort in zip(joints.items(), self.effort_limit, strict=True)
+            if effort == 1.0 and own.limits.effort is None and own.actuator is None
+        }
 
     def with_friction(self, friction: JointFriction) -> ArmModel:
         """Copy with other friction."""
@@ -246,7 +241,7 @@ class ArmModel(Robot):
 
 
 def arm_model(source: SceneSource | ArmModel) -> ArmModel:
-    """Build the arm model of a scene; a model is returned unchanged.
+    """Build the arm model of a scene, with warnings; a model is returned unchanged.
 
     Args:
         source: Anything ``load_scene`` takes, or a model.
@@ -258,7 +253,10 @@ def arm_model(source: SceneSource | ArmModel) -> ArmModel:
         return source
     scene = load_scene(source)
     with naming(source):
-        return ArmModel(scene)
+        model = ArmModel(scene)
+    for remark in unit_remarks(model):
+        _log.warning("scene: %s", remark)
+    return model
 
 
 def _bound(value: float) -> float:

@@ -20,6 +20,7 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import ModelError, SceneError
+from arm_dynamics.model.joint_names import JointNames
 from arm_dynamics.scene.constraint import WORLD
 from arm_dynamics.scene.inertia import inertia_matrix
 from arm_dynamics.scene.schema import Payload, Scene
@@ -35,7 +36,7 @@ class Robot:
         scene: The scene it was made from.
         pin: Pinocchio's model with joints locked, payloads attached and gravity set.
         bare: The same without the payloads.
-        joint_names: Independent joints, in the order of every vector.
+        joint_names: Independent joints, in the order of every vector; a tuple that knows others.
         joint_types: ``revolute``, ``continuous`` or ``prismatic`` for each.
         has_followers: Whether there are mimic joints.
         followers: Matrix E of shape (pin.nv, n).
@@ -67,7 +68,7 @@ class Robot:
             raise ModelError(
                 "robot: no joint is left to move; lock fewer joints or check the description"
             )
-        self.joint_names: tuple[str, ...] = tuple(moving)
+        self.joint_names = JointNames.of(moving, self._rules, self.locked)
         self.joint_types = tuple(urdf.joints[name] for name in moving)
         self.followers, self.offsets = _follower_map(self._index, self.joint_names, self._rules)
         self.has_followers = len(self._index) != len(moving)

@@ -8,6 +8,8 @@ Slotine, IEEE Robotics and Automation Letters 3(1), 2018).
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationInfo, field_validator
@@ -41,6 +43,11 @@ def moments(six: Inertia6 | ArrayLike) -> Array:
     """Principal moments in [kg m²], the smallest first, shape (…, 3)."""
     found: Array = np.linalg.eigvalsh(inertia_matrix(six))
     return found
+
+
+def gyration(mass: float, six: Inertia6 | ArrayLike) -> float:
+    """Largest radius of gyration in [m] of a body of a mass in [kg], more than zero."""
+    return math.sqrt(max(float(moments(six)[-1]), 0.0) / mass)
 
 
 def least(mass: Array | float) -> Array:

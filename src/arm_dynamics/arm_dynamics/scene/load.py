@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -15,7 +14,6 @@ from arm_dynamics.exceptions import (
     ModelError,
     SceneError,
     choices,
-    degrees_meant,
     known_names,
     plain,
 )
@@ -24,15 +22,15 @@ from arm_dynamics.scene.effect import check_effect
 from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.imperfections import check_sensors
 from arm_dynamics.scene.lines import in_file, parsed
-from arm_dynamics.scene.schema import Joint, Scene, validated
+from arm_dynamics.scene.schema import Joint, RobotChoice, Scene, validated
 from arm_dynamics.scene.spring import check_springs
+from arm_dynamics.scene.units import unit_remarks
 from arm_dynamics.scene.urdf import Urdf, read_urdf, with_bodies
 from arm_dynamics.scene.urdf.xacro import SUFFIX, expanded
 
 type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene
 """Sources of a scene; see ``load_scene``."""
 
-_FAR = 10.0  # [m]
 _log = logging.getLogger(__name__)
 
 
@@ -108,7 +106,7 @@ def scene_from_urdf(text: str, most_joints: int | None = None) -> Scene:
             "allowed here"
         )
     _check_ranges(scene, urdf)
-    _warn_of_description(urdf)
+    _warn(scene, urdf)
     return scene
 
 
@@ -117,24 +115,33 @@ def _is_urdf(text: str) -> bool:
 
 
 def _read(path: Path) -> str:
-    if path.suffix == SUFFIX:
-        return expanded(path)
-    return file_text(path)
+    return expanded(path, {}) if path.suffix == SUFFIX else file_text(path)
+
+
+def _described(robot: RobotChoice, folder: Path) -> tuple[str, AbstractContextManager[None]]:
+    """The URDF text of a robot, and what adds the name of its file to errors."""
+    path = None
+    if robot.xacro is not None or not _is_urdf(robot.urdf):
+        path = find_file(robot.urdf, folder)
+        if robot.xacro is not None or path.suffix == SUFFIX:
+            return expanded(path, robot.arguments), in_file(path)
+    if robot.arguments:
+        raise SceneError(
+            f"scene: 'robot.arguments' = {robot.arguments}, but 'robot.urdf' is not in xacro; "
+            "give the file as 'robot.xacro'"
+        )
+    return (robot.urdf, nullcontext()) if path is None else (file_text(path), in_file(path))
 
 
 def _complete(data: dict[str, Any], folder: Path) -> Scene:
     scene = validated(data)
-    text = scene.robot.urdf
-    origin: AbstractContextManager[None] = nullcontext()
-    if not _is_urdf(text):
-        path = find_file(text, folder)
-        text, origin = _read(path), in_file(path)
+    lock = scene.robot.lock
+    text, origin = _described(scene.robot, folder)
     with origin:
-        urdf = read_urdf(with_bodies(text, scene.links), scene.robot.lock)
+        urdf = read_urdf(with_bodies(text, scene.links), lock)
     _check_names(scene, urdf)
-    _warn_of_description(urdf)
-    _warn_of_units(scene, urdf)
-    robot = scene.robot.model_copy(update={"urdf": text})
+    _warn(scene, urdf)
+    robot = RobotChoice(urdf=text, lock=lock) if lock else RobotChoice(urdf=text)
     return scene.model_copy(update={"robot": robot})
 
 
@@ -153,8 +160,8 @@ def _check_ranges(scene: Scene, urdf: Urdf) -> None:
             )
 
 
-def _warn_of_description(urdf: Urdf) -> None:
-    """Warn of what is unusual, and of links whose inertia is not physically consistent."""
+def _warn(scene: Scene, urdf: Urdf) -> None:
+    """Warn of what is unusual, of inertias that no body has, and of units probably mistaken."""
     for remark, (place, *others) in urdf.notes.items():
         more = f" (and {known_names(others, 5)})" if others else ""
         _log.warning("robot description: %s: %s%s", plain(place), remark, more)
@@ -167,19 +174,8 @@ def _warn_of_description(urdf: Urdf) -> None:
             "robot description: %s an inertia that no rigid body has; it is computed with as it "
             "is: link '%s'%s: %s", many, name, more, trouble,
         )  # fmt: skip
-
-
-def _warn_of_units(scene: Scene, urdf: Urdf) -> None:
-    """Warn of values that are so large that their unit is probably wrong."""
-    for i, payload in enumerate(scene.payloads):
-        if (distance := math.dist(payload.com, (0.0, 0.0, 0.0))) > max(_FAR, urdf.length):
-            _log.warning(
-                "scene: 'payloads.%d.com' = %s is %g m from '%s'; lengths are in m",
-                i, list(payload.com), distance, payload.frame,
-            )  # fmt: skip
-    for name, angle in scene.initial.position.items():
-        if urdf.joints[name] != "prismatic" and (remark := degrees_meant(angle)):
-            _log.warning("scene: 'initial.position.%s' = %s", name, remark)
+    for remark in unit_remarks(scene, urdf):
+        _log.warning("scene: %s", remark)
 
 
 def _check_links(scene: Scene, urdf: Urdf) -> None:

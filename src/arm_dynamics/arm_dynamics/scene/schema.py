@@ -7,9 +7,10 @@ that is absent from it is not computed.
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
+    BeforeValidator,
     Field,
     StrictBool,
     ValidationError,
@@ -45,18 +46,41 @@ from arm_dynamics.scene.types import (
 from arm_dynamics.scene.urdf import with_bodies
 
 
+def _argument(value: object) -> object:
+    """The text of an argument of xacro."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if not isinstance(value, str | int | float):
+        raise ValueError("text, a number, or true or false is expected")
+    return str(value)
+
+
 class RobotChoice(Part):
     """The robot, and the joints of it that do not move.
 
     Attributes:
         urdf: Path (relative to the scene file), ``package://`` or ``file://`` URI, or the URDF
             text itself. A file ending in ``.xacro`` is expanded, where xacro is installed.
+            Required, unless ``xacro`` is given.
+        xacro: The same for a file in xacro of any name, in place of ``urdf``.
+        arguments: Arguments of xacro by name, for those that the file declares.
         lock: Joints that do not move; each stays at its initial position, or at zero. Floating
             and planar joints must be locked, and stay at their origin.
     """
 
     urdf: str = Field(min_length=1)
+    xacro: str | None = None
+    arguments: dict[str, Annotated[str, BeforeValidator(_argument)]] = {}
     lock: tuple[str, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _source(cls, value: object) -> object:
+        if not isinstance(value, dict) or value.get("xacro") is None:
+            return value
+        if value.get("urdf") is not None:
+            raise ValueError("'urdf' or 'xacro' is expected, not both")
+        return {**value, "urdf": value["xacro"]}
 
 
 class Stop(Part):

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model.joint_names import JointNames, Named
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
 
@@ -72,28 +73,33 @@ class JointTrajectory:
     def motion(self, joint_names: Sequence[str]) -> Trajectory:
         """Quintic segments through the points, joints in the order of an arm's.
 
+        Mimic joints may be among those of the trajectory, if they agree with their leaders.
+
         Raises:
             InvalidInput: If the joints differ, or points are malformed.
         """
-        if set(joint_names) != set(self.joint_names):
+        arm = joint_names if isinstance(joint_names, JointNames) else JointNames(joint_names)
+        if set(arm) != set(self.joint_names) - arm.rules.keys():
             raise InvalidInput(
                 f"the trajectory is for joints {known_names(self.joint_names)}; the arm has "
                 f"{known_names(joint_names)}"
             )
-        place = [self.joint_names.index(name) for name in joint_names]
+        named, rest = Named(self.joint_names, arm), np.zeros(len(arm))
 
-        def ordered(row: ArrayLike) -> Array:
-            return vector("a point", row, self.joint_names)[place]
+        def ordered(field: str, row: ArrayLike) -> Array:
+            given = vector("a point", row, self.joint_names)
+            return named.spread("a point", field, given.tolist(), rest)
 
-        def given(row: ArrayLike | None) -> Array | None:
-            return None if row is None else ordered(row)
+        def maybe(field: str, row: ArrayLike | None) -> Array | None:
+            return None if row is None else ordered(field, row)
 
-        return quintic(
-            [
-                Waypoint(p.time, ordered(p.q), given(p.v), given(p.a), given(p.tau))
-                for p in self.points
-            ]
-        )
+        return quintic([
+            Waypoint(
+                p.time, ordered("position", p.q), maybe("velocity", p.v),
+                maybe("acceleration", p.a), maybe("effort", p.tau),
+            )
+            for p in self.points
+        ])  # fmt: skip
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write it as YAML; an existing file is overwritten.

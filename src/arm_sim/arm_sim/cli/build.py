@@ -155,10 +155,10 @@ def _other_parts(
 
 def _controlled(simulator: Simulator) -> Dynamics:
     """The model that controllers of a simulated arm use."""
-    from arm_dynamics import Dynamics
+    from arm_dynamics import ArmModel, Dynamics
     from arm_dynamics.actuation.command_map import rigid_twin
 
-    return Dynamics(rigid_twin(simulator.model.scene))
+    return Dynamics(ArmModel(rigid_twin(simulator.model.scene)))
 
 
 def _of_controllers(

@@ -56,8 +56,7 @@ class _Checks:
 
     def at(self, k: int, q: Array, v: Array, a: Array) -> None:
         self.tables += [
-            _table(f"{name}{k}", values)
-            for name, values in (("q", q), ("v", v), ("a", a))
+            _table(f"{name}{k}", values) for name, values in (("q", q), ("v", v), ("a", a))
         ]
 
     def compare(self, k: int, term: Term, results: Sequence[Array]) -> None:

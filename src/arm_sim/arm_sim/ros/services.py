@@ -12,8 +12,9 @@ from rclpy.node import Node
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.logs import Throttled
+from arm_dynamics.model.joint_names import Named
 from arm_dynamics.ros import interfaces
-from arm_dynamics.ros.common.convert import answering, joint_indices, spread
+from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.interfaces import Service
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.runtime_changes import friction_change, payload_change
@@ -66,9 +67,12 @@ class SimServices:
         """Set positions (default: unchanged) and velocities (default: zero) of named joints."""
         simulator = self._engine.simulator
         state = simulator.state
-        joints = joint_indices(request.joint_names, simulator.joint_names)
-        q = spread("position", request.position or state.q[joints], joints, state.q)
-        v = spread("velocity", request.velocity or 0.0 * q[joints], joints, state.v)
+        named, q, v = Named(request.joint_names, simulator.joint_names), state.q, state.v.copy()
+        v[named.joints] = 0.0
+        if request.position:
+            q = named.spread("position", "position", request.position, q)
+        if request.velocity:
+            v = named.spread("velocity", "velocity", request.velocity, v)
         self._refuse_fast(v)
         self._engine.change(lambda: simulator.set_state(q, v))
 
@@ -94,7 +98,7 @@ class SimServices:
     def _set_friction(self, request: Any, response: Any) -> Action:
         """Change viscous friction; joints that are not named keep theirs."""
         simulator = self._engine.simulator
-        joints = joint_indices(request.joint_names, simulator.joint_names)
+        named = Named(request.joint_names, simulator.joint_names)
         present = simulator.dynamics.model.viscous
-        viscous = spread("viscous", request.viscous, joints, present)
+        viscous = named.spread("viscous", "viscous", request.viscous, present)
         return partial(self._engine.change, friction_change(simulator, viscous))

@@ -265,8 +265,12 @@ def _found(scene: Any, folder: Path) -> Any:
         return scene if "/" not in scene and not (folder / scene).is_file() else str(path)
     if not isinstance(scene, dict):
         raise SceneError(f"study: 'vary.scene': {scene!r}; names of scenes or paths are expected")
-    robot = scene.get("robot")
-    if isinstance(robot, dict) and isinstance(urdf := robot.get("urdf"), str):
-        if not urdf.lstrip().startswith("<"):
-            return {**scene, "robot": {**robot, "urdf": str(find_file(urdf, folder))}}
-    return scene
+    if not isinstance(robot := scene.get("robot"), dict):
+        return scene
+    files = {key: name for key in ("urdf", "xacro") if isinstance(name := robot.get(key), str)}
+    found = {
+        key: str(find_file(name, folder))
+        for key, name in files.items()
+        if not name.lstrip().startswith("<")
+    }
+    return {**scene, "robot": {**robot, **found}}

@@ -33,10 +33,11 @@ URDF = """<robot name="arm">
     <safety_controller soft_lower_limit="-2" soft_upper_limit="2" k_position="9" k_velocity="8"/>
   </joint>
   <joint name="elbow" type="continuous">
-    <parent link="upper"/><child link="fore"/><limit effort="30" velocity="6"/>
+    <parent link="upper"/><child link="fore"/><axis xyz="0 1 0"/><limit effort="30" velocity="6"/>
   </joint>
   <joint name="finger" type="prismatic">
-    <parent link="fore"/><child link="hand"/><limit lower="0" upper="1" effort="5" velocity="2"/>
+    <parent link="fore"/><child link="hand"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="1" effort="5" velocity="2"/>
     <mimic joint="elbow" multiplier="0.7" offset="-0.1"/>
   </joint>
 </robot>"""
@@ -100,6 +101,26 @@ def test_what_other_readers_take_for_no_number_is_refused_by_name(text: str) -> 
             assert f"{key}={given!r}>: expected " in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("{-2*pi}", r"an expression, as of xacro \(\$\{…\}\): write its value"),
+        ("${-pi / 2}", "an expression"),
+        ("$(arg lower)", "an expression"),
+        ("-1,5", "decimals have a point"),
+    ],
+)
+def test_what_is_nearly_a_number_is_refused_with_what_to_do(text: str, remedy: str) -> None:
+    given = changed('lower="-3"', f'lower="{text}"')
+    with pytest.raises(ModelError, match=rf"joint 'shoulder': <limit lower=.*{remedy}"):
+        load_scene(given)
+
+
+def test_names_that_were_not_expanded_are_refused() -> None:
+    with pytest.raises(ModelError, match=r"joint '\$\{side\}_elbow' is not expanded: expand"):
+        load_scene(URDF.replace('"elbow"', '"${side}_elbow"'))
+
+
 def test_numbers_of_many_digits_keep_every_bit() -> None:
     rng = np.random.default_rng(1)
     for mass in np.exp(rng.uniform(-300.0, 300.0, 40)).tolist():
@@ -117,6 +138,11 @@ DEFAULTS = {
         ('<axis xyz="0.6 -0.8 1"/>', "<axis/>"),
         ('<axis xyz="0.6 -0.8 1"/>', '<axis xyz="1 0 0"/>'),
         "joint 'shoulder': <axis> without xyz: taken as the default, 1 0 0",
+    ),
+    "axis": (
+        ('<axis xyz="1 0 0"/>', ""),
+        ('<axis xyz="1 0 0"/>', '<axis xyz="1 0 0"/>'),
+        "joint 'finger': no <axis>: taken as the default, 1 0 0",
     ),
     "effort": (
         (' effort="80"', ""),
@@ -190,6 +216,20 @@ def test_infinite_limits_are_none(word: str) -> None:
     assert model.effort_limit[0] == np.inf
     assert model.velocity_limit[0] == np.inf
     assert not np.isfinite(model.stops.place[:, 0]).any()
+
+
+@pytest.mark.parametrize("key", ["effort", "velocity"])
+@pytest.mark.parametrize("word", ["-1", "-1.0"])
+def test_limits_of_minus_one_are_none(
+    key: str, word: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """So some makers write; the scene may give another."""
+    text = re.sub(rf'{key}="(80|4)"', f'{key}="{word}"', URDF, count=1)
+    with caplog.at_level(logging.WARNING):
+        assert getattr(arm(text), f"{key}_limit")[0] == np.inf
+    assert f"joint 'shoulder': <limit {key}> is -1: there is none" in caplog.text
+    own = {"robot": {"urdf": text}, "joints": {"shoulder": {"limits": {key: 7.0}}}}
+    assert getattr(arm(own), f"{key}_limit")[0] == 7.0
 
 
 def test_one_limit_may_be_infinite() -> None:

@@ -34,6 +34,12 @@ UNUSUAL = {
     "unbound prefix of an element": BODY.replace("</robot>", '<gz:plugin a="1"/></robot>'),
     "unbound prefix of an attribute": BODY.replace("<link ", '<link gz:colour="red" ', 1),
     "default namespace": OPEN,
+    "dashes in a comment": BODY.replace("<link ", "<!-- ------ links -- ------ --><link ", 1),
+    "dashes at the end of a comment": BODY.replace("<link ", "<!-- links ---><link ", 1),
+    "a tag in a comment": BODY.replace("<link ", "<!-- <link name='old'> -- <!-- --><link ", 1),
+    "dashes that are no comment": BODY.replace(
+        "</robot>", "<note a='-->'>--> <![CDATA[ <!-- -- ]]> <?a <!-- -- ?></note></robot>"
+    ),
     "bound prefix": BODY.replace("<robot ", '<robot xmlns:gz="http://gz" ', 1).replace(
         "</robot>", "<gz:world/></robot>"
     ),
@@ -96,6 +102,27 @@ def test_line_ends_and_marks_of_files_do_not_matter(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_bytes(b"\xef\xbb\xbf" + URDF.replace("\n", "\r\n").encode())
     assert arm(path).whole == arm(URDF).whole
+
+
+def test_comments_leave_errors_where_they_are() -> None:
+    text = BODY.replace("</robot>", "<!-- -- \n -- --> <b></robot>")
+    line = BODY.count("\n", 0, BODY.index("</robot>")) + 2
+    with pytest.raises(ModelError, match=f"mismatched tag: line {line}, column 13$"):
+        load_scene(text)
+
+
+@pytest.mark.parametrize("part", ["<!-- -- ", "<!--", "<![CDATA[", "<?x "])
+def test_what_never_ends_is_refused(part: str) -> None:
+    with pytest.raises(ModelError, match="not well-formed XML"):
+        load_scene(BODY.replace("</robot>", part * 30000))
+
+
+def test_a_comment_in_a_comment_is_refused() -> None:
+    """It ends at the first end, so that what follows would count."""
+    text = BODY.replace("</robot>", "\n<!-- <!-- old -->\n<link name='a'/> --></robot>")
+    line = BODY.count("\n", 0, BODY.index("</robot>")) + 3
+    with pytest.raises(ModelError, match=f"line {line}: '-->' ends no comment"):
+        load_scene(text)
 
 
 def test_prefixes_and_namespaces_are_kept() -> None:

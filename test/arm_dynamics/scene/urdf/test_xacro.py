@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,8 +15,12 @@ from arm_dynamics.scene.urdf import xacro
 
 URDF = (models.FOLDER / "planar_3r.urdf").read_text()
 PROGRAM = f"""#!{sys.executable}
-import sys
+import re, sys
 text = open(sys.argv[1]).read()
+if "--deps" in sys.argv:
+    sys.exit(print(" ".join(re.findall("include filename='(.*?)'", text))))
+for name, value in (word.split(":=") for word in sys.argv[2:]):
+    text = text.replace(f"$(arg {{name}})", value)
 if "$(" in text:
     sys.exit("error: undefined substitution argument\\nwhen processing " + sys.argv[1])
 print("warning: deprecated", file=sys.stderr)
@@ -52,6 +57,48 @@ def test_what_xacro_says_is_told(source: Path) -> None:
         load_scene(source)
 
 
+def with_arguments(source: Path, key: str = "xacro", **arguments: Any) -> ArmModel:
+    robot = {key: str(source), "arguments": arguments}
+    return ArmModel(load_scene({"robot": robot}))
+
+
+def test_arguments_are_given_to_it(source: Path) -> None:
+    (source.parent / "args.xacro").write_text("<xacro:arg name='mass' default='2'/>")
+    (source.parent / "arm.txt").write_text(
+        SOURCE.replace("${weight}", "$(arg mass)")
+        .replace('name="planar_3r"', 'name="$(arg name)"')
+        .replace("</robot>", f"<xacro:include filename='{source.parent}/args.xacro'/></robot>")
+    )
+    found = with_arguments(source.parent / "arm.txt", mass=2.5, name=True)
+    assert found.whole.inertias[2].mass == 2.5 and found.whole.name == "true"
+    assert load_scene(found.scene.model_dump(exclude_unset=True)) == found.scene
+    (source.parent / "arm.txt").rename(source)
+    assert with_arguments(source, "urdf", mass="2.5", name="arm").whole.name == "arm"
+
+
+def test_arguments_that_it_has_not_are_refused(source: Path) -> None:
+    """The real program ignores them."""
+    source.write_text(SOURCE.replace("</robot>", "<xacro:arg default='a' name='side'/></robot>"))
+    with pytest.raises(SceneError, match=r"arguments.sid': '.*xacro' has no such .*mean 'side'"):
+        with_arguments(source, side="left", sid="left")
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "both": ({"urdf": "a.urdf", "xacro": "a.xacro"}, "'urdf' or 'xacro' is expected, not both"),
+    "neither": ({"arguments": {"side": "left"}}, "'robot.urdf' is missing"),
+    "arguments of a URDF": ({"urdf": URDF, "arguments": {"a": 1}}, "give the file as 'robot.xac"),
+    "no value": ({"xacro": "a", "arguments": {"a": [1]}}, "robot.arguments.a' = .1.: text, a num"),
+    "no file": ({"xacro": "none.xacro"}, "no file 'none.xacro'"),
+    "text": ({"xacro": URDF}, "is neither URDF text nor the name of a file"),
+}
+
+
+@pytest.mark.parametrize(("robot", "words"), WRONG.values(), ids=WRONG)
+def test_what_is_no_source_is_refused(robot: dict[str, Any], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        load_scene({"robot": robot})
+
+
 def test_without_xacro_the_message_says_what_to_do(
     source: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -78,8 +125,13 @@ def test_text_is_never_expanded() -> None:
 
 def test_the_real_program(tmp_path: Path) -> None:
     pytest.importorskip("xacro")
-    (tmp_path / "arm.urdf.xacro").write_text(
+    source = tmp_path / "arm.urdf.xacro"
+    source.write_text(
         SOURCE.replace("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" ', 1)
+        .replace("<xacro:prop", "<xacro:arg name='mass' default='2'/><xacro:prop")
+        .replace("value='2'", "value='$(arg mass)'")
     )
-    expanded = ArmModel(load_scene(tmp_path / "arm.urdf.xacro"))
-    assert expanded.whole == ArmModel(load_scene(URDF)).whole
+    assert ArmModel(load_scene(source)).whole == ArmModel(load_scene(URDF)).whole
+    assert with_arguments(source, mass=3).whole.inertias[2].mass == 3.0
+    with pytest.raises(SceneError, match="did you mean 'mass'"):
+        with_arguments(source, mas=3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checked conversion between messages and arrays: times, joint values by name, poses."""
+"""Checked conversion between messages and arrays: times, numbers, poses."""
 
 from __future__ import annotations
 
@@ -11,17 +11,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from builtin_interfaces.msg import Time
-from numpy.typing import NDArray
 
-from arm_dynamics.arrays import Array, vector
-from arm_dynamics.exceptions import (
-    ArmError,
-    InvalidInput,
-    choices,
-    did_you_mean,
-    known_names,
-    plain,
-)
+from arm_dynamics.arrays import vector
+from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import GIGA
@@ -59,41 +51,6 @@ def answering(response: Any, log: Throttled) -> Iterator[None]:
         response.success, response.message = False, plain(f"unexpected failure: {error!r}")
     else:
         response.success = True
-
-
-def joint_indices(names: Sequence[str], model_names: Sequence[str]) -> NDArray[np.intp]:
-    """Indices of joints of the model by name; no names mean all joints.
-
-    Raises:
-        InvalidInput: If joints are unknown or repeated.
-    """
-    unknown = [name for name in names if name not in model_names]
-    if unknown or len(set(names)) != len(names):
-        guess = did_you_mean(unknown[0], model_names) if unknown else ""
-        raise InvalidInput(
-            f"joint names are {known_names(names)}; allowed: some or all of "
-            f"{known_names(model_names)}, each once{guess}"
-        )
-    return np.array([model_names.index(name) for name in names or model_names], np.intp)
-
-
-def spread(what: str, values: Sequence[float], joints: NDArray[np.intp], rest: Array) -> Array:
-    """Insert values of some joints into a vector of all.
-
-    Args:
-        what: Name of the values, for messages.
-        values: One for each of ``joints``.
-        joints: Their indices.
-        rest: Values of the other joints, shape (n,).
-
-    Raises:
-        InvalidInput: If the length does not fit.
-    """
-    if len(values) != len(joints):
-        raise InvalidInput(f"{what} has {len(values)} numbers; allowed: {len(joints)}")
-    full = np.array(rest)
-    full[joints] = values
-    return full
 
 
 def pose_of(numbers: Sequence[float]) -> Pose:

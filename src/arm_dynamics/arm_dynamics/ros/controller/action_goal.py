@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from arm_dynamics.exceptions import InvalidInput, choices, known_names
-from arm_dynamics.ros.common.convert import joint_indices, to_nanoseconds
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model.joint_names import JointNames, Named
+from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.common.params import parameter
 from arm_dynamics.ros.controller.tolerances import NONE, StateTolerance, Tolerances, resolved
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
@@ -87,7 +88,7 @@ class TrajectoryMessage:
         count: Number of points.
     """
 
-    def __init__(self, message: Any, model_names: Sequence[str], partial: bool) -> None:
+    def __init__(self, message: Any, model_names: JointNames, partial: bool) -> None:
         """Check the header.
 
         Args:
@@ -133,10 +134,10 @@ class TrajectoryMessage:
             if abs(v) > STANDING:
                 raise InvalidInput(f"the last velocity of joint '{joint}' is {v:g}; allowed: 0")
 
-    def _check_names(self, model_names: Sequence[str], partial: bool) -> None:
+    def _check_names(self, model_names: JointNames, partial: bool) -> None:
         if not self.joint_names:
             raise InvalidInput(f"no joint names; allowed: those of {known_names(model_names)}")
-        joint_indices(self.joint_names, model_names)
+        Named(self.joint_names, model_names)
         missing = [name for name in model_names if name not in self.joint_names]
         if missing and not partial:
             raise InvalidInput(
@@ -172,7 +173,7 @@ def refuse_what_an_arm_has_not(goal: Any) -> None:
 
 
 def tolerances(
-    goal: Any, params: FollowParams, model_names: Sequence[str], turning: tuple[int, ...]
+    goal: Any, params: FollowParams, model_names: JointNames, turning: tuple[int, ...]
 ) -> Tolerances:
     """Tolerances of a goal: its own, else those of the parameters.
 
@@ -199,16 +200,13 @@ def tolerances(
 def _asked(
     what: str,
     messages: Sequence[Any],
-    names: Sequence[str],
+    names: JointNames,
     position: Sequence[float],
     velocity: Sequence[float],
 ) -> StateTolerance:
     position, velocity = list(position), list(velocity)
     for k, message in enumerate(messages):
-        if message.name not in names:
-            raise InvalidInput(
-                f"{what} names joint '{message.name}'; allowed: {choices(message.name, names)}"
-            )
+        names.refuse([message.name], f"{what} names joint")
         if any(message.name == other.name for other in messages[:k]):
             raise InvalidInput(f"{what} names joint '{message.name}' twice; allowed: each once")
         joint, of = names.index(message.name), f"{what} of joint '{message.name}'"

@@ -131,12 +131,13 @@ class Goals:
 
     def trajectory(self, raw: bytes) -> None:
         """Follow a serialized JointTrajectory from the current reference, or report why not."""
-        n = self._model.n
-        if (message := self._result("trajectory", lambda: TrajectoryBytes(raw, n))) is None:
+        names = self._model.joint_names
+        most = len(names) + len(names.rules)
+        if (message := self._result("trajectory", lambda: TrajectoryBytes(raw, most))) is None:
             return
 
         def plan(outset: Outset) -> Motion:
-            points = waypoints(message, self._model.joint_names, outset.here)
+            points = waypoints(message, names, outset.here)
             motion = outset.through(points, self._limits)
             while points:  # released one by one: releasing all at once would delay the loop
                 points.pop()
@@ -237,6 +238,7 @@ class Goals:
 
     def refuse(self, kind: str, why: str) -> None:
         """Log that a goal of a kind is refused, and why, and count it."""
-        self.outcome = plain(f"{kind} refused{why}")
+        outcome = plain(f"{kind} refused{why}")
+        self.outcome = f"{outcome} (again)" if outcome == self.outcome else outcome
         self.refused += 1
-        self._log.error(self.outcome, self.outcome)  # its numbers are part of the reason
+        self._log.error(outcome, outcome)  # its numbers are part of the reason

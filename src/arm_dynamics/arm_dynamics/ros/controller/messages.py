@@ -13,8 +13,9 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.joint_names import JointNames, Named
 from arm_dynamics.ros.common.cdr import CdrReader
-from arm_dynamics.ros.common.convert import in_world, joint_indices, spread
+from arm_dynamics.ros.common.convert import in_world
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.task_space.task_space import Pose
 from arm_dynamics.trajectory.reference import Reference, Waypoint
@@ -98,12 +99,13 @@ class PathBytes:
 
 
 def waypoints(
-    message: TrajectoryBytes, model_names: Sequence[str], here: Reference
+    message: TrajectoryBytes, model_names: JointNames, here: Reference
 ) -> list[Waypoint]:
     """Read a trajectory message.
 
     Args:
-        message: Joints may be in any order; joints it does not name keep their reference.
+        message: Joints may be in any order; joints it does not name keep their reference, and
+            mimic joints agree with their leaders.
         model_names: Joints of the model.
         here: The current reference.
 
@@ -116,19 +118,18 @@ def waypoints(
     """
     if not message.joint_names:
         raise InvalidInput(f"no joint names; allowed: some of {known_names(model_names)}")
-    joints = joint_indices(message.joint_names, model_names)
-    still = np.zeros_like(here.q)
+    named, still = Named(message.joint_names, model_names), np.zeros_like(here.q)
 
-    def given(what: str, values: Sequence[float]) -> Array | None:
-        return spread(what, values, joints, still) if len(values) else None
+    def given(what: str, field: str, i: int, values: Sequence[float]) -> Array | None:
+        return named.spread(f"{what} of point {i}", field, values, still) if len(values) else None
 
     return [
         Waypoint(
             1e-9 * time,
-            spread(f"positions of point {i}", positions, joints, here.q),
-            given(f"velocities of point {i}", velocities),
-            given(f"accelerations of point {i}", accelerations),
-            given(f"effort of point {i}", efforts),
+            named.spread(f"positions of point {i}", "position", positions, here.q),
+            given("velocities", "velocity", i, velocities),
+            given("accelerations", "acceleration", i, accelerations),
+            given("effort", "effort", i, efforts),
         )
         for i, (time, positions, velocities, accelerations, efforts) in enumerate(message.points())
     ]

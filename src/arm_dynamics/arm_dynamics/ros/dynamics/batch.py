@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, all_finite, finite_answer
-from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model.joint_names import JointNames
 from arm_dynamics.ros.common.convert import to_array
 
 _Order = NDArray[np.intp] | slice
@@ -28,7 +29,7 @@ class Batch:
     def __init__(
         self,
         names: Sequence[str],
-        model_names: Sequence[str],
+        model_names: JointNames,
         position: Sequence[float],
         most: int,
     ) -> None:
@@ -96,15 +97,13 @@ class Batch:
         return rows[:, self._back]
 
 
-def _order(names: Sequence[str], model_names: Sequence[str]) -> NDArray[np.intp]:
+def _order(names: Sequence[str], model_names: JointNames) -> NDArray[np.intp]:
     """Index into model order of each name, every joint once."""
     allowed = f"allowed: each of {known_names(model_names)} once"
-    if len(names) > len(model_names):
+    if len(names) > len(model_names) + len(model_names.rules):
         raise InvalidInput(f"{len(names)} joint names; {allowed}")
-    unknown = [name for name in names if name not in model_names]
-    if unknown:
-        guess = did_you_mean(unknown[0], model_names)
-        raise InvalidInput(f"unknown joints {known_names(unknown)}; {allowed}{guess}")
+    for name in names:
+        model_names.refuse([name], "unknown joints")
     if len(set(names)) != len(names) or len(names) != len(model_names):
         raise InvalidInput(f"joint names are {known_names(names)}; {allowed}")
     return np.array([model_names.index(name) for name in names], np.intp)

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
-from arm_dynamics.exceptions import InvalidInput, choices, known_names
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model.joint_names import AGREES, Follower, JointNames
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, address, library
 from arm_dynamics.ros.joint_state.serialization import FIELDS, Layout, layout_of, parsed
 
@@ -31,6 +32,7 @@ Read = tuple[int, list[Numbers]]  # stamp in [ns], and n numbers for each of the
 _OUTCOMES = ("NONE", "KNOWN", "BEYOND", "OTHER", "FAILED")
 NONE, KNOWN, BEYOND, OTHER, FAILED = (HEADER.constants[name] for name in _OUTCOMES)
 _KINDS = HEADER.constants["KINDS"]
+_FOLLOWER = np.dtype(HEADER.structure("follower_t"))
 
 
 class _Kind(NamedTuple):
@@ -40,6 +42,7 @@ class _Kind(NamedTuple):
     joints: frozenset[int]
     layout: Layout
     order: NDArray[np.int64]
+    followers: NDArray[np.void]
 
 
 class JointStateReader:
@@ -66,7 +69,8 @@ class JointStateReader:
         """Configure the reader.
 
         Args:
-            names: Joints, in the order of the numbers read.
+            names: Joints, in the order of the numbers read. Those of an arm know its mimic joints,
+                which messages may name, too, with numbers that agree with their leaders'.
             fields: Those of position, velocity and effort that are required.
             partial: Whether joints may be absent; they keep their last values, initially zero.
             extra: Whether joints that are not in ``names`` are ignored.
@@ -79,6 +83,7 @@ class JointStateReader:
                 absent joints.
             other: Reads messages that have a position or velocity instead of this reader.
         """
+        self._arm = names if isinstance(names, JointNames) else JointNames(names)
         self._names, self._fields = list(names), list(fields)
         self._partial, self._extra, self._admit = partial, extra, admit
         self._beyond, self._gaps, self._other = beyond, gaps, other
@@ -205,10 +210,21 @@ class JointStateReader:
     def _kind_of(self, message: JointState) -> _Kind:
         """Check names and lengths, and determine the kind of a message."""
         order = np.array(self._places(message), np.int64)
+        followers = [] if self._extra else self._arm.followers(list(message.name))
         lengths = [len(getattr(message, field)) for field in FIELDS]
         source = message.header.frame_id
         layout = layout_of(source, message.name, lengths)
-        return _Kind(source, frozenset(np.flatnonzero(order >= 0).tolist()), layout, order)
+        joints = frozenset(np.flatnonzero(order >= 0).tolist())
+        return _Kind(source, joints, layout, order, self._laws(followers))
+
+    def _laws(self, followers: Sequence[Follower]) -> NDArray[np.void]:
+        """How mimic joints follow, for C."""
+        laws = np.zeros(len(followers), _FOLLOWER)
+        for law, follower in zip(laws, followers, strict=True):
+            law["place"], law["leader"], law["within"] = follower.place, follower.leader, AGREES
+            for f, field in enumerate(self._fields):
+                law["factor"][f], law["offset"][f] = follower.law(field)
+        return laws
 
     def _register(self, kind: _Kind, message: JointState) -> None:
         """Let C know a kind, in place of the oldest one."""
@@ -217,6 +233,7 @@ class JointStateReader:
         self._learned += 1
         told = self._state.kinds[oldest]
         told.size, told.place = len(layout.fixed), kind.order.ctypes.data
+        told.follows, told.followers = kind.followers.ctypes.data, len(kind.followers)
         told.fixed, told.expected = (
             ctypes.cast(part, c_void_p).value for part in (layout.fixed, layout.expected)
         )
@@ -233,6 +250,9 @@ class JointStateReader:
                 x = numbers.get(joint, 0.0)
                 if not (math.isfinite(x) or (self._gaps and math.isnan(x))):
                     return f"{field} of joint '{joint}' is {x}; allowed: finite numbers"
+            for follower in self._arm.followers(here):
+                if numbers:
+                    follower.check(field, field, getattr(message, field))
         return f"the JointState of '{message.header.frame_id}' cannot be read"
 
     def _places(self, message: JointState) -> list[int]:
@@ -249,10 +269,8 @@ class JointStateReader:
                 )
         here = [name for name in names if name in self._names]
         missing = [name for name in self._names if name not in names]
-        if len(here) < len(names) and not self._extra:
-            unknown = [name for name in names if name not in self._names]
-            allowed = choices(unknown[0], self._names)
-            raise InvalidInput(f"unknown joints {known_names(unknown)}; allowed: {allowed}")
+        if not self._extra:
+            self._arm.refuse(names, "unknown joints")
         if missing and (not here or not self._partial):
             raise InvalidInput(f"joints {known_names(missing)} are missing")
         return [names.index(name) if name in names else -1 for name in self._names]

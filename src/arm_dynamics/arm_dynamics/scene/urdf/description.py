@@ -22,12 +22,13 @@ from arm_dynamics.scene.urdf.plain import (
     TENSOR,
     Notes,
     described_range,
-    distance,
     is_limited,
+    link_at,
     plain_joint,
     plain_link,
     remove_range,
 )
+from arm_dynamics.scene.urdf.units import note_units, size_of
 from arm_dynamics.scene.urdf.xml import xml_root
 
 LINK, JOINT = "link:", "joint:"
@@ -67,10 +68,10 @@ class Urdf:
         joints: Type of every joint by name.
         links: Names of the links.
         mimics: Follower rules by joint name.
-        limited: Joints with a position limit.
+        limited: Lower and upper limit of the joints with a position limit.
         crossed: Lower and upper limit of joints whose lower one is above the upper one; in
             ``text`` they have none.
-        length: Sum of the distances of all joints from their parents in [m].
+        size: Length of the arm in [m], see ``size_of``.
         doubtful: Links whose inertia is not physically consistent, and why; it is used unchanged.
         notes: Remarks on what is unusual, each with the places where it is.
     """
@@ -79,9 +80,9 @@ class Urdf:
     joints: dict[str, str]
     links: tuple[str, ...]
     mimics: dict[str, Mimic]
-    limited: frozenset[str]
+    limited: Mapping[str, tuple[float, float]]
     crossed: Mapping[str, tuple[float, float]]
-    length: float
+    size: float
     doubtful: dict[str, str]
     notes: Notes
 
@@ -142,15 +143,15 @@ def read_urdf(text: str, lock: Collection[str] = ()) -> Urdf:
     for name, joint in joints.items():
         _check_joint(name, joint, names)
     faults = {name: _check_inertia(name, link) for name, link in links.items()}
-    _check_tree(joints, links)
+    size = size_of(links, joints, _check_tree(joints, links))
+    note_units(links, joints, size, notes)
     kinds = {name: joint.get("type", "") for name, joint in described.items()}
     crossed = _crossed(joints)
     doubtful = {name: trouble for name, trouble in faults.items() if trouble}
     mimics = _mimics(joints, kinds)
     anew = _written(robot, [*links.values(), *joints.values()], notes)
-    limited = frozenset(name for name, joint in joints.items() if is_limited(joint))
-    length = sum(map(distance, joints.values()))
-    return Urdf(anew, kinds, tuple(links), mimics, limited, crossed, length, doubtful, notes)
+    limited = {name: described_range(x) for name, x in joints.items() if is_limited(x)}
+    return Urdf(anew, kinds, tuple(links), mimics, limited, crossed, size, doubtful, notes)
 
 
 def _crossed(joints: dict[str, ElementTree.Element]) -> dict[str, tuple[float, float]]:
@@ -200,15 +201,12 @@ def _unique(robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Eleme
         name = element.get("name")
         if not name:
             raise ModelError(f"robot description: a <{tag}> has no name")
+        if "${" in name or "$(" in name:
+            raise ModelError(f"robot description: {tag} {name!r} is not expanded: {_EXPAND}")
         if name in found:
             raise ModelError(f"robot description: two <{tag}> are called '{name}'")
         found[name] = element
     return found
-
-
-def _link_name(joint: ElementTree.Element, end: str) -> str | None:
-    element = joint.find(end)
-    return None if element is None else element.get("link")
 
 
 def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None:
@@ -223,7 +221,7 @@ def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None
             f"joint '{name}': type {kind!r} is not supported; allowed: {choices(kind, SUPPORTED)}"
         )
     for end in ("parent", "child"):
-        link = _link_name(joint, end)
+        link = link_at(joint, end)
         if link not in links:
             raise ModelError(
                 f"joint '{name}': {end} link {link!r} does not exist; "
@@ -266,19 +264,20 @@ def _parents(joints: dict[str, ElementTree.Element]) -> dict[str, str]:
     """The parent of each link that has one."""
     parent_of: dict[str, str] = {}
     for name, joint in joints.items():
-        child = _link_name(joint, "child")
+        child = link_at(joint, "child")
         if child in parent_of:
             raise ModelError(
                 f"joint '{name}': link '{child}' already has a parent joint; "
                 "URDF describes trees only"
             )
-        parent_of[str(child)] = str(_link_name(joint, "parent"))
+        parent_of[str(child)] = str(link_at(joint, "parent"))
     return parent_of
 
 
 def _check_tree(
     joints: dict[str, ElementTree.Element], links: dict[str, ElementTree.Element]
-) -> None:
+) -> list[str]:
+    """The names of the links, each after its parent."""
     parent_of = _parents(joints)
     roots = [name for name in links if name not in parent_of]
     depths = _depths(roots, parent_of)
@@ -298,6 +297,7 @@ def _check_tree(
         raise ModelError(
             f"robot description: one root link expected, found {len(roots)}: {known_names(roots)}"
         )
+    return list(depths)
 
 
 def _ring(link: str, parent_of: Mapping[str, str]) -> set[str]:

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from arm_dynamics.exceptions import ModelError
+from arm_dynamics.exceptions import ModelError, degrees_meant
 
 MOVING = ("revolute", "continuous", "prismatic")
 SUPPORTED = (*MOVING, "fixed")
@@ -34,12 +34,12 @@ _NUMBERS = {
     "mimic": ("multiplier", "offset"),
 }
 _NAMES = {"parent": "link", "child": "link", "mimic": "joint"}
+_LIMITS = ("effort", "velocity")
 _NOT_NEGATIVE = {
     ("mass", "value"),
     ("dynamics", "damping"),
     ("dynamics", "friction"),
-    ("limit", "effort"),
-    ("limit", "velocity"),
+    *(("limit", key) for key in _LIMITS),
 }
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
@@ -105,8 +105,8 @@ def plain_joint(
     copy = ElementTree.Element("joint", name=name, type=kind)
     own = () if kind == "fixed" else ("axis", "limit", "dynamics", "mimic")
     copy.extend(_parts(joint, ("origin", "parent", "child", *own), owner, notes))
-    if (axis := copy.find("axis")) is not None:
-        _check_axis(axis, joint, owner, notes)
+    if kind in MOVING:
+        _check_axis(copy, joint, owner, notes)
     if (limit := copy.find("limit")) is not None:
         _open(limit, owner, notes)
     if (losses := copy.find("dynamics")) is not None and not losses.attrib:
@@ -135,9 +135,15 @@ def is_limited(joint: ElementTree.Element) -> bool:
     return lower != upper and min(abs(lower), abs(upper)) <= NO_LIMIT
 
 
-def distance(joint: ElementTree.Element) -> float:
-    """Distance in [m] of the copy of a joint from its parent."""
-    origin = joint.find("origin")
+def link_at(joint: ElementTree.Element, end: str) -> str | None:
+    """Name of the link at the ``parent`` or ``child`` end of a joint."""
+    element = joint.find(end)
+    return None if element is None else element.get("link")
+
+
+def distance(part: ElementTree.Element) -> float:
+    """Distance in [m] of the copy of a joint or <inertial> from the frame that it is given in."""
+    origin = part.find("origin")
     return 0.0 if origin is None else math.hypot(*floats(origin.get("xyz", "0 0 0")))
 
 
@@ -158,13 +164,13 @@ def _parts(
             if "quat_xyzw" in part.keys():
                 raise ModelError(f"{owner}: <{tag} quat_xyzw=…> is not supported; allowed: rpy")
             given = [key for key in _NUMBERS.get(tag, ()) if key in part.keys()]
-            numbers = {key: _plain(part, key, owner) for key in given}
+            numbers = {key: _plain(part, key, owner, notes) for key in given}
             names = {key: value for key, value in part.items() if key == _NAMES.get(tag)}
             parts.append(ElementTree.Element(tag, {**names, **numbers}))
     return parts
 
 
-def _plain(part: ElementTree.Element, key: str, owner: str) -> str:
+def _plain(part: ElementTree.Element, key: str, owner: str, notes: Notes) -> str:
     """An attribute's numbers, each written such that reading it gives the same number."""
     text, tag = part.get(key, ""), part.tag
     count, open_ended = 3 if key in ("xyz", "rpy") else 1, tag == "limit"
@@ -174,10 +180,26 @@ def _plain(part: ElementTree.Element, key: str, owner: str) -> str:
     if len(values) != count or not (open_ended or all(map(math.isfinite, values))):
         number = "one finite number" if count == 1 else "three finite numbers"
         allowed = "one number, or inf" if open_ended else number
-        raise ModelError(f"{owner}: <{tag} {key}={text!r}>: expected {allowed}")
+        raise ModelError(f"{owner}: <{tag} {key}={text!r}>: expected {allowed}{_remedy(text)}")
+    if open_ended and key in _LIMITS and values == [-1.0]:
+        _note(notes, f"<limit {key}> is -1: there is none", owner)
+        values = [0.0]
     if (tag, key) in _NOT_NEGATIVE and values[0] < 0:
-        raise ModelError(f"{owner}: <{tag} {key}={text!r}>: must not be negative")
+        none = " (-1 and 0 mean no limit)" if open_ended else ""
+        raise ModelError(f"{owner}: <{tag} {key}={text!r}>: must not be negative{none}")
+    if key == "rpy" and any(map(degrees_meant, values)):
+        _note(notes, "<origin rpy> of more than two turns; angles are in rad", owner)
     return " ".join(repr(max(-_LARGEST, min(value, _LARGEST))) for value in values)
+
+
+def _remedy(text: str) -> str:
+    """What to do about a text in place of numbers, as the end of a message, or empty."""
+    if "{" in text or "$(" in text:
+        return (
+            "; this is an expression, as of xacro (${…}): write its value, or expand the source "
+            "with 'xacro arm.urdf.xacro > arm.urdf'"
+        )
+    return "; decimals have a point, and there are spaces between numbers" if "," in text else ""
 
 
 def _add_products(tensor: ElementTree.Element, owner: str, notes: Notes) -> None:
@@ -188,11 +210,14 @@ def _add_products(tensor: ElementTree.Element, owner: str, notes: Notes) -> None
 
 
 def _check_axis(
-    axis: ElementTree.Element, joint: ElementTree.Element, owner: str, notes: Notes
+    copy: ElementTree.Element, joint: ElementTree.Element, owner: str, notes: Notes
 ) -> None:
+    lacking = "<axis> without xyz"
+    if (axis := copy.find("axis")) is None:
+        axis, lacking = ElementTree.SubElement(copy, "axis"), "no <axis>"
     if "xyz" not in axis.keys():
         axis.set("xyz", "1.0 0.0 0.0")
-        _note(notes, "<axis> without xyz: taken as the default, 1 0 0", owner)
+        _note(notes, f"{lacking}: taken as the default, 1 0 0", owner)
     if np.linalg.norm(floats(axis.get("xyz", ""))) < 1e-9:
         given = [part.get("xyz") for part in joint.findall("axis")]
         raise ModelError(f"{owner}: axis {given[0]!r} has no direction")
@@ -200,7 +225,7 @@ def _check_axis(
 
 def _open(limit: ElementTree.Element, owner: str, notes: Notes) -> None:
     """Write open limits such that urdfdom reads them."""
-    for key in ("effort", "velocity"):
+    for key in _LIMITS:
         if key not in limit.keys():
             limit.set(key, "0.0")
             _note(notes, f"<limit> without {key}: none is assumed", owner)

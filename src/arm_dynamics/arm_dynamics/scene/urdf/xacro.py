@@ -3,30 +3,62 @@
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from arm_dynamics.exceptions import SceneError, plain
+from arm_dynamics.exceptions import SceneError, choices, plain
+from arm_dynamics.scene.files import file_text
 
 SUFFIX = ".xacro"
 _LONGEST = 60.0  # [s]
+_ARGUMENT = re.compile(r"""<[\w.-]+:arg\s[^>]*?\bname\s*=\s*["']([^"']+)|\$\(arg\s+([^)\s]+)""")
 
 
-def expanded(path: Path) -> str:
-    """The URDF text of a xacro file, its arguments at their defaults.
+def expanded(path: Path, arguments: Mapping[str, str]) -> str:
+    """The URDF text of a xacro file.
 
     Args:
-        path: A file ending in ``.xacro``.
+        path: The file.
+        arguments: Arguments by name; the others have their defaults.
 
     Raises:
-        SceneError: If xacro is not installed, or cannot expand the file.
+        SceneError: If xacro is not installed, or cannot expand the file, or this has no such
+            arguments.
     """
+    given = [f"{name}:={value}" for name, value in arguments.items()]
+    text = _output(path, *given)
+    if given:
+        _check_known(path, list(arguments), _output(path, "--deps", *given).split())
+    return text
+
+
+def _check_known(path: Path, names: Sequence[str], includes: Sequence[str]) -> None:
+    """Refuse arguments that a file and what it includes do not have: xacro ignores them."""
+    files = [path, *map(Path, includes)]
+    if not all(map(os.path.isfile, files)):  # a name with a space, which is not told from two
+        return
+    known = dict.fromkeys(
+        name for file in files for pair in _ARGUMENT.findall(file_text(file)) for name in pair
+    )
+    known.pop("", None)
+    for name in names:
+        if name not in known:
+            raise SceneError(
+                f"scene: 'robot.arguments.{name}': '{path}' has no such argument; allowed: "
+                f"{choices(name, known)}"
+            )
+
+
+def _output(path: Path, *arguments: str) -> str:
     try:
         done = subprocess.run(
-            [*_command(path), str(path)],
+            [*_command(path), str(path), *arguments],
             capture_output=True, text=True, timeout=_LONGEST, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:

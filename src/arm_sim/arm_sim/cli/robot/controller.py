@@ -87,8 +87,8 @@ class Controller:
     @property
     def replaced(self) -> bool:
         """Whether the reference has ended at another position than the goal."""
-        here = self.reference
-        return any(abs(here[name] - x) > _SAME for name, x in self._target.items())
+        here, target = self.reference, self._target
+        return any(abs(here[name] - x) > _SAME for name, x in target.items() if name in here)
 
     def meet(self) -> None:
         """Wait for the controller's state, or fail with what is missing."""

@@ -111,10 +111,10 @@ def _joint_motion(
     here = controller.reference
     there = targets(wanted, here)
     seconds = duration or unhurried(there, here)
-    what = ", ".join(
-        f"{name} {number(here[name], 4)} → {number(x, 4)}" for name, x in there.items()
-    )
-    console().print(f"{what}, in {number(seconds, 3)} s", markup=False)
+    known = {name: x for name, x in there.items() if name in here}
+    what = [f"{name} {number(here[name], 4)} → {number(x, 4)}" for name, x in known.items()]
+    if what:
+        console().print(f"{', '.join(what)}, in {number(seconds, 3)} s", markup=False)
     return lambda: controller.send_joints(there, seconds)
 
 
@@ -142,11 +142,7 @@ def _along(
 ) -> None:
     """Move the joints to the start of a trajectory, and then along it."""
     here, there = controller.reference, points.start
-    if strangers := [name for name in there if name not in here]:
-        raise click.ClickException(
-            f"the trajectory is for joint '{strangers[0]}'; the controller has {', '.join(here)}"
-        )
-    if any(abs(there[name] - here[name]) > _THERE for name in there):
+    if any(abs(there[name] - here.get(name, there[name])) > _THERE for name in there):
         start = tuple(JointGoal(name, x, relative=False) for name, x in there.items())
         _lead(controller, _joint_motion(controller, start, duration), tolerance, no_wait=False)
     seconds = number(points.points[-1].time, 4)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import click
 
-from arm_dynamics.exceptions import choices, degrees_meant
+from arm_dynamics.exceptions import degrees_meant
 
 _WORD = re.compile(r"(?P<name>[^=+]+?)(?P<how>\+=|-=|=)(?P<number>.+)", re.DOTALL)
 PEAK = 1.875  # ratio of a quintic's peak speed to its mean
@@ -66,18 +66,12 @@ def _goal(word: str) -> JointGoal:
 def targets(goals: Sequence[JointGoal], here: Mapping[str, float]) -> dict[str, float]:
     """Target positions of the joints, from their current reference.
 
-    Raises:
-        click.ClickException: If a joint is unknown.
+    The controller decides about joints that have none: they follow others, or do not exist.
     """
-    for goal in goals:
-        if goal.name not in here:
-            raise click.ClickException(
-                f"unknown joint '{goal.name}'; allowed: {choices(goal.name, here)}"
-            )
-    return {g.name: g.value + (here[g.name] if g.relative else 0.0) for g in goals}
+    return {g.name: g.value + (here.get(g.name, 0.0) if g.relative else 0.0) for g in goals}
 
 
 def unhurried(there: Mapping[str, float], here: Mapping[str, float]) -> float:
     """A duration in [s] in which no joint gets faster than ``FASTEST``."""
-    farthest = max(abs(there[name] - here[name]) for name in there)
+    farthest = max((abs(there[name] - here[name]) for name in there.keys() & here), default=0.0)
     return max(LEAST, PEAK * farthest / FASTEST)

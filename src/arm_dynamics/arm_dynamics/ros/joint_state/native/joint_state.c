@@ -26,6 +26,20 @@ static int is_of(const kind_t* kind, const uint8_t* raw, int64_t length) {
   return !differs;
 }
 
+/* Whether the numbers of a message's followers agree with their leaders', or are missing. */
+static int agree(const joint_state_t* s, const kind_t* kind, const uint8_t* raw) {
+  for (const follower_t* one = kind->follows; one < kind->follows + kind->followers; ++one)
+    for (int64_t f = 0; f < s->fields; ++f) {
+      double own, leads;
+      if (kind->at[f] < 0) continue;
+      memcpy(&own, raw + kind->at[f] + 8 * one->place, 8);
+      memcpy(&leads, raw + kind->at[f] + 8 * one->leader, 8);
+      double due = one->offset[f] + (one->factor[f] != 0.0 ? one->factor[f] * leads : 0.0);
+      if (!isnan(own) && !(fabs(own - due) <= one->within * fmax(1.0, fabs(due)))) return 0;
+    }
+  return 1;
+}
+
 int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
   const kind_t* kind = s->kinds;
   while (!is_of(kind, raw, length))
@@ -46,6 +60,7 @@ int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
       memcpy(s->found + 24 + 8 * (f * s->joints + i), &number, 8);
       beyond |= f == 0 && s->limit && fabs(number) > s->limit[i];
     }
+  if (kind->followers && !agree(s, kind, raw)) return OTHER;
   return beyond ? BEYOND : KNOWN;
 }
 

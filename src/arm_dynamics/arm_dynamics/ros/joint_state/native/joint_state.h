@@ -20,12 +20,21 @@ enum {
 /* Outcome of reading a message. */
 enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
 
+/* A joint that follows another: its numbers are factor · leader's + offset. */
+typedef struct {
+  int64_t place, leader;       /* indices in the arrays */
+  double factor[3], offset[3]; /* by array */
+  double within;               /* deviation that agrees, relative to the larger of the number and 1 */
+} follower_t;
+
 /* A kind of message: those of one sender that name the same joints. */
 typedef struct {
   const uint8_t *fixed, *expected; /* mask of the bits that are constant in this kind, and their values */
   int64_t size;                    /* bytes up to the last number; 0: unused */
   int64_t at[3];                   /* offsets of the arrays to be read; negative: absent */
   const int64_t* place;            /* index of each joint in them; negative: absent */
+  const follower_t* follows;       /* joints beside these that must agree with them */
+  int64_t followers;
 } kind_t;
 
 /* The known kinds, and the newest message. */

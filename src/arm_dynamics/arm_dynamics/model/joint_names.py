@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names of joints in vectors, and values given by name, where mimic joints may be named, too."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput, choices, known_names
+from arm_dynamics.scene.urdf import Mimic
+
+AGREES = 1e-3
+"""Deviation, relative to the larger of it and 1, up to which the value of a mimic joint agrees."""
+FIELDS = ("position", "velocity", "acceleration")
+
+
+class Follower(NamedTuple):
+    """A mimic joint among given joints.
+
+    Attributes:
+        name: The joint.
+        place: Its index among the given ones.
+        leader: Index of its leader there.
+        rule: How it follows.
+    """
+
+    name: str
+    place: int
+    leader: int
+    rule: Mimic
+
+    def law(self, field: str) -> tuple[float, float]:
+        """Factor and offset of its value over its leader's; zeros for efforts: it has none."""
+        offset = self.rule.offset if field == "position" else 0.0
+        return (self.rule.multiplier, offset) if field in FIELDS else (0.0, 0.0)
+
+    def check(self, what: str, field: str, values: ArrayLike) -> None:
+        """Refuse a value that contradicts the leader's.
+
+        Args:
+            what: Name of the values, for the message.
+            field: See ``law``.
+            values: Those of all given joints, shape (k,).
+
+        Raises:
+            InvalidInput: Naming both joints and what is expected.
+        """
+        row, (factor, offset) = np.asarray(values, float), self.law(field)
+        own = float(row[self.place])
+        due = factor * float(row[self.leader]) + offset if factor else offset
+        if not abs(own - due) <= AGREES * max(1.0, abs(due)) and not np.isnan(own):
+            follows = f"{self.name} follows {self.rule.leader}"
+            raise InvalidInput(
+                f"{what}: {follows}; command that one"
+                if np.isnan(due)
+                else f"{what}: {self.name} is {own:.6g}, but {follows}, so {due:.6g} is expected; "
+                "command that one only"
+            )
+
+
+class JointNames(tuple[str, ...]):
+    """Names of the independent joints, in the order of every vector, that know the others.
+
+    Attributes:
+        rules: How mimic joints follow independent or locked ones.
+        locked: Joints that do not move.
+    """
+
+    rules: Mapping[str, Mimic] = {}
+    locked: Collection[str] = ()
+
+    @classmethod
+    def of(
+        cls, names: Iterable[str], rules: Mapping[str, Mimic], locked: Collection[str]
+    ) -> JointNames:
+        """Names with what is known of the others."""
+        made = cls(names)
+        made.rules, made.locked = rules, locked
+        return made
+
+    def refuse(self, names: Sequence[str], what: str) -> None:
+        """Refuse names of joints that cannot be given values.
+
+        Args:
+            names: The given names; mimic joints among them need their leaders.
+            what: The beginning of the message, if a name is unknown.
+
+        Raises:
+            InvalidInput: If a joint is unknown, locked, or follows another that is not given.
+        """
+        others = [name for name in names if name not in self]
+        for name in others:
+            if name in self.locked:
+                raise InvalidInput(f"joint '{name}' is locked by the scene; leave it out")
+            if name in self.rules and (leader := self.rules[name].leader) not in names:
+                raise InvalidInput(f"{name} follows {leader}; command that one")
+        if unknown := [name for name in others if name not in self.rules]:
+            raise InvalidInput(
+                f"{what} {known_names(unknown)}; allowed: {choices(unknown[0], self)}"
+            )
+
+    def followers(self, names: Sequence[str]) -> list[Follower]:
+        """The mimic joints among names that have passed ``refuse``."""
+        rules = self.rules
+        return [
+            Follower(name, i, names.index(rules[name].leader), rules[name])
+            for i, name in enumerate(names)
+            if name not in self
+        ]
+
+
+class Named:
+    """The joints that a message names: those of the arm, and mimic joints that agree with them.
+
+    Attributes:
+        joints: Indices of the arm's joints, in the order of the message.
+    """
+
+    def __init__(self, names: Sequence[str], arm: JointNames) -> None:
+        """Check the names; none mean all joints of the arm.
+
+        Raises:
+            InvalidInput: If joints are unknown or repeated.
+        """
+        names = list(names) or list(arm)
+        arm.refuse(names, "unknown joints")
+        if len(set(names)) != len(names):
+            raise InvalidInput(
+                f"joints {known_names(names)} are not all different; allowed: each once"
+            )
+        self._size, self._followers = len(names), arm.followers(names)
+        self._own = [i for i, name in enumerate(names) if name in arm]
+        self.joints = np.array([arm.index(names[i]) for i in self._own], np.intp)
+
+    def spread(self, what: str, field: str, values: Sequence[float], rest: Array) -> Array:
+        """Insert values of the named joints into a vector of all.
+
+        Args:
+            what: Name of the values, for messages.
+            field: ``position``, ``velocity``, ``acceleration``, or another quantity, of which
+                mimic joints have none.
+            values: One for each name.
+            rest: Values of the other joints, shape (n,).
+
+        Raises:
+            InvalidInput: If the length does not fit, or values of mimic joints contradict.
+        """
+        if len(values) != self._size:
+            raise InvalidInput(f"{what} has {len(values)} numbers; allowed: {self._size}")
+        for follower in self._followers:
+            follower.check(what, field, values)
+        full = np.array(rest)
+        full[self.joints] = np.asarray(values)[self._own] if self._followers else values
+        return full

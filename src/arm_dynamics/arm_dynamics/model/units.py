@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Remarks on masses, drives and friction that fit an arm and its limits only in other units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import known_names
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.scene.drive import Actuator
+from arm_dynamics.scene.urdf.units import FAR
+
+if TYPE_CHECKING:
+    from arm_dynamics.model.arm import ArmModel
+
+_POSTURES = 32
+# Published arms carry up to 5.5 times their effort limits, where these are placeholders, and have
+# drives of up to their own inertia.
+_HEAVY, _LOADED, _INERT = 10.0, 5.0, 300.0
+_CRAWL = 0.01  # [rad/s] or [m/s] against viscous friction, at the effort limit
+_LEAST_GEAR, _LARGEST_GEAR = 0.1, 1e4  # of joints that turn
+_STRONGEST = 10.0  # [N m/A] of a motor with a gear
+_SLOWEST = 0.5  # [s] of L / R, the largest in textbooks
+_SAME = 6.0  # ratio of the constants of torque and back-EMF, which are equal but for conventions
+
+type Found = Iterator[tuple[str, str, str]]
+"""Joints, each with what is odd about it, and what units or names are meant."""
+
+
+def unit_remarks(model: ArmModel) -> Iterator[str]:
+    """Remarks on values that do not fit together, one for each kind."""
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSTURES, model.n))
+    q = np.clip(q, *model.stops.limit)
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    with np.errstate(over="ignore", invalid="ignore"):
+        for name, what, meant in (*_weights(model, q), *_drives(model, q), *_friction(model)):
+            kinds.setdefault(meant, []).append((name, what))
+    for meant, [(name, what), *others] in kinds.items():
+        more = f" (and {known_names([other for other, _ in others], 5)})" if others else ""
+        yield f"joint '{name}'{more}: {what}; {meant}"
+
+
+def _weights(model: ArmModel, q: Array) -> Found:
+    """Weights of the arm, and of its payloads, far beyond the effort limits."""
+    terms, bare = RigidTerms(model), RigidTerms(model.under(model.pin.gravity.linear, ()))
+    own = np.array([bare.gravity(posture) for posture in q])
+    loads = np.array([terms.gravity(posture) for posture in q]) - own
+    near = all(np.linalg.norm(payload.com) < FAR for payload in model.scene.payloads)
+    for what, torques, most, tells in (
+        ("its own weight", own, _HEAVY, model.reach < FAR and not model.springs),
+        ("the payload", loads, _LOADED, near),
+    ):
+        for name, unit, x, limit in _joints(model, abs(torques).max(axis=0)):
+            if tells and x > most * limit and name not in model.placeholders:
+                largest = f"{x:.3g} {unit}, {x / limit:.3g} times its effort limit"
+                yield name, f"{what} needs up to {largest}", f"masses are in kg, efforts in {unit}"
+
+
+def _drives(model: ArmModel, q: Array) -> Found:
+    """Inertias and constants of drives that none has."""
+    terms = RigidTerms(model)
+    links = np.max([np.diagonal(terms.mass(x)) - model.armature for x in q[:4]], axis=0)
+    rotors = [drive.rotor_inertia if drive else 0.0 for drive in model.drives]
+    joints = _joints(model, np.fmax(model.armature, rotors))
+    for (name, unit, inertia, _), drive in zip(joints, model.drives, strict=True):
+        slides = np.array(model.joint_types) == "prismatic"
+        largest = links[slides == (unit == "N")].max()
+        if inertia > _INERT * largest > 0.0:
+            what = f"its drive has {inertia:.3g} at the joint, and the arm at most {largest:.3g}"
+            yield name, what, f"inertias are in kg{'' if unit == 'N' else ' m²'}"
+        if drive is not None:
+            yield from ((name, *odd) for odd in _of_motor(drive.motor, unit == "N m"))
+
+
+def _of_motor(motor: Actuator, turns: bool) -> Iterator[tuple[str, str]]:
+    gear, constant = abs(motor.gear_ratio), motor.torque_constant or 0.0
+    if turns and not _LEAST_GEAR <= gear <= _LARGEST_GEAR:
+        yield f"gear_ratio = {motor.gear_ratio:g}", "it is the motor's turns over the joint's"
+    if gear > 1.0 and constant > _STRONGEST:
+        yield f"torque_constant = {constant:g}", "it is in N m/A"
+    back = motor.back_emf_constant or constant
+    if constant and not 1.0 / _SAME < back / constant < _SAME:
+        meant = "in N m/A and V s/rad the two are equal"
+        yield f"back_emf_constant = {back:g} with torque_constant = {constant:g}", meant
+    if (motor.inductance or 0.0) > _SLOWEST * (motor.resistance or np.inf):
+        what = f"inductance = {motor.inductance:g} with resistance = {motor.resistance:g}"
+        yield what, "they are in H and Ω"
+
+
+def _friction(model: ArmModel) -> Found:
+    """Friction against which the effort limits move nothing."""
+    friction = model.friction
+    levels = friction.static.mean + friction.by_law.static.mean
+    for name, unit, dry, limit in _joints(model, levels):
+        if dry > limit:
+            what = f"dry friction of {dry:g} {unit} is above its effort limit, {limit:g}"
+            yield name, what, "it can never move"
+    for name, unit, viscous, limit in _joints(model, model.viscous):
+        if viscous * _CRAWL > limit:
+            speed = f"{limit / viscous:.2g} {'rad/s' if unit == 'N m' else 'm/s'}"
+            what = f"viscous friction of {viscous:g} allows {speed} at its effort limit"
+            yield name, what, f"it is in {unit} s/{'rad' if unit == 'N m' else 'm'}"
+
+
+def _joints(model: ArmModel, values: Array) -> Iterator[tuple[str, str, float, float]]:
+    """Name, unit of effort, value and effort limit, inf for none, of each joint."""
+    units = ("N" if kind == "prismatic" else "N m" for kind in model.joint_types)
+    rows = zip(model.joint_names, units, values, model.effort_limit, strict=True)
+    return ((name, unit, float(x), float(limit) or np.inf) for name, unit, x, limit in rows)

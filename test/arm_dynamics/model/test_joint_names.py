@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mimic joints are known by name: they are told to follow, and may be given what they have."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmModel, InvalidInput, load_scene
+from arm_dynamics.model.joint_names import JointNames, Named
+from arm_dynamics.trajectory import Waypoint
+from arm_dynamics.trajectory.files import JointTrajectory
+
+GRIPPER = models.dynamics("gripper").model.joint_names  # swing, left_slide
+FINGER = models.dynamics("finger").model.joint_names  # spread, knuckle
+STILL = np.zeros(2)
+REFUSED = {
+    "a follower": (["right_slide"], "right_slide follows left_slide; command that one"),
+    "beside others": (["swing", "cover_hinge"], "cover_hinge follows left_slide; command that"),
+    "a stranger": (["left_slid"], "unknown joints left_slid; allowed: .* mean 'left_slide'"),
+    "twice": (["swing", "swing"], "joints swing, swing are not all different; allowed: each"),
+}
+
+
+@pytest.mark.parametrize(("names", "words"), REFUSED.values(), ids=REFUSED)
+def test_names_are_refused_with_what_to_do(names: list[str], words: str) -> None:
+    with pytest.raises(InvalidInput, match=f"^{words}"):
+        Named(names, GRIPPER)
+
+
+def test_the_last_leader_of_a_chain_is_named() -> None:
+    with pytest.raises(InvalidInput, match="^tip_joint follows knuckle; command that one"):
+        Named(["spread", "tip_joint"], FINGER)
+
+
+def test_locked_joints_are_told_to_be() -> None:
+    scene = {"robot": {"urdf": str(models.FOLDER / "gripper.urdf"), "lock": ["left_slide"]}}
+    names = ArmModel(load_scene(scene)).joint_names
+    for name in ("left_slide", "right_slide"):
+        with pytest.raises(InvalidInput, match=f"'{name}' is locked by the scene"):
+            Named([name], names)
+
+
+AGREEING = {
+    "position": (0.03, -0.011, 0.76, "-0.011"),
+    "velocity": (0.2, -0.14, 2.4, "-0.14"),
+    "acceleration": (-1.0, 0.7, -12.0, "0.7"),
+    "effort": (5.0, 0.0, 0.0, "0"),
+}
+
+
+@pytest.mark.parametrize("field", AGREEING)
+def test_followers_may_be_given_what_they_have(field: str) -> None:
+    left, right, cover, due = AGREEING[field]
+    names = ["right_slide", "left_slide", "cover_hinge"]
+    named = Named(names, GRIPPER)
+    for off in (0.0, 9e-4, float("nan")):
+        full = named.spread("point", field, [right + off, left, cover], np.array([7.0, 8.0]))
+        np.testing.assert_array_equal(full, [7.0, left])
+    words = f"point: right_slide is .*, but right_slide follows left_slide, so {due} is expected;"
+    for off in (-2e-3, float("inf")):
+        with pytest.raises(InvalidInput, match=words):
+            named.spread("point", field, [right + off, left, cover], STILL)
+
+
+def test_a_follower_of_a_follower_agrees_with_the_leader_of_both() -> None:
+    knuckle = 0.4
+    tip = 0.6 * (1.1 * knuckle + 0.05) - 0.02
+    named = Named(["tip_joint", "knuckle"], FINGER)
+    np.testing.assert_array_equal(named.spread("q", "position", [tip, knuckle], STILL)[1], knuckle)
+    with pytest.raises(InvalidInput, match="tip_joint follows knuckle, so 0.274 is"):
+        named.spread("q", "position", [knuckle, knuckle], STILL)
+
+
+def test_a_follower_of_multiplier_zero_stays_at_its_offset() -> None:
+    text = (models.FOLDER / "gripper.urdf").read_text()
+    text = text.replace('multiplier="-0.7"', 'multiplier="0"')
+    names = ArmModel(load_scene(text)).joint_names
+    named = Named(["left_slide", "right_slide"], names)
+    assert named.spread("q", "position", [0.03, 0.01], STILL)[1] == 0.03
+    with pytest.raises(InvalidInput, match=r"right_slide is 0.03, but .* so 0.01 is expected"):
+        named.spread("q", "position", [0.03, 0.03], STILL)
+
+
+def test_names_are_a_tuple_that_can_be_copied() -> None:
+    assert GRIPPER == ("swing", "left_slide") and isinstance(GRIPPER, tuple)
+    for other in (copy.deepcopy(GRIPPER), pickle.loads(pickle.dumps(GRIPPER))):
+        assert isinstance(other, JointNames)
+        assert other == GRIPPER and other.rules == GRIPPER.rules
+
+
+def test_a_trajectory_may_name_followers(tmp_path: Path) -> None:
+    """As those of grippers of which both fingers are commanded."""
+    names = ("left_slide", "swing", "right_slide")
+    first, last = Waypoint(0.0, [0.01, 0.0, 0.003]), Waypoint(1.0, [0.03, 1.0, -0.011], [0.0] * 3)
+    path = JointTrajectory(names, (first, last)).save(tmp_path / "a.yaml")
+    motion = JointTrajectory.load(path).motion(GRIPPER)
+    np.testing.assert_allclose(motion.sample(1.0).q, [1.0, 0.03], atol=1e-12)
+    other = JointTrajectory(names, (Waypoint(0.0, [0.01, 0.0, 0.01]), last))
+    with pytest.raises(InvalidInput, match="right_slide follows left_slide"):
+        other.motion(GRIPPER)

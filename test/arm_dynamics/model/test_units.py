@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values that no arm has are told once, as probably in another unit; real ones are not."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import models
+from arm_dynamics import Dynamics
+from arm_dynamics.scene import SceneSource
+from arm_dynamics.scene.files import ready_scenes
+from arm_sim import ClosedLoop, Simulator
+
+URDF = (models.FOLDER / "planar_3r.urdf").read_text()
+LENGTH, MASS, INERTIA = (
+    r'(?<=xyz=")([-\d.]+)(?= 0 0")',
+    r'(?<=mass value=")([\d.]+)',
+    (r'(?<=i[xyz][xyz]=")([\d.]+)'),
+)
+
+
+def times(factor: float, *numbers: str) -> str:
+    """The arm with all numbers of some kinds multiplied."""
+    text = URDF
+    for number in numbers:
+        text = re.sub(number, lambda found: f"{float(found[0]) * factor:g}", text)
+    return text
+
+
+def changed(old: str, new: str) -> str:
+    assert old in URDF
+    return URDF.replace(old, new)
+
+
+def joint(**keys: Any) -> Mapping[str, Any]:
+    return {"robot": {"urdf": URDF}, "joints": {"joint2": keys}}
+
+
+def load(**keys: Any) -> Mapping[str, Any]:
+    return {"robot": {"urdf": URDF}, "payloads": [{"frame": "link3", **keys}]}
+
+
+def motor(**keys: Any) -> Mapping[str, Any]:
+    return joint(actuator={"gear_ratio": 100, **keys})
+
+
+def told(
+    source: SceneSource, caplog: pytest.LogCaptureFixture, build: Callable[..., Any] = Dynamics
+) -> list[str]:
+    caplog.clear()
+    with caplog.at_level(logging.WARNING):
+        build(source)
+    return [record.getMessage() for record in caplog.records]
+
+
+_ELBOW = "joint 'joint2': "
+MISTAKEN: dict[str, tuple[SceneSource, str]] = {
+    "tensors in kg mm²": (
+        times(1e6, INERTIA),
+        "link 'link1': radius of gyration of 115 m, beyond the length of the arm, 0.8 m; "
+        "inertias are in kg m² (and link 'link2', link 'link3')",
+    ),
+    "tensors in kg cm²": (times(1e4, INERTIA), "radius of gyration of 11.5 m"),
+    "tensors in g mm²": (times(1e9, INERTIA), "radius of gyration of 3.65e+03 m"),
+    "one tensor": (changed('iyy="0.004"', 'iyy="4"').replace('"0.004"', '"4"'), "link 'link3': r"),
+    "lengths in mm": (
+        times(1e3, LENGTH),
+        "joint 'joint2': <origin> 400 m away, far for an arm of 6.2 kg; lengths are in m (and "
+        "joint 'joint3', link 'link1', link 'link2', link 'link3')",
+    ),
+    "lengths in mm, masses in g": (times(1e3, LENGTH, MASS), "<origin> 400 m away"),
+    "a centre of mass in mm": (changed('"0.1 0 0"', '"100 0 0"'), "link 'link3': <origin> 100 m"),
+    "masses in g": (
+        times(1e3, MASS),
+        "joint 'joint1' (and joint2, joint3): its own weight needs up to 2.44e+04 N m, 305 "
+        "times its effort limit; masses are in kg, efforts in N m",
+    ),
+    "limits in degrees": (
+        changed("2.5", "170"),
+        "position limits, joint 'joint2' from -170 to 170, joint 'joint3' from -170 to 170, are "
+        "more than two turns; angles are in rad",
+    ),
+    "limits in degrees in the scene": (
+        joint(limits={"lower": -90, "upper": 120}),
+        "joint 'joint2' from -90 to 120, are more than two turns",
+    ),
+    "orientations in degrees": (
+        changed('xyz="0.3 0 0"', 'xyz="0.3 0 0" rpy="90 0 -45"'),
+        "joint 'joint3': <origin rpy> of more than two turns; angles are in rad",
+    ),
+    "a spring at rest in degrees": (
+        joint(spring={"stiffness": 1, "rest": 45}),
+        "'joints.joint2.spring.rest' = 45 is 7.16 turns; angles are in rad",
+    ),
+    "no axis": (
+        changed('<axis xyz="0 -1 0"/>', ""),
+        "joint 'joint1': no <axis>: taken as the default, 1 0 0 (and joint 'joint2', joint 'joi",
+    ),
+    "a stroke in mm": (
+        (models.FOLDER / "gripper.urdf").read_text().replace('upper="0.05"', 'upper="50"'),
+        "from 0 to 50, are far for an arm of 0.355 m; lengths are in m",
+    ),
+    "a payload in g": (
+        load(mass=1500),
+        "joint 'joint1' (and joint2): the payload needs up to 1.02e+04 N m, 128 "
+        "times its effort limit; masses are in kg, efforts in N m",
+    ),
+    "a payload's tensor in kg mm²": (
+        load(mass=1, inertia=[4000, 0, 0, 4000, 0, 4000]),
+        "'payloads.0.inertia' = [4000.0, 0.0, 0.0, 4000.0, 0.0, 4000.0]: its radius of gyration "
+        "is 63.2 m; inertias are in kg m²",
+    ),
+    "a link's tensor in kg mm²": (
+        {
+            "robot": {"urdf": URDF},
+            "links": {"link2": {"mass": 2, "inertia": [0, 0, 0, 1.5e4, 0, 1.5e4]}},
+        },
+        "link 'link2': radius of gyration of 86.6 m",
+    ),
+    "a rotor in g cm²": (
+        motor(rotor_inertia=33.3),
+        _ELBOW + "its drive has 3.33e+05 at the joint, and the arm at most 0.979; inertias are",
+    ),
+    "a rotor in g cm² behind a flexible gear": (
+        {
+            "robot": {"urdf": URDF},
+            "joints": {
+                "joint2": {
+                    "actuator": {"gear_ratio": 100, "rotor_inertia": 33.3},
+                    "transmission": {"stiffness": 1e4},
+                }
+            },
+        },
+        _ELBOW + "its drive has 3.33e+05 at the joint",
+    ),
+    "an armature in kg cm²": (joint(armature=2000), _ELBOW + "its drive has 2e+03 at the joint"),
+    "a gear the other way round": (
+        motor(gear_ratio=0.01),
+        _ELBOW + "gear_ratio = 0.01; it is the motor's turns over the joint's",
+    ),
+    "a torque constant in mN m/A": (
+        motor(command="current", torque_constant=53.8),
+        _ELBOW + "torque_constant = 53.8; it is in N m/A",
+    ),
+    "a speed constant in V/krpm": (
+        motor(command="voltage", resistance=1, torque_constant=0.05, back_emf_constant=5.24),
+        _ELBOW + "back_emf_constant = 5.24 with torque_constant = 0.05; in N m/A and V s/rad the ",
+    ),
+    "an inductance in mH": (
+        motor(command="voltage", resistance=0.6, inductance=0.8, torque_constant=0.05),
+        _ELBOW + "inductance = 0.8 with resistance = 0.6; they are in H and Ω",
+    ),
+    "dry friction in N mm": (
+        joint(friction={"coulomb": 300}),
+        _ELBOW + "dry friction of 300 N m is above its effort limit, 40; it can never move",
+    ),
+    "dry friction of bristles": (
+        joint(friction={"coulomb": 300, "lugre": {"sigma0": 1e5}}),
+        _ELBOW + "dry friction of 300 N m is above its effort limit",
+    ),
+    "dry friction in the description": (
+        changed('friction="0.2"', 'friction="200"'),
+        _ELBOW + "dry friction of 200 N m is above its effort limit",
+    ),
+    "viscous friction in N mm s/rad": (
+        joint(friction={"viscous": 5000}),
+        _ELBOW + "viscous friction of 5000 allows 0.008 rad/s at its effort limit; it is in N m s",
+    ),
+}
+
+
+@pytest.mark.parametrize(("source", "words"), MISTAKEN.values(), ids=MISTAKEN)
+def test_units_that_cannot_be_are_told_once(
+    source: SceneSource, words: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    (remark,) = told(source, caplog)
+    assert words in remark
+
+
+POSSIBLE: dict[str, SceneSource] = {
+    "the arm": URDF,
+    "a heavy payload": load(mass=12, com=[0.2, 0, 0], inertia=[0.1, 0, 0, 0.1, 0, 0.1]),
+    "a base far from the world": changed(
+        '<joint name="joint1" type="revolute">',
+        '<joint name="joint1" type="revolute"><origin xyz="30 -20 0"/>',
+    ),
+    "limits of the scene in place of those in degrees": {
+        "robot": {"urdf": changed("2.5", "170")},
+        "joints": {"*": {"limits": {"lower": -3, "upper": 3}}},
+    },
+    "limits that mean none": changed("2.5", "1000"),
+    "a joint that is moved by none": joint(limits={"effort": 0}),
+    "a direct drive": joint(
+        actuator={"command": "current", "torque_constant": 12, "rotor_inertia": 0.1}
+    ),
+    "no gravity": {"robot": {"urdf": times(1e3, MASS)}, "gravity": [0, 0, 0]},
+    "springs that carry": {
+        "robot": {"urdf": times(50, MASS)},
+        "joints": {"joint1": {"spring": {"stiffness": 1e4}}},
+    },
+    "a placeholder's limit": changed('effort="20"', 'effort="1"').replace('"0.05"', '"0"'),
+    "a turntable": (models.FOLDER / "scara.urdf").read_text(),
+}
+
+
+@pytest.mark.parametrize("source", POSSIBLE.values(), ids=POSSIBLE)
+def test_what_is_possible_is_not_told(
+    source: SceneSource, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert told(source, caplog) == []
+
+
+@pytest.mark.parametrize("build", [Dynamics, Simulator, ClosedLoop])
+def test_it_is_told_once_wherever_an_arm_is_built(
+    build: Callable[..., Any], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "arm.urdf").write_text(times(1e6, INERTIA))
+    (tmp_path / "arm.yaml").write_text(
+        "robot: {urdf: arm.urdf}\npayloads: [{frame: link3, mass: 900}]"
+    )
+    remarks = told(tmp_path / "arm.yaml", caplog, build)
+    assert [("gyration" in remark, "payload" in remark) for remark in remarks] == [
+        (True, False),
+        (False, True),
+    ]
+
+
+@pytest.mark.parametrize("name", ready_scenes())
+def test_ready_scenes_have_none(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    assert [x for x in told(name, caplog) if "no rigid body has" not in x] == []
