@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import yaml
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, vector
+from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
@@ -25,7 +25,7 @@ _JUMP = 1e-6  # between the end of a motion and its beginning, that is rounding
 _PARTS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
 
-@dataclass(frozen=True)
+@frozen
 class JointTrajectory:
     """Points for named joints.
 

@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any, NoReturn, Self
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import known_names, not_copied
 from arm_sim.recording.contents import Contents
 from arm_sim.recording.motion import RecordedMotion
 from arm_sim.recording.physics import Physics
 
 
+@sealed
 @dataclass(frozen=True, repr=False)
 class Recording(RecordedMotion):
     """A motion, tick by tick, to be saved, loaded, tabulated and drawn.

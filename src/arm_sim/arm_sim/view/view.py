@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import ModelError
 from arm_dynamics.model.arm import ArmModel, arm_model
 from arm_dynamics.scene import Joint
@@ -43,6 +44,7 @@ ROTOR = 1.0  # [kg m²] or [kg] at each joint of an arm that is shown though it 
 GAP = 0.6  # distance between adjacent arms, relative to the reach of the larger
 
 
+@sealed
 class View:
     """A page that shows arms until it is closed.
 

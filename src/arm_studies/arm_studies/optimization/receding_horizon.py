@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.arrays import Array, real_array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.control.computed_torque import Moving, checked, gain
 from arm_dynamics.scene.drive import Actuator
 from arm_dynamics.scene.schema import Joint
@@ -51,6 +52,7 @@ class _Cost:
         return Expansion(by_x, xx, (u - self.tau) @ self.R, np.tile(self.R, (nodes, 1, 1)))
 
 
+@sealed
 class RecedingHorizon:
     """Optimal torques over a receding horizon, within the arm's limits.
 
