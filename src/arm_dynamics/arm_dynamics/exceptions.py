@@ -67,6 +67,10 @@ class ControllerFailed(ArmError):
     """A user-defined controller raised an exception, or returned no valid torque."""
 
 
+class NotWritten(ArmError, OSError):
+    """The system does not let a file be written."""
+
+
 class NoAnswer(ArmError, TimeoutError):
     """No node offers a service, or it did not answer in time."""
 

@@ -30,14 +30,16 @@ class Recording(RecordedMotion):
 
         Args:
             path: ``.npz`` for NumPy; ``.mcap`` for ``ros2 bag``, PlotJuggler and Foxglove; without
-                suffix a folder, as ``ros2 bag record`` creates it. Existing files are replaced.
+                suffix a folder, as ``ros2 bag record`` creates it. An existing file is
+                replaced, with a warning.
 
         Returns:
             Path of the file or folder.
 
         Raises:
             InvalidInput: If the suffix is not supported, or the motion is not of a scene.
-            OSError: If it cannot be written.
+            NoRecording: If the folder does not exist.
+            NotWritten: If the system does not let the file be written; an OSError.
         """
         from arm_sim.recording import files  # imports libraries that a run does not require
 

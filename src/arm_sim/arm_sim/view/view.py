@@ -17,6 +17,7 @@ from arm_dynamics.exceptions import ModelError
 from arm_dynamics.model.arm import ArmModel, arm_model
 from arm_dynamics.scene import Joint
 from arm_dynamics.scene.load import SceneSource
+from arm_dynamics.writing import warn_if_replaced
 from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
 from arm_sim.recording.files import SUFFIXES
@@ -361,4 +362,5 @@ def _writable(path: str | Path) -> Path:
     path = Path(path)
     if not path.parent.is_dir():
         raise ViewError(f"'{path}': there is no folder '{path.parent}'")
+    warn_if_replaced(path)
     return path
