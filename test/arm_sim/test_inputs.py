@@ -116,10 +116,34 @@ def test_smaller_ones_and_other_things_are_refused(value: Any) -> None:
 
 @pytest.mark.parametrize(
     ("duration", "ticks"),
-    [(0, 0), (0.0, 0), (0.0004, 0), (0.0006, 1), (0.0104, 10), (0.0106, 11)],
+    [(0, 0), (0.0, 0), (0.3, 300), (np.float32(0.3), 300), (3 * 0.1, 300), (1e5, 10**8)],
 )
-def test_a_duration_is_rounded_to_whole_ticks(duration: Any, ticks: int) -> None:
+def test_a_duration_is_a_number_of_ticks(
+    duration: Any, ticks: int, caplog: pytest.LogCaptureFixture
+) -> None:
     assert tick_count(duration, 1e-3) == ticks
+    assert not caplog.text
+
+
+@pytest.mark.parametrize(
+    ("duration", "ticks", "told"),
+    [(0.0006, 1, "0.001"), (0.0104, 10, "0.01"), (1.00037, 1000, "1"), (99.9999, 10**5, "100")],
+)
+def test_other_durations_are_rounded_with_a_warning(
+    duration: float, ticks: int, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert tick_count(duration, 1e-3) == ticks
+    (record,) = caplog.records
+    text = (
+        f"duration = {duration} is no multiple of the tick of 0.001 s and is rounded to {told} s"
+    )
+    assert record.getMessage() == text
+
+
+@pytest.mark.parametrize("duration", [1e-300, 1e-5, 0.0005])
+def test_a_duration_of_less_than_a_tick_is_refused(duration: float) -> None:
+    with pytest.raises(InvalidInput, match="less than the tick of 0.001 s; allowed: 0, or at lea"):
+        tick_count(duration, 1e-3)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +157,7 @@ def test_other_durations_are_refused(duration: Any) -> None:
 def limited(*limits: float) -> ArmModel:
     """An arm of three joints with such limits of its commands."""
     model = copy(models.dynamics("planar_3r").model)
-    model.command_limit = np.array(limits)
+    vars(model)["command_limit"] = np.array(limits)
     return model
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import FrozenInstanceError
 from difflib import get_close_matches
 
 _MANY_TURNS = 4.0 * math.pi  # [rad]
@@ -29,6 +30,10 @@ class ModelError(SceneError):
 
 class InvalidInput(ArmError, ValueError):
     """An argument has the wrong shape, an unknown name or a value that is not allowed."""
+
+
+class NotAssignable(ArmError, FrozenInstanceError):
+    """An attribute that an object does not have, or that is fixed, was to be set."""
 
 
 class ConstraintError(SceneError, InvalidInput):
@@ -60,6 +65,10 @@ class CompilerMissing(KernelError):
 
 class ControllerFailed(ArmError):
     """A user-defined controller raised an exception, or returned no valid torque."""
+
+
+class NotWritten(ArmError, OSError):
+    """The system does not let a file be written."""
 
 
 class NoAnswer(ArmError, TimeoutError):

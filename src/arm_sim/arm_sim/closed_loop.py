@@ -12,6 +12,7 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller
@@ -27,6 +28,7 @@ from arm_sim.state import State
 _log = logging.getLogger(__name__)
 
 
+@sealed
 class ClosedLoop:
     """A simulated arm and its controller, in lockstep.
 
@@ -38,6 +40,14 @@ class ClosedLoop:
         >>> pair.follow([Waypoint(2.0, goal)])
         >>> recording = pair.run(3.0)
     """
+
+    _instead = {
+        "dt timestep integrator tolerance": "build another ClosedLoop(scene, dt=…, integrator=…)",
+        "bandwidth damping_ratio stiffness damping settings controller control": "build another "
+        "ClosedLoop(scene, controller, Settings(bandwidth=…))",
+        "q v state time": "simulator.set_state(q=…, v=…) or simulator.reset(…)",
+        "reference goal trajectory waypoints": "follow([Waypoint(…)])",
+    }
 
     def __init__(
         self,

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from arm_sim.state import State
 
 MOST_TICKS = 10**9  # of a recording, which would take more memory than machines have
+SAME_DURATION = (
+    1e-7  # relative difference that rounding causes, of numbers in single precision too
+)
 
 _log = logging.getLogger(__name__)
 
@@ -125,7 +128,7 @@ def named(scene: Any) -> str:
 
 
 def tick_count(duration: Any, dt: float) -> int:
-    """Check a duration in [s] and round it to whole ticks."""
+    """Check a duration in [s] and round it to whole ticks, with a warning."""
     seconds = real_number(duration)
     if not 0.0 <= seconds < np.inf:
         raise InvalidInput(
@@ -137,6 +140,16 @@ def tick_count(duration: Any, dt: float) -> int:
             f"duration = {duration!r} is {ticks:.1e} ticks of {dt:g} s; allowed: up to "
             f"{MOST_TICKS:.0e}, recorded in parts"
         )
+    if seconds and not ticks:
+        raise InvalidInput(
+            f"duration = {duration!r} is less than the tick of {dt:g} s; allowed: 0, or at least "
+            f"{dt:g} s"
+        )
+    if abs(seconds - ticks * dt) > SAME_DURATION * seconds:
+        _log.warning(
+            "duration = %r is no multiple of the tick of %g s and is rounded to %.12g s",
+            duration, dt, ticks * dt,
+        )  # fmt: skip
     return ticks
 
 

@@ -14,6 +14,7 @@ from arm_dynamics import ArmModel
 from arm_dynamics.actuation.internal_state import FrictionLaw, StatefulLaw
 from arm_dynamics.actuation.joint_laws import FRICTION
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import Stops
@@ -66,6 +67,7 @@ class LawCost:
         return f"{self.title}: {count}, {cost}"
 
 
+@sealed
 class Plan:
     """Parts that are computed and skipped.
 

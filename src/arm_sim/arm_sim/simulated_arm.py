@@ -12,6 +12,7 @@ import numpy as np
 
 from arm_dynamics.actuation import StateKind
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.scene import Scene
 from arm_sim.compiled_scene import CompiledScene
 from arm_sim.exceptions import SimulationDiverged
@@ -29,6 +30,7 @@ from arm_sim.stepping.roll import Roll
 from arm_sim.stepping.stepper import Stepper
 
 
+@sealed
 class SimulatedArm:
     """A simulated arm that other code advances: ``Simulator.arm``.
 
@@ -54,6 +56,11 @@ class SimulatedArm:
         line: Commands in transit; None if they act at once.
     """
 
+    _instead = {
+        "q v z state": "place(x)", "step_count hold time": "restore(x, p, step)",
+        "compiled": "use(compiled)", "sensors line": "imperfect(scene)",
+    }  # fmt: skip
+
     def __init__(self, compiled: CompiledScene, source: str) -> None:
         model, self.dt, self.source = compiled.plant.model, compiled.choice.dt, source
         self.n, self.joint_names = model.n, model.joint_names
@@ -64,17 +71,18 @@ class SimulatedArm:
         self.x, self.acted = read_only_view(self._x), read_only_view(self._effort[0])
         self.notes, self.hold = read_only_view(self._notes[0]), FREE
         self._state: State | None = None
-        self.step_count = 0
+        self.step_count, self.compiled = 0, compiled
+        self.pointers: Roll | None = None
         self._saturation = SaturationNotice(model)
         self.sensors = sensors_of(model.scene, self.joint_names, self.dt)
         self.line: Line[list[float] | JointCommand] | None = command_line(model.scene, self.dt)
         self._bind(compiled)
 
     def _bind(self, compiled: CompiledScene) -> None:
-        self.compiled, self._stepper = compiled, compiled.stepper
+        self._stepper = compiled.stepper
         arrays = self._command, self._x[None].copy(), self._effort, self._notes
         self._tick = self._stepper.bound(self._x, *arrays)
-        self.pointers = Roll.of(self._tick)
+        vars(self).update(compiled=compiled, pointers=Roll.of(self._tick))
         self._step: PythonStep | None = None  # compiled when it is first used
 
     @property
@@ -186,7 +194,8 @@ class SimulatedArm:
             return
         self._advance(servo=True)
         if rest.stays(before, x) if held else rest.slow(x):
-            x[:n], x[n : 2 * n], self.hold = before[:n], 0.0, SERVOS
+            x[:n], x[n : 2 * n] = before[:n], 0.0
+            vars(self).update(hold=SERVOS)
 
     def _balances(self, command: JointCommand) -> bool:
         """Whether the servos would hold the arm at rest where it is."""
@@ -202,7 +211,8 @@ class SimulatedArm:
 
     def _passed(self, count: int, state: State | None, servo: bool = False) -> None:
         """Register ticks up to the ``count``-th, and the state after them if that is known."""
-        self.step_count, self._state, self.hold = count, state, FREE
+        own = self.__dict__  # by name in a tenth of the time that it takes to refuse others
+        own["step_count"], own["_state"], own["hold"] = count, state, FREE
         self._saturation.look(self._command, self._effort, servo)
         if self.sensors is not None:
             self.sensors.look(self.step_count, self._q, self._v, self._driving)
@@ -217,9 +227,8 @@ class SimulatedArm:
         """Advance by many ticks of a stepper in one call, see ``Stepper.roll``."""
         done = stepper.roll(self._x, command, trace, effort, notes)
         if done:
-            self.step_count += done
+            vars(self).update(step_count=self.step_count + done, _state=None, hold=FREE)
             self._effort[0], self._notes[0] = effort[done - 1], notes[done - 1]
-            self._state, self.hold = None, FREE
             if stepper is self._stepper:  # else the command is a controller's reference
                 self._saturation.look(
                     command[:done] if command.ndim == 2 else command, effort[:done]
@@ -237,7 +246,7 @@ class SimulatedArm:
 
     def stand(self) -> None:
         """Advance by a tick in which closed brakes hold every joint, see ``lock``."""
-        self.step_count, self._state, self.hold = self.step_count + 1, None, BRAKES
+        vars(self).update(step_count=self.step_count + 1, _state=None, hold=BRAKES)
         if self.sensors is not None:
             self.sensors.look(self.step_count, self._q, self._v, self._driving)
 
@@ -285,8 +294,8 @@ class SimulatedArm:
         whole("step", step, 0)
         self.compiled.restart()
         self._x[:], self._stepper.p[:], self._stepper.substep = x, p, substep
-        self.step_count, self._effort[:], self._notes[:], self._state = step, 0.0, 0.0, None
-        self.hold = FREE
+        self._effort[:], self._notes[:] = 0.0, 0.0
+        vars(self).update(step_count=step, _state=None, hold=FREE)
         self._restart_imperfections()
 
     def imperfect(self, scene: Scene) -> None:
@@ -295,8 +304,8 @@ class SimulatedArm:
         Raises:
             SceneError: If a filter's cut-off frequency is too high for this rate.
         """
-        self.sensors = sensors_of(scene, self.joint_names, self.dt)
-        self.line = command_line(scene, self.dt)
+        sensors = sensors_of(scene, self.joint_names, self.dt)
+        vars(self).update(sensors=sensors, line=command_line(scene, self.dt))
         self._restart_imperfections()
 
     def use(self, compiled: CompiledScene, **parameters: Any) -> None:

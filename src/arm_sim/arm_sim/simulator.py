@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation.command_map import gravity_compensated
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import choices, not_copied
 from arm_dynamics.model.arm import arm_model
@@ -69,6 +70,7 @@ def _derivatives() -> type[Derivatives]:
     return Derivatives
 
 
+@sealed
 class Simulator:
     """Simulated arm; keep one instance per thread.
 
@@ -92,6 +94,16 @@ class Simulator:
         SceneError: If the scene cannot be used.
         KernelError: If the generated equations disagree with Pinocchio.
     """
+
+    _instead = {
+        "dt timestep integrator method tolerance choice": "build another Simulator(scene, dt=…, "
+        "integrator=…, tolerance=…)",
+        "q v z x state position velocity qpos qvel": "set_state(q=…, v=…) or reset(q=…, v=…)",
+        "time t": "reset() begins at zero",
+        "tau effort torque command control": "step(tau), or run(duration, control)",
+        "gravity payload payloads friction coulomb external": "set_parameter(name, value), where "
+        "the scene's key 'tunable' lists it; else build another Simulator, of a changed scene",
+    }
 
     @one_at_a_time
     def __init__(

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 
 
 def read_only_view(x: Array) -> Array:
@@ -15,6 +16,7 @@ def read_only_view(x: Array) -> Array:
     return view
 
 
+@sealed
 @dataclass(frozen=True, slots=True)
 class State:
     """State of the robot; arrays are read-only.
@@ -29,6 +31,8 @@ class State:
         time_stepped: Number of ticks since the last reset with so many events that the rest of
             the tick was time-stepped at first order.
     """
+
+    _instead = {"time step q v z qd position velocity": "Simulator.set_state(q=…, v=…) sets it"}
 
     time: float
     step: int

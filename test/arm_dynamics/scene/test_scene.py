@@ -11,6 +11,7 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, Scene, load_scene
+from arm_dynamics.exceptions import NotAssignable
 from arm_dynamics.scene.friction import Sides
 from arm_dynamics.scene.schema import Joint
 
@@ -181,7 +182,7 @@ def test_numbers_in_yaml_that_yaml_takes_for_text(tmp_path: Path) -> None:
 
 def test_a_scene_cannot_be_changed() -> None:
     scene = models.scene("planar_3r")
-    with pytest.raises(ValueError, match="frozen"):
+    with pytest.raises(NotAssignable, match="Scene.gravity cannot be set; build another one"):
         scene.gravity = (0.0, 0.0, 0.0)  # type: ignore[misc]
 
 

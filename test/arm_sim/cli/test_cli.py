@@ -529,16 +529,19 @@ def test_a_plot_has_the_joints_and_the_scene_that_are_named(
         first = run("plot", "robot.csv", "--joint", "elbow")
         second = run("plot", "robot.csv", "robot.csv", "--scene", "two_link", "--out", "both.png")
         wrong = run("plot", "robot.csv", "--out", "a.doc")
+        window = run("plot", "robot.csv", "--show", "--out", "both.png")
     assert first.exit_code == second.exit_code == 0, first.output + second.output
     assert Path("robot.png").exists() and Path("both.png").exists()
     assert first.output.splitlines()[-1] == "robot.png"
     assert "without a scene" in first.output and second.output.count("<Recording") == 2
     assert "without a scene" not in second.output
-    one, both = (figure.axes[0].lines for figure in figures)
+    one, both, _ = (figure.axes[0].lines for figure in figures)
     assert [line.get_label() for line in one if line.get_marker() == "None"] == ["elbow"]
     drawn = [line.get_linestyle() for line in both if line.get_marker() == "None"]
     assert drawn == ["-", "-", "--", "--"]
     assert wrong.exit_code == 1 and "'a.doc' ends in '.doc'; allowed: " in wrong.output
+    assert window.exit_code == 1 and "'both.png' existed and is replaced" in window.output
+    assert "Error: no window: there is no display; the figure is in 'both.png'" in window.output
 
 
 def test_hardware_is_added_to_a_description(

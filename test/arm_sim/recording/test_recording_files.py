@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 
 import models
 from arm_dynamics import ArmError, InvalidInput, SceneError
+from arm_dynamics.exceptions import NotWritten
 from arm_sim import Recording, Simulator, State
 from arm_sim.recording.files import where
 from arm_sim.recording.files.bags import _append
@@ -269,6 +270,18 @@ def test_a_name_that_cannot_be_written_is_refused(recording: Recording, tmp_path
     with pytest.raises(FileNotFoundError, match="there is no folder '.*nowhere'"):
         where(path)  # for nodes, before anything is recorded
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine"]
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_saving_says_what_it_replaces_and_what_it_cannot_write(
+    name: str, recording: Recording, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    recording.save(tmp_path / name)
+    assert not caplog.records
+    recording.save(tmp_path / name)
+    assert [record.getMessage().endswith("is replaced") for record in caplog.records] == [True]
+    with pytest.raises(NotWritten, match=f"^'/proc/{name}' cannot be"):
+        recording.save(f"/proc/{name}")
 
 
 # --- of robots ----------------------------------------------------------------------------------

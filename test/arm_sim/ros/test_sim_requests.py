@@ -144,7 +144,7 @@ def test_any_joint_may_be_as_fast_as_a_tick_allows(
     node: SimNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert set_joint_state(node, velocity=[1000.0, -1000.0]).success
-    monkeypatch.setattr(node.simulator.model, "joint_types", ("revolute", "prismatic"))
+    monkeypatch.setitem(vars(node.simulator.model), "joint_types", ("revolute", "prismatic"))
     answer = set_joint_state(node, velocity=[0.0, 1000.1])
     assert not answer.success
     assert "allowed: up to 1000 m/s, 1 m in a tick" in answer.message
@@ -169,7 +169,7 @@ def test_divergence_pauses_and_keeps_the_last_good_state(
         raise SimulationDiverged("too fast")
 
     with monkeypatch.context() as patch:
-        patch.setattr(node.simulator.arm, "advance", diverge)
+        patch.setitem(vars(node.simulator.arm), "advance", diverge)
         ticks(node, 3)
         assert capfd.readouterr().err.count("too fast") == 1
         answer = step(node, 2)

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import motor
 from arm_dynamics.equations.elementary import Quantity
@@ -17,6 +18,7 @@ from arm_dynamics.scene.imperfections import Commands
 from arm_dynamics.scene.schema import Scene
 
 
+@sealed
 class CommandMap:
     """Commands with which the drives of an arm produce desired torques, drives taken as rigid.
 

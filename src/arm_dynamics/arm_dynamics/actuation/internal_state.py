@@ -9,7 +9,6 @@ that it stores, receives and dissipates. The simulator integrates x = (q, v, z).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Protocol, Self
 
@@ -18,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.equations.elementary import Quantity
 from arm_dynamics.model.arm import ArmModel
 
 
-@dataclass(frozen=True)
+@frozen
 class Flow:
     """Torques, state derivatives and energy flow of a model at an instant.
 
@@ -52,7 +52,7 @@ class StateKind(Enum):
     """Of a bristle or the like, which keeps its value at rest."""
 
 
-@dataclass(frozen=True)
+@frozen
 class InternalState:
     """One internal state of a model.
 
@@ -132,7 +132,7 @@ class FrictionLaw(StatefulLaw, Protocol):
         """
 
 
-@dataclass(frozen=True)
+@frozen
 class Ensemble:
     """All models of a scene as one; their states are concatenated in order.
 

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from arm_dynamics.actuation.internal_state import FrictionLaw
 from arm_dynamics.actuation.joint_laws import friction_laws
+from arm_dynamics.attributes import frozen
 from arm_dynamics.equations.elementary import Quantity
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.friction import JointFriction
@@ -14,7 +15,7 @@ from arm_dynamics.model.friction import JointFriction
 REPETITIONS = 40
 
 
-@dataclass(frozen=True)
+@frozen
 class SteadyFriction:
     """F of the equation of motion, models with states being in steady state.
 

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.client.values import (
     fixed,
     flat,
@@ -30,7 +30,7 @@ ALL_TERMS = 31  # as arm_dynamics.Term.ALL, which would import Pinocchio
 _U32 = 2**32 - 1
 
 
-@dataclass(frozen=True)
+@frozen
 class ModelFacts:
     """Properties of a dynamics node's arm; vectors have shape (n,).
 
@@ -59,7 +59,7 @@ class ModelFacts:
     summary: str
 
 
-@dataclass(frozen=True)
+@frozen
 class Terms:
     """Terms of the equation of motion; a batch has k in front of every shape.
 
@@ -84,7 +84,7 @@ class Terms:
     potential_energy: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class ConstrainedMotion:
     """Motion under the scene's constraints; a batch has k in front of both shapes.
 
@@ -102,7 +102,7 @@ class ConstrainedMotion:
     multipliers: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class Postures:
     """Joint positions for poses; a batch has k in front of every shape.
 
@@ -133,6 +133,7 @@ class NotReached(Refused, Unreachable):
         self.found = found
 
 
+@sealed
 class ArmClient:
     """Calls the services of a dynamics node and a sim node; one instance for each thread.
 

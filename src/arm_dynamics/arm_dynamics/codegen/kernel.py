@@ -10,7 +10,6 @@ import ctypes
 import logging
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Self
 
 import casadi as ca
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen import compiler, known_kernels
 from arm_dynamics.codegen.compiled_scenes import Code
 from arm_dynamics.codegen.header import Header
@@ -36,7 +36,7 @@ class Entry(ctypes.Structure):
     _fields_ = ENTRY.fields("entry_t")
 
 
-@dataclass(frozen=True)
+@frozen
 class Call:
     """A function bound to memory of its own: write ``inputs``, call ``run``, read ``outputs``.
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, all_finite
+from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
@@ -155,6 +156,7 @@ class AroundLaw:
         self._law.memory = parts
 
 
+@sealed
 class Compiled:
     """A controller, compiled for the arm.
 
@@ -240,6 +242,7 @@ class CompiledOwn(CompiledWithMemory):
         return kernel if kernel is not None and _agrees(kernel, self.law, self.model) else None
 
 
+@sealed
 class CompiledComputedTorque(Compiled):
     """``ComputedTorque``, compiled for the arm."""
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, all_finite, numbers, vector
+from arm_dynamics.attributes import sealed
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
@@ -39,6 +40,7 @@ class Moving(Protocol):
         """Joint velocities."""
 
 
+@sealed
 @dataclass(frozen=True, slots=True)
 class Measured:
     """Joint positions and velocities as measured.
@@ -91,6 +93,7 @@ def restart(control: object) -> None:
         control.restart()
 
 
+@sealed
 class ComputedTorque:
     """Computed torque: τ = ID(q, q̇, q̈_d + K_d ė + K_p e), with e = q_d − q.
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array, all_finite, read_only
+from arm_dynamics.attributes import sealed
 from arm_dynamics.control.compiled_law import AroundLaw, Law
 from arm_dynamics.control.computed_torque import (
     Checked,
@@ -120,6 +121,7 @@ def _asked(name: str, maker: Maker, offered: Mapping[str, Any]) -> dict[str, Any
     return {p.name: offered[p.name] for p in named if p.name in offered}
 
 
+@sealed
 class Watched(AroundLaw):
     """A user-defined controller whose results are checked.
 

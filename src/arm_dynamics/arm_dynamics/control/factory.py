@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers, positive, unit_vector
+from arm_dynamics.attributes import frozen
 from arm_dynamics.control import computed_torque, custom, joint_space, task_space
 from arm_dynamics.control.added_torques import WithAddedTorques
 from arm_dynamics.control.compiled_law import with_code
@@ -41,7 +42,7 @@ def _tunable(default: Any, description: str, **about: Any) -> Any:
     return field(default=default, metadata={"description": description, **about})
 
 
-@dataclass(frozen=True)
+@frozen
 class Settings:
     """Settings of a controller made by name.
 

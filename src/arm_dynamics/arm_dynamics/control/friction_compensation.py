@@ -9,6 +9,7 @@ import numpy as np
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.control.compiled_law import AroundLaw
 from arm_dynamics.control.computed_torque import Controller, Moving, Parts
 from arm_dynamics.equations.elementary import Quantity, hyperbolic_tangent
@@ -44,6 +45,7 @@ def ahead(
     return tau
 
 
+@sealed
 class FrictionFeedForward(AroundLaw):
     """A joint controller with the friction of the reference's motion added."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits, vector
+from arm_dynamics.attributes import sealed
 from arm_dynamics.control.computed_torque import Moving, Parts, checked, gain, gains
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.equations.elementary import choose, diagonal, root
@@ -22,6 +23,7 @@ _POSTURES = 200  # over which inertia is averaged
 _STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
 
 
+@sealed
 class JointLaw:
     """A controller of joints whose formula takes numbers and expressions alike.
 
@@ -61,6 +63,7 @@ def pull(q: Any, v: Any, desired: Reference, kp: Any, kd: Any) -> Any:
     return kp * (desired.q - q) + kd * (desired.v - v)
 
 
+@sealed
 class PD(JointLaw):
     """Springs and dampers alone: τ = K_p e + K_d ė. Gravity causes a steady-state error."""
 
@@ -85,6 +88,7 @@ class PD(JointLaw):
         return pull(q, v, desired, *tuning), memory
 
 
+@sealed
 class PID(JointLaw):
     """τ = K_p e + K_d ė + ∫ K_i e dt, clipped at the limits, with anti-windup.
 
@@ -142,6 +146,7 @@ class PID(JointLaw):
         return tau, (integral + each * (desired.q - q) + back * (tau - asked),)
 
 
+@sealed
 class GravityCompensation(JointLaw):
     """Compensates gravity only, for hand guiding: τ = G(q) + S(q, 0) - D v.
 
@@ -165,6 +170,7 @@ class GravityCompensation(JointLaw):
         return rigid.standing(q) - tuning[0] * v, memory
 
 
+@sealed
 class PDGravity(PD):
     """τ = G(q) + S(q, 0) + K_p e + K_d ė: no steady-state error, for any positive gains.
 
@@ -186,6 +192,7 @@ class PDGravity(PD):
         return rigid.standing(q) + pull(q, v, desired, *tuning), memory
 
 
+@sealed
 class FeedForwardPD(PD):
     """Inverse dynamics of the reference, and PD: τ = ID(q_d, q̇_d, q̈_d) + K_p e + K_d ė.
 
@@ -208,6 +215,7 @@ class FeedForwardPD(PD):
         return ahead + pull(q, v, desired, *gains), memory
 
 
+@sealed
 class JointImpedance(JointLaw):
     """The arm as springs and dampers about its path: M ë + (C + D) ė + K e = -τ_ext.
 

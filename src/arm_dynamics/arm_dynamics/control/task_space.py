@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, unit_vector, vector
+from arm_dynamics.attributes import sealed
 from arm_dynamics.control.computed_torque import (
     Controller,
     Moving,
@@ -59,6 +60,7 @@ class _TaskLaw:
         raise NotImplementedError
 
 
+@sealed
 class OperationalSpace(_TaskLaw):
     """Computed torque in the task's axes: ẍ = ẍ_d + K_d ė + K_p e, with posture in the null space.
 
@@ -100,6 +102,7 @@ class OperationalSpace(_TaskLaw):
         return self._arm.torque(now, reference, desired, arms)
 
 
+@sealed
 class MotionForce(_TaskLaw):
     """Operational-space motion in all directions but one, and a force along that one.
 
@@ -141,6 +144,7 @@ class MotionForce(_TaskLaw):
         return moving + now.arm.J.T @ (reference.force * along)
 
 
+@sealed
 class CartesianImpedance(_TaskLaw):
     """The frame as springs and dampers about its path: Λ ë + D ė + K e = -f_ext.
 
@@ -195,6 +199,7 @@ class CartesianImpedance(_TaskLaw):
         return self._arm.torque(now, reference, now.ahead, arms) + now.arm.J.T @ force
 
 
+@sealed
 class AlongJoints:
     """Adapts a task controller to joint references: their pose, velocity and acceleration."""
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits
+from arm_dynamics.attributes import sealed
 from arm_dynamics.control.compiled_law import AroundLaw, CompiledLaw, compiled_law
 from arm_dynamics.control.computed_torque import (
     Controller,
@@ -35,6 +36,7 @@ AnyController = Controller[Any]
 """A controller for any kind of reference."""
 
 
+@sealed
 class Saturated:
     """Clips torques at limits and reports it.
 
@@ -75,6 +77,7 @@ class Saturated:
         return cut(self._asked, self._limit)
 
 
+@sealed
 class DisturbanceObserver(AroundLaw):
     """A controller that subtracts the disturbance estimated by a momentum observer.
 
@@ -179,6 +182,7 @@ class DisturbanceObserver(AroundLaw):
         return tau, (r, tau, integral, started * 0.0 + 1.0)
 
 
+@sealed
 class HalfTickAhead:
     """A controller that receives the predicted state in the middle of the tick of its torque.
 
@@ -216,6 +220,7 @@ class HalfTickAhead:
         return self._last.copy()
 
 
+@sealed
 class Switch:
     """Switches from one controller to another without a jump of the torque.
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, each, real_array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.gauss import constrained_motion, times, transposed
 from arm_dynamics.dynamics.rigid import RigidDynamics
@@ -27,6 +28,7 @@ from arm_dynamics.scene.constraint import ORIGIN, Touching
 AT_ONCE = 4096  # points in memory at once
 
 
+@sealed
 class Constrained:
     """Forward and inverse dynamics of a scene under its bilateral constraints.
 

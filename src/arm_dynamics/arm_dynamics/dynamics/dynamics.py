@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, each, finite_answer, vectors
+from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.python_call import PythonCall
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
@@ -46,6 +47,7 @@ _BITS = tuple(int(term) for term in Term)
 _WEIGHTLESS = np.zeros(3)
 
 
+@sealed
 class Dynamics:
     """Inverse and forward dynamics of one scene; keep one instance per thread.
 

@@ -10,6 +10,7 @@ from copy import copy
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import ConstraintError, SceneError
 from arm_dynamics.model.drive import drives_of
 from arm_dynamics.model.friction import Given, JointFriction, friction_of
@@ -26,6 +27,7 @@ from arm_dynamics.scene.schema import Joint, Limits, Scene
 _log = logging.getLogger(__name__)
 
 
+@sealed
 class ArmModel(Robot):
     """Inertias, joints, limits and friction coefficients of one scene; immutable.
 
@@ -103,7 +105,7 @@ class ArmModel(Robot):
     def with_friction(self, friction: JointFriction) -> ArmModel:
         """Copy with other friction."""
         other = copy(self)
-        other.friction = friction
+        vars(other)["friction"] = friction
         return other
 
     def _ranges(self) -> list[Range]:

@@ -7,7 +7,7 @@ Friction models with internal states, such as LuGre, are in ``actuation``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.attributes import frozen
 from arm_dynamics.equations import friction, transmission
 from arm_dynamics.equations.elementary import Quantity, choose, larger, sign, size
 from arm_dynamics.equations.interpolation import Curve
@@ -49,7 +50,7 @@ class Sided(NamedTuple):
         return Sided(read_only(self.mean * factor), read_only(self.skew * factor))
 
 
-@dataclass(frozen=True)
+@frozen
 class DryFriction:
     """Dry friction of joints; arrays of shape (n,) in model order, zero for joints without it.
 
@@ -161,7 +162,7 @@ class DryFriction:
         return None if constant else product
 
 
-@dataclass(frozen=True)
+@frozen
 class JointFriction(DryFriction):
     """Friction of the joints of a scene; the dry part is that of joints with stick-slip.
 
@@ -307,7 +308,7 @@ class JointFriction(DryFriction):
         return _replaced(required, motors)
 
 
-@dataclass(frozen=True)
+@frozen
 class Given:
     """Everything given about the friction of one joint.
 

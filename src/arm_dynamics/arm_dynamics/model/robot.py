@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import ModelError, SceneError
 from arm_dynamics.model.joint_names import JointNames
 from arm_dynamics.scene.constraint import WORLD
@@ -29,6 +30,7 @@ from arm_dynamics.scene.urdf import JOINT, LINK, Mimic, Urdf, read_urdf
 _UNIQUE = "\0"  # which no name in XML contains
 
 
+@sealed
 class Robot:
     """Links and joints of one scene: the rigid bodies, without drives.
 
@@ -82,10 +84,9 @@ class Robot:
         """
         other = copy(self)
         told = {"gravity": tuple(gravity.tolist()), "payloads": tuple(payloads)}
-        other.scene = self.scene.model_copy(update=told)
-        other.bare = self.bare.copy()
-        other.bare.gravity.linear = gravity
-        other.pin = other.bare.copy()
+        bare = self.bare.copy()
+        bare.gravity.linear = gravity
+        vars(other).update(scene=self.scene.model_copy(update=told), bare=bare, pin=bare.copy())
         other.pin.armature = self.pin.armature
         other._weld()
         return other

@@ -16,6 +16,8 @@ from pydantic import (
     ValidationInfo,
 )
 
+from arm_dynamics.attributes import not_assignable
+
 
 def _number(value: object) -> object:
     """Convert ``1e5``, which YAML 1.1 reads as text, and refuse Booleans as numbers."""
@@ -37,6 +39,7 @@ def _finite(value: float) -> float:
 
 STEEPEST = 1e100
 """Slopes of curves are below it, so that products of them can be computed."""
+_COPY = "build another one: load_scene takes a file, or a dict of the same shape"
 AS_CHECKED = {"as checked": True}
 """Context of a validation of content that was checked before and must not change."""
 
@@ -65,6 +68,16 @@ class Part(BaseModel):
     """A part of a scene: immutable, with unknown keys refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse to be changed.
+
+        Raises:
+            NotAssignable: Always, for public names.
+        """
+        if not name.startswith("_"):
+            raise not_assignable(self, name, type(self).model_fields, _COPY)
+        super().__setattr__(name, value)
 
 
 def check_curve(key: str, at: Sequence[float], *rows: Sequence[float]) -> None:

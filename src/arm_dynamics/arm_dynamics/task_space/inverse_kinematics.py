@@ -9,7 +9,6 @@ reach a limit are held there while the others continue.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import compress
 
 import numpy as np
@@ -17,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, vector
+from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model.sampling import postures
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
@@ -25,7 +25,7 @@ _ANGLE = 0.3  # [m/rad]: weight of an angle relative to a distance
 _BIAS = 1e-6  # damping that remains at zero error
 
 
-@dataclass(frozen=True)
+@frozen
 class Solution:
     """Result of a search.
 
@@ -48,6 +48,7 @@ class Solution:
     at_limit: tuple[str, ...]
 
 
+@sealed
 class InverseKinematics:
     """Finds joint positions for poses of a task's frame, for the axes of the task.
 

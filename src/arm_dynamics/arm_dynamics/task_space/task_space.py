@@ -10,7 +10,6 @@ task space, as p is that of gravity, G.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, each, real_number, unit_vector, vectors
+from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.dynamics.gauss import times
 from arm_dynamics.exceptions import InvalidInput, ModelError
@@ -33,7 +33,7 @@ from arm_dynamics.task_space.inertia import (
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class Pose:
     """Placement of a frame in the world.
 
@@ -46,7 +46,7 @@ class Pose:
     rotation: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class TaskTerms:
     """The arm at one state, in the task's m axes; a batch has k in front of every shape.
 
@@ -85,7 +85,7 @@ class TaskTerms:
     damped: Any
 
 
-@dataclass(frozen=True)
+@frozen
 class EffectiveMass:
     """Effective mass along a direction.
 
@@ -98,7 +98,7 @@ class EffectiveMass:
     damped: Any
 
 
-@dataclass(frozen=True)
+@frozen
 class MassEllipsoid:
     """Principal effective masses.
 
@@ -113,6 +113,7 @@ class MassEllipsoid:
     damped: Any
 
 
+@sealed
 class TaskSpace:
     """Dynamics at a frame; keep one instance per thread.
 

@@ -8,7 +8,6 @@ quaternion curves", SIGGRAPH 1985).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, vector
+from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.task_space.inverse_kinematics import checked_pose
 from arm_dynamics.task_space.task_space import Pose
@@ -23,7 +23,7 @@ from arm_dynamics.trajectory.reference import TaskReference
 from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
 
 
-@dataclass(frozen=True)
+@frozen
 class Place(Pose):
     """Placement on a path and its derivatives in u.
 
@@ -47,7 +47,7 @@ class Path(Protocol):
         """Placement and derivatives at ``u``."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Line:
     """A straight line between two poses with uniform rotation, made by ``line``."""
 
@@ -68,7 +68,7 @@ class Line:
         return Place(self.start.position + u * self.step, rotation, first, np.zeros(6))
 
 
-@dataclass(frozen=True)
+@frozen
 class Circle:
     """An arc about an axis. Made by ``circle``."""
 
@@ -150,7 +150,7 @@ def circle(
     return Circle(start, middle, around, float(angle), turn)
 
 
-@dataclass(frozen=True)
+@frozen
 class CartesianTrajectory:
     """A path with a timing: references for controllers in task space.
 

@@ -9,12 +9,13 @@ exceed a limit in between by more than ``time_scaling.BETWEEN`` of it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.quintics import extremes
@@ -27,7 +28,7 @@ _POINTS = 60  # smallest number of points at which torques are computed
 _QUANTITIES = ("position", "velocity", "acceleration")
 
 
-@dataclass(frozen=True)
+@frozen
 class Excess:
     """The first violation of a limit by a trajectory.
 
@@ -46,7 +47,7 @@ class Excess:
     limit: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Bounds:
     """Limits of a trajectory.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +16,18 @@ import yaml
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, vector
+from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.joint_names import JointNames, Named
 from arm_dynamics.trajectory.reference import Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
+from arm_dynamics.writing import replacing
 
 _JUMP = 1e-6  # between the end of a motion and its beginning, that is rounding
 _PARTS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
 
-@dataclass(frozen=True)
+@frozen
 class JointTrajectory:
     """Points for named joints.
 
@@ -102,10 +103,10 @@ class JointTrajectory:
         ])  # fmt: skip
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write it as YAML; an existing file is overwritten.
+        """Write it as YAML; an existing file is replaced, with a warning.
 
         Raises:
-            OSError: If it cannot be written.
+            NotWritten: If the system does not let it be written; an OSError.
         """
         text = [f"joint_names: [{', '.join(map(_quoted, self.joint_names))}]", "points:"]
         for point in self.points:
@@ -115,7 +116,8 @@ class JointTrajectory:
                 if (row := getattr(point, part)) is not None:
                     numbers = ", ".join(map(_number, np.asarray(row, float).tolist()))
                     text.append(f"  {key}: [{numbers}]")
-        Path(path).write_text("\n".join(text) + "\n", encoding="utf-8")
+        with replacing(Path(path)) as part:
+            part.write_text("\n".join(text) + "\n", encoding="utf-8")
         return Path(path)
 
     @classmethod

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory, Waypoint, hold
 from arm_dynamics.trajectory.waypoints import check_kind, have_torques, quintic
@@ -76,6 +77,7 @@ class Outset:
         return still if now is None else now, ahead
 
 
+@sealed
 class Follower:
     """Returns references, and switches to new trajectories without a jump in q, v or a.
 

@@ -10,12 +10,13 @@ differentiation of pseudo-inverses", SIAM J. Numer. Anal. 10(2), 1973, for full 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive_limits
+from arm_dynamics.attributes import frozen
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.task_space.inertia import pseudo_inverse, task_inertia
@@ -27,7 +28,7 @@ from arm_dynamics.trajectory.time_scaling import Capacity, slowdown, torque_limi
 from arm_dynamics.trajectory.timing import Timing
 
 
-@dataclass(frozen=True)
+@frozen
 class JointPath:
     """Joint positions along a path, timed.
 

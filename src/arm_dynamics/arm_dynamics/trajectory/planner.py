@@ -7,9 +7,9 @@ A moving reference is brought to rest first.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, checked_pose
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
@@ -21,7 +21,7 @@ from arm_dynamics.trajectory.timing import Quintic
 from arm_dynamics.trajectory.waypoints import stop
 
 
-@dataclass(frozen=True)
+@frozen
 class Pace:
     """Speed and acceleration of a frame.
 
@@ -36,6 +36,7 @@ class Pace:
     limits: Limits
 
 
+@sealed
 class CartesianGoals:
     """Plans motions of a task's frame; keep one instance per thread."""
 

@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers, real_array
+from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.trajectory.quintics import knot_derivatives, segment_coefficients
 from arm_dynamics.trajectory.trajectory_library import library
 
 
+@sealed
 @dataclass(frozen=True, slots=True)
 class Reference:
     """Desired joint motion at an instant.
@@ -32,6 +34,7 @@ class Reference:
     tau: Array | None = None
 
 
+@sealed
 @dataclass(frozen=True, slots=True)
 class TaskReference:
     """Desired motion of the frame in the world at an instant.
@@ -64,7 +67,7 @@ class Motion(Protocol):
         """Position, velocity and acceleration at the time ``t`` in [s] from its start."""
 
 
-@dataclass(frozen=True)
+@frozen
 class InTurn:
     """Two motions in sequence; the second begins where the first ends.
 
@@ -87,6 +90,7 @@ class InTurn:
         return self.first.sample(t) if left < 0.0 else self.then.sample(left)
 
 
+@sealed
 @dataclass(frozen=True, slots=True)
 class Waypoint:
     """A point to pass at a time.
@@ -107,7 +111,7 @@ class Waypoint:
     tau: ArrayLike | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class Limits:
     """Limits of a trajectory; infinite where there is none.
 
@@ -149,7 +153,7 @@ class Limits:
         return self.joint_names[joint] if self.joint_names else f"number {joint}"
 
 
-@dataclass(frozen=True)
+@frozen
 class Trajectory:
     """Quintic segments, at rest before the first and after the last.
 

@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from arm_dynamics.arrays import positive
+from arm_dynamics.attributes import frozen
 
 
 class Timing(Protocol):
@@ -25,7 +25,7 @@ class Timing(Protocol):
         """The same with all times multiplied by ``stretch``."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Quintic:
     """u = 10 s³ - 15 s⁴ + 6 s⁵ with s = t / T: no jump of acceleration anywhere.
 
@@ -62,7 +62,7 @@ class Quintic:
         return Quintic(self.duration * stretch)
 
 
-@dataclass(frozen=True)
+@frozen
 class Trapezoid:
     """Constant acceleration, constant speed, constant deceleration (a triangle where it is short).
 

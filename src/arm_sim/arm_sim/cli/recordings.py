@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from arm_dynamics.exceptions import choices
+from arm_dynamics.writing import warn_if_replaced
 from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import console, examples, quiet, waiting
 
@@ -65,10 +66,13 @@ def plot(
             loaded = [made if made.origin else made.of(scene) for made in loaded]
         figure = loaded[0].plot(*loaded[1:], joints=joints)
     out = out or Path(f"{recording.stem or recording.name}.png")
+    warn_if_replaced(out)
     figure.savefig(out, dpi=150)
     for made in loaded:
         console().print(_checked(made), markup=False)
     console().print(f"{out}", markup=False)
+    if show and not figure.canvas.required_interactive_framework:
+        raise click.ClickException(f"no window: there is no display; the figure is in '{out}'")
     if show:
         pyplot.show()
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, real_array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.derivatives.gradient import Gradients, RolloutGradient, gradient_of, rollout_change
@@ -24,6 +25,7 @@ from arm_sim.stepping.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
 
 
+@sealed
 class Derivatives:
     """Exact derivatives of the ticks and rollouts of a scene; compiled at their first use.
 

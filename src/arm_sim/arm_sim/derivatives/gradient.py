@@ -10,13 +10,13 @@ much as four rollouts, for any number of torques. Ticks with events use their de
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
 from functools import cache
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.codegen.kernel import generate, operations
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.derivatives.calm_gradient import CalmGradients, Part, TickPart, tick_functions
@@ -47,7 +47,7 @@ from arm_sim.stepping.rollout import (
 from arm_sim.stepping.stepper import address
 
 
-@dataclass(frozen=True)
+@frozen
 class RolloutGradient:
     """Gradient of a function L of a rollout's states; shapes are those of the arguments.
 
@@ -71,7 +71,7 @@ class RolloutGradient:
         return dict(zip(self._known.names, parts, strict=True))
 
 
-@dataclass(frozen=True)
+@frozen
 class ArgumentGradients:
     """Gradients of a batch by initial states, torques and parameters.
 
@@ -154,6 +154,7 @@ def rollout_change(
     return changes[..., : 2 * plant.model.n]
 
 
+@sealed
 class Gradients:
     """Gradients of the rollouts of one scene.
 

@@ -21,6 +21,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
@@ -41,6 +42,7 @@ from arm_sim.stepping.stepper import Stepper
 STRETCH = 64
 
 
+@sealed
 class Linearizer:
     """Derivatives of a scene's ticks by state and command, and by some of its tunable quantities.
 

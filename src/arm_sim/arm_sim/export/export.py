@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
 from arm_dynamics import ArmModel, InvalidInput
+from arm_dynamics.attributes import frozen
 from arm_dynamics.model.arm import arm_model
 from arm_dynamics.model.pinocchio_terms import check_moving
 from arm_dynamics.scene import scene_text
@@ -29,7 +29,7 @@ _NATIVE = Path(__file__).parent / "native"
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
+@frozen
 class Exported:
     """What was exported.
 

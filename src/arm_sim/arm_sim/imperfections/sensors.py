@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.attributes import frozen
 from arm_dynamics.control.low_pass import LowPass
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene import Scene
@@ -18,7 +18,7 @@ from arm_sim.imperfections.chance import Chance, Channel, normal
 from arm_sim.imperfections.lines import Line
 
 
-@dataclass(frozen=True)
+@frozen
 class Measured:
     """Measurements at each time of a recording; arrays are read-only.
 

@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators import extrapolation as implicit
 from arm_sim.integrators import nystrom
@@ -32,7 +32,7 @@ Scaled = Callable[[], ca.Function | None]
 ``extrapolated_step``."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Method:
     """A one-step method.
 
@@ -224,7 +224,7 @@ class _Made:
         return Step(x, h, after, estimates, tableau, slopes)
 
 
-@dataclass(frozen=True)
+@frozen
 class Step:
     """Expressions of one step.
 

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_dynamics.arrays import real_number
+from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import choices
 from arm_sim.integrators.methods import METHODS, Method
 from arm_sim.integrators.response import SPRINGS, STOPS, Response, responses
@@ -40,7 +40,7 @@ MISSED = "a second of motion by steps of fixed length misses the accuracy"
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
+@frozen
 class Choice:
     """Integration method and parameters of a scene.
 

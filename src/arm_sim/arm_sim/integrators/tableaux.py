@@ -8,12 +8,13 @@ Notation and most tableaux: Hairer, Nørsett, Wanner, Solving Ordinary Different
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 
+from arm_dynamics.attributes import frozen
 
-@dataclass(frozen=True)
+
+@frozen
 class Tableau:
     """Coefficients of an explicit Runge-Kutta method.
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from arm_dynamics import ArmModel
 from arm_dynamics.actuation.command_map import CommandMap, gravity_compensated
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.computed_torque import expression, held_gains
 from arm_dynamics.equations.tree import constant
@@ -20,7 +20,7 @@ from arm_dynamics.trajectory.reference import Reference
 from arm_sim.plant.plant import Plant
 
 
-@dataclass(frozen=True)
+@frozen
 class CompiledControl:
     """A controller in compiled code, evaluated once a tick at the state at its beginning.
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics import ArmModel, InvalidInput, SceneError
 from arm_dynamics.arrays import Array, vector
+from arm_dynamics.attributes import frozen
 from arm_dynamics.scene.constraint import switches
 from arm_dynamics.scene.inertia import fault, possible
 
@@ -19,7 +19,7 @@ from arm_dynamics.scene.inertia import fault, possible
 _LEAST_OF_A_BODY = [0.0, *[-np.inf] * 3, 0.0, *[-np.inf] * 2, 0.0, -np.inf, 0.0]
 
 
-@dataclass(frozen=True)
+@frozen
 class Parameter:
     """A quantity that the scene declares tunable.
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from arm_dynamics import Dynamics
 from arm_dynamics.actuation.internal_state import Ensemble, Flow
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.equations import spring
 from arm_dynamics.model.tree_builder import tree_of
@@ -72,6 +73,7 @@ class Ledger(Ensemble):
         return Flow(flow.torque, ca.vertcat(flow.slope, flow.supplied, flow.lost))
 
 
+@sealed
 class EnergyAccount:
     """The energy account of one scene; everything is built on demand.
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics import Dynamics, InvalidInput, Scene
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.attributes import sealed
 from arm_sim.imperfections import Measured
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import BRAKES, Contents
@@ -24,6 +25,7 @@ from arm_sim.recording.witness import NUDGE, WINDOWS, Control, SecondRun, doubt
 _log = logging.getLogger(__name__)
 
 
+@sealed
 @dataclass(frozen=True, repr=False)
 class RecordedMotion(Contents):
     """A motion, tick by tick, and derived quantities; see ``Contents`` for its arrays.

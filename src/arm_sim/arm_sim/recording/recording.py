@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any, NoReturn, Self
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import known_names, not_copied
 from arm_sim.recording.contents import Contents
 from arm_sim.recording.motion import RecordedMotion
 from arm_sim.recording.physics import Physics
 
 
+@sealed
 @dataclass(frozen=True, repr=False)
 class Recording(RecordedMotion):
     """A motion, tick by tick, to be saved, loaded, tabulated and drawn.
@@ -28,14 +30,16 @@ class Recording(RecordedMotion):
 
         Args:
             path: ``.npz`` for NumPy; ``.mcap`` for ``ros2 bag``, PlotJuggler and Foxglove; without
-                suffix a folder, as ``ros2 bag record`` creates it. Existing files are replaced.
+                suffix a folder, as ``ros2 bag record`` creates it. An existing file is
+                replaced, with a warning.
 
         Returns:
             Path of the file or folder.
 
         Raises:
             InvalidInput: If the suffix is not supported, or the motion is not of a scene.
-            OSError: If it cannot be written.
+            NoRecording: If the folder does not exist.
+            NotWritten: If the system does not let the file be written; an OSError.
         """
         from arm_sim.recording import files  # imports libraries that a run does not require
 

@@ -11,8 +11,10 @@ import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, read_only, real_array
+from arm_dynamics.attributes import sealed
 
 
+@sealed
 @dataclass(frozen=True, eq=False)
 class JointCommand:
     """Command of all joints; NaN, or None for all joints, means not commanded.

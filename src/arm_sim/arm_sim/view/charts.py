@@ -7,7 +7,7 @@ import html
 import json
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.resources import files
 from threading import Event
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_sim.recording.figure import thinned
 from arm_sim.view.framing import TALL
 
@@ -30,7 +31,7 @@ FLAT = 1e-9  # range of values, relative to them or to 1, that is not drawn as a
 WIDTH = 380  # size of the panel in pixels
 
 
-@dataclass(frozen=True)
+@frozen
 class Chart:
     """Curves over time.
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.model.arm import ArmModel
 from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
@@ -21,7 +22,7 @@ from arm_sim.view.marks import Instant, arrows, cones
 LOOKS = 4000  # largest number of instants at which forces are computed
 
 
-@dataclass(frozen=True)
+@frozen
 class Film:
     """An arm's motion.
 

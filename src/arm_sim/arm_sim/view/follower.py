@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_sim.view.charts import Chart, Charts, Samples, gathered
 from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.marks import Instant
@@ -25,7 +26,7 @@ OLD = 0.5  # [s] without data after which an arm is reported as silent
 ENERGIES = ("kinetic", "potential", "total", "supplied", "dissipated")
 
 
-@dataclass(frozen=True)
+@frozen
 class News:
     """The newest data of an arm.
 

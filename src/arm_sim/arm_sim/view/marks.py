@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.equations.constraint import across
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.constraint_rows import ConstraintRows
@@ -28,7 +29,7 @@ from arm_sim.stepping.contact_forces import ContactForce
 _NONE = np.zeros((0, 2, 3))
 
 
-@dataclass(frozen=True)
+@frozen
 class Instant:
     """The data of a picture of an arm at one instant.
 
@@ -64,7 +65,7 @@ def arrows(forces: Sequence[ContactForce]) -> Array:
     return np.array([[force.point, force.force] for force in forces]).reshape(-1, 2, 3)
 
 
-@dataclass(frozen=True)
+@frozen
 class Marks:
     """Positions in the world, in [m].
 

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import ModelError
 from arm_dynamics.model.arm import ArmModel, arm_model
 from arm_dynamics.scene import Joint
 from arm_dynamics.scene.load import SceneSource
+from arm_dynamics.writing import warn_if_replaced
 from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
 from arm_sim.recording.files import SUFFIXES
@@ -43,6 +45,7 @@ ROTOR = 1.0  # [kg m²] or [kg] at each joint of an arm that is shown though it 
 GAP = 0.6  # distance between adjacent arms, relative to the reach of the larger
 
 
+@sealed
 class View:
     """A page that shows arms until it is closed.
 
@@ -359,4 +362,5 @@ def _writable(path: str | Path) -> Path:
     path = Path(path)
     if not path.parent.is_dir():
         raise ViewError(f"'{path}': there is no folder '{path.parent}'")
+    warn_if_replaced(path)
     return path

@@ -6,6 +6,7 @@ from __future__ import annotations
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
+from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.simulator import Simulator
 from arm_studies.autodiff.motion import Motion
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     import jax
 
 
+@sealed
 class JaxSimulator:
     """Steps and rollouts of a scene for JAX.
 

@@ -7,6 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.simulator import Simulator
 from arm_studies.autodiff.motion import Motion
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     import torch
 
 
+@sealed
 class TorchSimulator:
     """Steps and rollouts of a scene for PyTorch.
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from arm_dynamics.writing import warn_if_replaced
+
 if TYPE_CHECKING:
     from arm_studies.identification import Comparison
 
@@ -39,6 +41,7 @@ def draw(found: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None
         axes[0, 0].legend(**_ABOVE)
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
+        warn_if_replaced(path)
         try:
             figure.savefig(path, dpi=120)
         except ValueError as error:

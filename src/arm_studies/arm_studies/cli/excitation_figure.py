@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from arm_dynamics.writing import warn_if_replaced
+
 if TYPE_CHECKING:
     from arm_dynamics.arrays import Array
     from arm_dynamics.trajectory import Trajectory
@@ -34,6 +36,7 @@ def draw(motion: Trajectory, room: Room, path: Path) -> None:
         axis.spines[["top", "right"]].set_visible(False)
     axes[-1].set(xlabel="time [s]", xlim=(0.0, motion.duration))
     legend_at_right(figure, *axes[0].get_legend_handles_labels())
+    warn_if_replaced(path)
     try:
         figure.savefig(path, dpi=130)
     except ValueError as error:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
 from arm_dynamics.arrays import Array, positive, read_only
+from arm_dynamics.attributes import frozen
 from arm_sim.recording.recording import Recording
 from arm_sim.simulator import Simulator
 from arm_studies.identification.data import JointRecord, MeasuredMotion
@@ -22,7 +22,7 @@ _FEWEST = 100  # rows with a valid torque
 _MOVES = 1e-6  # [rad] or [m] in all windows above which a joint has moved
 
 
-@dataclass(frozen=True)
+@frozen
 class FreeRun:
     """Position errors at the end of short simulations that start at measured states.
 
@@ -47,7 +47,7 @@ class FreeRun:
         return np.where(moves, self.error / np.where(moves, self.moved, 1.0), np.nan)
 
 
-@dataclass(frozen=True)
+@frozen
 class Comparison:
     """Result of ``compare``; arrays are read-only.
 

@@ -4,18 +4,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics.arrays import Array, read_only, real_array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.recording.recording import Recording
 
 
-@dataclass(frozen=True)
+@frozen
 class JointRecord:
     """Joint states as a robot reported them, in order of time; arrays are read-only.
 
@@ -129,7 +130,7 @@ def _column_block(name: str, key: str, part: ArrayLike | None, shape: tuple[int,
     return read_only(array)
 
 
-@dataclass(frozen=True)
+@frozen
 class MeasuredMotion:
     """A motion at a constant sampling rate, with velocities and accelerations.
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from arm_dynamics import Scene, load_scene
 from arm_dynamics.scene.text import scene_text
+from arm_dynamics.writing import replacing
 from arm_studies.identification.figures import draw_friction, draw_torques
 from arm_studies.identification.result import Identification
 
@@ -51,8 +52,11 @@ def write_scene(scene: Scene, out: Path, head: str = "") -> list[Path]:
     """Write a scene and, beside it, its URDF; see ``write``."""
     out.parent.mkdir(parents=True, exist_ok=True)
     urdf = out.with_suffix(".urdf")
-    urdf.write_text(scene.robot.urdf, encoding="utf-8")
-    out.write_text(head + scene_text(scene, urdf.name), encoding="utf-8")
+    for path, content in (
+        (urdf, scene.robot.urdf), (out, head + scene_text(scene, urdf.name))
+    ):  # fmt: skip
+        with replacing(path) as part:
+            part.write_text(content, encoding="utf-8")
     load_scene(out)
     return [out, urdf]
 

@@ -4,17 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.scene.schema import Scene
 from arm_studies.identification.regression.friction_columns import JointFit
 
 
-@dataclass(frozen=True)
+@frozen
 class Torques:
     """Measured and predicted torques at the times of the regression; NaN where not used.
 
@@ -37,7 +37,7 @@ class Torques:
     held_out: NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@frozen
 class Identification:
     """A scene from measured motions.
 

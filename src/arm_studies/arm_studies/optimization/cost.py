@@ -3,16 +3,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 
 
-@dataclass(frozen=True)
+@frozen
 class Expansion:
     """Second-order expansion of a cost about a trajectory, without mixed derivatives.
 
@@ -47,7 +47,7 @@ class Cost(Protocol):
         """The cost about a trajectory, x of shape (nodes + 1, nx), u of shape (nodes, n)."""
 
 
-@dataclass(frozen=True)
+@frozen
 class QuadraticCost:
     """½ Σ w (x - x_d)² + ½ Σ r (u - u_d)², summed over nodes and entries.
 

@@ -11,7 +11,7 @@ once, each by an arm in a SIMD lane.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Final
 
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, positive, real_array
+from arm_dynamics.attributes import frozen, sealed
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.inputs import whole
 from arm_sim.simulator import Simulator
@@ -35,7 +36,7 @@ stop."""
 _INSIDE = 1.0 - 1e-9
 
 
-@dataclass(frozen=True)
+@frozen
 class Phase:
     """Nodes with the same equations; the payload may change between phases.
 
@@ -49,7 +50,7 @@ class Phase:
     nodes: int
 
 
-@dataclass(frozen=True)
+@frozen
 class Trajectory:
     """A feasible motion, and the state of its optimization.
 
@@ -72,6 +73,7 @@ class Trajectory:
     verdict: str = field(default="")
 
 
+@sealed
 class ILQR:
     """Optimizes trajectories of an arm.
 
@@ -98,6 +100,8 @@ class ILQR:
         >>> optimizer = ILQR([Phase(sim, 100)], cost)
         >>> best = optimizer.solve(sim.arm.x, np.zeros((100, sim.n)))
     """
+
+    cost: Cost  # may be replaced
 
     def __init__(
         self,

@@ -10,12 +10,12 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from itertools import batched
 from pathlib import Path
 from typing import Any
 
 import arm_sim
+from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.sweeps.design import Point, points
 from arm_studies.sweeps.journal import Journal
@@ -32,7 +32,7 @@ _RUNS = {COMPILED: 32, PYTHON: 2}
 _LEAST_TASKS = 4  # tasks per worker, such that none is idle at the end
 
 
-@dataclass(frozen=True)
+@frozen
 class Progress:
     """Progress of a sweep.
 
@@ -49,7 +49,7 @@ class Progress:
     what: str
 
 
-@dataclass(frozen=True)
+@frozen
 class Plan:
     """Extent of a sweep.
 
@@ -67,7 +67,7 @@ class Plan:
     tunable: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@frozen
 class Sweep:
     """A finished sweep.
 

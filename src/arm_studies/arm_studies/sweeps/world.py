@@ -372,7 +372,7 @@ class World:
             return np.asarray(self._dynamics.command_map(state.q, state.v, tau))
 
         try:
-            motion = simulator.run(self._recipe.duration, answer)
+            motion = simulator.run(self._ticks * simulator.dt, answer)
         except SimulationDiverged as error:
             raise _diverged(len(error.recording), simulator.dt) from None
         return motion.q, motion.tau[:-1], motion.command[:-1]

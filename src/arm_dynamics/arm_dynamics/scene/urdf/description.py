@@ -9,9 +9,9 @@ without loading Pinocchio.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from xml.etree import ElementTree
 
+from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import ModelError, choices, did_you_mean, known_names
 from arm_dynamics.scene.inertia import ROUNDING, fault, least, moments
 from arm_dynamics.scene.urdf.plain import (
@@ -50,7 +50,7 @@ example-robot-data, down to -0.39 (Tiago's antennas). The mass matrix may still 
 is not, forward dynamics refuses the arm), so they cause a warning; larger ones are errors."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Mimic:
     """Follower rule ``q = multiplier * q_leader + offset``."""
 
@@ -59,7 +59,7 @@ class Mimic:
     offset: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Urdf:
     """Facts of a URDF, and its links and joints as Pinocchio is to read them.
 

@@ -17,7 +17,8 @@ from typing import Any
 import yaml
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import InvalidInput, NotWritten, known_names
+from arm_dynamics.writing import replacing
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.contents import Contents
 from arm_sim.recording.files import measured, npz, ticks
@@ -58,21 +59,13 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         )  # fmt: skip
     if path.suffix == ".npz":
         _check_folder(path)
-        part = path.with_name(path.name + ".part")
-        try:
+        with replacing(path) as part:
             npz.write(contents, part)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
         return path
     file, folder = where(path)
-    part = file.with_name(file.name + ".part")
-    try:
+    with replacing(file) as part:
         mcap = ticks.write(contents, efforts(), part)
         mcap.close()
-        part.replace(file)
-    finally:
-        part.unlink(missing_ok=True)
     complete(mcap, file, folder)
     return path
 
@@ -87,7 +80,8 @@ def where(path: Path) -> tuple[Path, Path | None]:
 
     Raises:
         InvalidInput: If it is neither.
-        OSError: If the file's folder does not exist, or the bag's cannot be created.
+        NoRecording: If the file's folder does not exist.
+        NotWritten: If the bag's cannot be created.
     """
     if path.suffix == ".mcap":
         _check_folder(path)
@@ -96,7 +90,10 @@ def where(path: Path) -> tuple[Path, Path | None]:
         raise InvalidInput(
             f"'{path}' ends in '{path.suffix}'; allowed: .npz, .mcap, and a folder's name"
         )
-    path.mkdir(parents=True, exist_ok=True)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise NotWritten(f"'{path}' cannot be created: {error.strerror}") from None
     if strange := [file.name for file in path.iterdir() if file.suffix not in (*BAGS, ".yaml")]:
         raise InvalidInput(f"'{path}' is not the folder of a bag: it contains '{strange[0]}'")
     return path / f"{path.name}_0.mcap", path

@@ -11,13 +11,13 @@ with it. Gravity must not act on the axis, or its torque must be subtracted.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import friction, lugre
 from arm_dynamics.exceptions import InvalidInput, known_names
@@ -33,7 +33,7 @@ UNITS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
+@frozen
 class SmallMotion:
     """A record of a joint under small torques; arrays are read-only.
 

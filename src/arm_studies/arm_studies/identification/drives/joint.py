@@ -10,13 +10,12 @@ motor are reflected to the joint.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import transmission
 from arm_studies.identification.drives.evenly import check_motion, even_table
@@ -28,7 +27,7 @@ UNITS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
+@frozen
 class JointTest:
     """A record of a flexible joint; arrays are read-only.
 

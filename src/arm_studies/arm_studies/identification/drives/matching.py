@@ -12,12 +12,12 @@ errors are relative.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen import Call, Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import InvalidInput
@@ -31,7 +31,7 @@ _WEIGHTED = 3
 _ROUNDS, _TRIES, _ENOUGH = 60, 12, 1e-12
 
 
-@dataclass(frozen=True)
+@frozen
 class Law:
     """The model of a test, as expressions.
 
@@ -57,7 +57,7 @@ class Law:
     step: float = 0.08
 
 
-@dataclass(frozen=True)
+@frozen
 class Trial:
     """One record of a test.
 
@@ -90,7 +90,7 @@ def _spread(column: Array) -> float:
     return float(np.sqrt(np.mean((known - known.mean()) ** 2))) if known.size else 0.0
 
 
-@dataclass(frozen=True)
+@frozen
 class Estimate:
     """An estimated parameter.
 
@@ -107,7 +107,7 @@ class Estimate:
     found: bool
 
 
-@dataclass(frozen=True)
+@frozen
 class Match:
     """Result of a fit.
 

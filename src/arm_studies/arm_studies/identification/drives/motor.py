@@ -17,7 +17,6 @@ linear in the parameters; then simulated currents and speeds are fitted to the m
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 import casadi as ca
@@ -25,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import motor
 from arm_dynamics.exceptions import InvalidInput
@@ -40,7 +40,7 @@ UNITS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
+@frozen
 class MotorRecord:
     """A record of one test; arrays are read-only, and NaN where not measured.
 

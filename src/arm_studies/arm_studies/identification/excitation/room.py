@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers, positive_limits, read_only, vector
+from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations.frame import placement, relative
@@ -26,7 +26,7 @@ _POINTS = np.linspace(0.0, 1.0, 5)[:-1]  # of every segment, at which gaps are c
 _BATCH = 200  # points at once: for more, Dynamics would compile, which takes a second when new
 
 
-@dataclass(frozen=True)
+@frozen
 class Box:
     """A box in the world that contains the origins of some frames.
 
@@ -52,7 +52,7 @@ class Box:
             raise InvalidInput("the box has no frames; at least one is expected")
 
 
-@dataclass(frozen=True)
+@frozen
 class Room:
     """The constraints of a motion.
 

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array, positive, read_only
+from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.exceptions import InvalidInput
@@ -39,7 +39,7 @@ ALL, MASSES = "all", "masses"
 """Parameters that a motion is optimized for: all of them, or the masses."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Excitation:
     """A periodic motion from rest to rest, and how well it determines the arm's parameters.
 

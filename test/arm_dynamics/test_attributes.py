@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Objects refuse attributes that are not theirs."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from copy import copy
+from dataclasses import replace
+from enum import Enum
+from importlib import import_module
+from inspect import isclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmError, Dynamics, load_scene
+from arm_dynamics.attributes import frozen, sealed
+from arm_dynamics.control import PD, ComputedTorque, Settings
+from arm_dynamics.exceptions import NotAssignable
+from arm_dynamics.trajectory import Waypoint
+from arm_sim import ClosedLoop, Recording, Simulator, State
+
+PACKAGES = (
+    "arm_dynamics", "arm_dynamics.client", "arm_dynamics.control", "arm_dynamics.dynamics",
+    "arm_dynamics.scene", "arm_dynamics.task_space", "arm_dynamics.trajectory", "arm_sim",
+    "arm_sim.derivatives", "arm_sim.export", "arm_sim.recording", "arm_sim.view",
+    "arm_studies.autodiff", "arm_studies.identification", "arm_studies.optimization",
+    "arm_studies.sweeps",
+)  # fmt: skip
+"""Packages whose objects people have in hand."""
+
+
+@sealed
+class Arm:
+    """An arm with a length."""
+
+    _instead: ClassVar = {"mass weight": "build a heavier one"}
+    pose: str = "home"
+
+    def __init__(self, length: float) -> None:
+        self.length, self._load = length, 0.0
+
+    @property
+    def load(self) -> float:
+        return self._load
+
+    @load.setter
+    def load(self, load: float) -> None:
+        self._load = load
+
+    @property
+    def reach(self) -> float:
+        return 2.0 * self.length
+
+
+@sealed
+class Hand(Arm):
+    """A closed class that extends one."""
+
+    def __init__(self) -> None:
+        super().__init__(0.1)
+        self.fingers = 5
+
+
+@frozen
+class Place:
+    """A value."""
+
+    x: float
+    y: float = 0.0
+
+
+def said(what: object, name: str) -> str:
+    with pytest.raises(NotAssignable) as caught:
+        setattr(what, name, 1)
+    assert isinstance(caught.value, ArmError) and isinstance(caught.value, AttributeError)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("what", "name", "message"),
+    [
+        (Arm(1.0), "length", "Arm.length cannot be set; build another Arm(length)"),
+        (Arm(1.0), "reach", "Arm.reach cannot be set; build another Arm(length)"),
+        (Arm(1.0), "lenght", "Arm has no attribute 'lenght'; did you mean 'length'?"),
+        (Arm(1.0), "weight", "Arm has no attribute 'weight'; build a heavier one"),
+        (Arm(1.0), "colour", "Arm has no attribute 'colour'; build another Arm(length)"),
+        (Hand(), "fingers", "Hand.fingers cannot be set; build another Hand()"),
+        (Hand(), "mass", "Hand has no attribute 'mass'; build a heavier one"),
+        (copy(Arm(1.0)), "length", "Arm.length cannot be set; build another Arm(length)"),
+        (Place(1.0), "x", "Place.x cannot be set; dataclasses.replace changes a copy: x, y"),
+        (Place(1.0), "z", "Place has no attribute 'z'; dataclasses.replace changes a copy: x, y"),
+    ],
+)
+def test_the_error_says_what_to_do_instead(what: object, name: str, message: str) -> None:
+    assert said(what, name) == message
+
+
+def test_own_attributes_are_set() -> None:
+    arm = Arm(1.0)
+    arm.load, arm.pose, arm._note = 2.0, "up", "private"  # type: ignore[attr-defined]
+    assert (arm.load, arm.pose) == (2.0, "up")
+    assert replace(Place(1.0), y=2.0) == Place(1.0, 2.0) == pickle.loads(pickle.dumps(Place(1, 2)))
+
+
+def test_a_class_that_a_user_extends_has_what_the_user_gives_it() -> None:
+    class Counting(PD):
+        def __init__(self) -> None:
+            super().__init__(2, 1.0, 0.1)
+            self.calls = 0
+
+    class Named(Place):
+        def __init__(self) -> None:
+            super().__init__(1.0)
+            self.name = "here"
+
+    controller, place = Counting(), Named()
+    controller.calls += 1
+    assert (controller.calls, place.name) == (1, "here")
+    assert said(place, "x").startswith("Named.x cannot be set")
+
+
+def exported() -> Iterator[Any]:
+    """Classes that packages hand out, of which there are objects."""
+    for package in map(import_module, PACKAGES):
+        for name in package.__all__:
+            found = getattr(package, name)
+            if not isclass(found) or getattr(found, "_is_protocol", False):
+                continue
+            if not issubclass(found, BaseException | Enum):
+                yield found
+
+
+def test_every_class_that_a_package_hands_out_refuses_what_is_not_its_own() -> None:
+    homes = {"arm_dynamics.attributes", "arm_dynamics.scene.types"}
+    free = {cls for cls in exported() if getattr(cls.__setattr__, "__module__", "") not in homes}
+    assert not free
+
+
+@pytest.fixture(scope="module")
+def sim() -> Simulator:
+    return Simulator(models.scene("double_pendulum"))
+
+
+@pytest.mark.parametrize(
+    ("name", "instead"),
+    [
+        ("dt", "build another Simulator(scene, dt=…, integrator=…, tolerance=…)"),
+        ("integrator", "build another Simulator(scene, dt=…"),
+        ("q", "set_state(q=…, v=…)"), ("state", "set_state(q=…, v=…)"),
+        ("gravity", "set_parameter(name, value), where the scene's key 'tunable' lists it"),
+    ],
+)  # fmt: skip
+def test_a_simulator_says_how_to_change_it(sim: Simulator, name: str, instead: str) -> None:
+    assert instead in said(sim, name)
+
+
+def test_objects_of_a_simulation_say_so_too(sim: Simulator) -> None:
+    recording, loop = sim.run(0.002), ClosedLoop(models.scene("double_pendulum"))
+    dynamics = Dynamics(sim.model)
+    for what, name, instead in (
+        (sim.state, "q", "Simulator.set_state(q=…, v=…)"), (recording, "tau", "replace"),
+        (sim.arm, "step_count", "restore(x, p, step)"), (sim.plan, "integrator", "Plan("),
+        (loop, "bandwidth", "Settings(bandwidth=…)"), (dynamics, "gravity", "Dynamics(scene)"),
+        (ComputedTorque(dynamics), "bandwidth", "ComputedTorque(dynamics, bandwidth"),
+        (load_scene("double_pendulum"), "gravity", "load_scene"), (Settings(), "dt", "replace"),
+        (Waypoint(1.0, np.zeros(2)), "position", "time, q, v, a, tau"),
+    ):  # fmt: skip
+        assert instead in said(what, name)
+    assert isinstance(recording, Recording) and isinstance(sim.state, State)
