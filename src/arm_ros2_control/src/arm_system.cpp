@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
+#include <sstream>
 #include <stdexcept>
 #include <tuple>
 
@@ -21,11 +23,33 @@ template <class Parts> auto named(const Parts& parts, const std::string& name) {
   return std::find_if(parts.begin(), parts.end(), [&](const auto& p) { return p.name == name; });
 }
 
+std::string listed(const std::vector<std::string>& names) {
+  std::string text;
+  for (const auto& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+/// A number as people write it.
+std::string written(double value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
+}
+
 /// Refuse an interface that joints do not have.
 void check_kind(const std::string& joint, const std::string& way, const std::string& kind) {
   if (std::find(kNames.begin(), kNames.end(), kind) == kNames.end())
     throw std::runtime_error("joint '" + joint + "': " + way + " interface '" + kind
                              + "'; position, velocity and effort are allowed");
+}
+
+/// A number that a text gives and nothing else.
+double number(const std::string& joint, const char* what, const std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end || !std::isfinite(value))
+    throw std::runtime_error("joint '" + joint + "': " + what + " '" + text + "'; a finite number is expected");
+  return value;
 }
 
 /// A parameter of the hardware, or a default.
@@ -63,7 +87,7 @@ void ArmSystem::check_joints() const {
   const auto& joints = arm_->joints();
   for (const auto& joint : info_.joints) {
     if (std::find(joints.begin(), joints.end(), joint.name) == joints.end())
-      throw std::runtime_error("joint '" + joint.name + "' is not one of the library");
+      throw std::runtime_error("joint '" + joint.name + "' is not one of the library; its joints are " + listed(joints));
     for (const auto& state : joint.state_interfaces) check_kind(joint.name, "state", state.name);
     for (const auto& command : joint.command_interfaces) {
       check_kind(joint.name, "command", command.name);
@@ -99,7 +123,7 @@ void ArmSystem::choose_hold() {
 ArmSystem::CallbackReturn ArmSystem::on_configure(const rclcpp_lifecycle::State&) {
   find_interfaces();
   try {
-    if (const int code = begin()) throw std::runtime_error(arm_->text(code));
+    if (const int code = begin()) throw std::runtime_error(beyond_stop() + arm_->text(code));
   } catch (const std::exception& error) {
     RCLCPP_FATAL(get_logger(), "initial_value: %s", error.what());
     return CallbackReturn::ERROR;
@@ -130,13 +154,35 @@ int ArmSystem::begin() {
     for (int kind : {kPosition, kVelocity}) {
       const auto found = named(described.state_interfaces, kNames[kind]);
       if (found == described.state_interfaces.end() || found->initial_value.empty()) continue;
-      state_[kind][i] = std::stod(found->initial_value);
+      state_[kind][i] = number(described.name, kNames[kind], found->initial_value);
       given = true;
     }
     joints_[i].holds = false;
     joints_[i].last = kNone;
   }
   return given ? arm_->begin(state_[kPosition].data(), state_[kVelocity].data()) : 0;
+}
+
+/// The joints that are beyond their stops, with where they are and may be.
+std::string ArmSystem::beyond_stop() const {
+  std::string text;
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
+    const double q = state_[kPosition][i];
+    const auto [lower, upper] = arm_->range(i);
+    if (q < lower || q > upper)
+      text += "joint '" + arm_->joints()[i] + "': position " + written(q) + "; " + written(lower) + " to " + written(upper)
+              + " is allowed; ";
+  }
+  return text;
+}
+
+/// The joint that moves fastest, for the message about a tick that cannot be computed.
+std::string ArmSystem::fastest() const {
+  std::size_t i = 0;
+  for (std::size_t k = 1; k < joints_.size(); ++k)
+    if (std::abs(state_[kVelocity][k]) > std::abs(state_[kVelocity][i])) i = k;
+  return "the fastest joint, '" + arm_->joints()[i] + "', is at position " + written(state_[kPosition][i]) + ", with velocity "
+         + written(state_[kVelocity][i]) + " and command " + written(command_[i]);
 }
 
 ArmSystem::return_type ArmSystem::perform_command_mode_switch(const std::vector<std::string>& start,
@@ -158,14 +204,20 @@ ArmSystem::return_type ArmSystem::read(const rclcpp::Time&, const rclcpp::Durati
   return return_type::OK;
 }
 
-/// Read the commands of a joint into the reference. A position without a velocity has that of the
+/// Read the commands of a joint into the reference; false, with a message, if one is infinite. A position without a velocity has that of the
 /// stream of positions, as in `Simulator`; without any command the joint stays where it is.
-void ArmSystem::follow(std::size_t i) {
+bool ArmSystem::follow(std::size_t i) {
   Joint& joint = joints_[i];
   std::array<double, kKinds> value{kNone, kNone, kNone};
   for (int kind = 0; kind < kKinds; ++kind)
     if (joint.given[kind] && joint.commands[kind])
       value[kind] = joint.commands[kind]->get_optional().value_or(reference_[kind][i]);
+  for (int kind = 0; kind < kKinds; ++kind)
+    if (std::isinf(value[kind])) {
+      RCLCPP_ERROR(get_logger(), "joint '%s': %s command %g; a finite number is expected, or NaN for none",
+                   arm_->joints()[i].c_str(), kNames[kind], value[kind]);
+      return false;
+    }
   const bool commanded = std::any_of(value.begin(), value.end(), [](double x) { return !std::isnan(x); });
   if (!commanded && hold_) {
     if (!joint.holds) joint.held = state_[kPosition][i];
@@ -178,6 +230,7 @@ void ArmSystem::follow(std::size_t i) {
   if (std::isnan(value[kVelocity]) && !std::isnan(value[kPosition]))
     value[kVelocity] = std::isnan(moved) ? 0.0 : moved / (ticks_ * arm_->period());
   for (int kind = 0; kind < kKinds; ++kind) reference_[kind][i] = value[kind];
+  return true;
 }
 
 /// Whether a servo has something to track.
@@ -188,7 +241,8 @@ bool ArmSystem::is_tracking() const {
 }
 
 ArmSystem::return_type ArmSystem::write(const rclcpp::Time&, const rclcpp::Duration&) {
-  for (std::size_t i = 0; i < joints_.size(); ++i) follow(i);
+  for (std::size_t i = 0; i < joints_.size(); ++i)
+    if (!follow(i)) return return_type::ERROR;
   const bool tracking = is_tracking();
   for (std::size_t i = 0; i < joints_.size() && !tracking; ++i)
     command_[i] = std::isnan(reference_[kEffort][i]) ? 0.0 : reference_[kEffort][i];
@@ -196,7 +250,7 @@ ArmSystem::return_type ArmSystem::write(const rclcpp::Time&, const rclcpp::Durat
     if (tracking)
       arm_->servo(reference_[kPosition].data(), reference_[kVelocity].data(), reference_[kEffort].data(), command_.data());
     if (const int code = arm_->step(command_.data())) {
-      RCLCPP_ERROR(get_logger(), "%s", arm_->text(code));
+      RCLCPP_ERROR(get_logger(), "%s; %s", arm_->text(code), fastest().c_str());
       return return_type::ERROR;
     }
   }

@@ -63,8 +63,10 @@ private:
   void choose_hold();
   void find_interfaces();
   int begin();
-  void follow(std::size_t i);
+  bool follow(std::size_t i);
   bool is_tracking() const;
+  std::string beyond_stop() const;
+  std::string fastest() const;
 
   std::unique_ptr<ExportedArm> arm_;
   std::vector<Joint> joints_;
