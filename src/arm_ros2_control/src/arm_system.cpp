@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
-#include <sstream>
 #include <stdexcept>
 #include <tuple>
 
@@ -21,19 +20,6 @@ constexpr std::array<const char*, 3> kNames{"position", "velocity", "effort"};
 
 template <class Parts> auto named(const Parts& parts, const std::string& name) {
   return std::find_if(parts.begin(), parts.end(), [&](const auto& p) { return p.name == name; });
-}
-
-std::string listed(const std::vector<std::string>& names) {
-  std::string text;
-  for (const auto& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
-/// A number as people write it.
-std::string written(double value) {
-  std::ostringstream text;
-  text << value;
-  return text.str();
 }
 
 /// Refuse an interface that joints do not have.
@@ -87,7 +73,7 @@ void ArmSystem::check_joints() const {
   const auto& joints = arm_->joints();
   for (const auto& joint : info_.joints) {
     if (std::find(joints.begin(), joints.end(), joint.name) == joints.end())
-      throw std::runtime_error("joint '" + joint.name + "' is not one of the library; its joints are " + listed(joints));
+      throw std::runtime_error("joint '" + joint.name + "' is not one of the library");
     for (const auto& state : joint.state_interfaces) check_kind(joint.name, "state", state.name);
     for (const auto& command : joint.command_interfaces) {
       check_kind(joint.name, "command", command.name);
@@ -123,7 +109,7 @@ void ArmSystem::choose_hold() {
 ArmSystem::CallbackReturn ArmSystem::on_configure(const rclcpp_lifecycle::State&) {
   find_interfaces();
   try {
-    if (const int code = begin()) throw std::runtime_error(beyond_stop() + arm_->text(code));
+    begin();
   } catch (const std::exception& error) {
     RCLCPP_FATAL(get_logger(), "initial_value: %s", error.what());
     return CallbackReturn::ERROR;
@@ -144,9 +130,9 @@ void ArmSystem::find_interfaces() {
   }
 }
 
-/// Begin where the description says, else where the scene does: 0, or a code.
-int ArmSystem::begin() {
-  if (const int code = arm_->begin(nullptr, nullptr)) return code;
+/// Begin where the description says, else where the scene does.
+void ArmSystem::begin() {
+  int code = arm_->begin(nullptr, nullptr);
   arm_->state(state_[kPosition].data(), state_[kVelocity].data(), state_[kEffort].data());
   bool given = false;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
@@ -160,29 +146,13 @@ int ArmSystem::begin() {
     joints_[i].holds = false;
     joints_[i].last = kNone;
   }
-  return given ? arm_->begin(state_[kPosition].data(), state_[kVelocity].data()) : 0;
-}
-
-/// The joints that are beyond their stops, with where they are and may be.
-std::string ArmSystem::beyond_stop() const {
-  std::string text;
-  for (std::size_t i = 0; i < joints_.size(); ++i) {
-    const double q = state_[kPosition][i];
+  if (given && !code) code = arm_->begin(state_[kPosition].data(), state_[kVelocity].data());
+  for (std::size_t i = 0; i < joints_.size() && code; ++i) {
     const auto [lower, upper] = arm_->range(i);
-    if (q < lower || q > upper)
-      text += "joint '" + arm_->joints()[i] + "': position " + written(q) + "; " + written(lower) + " to " + written(upper)
-              + " is allowed; ";
+    if (const double q = state_[kPosition][i]; q < lower || q > upper)
+      RCLCPP_FATAL(get_logger(), "joint '%s': position %g; %g to %g is allowed", arm_->joints()[i].c_str(), q, lower, upper);
   }
-  return text;
-}
-
-/// The joint that moves fastest, for the message about a tick that cannot be computed.
-std::string ArmSystem::fastest() const {
-  std::size_t i = 0;
-  for (std::size_t k = 1; k < joints_.size(); ++k)
-    if (std::abs(state_[kVelocity][k]) > std::abs(state_[kVelocity][i])) i = k;
-  return "the fastest joint, '" + arm_->joints()[i] + "', is at position " + written(state_[kPosition][i]) + ", with velocity "
-         + written(state_[kVelocity][i]) + " and command " + written(command_[i]);
+  if (code) throw std::runtime_error(arm_->text(code));
 }
 
 ArmSystem::return_type ArmSystem::perform_command_mode_switch(const std::vector<std::string>& start,
@@ -250,7 +220,7 @@ ArmSystem::return_type ArmSystem::write(const rclcpp::Time&, const rclcpp::Durat
     if (tracking)
       arm_->servo(reference_[kPosition].data(), reference_[kVelocity].data(), reference_[kEffort].data(), command_.data());
     if (const int code = arm_->step(command_.data())) {
-      RCLCPP_ERROR(get_logger(), "%s; %s", arm_->text(code), fastest().c_str());
+      RCLCPP_ERROR(get_logger(), "%s", arm_->text(code));
       return return_type::ERROR;
     }
   }

@@ -62,11 +62,9 @@ private:
   void check_rate();
   void choose_hold();
   void find_interfaces();
-  int begin();
+  void begin();
   bool follow(std::size_t i);
   bool is_tracking() const;
-  std::string beyond_stop() const;
-  std::string fastest() const;
 
   std::unique_ptr<ExportedArm> arm_;
   std::vector<Joint> joints_;
