@@ -111,6 +111,43 @@ def test_the_controller_follows_a_motion_by_computed_torque(folder: Path) -> Non
 
 
 @pytest.mark.parametrize(
+    ("kinds", "row", "said"),
+    [
+        ("effort", "1 inf", "joint 'elbow': effort command inf; a finite number is expected"),
+        ("position", "-inf 0", "joint 'shoulder': position command -inf; a finite number"),
+        ("controller", "0 0 0 0 0 inf", "'elbow': position 0, velocity 0 and acceleration inf"),
+        ("controller", "0 0 0 0 1e308 0", "'shoulder': position 0, velocity 0 and acceleration"),
+    ],
+)
+def test_a_period_that_cannot_be_computed_is_an_error_that_names_the_joint(
+    folder: Path, kinds: str, row: str, said: str
+) -> None:
+    command = [folder / "drive", folder / "libarm.so", "1000", kinds]
+    made = subprocess.run(command, input=row, capture_output=True, text=True, check=False)
+    assert made.returncode == 1 and "a period failed" in made.stderr
+    assert said in made.stderr
+
+
+@pytest.mark.parametrize(
+    ("initial", "said"),
+    [
+        ("3.5", "'elbow': position 3.5; -2.8 to 2.8 is allowed"),
+        ("-3.5", "'elbow': position -3.5; -2.8 to 2.8 is allowed"),
+        ("one", "'elbow': position 'one'; a finite number is expected"),
+        ("0.5 rad", "'elbow': position '0.5 rad'; a finite number is expected"),
+        ("nan", "'elbow': position 'nan'; a finite number is expected"),
+    ],
+)
+def test_a_place_where_an_arm_cannot_begin_is_refused(
+    folder: Path, initial: str, said: str
+) -> None:
+    command = [folder / "drive", folder / "libarm.so", "1000", "effort", initial]
+    made = subprocess.run(command, input="", capture_output=True, text=True, check=False)
+    assert made.returncode == 1
+    assert said in made.stderr
+
+
+@pytest.mark.parametrize(
     ("library", "rate", "kinds", "said"),
     [
         ("libarm.so", 300, "effort", "the rate is 300 Hz; a period of one or more ticks of 0.001"),

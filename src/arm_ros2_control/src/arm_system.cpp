@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <stdexcept>
 #include <tuple>
@@ -26,6 +27,15 @@ void check_kind(const std::string& joint, const std::string& way, const std::str
   if (std::find(kNames.begin(), kNames.end(), kind) == kNames.end())
     throw std::runtime_error("joint '" + joint + "': " + way + " interface '" + kind
                              + "'; position, velocity and effort are allowed");
+}
+
+/// A number that a text gives and nothing else.
+double number(const std::string& joint, const char* what, const std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end || !std::isfinite(value))
+    throw std::runtime_error("joint '" + joint + "': " + what + " '" + text + "'; a finite number is expected");
+  return value;
 }
 
 /// A parameter of the hardware, or a default.
@@ -99,7 +109,7 @@ void ArmSystem::choose_hold() {
 ArmSystem::CallbackReturn ArmSystem::on_configure(const rclcpp_lifecycle::State&) {
   find_interfaces();
   try {
-    if (const int code = begin()) throw std::runtime_error(arm_->text(code));
+    begin();
   } catch (const std::exception& error) {
     RCLCPP_FATAL(get_logger(), "initial_value: %s", error.what());
     return CallbackReturn::ERROR;
@@ -120,9 +130,9 @@ void ArmSystem::find_interfaces() {
   }
 }
 
-/// Begin where the description says, else where the scene does: 0, or a code.
-int ArmSystem::begin() {
-  if (const int code = arm_->begin(nullptr, nullptr)) return code;
+/// Begin where the description says, else where the scene does.
+void ArmSystem::begin() {
+  int code = arm_->begin(nullptr, nullptr);
   arm_->state(state_[kPosition].data(), state_[kVelocity].data(), state_[kEffort].data());
   bool given = false;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
@@ -130,13 +140,19 @@ int ArmSystem::begin() {
     for (int kind : {kPosition, kVelocity}) {
       const auto found = named(described.state_interfaces, kNames[kind]);
       if (found == described.state_interfaces.end() || found->initial_value.empty()) continue;
-      state_[kind][i] = std::stod(found->initial_value);
+      state_[kind][i] = number(described.name, kNames[kind], found->initial_value);
       given = true;
     }
     joints_[i].holds = false;
     joints_[i].last = kNone;
   }
-  return given ? arm_->begin(state_[kPosition].data(), state_[kVelocity].data()) : 0;
+  if (given && !code) code = arm_->begin(state_[kPosition].data(), state_[kVelocity].data());
+  for (std::size_t i = 0; i < joints_.size() && code; ++i) {
+    const auto [lower, upper] = arm_->range(i);
+    if (const double q = state_[kPosition][i]; q < lower || q > upper)
+      RCLCPP_FATAL(get_logger(), "joint '%s': position %g; %g to %g is allowed", arm_->joints()[i].c_str(), q, lower, upper);
+  }
+  if (code) throw std::runtime_error(arm_->text(code));
 }
 
 ArmSystem::return_type ArmSystem::perform_command_mode_switch(const std::vector<std::string>& start,
@@ -158,14 +174,20 @@ ArmSystem::return_type ArmSystem::read(const rclcpp::Time&, const rclcpp::Durati
   return return_type::OK;
 }
 
-/// Read the commands of a joint into the reference. A position without a velocity has that of the
+/// Read the commands of a joint into the reference; false, with a message, if one is infinite. A position without a velocity has that of the
 /// stream of positions, as in `Simulator`; without any command the joint stays where it is.
-void ArmSystem::follow(std::size_t i) {
+bool ArmSystem::follow(std::size_t i) {
   Joint& joint = joints_[i];
   std::array<double, kKinds> value{kNone, kNone, kNone};
   for (int kind = 0; kind < kKinds; ++kind)
     if (joint.given[kind] && joint.commands[kind])
       value[kind] = joint.commands[kind]->get_optional().value_or(reference_[kind][i]);
+  for (int kind = 0; kind < kKinds; ++kind)
+    if (std::isinf(value[kind])) {
+      RCLCPP_ERROR(get_logger(), "joint '%s': %s command %g; a finite number is expected, or NaN for none",
+                   arm_->joints()[i].c_str(), kNames[kind], value[kind]);
+      return false;
+    }
   const bool commanded = std::any_of(value.begin(), value.end(), [](double x) { return !std::isnan(x); });
   if (!commanded && hold_) {
     if (!joint.holds) joint.held = state_[kPosition][i];
@@ -178,6 +200,7 @@ void ArmSystem::follow(std::size_t i) {
   if (std::isnan(value[kVelocity]) && !std::isnan(value[kPosition]))
     value[kVelocity] = std::isnan(moved) ? 0.0 : moved / (ticks_ * arm_->period());
   for (int kind = 0; kind < kKinds; ++kind) reference_[kind][i] = value[kind];
+  return true;
 }
 
 /// Whether a servo has something to track.
@@ -188,7 +211,8 @@ bool ArmSystem::is_tracking() const {
 }
 
 ArmSystem::return_type ArmSystem::write(const rclcpp::Time&, const rclcpp::Duration&) {
-  for (std::size_t i = 0; i < joints_.size(); ++i) follow(i);
+  for (std::size_t i = 0; i < joints_.size(); ++i)
+    if (!follow(i)) return return_type::ERROR;
   const bool tracking = is_tracking();
   for (std::size_t i = 0; i < joints_.size() && !tracking; ++i)
     command_[i] = std::isnan(reference_[kEffort][i]) ? 0.0 : reference_[kEffort][i];

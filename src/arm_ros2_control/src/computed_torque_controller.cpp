@@ -109,6 +109,15 @@ ComputedTorqueController::return_type ComputedTorqueController::update_reference
   return return_type::OK;
 }
 
+/// An error that names the joint for whose reference there is no torque.
+ComputedTorqueController::return_type ComputedTorqueController::refuse(std::size_t joint) const {
+  RCLCPP_ERROR(get_node()->get_logger(),
+               "joint '%s': position %g, velocity %g and acceleration %g are commanded; finite numbers are expected that lead "
+               "to a finite effort, or NaN for none",
+               arm_->joints()[joint].c_str(), reference(0, joint), reference(1, joint), reference(2, joint));
+  return return_type::ERROR;
+}
+
 ComputedTorqueController::return_type ComputedTorqueController::update_and_write_commands(const rclcpp::Time&,
                                                                                           const rclcpp::Duration&) {
   read_state();
@@ -117,10 +126,13 @@ ComputedTorqueController::return_type ComputedTorqueController::update_and_write
     const double q = reference(0, i), v = or_zero(reference(1, i)), a = or_zero(reference(2, i));
     if (!std::isnan(q)) held_[i] = q;
     a_[i] = a + kd_ * (v - v_[i]) + kp_ * (held_[i] - q_[i]);
+    if (!std::isfinite(a_[i])) return refuse(i);
     middle_[i] = q_[i] + 0.5 * period_ * v_[i];
     speed_[i] = v_[i] + 0.5 * period_ * a_[i];
   }
   arm_->inverse_dynamics(middle_.data(), speed_.data(), a_.data(), tau_.data());
+  for (std::size_t i = 0; i < q_.size(); ++i)
+    if (!std::isfinite(tau_[i])) return refuse(i);
   bool written = true;
   for (std::size_t i = 0; i < q_.size(); ++i) written &= command_interfaces_[i].set_value(tau_[i]);
   return written ? return_type::OK : return_type::ERROR;

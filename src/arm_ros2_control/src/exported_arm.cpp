@@ -3,6 +3,7 @@
 
 #include <dlfcn.h>
 
+#include <limits>
 #include <new>
 #include <stdexcept>
 
@@ -41,10 +42,12 @@ ExportedArm::ExportedArm(const std::string& path) : path_(path), name_(name_of(p
   std::size_t (*size)() = nullptr;
   int (*count)() = nullptr;
   double (*period)() = nullptr;
+  void (*range)(double*, double*) = nullptr;
   const char* const* names = nullptr;
   find(size, "sim_size");
   find(count, "sim_joints");
   find(period, "sim_period");
+  find(range, "sim_range", false);
   find(names, "joint_names");
   find(init_, "sim_init");
   find(step_, "sim_step");
@@ -54,6 +57,9 @@ ExportedArm::ExportedArm(const std::string& path) : path_(path), name_(name_of(p
   find(inverse_dynamics_, "inverse_dynamics", false);
   joints_.assign(names, names + count());
   period_ = period();
+  lower_.assign(joints_.size(), -std::numeric_limits<double>::infinity());
+  upper_.assign(joints_.size(), std::numeric_limits<double>::infinity());
+  if (range) range(lower_.data(), upper_.data());
   memory_.reset(static_cast<Simulation*>(::operator new(size(), kAligned)));
 }
 

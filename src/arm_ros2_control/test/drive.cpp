@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Drives the plugins as controller_manager does, on stand-ins of its interfaces.
 //
-//   drive LIBRARY RATE KIND[,KIND…] < COMMANDS
+//   drive LIBRARY RATE KIND[,KIND…] [INITIAL] < COMMANDS
 //
 // KIND: position, velocity, effort, `sensor` to describe one as well, or `controller` for references of the
-// computed-torque controller. COMMANDS: for each period, for each kind, a number for each joint. Prints positions,
+// computed-torque controller. INITIAL: position of the last joint at the beginning. COMMANDS: for each period, for each kind, a number for each joint. Prints positions,
 // velocities and efforts after each period, in hexadecimal. Fails if anything is allocated, or waits for a lock, within a period.
 #include <dlfcn.h>
 #include <pthread.h>
@@ -30,7 +30,8 @@ void demand(bool holds, const char* what) {
   std::exit(1);
 }
 
-hardware_interface::HardwareInfo described(const std::string& library, unsigned rate, const std::vector<std::string>& kinds) {
+hardware_interface::HardwareInfo described(const std::string& library, unsigned rate, const std::vector<std::string>& kinds,
+                                           const char* initial) {
   hardware_interface::HardwareInfo info;
   info.name = "arm";
   info.rw_rate = rate;
@@ -43,6 +44,7 @@ hardware_interface::HardwareInfo described(const std::string& library, unsigned 
     for (const char* kind : {"position", "velocity", "effort"}) joint.state_interfaces.push_back({kind, "", "", "", ""});
     info.joints.insert(info.joints.begin(), joint); // in another order than the library's
   }
+  if (initial) info.joints[0].state_interfaces[0].initial_value = initial;
   if (kinds.back() == "sensor") {
     info.sensors.emplace_back();
     info.sensors.back().name = "wrist";
@@ -71,7 +73,7 @@ COUNTED(pthread_rwlock_rdlock, pthread_rwlock_t)
 COUNTED(pthread_rwlock_wrlock, pthread_rwlock_t)
 }
 
-int main(int, char** arguments) {
+int main(int count, char** arguments) {
   const std::string library = arguments[1];
   std::vector<std::string> kinds, names;
   std::istringstream given(arguments[3]);
@@ -81,7 +83,7 @@ int main(int, char** arguments) {
 
   arm_ros2_control::ArmSystem system;
   hardware_interface::HardwareComponentInterfaceParams params;
-  params.hardware_info = described(library, std::atoi(arguments[2]), kinds);
+  params.hardware_info = described(library, std::atoi(arguments[2]), kinds, count > 4 ? arguments[4] : nullptr);
   demand(system.on_init(params) == CallbackReturn::SUCCESS, "on_init");
   demand(system.on_configure({}) == CallbackReturn::SUCCESS, "on_configure");
   const auto joints = arm_ros2_control::ExportedArm(library).joints();

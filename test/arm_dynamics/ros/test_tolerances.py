@@ -34,13 +34,15 @@ def verdict(rules: Tolerances, left: float, off: list[float], speed: float = 0.0
 
 
 @pytest.mark.parametrize(
-    ("asked", "holds"), [(0.3, 0.3), (0.0, 0.7), (-1.0, math.inf)], ids=["own", "default", "none"]
+    ("asked", "holds"),
+    [(0.3, 0.3), (0.0, 0.7), (-1.0, NONE), (-1.0 - 1e-7, NONE), (math.inf, NONE)],
+    ids=["own", "default", "none", "none up to rounding", "infinite"],
 )
 def test_special_values_of_a_tolerance(asked: float, holds: float) -> None:
     assert resolved("position", asked, 0.7) == holds
 
 
-@pytest.mark.parametrize("asked", [-0.5, -2.0, math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("asked", [-0.5, -1.01, -2.0, math.nan, -math.inf])
 def test_other_values_are_refused(asked: float) -> None:
     with pytest.raises(InvalidInput, match=f"goal_time is {asked}; allowed: 0"):
         resolved("goal_time", asked, 0.0)

@@ -158,9 +158,12 @@ def test_a_tolerance_is_not_negative(node: ControllerNode, kind: str) -> None:
     set_to(node, **{name: 0.0})
 
 
-def test_an_erased_tolerance_allows_any_error(node: ControllerNode, client: Client) -> None:
+@pytest.mark.parametrize("value", [-1.0, float("inf")], ids=["erased", "infinite"])
+def test_such_a_tolerance_allows_any_error(
+    node: ControllerNode, client: Client, value: float
+) -> None:
     set_to(node, **{f"constraints.{NAMES[1]}.trajectory": 0.05})
-    handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[1], -1.0)]))
+    handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[1], value)]))
     led(node, 0, 990, off=lambda _: (0.0, 0.5))
     led(node, 1000, 1000)
     assert client.result(handle)[0] == SUCCEEDED
@@ -232,7 +235,7 @@ def test_a_new_goal_takes_over_from_where_the_reference_is(
     second = client.send(to(-0.4, 0.4))
     status, result = client.result(first)
     assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
-    assert result.error_string == "Current goal cancelled due to new incoming action."
+    assert result.error_string == "Current goal preempted by new incoming action."
     assert_close(reference_of(node, 500 * MS)[:2], before[:2], ALGEBRA)
     led(node, 500, 1500)
     assert client.result(second)[0] == SUCCEEDED
@@ -265,7 +268,7 @@ def test_a_goal_that_is_replaced_before_its_acceptance_is_out_is_aborted(
     monkeypatch.setattr(node.action, "_followed", followed)
     status, result = client.result(client.send(to(0.4, 0.4)))
     assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
-    assert result.error_string == "Current goal cancelled due to new incoming action."
+    assert result.error_string == "Current goal preempted by new incoming action."
     assert node.action.checks is None
 
 
@@ -355,6 +358,9 @@ BAD = {
     ),
     "velocity in path_tolerance of joint 'elbow' is nan": to(
         0.1, 0.1, path_tolerance=[tolerance(NAMES[1], velocity=float("nan"))]
+    ),
+    "velocity in goal_tolerance of joint 'shoulder' is -inf": to(
+        0.1, 0.1, goal_tolerance=[tolerance(NAMES[0], velocity=-float("inf"))]
     ),
     "have no accelerations": to(
         0.1, 0.1, path_tolerance=[tolerance(NAMES[1], acceleration=0.1)]

@@ -115,6 +115,9 @@ def test_ticks_are_those_of_the_simulator_to_the_bit(case: Case) -> None:
     period = ticks.function("sim_period")
     period.restype = ctypes.c_double
     assert (ticks.function("sim_joints")(), period()) == (simulator.n, simulator.dt)
+    lower, upper = np.zeros((2, simulator.n))
+    ticks.function("sim_range")(pointer(lower), pointer(upper))
+    np.testing.assert_array_equal([lower, upper], simulator.model.stops.bounds)
 
 
 def test_a_copy_made_in_the_middle_continues_to_the_same_bits(case: Case) -> None:

@@ -62,8 +62,8 @@ private:
   void check_rate();
   void choose_hold();
   void find_interfaces();
-  int begin();
-  void follow(std::size_t i);
+  void begin();
+  bool follow(std::size_t i);
   bool is_tracking() const;
 
   std::unique_ptr<ExportedArm> arm_;

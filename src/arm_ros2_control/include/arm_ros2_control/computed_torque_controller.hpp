@@ -53,6 +53,7 @@ private:
   void choose_gains(double bandwidth, double damping_ratio);
   void read_state();
   double reference(std::size_t kind, std::size_t joint) const;
+  return_type refuse(std::size_t joint) const;
 
   std::unique_ptr<ExportedArm> arm_;
   std::vector<double> q_, v_, middle_, speed_, a_, tau_, held_;

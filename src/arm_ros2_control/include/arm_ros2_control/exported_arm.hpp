@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace arm_ros2_control {
@@ -23,6 +24,9 @@ public:
 
   /// Length of a tick in [s].
   double period() const noexcept { return period_; }
+
+  /// Positions between which a joint can be; infinite where nothing stops it.
+  std::pair<double, double> range(std::size_t joint) const noexcept { return {lower_[joint], upper_[joint]}; }
 
   /// Whether there are servos, which track positions and velocities.
   bool has_servos() const noexcept { return servo_ != nullptr; }
@@ -74,6 +78,7 @@ private:
   const char* (*error_text_)(int) = nullptr;
   std::unique_ptr<Simulation, Free> memory_;
   std::vector<std::string> joints_;
+  std::vector<double> lower_, upper_;
   double period_ = 0.0;
 };
 

@@ -28,9 +28,9 @@ _ERASED = -1.0
 
 
 def resolved(what: str, asked: float, default: float) -> float:
-    """The effective tolerance: positive ones unchanged, 0 the default, -1 none.
+    """The effective tolerance: positive ones unchanged, inf and -1 none, 0 the default.
 
-    Source: comments of control_msgs/JointTolerance.
+    Source: comments of control_msgs/JointTolerance; -1 up to the rounding of a float32.
 
     Args:
         what: Name of the tolerance, for messages.
@@ -38,13 +38,13 @@ def resolved(what: str, asked: float, default: float) -> float:
         default: The default tolerance; inf for none.
 
     Raises:
-        InvalidInput: If it is another negative number, or not finite.
+        InvalidInput: If it is another negative number, or none.
     """
-    if asked > 0.0 and math.isfinite(asked):
+    if asked > 0.0:
         return asked
     if asked == 0.0:
         return default
-    if asked == _ERASED:
+    if abs(asked - _ERASED) < np.finfo(np.float32).eps:
         return NONE
     raise InvalidInput(f"{what} is {asked}; allowed: 0 (default), -1 (none) and positive ones")
 

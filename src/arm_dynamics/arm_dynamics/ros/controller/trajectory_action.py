@@ -43,7 +43,7 @@ _KIND = "action goal"
 _KEPT = 60  # [s] for which results are kept for late clients
 _AHEAD = 3600.0  # [s] by which a goal may begin after the newest state; beyond, clocks differ
 _STEP = 0.01  # [rad] or [m]
-_REPLACED = "Current goal cancelled due to new incoming action."
+_REPLACED = "Current goal preempted by new incoming action."
 _OTHER = "Current goal cancelled due to new incoming trajectory."
 _HELD = "Current goal cancelled, the arm is held where it is."
 

@@ -32,6 +32,9 @@ size_t library_sim_size(void);
 int library_sim_joints(void);
 double library_sim_period(void);
 
+/* Positions between which joints can be: their rigid stops, infinite where there are none. */
+void library_sim_range(double* lower, double* upper);
+
 /* Begin at positions and velocities; NULL: those of the scene. Drives and bristles begin without load. Returns 0 or a code;
  * after a code the simulation cannot be stepped. */
 int library_sim_init(library_sim* sim, const double* q, const double* v);

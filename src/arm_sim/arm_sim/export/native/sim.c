@@ -48,6 +48,16 @@ int library_sim_joints(void) { return NU; }
 
 double library_sim_period(void) { return PERIOD; }
 
+void library_sim_range(double* lower, double* upper) {
+  for (int i = 0; i < NU; ++i) lower[i] = -INFINITY, upper[i] = INFINITY;
+#ifdef RIGID
+  for (int i = 0; i < NU; ++i) {
+    if (lower_stop[i] > -1e308) lower[i] = lower_stop[i];
+    if (upper_stop[i] < 1e308) upper[i] = upper_stop[i];
+  }
+#endif
+}
+
 static int all_finite(const double* values, int count) {
   int finite = 1;
   for (int i = 0; i < count; ++i) finite &= values[i] - values[i] == 0.0;
