@@ -28,10 +28,10 @@ from arm_sim.stepping.events import lengths
 NATIVE = Path(__file__).parent / "native"
 NOWHERE = sys.float_info.max
 """Position of a stop that does not exist: beyond every position."""
-MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1_000_000, 200, 50, 100
+MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1_000_000, 20, 50, 100
 """Budget of a tick with events before it is time-stepped: arithmetic operations (less than a
-millisecond), smooth motions for each joint and contact that it may always take, a factor with
-error control, and the overhead of a call in operations."""
+millisecond), smooth motions that it may always take for each joint and each direction of a
+contact, a factor with error control, and the overhead of a call in operations."""
 WEIGHTS = {
     ca.OP_EXP: 20, ca.OP_LOG: 20, ca.OP_POW: 50, ca.OP_TANH: 30, ca.OP_SQRT: 5, ca.OP_DIV: 4
 }  # fmt: skip
@@ -166,7 +166,8 @@ def _work(
     """Costs of functions, and the budget of a tick before the rest of it is time-stepped."""
     of = {function.name(): OVERHEAD + operations(function, WEIGHTS) for function in functions}
     step = of[smooth.name()]
-    factor, parts = 1 if choice.tolerance is None else PATIENCE, plant.model.n + len(plant.points)
+    factor = 1 if choice.tolerance is None else PATIENCE
+    parts = plant.model.n + 3 * len(plant.points)
     most = max(MOST_OPERATIONS * factor, LEAST_WORK * step * max(factor, parts))
     return {
         "MOST_WORK": f"{most}LL", "COST_STEP": str(step), "COST_SLOPE": str(of["rhs"]),

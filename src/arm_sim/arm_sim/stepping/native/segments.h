@@ -15,8 +15,13 @@
 #define HELD 1e-9          /* speed treated as rounding if all joints of an arm are held */
 #define INDEPENDENT 1e-10  /* part of a row that must be left by those before it, for it to count for the rank */
 #define MOST_PARTS 32      /* segments of a tick in which a contact that creeps in one direction is looked at */
-#define DRIFT (0.5 * SLOWEST) /* speed of a contact across its direction that is none */
-#define TURN_ERROR 1e-9    /* error of the velocity by a turn in one step */
+#define TURN_ERROR 1e-8    /* error of its velocity by a turn in a step of fixed length */
+#define RESTING_DRIFT (0.5 * SLOWEST) /* speed of a contact across its direction when it comes to rest, which is rest ... */
+#ifdef ADAPTIVE
+#define DRIFT RESTING_DRIFT /* ... and while it slides, that need not be followed */
+#else
+#define DRIFT TURN_ERROR
+#endif
 #define SHORT_WAY 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
 #define SWITCH_ROUNDING 1e-13 /* of a comparison, relative to what is compared */
 #define NOTHING 1e-15       /* violation treated as rounding */
@@ -317,14 +322,15 @@ static int load_may_stray(const piece_t* piece, const segment_t* segment, const 
   }
   for (int i = 0; i < ND; ++i)
     if (segment->p.direction[i] == 0.0 && end->joint[i] > -NEAR * static_level[i]) return 1;
-  return 0;
+  return end->together > -NEAR;
 #endif
 }
 
-/* Whether a drive or cord may switch inside a piece and back: whether it comes close, as the middle shows. */
+/* Whether a drive or cord may switch inside a piece and back: whether it comes close, as the middle shows, or a wave passes. */
 static int switch_may_stray(const piece_t* piece, const segment_t* segment, const limits_t* end) {
   __extension__ real x[NX], value[NK], size[NK], middle[NK];
   if (!NK) return 0;
+  if (phase_of(piece->begin, piece->end) > 1.0) return 1;
   state_inside(piece, 0.5, x);
   find_switches(x, segment, middle, size);
   find_switches(piece->begin, segment, value, size);
@@ -772,27 +778,25 @@ static int find_rates(const real* x, const segment_t* segment, loads_t* found, g
   return 1;
 }
 
-/* How the velocity of a sliding contact turns. */
-typedef struct {
-  double rate;  /* at which friction turns it towards its limiting direction, and slows it down; 0 if it does not slide */
-  double ahead; /* acceleration along it ... */
-  double drift; /* ... and speed across that direction, which the rate reduces */
-  double turn;  /* change of speed across until it rests, or the tick ends */
-} turning_t;
-
-static int find_turning(const real* x, const segment_t* segment, double tick, turning_t* turning) {
+/* Find how each contact turns at the beginning of a segment, unless that is known. */
+static void find_turning(const real* x, segment_t* segment) {
   __extension__ double rate[NC];
   loads_t found;
   geometry_t geometry;
-  if (!find_rates(x, segment, &found, &geometry, rate)) return 0;
+  if (segment->turns) return;
+  segment->turns = 1;
+  for (int k = 0; k < NC; ++k) segment->turning[k].rate = 0.0;
+  if (!find_rates(x, segment, &found, &geometry, rate)) return;
   for (int k = 0; k < NC; ++k) {
     const real *s = geometry.speed + 3 * k + 1, *a = found.rate + 3 * k + 1, *along = segment->p.contact[k].along;
     const double ahead = along[0] * a[0] + along[1] * a[1], across = fabs(along[0] * a[1] - along[1] * a[0]);
-    const double slows = fmax(-ahead, 0.0) / fmax(hypot(s[0], s[1]), SLOWEST), left = 1.0 / fmax(slows, 1.0 / tick);
-    turning[k] = (turning_t){rate[k], ahead, 0.0, across * left};
-    if (rate[k] > 0.0) turning[k] = (turning_t){rate[k] + slows, ahead, across / rate[k], across * left};
+    turning_t* of = segment->turning + k;
+    if (!(rate[k] > 0.0)) continue;
+    of->slows = fmax(-ahead, 0.0) / fmax(hypot(s[0], s[1]), SLOWEST);
+    of->rate = rate[k] + of->slows;
+    of->drift = across / rate[k];
+    of->turn = across;
   }
-  return 1;
 }
 
 /* Contacts that are treated as at rest though they creep: 1 if there are any.
@@ -802,13 +806,12 @@ static int find_turning(const real* x, const segment_t* segment, double tick, tu
  * where an explicit method could not keep up, a contact that has reached it is given it, and in a time-stepped tick any.
  */
 static int find_slow(const real* x, segment_t* segment, double tick) {
-  __extension__ turning_t turning[NC];
   int any = 0;
-  if (!find_turning(x, segment, tick, turning)) return 0;
+  find_turning(x, segment);
   for (int k = 0; k < NC; ++k) {
-    const turning_t* of = turning + k;
-    const int settled = of->ahead >= 0.0 && of->drift <= DRIFT;
-    segment->contact[k].slow = of->rate > MOST_PARTS / tick && (settled || (segment->step > 0.0 && of->turn > DRIFT));
+    const turning_t* of = segment->turning + k;
+    const int settled = of->slows == 0.0 && of->drift <= DRIFT;
+    segment->contact[k].slow = of->rate > MOST_PARTS / tick && (settled || segment->step > 0.0);
     any |= segment->contact[k].slow;
   }
   return any;
@@ -819,15 +822,15 @@ static int find_slow(const real* x, segment_t* segment, double tick) {
  * a part of the tick.
  */
 static double find_reach(const real* x, segment_t* segment, double tick) {
-  __extension__ turning_t turning[NC];
   double reach = tick;
-  if (!find_turning(x, segment, tick, turning)) return tick;
+  find_turning(x, segment);
   for (int k = 0; k < NC; ++k) {
-    const turning_t* of = turning + k;
+    const turning_t* of = segment->turning + k;
+    const double part = tick / MOST_PARTS, least = of->slows * part > 1.0 ? RESTING_DRIFT * of->slows : DRIFT / part;
     double length = 1.0 / of->rate;
     if (!(of->rate > 0.0)) continue;
-    if (of->turn <= DRIFT && length < tick / MOST_PARTS) segment->p.contact[k].fixed = 1.0;
-    if (segment->p.contact[k].fixed != 0.0) length = fmax(length, tick / MOST_PARTS);
+    if (of->turn <= least && length < part) segment->p.contact[k].fixed = 1.0;
+    if (segment->p.contact[k].fixed != 0.0) length = fmax(length, part);
 #ifndef ADAPTIVE
     else length *= fmin(1.0, pow(120.0 * TURN_ERROR / of->drift, 0.2));
 #endif
