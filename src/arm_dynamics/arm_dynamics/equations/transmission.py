@@ -23,8 +23,8 @@ from arm_dynamics.equations.elementary import (
     choose,
     cos,
     larger,
+    sign,
     sin,
-    size,
     smaller,
     within,
 )
@@ -119,16 +119,20 @@ def kinematic_error_slope(angle: Quantity, wave: Wave) -> Quantity:
     return wave.amplitude * wave.order * cos(wave.order * angle + wave.phase)
 
 
-def gear_loss(direction: Quantity, torque: Quantity, efficiency: Quantity) -> Quantity:
+def gear_loss(
+    direction: Quantity, torque: Quantity, efficiency: Quantity, forward: Quantity = None
+) -> Quantity:
     """Friction of the gear in [N m] or [N], of the sign of ``direction``.
 
     Args:
         direction: Direction in which the joint moves or is about to move, -1 or 1; 0 gives zero.
         torque: Torque of the motor, reflected to the joint, in [N m] or [N].
         efficiency: η, above zero, at most one.
+        forward: Whether the torque is positive, 1 or 0, in place of its own sign.
     """
-    part = choose(direction * torque > 0.0, 1.0 - efficiency, 1.0 / efficiency - 1.0)
-    return direction * size(torque) * part
+    way = sign(torque) if forward is None else 2.0 * forward - 1.0
+    part = choose(direction * way > 0.0, 1.0 - efficiency, 1.0 / efficiency - 1.0)
+    return direction * (way * torque) * part
 
 
 def gear_input(direction: Quantity, required: Quantity, efficiency: Quantity) -> Quantity:

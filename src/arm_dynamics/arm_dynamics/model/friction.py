@@ -172,12 +172,14 @@ class JointFriction(DryFriction):
             part is among the others.
         by_law: Dry friction of the joints whose friction model has states, for that model.
         efficiency: Efficiency of each joint's gear.
+        forward: Whether each drive's torque is positive, 1 or 0; None: as it is.
     """
 
     viscous: Sided
     tables: tuple[FrictionTable | None, ...]
     by_law: DryFriction
     efficiency: Array
+    forward: Quantity = field(default=None, kw_only=True)
 
     @property
     def by_position(self) -> bool:
@@ -260,12 +262,13 @@ class JointFriction(DryFriction):
             Torques in [N m] or [N], of the sign of ``direction``.
         """
         torque = self.sliding(v, direction, q, load)
-        lost = {
-            i: _column(torque, i)
-            + transmission.gear_loss(_column(direction, i), _column(load, i), self.efficiency[i])
-            for i in self.gears
-        }
+        lost = {i: _column(torque, i) + self._lost(i, direction, load) for i in self.gears}
         return _replaced(torque, lost)
+
+    def _lost(self, i: int, direction: Quantity, load: Quantity) -> Quantity:
+        forward = None if self.forward is None else _column(self.forward, i)
+        given = _column(direction, i), _column(load, i), self.efficiency[i]
+        return transmission.gear_loss(*given, forward)
 
     def relative_hold(self, reaction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Holding torque of a sticking joint, scaled such that it slips at ``level``."""
@@ -278,7 +281,7 @@ class JointFriction(DryFriction):
             push = _column(whole, i)
             level = mean[i] + skew[i] * sign(push)
             level = level if factors is None else level * _column(factors, i)
-            lost = transmission.gear_loss(sign(push), _column(load, i), self.efficiency[i])
+            lost = self._lost(i, sign(whole), load)
             relative[i] = push * self.level[i] / (level + size(lost) + UNLOADED)
         return _replaced(reaction if factors is None else reaction / factors, relative)
 

@@ -25,7 +25,7 @@ from arm_sim.derivatives.impact import impact_function
 from arm_sim.derivatives.one_sided import TickPoint
 from arm_sim.derivatives.rest_projection import RestProjection
 from arm_sim.derivatives.resting import resting_functions
-from arm_sim.derivatives.sliding_direction import turning_functions
+from arm_sim.derivatives.sliding_direction import mobility_across
 from arm_sim.derivatives.tangents import Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
@@ -232,7 +232,7 @@ class Events:
         if plant.directions or plant.points:
             functions += self._rest.matrices
         if plant.points:
-            functions += turning_functions(plant, tuned)
+            functions.append(mobility_across(plant))
         if self._strikes:
             functions.append(impact_function(plant, tuned))
         return functions

@@ -8,7 +8,7 @@ plant.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import casadi as ca
@@ -58,12 +58,13 @@ class Mechanics:
         parameters: Parameters,
         stops: bool,
         drives: ca.SX,
+        forward: Mapping[int, ca.SX],
         moving: bool = False,
         smoothing: float = 0.0,
     ) -> None:
         if model.n > DENSE_AT_MOST and stops:
             _log.info("generating the equations of %d joints", model.n)
-        self.symbols = s = Symbols(model, parameters, stops)
+        self.symbols = s = Symbols(model, parameters, stops, forward)
         cords = s.cords.modes if s.cords else ca.SX(0, 1)
         switches = ca.vertcat(cords, drives)
         self.joints = joints = Joints(model, s, stops, switches, moving, smoothing)

@@ -74,8 +74,10 @@ class Plant:
         self.directions, self.pressed = mode_counts(model, stops)
         laws = laws_of(model)
         drives = (law for law in laws if stops and law.replaces_command.any())
-        self._drives = {law: SwitchedLaw(law, model.n) for law in drives}
+        gears = model.friction.gears
+        self._drives = {law: SwitchedLaw(law, model.n, gears) for law in drives}
         modes = ca.vertcat(ca.SX(0, 1), *(drive.modes for drive in self._drives.values()))
+        forward = {i: sign for drive in self._drives.values() for i, sign in drive.forward.items()}
         switches = modes.numel() > 0 or (stops and has_cords(model))
         touches = bool(model.scene.contacts)
         self.eventful = bool(self.directions or self.pressed or touches or switches)
@@ -83,7 +85,7 @@ class Plant:
         self.glides = model.has_dry_friction or touches
         leaves = (self.stops or switches) and not self.glides
         self.free = Plant(model, stops=False) if leaves else None
-        self._make_mechanics = partial(Mechanics, model, self.parameters, stops, modes)
+        self._make_mechanics = partial(Mechanics, model, self.parameters, stops, modes, forward)
         self._mechanics = cache(one_at_a_time(self._make_mechanics))
         self.moving = False
         self._switching = switches
@@ -107,7 +109,7 @@ class Plant:
             return ()
         names, cords = self.model.joint_names, self._mechanics().symbols.cords
         owners = [joint for drive in self._drives.values() for joint in drive.joints]
-        own = [f"a limit or backlash of the drive of joint '{names[i]}'" for i in owners]
+        own = [f"a limit, backlash or load of the drive of joint '{names[i]}'" for i in owners]
         return (*["a cord"] * (cords.modes.numel() if cords else 0), *own)
 
     def under_torques(self) -> Plant:

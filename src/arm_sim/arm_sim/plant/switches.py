@@ -5,7 +5,8 @@ A drive at its current limit, a transmission in its backlash, a slack cord: the 
 between cases by comparing two expressions. Here each comparison becomes a number in p, 1 where it
 holds and 0 where it does not, and its switching function, which the engine watches like any other
 guard. The equations themselves are written once, with their comparisons: these are found in the
-expression graph.
+expression graph. The friction of a gear that loses power depends on the sign of the drive's
+torque, which is a mode where it may change within a tick.
 """
 
 from __future__ import annotations
@@ -122,19 +123,31 @@ class _Graph:
         self._work[place], self._varies[place] = value, varies
 
 
+def _magnitude(value: ca.SX) -> ca.SX:
+    """Sum of the sizes of the terms of a number, whose rounding is no change of its sign."""
+    parts = [value.dep(k) for k in range(value.n_dep())]
+    if value.is_op(ca.OP_ADD) or value.is_op(ca.OP_SUB):
+        return _magnitude(parts[0]) + _magnitude(parts[1])
+    if value.is_op(ca.OP_MUL):
+        return _magnitude(parts[0]) * _magnitude(parts[1])
+    return ca.fabs(value)
+
+
 class SwitchedLaw:
     """A law whose case distinctions are modes; see ``StatefulLaw``.
 
     Args:
         law: A law that replaces commands.
         n: Degrees of freedom.
+        gears: Joints whose gear loses power.
 
     Attributes:
         modes: Symbols of the modes, in the expressions of ``equations``.
         joints: Index of the joint of each.
+        forward: Those of the signs of torques that depend on the state, by joint.
     """
 
-    def __init__(self, law: StatefulLaw, n: int) -> None:
+    def __init__(self, law: StatefulLaw, n: int, gears: Sequence[int] = ()) -> None:
         self.title, self.states = law.title, law.states
         self.replaces_command: NDArray[np.bool_] = law.replaces_command
         self._law = law
@@ -142,12 +155,17 @@ class SwitchedLaw:
         q, v, z, u = (ca.SX.sym(name, size) for name, size in sizes.items())
         flow = law.equations(q, v, z, u)
         parts = [flow.torque, flow.slope, *map(ca.SX, (flow.stored, flow.supplied, flow.lost))]
-        found = case_modes([ca.densify(part) for part in parts], ca.vertcat(q, v, z))
-        self.modes = found.modes
+        x, torque = ca.vertcat(q, v, z), ca.densify(flow.torque)
+        found = case_modes([ca.densify(part) for part in parts], x)
+        turning = [i for i in gears if ca.depends_on(torque[i], x)]
+        self.forward = {i: ca.SX.sym(f"forward{i}") for i in turning}
+        self.modes = ca.vertcat(found.modes, *self.forward.values())
         self._flow = ca.Function("flow", [q, v, z, u, self.modes], found.results, {"cse": True})
-        self._values = ca.Function("switches", [q, v, z, u], [found.values, found.sizes])
+        values = ca.vertcat(found.values, *(torque[i] for i in turning))
+        sizes = ca.vertcat(found.sizes, *(_magnitude(torque[i]) for i in turning))
+        self._values = ca.Function("switches", [q, v, z, u], [values, sizes])
         owners = [*range(n), *range(n), *(state.joint for state in law.states), *range(n)]
-        needs = ca.jacobian(found.values, ca.vertcat(q, v, z, u)).sparsity()
+        needs = ca.jacobian(values, ca.vertcat(x, u)).sparsity()
         owner = {row: owners[column] for row, column in zip(*needs.get_triplet(), strict=True)}
         self.joints = tuple(owner[k] for k in range(self.modes.numel()))
 

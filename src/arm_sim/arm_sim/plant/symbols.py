@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import casadi as ca
 
 from arm_dynamics.equations import spring
@@ -29,8 +32,18 @@ class Symbols:
         cords: Case distinctions of cords; None without any, or with comparisons instead.
     """
 
-    def __init__(self, model: ArmModel, parameters: Parameters, switched: bool = False) -> None:
-        """Take the symbols; ``switched``: whether cords have modes, instead of comparisons."""
+    def __init__(
+        self, model: ArmModel, parameters: Parameters, switched: bool = False,
+        forward: Mapping[int, ca.SX] | None = None,
+    ) -> None:  # fmt: skip
+        """Take the symbols.
+
+        Args:
+            model: The robot.
+            parameters: Tunable quantities.
+            switched: Whether cords have modes, instead of comparisons.
+            forward: Modes in place of the signs of drives' torques, by joint.
+        """
         p = parameters.symbols()
         self.q, self.v, self.tau = (ca.SX.sym(name, model.n) for name in ("q", "v", "tau"))
         self.p = ca.vertcat(ca.SX(0, 1), *p.values())
@@ -40,6 +53,9 @@ class Symbols:
         self._switchable = switchable(model.scene.constraints)
         own = model.friction
         self.friction = own.scaled(p["coulomb"]) if "coulomb" in p else own
+        if forward:
+            signs = (forward.get(i, self.tau[i] > 0.0) for i in range(model.n))
+            self.friction = replace(self.friction, forward=ca.vertcat(*signs))
         self.passive = own.smooth(self.v, self.q, p.get("friction"))
         self.cords: Switches | None = None
         if model.springs:

@@ -15,6 +15,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
+from arm_dynamics import ArmModel
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.equations.contact import AT_REST
@@ -29,8 +30,8 @@ NOWHERE = sys.float_info.max
 """Position of a stop that does not exist: beyond every position."""
 MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1_000_000, 20, 50, 100
 """Budget of a tick with events before it is time-stepped: arithmetic operations (less than a
-millisecond), smooth motions that it may always take, a factor with error control, and the overhead
-of a call in operations."""
+millisecond), smooth motions that it may always take for each joint and each direction of a
+contact, a factor with error control, and the overhead of a call in operations."""
 WEIGHTS = {
     ca.OP_EXP: 20, ca.OP_LOG: 20, ca.OP_POW: 50, ca.OP_TANH: 30, ca.OP_SQRT: 5, ca.OP_DIV: 4
 }  # fmt: skip
@@ -121,7 +122,8 @@ def _definitions(
     else:
         defines |= {"ADAPTIVE": "1"} | error_control(plant, choice)
     if plant.eventful:
-        defines |= event_sizes(plant) | near_loads(functions) | _work(choice, functions, smooth)
+        defines |= event_sizes(plant) | near_loads(functions)
+        defines |= _work(plant, choice, functions, smooth)
     else:
         without.add("events.h")
     if plant.glides and choice.tolerance is None and _is_plain(plant):
@@ -158,11 +160,15 @@ def error_control(plant: Plant, choice: Choice) -> dict[str, str]:
     return {"ORDER": str(choice.method.order), "MOST_SUBSTEPS": str(most)}
 
 
-def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function) -> dict[str, str]:
+def _work(
+    plant: Plant, choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function
+) -> dict[str, str]:
     """Costs of functions, and the budget of a tick before the rest of it is time-stepped."""
     of = {function.name(): OVERHEAD + operations(function, WEIGHTS) for function in functions}
     step = of[smooth.name()]
-    most = max(MOST_OPERATIONS, LEAST_WORK * step) * (1 if choice.tolerance is None else PATIENCE)
+    factor = 1 if choice.tolerance is None else PATIENCE
+    parts = plant.model.n + 3 * len(plant.points)
+    most = max(MOST_OPERATIONS * factor, LEAST_WORK * step * max(factor, parts))
     return {
         "MOST_WORK": f"{most}LL", "COST_STEP": str(step), "COST_SLOPE": str(of["rhs"]),
         "COST_LOADS": str(of["loads"]), "COST_INERTIA": str(of.get("contact_inertia", 0)),
@@ -204,9 +210,26 @@ def event_sizes(plant: Plant) -> dict[str, str]:
         "FRICTION": braces([point.friction for point in points]),
         "HOLDING": braces([point.static_friction for point in points]),
         "RESTITUTION": braces([point.restitution for point in points]),
+        "WAVES": braces(_wave_numbers(model)),
         "SLOWEST": repr(AT_REST),
         "DEEP": repr(INSIDE),
     }
+
+
+def _wave_numbers(model: ArmModel) -> Array:
+    """Phase of the fastest wave in each joint's position in [rad/rad] or [rad/m].
+
+    Inertia and gravity have at most two periods in a revolution of a link.
+    """
+    most = 2.0 * abs(model.followers).sum(axis=0)
+    for i, drive in enumerate(model.drives):
+        teeth = drive.coupling.kinematic_error if drive and drive.coupling else None
+        waves = [wave for wave in (drive.motor.cogging, teeth) if wave] if drive else []
+        most[i] = max([most[i], *(drive.motor.gear_ratio * wave.order for wave in waves)])
+        table = model.friction.tables[i]
+        for curve in filter(None, (model.friction.position[i], *(table.shares if table else ()))):
+            most[i] = max(most[i], np.pi / np.diff(curve.at).min())
+    return most
 
 
 def _is_plain(plant: Plant) -> bool:

@@ -10,7 +10,7 @@
 
 #pragma once
 #include "loads.h"
-#include "numbers.h"
+#include "steady.h"
 
 /* A step of all lanes, with its continuous output and the loads at its stage at the end. */
 typedef struct {
@@ -137,6 +137,7 @@ static real stays_clear(const real* x, const real* u, const real* h, const real*
   real clear = find_calm(x, made->next, made->inside, place, after, p + NP, *h);
   if (!holds) return clear;
   if (NX > 2 * NU) return 0.0 * clear;
+  clear = clear && varies_evenly(x, made->next, made->inside, *h);
 #ifdef NEAR_LOADS
   return clear && find_held(made->near, p);
 #else

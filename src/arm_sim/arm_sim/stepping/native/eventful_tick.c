@@ -6,9 +6,8 @@
  * Required definitions: guards.h, impact_slope.h, resting.h; LARGEST (number of a state), the generated `acting` (x, r) -> u and its
  * derivatives by x and r; with joints or contacts that may be held `at_rest` (x, u, p) -> derivative of a state with which
  * motion begins; with contacts `closing` (x at the beginning, x at the end, p) -> derivatives by both of positions and
- * velocities at an end that satisfies the contacts, `contact_geometry`, `turning` (x, u, p) -> how easily each contact is
- * moved across its direction, and the rate at which friction turns that; `turning_gradient` (x, u, p, weights) -> gradients
- * of the weighed sum of these rates by x and by what is held; RIGID where joints have rigid stops.
+ * velocities at an end that satisfies the contacts, `contact_geometry`, `across` (x, u, p) -> how easily each contact is
+ * moved across its direction; RIGID where joints have rigid stops.
  */
 
 #include "guards.h"
@@ -19,7 +18,6 @@
 #define EXPORTED __attribute__((visibility("default")))
 #endif
 #define SATISFIED 1e-12 /* change of a state by closing contacts that were closed to rounding */
-#define SAME_RATE 1e-6  /* largest relative deviation of the length of a part from that of the rate of turning */
 
 /* Functions from elsewhere: of the engine; of a smooth step with NX + NW + 1 rows of columns, by x, what is held, and its
  * length; and derivatives of an end by the end, the beginning and tunable quantities, wherever it is. */
@@ -42,37 +40,17 @@ typedef struct {
 /* A contact that starts to slide, or comes to rest without turning: there a small lateral force changes the direction
  * arbitrarily fast. */
 static enum refusal check_sliding(const tick_t* tick, const record_t* segment, const record_t* following) {
-  real place[3 * NC], speed[3 * NC], size[NC], across[NC], rate[NC];
+  real place[3 * NC], speed[3 * NC], size[NC], mobility[NC];
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t *mode = segment->p.contact + k, *next = following->p.contact + k;
     if (mode->closed == 0.0 || mode->sticks != 0.0 || !(friction[k] > 0.0)) continue;
     CALL(contact_geometry, (segment->end), (place, speed, size));
     const int stops = next->sticks != 0.0 && hypot(speed[3 * k + 1], speed[3 * k + 2]) <= SLOWEST;
     if (mode->fixed == 0.0 && !stops) continue;
-    CALL(turning, (segment->begin, tick->u, numbers(&segment->p)), (across, rate));
-    if (across[k] > 0.0) return refuse(tick, stops ? STOPS_STRAIGHT : STARTS_TO_SLIDE, k);
+    CALL(across, (segment->begin, tick->u, numbers(&segment->p)), (mobility));
+    if (mobility[k] > 0.0) return refuse(tick, stops ? STOPS_STRAIGHT : STARTS_TO_SLIDE, k);
   }
   return NO_REFUSAL;
-}
-
-/* Derivative of the length of a part of a tick that no event ends: the engine limits it by the rate at which friction turns a
- * contact's direction; zero if the length is at the engine's lower bound. */
-static void find_part(const tick_t* tick, const record_t* segment, const real (*slope)[NV], real* delay) {
-  real across[NC], rate[NC], weight[NC], by_x[NX], by_w[NW + 1];
-  int fastest = -1;
-  CALL(turning, (segment->begin, tick->u, numbers(&segment->p)), (across, rate));
-  for (int k = 0; k < NC; ++k) {
-    const contact_mode_t* mode = segment->p.contact + k;
-    if (mode->closed > 0.0 && mode->sticks == 0.0 && rate[k] > (fastest < 0 ? 0.0 : rate[fastest])) fastest = k;
-  }
-  if (fastest < 0 || !(fabs(segment->length * rate[fastest] - 1.0) < SAME_RATE)) return;
-  for (int k = 0; k < NC; ++k) weight[k] = k == fastest;
-  CALL(turning_gradient, (segment->begin, tick->u, numbers(&segment->p), weight), (by_x, by_w));
-  for (int j = 0; j < NV; ++j) {
-    real change = j < NX ? 0.0 : by_w[j - NX];
-    for (int i = 0; i < NX; ++i) change += by_x[i] * slope[i][j];
-    delay[j] = -segment->length * segment->length * change;
-  }
 }
 
 /* Take the derivatives of the end of a segment onto closed contacts and the anchors of sticking ones; `begun` are those of its
@@ -156,9 +134,6 @@ static enum refusal pass_segment(const helpers_t* helpers, const tick_t* tick, c
   take_steps(helpers, tick, segment, steps, motion, speed);
   if (last)
     for (int j = 0; j < NV; ++j) delay[j] = -motion->delay[j];
-#if NC
-  else if (segment->calm != 0.0) find_part(tick, segment, (const real(*)[NV])begun, delay);
-#endif
   else if (segment->calm == 0.0) refused = find_delay(tick, segment, (const real(*)[NV])motion->slope, speed, delay);
   for (int i = 0; i < NX; ++i)
     for (int j = 0; j < NV; ++j) motion->slope[i][j] += speed[i] * delay[j];

@@ -226,6 +226,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
     segment->record = next_record(trace, now);
     const enum trouble trouble = begin_segment(now, segment, h, &losses, report, anchor);
     if (trouble != NONE) return trouble;
+    const double reach = fmin(left, find_reach(now, segment, h));
     note_segment(segment, now);
     if (NX == 2 * NU && is_held(now, segment)) { /* a drive with internal states may still break it loose */
       for (int i = NU; i < NX; ++i) now[i] = 0.0;
@@ -234,7 +235,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
       return NONE;
     }
     segment->later = left < h;
-    const double reach = fmin(left, find_reach(now, segment, h)), length = advance(now, segment, reach, after, &calm);
+    const double length = advance(now, segment, reach, after, &calm);
     if (length < 0.0) return NUMBERS;
     note_end(segment->record, after, length, calm);
     find_ended(after, segment, calm);

@@ -97,12 +97,22 @@ __extension__ typedef struct {
   loads_t loads;
 } memory_t;
 
+/* How the velocity of a sliding contact turns. */
+typedef struct {
+  double rate;  /* at which friction turns it towards its limiting direction, and slows it down; 0 if it does not slide */
+  double slows; /* rate at which it loses its speed; 0 if it gains */
+  double drift; /* speed across that direction, which the rate reduces */
+  double turn;  /* acceleration across its own */
+} turning_t;
+
 /* A smooth segment of a tick: command, and modes of joints and contacts. */
 __extension__ typedef struct {
   const real* u;
   control_t* control;
   modes_t p;
   contact_t contact[NC];
+  turning_t turning[NC]; /* at its beginning, ... */
+  int turns;             /* ... if this is set, which a change of modes clears */
   int turned[ND]; /* whether the other direction has been tried for a joint that moved the wrong way */
   memory_t* memory;
   double step; /* length of the steps if the tick is time-stepped, else 0 */
@@ -188,11 +198,11 @@ static void keep_loads(const real* x, const real* modes, memory_t* memory, const
 static void find_loads(const real* x, const segment_t* segment, loads_t* found) {
   const loads_t* known = known_loads(x, segment);
   memory_t* memory = segment->memory;
-  memory->work += costs.loads;
   if (known) {
     *found = *known;
     return;
   }
+  memory->work += costs.loads;
   loads_at(x, segment->u, (const real*)&segment->p, (real*)found);
   keep_loads(x, (const real*)&segment->p + NP, memory, found);
 }
@@ -216,7 +226,6 @@ static void find_inertia(const real* x, const segment_t* segment, inertia_t* ine
 
 static void find_slope(const real* x, const segment_t* segment, real* slope) {
   const loads_t* found = known_loads(x, segment);
-  segment->memory->work += costs.slope;
   const real* answer = found ? found->slope : 0;
 #ifndef MOVING /* steps in motion are of other functions */
   if (is_foreseen(segment) && same(x, segment->foreseen->x, NX)) answer = segment->foreseen->inside.slope[0];
@@ -225,6 +234,7 @@ static void find_slope(const real* x, const segment_t* segment, real* slope) {
     memcpy(slope, answer, NX * sizeof *slope);
     return;
   }
+  segment->memory->work += costs.slope;
   slope_at(x, segment->u, (const real*)&segment->p, slope);
 }
 
@@ -740,6 +750,7 @@ static int try_all(const real* x, segment_t* segment) {
 static int settle(const real* x, segment_t* segment, const geometry_t* geometry) {
   loads_t found;
   together_t together;
+  segment->turns = 0;
   guess_modes(x, segment, geometry);
   if (!anything_rests(x, segment)) return 1;
   for (int attempt = 0; attempt < 3; ++attempt) {

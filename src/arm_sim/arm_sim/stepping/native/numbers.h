@@ -6,7 +6,7 @@
  * code may be shared: where it is a unit of its own, OF_SCENE declares them there, and defines them in the unit of the scene.
  *
  * Required definitions: NU (joints), NC (contacts), STATIC, FRICTION, HOLDING, RESTITUTION (brace lists); with RIGID also LOWER,
- * UPPER, LOWER_REBOUND and UPPER_REBOUND; SOFT_LOWER, SOFT_UPPER; OF_SCENE and VALUE (how a number is declared).
+ * UPPER, LOWER_REBOUND and UPPER_REBOUND; SOFT_LOWER, SOFT_UPPER; WAVES; OF_SCENE and VALUE (how a number is declared).
  */
 
 #pragma once
@@ -22,4 +22,6 @@ OF_SCENE double lower_stop[NU] VALUE(LOWER);
 OF_SCENE double upper_stop[NU] VALUE(UPPER);
 OF_SCENE double rebound_of[2][NU] VALUE({LOWER_REBOUND, UPPER_REBOUND});
 #endif
+/* Phase of the fastest wave in a joint's position, in radians for each radian or metre. */
+OF_SCENE double wave_number[NU] VALUE(WAVES);
 OF_SCENE double soft_stop[2][NU] VALUE({SOFT_LOWER, SOFT_UPPER});

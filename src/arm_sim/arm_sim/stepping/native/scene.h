@@ -78,6 +78,7 @@ static inline long long AS_BITS(real x) {
 #define FRICTION {0.5, 0.5}
 #define HOLDING {0.6, 0.6}
 #define RESTITUTION {0.0, 0.0}
+#define WAVES {2.0, 2.0}
 
 /* Of derivatives: numbers of coefficients, of varied parameters, and of coefficients of projections. */
 #define NA 4
@@ -120,8 +121,7 @@ GENERATED(motion);
 GENERATED(doubts);
 GENERATED(settled);
 GENERATED(impact_laws);
-GENERATED(turning);
-GENERATED(turning_gradient);
+GENERATED(across);
 GENERATED(at_rest);
 GENERATED(closing);
 GENERATED(rest_begin);

@@ -7,20 +7,29 @@
 
 #pragma once
 #include "impact.h"
+#include "steady.h"
 
 #define TURNING_BACK 1e-13 /* relative speed in the wrong direction tolerated of a joint that begins to slide */
 #define SUDDEN_STOP 1e-6   /* speed tolerated of a joint that is found to stop, relative to the fastest joint */
 #define SINKING 1e-12      /* speed up to which an open contact is not treated as approaching */
 #define HELD 1e-9          /* speed treated as rounding if all joints of an arm are held */
 #define INDEPENDENT 1e-10  /* part of a row that must be left by those before it, for it to count for the rank */
-#define MOST_PARTS 32      /* segments into which slow sliding may divide a tick ... */
-#define MUCH_TURN 0.05     /* ... and rotation of its direction in a tick that is large [rad] */
+#define MOST_PARTS 32      /* segments of a tick in which a contact that creeps in one direction is looked at */
+#define TURN_ERROR 1e-8    /* error of its velocity by a turn in a step of fixed length */
+#define RESTING_DRIFT (0.5 * SLOWEST) /* speed of a contact across its direction when it comes to rest, which is rest ... */
+#ifdef ADAPTIVE
+#define DRIFT RESTING_DRIFT /* ... and while it slides, that need not be followed */
+#else
+#define DRIFT TURN_ERROR
+#endif
 #define SHORT_WAY 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
 #define SWITCH_ROUNDING 1e-13 /* of a comparison, relative to what is compared */
 #define NOTHING 1e-15       /* violation treated as rounding */
 #define SURELY 1.2          /* time at which a mode has certainly ended, as a multiple of the predicted one ... */
 #define FARTHER 4.0         /* ... and the next trial if no mode has ended by then */
-#define LOOKS 5             /* states of a step, both ends included, at which modes are looked at where one may end inside */
+#define LOOKS 4             /* parts of a step at whose ends modes are looked at where one may end inside it, ... */
+#define LOOK_PHASE 3.0      /* ... and as many for every further phase of its waves, in [rad], ... */
+#define MOST_LOOKS 64       /* ... but not more than these */
 #define SLOWED 0.25         /* ratio of the speeds of a sliding contact at its ends */
 #define PEAK_MARGIN 0.6     /* error of the largest sample of a guard, relative to the second difference of samples ... */
 #define PEAK_DOUBT 0.1      /* ... and of its value at a predicted maximum, relative to the differences ... */
@@ -291,15 +300,18 @@ static int contact_may_stray(const segment_t* segment, const geometry_t* begin, 
   return fmin(ahead0, ahead1) <= SLOWED * fmax(ahead0, ahead1);
 }
 
-/* Whether something that holds is close to its limit at the end of a piece; under error control and with internal states,
- * where loads may swing within a piece, whether anything holds.
+/* Whether something that holds is close to its limit at the end of a piece, or loads vary within it; under error control,
+ * where pieces are long, and with internal states, whether anything holds.
  */
-static int load_may_stray(const segment_t* segment, const limits_t* end) {
+static int load_may_stray(const piece_t* piece, const segment_t* segment, const limits_t* end) {
+  if (!anything_held(segment)) return 0;
 #ifdef ADAPTIVE
+  (void)piece;
   (void)end;
-  return anything_held(segment);
+  return 1;
 #else
-  if (NX > 2 * NU) return anything_held(segment);
+  const real* inside = (const real*)&piece->inside;
+  if (NX > 2 * NU || !varies_evenly(piece->begin, piece->end, inside, piece->length)) return 1;
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t* mode = segment->p.contact + k;
     if (mode->closed == 0.0) continue;
@@ -310,14 +322,15 @@ static int load_may_stray(const segment_t* segment, const limits_t* end) {
   }
   for (int i = 0; i < ND; ++i)
     if (segment->p.direction[i] == 0.0 && end->joint[i] > -NEAR * static_level[i]) return 1;
-  return 0;
+  return end->together > -NEAR;
 #endif
 }
 
-/* Whether a drive or cord may switch inside a piece and back: whether it comes close, as the middle shows. */
+/* Whether a drive or cord may switch inside a piece and back: whether it comes close, as the middle shows, or a wave passes. */
 static int switch_may_stray(const piece_t* piece, const segment_t* segment, const limits_t* end) {
   __extension__ real x[NX], value[NK], size[NK], middle[NK];
   if (!NK) return 0;
+  if (phase_of(piece->begin, piece->end) > 1.0) return 1;
   state_inside(piece, 0.5, x);
   find_switches(x, segment, middle, size);
   find_switches(piece->begin, segment, value, size);
@@ -335,7 +348,7 @@ static int may_stray(const search_t* search, const limits_t* end) {
   const segment_t* segment = search->segment;
   for (int i = 0; i < NU; ++i)
     if (!(ND && segment->p.direction[i] == 0.0) && joint_may_stray(piece, segment, i)) return 1;
-  if (load_may_stray(segment, end) || switch_may_stray(piece, segment, end)) return 1;
+  if (load_may_stray(piece, segment, end) || switch_may_stray(piece, segment, end)) return 1;
   if (any_travels(segment)) {
     geometry_t first, last;
     find_geometry(piece->begin, segment, &first);
@@ -382,25 +395,26 @@ static double peak_of(const search_t* search, int guard, double* t, double* f, l
  */
 static double find_excursion(const search_t* search, const limits_t* end, limits_t* limits) {
   const piece_t* piece = &search->piece;
-  double samples[LOOKS][LIMITS];
+  limits_t sample[3]; /* the last three */
   real x[NX];
   if (!may_stray(search, end)) return 0.0;
-  for (int k = 0; k < LOOKS - 1; ++k) {
-    const double part = (double)k / (LOOKS - 1);
-    state_inside(piece, part, x);
-    disobedience(x, search->segment, search->ground, piece->from + part * piece->length, 0, (limits_t*)samples[k]);
-  }
-  memcpy(samples[LOOKS - 1], end, sizeof *end);
-  for (int k = 1; k < LOOKS - 1; ++k)
-    for (int guard = 0; guard < LIMITS; ++guard) {
-      const double step = piece->length / (LOOKS - 1);
-      double t[3] = {(k - 1) * step, k * step, (k + 1) * step}, f[3];
-      for (int i = 0; i < 3; ++i) f[i] = samples[k - 1 + i][guard];
+  const double phase = phase_of(piece->begin, piece->end), parts = LOOKS * (1.0 + floor(phase / LOOK_PHASE));
+  const int looks = (int)fmin(parts, MOST_LOOKS);
+  const double step = piece->length / looks;
+  for (int k = 0; k <= looks; ++k) {
+    limits_t* last = sample + k % 3;
+    state_inside(piece, (double)k / looks, x);
+    if (k == looks) *last = *end;
+    else disobedience(x, search->segment, search->ground, piece->from + k * step, 0, last);
+    for (int guard = 0; k > 1 && guard < LIMITS; ++guard) {
+      double t[3] = {(k - 2) * step, (k - 1) * step, k * step}, f[3];
+      for (int i = 0; i < 3; ++i) f[i] = ((const double*)(sample + (k + 1 + i) % 3))[guard];
       const double way = vertex_of(t, f), bend = 2.0 * f[1] - f[0] - f[2];
       if (!(fmax(f[1], fmax(f[0], f[2])) + PEAK_MARGIN * bend > 0.0) || way != way) continue;
       const double found = peak_of(search, guard, t, f, limits);
       if (found > 0.0) return found;
     }
+  }
   return 0.0;
 }
 
@@ -764,36 +778,65 @@ static int find_rates(const real* x, const segment_t* segment, loads_t* found, g
   return 1;
 }
 
-/* Contacts that slide so slowly that an explicit method cannot follow their direction: 1 if there are any.
- *
- * Friction rotates the velocity of a contact towards its direction at the rate mu lambda w / s, with w the transverse
- * acceleration per force and s its speed. A contact that speeds up or turns is given the direction in which it would start
- * from rest; the stop of one on a straight line is located exactly.
- */
-static int find_slow(const real* x, segment_t* segment, double tick) {
+/* Find how each contact turns at the beginning of a segment, unless that is known. */
+static void find_turning(const real* x, segment_t* segment) {
   __extension__ double rate[NC];
   loads_t found;
   geometry_t geometry;
-  int any = 0;
-  if (!find_rates(x, segment, &found, &geometry, rate)) return 0;
+  if (segment->turns) return;
+  segment->turns = 1;
+  for (int k = 0; k < NC; ++k) segment->turning[k].rate = 0.0;
+  if (!find_rates(x, segment, &found, &geometry, rate)) return;
   for (int k = 0; k < NC; ++k) {
     const real *s = geometry.speed + 3 * k + 1, *a = found.rate + 3 * k + 1, *along = segment->p.contact[k].along;
-    const double turn = fabs(along[0] * a[1] - along[1] * a[0]) * tick;
-    segment->contact[k].slow =
-        rate[k] > MOST_PARTS / tick && (along[0] * a[0] + along[1] * a[1] >= 0.0 || turn > MUCH_TURN * hypot(s[0], s[1]));
+    const double ahead = along[0] * a[0] + along[1] * a[1], across = fabs(along[0] * a[1] - along[1] * a[0]);
+    turning_t* of = segment->turning + k;
+    if (!(rate[k] > 0.0)) continue;
+    of->slows = fmax(-ahead, 0.0) / fmax(hypot(s[0], s[1]), SLOWEST);
+    of->rate = rate[k] + of->slows;
+    of->drift = across / rate[k];
+    of->turn = across;
+  }
+}
+
+/* Contacts that are treated as at rest though they creep: 1 if there are any.
+ *
+ * Friction rotates the velocity of a contact towards its direction at the rate mu lambda w / s, with w the transverse
+ * acceleration per force and s its speed. Of one that speeds up this direction is that in which it would start from rest;
+ * where an explicit method could not keep up, a contact that has reached it is given it, and in a time-stepped tick any.
+ */
+static int find_slow(const real* x, segment_t* segment, double tick) {
+  int any = 0;
+  find_turning(x, segment);
+  for (int k = 0; k < NC; ++k) {
+    const turning_t* of = segment->turning + k;
+    const int settled = of->slows == 0.0 && of->drift <= DRIFT;
+    segment->contact[k].slow = of->rate > MOST_PARTS / tick && (settled || segment->step > 0.0);
     any |= segment->contact[k].slow;
   }
   return any;
 }
 
-/* Longest segment over which slow sliding can be followed. */
-static double find_reach(const real* x, const segment_t* segment, double tick) {
-  __extension__ double rate[NC], fastest = 1.0 / tick;
-  loads_t found;
-  geometry_t geometry;
-  if (!find_rates(x, segment, &found, &geometry, rate)) return tick;
-  for (int k = 0; k < NC; ++k) fastest = fmax(fastest, rate[k]);
-  return fmax(1.0 / fastest, tick / MOST_PARTS);
+/* Longest segment over which sliding can be followed: with fixed steps, a part of the time in which friction turns a contact
+ * that a method of order 4 resolves. A contact that moves on a straight line keeps its direction where this is shorter than
+ * a part of the tick.
+ */
+static double find_reach(const real* x, segment_t* segment, double tick) {
+  double reach = tick;
+  find_turning(x, segment);
+  for (int k = 0; k < NC; ++k) {
+    const turning_t* of = segment->turning + k;
+    const double part = tick / MOST_PARTS, least = of->slows * part > 1.0 ? RESTING_DRIFT * of->slows : DRIFT / part;
+    double length = 1.0 / of->rate;
+    if (!(of->rate > 0.0)) continue;
+    if (of->turn <= least && length < part) segment->p.contact[k].fixed = 1.0;
+    if (segment->p.contact[k].fixed != 0.0) length = fmax(length, part);
+#ifndef ADAPTIVE
+    else length *= fmin(1.0, pow(120.0 * TURN_ERROR / of->drift, 0.2));
+#endif
+    reach = fmin(reach, length);
+  }
+  return reach;
 }
 
 /* Stop slow contacts that move against the direction in which they would start. */
