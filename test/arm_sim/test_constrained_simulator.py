@@ -47,7 +47,7 @@ def test_switching() -> None:
     np.testing.assert_array_equal(sim.multipliers(), np.zeros(4))
     free, plain = sim.run(0.1), interpreted(str(models.SCENES / "two_link.urdf"))
     plain.reset(held.q[-1], held.v[-1])
-    assert_close(free.q[-1], plain.run(0.1).q[-1], BACKENDS)
+    assert_close(free.q[-1], plain.run(0.1).q[-1], 1e-11)  # of two methods
     state = sim.set_constraint("sheet", True)
     assert state.time == free.time[-1]
     gap, speed = worst_gaps(sim, sim.run(0.2), 1)

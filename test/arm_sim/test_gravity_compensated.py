@@ -35,7 +35,8 @@ def test_an_effort_is_added_to_the_weight_and_both_are_limited(
     sign: float, rng: np.random.Generator, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Tick by tick the same as the plain arm under the sum."""
-    sim, plain = Simulator(compensated("panda")), models.simulator("panda")
+    sim = Simulator(compensated("panda"), integrator="rk4")
+    plain = models.simulator("panda", integrator="rk4")
     caplog.set_level(logging.WARNING)
     for tau in 2.0 * rng.normal(size=(50, 7)):
         plain.step(tau + plain.dynamics.gravity(plain.state.q))

@@ -65,8 +65,8 @@ def test_deflections_of_bristles_are_as_exact_as_their_size_asks(name: str) -> N
 def test_estimate_is_in_state_and_recording() -> None:
     sim = models.simulator("double_pendulum", tolerance=1e-6, dt=0.1)
     run = sim.run(2.0)
-    assert run.error[0] == 0.0 and run.error[-1] == sim.state.error > 0.0
-    assert (np.diff(run.error) >= 0.0).all()
+    assert run.local_error[0] == 0.0 and run.local_error[-1] == sim.state.error > 0.0
+    assert (np.diff(run.local_error) >= 0.0).all()
     assert sim.reset().error == 0.0
 
 
@@ -83,14 +83,14 @@ def test_estimate_of_an_arm_far_from_its_stops_is_that_of_one_without() -> None:
     for stop in (True, False):
         scene["joints"] = {"*": {"limits": {"lower": -50.0, "upper": 50.0, "stop": stop}}}
         run = Simulator(scene, integrator="dopri5", tolerance=1e-9, dt=0.5).run(1.0)
-        errors.append(run.error)
+        errors.append(run.local_error)
     np.testing.assert_array_equal(*errors)
     assert errors[0][-1] > 1e-8
 
 
 def test_fixed_steps_claim_no_error() -> None:
     run = models.simulator("double_pendulum", integrator="rk4").run(0.1)
-    np.testing.assert_array_equal(run.error, np.zeros(101))
+    np.testing.assert_array_equal(run.local_error, np.zeros(101))
 
 
 def test_starts_afresh_after_reset() -> None:

@@ -223,9 +223,10 @@ def _wave_numbers(model: ArmModel) -> Array:
     """
     most = 2.0 * abs(model.followers).sum(axis=0)
     for i, drive in enumerate(model.drives):
-        teeth = drive.coupling.kinematic_error if drive and drive.coupling else None
-        waves = [wave for wave in (drive.motor.cogging, teeth) if wave] if drive else []
-        most[i] = max([most[i], *(drive.motor.gear_ratio * wave.order for wave in waves)])
+        if drive is not None:
+            teeth = drive.coupling.kinematic_error if drive.coupling else None
+            waves = [wave for wave in (drive.motor.cogging, teeth) if wave]
+            most[i] = max([most[i], *(abs(drive.motor.gear_ratio) * wave.order for wave in waves)])
         table = model.friction.tables[i]
         for curve in filter(None, (model.friction.position[i], *(table.shares if table else ()))):
             most[i] = max(most[i], np.pi / np.diff(curve.at).min())
