@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.exceptions import choices, not_copied
-from arm_dynamics.model.arm import arm_model
 from arm_dynamics.scene.constraint import label, switchable
 from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.trajectory.reference import Motion

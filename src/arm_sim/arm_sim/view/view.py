@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.exceptions import ModelError
-from arm_dynamics.model.arm import ArmModel, arm_model
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene import Joint
 from arm_dynamics.scene.load import SceneSource
 from arm_sim.exceptions import ViewError
