@@ -34,7 +34,9 @@ def fingerprint(sim: Simulator) -> str:
     ticks = 50
     torque = 10.0 * np.sin(np.outer(np.arange(ticks), np.arange(1, sim.n + 1)) / 7.0)
     run = sim.run(ticks * sim.dt, torque)
-    return hashlib.sha256(run.q.tobytes() + run.v.tobytes() + run.local_error.tobytes()).hexdigest()
+    return hashlib.sha256(
+        run.q.tobytes() + run.v.tobytes() + run.local_error.tobytes()
+    ).hexdigest()
 
 
 @pytest.mark.parametrize(
