@@ -6,6 +6,8 @@ from __future__ import annotations
 import ast
 import re
 import runpy
+import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,12 +17,16 @@ from matplotlib import pyplot as plt
 from matplotlib.animation import FuncAnimation
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
+from packaging.requirements import Requirement
 from pictures import unseen
 
 from arm_dynamics.scene import ready_scenes
 from docs._extensions import lectures
 
 GALLERY = Path(__file__).parents[2] / "docs/gallery"
+GIVEN = {"arm_dynamics", "arm_sim", "arm_studies", "matplotlib", "numpy", "yaml"}
+PROJECT = tomllib.loads((GALLERY.parents[1] / "pyproject.toml").read_text())["project"]
+EXTRA = PROJECT["optional-dependencies"]["gallery"]
 PAGES = sorted(GALLERY.glob("*/plot_*.py"))
 
 
@@ -58,6 +64,17 @@ def coloured(axes: Axes) -> tuple[set[str], set[str]]:
         if max(color) - min(color) > 0.1 and np.isfinite(line.get_xydata()).any():
             (silent if line.get_label().startswith("_") else said).add(to_hex(color))
     return silent - said, said
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_what_pip_installs_with_an_extra_only_the_page_says(page: Path) -> None:
+    """Where Python shows it: in the first line that imports it."""
+    lines = dict[str, str]()
+    for found in re.finditer(r"^(?:from|import) (\w+).*", page.read_text(), re.MULTILINE):
+        lines.setdefault(found[1], found[0])
+    for name in lines.keys() - GIVEN - sys.stdlib_module_names:
+        assert lines[name].endswith('  # pip install ".[gallery]"')
+        assert any(Requirement(one).name == name for one in EXTRA)
 
 
 def test_pages_leave_nothing_in_their_folders() -> None:

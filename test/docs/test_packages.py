@@ -103,6 +103,15 @@ def test_extras_admit_what_their_groups_pin(extra: str) -> None:
     assert [n for n, allowed in wanted.items() if tested.get(n, "none") not in allowed] == []
 
 
+def test_nothing_of_the_suite_is_said_to_be_published() -> None:
+    """It is installed from its folder: pip finds no package of these names elsewhere."""
+    ours = re.compile(r"pip\s+install[^`\n]*[\s'\"](arm[-_](dynamics|sim|studies)\b[\w-]*)")
+    texts = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "docs").rglob("*.rst")]
+    for file in (*texts, *SRC.rglob("*.py"), *(ROOT / "docs/gallery").rglob("*.py")):
+        text = re.sub(r"[\"'] *\n\s*f?[\"']", "", file.read_text())  # strings go on
+        assert not ours.search(text), f"{file}: {ours.search(text)}"
+
+
 # Names that NumPy has got since 1.26, the oldest that is allowed.
 NEWER = re.compile(
     r"\bnp\.(acosh?|asinh?|astype|atan[2h]?|bitwise_(count|invert|left_shift|right_shift)|bool|concat|"

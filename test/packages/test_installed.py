@@ -88,6 +88,32 @@ def test_command_line_works_without_ros(user: Run) -> None:
     assert "needs ROS 2 Jazzy" in said and said.count("\n") == 1
 
 
+def test_help_hints_and_usage_are_those_of_the_command_that_pip_installs(user: Run) -> None:
+    """There is no ./arm outside the project's folder."""
+    said = user("python", "-c", """
+from click.testing import CliRunner
+from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
+from arm_dynamics.exceptions import missing
+from arm_studies.cli.main import main
+
+lines = [[], ["nothing"], ["describe", "--no"], ["urdf", "./arm.urdf"], ["call", "nothing"]]
+for name, command in main.commands.items():
+    below = getattr(command, "commands", {})
+    lines += [[name, "--help"], *([name, other, "--help"] for other in below)]
+for line in lines:
+    print(CliRunner().invoke(main, line).output)
+print(HOW_TO_GET_CODE, missing("jax", "jax"))
+""")  # fmt: skip
+    assert "./arm" not in said.replace("./arm.urdf", "")
+    for words in (
+        "Usage: arm [OPTIONS]", "Usage: arm call", "    arm describe panda",
+        "Try 'arm describe --help'",
+        "(arm controller SCENE)", "(arm build SCENE", "no file './arm.urdf'",
+        "the module 'jax': pip install \".[jax]\", in the project's folder, installs it",
+    ):  # fmt: skip
+        assert words in said
+
+
 NEED_ROS = (
     "sim pendulum", "dynamics pendulum", "controller pendulum", "demo", "go swing=1", "get",
     "set sim dt 0.001", "watch", "call model-info", "call pause", "record", "view --live",

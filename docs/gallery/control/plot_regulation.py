@@ -39,7 +39,7 @@ with :math:`h = -m_2 l_1 l_{c2} \sin q_2` and
 
 import matplotlib.pyplot as plt
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp  # pip install ".[gallery]"
 
 from arm_dynamics.control import PD, PID, ComputedTorque, PDGravity
 from arm_dynamics.task_space import InverseKinematics, Pose, TaskSpace

@@ -35,7 +35,7 @@ The arm and its equations are those of :doc:`plot_regulation`.
 
 import matplotlib.pyplot as plt
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp  # pip install ".[gallery]"
 
 from arm_dynamics import load_scene
 from arm_dynamics.control import PID, ComputedTorque, FeedForwardPD

@@ -35,7 +35,7 @@ from importlib.resources import files
 
 import matplotlib.pyplot as plt
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import expm  # pip install ".[gallery]"
 
 from arm_sim import Simulator
 from arm_sim.figures import animation, use_style

@@ -43,7 +43,7 @@ from importlib.resources import files
 
 import matplotlib.pyplot as plt
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import expm  # pip install ".[gallery]"
 
 from arm_sim import Simulator
 from arm_sim.figures import animation, axis_at_right, use_style

@@ -34,7 +34,7 @@ from importlib.resources import files
 
 import matplotlib.pyplot as plt
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp  # pip install ".[gallery]"
 
 from arm_sim import Simulator
 from arm_sim.figures import animation, use_style

@@ -41,7 +41,7 @@ from importlib.resources import files
 import matplotlib.pyplot as plt
 import numpy as np
 import yaml
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp  # pip install ".[gallery]"
 
 from arm_dynamics import ArmError
 from arm_sim import Simulator

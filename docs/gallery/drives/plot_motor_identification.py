@@ -30,7 +30,7 @@ from importlib.resources import files
 import matplotlib.pyplot as plt
 import numpy as np
 import yaml
-from scipy.integrate import cumulative_trapezoid, solve_ivp
+from scipy.integrate import cumulative_trapezoid, solve_ivp  # pip install ".[gallery]"
 
 from arm_sim import Simulator
 from arm_sim.figures import animation, use_style

@@ -32,7 +32,7 @@ from importlib.resources import files
 
 import numpy as np
 from matplotlib import pyplot as plt
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp  # pip install ".[gallery]"
 from scipy.linalg import solve_discrete_are
 
 from arm_sim import Simulator

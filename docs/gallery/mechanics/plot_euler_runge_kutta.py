@@ -35,7 +35,7 @@ Its error falls with :math:`\Delta t^4`, that of Euler's with :math:`\Delta t`.
 
 import numpy as np
 from matplotlib import pyplot as plt
-from scipy.special import ellipj
+from scipy.special import ellipj  # pip install ".[gallery]"
 
 from arm_sim import Simulator
 from arm_sim.figures import animation, use_style

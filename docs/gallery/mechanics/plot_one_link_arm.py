@@ -31,7 +31,7 @@ from importlib.resources import files
 
 import numpy as np
 from matplotlib import pyplot as plt
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp  # pip install ".[gallery]"
 
 from arm_sim import Simulator
 from arm_sim.figures import animation, use_style

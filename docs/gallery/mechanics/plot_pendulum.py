@@ -39,7 +39,7 @@ from importlib.resources import files
 
 import numpy as np
 from matplotlib import pyplot as plt
-from scipy.special import ellipj, ellipk
+from scipy.special import ellipj, ellipk  # pip install ".[gallery]"
 
 from arm_sim import Simulator
 from arm_sim.figures import animation, use_style

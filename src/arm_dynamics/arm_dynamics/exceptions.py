@@ -11,7 +11,10 @@ import re
 from collections.abc import Iterable
 from dataclasses import FrozenInstanceError
 from difflib import get_close_matches
+from pathlib import Path
 
+ARM = "./arm" if (Path(__file__).parents[3] / "arm").is_file() else "arm"
+"""The suite's command here: the script of its folder, or what pip has installed."""
 _MANY_TURNS = 4.0 * math.pi  # [rad]
 _NAME = 80  # characters of a name that are shown
 
@@ -77,6 +80,13 @@ class NoAnswer(ArmError, TimeoutError):
 
 class Refused(ArmError):
     """A node refused a request; the message is the node's."""
+
+
+def missing(module: object, extra: str) -> str:
+    """Message about a module of one of the suite's extras, which installs it."""
+    by_pip = f'pip install ".[{extra}]", in the project\'s folder,'
+    how = f"{ARM} setup {extra}" if ARM == "./arm" else by_pip
+    return f"Python cannot find the module '{module}': {how} installs it"
 
 
 def plain(text: object, most: int = 1000) -> str:

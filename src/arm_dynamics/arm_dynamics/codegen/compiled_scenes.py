@@ -20,7 +20,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from arm_dynamics.codegen import processor
-from arm_dynamics.exceptions import KernelError
+from arm_dynamics.exceptions import ARM, KernelError
 
 VARIABLE = "ARM_CACHE"
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
@@ -124,7 +124,7 @@ def read_manifest(entry: Path) -> Manifest:
     if lacking := processor.missing(manifest.instructions):
         raise KernelError(
             f"{what} needs instructions that this processor lacks: {', '.join(lacking)}; "
-            f"./arm build --processor compiles for older ones"
+            f"{ARM} build --processor compiles for older ones"
         )
     if hashlib.sha256(entry.read_bytes()).hexdigest() != manifest.sha256:
         raise KernelError(f"{what} is damaged: its digest is not the one in {beside.name}")

@@ -34,7 +34,7 @@ from arm_dynamics.codegen import compiled_scenes, processor
 from arm_dynamics.codegen.compiled_scenes import Code, Manifest
 from arm_dynamics.codegen.one_at_a_time import others_may_build
 from arm_dynamics.codegen.split_functions import units
-from arm_dynamics.exceptions import CompilerMissing, KernelError
+from arm_dynamics.exceptions import ARM, CompilerMissing, KernelError
 
 NATIVE = Path(__file__).parent / "native"
 # No -ffast-math and no fused multiply-add: compilers place them differently, and one arm and
@@ -59,7 +59,7 @@ FLAGS = (
 _FLAGS_OF_LANGUAGE = {"c": (), "c++": ("-funroll-loops", "-nostdinc++")}
 HOW_TO_GET_CODE = (
     "install one (apt install gcc), or compile the scene on another machine "
-    "(./arm build SCENE --out DIR) and set ARM_CACHE=DIR"
+    f"({ARM} build SCENE --out DIR) and set ARM_CACHE=DIR"
 )
 # Lines of C that take a compiler more than about two seconds.
 LONG = 20_000

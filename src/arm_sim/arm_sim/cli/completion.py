@@ -126,7 +126,7 @@ def completion(context: click.Context, shell: str) -> None:
     """Print a script that makes SHELL complete commands, options and names of scenes by Tab.
 
     To enable it permanently, add the line below to the start-up file of the shell, with the path
-    of this ./arm. It completes both ./arm and arm.
+    of the command. It completes every command called arm.
     """
     root: Any = context.find_root().command
     click.echo(SHELLS[shell](root, {}, "arm", VARIABLE).source())

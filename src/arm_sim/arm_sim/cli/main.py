@@ -18,7 +18,7 @@ from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.export import export
 from arm_sim.cli.nodes import controller, dynamics, sim
-from arm_sim.cli.output import examples, print_anything, progress_on_stderr
+from arm_sim.cli.output import as_called, examples, print_anything, progress_on_stderr
 from arm_sim.cli.recordings import plot, record, replay
 from arm_sim.cli.robot import get, go, set_, watch
 from arm_sim.cli.urdf import urdf
@@ -35,6 +35,17 @@ SECTIONS = {
 """The commands of the simulator by subject, as the help of the script ./arm lists them."""
 
 
+class _Formatter(click.HelpFormatter):
+    """Writes the command as it is called here."""
+
+    def getvalue(self) -> str:
+        return as_called(super().getvalue())
+
+
+class _Context(click.Context):
+    formatter_class = _Formatter
+
+
 class Suite(Commands):
     """A group whose commands report errors of the suite as one line.
 
@@ -46,6 +57,9 @@ class Suite(Commands):
         every = [command for section in sections.values() for command in section]
         super().__init__(commands=every, **settings)
         self._sections = sections
+        of_groups = [x for one in every for x in getattr(one, "commands", {}).values()]
+        for command in (self, *every, *of_groups):
+            command.context_class = _Context
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by subject, each with its first sentence in full."""
@@ -66,7 +80,10 @@ class Suite(Commands):
         except OSError as error:
             raise click.ClickException(_of_system(error)) from error
         except ArmError as error:
-            raise click.ClickException(str(error)) from None
+            raise click.ClickException(as_called(str(error))) from None
+        except click.ClickException as error:
+            error.message = as_called(error.message)
+            raise
 
 
 def _of_system(error: OSError) -> str:
@@ -82,8 +99,8 @@ def _explained(error: ModuleNotFoundError) -> Exception:
         return error
     return click.ClickException(
         f"Python cannot find the module '{error.name}': this command needs ROS 2 Jazzy or "
-        "Kilted and the built workspace; ./arm sets both up, or source the workspace's "
-        "install/setup.bash"
+        "Kilted and the built workspace; the script arm of the project's folder sets both up, or "
+        "source the workspace's install/setup.bash"
     )
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
+from arm_dynamics.exceptions import ARM
 from arm_dynamics.logs import heard_by
 
 if TYPE_CHECKING:
@@ -19,6 +21,11 @@ if TYPE_CHECKING:
 
 PATIENCE = 2.0  # [s] without output
 _WIDE = 200  # columns without a terminal, so that a pipe gets whole lines
+
+
+def as_called(text: str) -> str:
+    """Text with the command as it is called here: ``arm`` where pip has installed it."""
+    return re.sub(r"\./arm(?![\w/-]|\.\w)", ARM, text)
 
 
 def examples(*lines: str) -> str:
@@ -55,7 +62,7 @@ class _Said(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Write a line; ignore errors, as on a full disk."""
         try:
-            print(self.format(record), file=sys.stderr)
+            print(as_called(self.format(record)), file=sys.stderr)
         except OSError:
             self.handleError(record)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.arrays import read_only
-from arm_dynamics.exceptions import SceneError, known_names
+from arm_dynamics.exceptions import ARM, SceneError, known_names
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import Contents
 from arm_sim.recording.origin import Origin
@@ -37,7 +37,7 @@ def with_scene(contents: Contents, scene: Any) -> Contents:
     if contents.origin is not None:
         raise SceneError(
             "the recording contains its own scene, which cannot be replaced "
-            "(./arm replay --scene repeats it with another one)"
+            f"({ARM} replay --scene repeats it with another one)"
         )
     order = [names.index(name) for name in model.joint_names]
     plant, rows = Plant(model), len(contents.time)

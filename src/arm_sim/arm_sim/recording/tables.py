@@ -68,4 +68,5 @@ def _laws(recording: RecordedMotion) -> tuple[str, ...]:
 
 
 def _missing(name: str, method: str) -> str:
-    return f"{method} requires {name}, which is not installed; to_dict works without it"
+    how = f"is not installed (pip install {name}); to_dict works without it"
+    return f"{method} requires {name}, which {how}"

@@ -8,8 +8,10 @@ import errno
 import logging
 import socket
 from collections.abc import Iterator
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from arm_dynamics.exceptions import missing
 from arm_sim.exceptions import ViewError
 from arm_sim.view.access import refusing
 
@@ -30,14 +32,11 @@ def library() -> Any:
     Raises:
         ViewError: If it is not installed.
     """
-    try:
-        import viser
-    except ModuleNotFoundError as error:
-        raise ViewError(
-            f"Python cannot find the module '{error.name}': the view needs the packages of "
-            "requirements-view.txt; './arm setup view' installs them, or pip install viser==1.1.1 "
-            "pycollada==0.9.3 playwright==1.65.0"
-        ) from None
+    for module in ("viser", "collada", "playwright"):
+        if find_spec(module) is None:
+            raise ViewError(missing(module, "view"))
+    import viser
+
     return viser
 
 

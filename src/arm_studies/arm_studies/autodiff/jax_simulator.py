@@ -7,7 +7,7 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 from arm_dynamics.attributes import sealed
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.exceptions import InvalidInput, missing
 from arm_sim.simulator import Simulator
 from arm_studies.autodiff.motion import Motion
 
@@ -37,7 +37,7 @@ class JaxSimulator:
     """
 
     def __init__(self, simulator: Simulator) -> None:
-        self._motion, self._states = Motion(simulator), _simulated()
+        self._states, self._motion = _simulated(), Motion(simulator)
 
     def step(self, x: Any, tau: Any, parameters: dict[str, Any] | None = None) -> jax.Array:
         """State after one tick.
@@ -90,10 +90,7 @@ def _simulated() -> Any:
     try:
         import jax
     except ModuleNotFoundError as error:
-        raise InvalidInput(
-            f"Python cannot find the module '{error.name}': './arm setup jax' installs it, or pip "
-            "install 'arm-dynamics-suite[jax]'"
-        ) from None
+        raise InvalidInput(missing(error.name, "jax")) from None
 
     # Callbacks with more leading axes are one call with more arms.
     call = partial(jax.pure_callback, vmap_method="broadcast_all")

@@ -10,11 +10,12 @@ from concurrent.futures import BrokenExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from threading import Thread
 from typing import Any
 
 from arm_dynamics import ArmError
-from arm_dynamics.exceptions import InvalidInput, plain
+from arm_dynamics.exceptions import InvalidInput, missing, plain
 from arm_sim.inputs import whole
 from arm_studies.sweeps.world import COMPILED, FAILED, Job, Recipe, Row, world_of
 
@@ -92,6 +93,18 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
+def check_libraries(workers: int | None, cluster: str | None) -> None:
+    """Find the libraries by which runs are shared out.
+
+    Raises:
+        InvalidInput: If one is missing.
+    """
+    alone = cluster is None and (cores() if workers is None else workers) == 1
+    for module in () if alone else ("joblib", *(("distributed",) if cluster else ())):
+        if find_spec(module) is None:
+            raise InvalidInput(missing(module, "sweep") + "; a single worker does not require it")
+
+
 @contextmanager
 def shared_out(workers: int | None, cluster: str | None) -> Iterator[Crew]:
     """The workers, for the duration of the context.
@@ -101,7 +114,7 @@ def shared_out(workers: int | None, cluster: str | None) -> Iterator[Crew]:
         cluster: Address of a Dask scheduler, whose workers are used instead.
 
     Raises:
-        InvalidInput: If a library is missing, or no scheduler answers at the address.
+        InvalidInput: If no scheduler answers at the address.
     """
     if workers is not None:
         whole("workers", workers, 1)
@@ -118,7 +131,6 @@ def shared_out(workers: int | None, cluster: str | None) -> Iterator[Crew]:
     if count == 1:
         yield Crew(1, None)
         return
-    _library("joblib")
     from joblib.externals.loky import get_reusable_executor
 
     try:
@@ -175,8 +187,8 @@ _LOST = (
 
 
 def _client(address: str) -> AbstractContextManager[Any]:
-    _library("joblib")
-    distributed = _library("distributed")
+    import distributed
+
     try:
         client: AbstractContextManager[Any] = distributed.Client(
             address, timeout=_PATIENCE, set_as_default=False
@@ -187,14 +199,3 @@ def _client(address: str) -> AbstractContextManager[Any]:
             "address that 'dask scheduler' prints is expected, such as tcp://10.0.0.2:8786"
         ) from None
     return client
-
-
-def _library(name: str) -> Any:
-    try:
-        return __import__(name)
-    except ModuleNotFoundError:
-        raise InvalidInput(
-            f"Python cannot find the module '{name}', which distributes runs: './arm setup sweep' "
-            "installs it, or pip install 'arm-dynamics-suite[sweep]'; a single worker does not "
-            "require it"
-        ) from None

@@ -22,7 +22,7 @@ from arm_studies.sweeps.journal import Journal
 from arm_studies.sweeps.metrics import check_joints
 from arm_studies.sweeps.pace import Pace
 from arm_studies.sweeps.recipes import Group, Planner
-from arm_studies.sweeps.sharing import Task, shared_out
+from arm_studies.sweeps.sharing import Task, check_libraries, shared_out
 from arm_studies.sweeps.study import Study, StudySource, load_study
 from arm_studies.sweeps.table import Table, table_of
 from arm_studies.sweeps.world import COMPILED, PYTHON, Row, runs_compiled, world_of
@@ -123,6 +123,7 @@ def sweep(
         ...               "samples": 100})  # doctest: +SKIP
         >>> done.table["tracking_rms"].max()  # doctest: +SKIP
     """
+    check_libraries(workers, cluster)
     study = load_study(source)
     runs = points(study)
     planner = Planner(study)

@@ -86,7 +86,9 @@ class Table:
         try:
             import pandas
         except ModuleNotFoundError:
-            raise InvalidInput("to_pandas requires pandas, which is not installed") from None
+            raise InvalidInput(
+                "to_pandas requires pandas, which is not installed (pip install pandas)"
+            ) from None
         return pandas.DataFrame(self.columns).set_index("run")
 
 

@@ -11,7 +11,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from arm_dynamics.codegen.compiler import FLAGS, build
 from arm_dynamics.codegen.header import Header
-from arm_dynamics.exceptions import CompilerMissing, KernelError
+from arm_dynamics.exceptions import ARM, CompilerMissing, KernelError
 
 # Packages whose headers are included by those of rcl.
 _HEADERS = (
@@ -22,7 +22,7 @@ _HEADERS = (
 _CALLED = ("rcl", "rcutils", "rosidl_runtime_c")
 _REMEDY = (
     "install a compiler (apt install gcc), or compile the nodes on another machine "
-    "(./arm build SCENE --nodes --out DIR) and set ARM_CACHE=DIR"
+    f"({ARM} build SCENE --nodes --out DIR) and set ARM_CACHE=DIR"
 )
 
 

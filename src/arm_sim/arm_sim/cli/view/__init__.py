@@ -102,9 +102,14 @@ def view(
     shown side by side.
     """
     from arm_sim.cli.interrupts import interruptible
+    from arm_sim.view.pictures import browser
+    from arm_sim.view.server import library
 
+    library()  # before anything is computed
     written = {"png": png, "gif": gif, "mp4": mp4, "html": html}
     pictures = {kind: path for kind, path in written.items() if path is not None}
+    if pictures.keys() - {"html"}:
+        browser()
     port = 0 if pictures else port
     with ExitStack() as stack:
         if live:

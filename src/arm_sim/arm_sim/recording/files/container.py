@@ -32,7 +32,7 @@ try:
     from mcap.stream_reader import get_chunk_data_stream
 except ModuleNotFoundError as error:
     raise InvalidInput(
-        f"files of recordings require the module '{error.name}': pip install mcap (./arm has it)"
+        f"files of recordings require the module '{error.name}': pip install mcap"
     ) from None
 
 MAGIC = b"\x89MCAP0\r\n"
