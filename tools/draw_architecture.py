@@ -65,6 +65,8 @@ SAYS = {
         "scene": "keys, checks, URDF",
         "codegen": "C, compiler, cache",
         "arrays": "vectors and their checks",
+        "attributes": "what may be set of an object",
+        "writing": "files that replace others",
         "cdr": "messages as bytes",
         "exceptions": "ArmError and its kinds",
         "lazy": "imports at first use",
