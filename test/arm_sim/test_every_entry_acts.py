@@ -153,6 +153,8 @@ ELSEWHERE = {
     "robot.urdf": "of every scene",
     "constraints.rolling.points": "the second is unused, as the reference says",
     "sim.accuracy": "of the verdict on a motion: recording/test_witness.py",
+    "robot.xacro": "in place of a URDF: scene/test_xacro.py",
+    "robot.arguments": "likewise",
 }
 """Keys that are not tried here, and why."""
 

@@ -28,6 +28,7 @@ def sealed[C](cls: type[C]) -> type[C]:
         made.__setattr__ = _refuse
     else:
         made.__init__, made.__setattr__ = _sealing(cls, made.__init__), _refuse_once_sealed
+        made._sealed = False
     return cls
 
 
@@ -42,13 +43,13 @@ def _sealing(cls: type, init: Callable[..., None]) -> Callable[..., None]:
     def initialize(self: Any, *args: Any, **kwargs: Any) -> None:
         init(self, *args, **kwargs)
         if type(self) is cls:
-            vars(self)["_sealed"] = True
+            object.__setattr__(self, "_sealed", True)
 
     return initialize
 
 
 def _refuse_once_sealed(self: Any, name: str, given: object) -> None:
-    if name[0] != "_" and "_sealed" in vars(self) and not _settable(type(self), name):
+    if name[0] != "_" and self._sealed and not _settable(type(self), name):
         cls, arguments = type(self), ", ".join(signature(type(self)).parameters)
         raise not_assignable(self, name, vars(self), f"build another {cls.__name__}({arguments})")
     object.__setattr__(self, name, given)

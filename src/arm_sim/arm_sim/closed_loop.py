@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
@@ -121,6 +123,10 @@ class ClosedLoop:
             SimulationDiverged: If the state becomes non-finite; it has the recording so far.
         """
         return self.simulator.run(duration, self._answer)
+
+    def record(self, path: str | os.PathLike[str], duration: float) -> Path:
+        """Advance by a duration in [s] and record every tick in a file; see ``Simulator``."""
+        return self.simulator.record(path, duration, self._answer)
 
     def _answer(self, state: State) -> Array:
         reference = self._follower.reference(round(1e9 * state.time))

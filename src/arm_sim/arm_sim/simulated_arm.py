@@ -29,6 +29,18 @@ from arm_sim.stepping.python_step import PythonStep, python_step
 from arm_sim.stepping.roll import Roll
 from arm_sim.stepping.stepper import Stepper
 
+_put = object.__setattr__  # of what others cannot set
+
+
+class _Now:
+    """What changes with every tick, beside the state itself."""
+
+    __slots__ = ("hold", "state", "step_count")
+
+    def __init__(self) -> None:
+        self.step_count, self.hold = 0, FREE
+        self.state: State | None = None
+
 
 @sealed
 class SimulatedArm:
@@ -47,9 +59,6 @@ class SimulatedArm:
         x: The current state (q, v, z), shape (nx,): a read-only view that ticks change.
         acted: The effective command of the last tick, limits applied, shape (n,), likewise.
         notes: Current estimated error and number of time-stepped ticks, see ``State``, likewise.
-        hold: What held the arm in the last tick: ``FREE``, ``BRAKES`` or ``SERVOS``, see
-            ``Recording``; ``FREE`` after a reset.
-        step_count: Ticks since the last reset.
         pointers: The tick for other compiled code, see ``passed``; None if the scene runs on the
             virtual machine. Replaced by ``use``.
         sensors: The scene's sensors; None if it has none.
@@ -63,15 +72,14 @@ class SimulatedArm:
 
     def __init__(self, compiled: CompiledScene, source: str) -> None:
         model, self.dt, self.source = compiled.plant.model, compiled.choice.dt, source
+        self._now = _Now()
         self.n, self.joint_names = model.n, model.joint_names
         self._x, self._command = np.zeros(compiled.plant.nx), np.zeros(self.n)
         self._q, self._v = self._x[: self.n], self._x[self.n : 2 * self.n]
         self._effort, self._notes = np.zeros((1, self.n)), np.zeros((1, 2))
         self._put = Struct(f"{self.n}d").pack_into
         self.x, self.acted = read_only_view(self._x), read_only_view(self._effort[0])
-        self.notes, self.hold = read_only_view(self._notes[0]), FREE
-        self._state: State | None = None
-        self.step_count, self.compiled = 0, compiled
+        self.notes, self.compiled = read_only_view(self._notes[0]), compiled
         self.pointers: Roll | None = None
         self._saturation = SaturationNotice(model)
         self.sensors = sensors_of(model.scene, self.joint_names, self.dt)
@@ -82,8 +90,19 @@ class SimulatedArm:
         self._stepper = compiled.stepper
         arrays = self._command, self._x[None].copy(), self._effort, self._notes
         self._tick = self._stepper.bound(self._x, *arrays)
-        vars(self).update(compiled=compiled, pointers=Roll.of(self._tick))
+        _put(self, "compiled", compiled)
+        _put(self, "pointers", Roll.of(self._tick))
         self._step: PythonStep | None = None  # compiled when it is first used
+
+    @property
+    def step_count(self) -> int:
+        """Ticks since the last reset."""
+        return self._now.step_count
+
+    @property
+    def hold(self) -> int:
+        """What held the arm in the last tick, see ``Recording``; ``FREE`` after a reset."""
+        return self._now.hold
 
     @property
     def plant(self) -> Plant:
@@ -93,9 +112,10 @@ class SimulatedArm:
     @property
     def state(self) -> State:
         """The current state; read-only arrays that later ticks do not change."""
-        if (state := self._state) is None:
+        if (state := self._now.state) is None:
             notes = self._notes.tolist()[0]
-            self._state = state = State.of(self._x, self.n, self.step_count, self.dt, *notes)
+            state = State.of(self._x, self.n, self._now.step_count, self.dt, *notes)
+            self._now.state = state
         return state
 
     @property
@@ -139,7 +159,11 @@ class SimulatedArm:
         """Advance by a tick under a command as for ``Simulator.step``, checked and delayed."""
         if (step := self._step) is None:
             step = self._step = python_step(self._tick, self.n, self.plant.nz)
-        state = step(tau, self.step_count) if self.line is None else None
+        try:
+            state = step(tau, self._now.step_count) if self.line is None else None
+        except BaseException:
+            self._catch_up()
+            raise
         if state is None:
             self._step_by_python(tau)
             return self.state
@@ -147,6 +171,12 @@ class SimulatedArm:
             raise self.diverged()
         self._passed(state.step, state)
         return state
+
+    def _catch_up(self) -> None:
+        """Register a tick at the end of which the handler of a signal raised an exception."""
+        state, x = self._now.state, self._x.tobytes()
+        if state is not None and x != np.concatenate([state.q, state.v, state.z]).tobytes():
+            self._passed(self.step_count + 1, None)
 
     def _step_by_python(self, tau: object) -> None:
         if isinstance(tau, JointCommand):
@@ -195,7 +225,7 @@ class SimulatedArm:
         self._advance(servo=True)
         if rest.stays(before, x) if held else rest.slow(x):
             x[:n], x[n : 2 * n] = before[:n], 0.0
-            vars(self).update(hold=SERVOS)
+            self._now.hold = SERVOS
 
     def _balances(self, command: JointCommand) -> bool:
         """Whether the servos would hold the arm at rest where it is."""
@@ -211,8 +241,8 @@ class SimulatedArm:
 
     def _passed(self, count: int, state: State | None, servo: bool = False) -> None:
         """Register ticks up to the ``count``-th, and the state after them if that is known."""
-        own = self.__dict__  # by name in a tenth of the time that it takes to refuse others
-        own["step_count"], own["_state"], own["hold"] = count, state, FREE
+        now = self._now
+        now.step_count, now.state, now.hold = count, state, FREE
         self._saturation.look(self._command, self._effort, servo)
         if self.sensors is not None:
             self.sensors.look(self.step_count, self._q, self._v, self._driving)
@@ -224,15 +254,26 @@ class SimulatedArm:
     def roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array
     ) -> int:
-        """Advance by many ticks of a stepper in one call, see ``Stepper.roll``."""
-        done = stepper.roll(self._x, command, trace, effort, notes)
-        if done:
-            vars(self).update(step_count=self.step_count + done, _state=None, hold=FREE)
-            self._effort[0], self._notes[0] = effort[done - 1], notes[done - 1]
-            if stepper is self._stepper:  # else the command is a controller's reference
-                self._saturation.look(
-                    command[:done] if command.ndim == 2 else command, effort[:done]
-                )
+        """Advance by ticks of a stepper in one call, see ``Stepper.bound``.
+
+        If a signal breaks it off, what was done is registered.
+        """
+        start, done = self._x.copy(), -1
+        try:
+            done = stepper.bound(self._x, command, trace, effort, notes)()
+        finally:
+            if done < 0:  # the handler of a signal raised an exception when they were made
+                same = np.flatnonzero((trace == self._x).all(axis=1))
+                done = int(same[-1]) + 1 if len(same) else 0
+                self._x[:] = trace[done - 1] if done else start
+            if done:
+                now = self._now
+                now.step_count, now.state, now.hold = now.step_count + done, None, FREE
+                self._effort[0], self._notes[0] = effort[done - 1], notes[done - 1]
+                if stepper is self._stepper:  # else the command is a controller's reference
+                    self._saturation.look(
+                        command[:done] if command.ndim == 2 else command, effort[:done]
+                    )
         return done
 
     def lock(self) -> None:
@@ -242,11 +283,12 @@ class SimulatedArm:
         for k, state in enumerate(states, 2 * self.n):
             if state.kind in (StateKind.MOTOR_VELOCITY, StateKind.CURRENT):
                 self._x[k] = 0.0
-        self._effort[:], self._state = 0.0, None
+        self._effort[:], self._now.state = 0.0, None
 
     def stand(self) -> None:
         """Advance by a tick in which closed brakes hold every joint, see ``lock``."""
-        vars(self).update(step_count=self.step_count + 1, _state=None, hold=BRAKES)
+        now = self._now
+        now.step_count, now.state, now.hold = now.step_count + 1, None, BRAKES
         if self.sensors is not None:
             self.sensors.look(self.step_count, self._q, self._v, self._driving)
 
@@ -273,7 +315,7 @@ class SimulatedArm:
 
     def place(self, x: Array) -> None:
         """Set the state, shape (nx,), without changing the time."""
-        self._x[:], self._state = x, None
+        self._x[:], self._now.state = x, None
         self._restart_sensors()
         if self.compiled.has_servo:
             self.compiled.servo.restart()
@@ -295,7 +337,7 @@ class SimulatedArm:
         self.compiled.restart()
         self._x[:], self._stepper.p[:], self._stepper.substep = x, p, substep
         self._effort[:], self._notes[:] = 0.0, 0.0
-        vars(self).update(step_count=step, _state=None, hold=FREE)
+        self._now.step_count, self._now.state, self._now.hold = step, None, FREE
         self._restart_imperfections()
 
     def imperfect(self, scene: Scene) -> None:
@@ -305,7 +347,8 @@ class SimulatedArm:
             SceneError: If a filter's cut-off frequency is too high for this rate.
         """
         sensors = sensors_of(scene, self.joint_names, self.dt)
-        vars(self).update(sensors=sensors, line=command_line(scene, self.dt))
+        _put(self, "sensors", sensors)
+        _put(self, "line", command_line(scene, self.dt))
         self._restart_imperfections()
 
     def use(self, compiled: CompiledScene, **parameters: Any) -> None:

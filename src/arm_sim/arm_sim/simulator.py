@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from types import MethodType
 from typing import TYPE_CHECKING, Any, Concatenate, NoReturn
 
@@ -27,6 +30,7 @@ from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import delivered
 from arm_sim.inputs import answers, function_of_state, named, tick_count, torque_table
 from arm_sim.integrators.selection import Choice, choose
+from arm_sim.long_runs import Progress
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed, placed
@@ -46,6 +50,8 @@ if TYPE_CHECKING:
     from arm_sim.derivatives import Derivatives
 
 Control = Callable[[State], Any]
+Way = tuple[Callable[[Trace], Again | None], bool]
+FEW, PART = 10, 2000  # ticks of a controller in Python, and of a recording, that take little
 
 _log = logging.getLogger(__name__)
 
@@ -227,7 +233,7 @@ class Simulator:
         """Advance by a duration and record every tick.
 
         Args:
-            duration: In [s]; rounded to whole ticks.
+            duration: In [s]; rounded to whole ticks, with a warning.
             control: None for no torque, torques of shape (n,) to hold, a table of shape
                 (ticks, n), a compiled controller, a controller (an object with
                 ``torque(state, reference)``), or a function of the state that returns torques;
@@ -237,67 +243,142 @@ class Simulator:
             reference: Reference of a controller from now on, such as
                 ``trajectory.quintic(…)``; None: stay where it is.
 
+        After two seconds progress is shown on a terminal and in a notebook, and logged elsewhere.
+
         Returns:
             The motion, starting with the current state.
 
         Raises:
-            InvalidInput: If an argument is not allowed; the state is kept.
+            InvalidInput: If an argument is not allowed, or the recording would take more than half
+                of the available memory; the state is kept.
             SimulationDiverged: If the state becomes non-finite; it has the recording so far.
+            KeyboardInterrupt: After Ctrl-C; the state is that after the last whole tick, and the
+                exception has the recording so far, as ``recording``.
         """
-        trace = Trace(self.arm, tick_count(duration, self.dt))
-        if hasattr(control, "torque"):
-            control = answers(control, reference, self.dynamics, self.measured)
-        elif reference is not None:
-            raise InvalidInput("a reference is for a controller with torque(state, reference)")
-        given, again = False, None
-        if isinstance(control, CompiledControl):
-            done, again = self._run_compiled(control, trace)
-        elif isinstance(control, JointCommand):
-            commands = control.rows(trace.ticks, self.n, self.dt)
-            done = self._run_function(lambda _: next(commands), trace)
-        elif callable(control):
-            done = self._run_function(function_of_state(control), trace)
-        else:
-            table = torque_table(control, trace.ticks, self.joint_names, self.dt)
-            done = self._run_table(table, trace)
-            given = not gravity_compensated(self.model.scene)
-        recording = trace.recording(done, given, again)
-        if done < trace.ticks:
+        ticks = tick_count(duration, self.dt)
+        with Progress(ticks * self.dt) as progress:
+            way, trace = self._way(control, reference, ticks), Trace(self.arm, ticks, progress)
+            try:
+                return self._made(way, trace)
+            except KeyboardInterrupt as stop:
+                stop.add_note(
+                    f"interrupted at t = {self.state.time:.6g} s: the simulator has this state, "
+                    "and the exception's attribute 'recording' the motion until then"
+                )
+                raise
+
+    def record(
+        self,
+        path: str | os.PathLike[str],
+        duration: float,
+        control: Control | CompiledControl | AnyController | ArrayLike | None = None,
+        reference: Motion | None = None,
+    ) -> Path:
+        """Advance by a duration and record every tick in a file, not in memory.
+
+        If it is broken off, by Ctrl-C or because the state becomes non-finite, the file is
+        complete up to there. ``Recording.load`` reads it.
+
+        Args:
+            path: A new file (``.mcap``), or a new folder, for a bag; see ``Recording.save``.
+            duration: As for ``run``, and so on.
+            control: What acts.
+            reference: Reference of a controller.
+
+        Returns:
+            Path of the file or folder.
+
+        Raises:
+            InvalidInput: If an argument is not allowed, or the path exists; the state is kept.
+            SimulationDiverged: If the state becomes non-finite.
+            NotWritten: If the system does not let it be written.
+        """
+        from arm_sim.recording.files import Stream  # imports libraries that a run does not require
+
+        ticks = tick_count(duration, self.dt)
+        way = self._way(control, reference, ticks)
+        with Progress(ticks * self.dt) as progress, Stream(path) as stream:
+            for at in range(0, max(ticks, 1), PART):
+                trace = Trace(self.arm, min(PART, ticks - at), progress, at)
+                try:
+                    made = self._made(way, trace)
+                except (KeyboardInterrupt, SimulationDiverged) as stop:
+                    until: Recording = vars(stop)["recording"]
+                    stream.append(until, until.tau)
+                    raise
+                stream.append(made, made.tau)
+        return stream.path
+
+    def _made(self, way: Way, trace: Trace) -> Recording:
+        """The motion of a trace; what breaks it off has that until then, as ``recording``."""
+        make, given = way
+        try:
+            again = make(trace)
+        except KeyboardInterrupt as stop:
+            vars(stop)["recording"] = trace.recording(given)
+            raise
+        recording = trace.recording(given, again)
+        if trace.done < trace.ticks:
             diverged = self.arm.diverged()
             diverged.recording = recording
             raise diverged
         return recording
 
-    def _run_compiled(self, control: CompiledControl, trace: Trace) -> tuple[int, Again]:
-        """Its ticks, and the controller by row, for a second run."""
-        if self.arm.sensors is not None or self.arm.line is not None:
-            raise InvalidInput(
-                "a compiled controller uses the true state without delay, but the scene has "
-                "'sensors' or 'commands'; allowed: a controller that is a function of the state"
-            )
-        stepper, reference = (
-            self.arm.compiled.controlled(control),
-            control.reference(trace.time[:-1]),
-        )
-        return trace.roll(stepper, reference), lambda x, k: stepper.actuated(x, reference[k])
+    def _way(self, control: Any, reference: Motion | None, ticks: int) -> Way:
+        """What makes the ticks of a run, and whether their commands are given in advance."""
+        if hasattr(control, "torque"):
+            control = answers(control, reference, self.dynamics, self.measured)
+        elif reference is not None:
+            raise InvalidInput("a reference is for a controller with torque(state, reference)")
+        if isinstance(control, CompiledControl):
+            if self.arm.sensors is not None or self.arm.line is not None:
+                raise InvalidInput(
+                    "a compiled controller uses the true state without delay, but the scene has "
+                    "'sensors' or 'commands'; allowed: a controller that is a function of the "
+                    "state"
+                )
+            return partial(self._run_compiled, control), False
+        if isinstance(control, JointCommand):
+            commands = control.rows(ticks, self.n, self.dt)
+            return partial(self._run_function, lambda _: next(commands)), False
+        if callable(control):
+            return partial(self._run_function, function_of_state(control)), False
+        table = torque_table(control, ticks, self.joint_names, self.dt)
+        return partial(self._run_table, table), not gravity_compensated(self.model.scene)
 
-    def _run_table(self, table: Array, trace: Trace) -> int:
-        arm, shape = self.arm, (trace.ticks, self.n)
-        if arm.line is not None:
-            sent = np.broadcast_to(table, shape).tolist()
-            table = np.array([arm.arrived(row, k) for k, row in enumerate(sent)]).reshape(shape)
-        return trace.roll(self._stepper, table)
+    def _run_compiled(self, control: CompiledControl, trace: Trace) -> Again:
+        """Its ticks; returns the controller by row, for a second run."""
+        stepper = self.arm.compiled.controlled(control)
+        reference = control.reference(trace.time[:-1])
+        trace.roll(stepper, lambda first, end: reference[first:end])
+        return lambda x, k: stepper.actuated(x, reference[k])
 
-    def _run_function(self, control: Control, trace: Trace) -> int:
-        for k in range(trace.ticks):
-            command = control(self.arm.measured)
-            trace.begin(k)
-            try:
-                self.arm.step(command)
-            except SimulationDiverged:
-                return k
-            trace.end(k)
-        return trace.ticks
+    def _run_table(self, table: Array, trace: Trace) -> None:
+        arm, n, at = self.arm, self.n, trace.at
+
+        def commands(first: int, end: int) -> Array:
+            sent = table[at + first : at + end] if table.ndim == 2 else table
+            if arm.line is None:
+                return sent
+            each = np.broadcast_to(sent, (end - first, n)).tolist()
+            return np.array([arm.arrived(row, k) for k, row in enumerate(each)])
+
+        trace.roll(self._stepper, commands)
+
+    def _run_function(self, control: Control, trace: Trace) -> None:
+        arm = self.arm
+        for first, end in trace.slices(FEW):
+            for k in range(first, end):
+                command = control(arm.measured)
+                trace.begin(k)
+                try:
+                    arm.step(command)
+                except SimulationDiverged:
+                    return
+                except BaseException:
+                    trace.break_off(k)
+                    raise
+                trace.end(k)
 
     def reset(
         self,

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_sim.imperfections import Measured
+from arm_sim.long_runs import Progress, refuse_beyond_memory, slices
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.changes import Jump
 from arm_sim.recording.contents import FREE
@@ -27,14 +29,24 @@ class Trace:
     Args:
         arm: The arm at the start of the run.
         ticks: Their number k.
+        progress: Is told how far the run is.
+        at: Ticks of the run before.
 
     Attributes:
         ticks: As given.
+        at: As given.
+        done: How many of the ticks were made.
         time: Time at the start and after each tick in [s], shape (k+1,).
+
+    Raises:
+        InvalidInput: If they take too much of the memory.
     """
 
-    def __init__(self, arm: SimulatedArm, ticks: int) -> None:
-        self._arm, self.ticks = arm, ticks
+    def __init__(self, arm: SimulatedArm, ticks: int, progress: Progress, at: int = 0) -> None:
+        each = 3 + arm.plant.nx + arm.n + len(arm.parameters) + 3 * arm.n * bool(arm.sensors)
+        refuse_beyond_memory(ticks, 8 * each)
+        self._arm, self.ticks, self.at, self.done = arm, ticks, at, 0
+        self._progress = progress
         steps = arm.step_count + np.arange(ticks + 1)
         self.time = np.asarray(steps * arm.dt, dtype=np.float64)
         self._x, self._command = np.empty((ticks + 1, arm.plant.nx)), np.empty((ticks + 1, arm.n))
@@ -46,24 +58,45 @@ class Trace:
             self._measured = np.empty((ticks + 1, 3 * arm.n))
             self._measured[0] = arm.sensors.measured
 
-    def roll(self, stepper: Stepper, command: Array) -> int:
-        """Execute the ticks in one call, see ``Stepper.roll``; return the number of good ones."""
-        self._substep = stepper.substep
-        trace, acted = self._x[1:], self._command[:-1]
-        done = self._arm.roll(stepper, command, trace, acted, self._notes[1:])
-        self._measure(trace[:done], acted[:done])
-        return done
+    def slices(self, few: int) -> Iterator[tuple[int, int]]:
+        """Slices of the ticks, the first of ``few``; progress is told after each."""
+        for first, end in slices(self.ticks, few):
+            yield first, end
+            self._progress.tell((self.at + end) * self._arm.dt)
 
-    def _measure(self, trace: Array, command: Array) -> None:
-        """Update the sensors with ticks that were executed in one call."""
+    def roll(self, stepper: Stepper, commands: Callable[[int, int], Array]) -> None:
+        """Make the ticks in compiled code, or fewer, if one cannot be computed.
+
+        Args:
+            stepper: What makes them.
+            commands: Commands of the ticks from one row to another, shape (k, n), or one for all.
+        """
+        self._substep = stepper.substep
+        for first, end in self.slices(stepper.few):
+            if self._roll(stepper, commands(first, end), first, end) < end:
+                return
+
+    def _roll(self, stepper: Stepper, command: Array, first: int, end: int) -> int:
+        trace, acted, arm = self._x[first + 1 : end + 1], self._command[first:end], self._arm
+        before = arm.step_count
+        try:
+            arm.roll(stepper, command, trace, acted, self._notes[first + 1 : end + 1])
+        finally:  # a signal may break it off
+            made = arm.step_count - before
+            self._measure(first, trace[:made], acted[:made])
+            self.done = first + made
+        return self.done
+
+    def _measure(self, row: int, trace: Array, command: Array) -> None:
+        """Update the sensors with ticks that were executed in one call, from a row on."""
         arm = self._arm
         if arm.sensors is None or self._measured is None:
             return
-        n, first = arm.n, arm.step_count - len(trace) + 1
+        n, step = arm.n, arm.step_count - len(trace) + 1
         effort = arm.plant.joint_torque(trace, command)
         for k, x in enumerate(trace):
-            arm.sensors.look(first + k, x[:n], x[n : 2 * n], effort[k])
-            self._measured[k + 1] = arm.sensors.measured
+            arm.sensors.look(step + k, x[:n], x[n : 2 * n], effort[k])
+            self._measured[row + k + 1] = arm.sensors.measured
 
     def begin(self, row: int) -> None:
         """Register what a controller changed before the tick from a row."""
@@ -73,30 +106,33 @@ class Trace:
         """Record the tick from a row, which the arm has executed."""
         arm = self._arm
         self._x[row + 1], self._command[row], self._notes[row + 1] = arm.x, arm.acted, arm.notes
-        self._changes.state = arm.state
+        self._changes.state, self.done = arm.state, row + 1
         if arm.hold != FREE:
             self._changes.held(row, arm.hold)
         if arm.sensors is not None and self._measured is not None:
             self._measured[row + 1] = arm.sensors.measured
 
-    def recording(self, done: int, given: bool, control: Control | None) -> Recording:
-        """The motion over the ticks that were executed.
+    def break_off(self, row: int) -> None:
+        """Record the tick from a row if it was made when the handler of a signal raised."""
+        if self._arm.x.tobytes() != self._x[row].tobytes():
+            self.end(row)
+
+    def recording(self, given: bool, control: Control | None = None) -> Recording:
+        """The motion over the ticks that were made.
 
         Args:
-            done: Their number.
             given: Whether their commands were given in advance.
             control: The controller, if it can be evaluated again.
         """
-        arm, changes, command = self._arm, self._changes, self._command
+        arm, changes, command, done = self._arm, self._changes, self._command, self.done
         command[done] = command[done - 1] if done else 0.0
         rows = [self.time, self._x, command, self._notes]
         time, x, command, notes = (read_only_view(array[: done + 1]) for array in rows)
-        q, v, z = np.split(x, (arm.n, 2 * arm.n), axis=1)
-        compiled, measured = arm.compiled, self._measured
+        n, compiled, measured = arm.n, arm.compiled, self._measured
         origin = replace(arm.origin, given=given)
         return Recording(
-            time=time, q=q, v=v, z=z, command=command, local_error=notes[:, 0],
-            time_stepped=notes[:, 1], joint_names=arm.joint_names,
+            time=time, q=x[:, :n], v=x[:, n : 2 * n], z=x[:, 2 * n :], command=command,
+            local_error=notes[:, 0], time_stepped=notes[:, 1], joint_names=arm.joint_names,
             p=changes.parameters(done + 1), origin=origin, held=arm.held_constraints,
             jumps=changes.jumps(), hold=changes.hold(done + 1), substep=self._substep,
             physics=Physics.built(
@@ -149,6 +185,8 @@ class _Changes:
 
     def parameters(self, rows: int) -> Array:
         """Tunable quantities from each time, shape (rows, np)."""
+        if len(self._rows) == 1:  # they never changed
+            return read_only(np.tile(np.frombuffer(self._last[1]), (rows, 1)))
         ends = [*self._rows[1:], rows]
         parts = [
             np.broadcast_to(self._merged(tuned), (max(0, end - first), self._size))

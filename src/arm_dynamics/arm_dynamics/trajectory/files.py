@@ -116,8 +116,8 @@ class JointTrajectory:
                 if (row := getattr(point, part)) is not None:
                     numbers = ", ".join(map(_number, np.asarray(row, float).tolist()))
                     text.append(f"  {key}: [{numbers}]")
-        with replacing(Path(path)) as new:
-            new.write_text("\n".join(text) + "\n", encoding="utf-8")
+        with replacing(Path(path)) as file:
+            file.write_text("\n".join(text) + "\n", encoding="utf-8")
         return Path(path)
 
     @classmethod

@@ -6,6 +6,8 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from types import MappingProxyType
 from typing import Self
 
 import casadi
@@ -20,15 +22,14 @@ SCENE_FILE, URDF_FILE = "scene.yaml", "robot.urdf"
 GIVEN, FED_BACK = "given", "fed back"
 
 
-def versions() -> dict[str, str]:
+@cache
+def versions() -> Mapping[str, str]:
     """Versions of the computation; if one differs, the last bits of a replay may differ."""
-    return {
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "casadi": casadi.__version__,
-        "pinocchio": pinocchio.__version__,
+    return MappingProxyType({
+        "python": platform.python_version(), "numpy": np.__version__,
+        "casadi": casadi.__version__, "pinocchio": pinocchio.__version__,
         "machine": f"{platform.system()} {platform.machine()}",
-    }
+    })  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -30,12 +30,15 @@ from arm_dynamics.dynamics.verify import check_constrained, check_forward, slidi
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
+from arm_sim.long_runs import slices
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.stepping.engine import engine_apart, engine_source
 from arm_sim.stepping.events import EventReport, Modes, Trouble
 
+LITTLE_WORK, MANY_STEPS = 20_000_000, 20
+"""Arithmetic operations that take some hundredths of a second, and steps in a tick with events."""
 FREE = "free_"
 """Prefix of the functions for joints away from their stops."""
 MOVING = "moving_"
@@ -55,6 +58,7 @@ class Stepper:
     Attributes:
         kernel: The functions it runs.
         p: Tunable quantities, shape (np,), to be changed in place.
+        few: Number of ticks that surely take little time.
         tick_operations: Arithmetic operations in one tick (in one sub-step, with error control).
         moving_operations: The same while all joints slide and nothing touches.
         report: Losses and number of impacts, and why the last tick failed.
@@ -101,6 +105,8 @@ class Stepper:
         if plant.glides:
             self.moving_operations = self.kernel.operations(f"{MOVING}{smooth}") + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
+        steps = MANY_STEPS if plant.eventful or self._control else 1
+        self.few = max(1, LITTLE_WORK // (steps * self.tick_operations + 1))
 
     def twin(self, choice: Choice | None = None) -> Stepper:
         """Another stepper with the same code, which need not be generated and checked again.
@@ -145,8 +151,14 @@ class Stepper:
         )  # fmt: skip
 
     def roll(self, x: Array, command: Array, trace: Array, effort: Array, notes: Array) -> int:
-        """Advance once, see ``bound``; return the number of good ticks."""
-        return self.bound(x, command, trace, effort, notes)()
+        """Advance once, see ``bound``, in slices; return the number of good ticks."""
+        for first, end in slices(len(trace), self.few):
+            rows = slice(first, end)
+            part = command[rows] if command.ndim == 2 else command
+            done = self.bound(x, part, trace[rows], effort[rows], notes[rows])()
+            if done < end - first:
+                return first + done
+        return len(trace)
 
     def each(self, x: Array, command: Array, p: Array, ticks: int) -> tuple[Array, Array]:
         """Advance from each of many states by some ticks, as after a restart.
@@ -168,12 +180,14 @@ class Stepper:
         control = None if self._control is None else ctypes.byref(self._control)
         roll = self.kernel.library.roll_each
         roll.restype = None
-        roll(
-            pointer(after), pointer(np.ascontiguousarray(command)),
-            pointer(np.ascontiguousarray(p)), ctypes.c_longlong(len(x)),
-            ctypes.c_double(self._choice.dt), ctypes.c_longlong(ticks), pointer(lost), control,
-            ctypes.byref(self.report),
-        )  # fmt: skip
+        command, p = np.ascontiguousarray(command), np.ascontiguousarray(p)
+        for first, end in slices(len(x), self.few // ticks + 1):
+            roll(
+                pointer(after[first:]), pointer(command[first:]), pointer(p[first:]),
+                ctypes.c_longlong(end - first), ctypes.c_double(self._choice.dt),
+                ctypes.c_longlong(ticks), pointer(lost[first:]), control,
+                ctypes.byref(self.report),
+            )  # fmt: skip
         return after, lost
 
     def _each_by_call(self, x: Array, command: Array, p: Array, ticks: int) -> Array:

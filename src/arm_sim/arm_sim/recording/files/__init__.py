@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import yaml
 
@@ -30,6 +32,7 @@ from arm_sim.recording.files.ticks import TickFile
 __all__ = [
     "MESSAGE",
     "SUFFIXES",
+    "Stream",
     "McapWriter",
     "TickFile",
     "complete",
@@ -62,9 +65,9 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         with replacing(path) as part:
             npz.write(contents, part)
         return path
-    file, folder = where(path)
+    file, folder = where(path, ".npz, .mcap")
     with replacing(file) as part:
-        mcap = ticks.write(contents, efforts(), part)
+        mcap = ticks.write(contents, efforts(), part).mcap
         mcap.close()
     complete(mcap, file, folder)
     return path
@@ -75,8 +78,12 @@ def _check_folder(path: Path) -> None:
         raise NoRecording(f"'{path}': there is no folder '{path.parent}'")
 
 
-def where(path: Path) -> tuple[Path, Path | None]:
+def where(path: Path, suffixes: str = ".mcap") -> tuple[Path, Path | None]:
     """The MCAP file of a path, and the bag's folder, which is created, if the path is one.
+
+    Args:
+        path: The path.
+        suffixes: What the caller allows besides folders.
 
     Raises:
         InvalidInput: If it is neither.
@@ -88,7 +95,7 @@ def where(path: Path) -> tuple[Path, Path | None]:
         return path, None
     if path.suffix:
         raise InvalidInput(
-            f"'{path}' ends in '{path.suffix}'; allowed: .npz, .mcap, and a folder's name"
+            f"'{path}' ends in '{path.suffix}'; allowed: {suffixes}, and a folder's name"
         )
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -97,6 +104,71 @@ def where(path: Path) -> tuple[Path, Path | None]:
     if strange := [file.name for file in path.iterdir() if file.suffix not in (*BAGS, ".yaml")]:
         raise InvalidInput(f"'{path}' is not the folder of a bag: it contains '{strange[0]}'")
     return path / f"{path.name}_0.mcap", path
+
+
+class Stream:
+    """A new file of a recording that is written part by part, by a thread of its own.
+
+    Args:
+        path: Path of the file or folder.
+
+    Attributes:
+        path: Likewise.
+
+    Raises:
+        InvalidInput: If it exists, or is neither.
+        NotWritten: If the system does not let it be written, as in ``append``.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = _path(path)
+        self._place, self._file = new_file(self.path), list[TickFile]()
+        self._until, self._writer = 0.0, ThreadPoolExecutor(1, "recording")
+        self._last = self._writer.submit(lambda: None)
+        with self._told():
+            self._place[0].touch()
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def append(self, part: Contents, efforts: Array) -> None:
+        """Write a part, which begins where the last one ends; efforts as for ``save``."""
+        with self._told():
+            self._last.result()
+        self._last = self._writer.submit(self._write, part, efforts)
+
+    def _write(self, part: Contents, efforts: Array) -> None:
+        if self._file:
+            ticks.append(self._file[0], part, efforts)
+        else:
+            self._file.append(ticks.write(part, efforts, self._place[0]))
+        self._until = float(part.time[-1])
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise NotWritten(f"'{self.path}' cannot be written: {error.strerror}") from None
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """Complete the file, of which an error is told; or remove what is empty."""
+        self._writer.shutdown()
+        if error is not None and self._file:
+            error.add_note(f"'{self.path}' has the motion until t = {self._until:.6g} s")
+        with self._told() if error is None else suppress(OSError):
+            self._finish(*self._place)
+
+    def _finish(self, file: Path, folder: Path | None) -> None:
+        for written in self._file:
+            written.mcap.close()
+            complete(written.mcap, file, folder)
+        if not self._file:
+            file.unlink()
+            if folder is not None:
+                folder.rmdir()
+        self._last.result()
 
 
 def new_file(path: Path) -> tuple[Path, Path | None]:

@@ -101,8 +101,8 @@ class TickFile:
         return self._robot, string_message(self._urdf)
 
 
-def write(contents: Contents, efforts: Array, path: Path) -> McapWriter:
-    """Write a recording; return the open file, to be closed by the caller.
+def write(contents: Contents, efforts: Array, path: Path) -> TickFile:
+    """Write a recording; return the open file, to be closed by the caller, or appended to.
 
     Args:
         contents: The recording.
@@ -118,26 +118,39 @@ def write(contents: Contents, efforts: Array, path: Path) -> McapWriter:
             "the recording is not of a simulated scene, which .mcap requires; allowed: .npz"
         )
     file = TickFile(path, contents.origin, contents.joint_names)
-    pieces = _Pieces()
+    pieces, changes, rows = _Pieces(), dict(_changes(contents)), _rows(contents, efforts, file)
     first = _nanoseconds(contents.time[0])
     pieces.add(*file.robot(), first)
-    changes = dict(_changes(contents))
     for event in contents.events:
         stamp = _nanoseconds(event.time)
         pieces.add(file.log, log_message(stamp, _INFO, "sim", event.text), stamp)
-    pieces.add(file.changes, changes[0].written(), first)
-    rows = _rows(contents, efforts, file)
+    pieces.add(file.changes, changes.pop(0).written(), first)
     pieces.add(file.states, rows.first, first)
     pieces.flush(file.mcap)
-    last, done = len(contents.time) - 1, 0
-    for row in sorted({*changes, *range(_ROWS, last, _ROWS), last} - {0}):
+    _write_rows(file, contents, changes, rows)
+    return file
+
+
+def append(file: TickFile, contents: Contents, efforts: Array) -> None:
+    """Write another recording, which begins where the last one ends; see ``write``."""
+    changes, rows = dict(_changes(contents)), _rows(contents, efforts, file)
+    if not any(jump.row == 0 for jump in contents.jumps):
+        del changes[0]  # the state there is that in which the last one ends
+    _write_rows(file, contents, changes, rows)
+
+
+def _write_rows(
+    file: TickFile, contents: Contents, changes: dict[int, Change], rows: _Rows
+) -> None:
+    """Write ticks, and changes between them."""
+    pieces, last, done = _Pieces(), len(contents.time) - 1, 0
+    for row in sorted({*changes, *range(_ROWS, last, _ROWS), last}):
         upto = row - 1 if row in contents.gaps else row  # no tick leads across a gap
         file.mcap.chunk(rows.rows[done:upto].tobytes(), rows.offsets(upto - done))
         done = row
         if row in changes:
             pieces.add(file.changes, changes[row].written(), _nanoseconds(contents.time[row]))
             pieces.flush(file.mcap)
-    return file.mcap
 
 
 class _Pieces:
@@ -176,12 +189,12 @@ class _Rows:
 
 def _fill(
     rows: NDArray[np.uint8], stamps: NDArray[np.int64], message: JointStateWriter | TickWriter,
-    arrays: Sequence[Array],
+    arrays: Sequence[Array], before: int,
 ) -> None:  # fmt: skip
     """Write times, sequence numbers and arrays into records of a message, one a row."""
     for place in (15, 23):
         _put(rows, place, stamps)
-    _put(rows, 11, np.arange(len(rows), dtype=np.uint32))
+    _put(rows, 11, np.arange(before, before + len(rows)).astype(np.uint32))
     seconds, rest = np.divmod(stamps, GIGA)
     stamp = MESSAGE.size + message.stamp
     _put(rows, stamp, seconds.astype(np.int32))
@@ -212,7 +225,7 @@ def _rows(contents: Contents, efforts: Array, file: TickFile) -> _Rows:
         (starts[0], state, exact if measured is None else _parts(measured)),
         (starts[1], tick, (x, command, notes)),
     ):
-        _fill(rows[:, start:], stamps, message, arrays)
+        _fill(rows[:, start:], stamps, message, arrays, file.mcap.messages[file.ticks])
     if contents.hold is not None:
         _put(rows, starts[1] + MESSAGE.size + tick.hold, np.roll(contents.hold, 1))
     return _Rows(rows, starts)
