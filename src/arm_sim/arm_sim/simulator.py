@@ -17,8 +17,8 @@ from arm_dynamics.actuation.command_map import gravity_compensated
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.exceptions import choices, not_copied
-from arm_dynamics.model.arm import arm_model
 from arm_dynamics.scene.constraint import label, switchable
 from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.trajectory.reference import Motion

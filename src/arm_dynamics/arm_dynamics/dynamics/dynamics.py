@@ -19,11 +19,12 @@ from arm_dynamics.arrays import Array, each, finite_answer, vectors
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.python_call import PythonCall
 from arm_dynamics.dynamics.at_rest import AtRest, Points
+from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.one_state import OneState, one_state, unanswered
 from arm_dynamics.dynamics.rigid import MANY, RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model.arm import ArmModel, arm_model
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
 from arm_dynamics.scene.load import SceneSource
 

@@ -20,8 +20,6 @@ from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.springs import springs_of
 from arm_dynamics.model.stops import ROUNDED, Range, stops_of
-from arm_dynamics.model.units import unit_remarks
-from arm_dynamics.scene.load import SceneSource, load_scene, naming
 from arm_dynamics.scene.schema import Joint, Limits, Scene
 
 _log = logging.getLogger(__name__)
@@ -240,25 +238,6 @@ class ArmModel(Robot):
         self.effort_limit, self.command_limit = read_only(efforts), read_only(commands)
         self.standing_limit = read_only(standing)
         self.command_unit = tuple(units)
-
-
-def arm_model(source: SceneSource | ArmModel) -> ArmModel:
-    """Build the arm model of a scene, with warnings; a model is returned unchanged.
-
-    Args:
-        source: Anything ``load_scene`` takes, or a model.
-
-    Raises:
-        SceneError: If the scene is invalid; names the file, if there is one.
-    """
-    if isinstance(source, ArmModel):
-        return source
-    scene = load_scene(source)
-    with naming(source):
-        model = ArmModel(scene)
-    for remark in unit_remarks(model):
-        _log.warning("scene: %s", remark)
-    return model
 
 
 def _bound(value: float) -> float:

@@ -21,11 +21,11 @@ import pinocchio as pin
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import ModelError, SceneError
-from arm_dynamics.model.joint_names import JointNames
 from arm_dynamics.scene.constraint import WORLD
 from arm_dynamics.scene.inertia import inertia_matrix
 from arm_dynamics.scene.schema import Payload, Scene
 from arm_dynamics.scene.urdf import JOINT, LINK, Mimic, Urdf, read_urdf
+from arm_dynamics.scene.urdf.joint_names import JointNames
 
 _UNIQUE = "\0"  # which no name in XML contains
 

@@ -64,7 +64,7 @@ def describe(
     The time is measured on this machine.
     """
     from arm_dynamics import ModelError
-    from arm_dynamics.model.arm import arm_model
+    from arm_dynamics.dynamics.built import arm_model
     from arm_dynamics.scene.load import naming
     from arm_sim import Simulator
 

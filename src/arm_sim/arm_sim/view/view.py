@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from arm_dynamics.attributes import sealed
+from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.exceptions import ModelError
-from arm_dynamics.model.arm import ArmModel, arm_model
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene import Joint
 from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.writing import warn_if_replaced

@@ -267,10 +267,6 @@ def _found(scene: Any, folder: Path) -> Any:
         raise SceneError(f"study: 'vary.scene': {scene!r}; names of scenes or paths are expected")
     if not isinstance(robot := scene.get("robot"), dict):
         return scene
-    files = {key: name for key in ("urdf", "xacro") if isinstance(name := robot.get(key), str)}
-    found = {
-        key: str(find_file(name, folder))
-        for key, name in files.items()
-        if not name.lstrip().startswith("<")
-    }
-    return {**scene, "robot": {**robot, **found}}
+    given = [(key, robot[key]) for key in ("urdf", "xacro") if isinstance(robot.get(key), str)]
+    files = {k: str(find_file(x, folder)) for k, x in given if not x.lstrip().startswith("<")}
+    return {**scene, "robot": {**robot, **files}}

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model.joint_names import JointNames, Named
 from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.common.params import parameter
 from arm_dynamics.ros.controller.tolerances import NONE, StateTolerance, Tolerances, resolved
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
+from arm_dynamics.scene.urdf.joint_names import JointNames, Named
 from arm_dynamics.trajectory.splines import STANDING
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, all_finite, finite_answer
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model.joint_names import JointNames
 from arm_dynamics.ros.common.convert import to_array
+from arm_dynamics.scene.urdf.joint_names import JointNames
 
 _Order = NDArray[np.intp] | slice
 _ALL = slice(None)  # the order of the model, which most requests use

@@ -22,9 +22,9 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model.joint_names import AGREES, Follower, JointNames
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, address, library
 from arm_dynamics.ros.joint_state.serialization import FIELDS, Layout, layout_of, parsed
+from arm_dynamics.scene.urdf.joint_names import AGREES, Follower, JointNames
 
 Numbers = tuple[float, ...]
 Read = tuple[int, list[Numbers]]  # stamp in [ns], and n numbers for each of the fields

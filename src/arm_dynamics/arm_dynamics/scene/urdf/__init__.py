@@ -2,7 +2,8 @@
 """Robot descriptions (URDF): read leniently, checked, and written anew for Pinocchio's parser.
 
 ``xml`` parses the text, ``plain`` reads the numbers that matter to the dynamics, ``description``
-checks what they mean, ``inertial`` replaces inertias. Depends on neither Pinocchio nor CasADi.
+checks what they mean, ``units`` whether their units can be, ``inertial`` replaces inertias, and
+``joint_names`` knows mimic joints by name. Depends on neither Pinocchio nor CasADi.
 """
 
 from arm_dynamics.scene.urdf.description import JOINT, LINK, Mimic, Urdf, read_urdf

@@ -12,7 +12,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
-from arm_dynamics.model.joint_names import JointNames, Named
+from arm_dynamics.scene.urdf.joint_names import JointNames, Named
 from arm_dynamics.trajectory import Waypoint
 from arm_dynamics.trajectory.files import JointTrajectory
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
-from arm_dynamics.scene.urdf import Mimic
+from arm_dynamics.scene.urdf.description import Mimic
 
 AGREES = 1e-3
 """Deviation, relative to the larger of it and 1, up to which the value of a mimic joint agrees."""

@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Remarks on masses, drives and friction that fit an arm and its limits only in other units."""
+"""The arm model of a scene, with warnings of values that fit one another only in other units."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import known_names
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.scene.drive import Actuator
+from arm_dynamics.scene.load import SceneSource, load_scene, naming
 from arm_dynamics.scene.urdf.units import FAR
 
-if TYPE_CHECKING:
-    from arm_dynamics.model.arm import ArmModel
-
+_log = logging.getLogger(__name__)
 _POSTURES = 32
 # Published arms carry up to 5.5 times their effort limits, where these are placeholders, and have
 # drives of up to their own inertia.
@@ -29,6 +29,25 @@ _SAME = 6.0  # ratio of the constants of torque and back-EMF, which are equal bu
 
 type Found = Iterator[tuple[str, str, str]]
 """Joints, each with what is odd about it, and what units or names are meant."""
+
+
+def arm_model(source: SceneSource | ArmModel) -> ArmModel:
+    """Build the arm model of a scene, with warnings; a model is returned unchanged.
+
+    Args:
+        source: Anything ``load_scene`` takes, or a model.
+
+    Raises:
+        SceneError: If the scene is invalid; names the file, if there is one.
+    """
+    if isinstance(source, ArmModel):
+        return source
+    scene = load_scene(source)
+    with naming(source):
+        model = ArmModel(scene)
+    for remark in unit_remarks(model):
+        _log.warning("scene: %s", remark)
+    return model
 
 
 def unit_remarks(model: ArmModel) -> Iterator[str]:
