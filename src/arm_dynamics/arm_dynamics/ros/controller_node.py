@@ -27,7 +27,7 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput, plain
 from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
-from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
+from arm_dynamics.ros.common.diagnostics import ERROR, Diagnosis, Finding
 from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import THROTTLE, subscribe
 from arm_dynamics.ros.common.params import declare, watch
@@ -35,6 +35,7 @@ from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.controller import (
     AnswerLog,
     ControllerParams,
+    Followed,
     Goals,
     Jumps,
     Loaded,
@@ -121,7 +122,7 @@ class ControllerNode(Node):
         model = self.dynamics.model
         self._build_ahead(self.params)
         limits = Limits.of(model, self.params.acceleration_limit or float("inf"))
-        self._log, self._jumps = AnswerLog(), Jumps(names)
+        self._log, self._jumps, self._followed = AnswerLog(), Jumps(names), Followed(self)
         interrupt, forget = self.answers.interrupt, self._log.forget
         self.goals = Goals(model, limits, self.get_logger(), interrupt, forget)
         self.action = TrajectoryAction(
@@ -155,6 +156,7 @@ class ControllerNode(Node):
         parts = Parts(
             self._reader, self._sink, self._command, self._report, self.control,
             self.dynamics.command_map, self.goals, self.action, self._jumps, self._log,
+            self._followed,
         )  # fmt: skip
         # What is granted to the states' thread, the middleware's threads do not have.
         direct = not (self.params.priority or self.params.cpus)
@@ -285,6 +287,8 @@ class ControllerNode(Node):
             self._log.pass_over(f"{plain(error)}{self._way_out(error)}")
             self._warn(f"joint state ignored: {self._log.unusable}")
             return None
+        if not self._followed.includes(self._reader.sender):
+            return None
         state, reference = self._motion(stamp, np.array(q), *map(np.array, v))
         try:
             tau = self.control.torque(state, reference)
@@ -367,7 +371,9 @@ class ControllerNode(Node):
         """Diagnostics since the last call."""
         about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
         answers = self.answers.summary()
-        return [self._log.finding(self, self._acting.controller, self._cut(), about, answers)]
+        found = self._log.finding(self, self._acting.controller, self._cut(), about, answers)
+        found.complain(ERROR, self._followed.complaint)
+        return [found]
 
     def _warn(self, warning: str) -> None:
         self.get_logger().warning(warning, throttle_duration_sec=THROTTLE)

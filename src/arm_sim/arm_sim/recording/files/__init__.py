@@ -50,7 +50,7 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
     path = _path(path)
     if path.suffix == ".npz":
         _check_folder(path)
-        part = path.with_name(path.name + ".part")
+        part = _part_of(path)
         try:
             npz.write(contents, part)
             part.replace(path)
@@ -58,7 +58,7 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
             part.unlink(missing_ok=True)
         return path
     file, folder = where(path)
-    part = file.with_name(file.name + ".part")
+    part = _part_of(file)
     try:
         mcap = ticks.write(contents, efforts(), part)
         mcap.close()
@@ -67,6 +67,11 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
         part.unlink(missing_ok=True)
     complete(mcap, file, folder)
     return path
+
+
+def _part_of(path: Path) -> Path:
+    """A file of this process, which replaces another one when it is complete."""
+    return path.with_name(f"{path.name}.{os.getpid()}.part")
 
 
 def _check_folder(path: Path) -> None:
@@ -95,14 +100,22 @@ def where(path: Path) -> tuple[Path, Path | None]:
 
 
 def new_file(path: Path) -> tuple[Path, Path | None]:
-    """``where`` of a path that does not exist.
+    """``where`` of a path that does not exist; the file is created, so that it is one's own.
 
     Raises:
-        InvalidInput: If it exists.
+        InvalidInput: If it exists, even since a moment ago.
     """
-    if path.exists():
-        raise InvalidInput(f"'{path}' exists; recordings are not overwritten")
-    return where(path)
+    try:
+        if path.exists():
+            raise FileExistsError
+        file, folder = where(path)
+        file.touch(exist_ok=False)
+    except FileExistsError:
+        raise InvalidInput(
+            f"'{path}' exists, and may be being written by another recorder; recordings are not "
+            "overwritten; allowed: a new name"
+        ) from None
+    return file, folder
 
 
 def complete(mcap: McapWriter, file: Path, folder: Path | None) -> None:
