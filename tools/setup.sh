@@ -209,11 +209,12 @@ set_up_packages() {
 
 # --- the workspace -----------------------------------------------------------------------------
 
+# By the environment's Python if possible: executables are installed for the Python that runs colcon.
 run_colcon() {
-    if type -p colcon >/dev/null; then
-        colcon "$@"
-    else
+    if python -c 'import colcon_core' 2>/dev/null; then
         python -c 'import sys; from colcon_core.command import main; sys.exit(main())' "$@"
+    else
+        colcon "$@"
     fi
 }
 
@@ -243,17 +244,15 @@ build_workspace() (
 
 # Python finds all of it too when something else than ./arm starts it: an editor, Jupyter, a script.
 write_environment() (
-    local packages=$env/lib/python3.12/site-packages name
+    local packages=$env/lib/python3.12/site-packages name folders
     unset LD_LIBRARY_PATH AMENT_PREFIX_PATH PYTHONPATH
     enter
     for name in LD_LIBRARY_PATH AMENT_PREFIX_PATH ROS_DISTRO RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE; do
         [[ -z ${!name:-} ]] || printf '%s=%s\n' "$name" "${!name}"
     done >"$env/environment"
     cp "$root/tools/arm_environment.py" "$packages/"
-    printf '%s\n' "$env/workspace/install/lib/python3.12/site-packages" "$root/src/arm_studies" \
-        "$root/src/arm_sim" "$root/src/arm_dynamics" "import arm_environment" >"$packages/arm.pth"
-    # Where the installed executables find what they start.
-    printf '%s\n' "$env/workspace/build/"arm_{studies,sim,dynamics} >>"$packages/arm.pth"
+    python_folders
+    printf '%s\n' "import arm_environment" "${folders[@]}" | tac >"$packages/arm.pth"
 )
 
 check_workspace() (

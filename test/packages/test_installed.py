@@ -203,3 +203,11 @@ def test_colcon_builds_the_packages(project: Path, tmp_path: Path) -> None:
     install = tmp_path / "install"
     for place in PLACES:
         assert (install / place).exists(), place
+    packages = install / "lib/python3.12/site-packages"
+    for executable in (path for name in LIBRARIES for path in (install / "lib" / name).iterdir()):
+        assert list(packages.glob(f"{executable.parent.name}-*.egg-info"))
+        said = subprocess.run(
+            [executable, "--help"], env={**os.environ, "PYTHONPATH": str(packages)},
+            capture_output=True, text=True, timeout=120,
+        )  # fmt: skip
+        assert said.returncode == 0 and "sage: " in said.stdout, said.stderr

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from harness import reserve_domain, surroundings
@@ -40,8 +40,9 @@ def forging(folder: Path) -> Iterator[Path]:
         process.wait()
 
 
-@contextmanager
-def running(forge: Path, logs: Path, *commands: Sequence[str | Path]) -> Iterator[int]:
+def running(
+    forge: Path, logs: Path, *commands: Sequence[str | Path]
+) -> AbstractContextManager[int]:
     """Nodes in processes of their own, killed in the end.
 
     Args:
@@ -49,15 +50,21 @@ def running(forge: Path, logs: Path, *commands: Sequence[str | Path]) -> Iterato
         logs: Folder for what they log.
         commands: What ``./arm`` is given to start each of them.
 
-    Yields:
-        Their domain.
+    Returns:
+        A context with their domain.
     """
+    words = [(*asking(forge), "arm", node, "--with-parent", *rest) for node, *rest in commands]
+    return executed(logs, *words)
+
+
+@contextmanager
+def executed(logs: Path, *commands: Sequence[str | Path]) -> Iterator[int]:
+    """Processes in a domain of their own, killed in the end, which is yielded."""
     domain, reservation = reserve_domain()
     environment = surroundings(ROS_DOMAIN_ID=str(domain), ROS_LOG_DIR=str(logs))
     started = []
     try:
-        for command, *rest in commands:
-            words = [*asking(forge), "arm", command, "--with-parent", *rest]
+        for words in commands:
             started.append(
                 subprocess.Popen(
                     words, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL

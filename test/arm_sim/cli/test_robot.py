@@ -282,6 +282,7 @@ class Interrupted:
     """A controller whose motion ends elsewhere, for ``go``."""
 
     reference, remaining, replaced = {"elbow": 0.0}, 0.0, True
+    errors = ["controller: controller: two nodes publish /joint_states"]
 
     def __init__(self, node: str, timeout: float) -> None:
         self.words = node  # which says here why
@@ -458,6 +459,7 @@ def test_an_arm_that_stops_short_has_not_arrived(
     done = CliRunner().invoke(go, ["elbow=1", "--controller", error])
     assert done.exit_code == code
     assert ("arrived" if code == 0 else "stopped short: elbow is off by") in done.output
+    assert Short.errors[0] in done.output
 
 
 @ros
@@ -536,3 +538,8 @@ def test_go_names_the_one_cause(
         _name="/left/controller", _listener=Graph(nodes, publishers), _reports=reports
     )
     assert controller._cause().startswith(said)
+    assert [line.partition(": ")[0] for line in controller.errors] == [
+        status.name.partition(": ")[0]
+        for status in reported
+        if status.level == DiagnosticStatus.ERROR and status not in (OTHER, SILENT)
+    ]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import runpy
 import subprocess
@@ -10,13 +11,15 @@ import sys
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from subprocess import PIPE, STDOUT, Popen
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 import yaml
-from forging import running
+from ament_index_python.packages import get_package_prefix
+from forging import executed
 from launch_files import Launch, Start, by_python
 
 import models
@@ -44,6 +47,12 @@ def executables(package: str, monkeypatch: pytest.MonkeyPatch) -> set[str]:
     monkeypatch.chdir(PACKAGE.parent / package)
     runpy.run_path("setup.py")
     return {entry.split("=")[0].strip() for entry in said["entry_points"]["console_scripts"]}
+
+
+def installed(package: str) -> dict[str, Path]:
+    """The executables of a package by name, where ros2 run and ros2 launch look for them."""
+    folder = Path(get_package_prefix(package)) / "lib" / package
+    return {path.name: path for path in folder.iterdir()}
 
 
 def started(name: str, **given: str) -> list[Start]:
@@ -142,14 +151,37 @@ def test_a_description_keeps_its_robot() -> None:
 
 
 @pytest.mark.ros
+def test_installed_executables_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As by ros2 run, which executes them as they are; and from a shell that knows no ROS."""
+    places = []
+    for package in ("arm_dynamics", "arm_sim", "arm_studies"):
+        found = installed(package)
+        assert set(found) == executables(package, monkeypatch)
+        places += found.values()
+    ways = [([place], dict(os.environ)) for place in places]
+    if "include-system-site-packages = false" in Path(sys.prefix, "pyvenv.cfg").read_text():
+        ways += [([sys.executable, place], {"HOME": str(tmp_path)}) for place in places]
+    runs = [
+        Popen([*words, "--help"], cwd=tmp_path, env=variables, stdout=PIPE, stderr=STDOUT)
+        for words, variables in ways
+    ]
+    for run, (words, _) in zip(runs, ways, strict=True):
+        said, _ = run.communicate(timeout=120)
+        assert run.returncode == 0, (words, said.decode())
+        assert b"sage: " in said
+
+
+@pytest.mark.ros
 def test_two_arms_are_led_each_in_its_namespace(
-    tmp_path: Path, forge: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By plain processes with the arguments of the launch file."""
+    """By installed executables with the arguments that ros2 launch gives them."""
     starts = started("two_arms", left="two_link", right="two_link")
-    commands = [(s.executable, "--ros-args", *s.ros_arguments()) for s in starts]
+    commands = [
+        (installed(s.package)[s.executable], "--ros-args", *s.ros_arguments()) for s in starts
+    ]
     states: dict[str, list[Any]] = {"left": [], "right": []}
-    with running(forge, tmp_path, *commands) as domain:
+    with executed(tmp_path, *commands) as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         with Listener() as listener:
             for arm, heard in states.items():

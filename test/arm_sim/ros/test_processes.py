@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ament_index_python.packages import get_package_prefix
 from arm_msgs.srv import ModelInfo
 from harness import Ros, surroundings
 from samples import sampled
@@ -22,25 +23,22 @@ import models
 
 pytestmark = pytest.mark.ros
 
-NODES = {
-    "dynamics": "arm_dynamics.ros.dynamics_node",
-    "sim": "arm_sim.ros.sim_node",
-    "controller": "arm_dynamics.ros.controller_node",
-}
+NODES = {"dynamics": "arm_dynamics", "sim": "arm_sim", "controller": "arm_dynamics"}
 SCENE = str(models.SCENES / "two_link.yaml")
 
 
 class Processes:
-    """Nodes started as their console scripts do."""
+    """Nodes started by their installed executables."""
 
     def __init__(self, domain: int) -> None:
         self._environment = surroundings(ROS_DOMAIN_ID=str(domain))
         self._started: list[subprocess.Popen[str]] = []
 
     def start(self, node: str, **parameters: Any) -> subprocess.Popen[str]:
-        entry = f"from {NODES[node]} import main; main()"
+        package = NODES[node]
+        place = Path(get_package_prefix(package), "lib", package, node)
         pairs = [word for item in parameters.items() for word in ("-p", "{}:={}".format(*item))]
-        return self.begin("-c", entry, "--ros-args", *pairs)
+        return self.begin(str(place), "--ros-args", *pairs)
 
     def begin(self, *arguments: str, **surroundings: str) -> subprocess.Popen[str]:
         process = subprocess.Popen(

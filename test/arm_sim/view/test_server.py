@@ -89,7 +89,7 @@ class TestListening:
     def test_a_port_that_is_taken_is_refused(self) -> None:
         with socket.create_server(("127.0.0.1", 0)) as taken:
             port = taken.getsockname()[1]
-            with pytest.raises(ViewError, match=f"port {port} of 127.0.0.1 cannot be used"):
+            with pytest.raises(ViewError, match=f"port {port} of 127.0.0.1 is taken, perhaps by"):
                 open_server("arm", port=port)
 
     def test_the_next_free_port_is_used_by_default(

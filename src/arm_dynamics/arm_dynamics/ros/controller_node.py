@@ -28,7 +28,7 @@ from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput, pl
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
-from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
+from arm_dynamics.ros.common.diagnostics import ERROR, Diagnosis, Finding
 from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
@@ -36,6 +36,7 @@ from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.controller import (
     AnswerLog,
     ControllerParams,
+    Followed,
     Goals,
     Jumps,
     Loaded,
@@ -122,7 +123,7 @@ class ControllerNode(Node):
         model = self.dynamics.model
         self._build_ahead(self.params)
         limits = Limits.of(model, self.params.acceleration_limit or float("inf"))
-        self._log, self._jumps = AnswerLog(), Jumps(names)
+        self._log, self._jumps, self._followed = AnswerLog(), Jumps(names), Followed(self)
         self._throttled = Throttled(self.get_logger())
         interrupt, forget = self.answers.interrupt, self._log.forget
         self.goals = Goals(model, limits, Throttled(self.get_logger()), interrupt, forget)
@@ -157,6 +158,7 @@ class ControllerNode(Node):
         parts = Parts(
             self._reader, self._sink, self._command, self._report, self.control,
             self.dynamics.command_map, self.goals, self.action, self._jumps, self._log,
+            self._followed,
         )  # fmt: skip
         # What is granted to the states' thread, the middleware's threads do not have.
         direct = not (self.params.priority or self.params.cpus)
@@ -287,6 +289,8 @@ class ControllerNode(Node):
             self._log.pass_over(f"{plain(error)}{self._way_out(error)}")
             self._throttled.warning(f"joint state ignored: {self._log.unusable}")
             return None
+        if not self._followed.includes(self._reader.sender):
+            return None
         state, reference = self._motion(stamp, np.array(q), *map(np.array, v))
         try:
             tau = self.control.torque(state, reference)
@@ -367,7 +371,9 @@ class ControllerNode(Node):
         """Diagnostics since the last call."""
         about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
         answers = self.answers.summary()
-        return [self._log.finding(self, self._acting.controller, self._cut(), about, answers)]
+        found = self._log.finding(self, self._acting.controller, self._cut(), about, answers)
+        found.complain(ERROR, self._followed.complaint)
+        return [found]
 
     @_locked
     def on_joint_trajectory(self, message: bytes | JointTrajectory) -> None:

@@ -18,6 +18,7 @@ from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.ordinary import OrdinaryTicks
 from arm_sim.ros.outputs import Outputs
+from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.robot import Display
 from arm_sim.ros.sim_params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
@@ -42,6 +43,7 @@ class SimDiagnostics:
     lockstep: Lockstep | None
     refused_privileges: Sequence[str]
     recorder: TickRecorder | None
+    rivals: Rivals
     growth: Growth = field(default_factory=Growth)
 
     def __call__(self) -> list[Finding]:
@@ -129,10 +131,10 @@ class SimDiagnostics:
         }  # fmt: skip
         piled_up = "ticks were time-stepped at first order: too many events"
         self.growth.warn(found, state.time_stepped, piled_up)
-        if self.outputs.clock is not None and self.outputs.clock.rivals:
+        if self.outputs.clock is not None:
             found.complain(ERROR, self.outputs.clock.complaint)
-        if engine.failure:
-            found.complain(ERROR, engine.failure)
+        found.complain(ERROR, self.rivals.complaint)
+        found.complain(ERROR, engine.failure)
         self._check_energy(found)
         return found
 
@@ -154,8 +156,7 @@ class SimDiagnostics:
         for count, what in ((recorder.lost, "ticks"), (thread.lost, "ticks and messages")):
             if grown := self.growth.of(what, count):
                 found.complain(WARN, f"{grown} {what} are not in the recording: {thread.trouble}")
-        if thread.failure:
-            found.complain(ERROR, thread.failure)
+        found.complain(ERROR, thread.failure)
         return found
 
     def _check_lockstep(self, lockstep: Lockstep) -> Finding:

@@ -22,10 +22,12 @@ from arm_dynamics.ros.joint_state import JointStateReader, JointStateSource, Num
 from arm_sim.inputs import clipped
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
+from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.latency import RoundTrip
 
 _UNNAMED = "~/commands"  # the source of commands without a header
+_NEVER = -1  # their stamp
 AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
 
 
@@ -38,6 +40,7 @@ class Inputs:
         round_trip: Time from a state to its command.
         refused: Number of commands that were refused.
         refused_wrenches: Number of wrenches that were refused.
+        rivals: Know of other sims, for which a command may be.
         tap: Called with topic and message of every input, if set.
     """
 
@@ -54,6 +57,7 @@ class Inputs:
         )
         self.source: JointStateSource | None = None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
+        self.rivals: Rivals
         self.tap: Callable[[Topic, Any], None] | None = None
         self._warned = False
         engine.read_commands = self._read_waiting
@@ -134,6 +138,7 @@ class Inputs:
 
     def _put(self, stamp: int, numbers: list[Numbers]) -> None:
         """Make the content of a JointState the newest command."""
+        self.rivals.check(stamp)
         slot = self._engine.commands
         if slot.empty:
             self._joints.forget()
@@ -152,6 +157,7 @@ class Inputs:
                 raise InvalidInput(f"data_offset is {message.layout.data_offset}; allowed: 0")
             if tau.shape != (n,) or not np.isfinite(tau).all():
                 raise InvalidInput(f"{tau.size} numbers {tau[:10]}; allowed: {n} finite numbers")
+            self.rivals.check(_NEVER)
             self._engine.arbiter.admit(_UNNAMED, frozenset(range(n)))
         except InvalidInput as error:
             self._refuse(error)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -22,12 +23,14 @@ from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.ordinary import OrdinaryTicks
 from arm_sim.ros.outputs import Outputs
+from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.robot import Display, publish_description
 from arm_sim.ros.services import SimServices
 from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting, simulator_of
 from arm_sim.ros.standard import StandardServices
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
+from arm_sim.ros.timing.stamps import ROS
 
 if TYPE_CHECKING:
     from arm_sim.ros.record import TickRecorder
@@ -45,6 +48,7 @@ class SimNode(Node):
         engine: Advances the simulation; independent of ROS.
         inputs: Incoming commands and wrenches.
         lockstep: Waits for answers, or None.
+        rivals: Others who publish joint states of this arm.
         display: Publishes all joints and frames for visualization.
         ordinary: Executes most ticks, in C.
         loop: Ticks in real time, and measures its timing.
@@ -80,6 +84,11 @@ class SimNode(Node):
         self.inputs = inputs = Inputs(self, engine)
         trip, heard = inputs.round_trip, lambda: self.diagnosis.heard
         self._outputs = Outputs(self, engine, params, trip, account_wanted=heard)
+        self.rivals = inputs.rivals = Rivals(
+            self, self._outputs.states, self._is_answer, self._report_rivals
+        )
+        if params.tick_source != HAND:
+            self.rivals.give_way()
         self.display = Display(self, engine, params, self._outputs.reported, self._outputs.stamp)
         factor = params.realtime_factor
         self.loop = RealtimeLoop(
@@ -110,7 +119,7 @@ class SimNode(Node):
         self.standard = StandardServices(self, engine, params, self._outputs.stamp)
         self.diagnostics = SimDiagnostics(
             self, params, engine, self.loop, self.ordinary, inputs, self._outputs, self.display,
-            self.lockstep, self._refused_privileges, self.recorder,
+            self.lockstep, self._refused_privileges, self.recorder, self.rivals,
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
         publish_description(self, params, chosen.description, source)
@@ -187,6 +196,19 @@ class SimNode(Node):
         else:
             self.get_logger().info("commands have resumed")
 
+    def _is_answer(self, stamp: int) -> bool:
+        """Whether a command's stamp can only be that of a state of this sim."""
+        return self._outputs.stamps.name == ROS and self.inputs.round_trip.awaits(stamp)
+
+    def _report_rivals(self, complaint: str) -> None:
+        self.engine.queue.ring()  # C does not check whose states commands answer
+        if not complaint:
+            self.get_logger().info("nobody else publishes joint states of this arm any more")
+            return
+        self.get_logger().error(complaint)
+        if self.recorder is not None:
+            self.recorder.note(complaint, logging.ERROR)
+
     def destroy_node(self) -> None:
         """Stop ticking, log the timing, and destroy the node."""
         if self._complete:
@@ -198,6 +220,7 @@ class SimNode(Node):
         self.engine.queue.served = False
         self._outputs.energy.close()
         self.inputs.close()
+        self.rivals.close()
         self.standard.close()
         if self._background is not None:
             self._background.close()

@@ -95,8 +95,12 @@ def _free_port(host: str, port: int | None) -> int:
         if found != first and first:
             _log.warning("port %d is taken; the view is at port %d", first, found)
         return found
-    if trouble.errno == errno.EADDRINUSE and port is None:
-        raise ViewError(f"none of the ports {first} to {first + TRIED - 1} of {host} is free")
+    if trouble.errno == errno.EADDRINUSE:
+        tried = "" if port else f" to {first + TRIED - 1}"
+        raise ViewError(
+            f"port {first}{tried} of {host} is taken, perhaps by another view; end it, or choose "
+            "another port (0: any that is free)"
+        )
     raise ViewError(f"port {first} of {host} cannot be used: {trouble.strerror or trouble}")
 
 

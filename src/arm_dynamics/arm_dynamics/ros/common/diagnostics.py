@@ -14,6 +14,7 @@ from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 PERIOD = 1.0  # [s]
+_WAY_OUT = "or give it a namespace (--ros-args -r __ns:=/left) or a ROS_DOMAIN_ID of its own"
 OK, WARN, ERROR = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
@@ -32,7 +33,9 @@ class Finding:
     _words: list[str] = field(default_factory=list)
 
     def complain(self, level: bytes, words: str) -> None:
-        """Add a warning or an error; the worst level counts."""
+        """Add a warning or an error, if there are words; the worst level counts."""
+        if not words:
+            return
         self._level = max(self._level, level)
         self._words.append(words)
 
@@ -45,6 +48,22 @@ class Finding:
             hardware_id=node.get_fully_qualified_name(),
             values=[KeyValue(key=k, value=_text(v)) for k, v in self.values.items()],
         )
+
+
+def publishers(node: Node, topic: str) -> dict[bytes, str]:
+    """The nodes that publish a topic, by the identifiers of their publishers.
+
+    One that was killed is among them for up to 20 s.
+    """
+    return {
+        bytes(info.endpoint_gid): f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        for info in node.get_publishers_info_by_topic(topic)
+    }
+
+
+def two_publish(topic: str, one: str, other: str) -> str:
+    """Complaint of two nodes that publish a topic of one."""
+    return f"two nodes publish {topic}: {one}, and {other}; allowed: one. End one, {_WAY_OUT}"
 
 
 class Growth:
@@ -74,7 +93,7 @@ class Diagnosis:
             node: The node.
             find: Returns the findings; called once a second while there are subscribers.
         """
-        self._node, self._find = node, find
+        self._node, self._find, self._twin = node, find, ""
         self._publisher = advertise(node, DIAGNOSTICS)
         self._timer = steady_timer(node, PERIOD, self.publish)
 
@@ -84,12 +103,27 @@ class Diagnosis:
         return self._publisher.get_subscription_count() > 0
 
     def publish(self) -> None:
-        """Publish the current findings, if there are subscribers."""
+        """Look for a node of the same name; publish the findings, if there are subscribers."""
+        self._look()
         if not self.heard:
             return
-        message = DiagnosticArray(status=[f.message(self._node) for f in self._find()])
+        found = self._find()
+        found[0].complain(WARN, self._twin)
+        message = DiagnosticArray(status=[f.message(self._node) for f in found])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
+
+    def _look(self) -> None:
+        node, before, self._twin = self._node, self._twin, ""
+        me = node.get_name(), node.get_namespace()
+        if node.get_node_names_and_namespaces().count(me) > 1:
+            self._twin = (
+                f"two nodes are called {node.get_fully_qualified_name()}, and either answers "
+                "requests to them; allowed: one (one that was killed counts for 20 s more). End "
+                f"one, rename it (--ros-args -r __node:=NAME), {_WAY_OUT}"
+            )
+            if not before:
+                node.get_logger().warning(self._twin)
 
 
 def _text(value: object) -> str:

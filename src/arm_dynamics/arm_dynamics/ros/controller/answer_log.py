@@ -105,8 +105,7 @@ class AnswerLog:
             "last state [s]": now - self._seen, "states passed over": self.passed_over,
             "jumps of time": self.jumps, **goals, "executor": executor, **answers,
         }  # fmt: skip
-        if self.failure:
-            found.complain(ERROR, self.failure)
+        found.complain(ERROR, self.failure)
         if now - self._seen > SILENCE:
             found.complain(ERROR, f"no joint state for {now - self._seen:.1f} s")
         if grown := self._growth.of("passed over", self.passed_over):

@@ -30,6 +30,7 @@ from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.common.executor import guarded
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.controller_library import HEADER, library
+from arm_dynamics.ros.controller.followed import Followed
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.ros.controller.tracking import TrackingTopic
@@ -63,6 +64,7 @@ class Parts:
         action: Monitors the goal of the action.
         jumps: Compares each state with the previous one.
         log: Remembers the last answer.
+        followed: Whose states are answered.
     """
 
     reader: JointStateReader
@@ -75,6 +77,7 @@ class Parts:
     action: TrajectoryAction
     jumps: Jumps
     log: AnswerLog
+    followed: Followed
 
 
 class OrdinaryAnswers:
@@ -212,6 +215,7 @@ class OrdinaryAnswers:
             source=source, reader=reader, sink=parts.sink.place, joints=n,
             report=parts.report.place, command=parts.command.ctypes.data,
             before=parts.jumps.place, tau=self._tau.ctypes.data, last=parts.log.place,
+            followed=parts.followed.place,
         )  # fmt: skip
 
     def _find_obstacle(self, motion: Motion, factors: object) -> str:

@@ -158,6 +158,11 @@ class JointStateReader:
         """The message that was received last."""
         return ctypes.string_at(self._state.raw, self._state.length)
 
+    @property
+    def sender(self) -> bytes:
+        """Identifier of its publisher, see ``publishers``; zeros if it was received elsewhere."""
+        return bytes(self._state.sender)
+
     def taken(self, outcome: int) -> tuple[int, Read] | None:
         """Arrival in [ns] and content of a message, after ``take`` with that outcome."""
         if outcome == NONE:

@@ -69,6 +69,7 @@ class JointStateWriter:
     """A serialized JointState of which only the stamp and the numbers change.
 
     Attributes:
+        names: The joints.
         raw: The message that was written last.
         places: Offsets of the numbers of each field.
 
@@ -81,6 +82,7 @@ class JointStateWriter:
         self, names: Sequence[str], fields: Sequence[str] = FIELDS, frame_id: str = ""
     ) -> None:
         """Prepare a template; only ``fields`` are sent, the others stay empty."""
+        self.names = tuple(names)
         lengths = [len(names) if field in fields else 0 for field in FIELDS]
         layout = layout_of(frame_id, names, lengths)
         self.raw = bytearray(layout.expected)

@@ -66,6 +66,7 @@ class JointStateSink:
     """Publishes JointStates whose numbers are in persistent arrays.
 
     Attributes:
+        names: The joints.
         raw: The message that was sent last.
         place: Address of ``sink_t``, for other compiled code.
     """
@@ -83,7 +84,7 @@ class JointStateSink:
             writer: Writes the messages.
             arrays: One for each of the writer's fields, contiguous, shape (n,).
         """
-        self._handle = advertise(node, topic).handle
+        self._handle, self.names = advertise(node, topic).handle, writer.names
         self._writer, self._arrays, self.raw = writer, tuple(arrays), writer.raw
         self._sink = sink = Sink(
             raw=address(writer.raw), size=len(writer.raw), fields=len(writer.places),
@@ -93,6 +94,13 @@ class JointStateSink:
             sink.at[k], sink.numbers[k] = place, array.ctypes.data
         self.place = ctypes.addressof(sink)
         self._send = partial(library().send, c_void_p(self.place))
+
+    @property
+    def sender(self) -> bytes:
+        """Identifier of this publisher, see ``publishers``."""
+        found = bytearray(HEADER.constants["GID"])
+        library().identify(self._handle.pointer, address(found))
+        return bytes(found)
 
     @property
     def heard(self) -> bool:

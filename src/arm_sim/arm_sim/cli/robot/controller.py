@@ -85,6 +85,15 @@ class Controller:
         return str(self._state.goal)
 
     @property
+    def errors(self) -> list[str]:
+        """What the nodes of this namespace report as errors."""
+        return self._here(self._reports.errors)
+
+    def _here(self, said: list[str]) -> list[str]:
+        prefix = self._name.rpartition("/")[0].lstrip("/")
+        return [line for line in said if line.startswith(prefix) and _SILENT not in line]
+
+    @property
     def replaced(self) -> bool:
         """Whether the reference has ended at another position than the goal."""
         here, target = self.reference, self._target
@@ -229,5 +238,5 @@ class Controller:
             return "the controller has ended; start it again: ./arm controller SCENE"
         if not self._listener.publishers(topic):
             return f"nothing publishes {topic}; start a robot: ./arm sim SCENE"
-        said = [x for x in self._reports.complaints if x.startswith(prefix) and _SILENT not in x]
+        said = self._here(self._reports.complaints)
         return "\n  ".join(said) or f"{topic} has a publisher, but no state comes"

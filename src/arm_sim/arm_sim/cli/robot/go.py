@@ -164,6 +164,8 @@ def _lead(
         joint, error = controller.settle(tolerance, _SETTLING)
     except KeyboardInterrupt:
         raise click.ClickException("no longer waiting; the arm continues to its goal") from None
+    for complaint in controller.errors:
+        console().print(complaint, markup=False)
     if controller.replaced:
         words = controller.words or "the controller holds the arm"
         another = words.startswith(("following", "planning"))

@@ -13,7 +13,7 @@ class Reports:
     """The newest diagnostics of all nodes."""
 
     def __init__(self) -> None:
-        self._complaints: dict[str, str] = {}
+        self._complaints: dict[str, tuple[bytes, str]] = {}
         self._values: dict[str, dict[str, str]] = {}
 
     def join(self, listener: Listener) -> None:
@@ -25,13 +25,22 @@ class Reports:
     def hear(self, message: Any) -> None:
         """Process the diagnostics of a node."""
         for status in message.status:
-            self._complaints[status.name] = "" if status.level == b"\0" else status.message
+            self._complaints[status.name] = status.level, status.message
             self._values[status.name] = {pair.key: pair.value for pair in status.values}
 
     @property
     def complaints(self) -> list[str]:
         """Warnings and errors, each with the part of the node that has it."""
-        return [f"{name}: {words}" for name, words in sorted(self._complaints.items()) if words]
+        return self._those_from(b"\1")
+
+    @property
+    def errors(self) -> list[str]:
+        """The errors among them."""
+        return self._those_from(b"\2")
+
+    def _those_from(self, least: bytes) -> list[str]:
+        said = sorted(self._complaints.items())
+        return [f"{name}: {words}" for name, (level, words) in said if level >= least]
 
     def values(self, key: str) -> dict[str, str]:
         """The value of this name by part of a node, where there is one."""

@@ -172,14 +172,22 @@ class Stream:
 
 
 def new_file(path: Path) -> tuple[Path, Path | None]:
-    """``where`` of a path that does not exist.
+    """``where`` of a path that does not exist; the file is created, so that it is one's own.
 
     Raises:
-        InvalidInput: If it exists.
+        InvalidInput: If it exists, even since a moment ago.
     """
-    if path.exists():
-        raise InvalidInput(f"'{path}' exists; recordings are not overwritten")
-    return where(path)
+    try:
+        if path.exists():
+            raise FileExistsError
+        file, folder = where(path)
+        file.touch(exist_ok=False)
+    except FileExistsError:
+        raise InvalidInput(
+            f"'{path}' exists, and may be being written by another recorder; recordings are not "
+            "overwritten; allowed: a new name"
+        ) from None
+    return file, folder
 
 
 def complete(mcap: McapWriter, file: Path, folder: Path | None) -> None:

@@ -104,6 +104,10 @@ class RoundTrip(Structure):
         """
         return bool(library().answered(byref(self), stamp, arrival))
 
+    def awaits(self, stamp: int) -> bool:
+        """Whether a state of ``stamp`` in [ns] was published lately and has no answer yet."""
+        return stamp >= 0 and stamp in self._stamps
+
     def percentiles(self) -> Percentiles:
         """Summary of the answers so far."""
         return self._histogram.percentiles()

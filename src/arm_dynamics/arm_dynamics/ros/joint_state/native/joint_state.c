@@ -7,8 +7,11 @@
 
 #include <math.h>
 #include <rcutils/error_handling.h>
+#include <rmw/rmw.h>
 #include <stdlib.h>
 #include <string.h>
+
+_Static_assert(GID == RMW_GID_STORAGE_SIZE, "identifiers of publishers");
 
 #define ROOM 65536 /* bytes kept for messages; the memory of a larger one is freed before the next is taken */
 
@@ -93,8 +96,16 @@ int64_t take(source_t* from, joint_state_t* s) {
   }
   s->raw = m->buffer;
   s->length = m->buffer_length;
+  memcpy(s->sender, about.publisher_gid.data, GID);
   put(s, 1, about.received_timestamp);
   return look(s, m->buffer, m->buffer_length);
+}
+
+int64_t identify(const rcl_publisher_t* publisher, uint8_t* gid) {
+  rmw_gid_t found = {0};
+  const rmw_ret_t done = rmw_get_gid_for_publisher(rcl_publisher_get_rmw_handle(publisher), &found);
+  memcpy(gid, found.data, GID);
+  return done;
 }
 
 rcl_ret_t publish(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, int64_t stamp) {

@@ -14,7 +14,8 @@
 
 enum {
   KINDS = 4, /* number of known kinds, for several publishers on one topic */
-  STAMP = 4  /* offset of the stamp, after the header */
+  STAMP = 4, /* offset of the stamp, after the header */
+  GID = 16   /* bytes by which the middleware identifies a publisher */
 };
 
 /* Outcome of reading a message. */
@@ -45,7 +46,8 @@ typedef struct {
   uint8_t* found;         /* receives stamp and arrival in [ns] and the index of the kind, then the numbers */
   const uint8_t* raw;     /* the serialized message, and its length */
   int64_t length;
-  int64_t gaps; /* whether numbers and arrays may be missing (read as NaN) */
+  int64_t gaps;        /* whether numbers and arrays may be missing (read as NaN) */
+  uint8_t sender[GID]; /* publisher of the message that was taken last */
 } joint_state_t;
 
 /* Memory for the messages of a subscription. */
@@ -69,6 +71,9 @@ EXPORT void release(source_t* s);
 
 /* Take the next message, if there is one, and read it. OTHER: `raw` must be evaluated before the next call. */
 EXPORT int64_t take(source_t* from, joint_state_t* s);
+
+/* Write the identifier of a publisher; returns 0 or an error code. */
+QUICK int64_t identify(const rcl_publisher_t* publisher, uint8_t* gid);
 
 /* Publish the message with this stamp in [ns] and the current numbers; returns 0 or an error code. */
 EXPORT int64_t send(sink_t* s, int64_t stamp);

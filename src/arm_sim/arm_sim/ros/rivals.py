@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Other publishers of the joint states of this arm: a second sim, or the driver of the robot."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.utilities import get_rmw_implementation_identifier
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.ros.common.diagnostics import publishers, two_publish
+from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.interfaces import JOINT_STATES
+from arm_dynamics.ros.joint_state import (
+    FAILED,
+    NONE,
+    JointStateReader,
+    JointStateSink,
+    parsed,
+)
+
+_PERIOD = 0.5  # [s] between looks
+_MANY = 1000  # messages of others and of this sim between two looks
+_HEARD = JOINT_STATES._replace(
+    subscribe=QoSProfile(depth=_MANY, reliability=ReliabilityPolicy.BEST_EFFORT)
+)
+_SILENCE = 1.0  # [s] after which a publisher is gone, although a killed one is listed for 20 s
+_LEAVING = 2.0  # [s] that a predecessor may need to end
+# Middleware by whose messages a publisher recognizes itself.
+_TELLS_ITSELF = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
+
+
+class Rivals:
+    """Listens for others who publish states of the same joints.
+
+    One controller would answer them all, and they all would obey. Who comes second refuses to
+    start. Should two start at once, or a driver later, both go on, and this sim accepts commands
+    only with stamps of its own states. Others are listened to until it is known whether they name
+    the same joints; a sim without others does not listen.
+
+    Attributes:
+        complaint: Who else publishes states of this arm; empty if nobody does.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        states: JointStateSink,
+        answers: Callable[[int], bool],
+        tell: Callable[[str], None],
+    ) -> None:
+        """Prepare; ``give_way`` begins.
+
+        Args:
+            node: The sim.
+            states: Its joint states.
+            answers: Whether a stamp in [ns] can only be that of a state of this sim.
+            tell: Called with every new complaint, and with an empty text at its end.
+        """
+        self._node, self._names = node, frozenset(states.names)
+        self._answers, self._tell = answers, tell
+        self._topic = node.resolve_topic_name(JOINT_STATES.name)
+        self._known = {states.sender}  # this sim, and publishers of other joints
+        self._rival, self._heard = b"", 0.0  # who was heard last, and when
+        self._reader = JointStateReader((), (), partial=True, extra=True)
+        self._newest: Newest | None = None
+        self.complaint = ""
+
+    def give_way(self) -> None:
+        """Make sure that nobody else publishes, before this sim does; then watch that.
+
+        Raises:
+            InvalidInput: If somebody does, and goes on for a while.
+        """
+        began = time.monotonic()
+        while self._others_are_there() and time.monotonic() - max(began, self._heard) < _SILENCE:
+            if time.monotonic() - began > _LEAVING:
+                raise InvalidInput(self._words())
+            time.sleep(0.02)
+        if get_rmw_implementation_identifier() in _TELLS_ITSELF:
+            self._timer = steady_timer(self._node, _PERIOD, self.look)
+
+    def look(self) -> None:
+        """Look whether others published within the last second."""
+        goes_on = self._others_are_there() and time.monotonic() - self._heard < _SILENCE
+        if goes_on != bool(self.complaint):
+            self.complaint = self._words() if goes_on else ""
+            self._tell(self.complaint)
+
+    def _others_are_there(self) -> bool:
+        """Whether there are publishers that may be of this arm; if so, listen."""
+        node, topic = self._node, self._topic
+        if node.count_publishers(topic) == 1 or publishers(node, topic).keys() <= self._known:
+            self.close()
+            return False
+        if self._newest is None:
+            self._newest = Newest(self._node, _HEARD)
+            self._reader.open(self._newest.pointer)
+        for _ in range(_MANY):
+            if self._reader.take() in (NONE, FAILED):
+                break
+            with suppress(InvalidInput):  # it is no JointState
+                self._note(self._reader.sender)
+        return True
+
+    def _note(self, sender: bytes) -> None:
+        """Note who has published the message that was taken."""
+        if sender in self._known:
+            return
+        if sender != self._rival and self._names.isdisjoint(parsed(self._reader.raw).name):
+            self._known.add(sender)
+        else:
+            self._rival, self._heard = sender, time.monotonic()
+
+    def _words(self) -> str:
+        names = publishers(self._node, self._topic)
+        rival = f"'{names.get(self._rival, 'a node that is gone')}'"
+        return two_publish(self._topic, "this sim", rival)
+
+    def check(self, stamp: int) -> None:
+        """Check that a command with a stamp in [ns] is for this sim.
+
+        Raises:
+            InvalidInput: If there are others, and it does not answer a state of this one.
+        """
+        if self.complaint and not self._answers(stamp):
+            raise InvalidInput(f"it answers no state of this sim, and {self.complaint}")
+
+    def close(self) -> None:
+        """Stop listening."""
+        if self._newest is not None:
+            self._reader.close()
+            self._newest.close()
+            self._newest = None

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two that publish joint states of one arm: who comes second refuses, and both are named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Event, Thread, Timer
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness import Ros
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, TAU, by_hand, command
+from std_msgs.msg import Float64MultiArray
+
+import models
+from arm_dynamics import InvalidInput
+from arm_dynamics.ros.interfaces import JOINT_STATES
+from arm_sim import Recording
+from arm_sim.ros.sim_node import SimNode
+
+pytestmark = pytest.mark.ros
+
+
+class Driver:
+    """Another publisher of joint states, which speaks while it is told to."""
+
+    def __init__(self, ros: Ros, names: list[str]) -> None:
+        self._topic = ros.adopt(Node("driver", context=ros.context)).create_publisher(
+            JointState, JOINT_STATES.name, 10
+        )
+        self._message = JointState(name=names, position=[0.0] * len(names))
+        self.speaks, self._ended = Event(), Event()
+        self._thread = Thread(target=self._speak, daemon=True)
+        self._thread.start()
+
+    def _speak(self) -> None:
+        while not self._ended.wait(5e-3):
+            if self.speaks.is_set():
+                self._topic.publish(self._message)
+
+    def end(self) -> None:
+        self._ended.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def driver(ros: Ros) -> Iterator[Callable[..., Driver]]:
+    """Makes a driver that is known to all; it does not speak yet."""
+    made: list[Driver] = []
+
+    def make(names: list[str]) -> Driver:
+        made.append(Driver(ros, names))
+        ros.spin_until(lambda: ros.peer.count_publishers("/joint_states"))
+        return made[0]
+
+    yield make
+    for one in made:
+        one.end()
+
+
+def sim(ros: Ros, **parameters: Any) -> SimNode:
+    made: SimNode = ros.add(SimNode, models.scene("two_link"), **parameters)
+    return made
+
+
+@pytest.mark.parametrize("parameters", [{}, {"lockstep": True}], ids=["clock", "lockstep"])
+def test_who_comes_second_refuses_to_start(
+    ros: Ros, driver: Callable[..., Driver], parameters: dict[str, Any], tmp_path: Path
+) -> None:
+    driver(["lift", *NAMES]).speaks.set()
+    with pytest.raises(InvalidInput) as refused:
+        sim(ros, record=str(tmp_path / "run.mcap"), **parameters)
+    said = str(refused.value)
+    assert said.startswith("two nodes publish /joint_states: this sim, and '/driver'; allowed:")
+    assert "namespace (--ros-args -r __ns:=/left)" in said and "ROS_DOMAIN_ID" in said
+    assert not (tmp_path / "run.mcap").exists()
+
+
+def test_what_was_killed_is_listed_and_hinders_nobody(
+    ros: Ros, driver: Callable[..., Driver]
+) -> None:
+    driver(NAMES)
+    made = sim(ros)
+    made.rivals.look()
+    assert not made.rivals.complaint
+
+
+def test_a_predecessor_may_take_a_moment_to_end(ros: Ros, driver: Callable[..., Driver]) -> None:
+    before = driver(NAMES)
+    before.speaks.set()
+    Timer(0.3, before.speaks.clear).start()
+    sim(ros)
+
+
+def test_a_publisher_of_other_joints_is_no_rival(ros: Ros, driver: Callable[..., Driver]) -> None:
+    gripper = driver(["finger"])
+    gripper.speaks.set()
+    made = sim(ros)
+    ros.spin_until(lambda: len(made.rivals._known) == 2)
+    made.rivals.look()
+    assert not made.rivals.complaint and made.rivals._newest is None  # it listens no more
+
+
+def test_a_sim_in_another_namespace_is_no_rival(ros: Ros, driver: Callable[..., Driver]) -> None:
+    driver(NAMES).speaks.set()
+    ros.adopt(SimNode(models.scene("two_link"), context=ros.context, namespace="left"))
+
+
+def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
+    ros: Ros, driver: Callable[..., Driver], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.mcap"
+    made = sim(ros, record=str(path))
+    states = ros.listen(JointState, "/joint_states", 100)
+    commands = ros.publisher(JointState, "/joint_commands")
+
+    def answer() -> bool:
+        ours = [state for state in states if state.effort]
+        commands.publish(JointState(header=ours[-1].header, name=NAMES, effort=TAU))
+        ros.spin_once()
+        return True
+
+    ros.spin_until(lambda: states and answer() and made.ordinary.count)  # ticks are made in C
+    driver(NAMES).speaks.set()
+    ros.spin_until(lambda: made.rivals.complaint)
+    assert "two nodes publish /joint_states: this sim, and '/driver'" in capfd.readouterr().err
+    found = {f.part: f.message(made) for f in made.diagnostics()}["simulation"]
+    assert found.level == DiagnosticStatus.ERROR and made.rivals.complaint in found.message
+
+    ros.spin_until(lambda: made.engine.commands.stale)
+    refused = made.inputs.refused
+    commands.publish(JointState(name=NAMES, effort=TAU))
+    ros.spin_until(lambda: made.inputs.refused == refused + 1)
+    ros.publisher(Float64MultiArray, "/sim/commands").publish(Float64MultiArray(data=TAU))
+    ros.spin_until(lambda: made.inputs.refused == refused + 2)
+    assert made.engine.commands.stale
+    ros.spin_until(lambda: answer() and not made.engine.commands.stale)
+    made.recorder.close()
+    assert any("two nodes publish" in event.text for event in Recording.load(path).events)
+
+
+def test_when_the_rival_is_gone_all_is_as_before(ros: Ros, driver: Callable[..., Driver]) -> None:
+    made, rival = sim(ros), driver(NAMES)
+    rival.speaks.set()
+    ros.spin_until(lambda: made.rivals.complaint)
+    rival.speaks.clear()
+    ros.spin_until(lambda: not made.rivals.complaint)
+    ros.publisher(JointState, "/joint_commands").publish(JointState(name=NAMES, effort=TAU))
+    ros.spin_until(lambda: not made.engine.commands.empty)
+
+
+def test_stamps_of_simulated_time_tell_no_sims_apart(
+    ros: Ros, driver: Callable[..., Driver]
+) -> None:
+    """Two that start at zero have the same."""
+    made, rival = sim(ros, lockstep=True), driver(NAMES)
+    rival.speaks.set()
+    ros.spin_until(lambda: made.rivals.complaint)
+    assert made.inputs.round_trip.awaits(0)
+    assert made.inputs.on_joint_commands(command(name=NAMES, effort=TAU)) is None
+    assert made.inputs.refused == 1
+
+
+def test_what_is_no_joint_state_is_passed_over(ros: Ros, driver: Callable[..., Driver]) -> None:
+    made, rival = sim(ros), driver(NAMES)
+    rival._message = b"\0\1\0\0rubbish"
+    rival.speaks.set()
+    ros.spin_until(lambda: made.rivals._newest is not None)
+    for _ in range(30):
+        ros.spin_once()
+        made.rivals.look()
+    assert not made.rivals.complaint
+    rival._message = serialize_message(JointState(name=NAMES))
+    ros.spin_until(lambda: made.rivals.complaint)
+
+
+def test_a_sim_by_hand_has_its_time_from_its_caller(
+    ros: Ros, driver: Callable[..., Driver]
+) -> None:
+    driver(NAMES).speaks.set()
+    made = by_hand(ros)
+    made.tick()
+    assert made.simulator.state.time > 0.0
