@@ -51,6 +51,7 @@ SAYS = {
         "imperfections": "sensors, lines",
         "exceptions": "SimulationDiverged",
         "figures": "that look alike",
+        "long_runs": "Ctrl-C, memory",
     },
     "arm_dynamics": {
         "client": "services of running nodes as functions",
