@@ -105,6 +105,8 @@ def test_without_xacro_the_message_says_what_to_do(
     monkeypatch.setenv("PATH", "")
     with pytest.raises(SceneError, match="not installed: install it .*'xacro arm.urdf.xacro > "):
         load_scene(source)
+    with pytest.raises(SceneError, match="'xacro arm.urdf.xacro side:=left > arm.urdf'"):
+        with_arguments(source, side="left")
 
 
 def test_one_that_never_ends_is_given_up(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:

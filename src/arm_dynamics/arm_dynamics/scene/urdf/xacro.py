@@ -58,7 +58,7 @@ def _check_known(path: Path, names: Sequence[str], includes: Sequence[str]) -> N
 def _output(path: Path, *arguments: str) -> str:
     try:
         done = subprocess.run(
-            [*_command(path), str(path), *arguments],
+            [*_command(path, *arguments), str(path), *arguments],
             capture_output=True, text=True, timeout=_LONGEST, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
@@ -69,7 +69,7 @@ def _output(path: Path, *arguments: str) -> str:
     return done.stdout
 
 
-def _command(path: Path) -> list[str]:
+def _command(path: Path, *arguments: str) -> list[str]:
     """The program: the module of this Python, or else the command of a sourced ROS."""
     if find_spec("xacro"):
         return [sys.executable, "-c", "import xacro; xacro.main()"]
@@ -77,5 +77,6 @@ def _command(path: Path) -> list[str]:
         return [program]
     raise SceneError(
         f"scene: '{path}' is xacro source, and xacro is not installed: install it ('pip install "
-        f"xacro', or ROS's package), or expand the file elsewhere: 'xacro {path.name} > arm.urdf'"
+        f"xacro', or ROS's package), or expand the file elsewhere: 'xacro "
+        f"{' '.join([path.name, *arguments])} > arm.urdf'"
     )
