@@ -42,6 +42,26 @@ def test_findings_are_published_while_there_are_subscribers(ros: Ros) -> None:
     assert values(status)["executor"] == type(node.executor).__name__
 
 
+def test_two_nodes_of_one_name_are_named(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
+    """Either would answer requests to them; those of other names and namespaces do not matter."""
+    scene = models.scene("two_link")
+    ros.adopt(DynamicsNode(scene, context=ros.context, namespace="left"))
+    one = ros.add(DynamicsNode, scene)
+    heard = ros.listen(DiagnosticArray, "/diagnostics")
+
+    def said() -> set[str]:
+        found = {status.name: status.message for message in heard for status in message.status}
+        heard.clear()
+        return {name for name, words in found.items() if "two nodes are called /dynam" in words}
+
+    ros.spin_until(lambda: len(heard) > 3)
+    assert not said()
+    ros.add(DynamicsNode, scene)
+    ros.spin_until(lambda: said() == {"dynamics: services"})
+    assert "__node:=NAME" in capfd.readouterr().err
+    assert one.diagnostics()[0].message(one).level == OK  # it is no fault of its own
+
+
 def test_requests_are_counted_and_refusals_reported_once(ros: Ros) -> None:
     node = ros.add(DynamicsNode, models.scene("two_link"))
     for position in ([0.0, 0.0], [0.0], [0.1, 0.2], []):

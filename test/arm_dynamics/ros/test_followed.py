@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ctypes import byref
+from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -15,7 +15,7 @@ from two_link_control import MS, state
 import models
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.ros.common.diagnostics import publishers
-from arm_dynamics.ros.controller.controller_library import HEADER, library
+from arm_dynamics.ros.controller import Followed
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import JOINT_STATES
 
@@ -30,45 +30,49 @@ FIRST, SECOND, THIRD = (bytes([k]) * 16 for k in (1, 2, 3))
 class Heard:
     """States of publishers, by turns, at times in [ms]."""
 
-    def __init__(self) -> None:
-        self.shared = HEADER.structure("followed_t")(patience=1000 * MS)
+    def __init__(self, ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.followed, self._now = Followed(ros.peer), 0
+        clock = SimpleNamespace(monotonic_ns=lambda: self._now * MS)
+        monkeypatch.setattr("arm_dynamics.ros.controller.followed.time", clock)
 
     def __call__(self, sender: bytes, now: int) -> bool:
-        return bool(library().is_followed(byref(self.shared), sender, now * MS))
+        self._now = 10_000 + now
+        return self.followed.includes(sender)
+
+    def complaint(self, now: int) -> str:
+        self._now = 10_000 + now
+        self.followed.look()
+        return self.followed.alarm.words
 
 
-def test_the_first_is_followed_as_long_as_it_speaks() -> None:
-    heard = Heard()
+@pytest.fixture
+def heard(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> Heard:
+    return Heard(ros, monkeypatch)
+
+
+def test_the_first_is_followed_as_long_as_it_speaks(heard: Heard) -> None:
     assert heard(FIRST, 1)
+    assert not heard.complaint(2)
     for now in range(2, 5000, 10):
         assert not heard(SECOND, now)
         assert not heard(THIRD, now)
         assert heard(FIRST, now + 1)
-    assert bytes(heard.shared.other) == THIRD
-    assert heard.shared.both == 4993 * MS
+    assert bytes(heard.followed.shared.other) == THIRD
+    assert heard.complaint(5000) and not heard.complaint(6000)
 
 
-def test_who_speaks_alone_for_a_second_is_followed() -> None:
-    heard = Heard()
+def test_who_speaks_alone_for_a_second_is_followed(heard: Heard) -> None:
     assert heard(FIRST, 1)
-    assert not any(heard(SECOND, now) for now in range(500, 1501, 10))
-    assert heard(SECOND, 1501)
-    assert not heard(FIRST, 1502)
-    assert heard(SECOND, 1503)
-
-
-def test_a_predecessor_that_is_gone_is_no_other() -> None:
-    heard = Heard()
-    assert heard(FIRST, 1)
-    for now in range(500, 2000, 10):
-        heard(SECOND, now)
-    assert heard.shared.both == 0
+    assert not any(heard(SECOND, now) for now in range(600, 1601, 10))
+    assert not heard.complaint(1601)  # it is a successor
+    assert heard(SECOND, 1601)
+    assert not heard(FIRST, 1602)
+    assert heard(SECOND, 1603)
 
 
 @pytest.mark.parametrize("before", [0, 1])
-def test_a_pause_of_the_controller_changes_nothing(before: int) -> None:
+def test_a_pause_of_the_controller_changes_nothing(before: int, heard: Heard) -> None:
     """It may first hear the other one after it."""
-    heard = Heard()
     assert heard(FIRST, 1)
     for _ in range(before):
         assert not heard(SECOND, 2)

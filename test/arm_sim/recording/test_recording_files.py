@@ -18,7 +18,7 @@ import models
 from arm_dynamics import ArmError, InvalidInput, SceneError
 from arm_dynamics.exceptions import NotWritten
 from arm_sim import Recording, Simulator, State
-from arm_sim.recording.files import where
+from arm_sim.recording.files import new_file, where
 from arm_sim.recording.files.bags import _append
 from arm_sim.recording.files.container import FileContents
 from arm_sim.recording.files.messages import JointStateWriter
@@ -387,6 +387,20 @@ def test_a_measured_recording_is_kept(robot_bag: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.command, run.command)
     with pytest.raises(InvalidInput, match="npz"):
         run.save(tmp_path / "robot.mcap")
+
+
+@pytest.mark.parametrize("name", ["run.mcap", "bag"])
+def test_of_two_recorders_of_one_file_the_second_is_refused(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also if both have looked whether it exists before either has created it."""
+    file, _ = new_file(tmp_path / name)
+    file.write_bytes(b"of the first")
+    for _ in range(2):
+        with pytest.raises(InvalidInput, match=f"{name}' exists, and .* another recorder"):
+            new_file(tmp_path / name)
+        monkeypatch.setattr(Path, "exists", lambda path: False)
+    assert file.read_bytes() == b"of the first"
 
 
 def test_a_table_is_a_recording(tmp_path: Path) -> None:

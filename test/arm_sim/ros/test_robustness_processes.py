@@ -142,6 +142,9 @@ def test_a_killed_simulation_is_replaced_and_its_controller_goes_on(loop: Loop) 
     loop.until_said("controller: controller", "no joint state")
     loop.start("sim")
     loop.until_well()
+    loop.kill("sim")
+    loop.start("sim")  # at once, as by a launch file's respawn
+    loop.until_well()
     assert loop.running["controller"].poll() is None
     # Before the first answer arrives the policy carries the arm.
     np.testing.assert_allclose(loop.position(), models.dynamics("two_link").model.q0, atol=5e-3)

@@ -372,7 +372,7 @@ class ControllerNode(Node):
         about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
         answers = self.answers.summary()
         found = self._log.finding(self, self._acting.controller, self._cut(), about, answers)
-        found.complain(ERROR, self._followed.complaint)
+        found.complain(ERROR, self._followed.alarm.words)
         return [found]
 
     @_locked

@@ -132,8 +132,8 @@ class SimDiagnostics:
         piled_up = "ticks were time-stepped at first order: too many events"
         self.growth.warn(found, state.time_stepped, piled_up)
         if self.outputs.clock is not None:
-            found.complain(ERROR, self.outputs.clock.complaint)
-        found.complain(ERROR, self.rivals.complaint)
+            found.complain(ERROR, self.outputs.clock.alarm.words)
+        found.complain(ERROR, self.rivals.alarm.words)
         found.complain(ERROR, engine.failure)
         self._check_energy(found)
         return found

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from contextlib import suppress
 
 from rclpy.node import Node
@@ -12,17 +11,14 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.diagnostics import publishers, two_publish
+from arm_dynamics.ros.common.diagnostics import Alarm, publishers, two_publish
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state import (
-    FAILED,
-    NONE,
-    JointStateReader,
-    JointStateSink,
-    parsed,
-)
+from arm_dynamics.ros.joint_state import FAILED, NONE, JointStateReader, parsed
+from arm_sim.ros.outputs import Outputs
+from arm_sim.ros.timing.latency import RoundTrip
+from arm_sim.ros.timing.stamps import ROS
 
 _PERIOD = 0.5  # [s] between looks
 _MANY = 1000  # messages of others and of this sim between two looks
@@ -31,8 +27,6 @@ _HEARD = JOINT_STATES._replace(
 )
 _SILENCE = 1.0  # [s] after which a publisher is gone, although a killed one is listed for 20 s
 _LEAVING = 2.0  # [s] that a predecessor may need to end
-# Middleware by whose messages a publisher recognizes itself.
-_TELLS_ITSELF = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
 
 class Rivals:
@@ -44,32 +38,19 @@ class Rivals:
     the same joints; a sim without others does not listen.
 
     Attributes:
-        complaint: Who else publishes states of this arm; empty if nobody does.
+        alarm: On while others publish.
+        changed: Called when it goes on or off.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        states: JointStateSink,
-        answers: Callable[[int], bool],
-        tell: Callable[[str], None],
-    ) -> None:
-        """Prepare; ``give_way`` begins.
-
-        Args:
-            node: The sim.
-            states: Its joint states.
-            answers: Whether a stamp in [ns] can only be that of a state of this sim.
-            tell: Called with every new complaint, and with an empty text at its end.
-        """
-        self._node, self._names = node, frozenset(states.names)
-        self._answers, self._tell = answers, tell
+    def __init__(self, node: Node, outputs: Outputs, trip: RoundTrip) -> None:
+        """Prepare for states that ``outputs`` publishes; ``trip`` knows their stamps."""
+        self._node, self._outputs, self._trip = node, outputs, trip
         self._topic = node.resolve_topic_name(JOINT_STATES.name)
-        self._known = {states.sender}  # this sim, and publishers of other joints
+        self._known = {outputs.states.sender}  # this sim, and publishers of other joints
         self._rival, self._heard = b"", 0.0  # who was heard last, and when
         self._reader = JointStateReader((), (), partial=True, extra=True)
         self._newest: Newest | None = None
-        self.complaint = ""
+        self.alarm, self.changed = Alarm(node), lambda: None
 
     def give_way(self) -> None:
         """Make sure that nobody else publishes, before this sim does; then watch that.
@@ -82,15 +63,32 @@ class Rivals:
             if time.monotonic() - began > _LEAVING:
                 raise InvalidInput(self._words())
             time.sleep(0.02)
-        if get_rmw_implementation_identifier() in _TELLS_ITSELF:
+        if "fastrtps" in get_rmw_implementation_identifier():  # elsewhere it does not know itself
             self._timer = steady_timer(self._node, _PERIOD, self.look)
 
     def look(self) -> None:
         """Look whether others published within the last second."""
         goes_on = self._others_are_there() and time.monotonic() - self._heard < _SILENCE
-        if goes_on != bool(self.complaint):
-            self.complaint = self._words() if goes_on else ""
-            self._tell(self.complaint)
+        if goes_on != bool(self.alarm.words):
+            self.alarm.set(self._words() if goes_on else "")
+            self.changed()
+
+    def check(self, stamp: int) -> None:
+        """Check that a command with a stamp in [ns] is for this sim.
+
+        Raises:
+            InvalidInput: If there are others, and it does not answer a state of this one.
+        """
+        ours = self._outputs.stamps.name == ROS and self._trip.awaits(stamp)
+        if self.alarm.words and not ours:
+            raise InvalidInput("it answers no state of this sim, but perhaps of another one")
+
+    def close(self) -> None:
+        """Stop listening."""
+        if self._newest is not None:
+            self._reader.close()
+            self._newest.close()
+            self._newest = None
 
     def _others_are_there(self) -> bool:
         """Whether there are publishers that may be of this arm; if so, listen."""
@@ -99,7 +97,7 @@ class Rivals:
             self.close()
             return False
         if self._newest is None:
-            self._newest = Newest(self._node, _HEARD)
+            self._newest = Newest(node, _HEARD)
             self._reader.open(self._newest.pointer)
         for _ in range(_MANY):
             if self._reader.take() in (NONE, FAILED):
@@ -112,28 +110,12 @@ class Rivals:
         """Note who has published the message that was taken."""
         if sender in self._known:
             return
-        if sender != self._rival and self._names.isdisjoint(parsed(self._reader.raw).name):
+        mine = set(self._outputs.states.names)
+        if sender != self._rival and mine.isdisjoint(parsed(self._reader.raw).name):
             self._known.add(sender)
         else:
             self._rival, self._heard = sender, time.monotonic()
 
     def _words(self) -> str:
-        names = publishers(self._node, self._topic)
-        rival = f"'{names.get(self._rival, 'a node that is gone')}'"
-        return two_publish(self._topic, "this sim", rival)
-
-    def check(self, stamp: int) -> None:
-        """Check that a command with a stamp in [ns] is for this sim.
-
-        Raises:
-            InvalidInput: If there are others, and it does not answer a state of this one.
-        """
-        if self.complaint and not self._answers(stamp):
-            raise InvalidInput(f"it answers no state of this sim, and {self.complaint}")
-
-    def close(self) -> None:
-        """Stop listening."""
-        if self._newest is not None:
-            self._reader.close()
-            self._newest.close()
-            self._newest = None
+        rival = publishers(self._node, self._topic).get(self._rival, "unknown")
+        return two_publish(self._topic, "this sim", f"'{rival}'")

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +29,6 @@ from arm_sim.ros.sim_params import CLOCK, HAND, SimParams, greeting, simulator_o
 from arm_sim.ros.standard import StandardServices
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.realtime_loop import RealtimeLoop
-from arm_sim.ros.timing.stamps import ROS
 
 if TYPE_CHECKING:
     from arm_sim.ros.record import TickRecorder
@@ -84,9 +82,8 @@ class SimNode(Node):
         self.inputs = inputs = Inputs(self, engine)
         trip, heard = inputs.round_trip, lambda: self.diagnosis.heard
         self._outputs = Outputs(self, engine, params, trip, account_wanted=heard)
-        self.rivals = inputs.rivals = Rivals(
-            self, self._outputs.states, self._is_answer, self._report_rivals
-        )
+        self.rivals = inputs.rivals = Rivals(self, self._outputs, trip)
+        self.rivals.changed = self._note_rivals
         if params.tick_source != HAND:
             self.rivals.give_way()
         self.display = Display(self, engine, params, self._outputs.reported, self._outputs.stamp)
@@ -196,18 +193,10 @@ class SimNode(Node):
         else:
             self.get_logger().info("commands have resumed")
 
-    def _is_answer(self, stamp: int) -> bool:
-        """Whether a command's stamp can only be that of a state of this sim."""
-        return self._outputs.stamps.name == ROS and self.inputs.round_trip.awaits(stamp)
-
-    def _report_rivals(self, complaint: str) -> None:
+    def _note_rivals(self) -> None:
         self.engine.queue.ring()  # C does not check whose states commands answer
-        if not complaint:
-            self.get_logger().info("nobody else publishes joint states of this arm any more")
-            return
-        self.get_logger().error(complaint)
         if self.recorder is not None:
-            self.recorder.note(complaint, logging.ERROR)
+            self.recorder.note(self.rivals.alarm.words or "no other publisher of joint states")
 
     def destroy_node(self) -> None:
         """Stop ticking, log the timing, and destroy the node."""

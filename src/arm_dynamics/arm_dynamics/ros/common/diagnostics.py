@@ -15,6 +15,10 @@ from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 PERIOD = 1.0  # [s]
 _WAY_OUT = "or give it a namespace (--ros-args -r __ns:=/left) or a ROS_DOMAIN_ID of its own"
+_TWINS = (
+    "two nodes are called {}, and either answers requests to them; allowed: one (one that was "
+    f"killed counts for 20 s). End one, rename it (--ros-args -r __node:=NAME), {_WAY_OUT}"
+)
 OK, WARN, ERROR = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
@@ -66,6 +70,23 @@ def two_publish(topic: str, one: str, other: str) -> str:
     return f"two nodes publish {topic}: {one}, and {other}; allowed: one. End one, {_WAY_OUT}"
 
 
+class Alarm:
+    """A complaint of a node that is logged when it begins.
+
+    Attributes:
+        words: The complaint; empty while there is none.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._log, self.words = node.get_logger(), ""
+
+    def set(self, words: str) -> None:
+        """Begin, go on, or end."""
+        if words and not self.words:
+            self._log.error(words)
+        self.words = words
+
+
 class Growth:
     """Growth of counters since the last call."""
 
@@ -93,7 +114,7 @@ class Diagnosis:
             node: The node.
             find: Returns the findings; called once a second while there are subscribers.
         """
-        self._node, self._find, self._twin = node, find, ""
+        self._node, self._find, self._twin = node, find, Alarm(node)
         self._publisher = advertise(node, DIAGNOSTICS)
         self._timer = steady_timer(node, PERIOD, self.publish)
 
@@ -108,22 +129,15 @@ class Diagnosis:
         if not self.heard:
             return
         found = self._find()
-        found[0].complain(WARN, self._twin)
+        found[0].complain(WARN, self._twin.words)
         message = DiagnosticArray(status=[f.message(self._node) for f in found])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 
     def _look(self) -> None:
-        node, before, self._twin = self._node, self._twin, ""
-        me = node.get_name(), node.get_namespace()
-        if node.get_node_names_and_namespaces().count(me) > 1:
-            self._twin = (
-                f"two nodes are called {node.get_fully_qualified_name()}, and either answers "
-                "requests to them; allowed: one (one that was killed counts for 20 s more). End "
-                f"one, rename it (--ros-args -r __node:=NAME), {_WAY_OUT}"
-            )
-            if not before:
-                node.get_logger().warning(self._twin)
+        me = self._node.get_name(), self._node.get_namespace()
+        twins = self._node.get_node_names_and_namespaces().count(me) > 1
+        self._twin.set(_TWINS.format(self._node.get_fully_qualified_name()) if twins else "")
 
 
 def _text(value: object) -> str:

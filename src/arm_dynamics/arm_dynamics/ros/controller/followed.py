@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 import time
-from ctypes import addressof, byref
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.diagnostics import PERIOD, publishers, two_publish
+from arm_dynamics.ros.common.diagnostics import PERIOD, Alarm, publishers, two_publish
 from arm_dynamics.ros.common.executor import steady_timer
-from arm_dynamics.ros.controller.controller_library import HEADER, library
+from arm_dynamics.ros.controller.controller_library import HEADER
 from arm_dynamics.ros.interfaces import JOINT_STATES
 
-SILENCE = 1_000_000_000  # [ns] after which a publisher is gone; a busy machine may delay one
+SILENCE = 1_000_000_000  # [ns] for which others must be heard alone; load may delay one
+ENOUGH = 5  # states of others: after this process was stopped, one may come first by chance
 
 
 class Followed:
@@ -22,37 +22,36 @@ class Followed:
     Answered as one, two sims would both obey commands that suit one of them.
 
     Attributes:
-        complaint: Who publishes states besides; empty if nobody does.
+        shared: ``followed_t`` of answers.h, for C.
+        alarm: On while another one publishes.
     """
 
     def __init__(self, node: Node) -> None:
-        """Report once a second to the node's log."""
+        """Look once a second whether there is another one."""
         self._node, self._topic = node, node.resolve_topic_name(JOINT_STATES.name)
-        self._shared = HEADER.structure("followed_t")(patience=SILENCE)
-        self.complaint = ""
+        self.shared, self.alarm = HEADER.structure("followed_t")(), Alarm(node)
+        self._since = self._count = 0  # since when others are heard alone, and how often
         self._timer = steady_timer(node, PERIOD, self.look)
-
-    @property
-    def place(self) -> int:
-        """Address of ``followed_t``, which C uses for the states that it takes."""
-        return addressof(self._shared)
 
     def includes(self, sender: bytes) -> bool:
         """Whether a state that has come now is of the publisher that is followed."""
-        return bool(library().is_followed(byref(self._shared), sender, time.monotonic_ns()))
+        shared, now = self.shared, time.monotonic_ns()
+        if shared.heard and sender != bytes(shared.who):
+            shared.other[:], shared.ignored = sender, now
+            if shared.heard >= self._since:
+                self._since, self._count = now, 0
+            self._count += 1
+            if self._count < ENOUGH or now - self._since <= SILENCE:
+                return False
+        shared.who[:], shared.heard = sender, now
+        return True
 
     def look(self) -> None:
-        """Look whether another publisher was heard as well within the last second."""
-        before, self.complaint, both = self.complaint, "", self._shared.both
-        if both and time.monotonic_ns() - both <= SILENCE:
-            self.complaint = before or self._words()
-        if self.complaint and not before:
-            self._node.get_logger().error(self.complaint)
-
-    def _words(self) -> str:
-        names = publishers(self._node, self._topic)
-        followed, other = (
-            f"'{names.get(bytes(who), 'a node that is gone')}'"
-            for who in (self._shared.followed, self._shared.other)
-        )
-        return two_publish(self._topic, f"{followed}, which is followed", f"{other}, which is not")
+        """Look whether both were heard within the last half second."""
+        shared, words = self.shared, ""
+        if time.monotonic_ns() - min(shared.heard, shared.ignored) < SILENCE // 2:
+            names = publishers(self._node, self._topic)
+            one, other = (names.get(bytes(x), "unknown") for x in (shared.who, shared.other))
+            one, other = f"'{one}', which is followed", f"'{other}', which is not"
+            words = two_publish(self._topic, one, other)
+        self.alarm.set(words)

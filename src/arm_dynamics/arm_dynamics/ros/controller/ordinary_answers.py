@@ -215,7 +215,7 @@ class OrdinaryAnswers:
             source=source, reader=reader, sink=parts.sink.place, joints=n,
             report=parts.report.place, command=parts.command.ctypes.data,
             before=parts.jumps.place, tau=self._tau.ctypes.data, last=parts.log.place,
-            followed=parts.followed.place,
+            followed=addressof(parts.followed.shared),
         )  # fmt: skip
 
     def _find_obstacle(self, motion: Motion, factors: object) -> str:

@@ -98,9 +98,9 @@ class JointStateSink:
     @property
     def sender(self) -> bytes:
         """Identifier of this publisher, see ``publishers``."""
-        found = bytearray(HEADER.constants["GID"])
+        found = bytearray(ctypes.sizeof(c_void_p) + HEADER.constants["GID"])
         library().identify(self._handle.pointer, address(found))
-        return bytes(found)
+        return bytes(found[ctypes.sizeof(c_void_p) :])
 
     @property
     def heard(self) -> bool:

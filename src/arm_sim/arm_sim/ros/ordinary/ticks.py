@@ -123,7 +123,7 @@ class OrdinaryTicks:
         efforts, only, reader = slot.efforts, arbiter.only, self._reader
         if efforts is None or only is None or reader.left or not engine.ordinary:
             return False
-        if self._inputs.rivals.complaint:  # is a command for this sim?
+        if self._inputs.rivals.alarm.words:  # is a command for this sim?
             return False
         name, heard = only
         if len(heard.joints) < arm.n or len(engine.on_tick) != self._listeners:

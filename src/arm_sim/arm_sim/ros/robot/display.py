@@ -23,10 +23,7 @@ from arm_sim.ros.robot.robot_params import RobotParams
 from arm_sim.ros.tick_engine import TickEngine
 
 _RSP = "robot_state_publisher"
-_GLANCE, _SELDOM = (
-    0.2,
-    5,
-)  # [s] between checks for subscribers; each fifth for other publishers
+_GLANCE, _SELDOM = 0.2, 5  # [s] between checks for subscribers; each fifth for other publishers
 
 
 class Display:

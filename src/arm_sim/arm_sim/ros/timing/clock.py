@@ -6,6 +6,7 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.cdr import NATIVE, time_bytes
+from arm_dynamics.ros.common.diagnostics import Alarm
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.joint_state import Sink, address
@@ -19,7 +20,7 @@ class SimClock:
 
     Attributes:
         topic: Its topic, resolved.
-        rivals: Number of other publishers.
+        alarm: On while there are other publishers.
         sink: Publishes in compiled code.
     """
 
@@ -30,26 +31,18 @@ class SimClock:
         self.sink = Sink(
             raw=address(self._raw), size=len(self._raw), publisher=self._handle.pointer
         )
-        self.topic, self.rivals = node.resolve_topic_name(CLOCK.name), 0
+        self.topic, self.alarm = node.resolve_topic_name(CLOCK.name), Alarm(node)
         self._timer = steady_timer(node, _PERIOD, self.look)
 
     def tell(self, stamp: int) -> None:
         """Publish a time in [ns]; only in the ticking thread."""
         self._handle.publish_raw(NATIVE + time_bytes(stamp))
 
-    @property
-    def complaint(self) -> str:
-        """Description of a problem; empty if there is none."""
-        if not self.rivals:
-            return ""
-        return (
-            f"{self.rivals + 1} publishers on {self.topic}: time jumps between them; only one "
+    def look(self) -> None:
+        """Count publishers."""
+        count = self._node.count_publishers(self.topic)
+        words = (
+            f"{count} publishers on {self.topic}: time jumps between them; only one "
             "simulation may have publish_clock"
         )
-
-    def look(self) -> None:
-        """Count other publishers, and warn if there are more than before."""
-        before = self.rivals
-        self.rivals = max(self._node.count_publishers(self.topic) - 1, 0)
-        if self.rivals > before:
-            self._node.get_logger().warning(self.complaint)
+        self.alarm.set(words if count > 1 else "")

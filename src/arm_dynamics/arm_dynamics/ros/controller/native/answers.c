@@ -17,6 +17,7 @@
 #include <time.h>
 
 #define FASTER 2.0 /* largest ratio of the speed of a displacement to the speeds before and after it */
+#define LATELY (GIGA / 2) /* silence in [ns] after which Python decides whom to follow */
 #define FULL_TURN 6.283185307179586 /* 2 π */
 
 struct receiver {
@@ -32,21 +33,6 @@ static int64_t now(void) {
   struct timespec t;
   clock_gettime(CLOCK_MONOTONIC, &t);
   return GIGA * t.tv_sec + t.tv_nsec;
-}
-
-int64_t is_followed(followed_t* f, const uint8_t* sender, int64_t now) {
-  if (f->known && memcmp(f->followed, sender, GID)) {
-    memcpy(f->other, sender, GID);
-    if (!f->others++) f->since = now;
-    /* Both conditions: after this process has been stopped, others may happen to be the first. */
-    if (f->others < ENOUGH || now - f->since <= f->patience) return 0;
-    f->known = 0;
-  }
-  if (!f->known) memcpy(f->followed, sender, GID);
-  if (f->known && f->others) f->both = now;
-  f->known = 1;
-  f->others = 0;
-  return 1;
 }
 
 int64_t is_repeated(const last_t* last, const uint8_t* raw, int64_t length) {
@@ -175,11 +161,18 @@ void lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
 
 void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 
-/* Take a state and answer it, if its publisher is followed; the outcome of `take` if Python must answer it, else NONE. */
+/* Whether a state is of another publisher than the one that is followed, which was heard lately. */
+static int is_strange(followed_t* f, const uint8_t* sender, int64_t now) {
+  const int same = !memcmp(f->who, sender, GID), strange = !same && now - f->heard < LATELY;
+  if (same) f->heard = now;
+  if (strange) f->ignored = now, memcpy(f->other, sender, GID);
+  return strange;
+}
+
+/* Take a state and answer it; the outcome of `take` if Python must answer it, else NONE. */
 static int64_t take_and_answer(answers_t* a) {
   const int64_t began = now(), outcome = take(a->source, a->reader);
-  if (outcome != KNOWN) return outcome;
-  return !is_followed(a->followed, a->reader->sender, began) || answer(a, began) ? NONE : KNOWN;
+  return outcome == KNOWN && (is_strange(a->followed, a->reader->sender, began) || answer(a, began)) ? NONE : outcome;
 }
 
 int64_t serve(receiver_t* r, answers_t* a, int64_t direct) {

@@ -7,18 +7,11 @@
 
 enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state that Python must answer */
 
-enum { ENOUGH = 5 }; /* messages of another publisher without one of that which is followed, and then it is gone */
-
-/* Of several publishers of states, the one that is followed until it falls silent; `known` 0: there is none. */
+/* The publisher of states that is followed, another one, and times in [ns] of their last states; 0: none. */
 typedef struct {
-  uint8_t followed[GID], other[GID]; /* this one, and the other one that was heard last */
-  int64_t known, others, since;      /* number of messages of others since its last one, and time of the first [ns] */
-  int64_t both;                      /* when it was heard after others [ns]; 0: never */
-  int64_t patience;                  /* time for which others must be heard alone [ns] */
+  uint8_t who[GID], other[GID];
+  int64_t heard, ignored;
 } followed_t;
-
-/* Whether a message is of the publisher that is followed. `now`: time of the monotonic clock in [ns]. */
-QUICK int64_t is_followed(followed_t* f, const uint8_t* sender, int64_t now);
 
 /* The last state; `known` 0: there is none. */
 typedef struct {

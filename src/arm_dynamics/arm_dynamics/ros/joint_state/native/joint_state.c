@@ -101,11 +101,8 @@ int64_t take(source_t* from, joint_state_t* s) {
   return look(s, m->buffer, m->buffer_length);
 }
 
-int64_t identify(const rcl_publisher_t* publisher, uint8_t* gid) {
-  rmw_gid_t found = {0};
-  const rmw_ret_t done = rmw_get_gid_for_publisher(rcl_publisher_get_rmw_handle(publisher), &found);
-  memcpy(gid, found.data, GID);
-  return done;
+int64_t identify(const rcl_publisher_t* publisher, rmw_gid_t* gid) {
+  return rmw_get_gid_for_publisher(rcl_publisher_get_rmw_handle(publisher), gid);
 }
 
 rcl_ret_t publish(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, int64_t stamp) {

@@ -72,8 +72,8 @@ EXPORT void release(source_t* s);
 /* Take the next message, if there is one, and read it. OTHER: `raw` must be evaluated before the next call. */
 EXPORT int64_t take(source_t* from, joint_state_t* s);
 
-/* Write the identifier of a publisher; returns 0 or an error code. */
-QUICK int64_t identify(const rcl_publisher_t* publisher, uint8_t* gid);
+/* The identifier of a publisher, after a pointer; returns 0 or an error code. */
+QUICK int64_t identify(const rcl_publisher_t* publisher, rmw_gid_t* gid);
 
 /* Publish the message with this stamp in [ns] and the current numbers; returns 0 or an error code. */
 EXPORT int64_t send(sink_t* s, int64_t stamp);
