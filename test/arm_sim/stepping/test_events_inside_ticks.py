@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from arm_sim import Simulator
 from models.rotor import rotor
-from models.touching import rails
+from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
 
 STILL, G = [0, 0, 0], 9.81
@@ -129,3 +130,129 @@ def test_a_step_that_an_event_cuts_short_is_as_accurate_as_others(tolerance: flo
     exact = ended(scene, start, [0.0], 0.1, dt=5e-3, integrator="implicit", tolerance=1e-13)
     found = ended(scene, start, [0.0], 0.1, dt=5e-3, integrator="dop853", tolerance=tolerance)
     np.testing.assert_allclose(found.q, exact.q, rtol=0, atol=10 * tolerance)
+
+
+MASS, SPEED, LOAD = 5.5, 240.0, 576.0
+"""Mass on a rail [kg], speed of a wheel that it carries [rad/s], and force of its unbalance [N]."""
+HELD = {
+    # Axis of the rail, settings of the scene; push, level of the load that is held, and resistance
+    # once it is not, relative to LOAD.
+    "by dry friction": (
+        "x", {"joints": {"rail": {"friction": {"coulomb": 0.7 * LOAD, "static": 1.04 * LOAD}}}},
+        (0.09, 1.04, 0.7),
+    ),
+    "by a stop": ("x", {"joints": {"rail": {"limits": {"lower": 0, "upper": 1}}}}, (-0.97, 0, 0)),
+    "by its weight": (
+        "z", {"gravity": [0, 0, -0.97 * LOAD / MASS], "constraints": [contact("body")]},
+        (0, 0.97, 0.97),
+    ),
+}  # fmt: skip
+
+
+def shaken(axis: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """Scene of a body on a rail with an unbalanced wheel, too heavy to lose speed."""
+    body, wheel = ({"mass": m, "com": [c, 0, 0], "inertia": [i, 0, 0, i, 0, i]}
+                   for m, c, i in ((5.0, 0, 1), (0.5, 0.02, 1e9)))  # fmt: skip
+    slide, turn = ("1 0 0", "0 0 1") if axis == "x" else ("0 0 1", "0 1 0")
+    urdf = f"""<robot name="shaker"><link name="base"/><link name="body"/><link name="wheel"/>
+      <joint name="rail" type="prismatic"><parent link="base"/><child link="body"/>
+      <axis xyz="{slide}"/><limit lower="-9" upper="9" effort="1e9" velocity="1e9"/></joint>
+      <joint name="spin" type="continuous"><parent link="body"/><child link="wheel"/>
+      <axis xyz="{turn}"/></joint></robot>"""
+    scene = {"robot": {"urdf": urdf}, "gravity": STILL, "links": {"body": body, "wheel": wheel}}
+    return scene | settings
+
+
+@pytest.mark.parametrize(("how", "allowed"), [
+    ({"integrator": "rk4"}, 2e-5), ({"integrator": "nystrom4"}, 2e-5),
+    ({"integrator": "dop853"}, 1e-10), ({"tolerance": 1e-10}, 1e-11),
+], ids=str)  # fmt: skip
+@pytest.mark.parametrize("held", HELD)
+def test_what_holds_gives_way_to_a_load_that_peaks_within_a_tick(
+    held: str, how: dict[str, Any], allowed: float
+) -> None:
+    """The wheel turns by 1.2 rad in the tick, at whose ends the load is below 0.9 of the level."""
+    axis, settings, (push, level, resists) = HELD[held]
+    turn, begins = 1.2, -0.58  # angles of the unbalance from the rail [rad]
+    sim = Simulator(shaken(axis, settings), dt=turn / SPEED, **how)
+    sim.reset([0.0, begins - (axis == "z") * np.pi / 2], [0.0, SPEED])
+    state = sim.step([push * LOAD, 0.0])
+    loose, ends = -np.arccos(level - push), begins + turn
+    rises = np.cos(loose) - np.cos(ends) - (ends - loose) * np.sin(loose)
+    way = (0.5 * (push - resists) * (ends - loose) ** 2 + rises) * LOAD / MASS / SPEED**2
+    assert way > 1e-6
+    assert abs(state.q[0] - way) < allowed
+
+
+@pytest.mark.parametrize("turn", [2.5, 9.0, 40.0])
+def test_a_load_that_peaks_often_within_a_tick(turn: float) -> None:
+    """A wheel that turns up to six times in a tick; the reference are ticks in which it does not."""
+    axis, settings, (push, _, _) = HELD["by dry friction"]
+    ends = []
+    for parts in (1, 64):
+        how = {"tolerance": 1e-11, "dt": turn / SPEED / parts}
+        sim = Simulator(shaken(axis, settings), **how)
+        sim.reset([0.0, -1.0], [0.0, SPEED])
+        for _ in range(parts):
+            sim.step([push * LOAD, 0.0])
+        ends.append(sim.state.q[0])
+    assert ends[1] > 1e-5
+    assert_close(*ends, CLOSED_FORM)
+
+
+J, ETA, TIME = 0.02, 0.7, 0.16
+GEARS = {
+    # Actuator; joint; command, initial speed, and the drive's torque by position and speed.
+    "with cogging": (
+        {"gear_ratio": 30.0, "cogging": {"amplitude": 0.004, "order": 6}}, {}, 0.01, 3.0,
+        lambda q, v: 0.01 - 0.12 * np.sin(180 * q),
+    ),
+    "of a motor that is driven beyond its speed": (
+        {"command": "voltage", "resistance": 2.0, "torque_constant": 0.05, "gear_ratio": 20.0},
+        {"spring": {"stiffness": 5.0, "rest": 4.0}}, 12.0, 0.0,
+        lambda q, v: (12.0 - v) / 2.0,
+    ),
+    "under dry friction, at a limit of its voltage": (
+        {"command": "current", "resistance": 2.0, "torque_constant": 0.05, "gear_ratio": 20.0,
+         "voltage_limit": 6.0},
+        {"spring": {"stiffness": 5.0, "rest": 4.0}, "friction": {"coulomb": 0.1}}, 1.0, 0.0,
+        lambda q, v: np.clip(1.0, (-6.0 - v) / 2.0, (6.0 - v) / 2.0),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("how", "allowed"), [
+    ({"integrator": "implicit", "tolerance": 1e-10, "dt": 1e-3}, 1e-8),
+    ({"integrator": "dop853", "tolerance": 1e-12, "dt": 1e-4}, 1e-11),
+    ({"integrator": "dop853", "tolerance": 1e-11, "dt": 2e-2}, 1e-9),
+], ids=str)  # fmt: skip
+@pytest.mark.parametrize("gear", GEARS)
+def test_a_lossy_gear_whose_torque_changes_its_sign(
+    gear: str, how: dict[str, Any], allowed: float
+) -> None:
+    """η of the torque passes where the motor drives, 1/η where it is driven, by SciPy in pieces."""
+    actuator, joint, command, speed, torque = GEARS[gear]
+    scene = rotor(J)
+    scene["gravity"] = STILL
+    scene["joints"]["axle"] = joint | {"actuator": actuator | {"efficiency": ETA}}
+    spring, level = joint.get("spring", {}).get("stiffness", 0.0), 0.1 * ("friction" in joint)
+    sim = Simulator(scene, **how)
+    sim.reset([0.0], [speed])
+    sim.run(TIME, [command])
+
+    def slope(_: float, x: np.ndarray) -> list[float]:
+        return [x[1], (part * torque(*x) + spring * (4.0 - x[0]) - level) / J]
+
+    def sign(_: float, x: np.ndarray) -> float:
+        return float(torque(*x))
+
+    sign.terminal, t, x, changes = True, 0.0, [0.0, speed], -1  # type: ignore[attr-defined]
+    drives = torque(*x) > 0
+    while t < TIME:
+        part = ETA if drives else 1 / ETA
+        sign.direction = -1 if drives else 1  # type: ignore[attr-defined]
+        found = solve_ivp(slope, (t, TIME), x, "DOP853", events=sign, rtol=1e-12, atol=1e-13,
+                          max_step=1e-3)  # fmt: skip
+        t, x, drives, changes = found.t[-1], found.y[:, -1], not drives, changes + 1
+    assert changes > 0 and x[1] > 0.0
+    assert_close([sim.state.q[0], sim.state.v[0]], x, allowed)

@@ -59,7 +59,7 @@ def test_no_point_is_left_inside_a_plane() -> None:
         for k, place in enumerate(around)
     ]  # fmt: skip
     ready = models.scene("panda").model_dump(exclude_unset=True)
-    sim = Simulator({**ready, "constraints": touching}, integrator="rk4")
+    sim = Simulator({**ready, "constraints": touching}, integrator="rk4", dt=5e-3)
     draw, most = np.random.default_rng(1), sim.model.effort_limit
     for _ in range(150):
         sim.run(0.02, np.clip(draw.normal(0.0, 30.0, 7), -most, most))

@@ -18,9 +18,9 @@
 #define TURN_ERROR 1e-8    /* error of its velocity by a turn in a step of fixed length */
 #define RESTING_DRIFT (0.5 * SLOWEST) /* speed of a contact across its direction when it comes to rest, which is rest ... */
 #ifdef ADAPTIVE
-#define DRIFT RESTING_DRIFT /* ... and while it slides, that need not be followed */
+#define DRIFT(segment) (10.0 * (segment)->control->tolerance) /* ... and while it slides, that need not be followed */
 #else
-#define DRIFT TURN_ERROR
+#define DRIFT(segment) TURN_ERROR
 #endif
 #define SHORT_WAY 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
 #define SWITCH_ROUNDING 1e-13 /* of a comparison, relative to what is compared */
@@ -810,7 +810,7 @@ static int find_slow(const real* x, segment_t* segment, double tick) {
   find_turning(x, segment);
   for (int k = 0; k < NC; ++k) {
     const turning_t* of = segment->turning + k;
-    const int settled = of->slows == 0.0 && of->drift <= DRIFT;
+    const int settled = of->slows == 0.0 && of->drift <= DRIFT(segment);
     segment->contact[k].slow = of->rate > MOST_PARTS / tick && (settled || segment->step > 0.0);
     any |= segment->contact[k].slow;
   }
@@ -826,7 +826,7 @@ static double find_reach(const real* x, segment_t* segment, double tick) {
   find_turning(x, segment);
   for (int k = 0; k < NC; ++k) {
     const turning_t* of = segment->turning + k;
-    const double part = tick / MOST_PARTS, least = of->slows * part > 1.0 ? RESTING_DRIFT * of->slows : DRIFT / part;
+    const double part = tick / MOST_PARTS, least = of->slows * part > 1.0 ? RESTING_DRIFT * of->slows : DRIFT(segment) / part;
     double length = 1.0 / of->rate;
     if (!(of->rate > 0.0)) continue;
     if (of->turn <= least && length < part) segment->p.contact[k].fixed = 1.0;
