@@ -30,7 +30,7 @@ QUOTED = {
 def test_example_runs(example: Path, tmp_path: Path, forge: Path) -> None:
     done = subprocess.run(
         [*asking(forge), "script", example], cwd=tmp_path, env=surroundings(MPLBACKEND="Agg"),
-        capture_output=True, text=True, timeout=120,
+        capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stdout

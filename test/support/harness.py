@@ -80,7 +80,7 @@ class Ros:
         self._executor.add_node(node)
         return node
 
-    def spin_until(self, done: Callable[[], Any], timeout: float = 30.0) -> None:
+    def spin_until(self, done: Callable[[], Any], timeout: float = 60.0) -> None:
         """Run callbacks until ``done`` is true."""
         end = time.monotonic() + timeout
         while not done():
@@ -95,7 +95,7 @@ class Ros:
         """Call a service and return its response."""
         client = self.peer.create_client(kind, name)
         self.spin_until(client.service_is_ready)
-        for _ in range(5):  # the reply to a first call may get lost while the ends find each other
+        for _ in range(12):  # the reply to a first call may get lost while the ends find each other
             future = client.call_async(request)
             try:
                 self.spin_until(future.done, timeout=5.0)

@@ -94,7 +94,7 @@ class Started:
         if self._process.poll() is None:
             os.killpg(self._process.pid, signal.SIGINT)
         try:
-            status = self._process.wait(timeout=20.0)
+            status = self._process.wait(timeout=60.0)
         except subprocess.TimeoutExpired:
             self.kill()
             self.fail("does not end at Ctrl-C")

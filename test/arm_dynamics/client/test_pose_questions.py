@@ -52,9 +52,14 @@ def arm(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixtu
 
 
 def poses(q: Any) -> np.ndarray:
-    """Forward kinematics: (7,) for (7,), (k, 7) for (k, 7)."""
+    """Forward kinematics: (7,) for (7,), (k, 7) for (k, 7).
+
+    Of q and -q, which are one rotation, that whose largest component is positive.
+    """
     pose = HAND.pose(np.asarray(q))
-    return np.concatenate([pose.position, quaternions(pose.rotation)], axis=-1)
+    turn = quaternions(pose.rotation)
+    largest = np.take_along_axis(turn, np.abs(turn).argmax(axis=-1, keepdims=True), axis=-1)
+    return np.concatenate([pose.position, np.sign(largest) * turn], axis=-1)
 
 
 def near_home(rng: np.random.Generator, count: int) -> np.ndarray:

@@ -23,7 +23,7 @@ from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 pytestmark = pytest.mark.ros
 
 JOINTS = ["base", "elbow"]
-PATIENCE = 10.0  # [s]
+PATIENCE = 60.0  # [s]
 
 
 def next_of(source: JointStateSource) -> tuple[int, Read]:

@@ -393,7 +393,7 @@ def test_who_is_destroyed_hears_no_more_states(ros: Ros) -> None:
     thread = node.answers._thread
     node.destroy_node()
     assert not thread.is_alive()
-    ros.spin_until(lambda: ros.peer.count_subscribers("/joint_states") == 0, timeout=5.0)
+    ros.spin_until(lambda: ros.peer.count_subscribers("/joint_states") == 0)
     node.answers.close()  # once is enough
 
 

@@ -85,7 +85,7 @@ def test_three_processes_close_the_loop_and_end(
     for process in running.values():
         process.send_signal(end)
     for name, process in running.items():
-        said, _ = process.communicate(timeout=10.0)
+        said, _ = process.communicate(timeout=60.0)
         assert process.returncode == 0, said
         assert "Traceback" not in said, said
         assert "FATAL" not in said, said
@@ -125,7 +125,7 @@ def test_a_scene_that_cannot_be_used_ends_it_with_one_error(
     processes: Processes, node: str
 ) -> None:
     process = processes.start(node, scene="nowhere.yaml")
-    said, _ = process.communicate(timeout=20.0)
+    said, _ = process.communicate(timeout=60.0)
     assert process.returncode == 2
     assert said.count("error: ") == 1
     assert "nowhere.yaml" in said
@@ -134,7 +134,7 @@ def test_a_scene_that_cannot_be_used_ends_it_with_one_error(
 
 def test_a_command_line_that_ros_cannot_read_ends_it_with_one_error(processes: Processes) -> None:
     process = processes.start("dynamics", **{"not a name": 1})
-    said, _ = process.communicate(timeout=20.0)
+    said, _ = process.communicate(timeout=60.0)
     assert process.returncode == 2
     assert said.count("error: ROS cannot start") == 1
     assert "Traceback" not in said

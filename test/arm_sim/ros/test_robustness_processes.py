@@ -74,7 +74,7 @@ class Loop:
 
     def until_said(self, part: str, words: str) -> None:
         self.levels.pop(part, None)
-        self.ros.spin_until(lambda: words in self.levels.get(part, (0, ""))[1], timeout=20.0)
+        self.ros.spin_until(lambda: words in self.levels.get(part, (0, ""))[1], timeout=60.0)
 
     def until_well(self) -> None:
         """Both nodes report that all is well, and the arm is being controlled."""
@@ -87,12 +87,12 @@ class Loop:
                 self.sources != "none"
                 and all(self.levels.get(part, (9, ""))[0] == 0 for part in parts)
             ),
-            timeout=30.0,
+            timeout=60.0,
         )
 
     def position(self) -> np.ndarray:
         self.states.clear()
-        self.ros.spin_until(lambda: self.states, timeout=20.0)
+        self.ros.spin_until(lambda: self.states, timeout=60.0)
         return np.array(self.states[-1].position)
 
     def time(self) -> float:
@@ -175,7 +175,7 @@ def test_a_flood_of_commands_from_another_source_moves_nothing(loop: Loop) -> No
     for _ in range(2000):
         publisher.publish(raw)
     for node in ("sim", "controller"):
-        assert loop.running.pop(node).wait(timeout=10.0) == 0
+        assert loop.running.pop(node).wait(timeout=60.0) == 0
 
 
 @pytest.fixture

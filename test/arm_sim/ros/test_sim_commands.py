@@ -120,9 +120,15 @@ def test_all_commands_that_come_within_a_tick_are_looked_at(ros: Ros, node: SimN
 
 def test_of_bare_commands_only_the_newest_is_taken(ros: Ros, node: SimNode) -> None:
     publisher = ros.publisher(Float64MultiArray, "/sim/commands")
+    beside = ros.peer.create_subscription(Float64MultiArray, "/sim/commands", print, 10)
+    ros.spin_until(lambda: publisher.get_subscription_count() == 2)
     for count in range(1, 6):
         publisher.publish(Float64MultiArray(data=[0.0] * (10 + count)))
-    time.sleep(0.3)  # all of them are there, and nobody has looked
+    left = 5
+    while left:  # until all of them are there, without a look into the node's own subscription
+        with beside.handle:
+            left -= beside.handle.take_message(Float64MultiArray, False) is not None
+    time.sleep(0.05)
     ros.spin_until(lambda: node.inputs.refused)
     end = time.monotonic() + 0.2
     ros.spin_until(lambda: time.monotonic() > end)

@@ -10,6 +10,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from threading import Event, Thread
@@ -372,7 +373,7 @@ PROGRAM = """
     print("begun", flush=True)
     for _ in range({ticks}):
         run(engine, 100)
-        print(engine.simulator.arm.step_count, time.time(), flush=True)
+        print(engine.simulator.arm.step_count, flush=True)
         time.sleep(0.05)
     recorder.close()
     print("said", said, recorder.lost, flush=True)
@@ -387,21 +388,21 @@ def program(path: Path, ticks: int, limit: int = 0) -> subprocess.Popen[str]:
     return subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, text=True)
 
 
-def test_a_killed_process_loses_the_last_second_at_most(tmp_path: Path) -> None:
+def test_a_killed_process_loses_only_what_was_not_yet_written(tmp_path: Path) -> None:
+    """It writes every half second, however small a chunk is."""
     path = tmp_path / "run.mcap"
-    with program(path, 1000) as process:
-        assert process.stdout is not None
-        steps: list[tuple[int, float]] = []
-        while not steps or steps[-1][1] - steps[0][1] < 2.5:
-            words = process.stdout.readline().split()
-            if words[0].isdigit():
-                steps.append((int(words[0]), float(words[1])))
+    with program(path, 100_000) as process:
+        assert process.stdout is not None and process.stdout.readline() == "begun\n"
+        while (made := int(process.stdout.readline())) < 1000:
+            pass
+        written = 0
+        while written <= made:
+            with suppress(InvalidInput):  # nothing is there yet
+                written = len(Recording.load(path))
         process.kill()
-    killed = time.time()
     loaded = Recording.load(path)
     assert any("truncated" in event.text for event in loaded.events)
-    long_ago = [step for step, at in steps if at < killed - 1.5]  # and half a one for a busy disk
-    assert len(loaded) > long_ago[-1] and not loaded.gaps
+    assert len(loaded) >= written and not loaded.gaps
     assert replay(loaded).equal
 
 
@@ -411,7 +412,7 @@ def test_a_full_disk_is_said_and_the_simulation_goes_on(tmp_path: Path) -> None:
         assert process.stdout is not None
         lines = process.stdout.read().splitlines()
     assert process.returncode == 0
-    assert any(line.startswith("4000 ") for line in lines), "every tick was made"
+    assert "4000" in lines, "every tick was made"
     assert "recording stopped" in lines[-1] and "too large" in lines[-1]
     assert path.stat().st_size <= 100_000
     loaded = Recording.load(path)

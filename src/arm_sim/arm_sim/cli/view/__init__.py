@@ -105,7 +105,6 @@ def view(
     from arm_sim.view.pictures import browser
     from arm_sim.view.server import library
 
-    library()  # before anything is computed
     written = {"png": png, "gif": gif, "mp4": mp4, "html": html}
     pictures = {kind: path for kind, path in written.items() if path is not None}
     if pictures.keys() - {"html"}:
@@ -115,10 +114,12 @@ def view(
         if live:
             from arm_sim.cli.view.live import RunningArms
 
+            library()
             page = stack.enter_context(RunningArms(live)).show(what, host, port)
         elif what:
             from arm_sim.cli.view.sources import shown
 
+            library()  # before anything is computed
             motion = (duration, control) if pictures else None
             page = shown(what, host, port, motion, scene, topic)
         else:
