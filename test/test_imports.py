@@ -62,7 +62,7 @@ assert not {{m.split('.')[0] for m in sys.modules}} & set({above!r})
 def test_a_node_loads_neither_studies_nor_view() -> None:
     code = """
 import sys
-import arm_sim.ros.sim_node
+import arm_sim.ros.sim_node.node
 assert not [m for m in sys.modules if m.startswith(('arm_studies', 'arm_sim.view'))]
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)

@@ -5,14 +5,18 @@ The set-up copies this file into the environment, beside a ``.pth`` file that im
 file ``environment`` with the variables of ``./arm`` itself. An editor, Jupyter or a script
 thus finds ROS 2 and the built workspace, too. Libraries are searched for in the folders that
 ``LD_LIBRARY_PATH`` named when the process began: if some are missing, Python is restarted.
+
+An executable of a node that is interrupted this early is told when it has begun to listen.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 
 LIBRARIES = "LD_LIBRARY_PATH"
+NODES = ("/arm_sim/sim", "/arm_dynamics/controller", "/arm_dynamics/dynamics")
 AGAIN = "ARM_ENVIRONMENT"  # the environment for which Python has been started once more
 
 
@@ -36,6 +40,8 @@ def wanted(lines: str) -> dict[str, str]:
 
 def main() -> None:
     """Set what is missing; start Python once more if it is libraries."""
+    if sys.orig_argv[1:] and sys.orig_argv[1].endswith(NODES):  # see arm_dynamics.starting
+        signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     try:
         with open(os.path.join(sys.prefix, "environment"), encoding="utf-8") as file:
             changed = wanted(file.read())

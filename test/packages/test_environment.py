@@ -104,3 +104,15 @@ def test_python_starts_once_more_at_most(environment: Path) -> None:
         capture_output=True, text=True, timeout=30,
     )  # fmt: skip
     assert done.stdout == "/one:/two ours []\n"
+
+
+@pytest.mark.parametrize(("place", "held"), [("arm_sim/sim", 2), ("mine/sim", 0)])
+def test_signals_wait_until_a_node_listens(environment: Path, place: str, held: int) -> None:
+    script = environment / place
+    script.parent.mkdir()
+    script.write_text("import signal; print(len(signal.pthread_sigmask(signal.SIG_BLOCK, [])))\n")
+    done = subprocess.run(
+        [environment / "bin/python", script], env={"PATH": "/usr/bin:/bin"},
+        capture_output=True, text=True, timeout=30,
+    )  # fmt: skip
+    assert done.stdout == f"{held}\n"

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import pwd
 import shutil
+import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -130,6 +131,14 @@ def test_an_unknown_command_installs_nothing(word: str, clone: Path, older: Path
     assert files(clone) == before
     (clone / "kept").rename(clone / ".venv")  # the suite says what may be meant
     assert arm(clone, f"{word} panda").stdout.split()[-2:] == [word, "panda"]
+
+
+@pytest.mark.parametrize("line", ["sim panda --help", "view --help"])
+def test_signals_wait_until_python_listens(older: Path, line: str) -> None:
+    """Python shows a traceback of its own start otherwise."""
+    (older / ".venv/bin/python").write_text("#!/bin/bash\ngrep SigBlk /proc/self/status\n")
+    held = int(arm(older, line).stdout.split()[-1], base=16)
+    assert held == sum(1 << number - 1 for number in (signal.SIGINT, signal.SIGTERM))
 
 
 def test_without_home_it_is_the_users(older: Path) -> None:

@@ -41,9 +41,9 @@ def serve(path: str) -> None:
     import matplotlib.pyplot  # noqa: F401
     import ros2  # noqa: F401
 
-    import arm_dynamics.ros.controller_node
-    import arm_dynamics.ros.dynamics_node  # noqa: F401
-    import arm_sim.ros.sim_node  # noqa: F401
+    import arm_dynamics.ros.controller_node.node
+    import arm_dynamics.ros.dynamics_node.node  # noqa: F401
+    import arm_sim.ros.sim_node.node  # noqa: F401
     import arm_studies.cli.main  # noqa: F401
 
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)

@@ -27,7 +27,9 @@ _PARTS = re.compile(
     re.M | re.S,
 )
 SHELL = ("bash", "console")
-_OPEN_WORDS = re.compile(r"…|(?<![\w.])\[|\b[A-Z]{3,}\b")  # a line that shows a form and no command
+_OPEN_WORDS = re.compile(
+    r"…|(?<![\w.])\[|\b[A-Z]{3,}\b"
+)  # a line that shows a form and no command
 
 
 class Step(NamedTuple):

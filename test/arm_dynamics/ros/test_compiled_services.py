@@ -17,9 +17,9 @@ import models
 from arm_dynamics import Dynamics, Term, load_scene
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.exceptions import KernelError
-from arm_dynamics.ros import dynamics_node
 from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, compiled_services
 from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros.dynamics_node import node as dynamics_node
 from arm_dynamics.ros.interfaces import (
     DYNAMICS_TERMS,
     FORWARD_DYNAMICS,

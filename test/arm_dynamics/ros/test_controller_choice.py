@@ -28,8 +28,8 @@ from arm_dynamics.control import (
     preparation,
     tuned,
 )
-from arm_dynamics.ros import controller_node as module
 from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.controller_node import node as module
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference
 from arm_sim.ros.sim_node import SimNode

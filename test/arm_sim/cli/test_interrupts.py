@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signals that end a command arrive between its calls of ROS, not within them."""
+"""Signals end a command while it is imported, then between its calls of ROS, not within them."""
 
 from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+from pathlib import Path
 from threading import Thread
 
 import pytest
@@ -55,3 +58,40 @@ def test_a_command_that_listens_ends_after_the_message_it_receives() -> None:
         with pytest.raises(KeyboardInterrupt):
             listener.until(lambda: False, 10.0)
     assert len(heard) == 1
+
+
+# Takes the place of a package; its compiled part says something else of an interruption.
+IMPORTED = """
+import time
+print("importing", flush=True)
+try:
+    time.sleep(60.0)
+except KeyboardInterrupt:
+    raise ImportError("the library cannot be loaded") from None
+"""
+
+
+@pytest.mark.parametrize(
+    ("program", "package", "status", "said"),
+    [
+        (("-c", "from arm_sim.ros.sim_node import main; main()"), "rclpy", 0, ""),
+        (("-c", "from arm_dynamics.ros.controller_node import main; main()"), "rclpy", 0, ""),
+        (("-m", "arm_sim.cli", "sim", "panda"), "click", 0, ""),
+        (("-m", "arm_sim.cli", "sim", "panda"), "rclpy", 0, ""),
+        (("-m", "arm_studies.cli", "describe", "panda"), "click", 1, "\nAborted!\n"),
+        (("-m", "arm_sim.cli", "watch"), "rclpy", 1, "Aborted!\n"),
+    ],
+)
+def test_an_interruption_during_imports_leaves_no_traceback(
+    program: tuple[str, ...], package: str, status: int, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / f"{package}.py").write_text(IMPORTED)
+    paths = {"PYTHONPATH": f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"}
+    with subprocess.Popen(
+        [sys.executable, *program], env=os.environ | paths, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    ) as process:  # fmt: skip
+        assert process.stdout is not None and process.stdout.readline() == "importing\n"
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=60.0)
+    assert (process.returncode, told) == (status, said)

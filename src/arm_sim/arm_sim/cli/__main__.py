@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """``python -m arm_sim.cli``, which is what ``./arm`` runs."""
 
-from arm_dynamics.exceptions import ARM
-from arm_sim.cli.completion import VARIABLE
-from arm_sim.cli.main import main
+from arm_sim.cli.interrupts import begin
+
+begin()
+
+from arm_dynamics.exceptions import ARM  # noqa: E402
+from arm_sim.cli.completion import VARIABLE  # noqa: E402
+from arm_sim.cli.main import main  # noqa: E402
 
 main(prog_name=ARM, complete_var=VARIABLE)

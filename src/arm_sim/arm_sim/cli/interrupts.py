@@ -4,11 +4,18 @@
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import current_thread, main_thread
 from typing import Any
 
+from arm_dynamics.starting import SIGNALS, end_when_interrupted
+
+NODES = ("sim", "dynamics", "controller")
+interrupted: list[int] = []
+"""Signals that have interrupted a command."""
+_before: dict[int, Any] = {}
 _INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -24,6 +31,31 @@ def interruptible() -> Iterator[None]:
 
     with handled_by(interrupt):
         yield
+
+
+def begin() -> None:
+    """End this program if it is interrupted during its imports: as click does later, nodes with 0.
+
+    A node handles signals itself as soon as it runs, and ends in the same way until then.
+    """
+    is_node = sys.argv[1:2] and sys.argv[1] in NODES
+    if not is_node:
+        _before.update({number: signal.getsignal(number) for number in SIGNALS})
+    end_when_interrupted(*(() if is_node else (1, "\nAborted!\n")))
+
+
+def begun() -> None:
+    """From now on, interruptions are handled by the command."""
+    for number, handler in _before.items():
+        heard = handler is signal.default_int_handler
+        signal.signal(number, _interrupt if heard else handler)
+    _before.clear()
+
+
+def _interrupt(number: int, frame: Any) -> None:
+    """Raise KeyboardInterrupt and note it: an import of compiled code raises something else."""
+    interrupted.append(number)
+    raise KeyboardInterrupt
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from arm_sim.cli.completion import Commands, completion
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.export import export
+from arm_sim.cli.interrupts import begun, interrupted
 from arm_sim.cli.nodes import controller, dynamics, sim
 from arm_sim.cli.output import as_called, examples, print_anything, progress_on_stderr
 from arm_sim.cli.recordings import plot, record, replay
@@ -71,11 +72,14 @@ class Suite(Commands):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; errors of the suite become a message and exit status 1."""
+        begun()
         print_anything()
         try:
             with progress_on_stderr():
                 return super().invoke(ctx)
-        except ModuleNotFoundError as error:
+        except ImportError as error:
+            if interrupted:
+                raise click.Abort from None
             raise _explained(error) from error
         except OSError as error:
             raise click.ClickException(_of_system(error)) from error
@@ -94,8 +98,9 @@ def _of_system(error: OSError) -> str:
 _OF_ROS = re.compile(r"rclpy|ament_\w+|rosidl_\w+|rpyutils|\w+_(msgs|srvs|interfaces)")
 
 
-def _explained(error: ModuleNotFoundError) -> Exception:
-    if not _OF_ROS.fullmatch((error.name or "").split(".")[0]):
+def _explained(error: ImportError) -> Exception:
+    missing = isinstance(error, ModuleNotFoundError) and error.name or ""
+    if not _OF_ROS.fullmatch(missing.split(".")[0]):
         return error
     return click.ClickException(
         f"Python cannot find the module '{error.name}': this command needs ROS 2 Jazzy or "

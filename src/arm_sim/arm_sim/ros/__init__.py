@@ -6,6 +6,12 @@ other modules connect the engine to topics, services, diagnostics and the clock.
 the cores and ``arm_dynamics.ros``, not the command line. Public is ``SimNode``.
 """
 
-from arm_sim.ros.sim_node import SimNode
+from typing import TYPE_CHECKING
+
+from arm_dynamics.lazy import on_demand
+
+if TYPE_CHECKING:
+    from arm_sim.ros.sim_node import SimNode
 
 __all__ = ["SimNode"]
+__getattr__, __dir__ = on_demand(__name__, {"sim_node": ("SimNode",)})

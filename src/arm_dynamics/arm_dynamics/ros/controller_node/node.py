@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import wraps
@@ -26,10 +25,9 @@ from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput, plain
 from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.common.background import Background, take_short_turns
+from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import ERROR, Diagnosis, Finding
-from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import scene_for
@@ -389,9 +387,3 @@ class ControllerNode(Node):
     def on_cartesian_path(self, message: bytes | Path) -> None:
         """Move the task frame through poses, or report why not."""
         self.goals.path(as_bytes(message), self.params)
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run the node until it is interrupted."""
-    take_short_turns()
-    sys.exit(execute(ControllerNode, ControllerParams, args, own_thread=True))

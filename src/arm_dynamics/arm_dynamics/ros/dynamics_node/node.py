@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -18,10 +17,8 @@ from std_msgs.msg import String
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, ModelError, plain
 from arm_dynamics.logs import Throttled
-from arm_dynamics.ros.common.background import take_short_turns
 from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
-from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import guarded, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.common.robot_source import (
@@ -174,9 +171,3 @@ def _refuse(params: DynamicsParams) -> None:
         "parameter 'robot_description' cannot be set: the node has its arm from a scene; allowed: "
         "a node without one"
     )
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run the node until it is interrupted."""
-    take_short_turns()
-    sys.exit(execute(DynamicsNode, DynamicsParams, args))

@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.background import Background, take_short_turns
+from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.diagnostics import Diagnosis
-from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.privileges import MiddlewareThreads
@@ -222,9 +220,3 @@ class SimNode(Node):
                 f"a tick, {loop.dropped} dropped; lateness {loop.lateness}; "
                 f"{round_trip.count} answers, round trip {round_trip}"
             )
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run the node until it is interrupted."""
-    take_short_turns()
-    sys.exit(execute(SimNode, SimParams, args))
