@@ -107,7 +107,7 @@ def attempt(
 
 def _finite(run: Recording, simulator: Simulator) -> bool:
     state = simulator.state
-    arrays = (run.q, run.v, run.tau, run.error, state.q, state.v, simulator.effort)
+    arrays = (run.q, run.v, run.tau, run.local_error, state.q, state.v, simulator.effort)
     return all(bool(np.isfinite(array).all()) for array in arrays)
 
 
@@ -118,7 +118,7 @@ def _judged(told: Result, arm: Arm, motion: Motion, setting: Setting, run: Recor
         error=_error(run, motion, setting.dt),
         energy=energy_balance(run),
         impulse=impulse_balance(run) if fixed else None,
-        claimed=None if fixed else float(run.error[-1]),
+        claimed=None if fixed else float(run.local_error[-1]),
         speed=_speed(run, motion),
     )
     if found.energy > ENERGY or (found.impulse or 0.0) > IMPULSE:

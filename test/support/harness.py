@@ -95,9 +95,7 @@ class Ros:
         """Call a service and return its response."""
         client = self.peer.create_client(kind, name)
         self.spin_until(client.service_is_ready)
-        for _ in range(
-            12
-        ):  # the reply to a first call may get lost while the ends find each other
+        for _ in range(12):  # the reply to a first call may get lost while both match
             future = client.call_async(request)
             try:
                 self.spin_until(future.done, timeout=5.0)

@@ -23,13 +23,12 @@ _PARTS = re.compile(
     r"(?P<skip><!-- not run: [^>]+ -->\n+)?^```(?P<kind>\w+)[^\n]*\n(?P<text>.*?)^```"
     r"(?:\n+^```text\n(?P<printed>.*?)^```)?"
     r"|^```.*?^```|^ {4}(?P<indented>(?:\./arm|ros2) .*?)$"
-    r"|(?<!`)`(?P<inline>(?:(?:\./)?arm|ros2|pip install|python tools/\S+|\.venv/bin/\w+)\s[^`]+)`",
+    r"|(?<!`)`(?P<inline>(?:(?:\./)?arm|ros2|pip install|python tools/\S+|\.venv/bin/\w+)"
+    r"\s[^`]+)`",
     re.M | re.S,
 )
 SHELL = ("bash", "console")
-_OPEN_WORDS = re.compile(
-    r"…|(?<![\w.])\[|\b[A-Z]{3,}\b"
-)  # a line that shows a form and no command
+_OPEN_WORDS = re.compile(r"…|(?<![\w.])\[|\b[A-Z]{3,}\b")  # a form, no command
 
 
 class Step(NamedTuple):

@@ -133,7 +133,7 @@ def test_a_step_that_an_event_cuts_short_is_as_accurate_as_others(tolerance: flo
 
 
 MASS, SPEED, LOAD = 5.5, 240.0, 576.0
-"""Mass on a rail [kg], speed of a wheel that it carries [rad/s], and force of its unbalance [N]."""
+"""Mass on a rail [kg], speed of a wheel on it [rad/s], and force of its unbalance [N]."""
 HELD = {
     # Axis of the rail, settings of the scene; push, level of the load that is held, and resistance
     # once it is not, relative to LOAD.
@@ -186,7 +186,7 @@ def test_what_holds_gives_way_to_a_load_that_peaks_within_a_tick(
 
 @pytest.mark.parametrize("turn", [2.5, 9.0, 40.0])
 def test_a_load_that_peaks_often_within_a_tick(turn: float) -> None:
-    """A wheel that turns up to six times in a tick; the reference are ticks in which it does not."""
+    """A wheel that turns up to six times in a tick; the reference are far shorter ticks."""
     axis, settings, (push, _, _) = HELD["by dry friction"]
     ends = []
     for parts in (1, 64):
@@ -230,7 +230,7 @@ GEARS = {
 def test_a_lossy_gear_whose_torque_changes_its_sign(
     gear: str, how: dict[str, Any], allowed: float
 ) -> None:
-    """η of the torque passes where the motor drives, 1/η where it is driven, by SciPy in pieces."""
+    """η of the torque where the motor drives, 1/η where it is driven; by SciPy in pieces."""
     actuator, joint, command, speed, torque = GEARS[gear]
     scene = rotor(J)
     scene["gravity"] = STILL
