@@ -114,7 +114,7 @@ static void hold(double W[3][3], const double* c, double* r) {
 }
 
 /* Component of w_t perpendicular to the sliding direction, times the grip. */
-static double across(double W[3][3], const double* c, double mu, double angle) {
+static double perpendicular(double W[3][3], const double* c, double mu, double angle) {
   const double d0 = cos(angle), d1 = sin(angle), grip = grip_of(W, mu, d0, d1);
   const double w1 = grip * c[1] - c[0] * (W[1][0] - mu * (W[1][1] * d0 + W[1][2] * d1));
   const double w2 = grip * c[2] - c[0] * (W[2][0] - mu * (W[2][1] * d0 + W[2][2] * d1));
@@ -123,7 +123,7 @@ static double across(double W[3][3], const double* c, double mu, double angle) {
 
 static double root_of(double W[3][3], const double* c, double mu, double low, double high, double f_low) {
   for (int k = 0; k < ROOT_STEPS; ++k) {
-    const double middle = 0.5 * (low + high), f = across(W, c, mu, middle);
+    const double middle = 0.5 * (low + high), f = perpendicular(W, c, mu, middle);
     if (middle == low || middle == high) break;
     if (f == 0.0) return middle;
     if (f * f_low > 0.0) low = middle;
@@ -136,11 +136,11 @@ static double root_of(double W[3][3], const double* c, double mu, double low, do
 static void start_to_slide(double W[3][3], const double* c, double mu, answer_t* answer) {
   const double full_turn = 6.283185307179586;
   const double largest = fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])));
-  double best = -INFINITY, value = across(W, c, mu, 0.0);
+  double best = -INFINITY, value = perpendicular(W, c, mu, 0.0);
   answer->state = UNSOLVABLE;
   for (int k = 0; k < SAMPLES; ++k) {
     const double angle = full_turn * k / SAMPLES, next_angle = full_turn * (k + 1) / SAMPLES;
-    const double next = across(W, c, mu, next_angle), f = value;
+    const double next = perpendicular(W, c, mu, next_angle), f = value;
     value = next;
     if (f != 0.0 && !(f * next < 0.0)) continue;
     const double root = f == 0.0 ? angle : root_of(W, c, mu, angle, next_angle, f);
