@@ -110,8 +110,8 @@ def _charts(recording: Recording, part: Recording, rows: Array) -> Iterator[Char
             yield Chart(title, names, time, values)
     if recording.of_robot:
         return  # work and heat between its states are unknown
-    if recording.error.any():
-        yield Chart("error [rad]", ("estimated error of q",), time, recording.error[:, None])
+    if recording.local_error.any():
+        yield Chart("error [rad]", ("estimated error of q",), time, recording.local_error[:, None])
     curves = {"kinetic": part.kinetic, "potential": part.potential}
     if part.stored.any():
         curves["stored"] = part.stored
