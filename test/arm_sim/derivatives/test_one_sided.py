@@ -63,7 +63,7 @@ CASES: dict[str, tuple[Any, list[float], list[float], Any, list[float], str, tup
     ),
     "on the torque-speed curve": (
         geared(torque_constant=0.05, voltage_limit=2.0, resistance=1.0), [0.0], [0.5], None,
-        [1.875], "a limit or backlash of the drive of joint 'axle'", (1, -1),
+        [1.875], "a limit, backlash or load of the drive of joint 'axle'", (1, -1),
     ),
     "at rest in friction by direction": (
         wheel(viscous={"positive": 0.2, "negative": 0.5}), [0.0], [0.0], None, [0.3],
