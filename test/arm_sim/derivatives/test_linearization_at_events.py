@@ -449,7 +449,8 @@ REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
     "piles up": (rail(stop={"restitution": 0.99}), [1e-8], [0.0], [0.0], "accumulate"),
     "jams": (jamming(), [0.55], [-1.0], [0.0], "adds no energy"),
     "straight on": (
-        touching(rails("xyz"), **GRIP), [0, 0, 0], [0.03, 0.01, 0], [0, 0, 0], "straight",
+        touching(rails("xyz"), **GRIP), [0, 0, 0], [0.03, 0.01, 0], [0, 0, 0],
+        "direction of sliding is not differentiable",
     ),
     **{
         f"would slip on along {along}": (
