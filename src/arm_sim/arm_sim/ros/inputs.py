@@ -40,7 +40,7 @@ class Inputs:
         round_trip: Time from a state to its command.
         refused: Number of commands that were refused.
         refused_wrenches: Number of wrenches that were refused.
-        rivals: Know of other sims, for which a command may be.
+        rivals: Know of other sims, for which a command may be; None if there cannot be any.
         tap: Called with topic and message of every input, if set.
     """
 
@@ -57,7 +57,7 @@ class Inputs:
         )
         self.source: JointStateSource | None = None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
-        self.rivals: Rivals
+        self.rivals: Rivals | None = None
         self.tap: Callable[[Topic, Any], None] | None = None
         self._warned = False
         engine.read_commands = self._read_waiting
@@ -138,7 +138,8 @@ class Inputs:
 
     def _put(self, stamp: int, numbers: list[Numbers]) -> None:
         """Make the content of a JointState the newest command."""
-        self.rivals.check(stamp)
+        if self.rivals is not None:
+            self.rivals.check(stamp)
         slot = self._engine.commands
         if slot.empty:
             self._joints.forget()
@@ -157,7 +158,8 @@ class Inputs:
                 raise InvalidInput(f"data_offset is {message.layout.data_offset}; allowed: 0")
             if tau.shape != (n,) or not np.isfinite(tau).all():
                 raise InvalidInput(f"{tau.size} numbers {tau[:10]}; allowed: {n} finite numbers")
-            self.rivals.check(_NEVER)
+            if self.rivals is not None:
+                self.rivals.check(_NEVER)
             self._engine.arbiter.admit(_UNNAMED, frozenset(range(n)))
         except InvalidInput as error:
             self._refuse(error)
