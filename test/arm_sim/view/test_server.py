@@ -3,12 +3,10 @@
 
 from __future__ import annotations
 
-import builtins
 import logging
 import socket
 import urllib.error
 import urllib.request
-from typing import Any
 
 import pytest
 import rich
@@ -21,17 +19,8 @@ from arm_sim.view.server import PORT, address, close_server, open_server
 
 
 def test_without_the_library_one_line_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = builtins.__import__
-
-    def absent(name: str, *rest: Any, **more: Any) -> Any:
-        if name.split(".")[0] == "viser":
-            raise ModuleNotFoundError("No module named 'viser'", name="viser")
-        return found(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", absent)
-    with pytest.raises(
-        ViewError, match=r"cannot find the module 'viser': .*'./arm setup view' installs them"
-    ):
+    monkeypatch.setattr("arm_sim.view.server.find_spec", lambda name: None)
+    with pytest.raises(ViewError, match="cannot find the module 'viser': .*view.* installs it"):
         show("two_link")
 
 
