@@ -56,7 +56,7 @@ def _bare(model: ArmModel) -> Plant:
     scene = model.scene
     held = tuple(scene.bilateral.values())
     bare = copy(ArmModel(scene.model_copy(update={"constraints": held})))
-    bare.stops = stops_of((), bare.joint_names)
+    vars(bare)["stops"] = stops_of((), bare.joint_names)
     return Plant(bare, stops=False).under_torques()
 
 
