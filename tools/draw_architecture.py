@@ -72,6 +72,7 @@ SAYS = {
         "exceptions": "ArmError and its kinds",
         "lazy": "imports at first use",
         "logs": "who hears them",
+        "starting": "Ctrl-C during imports",
     },
 }
 KNOWS_ROS = {"cli", "ros", "client"}

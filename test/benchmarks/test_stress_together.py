@@ -93,7 +93,7 @@ def test_a_right_motion_survives(run: Recording) -> None:
 def test_a_wrong_motion_that_nothing_tells_is_undetected(run: Recording) -> None:
     truth = Truth(run.q * (1 + np.linspace(0, 4 * WRONG, len(run)))[:, None], True)
     assert judge._judged(BLANK, run, False, truth).outcome == UNDETECTED
-    stated = replace(run, error=np.full(len(run), 1.0))
+    stated = replace(run, local_error=np.full(len(run), 1.0))
     assert judge._judged(BLANK, stated, True, truth).outcome == SHOWN
     piled = replace(run, time_stepped=np.ones(len(run)))
     assert judge._judged(BLANK, piled, False, truth).outcome == SHOWN

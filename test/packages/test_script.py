@@ -16,7 +16,9 @@ import pytest
 from installed import MADE, ROOT
 
 NOBODY = 65534
-SET_UP_FROM = ("arm", "tools/setup.sh", "requirements.txt", "src", "interfaces")
+SET_UP_FROM = (
+    "arm", "tools/setup.sh", "tools/arm_environment.py", "requirements.txt", "src", "interfaces",
+)  # fmt: skip
 WITHOUT_JAZZY = {"PATH": os.environ["PATH"], "HOME": "/nonexistent"}
 
 

@@ -23,16 +23,28 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
-        yield part
-        warn_if_replaced(path)
-        part.replace(path)
+        with writing(path):
+            yield part
+            warn_if_replaced(path)
+            part.replace(path)
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What writes ``path``: an error of the system becomes ``NotWritten``, which names the file.
+
+    Raises:
+        NotWritten: If the system does not let it be written.
+    """
+    try:
+        yield
     except OSError as error:
         if isinstance(error, ArmError):
             raise
         raise NotWritten(f"'{path}' cannot be written: {error.strerror or error}") from None
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
 
 
 def warn_if_replaced(path: Path) -> None:

@@ -240,7 +240,7 @@ def test_an_unexpected_failure_is_answered(
     def fail(*_: Any) -> None:
         raise ZeroDivisionError("by surprise")
 
-    monkeypatch.setattr(node.dynamics, "inverse", fail)
+    monkeypatch.setattr(type(node.dynamics), "inverse", fail)
     answer = inverse(node, position=[0.0] * 7)
     assert not answer.success
     assert "by surprise" in answer.message

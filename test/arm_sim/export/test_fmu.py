@@ -45,7 +45,8 @@ _LOG = {
 
 
 def scene(kind: str) -> dict[str, Any]:
-    return models.scene("two_link").model_dump(exclude_unset=True) | SCENES[kind]
+    steps = {"sim": {"integrator": "rk4", "dt": 1e-3}}  # of fixed length: they have derivatives
+    return models.scene("two_link").model_dump(exclude_unset=True) | SCENES[kind] | steps
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ from tolerances import EXPORT, FINITE_DIFF, assert_close
 FIXED = {"sim": {"integrator": "rk4", "dt": 1e-4}}
 DRY = {"joints": {"*": {"friction": {"coulomb": 1.0, "static": 1.5, "viscous": 0.1}}}}
 SCENES: dict[str, tuple[str, dict[str, Any]]] = {
-    "four_bar": ("four_bar", {}),
+    "four_bar": ("four_bar", FIXED),
     "dry": ("two_link", DRY),
     "panda": ("panda", {}),
     "panda_table": ("panda_table", {}),
@@ -40,7 +40,7 @@ SCENES: dict[str, tuple[str, dict[str, Any]]] = {
     "implicit": ("two_link", DRY | {"sim": {"integrator": "implicit", "dt": 2e-3}}),
     "motor_pendulum": ("motor_pendulum", FIXED),
     "limited": ("two_link", {"joints": {"*": {"limits": {"effort": 5.0}}}}),
-    "hanging": ("two_link", {"commands": {"gravity_compensated": True}}),
+    "hanging": ("two_link", FIXED | {"commands": {"gravity_compensated": True}}),
 }
 TICKS, HELD = 120, 20
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from arm_sim.recording import Recording
+
 PATIENCE = 2.0  # [s] without output
 _WIDE = 200  # columns without a terminal, so that a pipe gets whole lines
 
@@ -98,6 +100,12 @@ def quiet() -> Iterator[None]:
         yield
     finally:
         logging.disable(before)
+
+
+def checked(recording: Recording) -> str:
+    """What a second run says of a motion, without warnings, and shown as it waits."""
+    with waiting("checking by a second run"), quiet():
+        return recording.verdict
 
 
 def table(

@@ -14,7 +14,7 @@ import click
 from arm_dynamics.exceptions import choices
 from arm_dynamics.writing import warn_if_replaced
 from arm_sim.cli.completion import SCENE
-from arm_sim.cli.output import console, examples, quiet, waiting
+from arm_sim.cli.output import checked, console, examples, waiting
 
 if TYPE_CHECKING:
     from arm_sim import Recording
@@ -225,8 +225,7 @@ def replay(
 def _checked(recording: Recording) -> str:
     """Summary of a recording, with the error of its motion if it can be known."""
     if recording.origin is not None and not recording.of_robot:
-        with waiting("checking by a second run"), quiet():
-            recording.verdict  # noqa: B018 - the summary has it then
+        checked(recording)  # the summary has it then
     return repr(recording)
 
 

@@ -39,8 +39,6 @@ FLOWS = (
 )  # fmt: skip
 """Energies that a repeated tick integrates."""
 
-TRUSTED = 1e-3
-"""Largest error of an account, relative to the energy that moved, of a trusted motion."""
 ROUNDING = 1e-9
 
 

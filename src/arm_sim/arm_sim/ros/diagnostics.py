@@ -13,7 +13,6 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_sim.recording.energy_account import TRUSTED
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.ordinary import OrdinaryTicks
@@ -26,6 +25,9 @@ from arm_sim.ros.timing.realtime_loop import RealtimeLoop
 
 if TYPE_CHECKING:
     from arm_sim.ros.record import TickRecorder
+
+UNBALANCED = 1e-3
+"""Error of the energy balance, relative to the energy that moved, that is worth a warning."""
 
 
 @dataclass
@@ -140,11 +142,11 @@ class SimDiagnostics:
 
     def _check_energy(self, found: Finding) -> None:
         off, dt = self.engine.energy_error, self.engine.simulator.dt
-        if off > TRUSTED:
+        if off > UNBALANCED:
             found.complain(
                 WARN,
                 f"the energy account is off by {off:.2g} of the energy that moved, more than "
-                f"{TRUSTED:g}: with ticks of {dt:g} s reduce dt or set a tolerance",
+                f"{UNBALANCED:g}: with ticks of {dt:g} s reduce dt or set a tolerance",
             )
 
     def _check_recorder(self, recorder: TickRecorder) -> Finding:

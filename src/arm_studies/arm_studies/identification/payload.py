@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.inertia import six_of
@@ -46,7 +46,7 @@ DOUBT = 0.5, 0.5
 matched with joints."""
 
 
-@dataclass(frozen=True)
+@frozen
 class PayloadEstimate:
     """A payload, and how surely it is known.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from arm_dynamics.control import GravityCompensation
 from arm_sim import Recording, Simulator
-from arm_sim.cli.output import console, quiet, waiting
+from arm_sim.cli.output import checked, console
 from arm_sim.exceptions import ViewError
 from arm_sim.recording.files import SUFFIXES
 from arm_sim.view import View, show
@@ -70,9 +70,7 @@ def _loaded(path: str, scene: str | None, topic: str | None) -> Recording:
 def _moved(simulator: Simulator, duration: float, control: str) -> Recording:
     carried = GravityCompensation(simulator.dynamics).torque if control == "weight" else None
     motion = simulator.run(duration, control=carried)
-    with waiting("checking by a second run"), quiet():
-        verdict = motion.verdict
-    console().print(verdict, markup=False)
+    console().print(checked(motion), markup=False)
     return motion
 
 

@@ -115,7 +115,7 @@ int library_sim_init(library_sim* sim, const double* q, const double* v) {
   __extension__ static const int of_state[NZ] = OF_STATE;
   static const control_t control = {TOLERANCE, 0.0, 0.0, 0};
 #ifdef EVENTS
-  static const report_t report = {0.0, 0, 0, 0, 0};
+  static const report_t report = {0.0, 0, 0, 0};
   sim->report = report;
 #endif
   sim->control = control;

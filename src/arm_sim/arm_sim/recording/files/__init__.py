@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
@@ -20,7 +20,7 @@ import yaml
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, NotWritten, known_names
-from arm_dynamics.writing import replacing
+from arm_dynamics.writing import replacing, writing
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.contents import Contents
 from arm_sim.recording.files import measured, npz, ticks
@@ -125,8 +125,6 @@ class Stream:
         self._place, self._file = new_file(self.path), list[TickFile]()
         self._until, self._writer = 0.0, ThreadPoolExecutor(1, "recording")
         self._last = self._writer.submit(lambda: None)
-        with self._told():
-            self._place[0].touch()
 
     def __enter__(self) -> Self:
         """Begin."""
@@ -134,7 +132,7 @@ class Stream:
 
     def append(self, part: Contents, efforts: Array) -> None:
         """Write a part, which begins where the last one ends; efforts as for ``save``."""
-        with self._told():
+        with writing(self.path):
             self._last.result()
         self._last = self._writer.submit(self._write, part, efforts)
 
@@ -145,19 +143,12 @@ class Stream:
             self._file.append(ticks.write(part, efforts, self._place[0]))
         self._until = float(part.time[-1])
 
-    @contextmanager
-    def _told(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise NotWritten(f"'{self.path}' cannot be written: {error.strerror}") from None
-
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         """Complete the file, of which an error is told; or remove what is empty."""
         self._writer.shutdown()
         if error is not None and self._file:
             error.add_note(f"'{self.path}' has the motion until t = {self._until:.6g} s")
-        with self._told() if error is None else suppress(OSError):
+        with writing(self.path) if error is None else suppress(OSError):
             self._finish(*self._place)
 
     def _finish(self, file: Path, folder: Path | None) -> None:
@@ -176,17 +167,20 @@ def new_file(path: Path) -> tuple[Path, Path | None]:
 
     Raises:
         InvalidInput: If it exists, even since a moment ago.
+        NotWritten: If the system does not let it be created.
     """
-    try:
-        if path.exists():
-            raise FileExistsError
-        file, folder = where(path)
-        file.touch(exist_ok=False)
-    except FileExistsError:
-        raise InvalidInput(
-            f"'{path}' exists, and may be being written by another recorder; recordings are not "
-            "overwritten; allowed: a new name"
-        ) from None
+    exists = InvalidInput(
+        f"'{path}' exists, and may be being written by another recorder; recordings are not "
+        "overwritten; allowed: a new name"
+    )
+    if path.exists():
+        raise exists
+    file, folder = where(path)
+    with writing(path):
+        try:
+            file.touch(exist_ok=False)
+        except FileExistsError:
+            raise exists from None
     return file, folder
 
 

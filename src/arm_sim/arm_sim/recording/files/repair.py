@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -41,21 +41,24 @@ def repair(source: Path, out: Path) -> Repaired:
             f"'{source}' to '{out}': only .mcap is repaired, into .mcap (.db3 needs no repair; "
             "ros2 bag reindex writes its metadata.yaml)"
         )
-    part = new_file(out)[0].with_name(out.name + ".part")
+    new_file(out)
     try:
-        with part.open("wb") as sink:
-            found = Repaired(Writer(sink))
-            for file in files:
-                found.add(file)
-            if not found.made:
-                raise InvalidInput(f"'{source}' contains nothing that can be repaired")
-            if found.damage:
-                told = {"damage": "; ".join(dict.fromkeys(found.damage))}
-                found.writer.add_metadata(REPAIRED, told)
-            found.writer.finish()  # type: ignore[no-untyped-call]
-        part.replace(out)
-    finally:
-        part.unlink(missing_ok=True)
+        with out.open("wb") as sink:
+            return _copied(files, source, Repaired(Writer(sink)))
+    except BaseException:
+        out.unlink()
+        raise
+
+
+def _copied(files: Sequence[Path], source: Path, found: Repaired) -> Repaired:
+    for file in files:
+        found.add(file)
+    if not found.made:
+        raise InvalidInput(f"'{source}' contains nothing that can be repaired")
+    if found.damage:
+        damage = {"damage": "; ".join(dict.fromkeys(found.damage))}
+        found.writer.add_metadata(REPAIRED, damage)
+    found.writer.finish()  # type: ignore[no-untyped-call]
     return found
 
 

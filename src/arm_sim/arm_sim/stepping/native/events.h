@@ -234,7 +234,6 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
       note_step(segment, left);
       return NONE;
     }
-    segment->later = left < h;
     const double length = advance(now, segment, reach, after, &calm);
     if (length < 0.0) return NUMBERS;
     note_end(segment->record, after, length, calm);
@@ -373,7 +372,6 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
   if (done) return 1;
   begin_tick(&segment, u, &memory);
   segment.control = control;
-  segment.halves = report->halves;
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
   report->trouble = tick_with_events(x, &segment, h, report, 0, after);
   return report->trouble == NONE;

@@ -64,7 +64,6 @@ typedef struct {
   long long impacts;
   long long trouble;      /* reason of the last failure */
   long long time_stepped; /* number of time-stepped ticks */
-  long long halves;       /* given: whether fixed steps that begin or end with an event are halved, see advance */
 } report_t;
 
 /* State of a contact besides its mode. */
@@ -117,8 +116,6 @@ __extension__ typedef struct {
   memory_t* memory;
   double step; /* length of the steps if the tick is time-stepped, else 0 */
   int yields;      /* whether what holds together has just reached its limits */
-  long long halves; /* whether steps of fixed length that begin or end with an event are halved ... */
-  int later;        /* ... and whether this segment begins with one */
   const foreseen_t* foreseen; /* answers that are known beforehand, or null */
   trace_t* trace;   /* receives the segments of the tick, or null ... */
   record_t* record; /* ... and this one, or null */

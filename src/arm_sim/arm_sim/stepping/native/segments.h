@@ -125,7 +125,7 @@ static int anything_held(const segment_t* segment) {
 #ifdef ADAPTIVE
 #define MOST_STEPS MOST_SUBSTEPS
 #else
-#define MOST_STEPS 3 /* the others only if a segment is made again in halves */
+#define MOST_STEPS 1
 #endif
 
 /* Event functions, which must not be positive: of contacts gaps, or normal and tangential forces; of joints friction, and
@@ -532,7 +532,6 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
 #ifdef ADAPTIVE
   substeps_t at = first_substep(reach, control->step);
 #else
-  double first = reach;
   (void)control;
 #endif
   for (long long k = 0; k < MOST_STEPS; ++k) {
@@ -550,8 +549,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     if (verdict == REJECTED) continue;
     last = verdict == ENDED;
 #else
-    const double h = k < 2 ? first : reach - first;
-    last = k == 2 || first == reach;
+    const double h = reach;
     const int reached = make_step(segment, h, piece, error);
 #endif
     const double known = find_violation(&search, h, reached, &limits);
@@ -562,11 +560,6 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     if (!*calm && !is_accurate_cut(&at, reach, length, error[0] / control->tolerance)) continue;
     control->error += error[1];
     control->step = at.step;
-#else
-    if (k == 0 && segment->halves && (!*calm || segment->later)) {
-      first = 0.5 * length;
-      continue;
-    }
 #endif
     piece->from += length;
     note_step(segment, length);
