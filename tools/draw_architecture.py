@@ -133,8 +133,9 @@ def drawing() -> str:
     titles = ("arm_sim", "simulates the arm"), ("arm_dynamics", "computes the equations of motion")
     for x, (package, about) in zip((LEFT, right), titles, strict=True):
         high = (bottom - top) / len(layers(package)) - GAP
-        title = f"{package}: {about}"
-        parts.append(text(x + COLUMN / 2, top - 18, title, 16, 'font-weight="bold"'))
+        parts.append(
+            text(x + COLUMN / 2, top - 18, f"{package}: {about}", 16, 'font-weight="bold"')
+        )
         parts += stack(package, x, top, high)
     middle, half = (top + bottom) / 2, LEFT / 2
     parts.append(

@@ -28,14 +28,13 @@ from samples import sampled
 from trajectory_msgs.msg import JointTrajectory
 
 import models
-from arm_dynamics.ros import controller_node
-from arm_dynamics.ros.common import executable, executor
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.ros.common import executor
 from arm_dynamics.ros.controller.goals import Goal
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.trajectory.follower import Outset
 from arm_dynamics.trajectory.reference import Motion, hold
-from arm_sim.cli import nodes as cli
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros
@@ -188,25 +187,14 @@ def test_as_many_points_as_are_allowed_are_followed_and_not_one_more(
     assert wanted in capfd.readouterr().err
 
 
-def test_every_way_to_start_the_controller_takes_short_turns(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_process_of_one_node_takes_short_turns() -> None:
     usual, before, found = 5e-3, sys.getswitchinterval(), []
 
-    def note(*_: Any, **__: Any) -> int:
+    def fail(**_: Any) -> Any:
         found.append(sys.getswitchinterval())
-        sys.setswitchinterval(usual)
-        return 2  # as a node that could not start
+        raise InvalidInput("a node that cannot start")
 
     sys.setswitchinterval(usual)  # whatever a node that ran here before has left
-
-    monkeypatch.setattr(executable, "execute", note)
-    monkeypatch.setattr(controller_node, "end_when_interrupted", lambda: None)
-    monkeypatch.setattr(executor, "run", note)
-    with pytest.raises(SystemExit, match="2"):
-        controller_node.main([])
-    with pytest.raises(SystemExit, match="2"):
-        cli.controller.callback("scene.yaml", (), False)
+    assert executor.run(fail, []) == 2
     sys.setswitchinterval(before)
-    assert len(found) == 2
     assert max(found) < 1e-3 < usual

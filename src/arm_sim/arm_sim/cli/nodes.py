@@ -54,10 +54,8 @@ def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Pat
     model order, and publishes joint_states. Until the first command, and when commands stop,
     brakes hold the arm; the parameter stale_policy selects brake, servo, zero, hold or gravity.
     """
-    from arm_dynamics.ros.common.background import take_short_turns
     from arm_sim.ros.sim_node import SimNode
 
-    take_short_turns()
     made = _run(SimNode, scene, rest, with_parent)
     if report is not None and made is not None:
         loop = {**asdict(made.loop.report()), "bars": made.loop.lateness.bars()}
@@ -94,10 +92,8 @@ def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> N
     subscribes to joint_states and controller/joint_trajectory and publishes joint_commands. Its
     scene may differ from the simulator's, to study model errors.
     """
-    from arm_dynamics.ros.common.background import take_short_turns
     from arm_dynamics.ros.controller_node import ControllerNode
 
-    take_short_turns()
     _run(partial(ControllerNode, own_thread=True), scene, rest, with_parent)
 
 

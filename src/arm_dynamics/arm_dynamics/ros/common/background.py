@@ -8,15 +8,13 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NamedTuple
 
-_TURN = 5e-5  # [s]
-
 
 def take_short_turns() -> None:
     """Limit the time for which background work blocks the loop to 50 µs.
 
     Python's default switch interval is 5 ms. Only for a process that runs one node.
     """
-    sys.setswitchinterval(_TURN)
+    sys.setswitchinterval(5e-5)
 
 
 class _Waiting(NamedTuple):

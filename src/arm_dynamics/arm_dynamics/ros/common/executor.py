@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 from arm_dynamics.logs import Throttled, heard_by
+from arm_dynamics.ros.common.background import take_short_turns
 from arm_dynamics.ros.common.privileges import arrange_middleware_threads, freeze_garbage
 from arm_dynamics.ros.common.transport import avoid_shared_memory
 from arm_dynamics.ros.interfaces import Topic
@@ -140,6 +141,7 @@ def run(
         reason on stderr.
     """
     asked: list[int] = []
+    take_short_turns()
 
     def interrupt(number: int, _: Any) -> None:
         asked.append(number)

@@ -6,7 +6,6 @@ The node is imported when it is first used, so that ``main`` begins at once.
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 from arm_dynamics.lazy import on_demand
@@ -19,12 +18,10 @@ __all__ = ["DynamicsNode", "DynamicsParams", "main"]
 __getattr__, __dir__ = on_demand(__name__, {"node": ("DynamicsNode", "DynamicsParams")})
 
 
-def main(args: list[str] | None = None) -> None:
-    """Run the node until it is interrupted."""
+def main(args: list[str] | None = None) -> int:
+    """Run the node until it is interrupted; return the exit status."""
     end_when_interrupted()
-    from arm_dynamics.ros.common.background import take_short_turns
     from arm_dynamics.ros.common.executable import execute
     from arm_dynamics.ros.dynamics_node.node import DynamicsNode, DynamicsParams
 
-    take_short_turns()
-    sys.exit(execute(DynamicsNode, DynamicsParams, args))
+    return execute(DynamicsNode, DynamicsParams, args)
