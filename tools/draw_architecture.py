@@ -118,10 +118,9 @@ def stack(package: str, x: float, y: float, row: float, width: float = COLUMN) -
 
 def drawing() -> str:
     """The figure."""
-    rows = max(len(layers("arm_sim")), len(layers("arm_dynamics")))
     studies, right = 50, LEFT + COLUMN + BETWEEN
     top = studies + len(layers("arm_studies")) * (ROW + GAP) + 40
-    bottom = top + rows * (ROW + GAP)
+    bottom = top + (ROW + GAP) * max(len(layers(name)) for name in ("arm_sim", "arm_dynamics"))
     height = bottom + 2 * ROW + GAP
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
@@ -133,9 +132,8 @@ def drawing() -> str:
     titles = ("arm_sim", "simulates the arm"), ("arm_dynamics", "computes the equations of motion")
     for x, (package, about) in zip((LEFT, right), titles, strict=True):
         high = (bottom - top) / len(layers(package)) - GAP
-        parts.append(
-            text(x + COLUMN / 2, top - 18, f"{package}: {about}", 16, 'font-weight="bold"')
-        )
+        title = f"{package}: {about}"
+        parts.append(text(x + COLUMN / 2, top - 18, title, 16, 'font-weight="bold"'))
         parts += stack(package, x, top, high)
     middle, half = (top + bottom) / 2, LEFT / 2
     parts.append(
