@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,24 +48,6 @@ def test_states_and_commands_of_drives_have_columns() -> None:
     columns = run.to_dict()
     assert any(name.startswith("state.") for name in columns)
     assert any(name.startswith("command.") for name in columns)
-
-
-def test_missing_pandas_and_xarray_are_named(
-    run: Recording, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, convert in (("pandas", run.to_pandas), ("xarray", run.to_xarray)):
-        monkeypatch.setitem(sys.modules, name, None)
-        with pytest.raises(InvalidInput, match=name):
-            convert()
-
-
-def test_pandas_gets_the_columns(run: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
-    frame = SimpleNamespace(set_index=lambda name: (name, given[0]))
-    given: list[dict[str, object]] = []
-    stand_in = SimpleNamespace(DataFrame=lambda columns: given.append(columns) or frame)
-    monkeypatch.setitem(sys.modules, "pandas", stand_in)
-    index, columns = run.to_pandas()
-    assert index == "time" and columns.keys() == run.to_dict().keys()
 
 
 def test_a_figure_shows_every_joint_and_the_account(run: Recording) -> None:

@@ -202,6 +202,8 @@ def generate(functions: Sequence[ca.Function]) -> str:
     """C source of CasADi functions; only they are exported, and long ones are divided."""
     generator = ca.CodeGenerator("kernel.c", {"with_header": False, "verbose": False})
     for function in functions:
+        outputs = map(function.sparsity_out, range(function.n_out()))
+        assert all(pattern.is_dense() for pattern in outputs), f"{function}: its callers read all"
         generator.add(function)
     visible = '#define CASADI_SYMBOL_EXPORT __attribute__((visibility("default")))\n'
     return visible + divided(str(generator.dump()))

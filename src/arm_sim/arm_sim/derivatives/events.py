@@ -187,7 +187,8 @@ class Events:
         """Functions of the engine and of steps, and what is evaluated by CasADi."""
         self._kept = STEP(self._step), CLOSE(self._close)  # must live as long as their addresses
         step, close = (ctypes.cast(function, ADDRESS).value for function in self._kept)
-        if steps := self._tangents.library(1):
+        steps = self._tangents.library(1)
+        if steps and self._choice.tolerance is None:
             step = ctypes.cast(steps.carry_step, ADDRESS).value
         trace = ctypes.cast(engine.library.trace_tick, ADDRESS).value  # type: ignore[union-attr]
         return Helpers(trace, step, close)
@@ -195,7 +196,7 @@ class Events:
     def _step(
         self, x: int, u: int, p: int, h: int, given: int, count: int, after: int, columns: int
     ) -> None:
-        """A step whose derivative is too long to be compiled."""
+        """A step whose derivative is too long to be compiled, or taken in parts."""
         plant = self._plant
         nx, n = plant.nx, plant.model.n
         rows = nx + n + len(self._tuned) + 1

@@ -13,6 +13,7 @@ Proc. IEEE 112, 2024), of the method's step instead of the exact motion.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
@@ -32,7 +33,8 @@ from arm_sim.derivatives.one_sided import TickPoint, one_sided
 from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.methods import build_attempt
-from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.selection import Choice, fastest_rate
+from arm_sim.integrators.stability import misses
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.stepping.rollout import Engine, alike, natural_width, repeated, widths
@@ -40,6 +42,8 @@ from arm_sim.stepping.stepper import Stepper
 
 # Ticks without events that are differentiated at a time.
 STRETCH = 64
+_log = logging.getLogger(__name__)
+UNSETTLED = "the derivatives of a step do not settle as it is divided"
 
 
 @sealed
@@ -69,6 +73,7 @@ class Linearizer:
         self._plant, self._choice, self._stepper = plant, choice, stepper
         self._backend, self._tuned, self._held = backend, tuned, plant.model.n + len(tuned)
         self.kinks = Kinks(plant)
+        _warn_of_coarse_steps(plant, choice)
         self._of_smoothed = dict[float, Tangents]()
 
     def __call__(self, x: Array, r: Array, ticks: int, side: int | None = None) -> Array:
@@ -340,14 +345,19 @@ class Linearizer:
         """
         if strict and (why := self.kinks.reason(place.x, place.r)):
             raise NotDifferentiable(f"linearize: {why}")
-        if self._eventful:
-            return self._events.tick(place, control, strict, begins)
-        if fast := self._compiled:
+        fast = None if self._eventful else self._compiled
+        if fast:
             x, r = place.x[None], place.r[None]
             after, slopes, lost = fast.slopes(x, r, place.p, 1, 1, 1, begins)
             if not lost:
                 return after[0], slopes[0]
-        return self._smooth_tick(place, control)
+        if self._eventful:
+            found = self._events.tick(place, control, strict, begins)
+        else:
+            found = self._smooth_tick(place, control)
+        if not np.isfinite(found[1]).all():
+            raise NotDifferentiable(f"linearize: {UNSETTLED}{self._choice.remark}")
+        return found
 
     def either(self, place: TickPoint, control: SubstepControl | None, begins: bool) -> Array:
         """Derivatives of one tick; on the boundary between two modes, those of either."""
@@ -491,6 +501,19 @@ class Motion:
 def copied(control: SubstepControl | None) -> SubstepControl | None:
     """The state of an error control, for a tick that is only tried."""
     return control and control.copy()
+
+
+def _warn_of_coarse_steps(plant: Plant, choice: Choice) -> None:
+    """Say that steps of fixed length answer other than the motion does, to small disturbances."""
+    if choice.tolerance is not None or not (rate := fastest_rate(plant)):
+        return
+    off = misses(choice.method, rate, choice.dt)
+    if off > plant.model.scene.sim.accuracy:
+        _log.warning(
+            "derivatives are those of %s in steps of dt = %g s: for what answers in %.2g s they "
+            "differ from the motion's by %.1g; a tolerance, or a smaller dt, reduces that",
+            choice.method.name, choice.dt, 1.0 / rate, min(off, 1.0),
+        )  # fmt: skip
 
 
 @contextmanager

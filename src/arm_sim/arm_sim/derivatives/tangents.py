@@ -49,6 +49,10 @@ from arm_sim.stepping.stepper import MOVING, address, pointer
 # Largest number of operations of a step with its derivative that is compiled, in some ten seconds:
 # an implicit method needs 520 000 for seven joints.
 LONGEST = 600_000
+# Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
+# halved once more: from there on they converge by the method's order. Rounding, relative to the
+# largest derivative, and the most halvings.
+SETTLED, ROUNDING, MOST_HALVINGS = 0.01, 1e-15, 10
 
 
 type Counts = NDArray[np.int64]
@@ -141,6 +145,7 @@ class Tangents:
         if self._calm and (plant.directions or plant.contact):
             self._moving = _Step(plant.in_motion(), choice, tuned, MOVING, dense=True)
         self._acting, self._limit = _limits(plant)
+        self._controlled = choice.tolerance is not None
         self._held, self._length = plant.model.n + len(tuned), np.array([choice.dt])
         self._unit = np.eye(plant.nx + self._held)
         # Columns of the state at the beginning, the same for all arms, and those of what is held
@@ -148,7 +153,10 @@ class Tangents:
         self._unit_places = address(self._unit), 0, address(self._unit[plant.nx :]), 0, 0
 
     def step(self, x: Array, u: Array, p: Array, h: float, columns: Array) -> tuple[Array, Array]:
-        """Propagate columns through one step.
+        """Propagate columns through one step; under error control, in parts until they settle.
+
+        That control looks at the state alone: near rest its steps are longer than those whose
+        derivatives are accurate, or even stable.
 
         Args:
             x: State, shape (nx,).
@@ -159,8 +167,41 @@ class Tangents:
                 columns.
 
         Returns:
-            The state at the end, and columns of it, shape (nx, k).
+            The state at the end, and columns of it, shape (nx, k); NaN if they do not settle.
         """
+        after, moved = self._through(x, u, p, h, columns)
+        if not self._controlled:
+            return after, moved
+        allowed, finer = columns, moved
+        if self.plant.project is not None:  # which is what a step without length does
+            allowed = np.vstack([self._through(x, u, p, 0.0, columns)[1], columns[len(x) :]])
+            finer = self._through(x, u, p, h, allowed)[1]
+        for parts in 2 ** np.arange(1, MOST_HALVINGS + 1):
+            coarse, finer = finer, self._in_parts(x, u, p, h, allowed, int(parts))
+            if self._settle(coarse, finer):
+                if parts == 2 or allowed is columns:
+                    return after, moved if parts == 2 else finer
+                return after, self._in_parts(x, u, p, h, columns, int(parts))
+        return after, np.full_like(moved, np.nan)
+
+    def _settle(self, coarse: Array, finer: Array) -> bool:
+        most = SETTLED * self.plant.model.scene.sim.accuracy
+        with np.errstate(invalid="ignore"):
+            off, size = abs(finer - coarse).max(axis=1), abs(finer).max(axis=1)
+        return bool((off <= most * size + ROUNDING * size.max()).all())
+
+    def _in_parts(
+        self, x: Array, u: Array, p: Array, h: float, columns: Array, parts: int
+    ) -> Array:
+        moved, held = np.split(columns, (self.plant.nx,))
+        held = np.vstack([held[:-1], held[-1:] / parts])
+        for _ in range(parts):
+            x, moved = self._through(x, u, p, h / parts, np.vstack([moved, held]))
+        return moved
+
+    def _through(
+        self, x: Array, u: Array, p: Array, h: float, columns: Array
+    ) -> tuple[Array, Array]:
         nx = self.plant.nx
         if (library := self.library(1)) is None:
             after, c, *_ = self._step.advance(x, u, p, h)

@@ -40,11 +40,11 @@ def implicit_tangent(
     J_q, J_w = implicit.jacobian(rhs, n).call([x, u, p])
     factor = implicit.factored(n, J_w.sparsity(), J_q.sparsity())
     solve = implicit.solved(n, factor.sparsity_out(0), J_q.sparsity())
-    kept, row = [h, J_q.nz[:]], list[ca.MX]()
+    kept, row = [h, _entries(J_q)], list[ca.MX]()
     for j, parts in enumerate(implicit.PARTS):
         length, moved = h / parts, ca.MX.zeros(x.shape[0])
         LU = factor(J_q, J_w, length)
-        kept.append(LU.nz[:])
+        kept.append(_entries(LU))
         for _ in range(parts):
             y = x + moved
             slope, c = rhs(y, u, p), slopes.coefficients(y, u, p)[1]
@@ -53,10 +53,14 @@ def implicit_tangent(
             kept += [c, bend(x, u, p, change), by_length, change[:n] / length]
             moved = moved + change
         row = implicit.extrapolated(row, moved, j)
-    results = [x + row[-1], ca.vertcat(*kept)]
+    results = [x + row[-1], ca.densify(ca.vertcat(*kept))]
     advance = ca.Function("advance", [x, u, p, h], results, {"cse": True})
     patterns = J_q.sparsity(), factor.sparsity_out(0), bend
     return advance, _stretch(slopes, n, advance.size1_out(1), *patterns)
+
+
+def _entries(matrix: ca.MX) -> ca.MX:
+    return ca.reshape(matrix.nz[:], matrix.nnz(), 1)
 
 
 def _bending(rhs: ca.Function, n: int, tuned: Sequence[int]) -> ca.Function:

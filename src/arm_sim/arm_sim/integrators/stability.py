@@ -9,6 +9,7 @@ Equations II, 1996, section IV.2). The other methods couple modes: theirs is the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import factorial
 
 import numpy as np
 
@@ -45,6 +46,22 @@ def worst(method: Method, response: Response, h: float) -> int:
     if _by_mode(method) is None:
         return int(abs(response.modes[0]).argmax())
     return int(_growth(method, response, h).argmax())
+
+
+def misses(method: Method, rate: float, h: float) -> float:
+    """By what a step of length ``h`` in [s] misses the decay and the swing of unit size.
+
+    Args:
+        method: The method.
+        rate: Of the decay and the swing in [1/s].
+        h: Length of the step in [s].
+    """
+    z, order = h * rate * np.array([-1.0, 1.0j]), method.order + 1
+    if tableau := _by_mode(method):
+        off = np.polynomial.polynomial.polyval(z, polynomial(tableau)) - np.exp(z)
+    else:
+        off = z**order / factorial(order)
+    return float(abs(off).max())
 
 
 def longest_step(method: Method, response: Response, h: float) -> float:

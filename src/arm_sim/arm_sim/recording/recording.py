@@ -94,26 +94,6 @@ class Recording(RecordedMotion):
 
         return columns(self)
 
-    def to_pandas(self) -> Any:
-        """A ``pandas.DataFrame`` of ``to_dict``, by time.
-
-        Raises:
-            InvalidInput: If pandas is not installed.
-        """
-        from arm_sim.recording.tables import to_pandas
-
-        return to_pandas(self)
-
-    def to_xarray(self) -> Any:
-        """An ``xarray.Dataset`` by time and joint, with units.
-
-        Raises:
-            InvalidInput: If xarray is not installed.
-        """
-        from arm_sim.recording.tables import to_xarray
-
-        return to_xarray(self)
-
     def plot(self, *others: Recording, joints: Sequence[str] = ()) -> Any:
         """Draw positions, velocities, torques and the energy account.
 

@@ -77,20 +77,6 @@ class Table:
             )
         return path
 
-    def to_pandas(self) -> Any:
-        """A ``pandas.DataFrame`` by run.
-
-        Raises:
-            InvalidInput: If pandas is not installed.
-        """
-        try:
-            import pandas
-        except ModuleNotFoundError:
-            raise InvalidInput(
-                "to_pandas requires pandas, which is not installed (pip install pandas)"
-            ) from None
-        return pandas.DataFrame(self.columns).set_index("run")
-
 
 def table_of(study: Study, runs: Sequence[Point], rows: Mapping[int, Row]) -> Table:
     """The table of a study whose runs are complete."""
