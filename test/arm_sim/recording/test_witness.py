@@ -101,6 +101,17 @@ def test_a_motion_that_answers_to_the_state_is_repeated_in_windows() -> None:
     assert not replace(motion, q=read_only(wrong)).trusted
 
 
+def test_a_controlled_instability_is_no_doubt() -> None:
+    """Falling friction pushes a slow joint off by e every 1.5 ms, unless a controller holds it."""
+    sim = Simulator(rotor(0.02, coulomb=1.0, static=2.0, stribeck_velocity=0.05))
+    sim.reset([0.0], [0.021])
+    motion = sim.run(0.3, lambda state: [1.852 + 40.0 * (0.02 - state.v[0])])
+    assert motion.second_run.how == WINDOWS and motion.trusted
+    late = motion.v.copy()
+    late[150:] += 1e-5
+    assert not replace(motion, v=read_only(late)).trusted
+
+
 def test_a_compiled_controller_is_evaluated_again() -> None:
     sim = models.simulator("two_link", dt=1e-3)
     way = quintic([Waypoint(0.0, sim.state.q), Waypoint(0.5, sim.state.q + [1.0, -1.0])])

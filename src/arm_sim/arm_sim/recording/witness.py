@@ -7,7 +7,8 @@ other instants as well. It is given the commands that acted. Where they were giv
 compiled controller finds them again from the second run's own states, both runs cover the same
 motion and differ by its error. Commands that answered to the state would let an unstable arm drift
 away from itself; such a motion is repeated in windows, each from a recorded state, whose errors
-add up as in a loop that neither damps nor magnifies them.
+add up as in a loop that neither damps nor magnifies them. Windows in which both runs part, as a
+controlled instability makes them, are halved.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ MARGIN, FINEST, COARSEST = 1e-4, 1e-13, 1e-10
 its bounds are what rounding allows, and what was tried on random scenes."""
 WINDOW = 0.1
 """Length of a window in [s]: an arm falls little in it, and rounding adds up ten times in one."""
+SHORTEST = 0.01
+"""Length in [s] of a window whose share of the accuracy all shorter ones have."""
 CHUNK = 1000
 """Ticks that are repeated in one call."""
 NUDGE, MAGNIFIED = 1e-9, 1e3
@@ -42,7 +45,7 @@ NUDGE, MAGNIFIED = 1e-9, 1e3
 
 CLOSED, WHOLE, WINDOWS = (
     "with its controller", "under its commands",
-    f"in windows of {WINDOW:g} s from recorded states",
+    f"in windows of up to {WINDOW:g} s from recorded states",
 )  # fmt: skip
 """How the second run was made."""
 
@@ -108,29 +111,42 @@ class Witness:
         step = max(1, round(WINDOW / self._first.dt)) if how == WINDOWS else CHUNK
         n, x, ended, stepper = len(motion.joint_names), motion.x, motion.ended, self.stepper
         there, carried = np.full(x.shape, np.nan), np.zeros((len(x), 2 * n))
-        state, error = x[0].copy(), np.zeros(2 * n)
-        state[:n] += nudge
-        there[0], free, placed = state, _free(motion), _placed(motion)
+        there[0], free, placed = x[0], _free(motion), _placed(motion)
+        there[0, :n] += nudge
         stepper.restart()
-        for row, end in _spans(motion, step):
-            if placed[row]:
-                state, error = x[row].copy(), np.zeros(2 * n)
-            elif row and (how == WINDOWS or not free[row - 1]):
-                state, error = x[row].copy(), error + abs(there[row] - ended[row])[: 2 * n]
+        spans = list(_spans(motion, step))[::-1]
+        while spans:
+            row, end = spans.pop()
+            if placed[row] or not row:
+                state, error = x[row] if row else there[0], np.zeros(2 * n)
+            elif how == WINDOWS or not free[row - 1]:
+                off = abs(there[row] - ended[row])[: 2 * n]
+                state, error = x[row], carried[row] + off
             carried[row + 1 : end + 1], out = error, there[row + 1 : end + 1]
             if not free[row]:  # brakes or servos hold it, or ticks are missing
                 out[:] = ended[row + 1 : end + 1]
                 continue
-            stepper.p[:] = motion.p[row]
+            stepper.p[:], state = motion.p[row], state.copy()
             if control is None:
                 done = _under(stepper, state, motion.command[row:end], out)
             else:
                 done = _controlled(stepper, state, control, row, motion.command.shape[1], out)
-            if done < end - row and how != WINDOWS:
+            if how == WINDOWS and end - row > 1 and self._parts(motion, row, out):
+                middle = (row + end) // 2
+                spans += [(middle, end), (row, middle)]
+            elif done < end - row and how != WINDOWS:
                 break
         choice = self.choice
         means = f"{choice.method.name}, tolerance {choice.tolerance:g}, ticks of {choice.dt:g} s"
         return SecondRun(read_only(there), read_only(carried), how, means)
+
+    def _parts(self, motion: Contents, row: int, out: Array) -> bool:
+        """Whether what arises in a window may be the arm's answer to commands of another state."""
+        n, dt = 2 * len(motion.joint_names), self._first.dt
+        ended = motion.ended[row + 1 : row + 1 + len(out), :n]
+        off = abs(out[:, :n] - ended) / (1.0 + abs(ended))
+        most = self._plant.model.scene.sim.accuracy * max(len(out) * dt, SHORTEST)
+        return not (off <= most).all()
 
 
 def _free(motion: Contents) -> NDArray[np.bool_]:
