@@ -234,3 +234,13 @@ def test_it_is_told_once_wherever_an_arm_is_built(
 @pytest.mark.parametrize("name", ready_scenes())
 def test_ready_scenes_have_none(name: str, caplog: pytest.LogCaptureFixture) -> None:
     assert [x for x in told(name, caplog) if "no rigid body has" not in x] == []
+
+
+def test_angles_in_degrees_of_the_first_calls(caplog: pytest.LogCaptureFixture) -> None:
+    dynamics = Dynamics(models.FOLDER / "gantry.urdf")
+    dynamics.gravity([90.0, 90.0])
+    assert not caplog.text  # they are metres
+    dynamics = Dynamics("ur5e")
+    dynamics.mass_matrix([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], [45.0, -90.0, 0.0, 0.0, 0.0, 0.0]])
+    dynamics.gravity([45.0, -90.0, 0.0, 0.0, 0.0, 0.0])
+    assert caplog.text.count("position 90 is 14.3 turns; angles are in rad") == 1

@@ -23,7 +23,7 @@ from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.one_state import OneState, one_state, unanswered
 from arm_dynamics.dynamics.rigid import MANY, RigidDynamics
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.exceptions import InvalidInput, degrees_meant
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
 from arm_dynamics.scene.load import SceneSource
@@ -46,6 +46,8 @@ class Term(IntFlag):
 _log = logging.getLogger(__name__)
 _BITS = tuple(int(term) for term in Term)
 _WEIGHTLESS = np.zeros(3)
+LOOKS = 100
+"""Calls whose angles are looked at: a person makes few, a loop many."""
 
 
 @sealed
@@ -77,6 +79,7 @@ class Dynamics:
         self._active: Collection[str] | None = None
         self._regular = False  # checked when accelerations are first requested
         self._silent = not self.model.massless  # said when torques are first requested
+        self._turning, self._looks = np.array(self.model.joint_types) != "prismatic", LOOKS
         self._one = OneState()
 
     @property
@@ -142,6 +145,8 @@ class Dynamics:
     ) -> Array:
         """Compiled answers of vectors or of each row of a small batch, else Pinocchio's."""
         checked = vectors(self.joint_names, **given)
+        if self._looks:
+            self._look_at_angles(checked[0])
         if call is unanswered or (checked[0].ndim == 2 and len(checked[0]) >= MANY):
             return finite_answer(otherwise(*checked))
 
@@ -150,6 +155,13 @@ class Dynamics:
             return finite_answer(otherwise(*state)) if found is None else found
 
         return each(one, *map(np.ascontiguousarray, checked))
+
+    def _look_at_angles(self, q: Array) -> None:
+        """Warn once of angles that are probably degrees."""
+        self._looks -= 1
+        if remark := degrees_meant(float(np.max(abs(q) * self._turning, initial=0.0))):
+            self._looks = 0
+            _log.warning("position %s", remark)
 
     def inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
