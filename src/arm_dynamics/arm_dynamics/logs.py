@@ -50,16 +50,19 @@ def _hand_over(
 class Throttled:
     """A logger for messages that may come a thousand times a second.
 
-    A reason is logged once in ``PERIOD``, and at most ``MOST`` reasons are, by the steady clock:
-    a system clock that is set back silences nothing.
+    A reason is logged once in a period, and at most ``MOST`` reasons are, by the steady clock: a
+    system clock that is set back silences nothing.
 
     Args:
         log: A node's logger; it needs a line of code for each severity.
         clock: Returns the time in [s].
+        period: Length of a period in [s].
     """
 
-    def __init__(self, log: Any, clock: Callable[[], float] = time.monotonic) -> None:
-        self._log, self._clock = log, clock
+    def __init__(
+        self, log: Any, clock: Callable[[], float] = time.monotonic, period: float = PERIOD
+    ) -> None:
+        self._log, self._clock, self._period = log, clock, period
         self._told: dict[str, float] = {}
 
     def info(self, text: str, reason: str | None = None) -> None:
@@ -79,10 +82,8 @@ class Throttled:
 
     def _is_due(self, text: str, reason: str | None) -> bool:
         now, why = self._clock(), _NUMBERS.sub("#", text) if reason is None else reason
-        if now - self._told.get(why, -PERIOD) < PERIOD:
-            return False
-        recent = {why: at for why, at in tuple(self._told.items()) if now - at < PERIOD}
-        if len(recent) >= MOST:
+        recent = {why: at for why, at in tuple(self._told.items()) if now - at < self._period}
+        if why in recent or len(recent) >= MOST:
             return False
         self._told = recent | {why: now}
         return True

@@ -114,6 +114,28 @@ def test_a_controller_reports_errors_since_the_last_report(ros: Ros) -> None:
     assert values(status)["jumps of time"] == values(status)["states passed over"] == "1"
 
 
+def test_states_that_come_late_explain_errors(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
+    node = ros.add(ControllerNode, models.scene("two_link"))
+    for stamp in (0, 1, 2, 45, 46, 136):
+        effort(node, stamp * MS, (0.0, 0.0))
+    node._late.look()
+    assert found(node).message.startswith("joint states came up to 0.09 s apart")
+    assert "apart" not in capfd.readouterr().err, "once is no reason to log it"
+    for stamp in (456, 457):
+        effort(node, stamp * MS, (0.0, 0.0))
+    node._late.look()
+    status = found(node)
+    assert status.level == WARN
+    assert status.message.startswith(
+        "joint states came up to 0.32 s apart: the machine is too busy"
+    )
+    assert "tracking errors come from that" in capfd.readouterr().err
+    for stamp in (458, 498):  # 40 ms are no reason
+        effort(node, stamp * MS, (0.0, 0.0))
+    node._late.look()
+    assert (found(node).level, capfd.readouterr().err) == (OK, "")
+
+
 def test_silence_is_an_error(ros: Ros) -> None:
     node = ros.add(ControllerNode, models.scene("two_link"))
     node.on_joint_states(state(0))

@@ -55,6 +55,14 @@ def test_a_joint_that_was_fast_before_it_stopped_has_not_jumped(speed: float) ->
     assert jumps.look(NOW + 2 * MS, at(0.0, 0.0), 1.0, 0.5), "it has stood since"
 
 
+def test_the_longest_time_between_states_is_known() -> None:
+    jumps, stamp = Jumps(["a", "b"]), NOW
+    for gap in (0, 1, 30, 2, 5000, 3):  # the last but one is a jump
+        jumps.look(stamp := stamp + gap * MS, at(0.0, 0.0), 1.0, 0.5)
+    assert_close(jumps.take_longest(), 0.03, ALGEBRA)
+    assert jumps.take_longest() == 0.0
+
+
 def test_zero_allows_any() -> None:
     jumps = Jumps(["a", "b"])
     jumps.look(NOW, at(0.0, 0.0), 0.0, 0.0)

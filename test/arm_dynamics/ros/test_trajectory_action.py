@@ -133,6 +133,18 @@ def test_feedback_says_where_the_arm_is_and_should_be(
         assert message.desired.time_from_start.nanosec == 50 * MS * k
 
 
+def test_states_that_came_late_are_the_cause_of_a_violated_tolerance(
+    node: ControllerNode, client: Client, capfd: pytest.CaptureFixture[str]
+) -> None:
+    handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[1], 0.05)]))
+    led(node, 0, 300)
+    led(node, 420, 430)
+    led(node, 440, 440, off=lambda _: (0.0, 0.06))
+    assert client.result(handle)[1].error_code == Result.PATH_TOLERANCE_VIOLATED
+    said = capfd.readouterr().err
+    assert f"'{NAMES[1]}' is off by 0.06; allowed: 0.05; joint states came up to 0.12 s" in said
+
+
 @pytest.mark.parametrize("value", [0.05, 0.0], ids=["its own", "the default"])
 def test_a_violated_path_tolerance_aborts_and_holds(
     node: ControllerNode, client: Client, value: float

@@ -267,6 +267,24 @@ def test_the_first_answer_to_a_state_counts() -> None:
     assert trip.percentiles().count == 1
 
 
+def test_an_answer_acts_until_the_next_one_comes() -> None:
+    """In the time of the states, whether the loop catches up or a partner does not answer."""
+    trip, ms = RoundTrip(), 1_000_000
+    for stamp in range(ms, 102 * ms, ms):
+        trip.sent(stamp)
+        if stamp // ms in (1, 2, 42):
+            trip.answered(stamp, 0)
+    trip.answered(100 * ms, 0)
+    assert trip.take_oldest() == pytest.approx(0.059), "that of 42 ms, when there was one of 101"
+    assert trip.take_oldest() == 0.0
+    trip.forget()
+    trip.answered(101 * ms, 0)
+    trip.answered(1, 0)  # of another clock
+    trip.sent(202 * ms)
+    trip.answered(202 * ms, 0)
+    assert trip.take_oldest() == 0.0
+
+
 def test_prepares_in_its_own_thread() -> None:
     names: list[str] = []
     loop = RealtimeLoop(

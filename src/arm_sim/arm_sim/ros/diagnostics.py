@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import known_names
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth, Lateness
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
@@ -46,6 +46,7 @@ class SimDiagnostics:
     refused_privileges: Sequence[str]
     recorder: TickRecorder | None
     rivals: Rivals
+    lateness: Lateness
     growth: Growth = field(default_factory=Growth)
 
     def __call__(self) -> list[Finding]:
@@ -91,11 +92,13 @@ class SimDiagnostics:
             "held": engine.held,
             "passed over": inputs.refused,
             "sources": known_names(arbiter.sources), "publishers": publishers,
+            "oldest [s]": self.lateness.longest,
             "answers": trip.count, "round trip p50 [s]": trip.p50,
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
         self._check_staleness(found)
+        found.complain(WARN, self.lateness.words)
         self.growth.warn(found, inputs.refused, "commands ignored")
         self.growth.warn(found, inputs.refused_wrenches, "wrenches ignored")
         if self.growth.of("conflicts", arbiter.refused) or arbiter.conflict:

@@ -61,6 +61,8 @@ class Inputs:
         self.tap: Callable[[Topic, Any], None] | None = None
         self._warned = False
         engine.read_commands = self._read_waiting
+        for listeners in (engine.on_jump, engine.on_pause, engine.on_staleness):
+            listeners.append(self.round_trip.forget)
 
     def open(self, node: Node) -> None:
         """Subscribe to efforts by joint name, to be read before each tick."""

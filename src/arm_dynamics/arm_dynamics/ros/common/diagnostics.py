@@ -9,11 +9,15 @@ from dataclasses import dataclass, field
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 PERIOD = 1.0  # [s]
+_LATE, _FACTOR = 0.05, 10.0  # [s], and of the usual duration; what exceeds both is too long
+_BUSY = "the machine is too busy or a node too slow for the loop; tracking errors come from that"
+_RARELY = 10.0  # [s] between log messages of a machine that is busy
 _WAY_OUT = "or give it a namespace (--ros-args -r __ns:=/left) or a ROS_DOMAIN_ID of its own"
 _TWINS = (
     "two nodes are called {}, and either answers requests to them; allowed: one (one that was "
@@ -102,6 +106,44 @@ class Growth:
         """Add a warning if a count of ``what`` has grown."""
         if grown := self.of(what, count):
             found.complain(WARN, f"{grown} {what}")
+
+
+class Lateness:
+    """The longest of some durations in the last second, and a warning if it is too long.
+
+    Attributes:
+        longest: This duration in [s].
+    """
+
+    def __init__(self, node: Node, take: Callable[[], float], usual: float, words: str) -> None:
+        """Start a timer.
+
+        Args:
+            node: The node.
+            take: Returns the longest duration in [s] since the last call.
+            usual: The usual duration in [s].
+            words: What is said of it, with a place for its value.
+        """
+        self._bound, self._words = max(_LATE, _FACTOR * usual), f"{words}: {_BUSY}"
+        self._take, self.longest = take, 0.0
+        self._log = Throttled(node.get_logger(), period=_RARELY)
+        self._timer = steady_timer(node, PERIOD, self.look)
+
+    def look(self) -> None:
+        """Look at the last second, and log what is wrong in two in a row, unlike at the start."""
+        before, self.longest = self.words, 0.0
+        self.update()
+        if before and (words := self.words):
+            self._log.warning(words)
+
+    def update(self) -> None:
+        """Look at the time since then, too."""
+        self.longest = max(self.longest, self._take())
+
+    @property
+    def words(self) -> str:
+        """The warning; empty if there is no reason for one."""
+        return self._words.format(self.longest) if self.longest > self._bound else ""
 
 
 class Diagnosis:

@@ -38,6 +38,11 @@ class Jumps:
         """Stamp of the last state in [ns]."""
         return int(self._before.stamp)
 
+    def take_longest(self) -> float:
+        """The longest time between two states since the last call in [s], jumps apart."""
+        longest, self._before.longest = self._before.longest, 0
+        return float(1e-9 * longest)
+
     def look(self, stamp: int, state: Measured, longest: float, farthest: float) -> str:
         """Describe a jump of time or of the arm since the last state; empty if there is none.
 
@@ -52,6 +57,7 @@ class Jumps:
         compared = byref(self._before), len(q), stamp, q.ctypes.data, v.ctypes.data
         found = library().find_jump(*compared, longest, farthest)
         said = "" if found == _STEADY else self._put(found, 1e-9 * (stamp - self.stamp), state)
+        self._before.known *= found == _STEADY  # a jump is told as one
         library().note_state(*compared)
         return said
 

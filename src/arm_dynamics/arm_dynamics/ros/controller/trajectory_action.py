@@ -22,6 +22,7 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.convert import to_array, to_time
+from arm_dynamics.ros.common.diagnostics import Lateness
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.controller.action_goal import (
     FollowParams,
@@ -145,6 +146,7 @@ class TrajectoryAction:
         limits: Limits,
         deaf: Callable[[], str],
         lock: AbstractContextManager[None],
+        late: Lateness,
     ) -> None:
         """Offer the action, if its interface is installed.
 
@@ -156,9 +158,10 @@ class TrajectoryAction:
             deaf: Returns the reason why the active controller follows no trajectories; empty if it
                 does.
             lock: Held while goals change.
+            late: States that came late, which explain errors.
         """
         self._node, self._goals, self._model, self._limits = node, goals, model, limits
-        self._deaf, self._lock, self._log = deaf, lock, node.get_logger()
+        self._deaf, self._lock, self._log, self._late = deaf, lock, node.get_logger(), late
         kinds = enumerate(model.joint_types)
         self._turning = tuple(i for i, kind in kinds if kind == "continuous")
         self._active: _Active | None = None
@@ -222,7 +225,10 @@ class TrajectoryAction:
             self._end("succeed", "SUCCESSFUL", "Goal successfully reached!")
         elif verdict is not None:
             names = self._model.joint_names
-            self._log.warning(active.tolerances.worst(verdict, names, reference, state))
+            worst = active.tolerances.worst(verdict, names, reference, state)
+            self._late.update()
+            cause = self._late.words
+            self._log.warning(f"{worst}; {cause}" if cause else worst)
             self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q), reference.tau))
             self._failed(verdict, late)
 

@@ -27,7 +27,7 @@ from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput, pl
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.cdr import as_bytes
-from arm_dynamics.ros.common.diagnostics import ERROR, Diagnosis, Finding
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding, Lateness
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import scene_for
@@ -125,8 +125,10 @@ class ControllerNode(Node):
         self._throttled = Throttled(self.get_logger())
         interrupt, forget = self.answers.interrupt, self._log.forget
         self.goals = Goals(model, limits, Throttled(self.get_logger()), interrupt, forget)
+        words = "joint states came up to {:.2g} s apart"
+        self._late = Lateness(self, self._jumps.take_longest, period, words)
         self.action = TrajectoryAction(
-            self, self.goals, model, limits, self._obstacle, self.answers
+            self, self.goals, model, limits, self._obstacle, self.answers, self._late
         )
         self._velocity = self._derived()
         fields = ("position",) if self._velocity else ("position", "velocity")
@@ -369,7 +371,9 @@ class ControllerNode(Node):
         """Diagnostics since the last call."""
         about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
         answers = self.answers.summary()
+        answers["longest time between states [s]"] = self._late.longest
         found = self._log.finding(self, self._acting.controller, self._cut(), about, answers)
+        found.complain(WARN, self._late.words)
         found.complain(ERROR, self._followed.alarm.words)
         return [found]
 

@@ -34,11 +34,15 @@ void sent(trip_t* t, int64_t stamp) {
 /* Searches from the newest state, which is usually the answered one; of those with the same stamp, it counts: time may
  * have been reset. */
 int64_t answered(trip_t* t, int64_t stamp, int64_t arrival) {
+  const int64_t age = t->acting && t->acting < stamp ? t->newest - t->acting : 0;
+  t->acting = 0;
   for (int64_t i = 1; i <= SENT; ++i) {
     const int64_t k = (t->next + SENT - i) % SENT;
     if (t->stamps[k] != stamp) continue;
     t->stamps[k] = -1;
     count_duration(t->trips, arrival - t->times[k]);
+    if (age > t->oldest) show(&t->oldest, age);
+    t->acting = stamp;
     break;
   }
   return stamp && stamp == t->newest;
@@ -65,20 +69,15 @@ static int64_t next_stamp(times_t* t, int64_t simulated, int64_t now) {
   return stamp < now ? stamp : now;
 }
 
-/* The stamp after time stood still or began anew; before its tick, a tick older. */
-static int64_t first_stamp(times_t* t, int64_t passed, int64_t due) {
-  t->owed = 0;
-  return passed > 0 ? due : due - t->tick;
-}
-
 int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady) {
   const int64_t passed = simulated - t->simulated, is_free = t->free || passed < 0;
   t->free = 0;
   if (passed == 0 && !is_free) return t->last;
   const int64_t due = now - (t->even && *t->due ? steady - *t->due : 0);
   int64_t stamp = now;
-  if (t->even) {
-    stamp = is_free ? first_stamp(t, passed, due) : next_stamp(t, simulated, now);
+  if (is_free) t->owed = 0;
+  if (t->even) { /* after time stood still or began anew, and before its tick, a tick older */
+    stamp = is_free ? due - (passed > 0 ? 0 : t->tick) : next_stamp(t, simulated, now);
     if (stamp < t->last && t->last < stamp + SECOND) stamp = t->last; /* else the clock was set back */
   }
   t->last = stamp;

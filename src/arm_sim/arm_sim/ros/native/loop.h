@@ -26,9 +26,10 @@ typedef struct {
   int64_t longest;
 } histogram_t;
 
-/* Time from a joint state to the command with its stamp. */
+/* Time from a joint state to the command with its stamp. `newest`: stamp of the state published last; `acting`: of that
+ * whose answer acts, 0: none; `oldest`: oldest age at which an answer acted, in [ns]. */
 typedef struct {
-  int64_t newest, next; /* stamp of the state published last, and index of the next state in the ring buffer */
+  int64_t newest, acting, oldest, next; /* index of the next state in the ring buffer */
   int64_t *stamps, *times; /* stamps, -1: answered; system times of publication */
   histogram_t* trips;
 } trip_t;
@@ -38,8 +39,8 @@ QUICK void count_duration(histogram_t* h, int64_t duration);
 /* Register that the state of this stamp is published now. */
 QUICK void sent(trip_t* t, int64_t stamp);
 
-/* Register that a command for the state of this stamp arrived at this time of the system; only the first one counts.
- * Returns whether that state is the newest. */
+/* Register that a command for the state of this stamp arrived at this time of the system; only the first one counts. The
+ * command before it has acted until the newest state. Returns whether the state of this stamp is that. */
 QUICK int64_t answered(trip_t* t, int64_t stamp, int64_t arrival);
 
 /* --- stamps.NodeTime, where the rules are explained --------------------------------------------------------------- */

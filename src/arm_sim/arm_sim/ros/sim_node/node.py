@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.background import Background
-from arm_dynamics.ros.common.diagnostics import Diagnosis
+from arm_dynamics.ros.common.diagnostics import Diagnosis, Lateness
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.privileges import MiddlewareThreads
@@ -112,9 +112,11 @@ class SimNode(Node):
         subscribe(self, WRENCH, inputs.on_wrench)
         self.requests = SimServices(self, engine, self._reset_counters)
         self.standard = StandardServices(self, engine, params, self._outputs.stamp)
+        period = params.publish_every * self.simulator.dt
+        late = Lateness(self, trip.take_oldest, period, "commands acted until {:.2g} s old")
         self.diagnostics = SimDiagnostics(
             self, params, engine, self.loop, self.ordinary, inputs, self._outputs, self.display,
-            self.lockstep, self._refused_privileges, self.recorder, self.rivals,
+            self.lockstep, self._refused_privileges, self.recorder, self.rivals, late,
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
         publish_description(self, params, chosen.description, source)

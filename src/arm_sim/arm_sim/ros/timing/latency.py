@@ -79,8 +79,8 @@ class RoundTrip(Structure):
 
     def __init__(self) -> None:
         self._stamps, self._times = array("q", [-1] * _SENT), array("q", [0] * _SENT)
-        places = (numbers.buffer_info()[0] for numbers in (self._stamps, self._times))
-        super().__init__(0, 0, *places)
+        stamps, times = (numbers.buffer_info()[0] for numbers in (self._stamps, self._times))
+        super().__init__(stamps=stamps, times=times)
         self.reset()
 
     def reset(self) -> None:
@@ -107,6 +107,15 @@ class RoundTrip(Structure):
     def awaits(self, stamp: int) -> bool:
         """Whether a state of ``stamp`` in [ns] was published lately and has no answer yet."""
         return stamp >= 0 and stamp in self._stamps
+
+    def forget(self) -> None:
+        """Forget the answer that acts: time stands still, or something else acts."""
+        self.acting = 0
+
+    def take_oldest(self) -> float:
+        """The oldest age in [s] of the arm's time at which an answer acted since the last call."""
+        oldest, self.oldest = self.oldest, 0
+        return float(1e-9 * oldest)
 
     def percentiles(self) -> Percentiles:
         """Summary of the answers so far."""

@@ -55,6 +55,7 @@ int64_t find_jump(const before_t* b, int64_t n, int64_t stamp, const double* q, 
 }
 
 void note_state(before_t* b, int64_t n, int64_t stamp, const double* q, const double* v) {
+  if (b->known && stamp - b->stamp > b->longest) b->longest = stamp - b->stamp;
   b->known = 1;
   b->stamp = stamp;
   memcpy(b->q, q, 8 * n);
@@ -145,8 +146,7 @@ static int answer(answers_t* a, int64_t began) {
   if (find_jump(a->before, n, stamp, a->input, a->input + n, a->gap, a->far) != STEADY) return 0;
   const double t = 1e-9 * (double)(stamp - a->start);
   sample(n, a->segments, a->knots, a->polynomials, a->ends, a->torques, t, a->input + 2 * n);
-  if (a->path && stamp >= a->begin && !is_within(a->input, n, a->path)) return 0;
-  if (!compute(a)) return 0;
+  if ((a->path && stamp >= a->begin && !is_within(a->input, n, a->path)) || !compute(a)) return 0;
   if (send(a->sink, stamp)) {
     a->last->length = 0; /* the sink no longer holds its answer */
     return 0;

@@ -13,9 +13,9 @@ typedef struct {
   int64_t heard, ignored;
 } followed_t;
 
-/* The last state; `known` 0: there is none. */
+/* The last state; `known` 0: there is none. `longest`: time between two states since Python looked, in [ns]. */
 typedef struct {
-  int64_t known, stamp;
+  int64_t known, stamp, longest;
   double *q, *v;
 } before_t;
 

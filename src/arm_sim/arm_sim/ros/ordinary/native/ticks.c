@@ -12,12 +12,6 @@
 
 #define ROOMY 4096 /* largest command in bytes that is recorded without a check of the space */
 
-static int64_t stamp_of(const joint_state_t* s) {
-  int64_t stamp;
-  memcpy(&stamp, s->found, 8);
-  return stamp;
-}
-
 /* Whether Python has admitted the source of the command that was read last. */
 static int is_admitted(const ticks_t* t, int64_t outcome) {
   int64_t kind;
@@ -126,6 +120,7 @@ int64_t by_the_clock(ticks_t* t, due_t* due) {
 }
 
 int64_t in_lockstep(ticks_t* t, waiting_t* w) {
+  int64_t stamp;
   t->share = 1.0;
   for (;;) {
     if (!ready(t)) return LEFT;
@@ -141,7 +136,8 @@ int64_t in_lockstep(ticks_t* t, waiting_t* w) {
       return LEFT;
     }
     accept(t, t->now);
-    if (!is_answer(w, stamp_of(t->reader))) continue;
+    memcpy(&stamp, t->reader->found, 8);
+    if (!is_answer(w, stamp)) continue;
     int made;
     do made = ready(t) ? tick(t) : LEFT;
     while (made == DONE && t->ticks % t->every);
