@@ -24,12 +24,8 @@ from tolerances import (
 
 def pen(active: bool, **joints: Any) -> Simulator:
     sheet = {
-        "type": "plane",
-        "name": "sheet",
-        "height": -0.4,
-        "switchable": True,
-        "active": active,
-    }
+        "type": "plane", "name": "sheet", "height": -0.4, "switchable": True, "active": active,
+    }  # fmt: skip
     pin = {"type": "point", "name": "pin", "switchable": True, "active": False,
            "points": [[0, 0, 0], [2.0, 0, 0]]}  # fmt: skip
     start = {"position": {"shoulder": -0.5, "elbow": -0.3}}

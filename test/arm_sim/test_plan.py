@@ -133,14 +133,9 @@ def lines(sim: Simulator, word: str) -> list[str]:
 def test_words_for_people(whole: Simulator) -> None:
     text = str(whole.plan)
     for word in (
-        "rk4",
-        "operations",
-        "gravity",
-        "friction",
-        "locked",
-        "payload",
+        "rk4", "operations", "gravity", "friction", "locked", "payload",
         str(whole.plan.operations),
-    ):
+    ):  # fmt: skip
         assert word in text, f"{word} not in:\n{text}"
 
 

@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import pages
 import pytest
 
 import models
 from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.trajectory import hold
 from tolerances import ALGEBRA, assert_close
 
 G = 9.81
@@ -29,6 +32,18 @@ def test_an_arm_stays_where_its_weight_is_carried(name: str) -> None:
     sim = models.simulator(name)
     run = sim.run(0.2, lambda state: sim.dynamics.gravity(state.q))
     assert abs(run.q - run.q[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", (*models.REAL, "puma560", *models.ARMS, *models.REAL_DRIVES))
+@pytest.mark.parametrize("kind", ["Gentle", "Soft"])
+def test_controllers_of_the_page_are_stable_on_every_arm(name: str, kind: str) -> None:
+    made: dict[str, Any] = {}
+    for step in pages.steps(pages.ROOT / "docs/how-to/own-controller.md"):
+        if step.kind == "python":
+            exec(step.text, made)
+    sim = models.simulator(name, integrator="rk4")
+    run = sim.run(0.3, made[kind](sim.dynamics), reference=hold(sim.state.q + 0.05))
+    assert abs(run.v).max() < 0.25 and abs(run.q[-1] - run.q[0] - 0.05).max() < 0.051
 
 
 # Franka Robotics, franka_description, robots/fr3/joint_limits.yaml: lower, upper, speed, torque

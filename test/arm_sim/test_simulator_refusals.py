@@ -17,14 +17,10 @@ NAN, INF = float("nan"), float("inf")
 ZERO = np.zeros(3)
 BAD_OPTIONS: dict[str, tuple[dict[str, Any], str]] = {
     "unknown integrator": ({"integrator": "rk5"}, "rk4"),
-    "integrator not a name": ({"integrator": 4}, "integrator"),
-    "dt zero": ({"dt": 0.0}, "dt"),
-    "dt negative": ({"dt": -1e-3}, "dt"),
-    "dt NaN": ({"dt": NAN}, "dt"),
-    "dt infinite": ({"dt": INF}, "dt"),
-    "dt absurd": ({"dt": 1e6}, "dt"),
-    "dt a word": ({"dt": "fast"}, "dt"),
-    "dt a number as text": ({"dt": "1"}, "dt = '1'"),
+    "integrator not a name": ({"integrator": 4}, "integrator"), "dt zero": ({"dt": 0.0}, "dt"),
+    "dt negative": ({"dt": -1e-3}, "dt"), "dt NaN": ({"dt": NAN}, "dt"),
+    "dt infinite": ({"dt": INF}, "dt"), "dt absurd": ({"dt": 1e6}, "dt"),
+    "dt a word": ({"dt": "fast"}, "dt"), "dt a number as text": ({"dt": "1"}, "dt = '1'"),
     "tolerance a number as text": ({"tolerance": "1e-8"}, "tolerance = '1e-8'"),
     "dt a truth value": ({"dt": True}, "dt = True"),
     "tolerance a truth value": ({"integrator": "dop853", "tolerance": True}, "tolerance = True"),
@@ -35,20 +31,13 @@ BAD_OPTIONS: dict[str, tuple[dict[str, Any], str]] = {
     "tolerance absurd": ({"tolerance": 10.0}, "tolerance"),
     "tolerance without estimate": ({"integrator": "rk4", "tolerance": 1e-8}, "rk4"),
     "unknown backend": ({"backend": "gpu"}, "native"),
-}
+}  # fmt: skip
 BAD_VECTORS = {
-    "too short": [0.0, 0.0],
-    "too long": [0.0] * 4,
-    "scalar": 1.0,
-    "empty": [],
-    "column": np.zeros((3, 1)),
-    "a row of a batch": np.zeros((1, 3)),
-    "NaN": [0.0, NAN, 0.0],
-    "infinite": [0.0, 0.0, -INF],
-    "words": ["a", "b", "c"],
-    "truth among numbers": [0.0, True, 0.0],
-    "mapping": {"joint1": 0.0},
-}
+    "too short": [0.0, 0.0], "too long": [0.0] * 4, "scalar": 1.0, "empty": [],
+    "column": np.zeros((3, 1)), "a row of a batch": np.zeros((1, 3)), "NaN": [0.0, NAN, 0.0],
+    "infinite": [0.0, 0.0, -INF], "words": ["a", "b", "c"],
+    "truth among numbers": [0.0, True, 0.0], "mapping": {"joint1": 0.0},
+}  # fmt: skip
 BAD_RUNS: dict[str, tuple[Any, Any]] = {
     "negative duration": (-1.0, None),
     "duration NaN": (NAN, None),

@@ -131,14 +131,9 @@ def test_every_command_and_option_is_described() -> None:
 
 
 FOR_USERS = (
-    "arm_dynamics",
-    "arm_dynamics.client",
-    "arm_dynamics.control",
-    "arm_studies.identification",
-    "arm_dynamics.task_space",
-    "arm_dynamics.trajectory",
-    "arm_sim",
-)
+    "arm_dynamics", "arm_dynamics.client", "arm_dynamics.control", "arm_studies.identification",
+    "arm_dynamics.task_space", "arm_dynamics.trajectory", "arm_sim",
+)  # fmt: skip
 SHAPES = re.compile(r"shape|\(\w+,|likewise|[Ss]ee ``|[Aa]s (?:for|those|that|``)|[Aa]rguments")
 
 

@@ -136,18 +136,13 @@ class Joint:
             limit.number(key) for key in ("lower", "upper", "effort", "velocity")
         )
         return cls(
-            joint.attributes["type"],
-            joint.first("parent").attributes["link"],
-            joint.first("child").attributes["link"],
-            place.numbers("xyz", "0 0 0"),
-            _turn(place.numbers("rpy", "0 0 0")),
-            axis / (np.linalg.norm(axis) or 1.0),
-            loss.number("damping"),
-            loss.number("friction"),
-            (lower, upper, effort, velocity),
+            joint.attributes["type"], joint.first("parent").attributes["link"],
+            joint.first("child").attributes["link"], place.numbers("xyz", "0 0 0"),
+            _turn(place.numbers("rpy", "0 0 0")), axis / (np.linalg.norm(axis) or 1.0),
+            loss.number("damping"), loss.number("friction"), (lower, upper, effort, velocity),
             mimic.attributes.get("joint"),
             (mimic.number("multiplier", "1"), mimic.number("offset")),
-        )
+        )  # fmt: skip
 
     @property
     def moves(self) -> bool:

@@ -223,8 +223,8 @@ class Gentle:
         self.dynamics = dynamics
 
     def torque(self, state, reference):
-        e = reference.q - state.q
-        return self.dynamics.gravity(state.q) + 20.0 * e - 5.0 * state.v
+        pull = 100.0 * (reference.q - state.q) - 20.0 * state.v
+        return self.dynamics.inverse(state.q, 0.0 * state.v, pull)
 """
 MAKERS["my_package/my_module.py"] = written(_MODULE)
 

@@ -38,13 +38,9 @@ CALLS: dict[str, Call] = {
     "energies": lambda d, q, v, x: np.stack(d.energy(q, v), axis=-1),
 }
 BATCH_TERMS = (
-    batch_terms.INVERSE,
-    batch_terms.FORWARD,
-    batch_terms.MASS_MATRIX,
-    batch_terms.CORIOLIS_MATRIX,
-    batch_terms.GRAVITY,
-    batch_terms.ENERGIES,
-)
+    batch_terms.INVERSE, batch_terms.FORWARD, batch_terms.MASS_MATRIX, batch_terms.CORIOLIS_MATRIX,
+    batch_terms.GRAVITY, batch_terms.ENERGIES,
+)  # fmt: skip
 CURVE = {"at": [-1.0, 0.0, 2.0], "factor": [1.0, 2.0, 0.5]}
 LAWS = {
     "viscous": {"friction": {"viscous": {"positive": 0.6, "negative": 0.3}}},

@@ -11,21 +11,12 @@ from arm_dynamics import ArmError, InvalidInput
 
 GOOD = np.zeros(3)
 BAD = {
-    "too short": np.zeros(2),
-    "too long": np.zeros(4),
-    "scalar": 0.0,
-    "empty": [],
-    "column": np.zeros((3, 1)),
-    "cube": np.zeros((2, 2, 3)),
-    "no rows": np.zeros((0, 3)),
-    "NaN": [0.0, np.nan, 0.0],
-    "infinite": [0.0, np.inf, 0.0],
-    "words": ["a", "b", "c"],
-    "nothing": None,
-    "ragged": [[0.0, 0.0, 0.0], [0.0]],
-    "mapping": {"joint1": 0.0},
+    "too short": np.zeros(2), "too long": np.zeros(4), "scalar": 0.0, "empty": [],
+    "column": np.zeros((3, 1)), "cube": np.zeros((2, 2, 3)), "no rows": np.zeros((0, 3)),
+    "NaN": [0.0, np.nan, 0.0], "infinite": [0.0, np.inf, 0.0], "words": ["a", "b", "c"],
+    "nothing": None, "ragged": [[0.0, 0.0, 0.0], [0.0]], "mapping": {"joint1": 0.0},
     "complex": np.array([1j, 0, 0]),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("value", BAD.values(), ids=BAD)

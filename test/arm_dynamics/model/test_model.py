@@ -106,12 +106,8 @@ def test_holds_pinocchios_model() -> None:
 
 def test_real_robots_have_the_joints_they_are_sold_with() -> None:
     assert [models.dynamics(name).n for name in ("panda", "ur10", "kinova", "z1", "puma560")] == [
-        7,
-        6,
-        6,
-        6,
-        6,
-    ]
+        7, 6, 6, 6, 6,
+    ]  # fmt: skip
 
 
 def test_dynamics_takes_a_model_that_is_built() -> None:

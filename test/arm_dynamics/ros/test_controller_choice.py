@@ -214,6 +214,25 @@ def test_gains_of_a_law_without_memory_act_at_once(ros: Ros) -> None:
     assert_close(stronger - gravity, 4.0 * (pull - gravity), ALGEBRA)
 
 
+def test_a_bandwidth_that_the_loop_does_not_carry_is_told_or_refused(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = controller_node(ros)
+    for bandwidth, stamp, said in (
+        (300.0, MS, "act 0.001 s late and are held for 0.001 s; sensible: at most 239 rad/s"),
+        (200.0, 4 * MS, "act 0.004 s late and are held for 0.001 s; sensible: at most 79.8 rad/s"),
+        (20.0, 6 * MS, ""),
+    ):
+        effort(node, 0), effort(node, stamp)
+        node._late.look()
+        assert change(node, bandwidth=bandwidth).successful
+        assert said in capfd.readouterr().err
+        assert ("sensible" in node.diagnostics()[0].message(node).message) == bool(said)
+    result = change(node, bandwidth=3000.0)
+    assert "at most 432 rad/s" in result.reason and not result.successful
+    assert node.params.settings.bandwidth == 20.0
+
+
 def test_gains_of_a_law_that_remembers_fade_in(ros: Ros) -> None:
     node = controller_node(ros, controller="pid", bandwidth=[10.0])
     for k in range(50):

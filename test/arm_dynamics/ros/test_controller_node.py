@@ -144,15 +144,10 @@ def test_publishes_its_state(ros: Ros) -> None:
     last = heard[-1]
     assert last.joint_names == NAMES
     for field, exact in {
-        "reference_position": [0.0, 0.0],
-        "reference_velocity": [0.0, 0.0],
-        "reference_acceleration": [0.0, 0.0],
-        "feedback_position": q,
-        "feedback_velocity": v,
-        "position_error": -q,
-        "velocity_error": -v,
-        "effort": tau,
-    }.items():
+        "reference_position": [0.0, 0.0], "reference_velocity": [0.0, 0.0],
+        "reference_acceleration": [0.0, 0.0], "feedback_position": q, "feedback_velocity": v,
+        "position_error": -q, "velocity_error": -v, "effort": tau,
+    }.items():  # fmt: skip
         np.testing.assert_array_equal(getattr(last, field), exact)
 
 

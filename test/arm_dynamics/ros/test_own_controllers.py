@@ -188,13 +188,8 @@ def test_nothing_is_imported_after_the_start(ros: Ros) -> None:
     module = "calendar_of_nobody"
     sys.modules.pop(module, None)
     for name in (
-        "this:Class",
-        "own_controllers:Fails",
-        f"{module}:Class",
-        "os:system",
-        ":",
-        "a:b:c",
-    ):
+        "this:Class", "own_controllers:Fails", f"{module}:Class", "os:system", ":", "a:b:c",
+    ):  # fmt: skip
         answer = change(node, controller=name)
         assert not answer.successful and "when the node is started" in answer.reason
     assert "this" not in sys.modules

@@ -35,21 +35,9 @@ def exported(folder: Path, **options: object) -> Path:
 
 
 NO_NAMES = (
-    "",
-    "7up",
-    "my-arm",
-    "an arm",
-    "größe",
-    "class",
-    "int",
-    "test",
-    "math",
-    "m",
-    "features",
-    "rest",
-    "_arm",
-    64 * "a",
-)
+    "", "7up", "my-arm", "an arm", "größe", "class", "int", "test", "math", "m", "features",
+    "rest", "_arm", 64 * "a",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NO_NAMES)

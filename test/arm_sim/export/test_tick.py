@@ -54,15 +54,10 @@ TABLES = {
     "joints": {"elbow": {"friction": {"table": ROWS}, "spring": {"table": SPRING}}},
 }
 SCENES: dict[str, Any] = {
-    "stuck": STUCK,
-    "tables": TABLES,
-    "four_bar": "four_bar",
-    "panda": "panda",
-    "panda_table": "panda_table",
-    "slider_crank_motor": "slider_crank_motor",
-    "bristles": BRISTLES,
+    "stuck": STUCK, "tables": TABLES, "four_bar": "four_bar", "panda": "panda",
+    "panda_table": "panda_table", "slider_crank_motor": "slider_crank_motor", "bristles": BRISTLES,
     "ur10": "ur10",
-}
+}  # fmt: skip
 TICKS, HELD = 1000, 50
 SMALL = ("stuck", "four_bar")  # what is compiled in many ways
 

@@ -23,14 +23,10 @@ from arm_sim import (
 
 PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
 SENSORS = {
-    "seed": 5,
-    "position": {"resolution": 1e-4, "noise": 1e-5},
-    "velocity": {"from": "position", "cutoff": 60, "order": 2},
-    "effort": {"noise": 0.1},
-    "delay": 0.001,
-    "jitter": 0.002,
-    "loss": 0.05,
-}
+    "seed": 5, "position": {"resolution": 1e-4, "noise": 1e-5},
+    "velocity": {"from": "position", "cutoff": 60, "order": 2}, "effort": {"noise": 0.1},
+    "delay": 0.001, "jitter": 0.002, "loss": 0.05,
+}  # fmt: skip
 COMMANDS = {"delay": 0.001, "jitter": 0.001, "loss": 0.05}
 TICKS = 200
 

@@ -21,15 +21,9 @@ from tolerances import ALGEBRA, ORDER, assert_close
 
 DATA = Path(__file__).parents[2] / "reference/double_pendulum.json"
 STATED = {
-    "euler": 1,
-    "semi_implicit_euler": 1,
-    "midpoint": 2,
-    "heun": 2,
-    "rk4": 4,
-    "nystrom4": 4,
-    "dopri5": 5,
-    "dop853": 8,
-}
+    "euler": 1, "semi_implicit_euler": 1, "midpoint": 2, "heun": 2, "rk4": 4, "nystrom4": 4,
+    "dopri5": 5, "dop853": 8,
+}  # fmt: skip
 # Two step sizes [s] for each order: small enough to be in the asymptotic range, large enough to
 # stand above rounding.
 STEPS = {

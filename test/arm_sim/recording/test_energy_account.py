@@ -27,13 +27,9 @@ LUGRE = {
 }
 DRY = {"viscous": 0.5, "coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.02}
 MOTOR = {
-    "command": "voltage",
-    "resistance": 1.0,
-    "inductance": 1e-3,
-    "torque_constant": 0.05,
-    "rotor_inertia": 5e-5,
-    "gear_ratio": 100,
-}
+    "command": "voltage", "resistance": 1.0, "inductance": 1e-3, "torque_constant": 0.05,
+    "rotor_inertia": 5e-5, "gear_ratio": 100,
+}  # fmt: skip
 BELT = {"stiffness": 500.0, "damping": 0.3}
 U = np.array([3.0, 5.0, -3.0])
 

@@ -36,15 +36,11 @@ KINDS: dict[str, dict[str, Any]] = {
 } | {
     ", ".join(parts): features.scene("planar", parts)
     for parts in (
-        ("coulomb", "contact", "payload"),
-        ("lugre", "end stop", "mimic"),
-        ("current", "voltage"),
-        ("bilateral", "viscous", "payload"),
-        ("bilateral", "coulomb", "contact"),
-        ("flexible", "harmonic", "end stop"),
-        ("lossy gear", "coulomb", "spring", "point spring"),
+        ("coulomb", "contact", "payload"), ("lugre", "end stop", "mimic"), ("current", "voltage"),
+        ("bilateral", "viscous", "payload"), ("bilateral", "coulomb", "contact"),
+        ("flexible", "harmonic", "end stop"), ("lossy gear", "coulomb", "spring", "point spring"),
         ("lugre", "contact", "voltage", "payload"),
-    )
+    )  # fmt: skip
 }  # fmt: skip
 EXACT = 1e-9  # of the energy that moved
 

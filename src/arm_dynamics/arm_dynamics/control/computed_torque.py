@@ -157,14 +157,9 @@ class ComputedTorque:
 
 
 def demanded_torque(
-    inverse: Callable[[Any, Any, Any], Any],
-    friction: SteadyFriction,
-    q: Any,
-    v: Any,
-    desired: Sequence[Any],
-    tuning: Sequence[Any],
-    sliding: Any,
-) -> Any:
+    inverse: Callable[[Any, Any, Any], Any], friction: SteadyFriction, q: Any, v: Any,
+    desired: Sequence[Any], tuning: Sequence[Any], sliding: Any,
+) -> Any:  # fmt: skip
     """Torque for the acceleration q̈_d + K_d ė + K_p e in the middle of a tick.
 
     Args:

@@ -17,6 +17,7 @@ from arm_dynamics.control import computed_torque, custom, joint_space, task_spac
 from arm_dynamics.control.added_torques import WithAddedTorques
 from arm_dynamics.control.compiled_law import with_code
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
+from arm_dynamics.control.margin import MARGIN, largest_delay
 from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
@@ -102,6 +103,11 @@ class Settings:
         fastest = np.pi / self.dt
         _within("bandwidth", self.bandwidth, fastest, "rad/s, half a turn in a control period")
         _within("damping_ratio", self.damping_ratio, 100.0, "beyond which errors hardly decay")
+        if len({np.size(self.bandwidth), np.size(self.damping_ratio), 1}) == 3:
+            raise InvalidInput(
+                f"bandwidth = {self.bandwidth!r}, damping_ratio = {self.damping_ratio!r}; "
+                "allowed: one number, or as many as there are joints"
+            )
         _within("stiffness", self.stiffness, 1e6, "N/m, N m/rad")
         _within("damping", self.damping, 1e5, "N s/m, N m s/rad")
         _within("observer", self.observer, 1e4, "1/s")
@@ -192,9 +198,79 @@ def _lacking(name: str | custom.Maker, control: AnyController) -> str | None:
     return terms
 
 
+def refuse_unsteady(s: Settings) -> None:
+    """Refuse a bandwidth with which any arm swings up if torques act one ``dt`` late.
+
+    Raises:
+        InvalidInput: With the largest value and the largest sensible one.
+    """
+    omega, zeta = numbers("bandwidth", s.bandwidth), numbers("damping_ratio", s.damping_ratio)
+    most, sensible = (
+        np.minimum(1.0, largest_delay(omega**2, 2.0 * zeta * omega, margin) / (1.5 * s.dt))
+        for margin in (1.0, MARGIN)
+    )
+    if most.min() < 1.0:
+        raise InvalidInput(
+            f"bandwidth = {s.bandwidth!r}; allowed: at most {_rounded(most * omega)} rad/s, "
+            f"beyond which torques that act {s.dt:g} s late and are held for {s.dt:g} s make the "
+            f"arm swing up; sensible: at most {_rounded(sensible * omega)} rad/s"
+        )
+
+
+def overreach(name: str | custom.Maker, dynamics: Dynamics, s: Settings, delay: float) -> str:
+    """Warning of gains that a loop does not carry; empty if it carries them.
+
+    Args:
+        name: As for ``make_controller``, which accepts it with these settings.
+        dynamics: The model.
+        s: The settings.
+        delay: Time in [s] from a state until its torque acts, which is then held for ``dt``.
+    """
+    if name == "float" or not (isinstance(name, str) or custom.takes(name, "bandwidth")):
+        return ""
+    by_force, k, c = _feedback(name, dynamics, s)
+    share = np.minimum(1.0, largest_delay(k, c) / (delay + 0.5 * s.dt))
+    why = f"torques that act {delay:.2g} s late and are held for {s.dt:g} s"
+    if name in _TUNED:
+        _, part = joint_space.typical_inertia(dynamics, c * s.dt)
+        if part < share.min():
+            share, lowered = np.asarray(part), "" if by_force else ", for which gains are lowered"
+            why = f"the lightest motions of the arm at {s.dt:g} s a tick{lowered}"
+    if (least := share.min()) == 1.0:
+        return ""
+    given = f"bandwidth = {s.bandwidth!r}"
+    most = f"{_rounded(share * numbers('bandwidth', s.bandwidth))} rad/s"
+    if by_force:
+        given = f"stiffness = {s.stiffness!r} with damping = {s.damping!r}"
+        most = f"{least**2:.2g} of the stiffness, and {least:.2g} of the damping, if it is given"
+    return f"{given} is too much for {why}; sensible: at most {most}"
+
+
+def _feedback(
+    name: str | custom.Maker, dynamics: Dynamics, s: Settings
+) -> tuple[bool, Array, Array]:
+    """Whether gains are in units of force, and stiffness and damping by inertia."""
+    omega, zeta = numbers("bandwidth", s.bandwidth), numbers("damping_ratio", s.damping_ratio)
+    K, D = _given("stiffness", s.stiffness), _given("damping", s.damping)
+    if name not in _IMPEDANCES or (K is None and D is None):
+        return False, omega**2, 2.0 * zeta * omega
+    if name in IN_TASK_SPACE:
+        m = _typical_masses(_task(dynamics, s), dynamics)
+    else:
+        m, _ = joint_space.typical_inertia(dynamics, 0.0)
+    k = omega**2 if K is None else K / m
+    return True, k, 2.0 * zeta * np.sqrt(k) if D is None else D / m
+
+
+def _rounded(most: Array) -> str:
+    """Numbers of every joint, or the one of all."""
+    return ", ".join(f"{x:.3g}" for x in np.atleast_1d(most).tolist())
+
+
 def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
-    kp, kd = _tuned(dynamics, s)
-    ki = kp * np.asarray(s.bandwidth, float) / 3.0
+    (kp, kd), omega = _tuned(dynamics, s), numbers("bandwidth", s.bandwidth)
+    rate = 2.0 * numbers("damping_ratio", s.damping_ratio) * omega
+    ki = kp * omega / 3.0 * joint_space.typical_inertia(dynamics, rate * s.dt)[1]
     return joint_space.PID(dynamics.n, kp, ki, kd, s.dt, s.limit)
 
 
@@ -270,6 +346,8 @@ _FRICTION = {
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 """Names of the controllers that come with the suite."""
 IN_TASK_SPACE = ("operational_space", "motion_force", "cartesian_impedance")
+_TUNED = ("pd", "pid", "pd_gravity", "feed_forward", "joint_impedance")
+_IMPEDANCES = ("joint_impedance", "cartesian_impedance")
 
 
 def _tuned(dynamics: Dynamics, s: Settings) -> tuple[Array, Array]:

@@ -97,14 +97,9 @@ class PID(JointLaw):
     """
 
     def __init__(
-        self,
-        n: int,
-        kp: ArrayLike,
-        ki: ArrayLike,
-        kd: ArrayLike,
-        dt: float,
+        self, n: int, kp: ArrayLike, ki: ArrayLike, kd: ArrayLike, dt: float,
         limit: ArrayLike = np.inf,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Choose gains.
 
         Args:
@@ -225,12 +220,9 @@ class JointImpedance(JointLaw):
     """
 
     def __init__(
-        self,
-        dynamics: Dynamics,
-        stiffness: ArrayLike,
-        damping_ratio: ArrayLike = 0.7,
+        self, dynamics: Dynamics, stiffness: ArrayLike, damping_ratio: ArrayLike = 0.7,
         damping: ArrayLike | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Choose stiffness and damping.
 
         Args:
@@ -267,12 +259,9 @@ class JointImpedance(JointLaw):
 
 
 def tuned(
-    dynamics: Dynamics,
-    bandwidth: ArrayLike,
-    damping_ratio: ArrayLike = 1.0,
-    q: ArrayLike | None = None,
-    dt: float = 1e-3,
-) -> tuple[Array, Array]:
+    dynamics: Dynamics, bandwidth: ArrayLike, damping_ratio: ArrayLike = 1.0,
+    q: ArrayLike | None = None, dt: float = 1e-3,
+) -> tuple[Array, Array]:  # fmt: skip
     """Gains in units of torque: K_p = ω² m and K_d = 2 ζ ω m, less viscous friction.
 
     The inertia m of a joint is M_ii averaged over postures: that of one posture may be next to
@@ -296,20 +285,26 @@ def tuned(
     """
     kp, kd = gains(bandwidth, damping_ratio, dynamics.n)
     if q is None:
-        inertia = _typical_inertia(dynamics, kd * positive("dt", dt))
+        m, part = typical_inertia(dynamics, kd * positive("dt", dt))
+        inertia = m * part
     else:
         inertia = dynamics.mass_matrix(vector("q", q, dynamics.n)).diagonal()
     return kp * inertia, np.maximum(kd * inertia - dynamics.model.viscous, 0.0)
 
 
-def _typical_inertia(dynamics: Dynamics, damping: Array) -> Array:
-    """The inertia m of ``tuned`` for K_d dt = damping m, shape (n,)."""
+def typical_inertia(dynamics: Dynamics, damping: ArrayLike) -> tuple[Array, float]:
+    """The inertia m of ``tuned``, shape (n,), and the part s of the gains that is left of them.
+
+    Args:
+        dynamics: The model.
+        damping: K_d dt/m without friction, a number or shape (n,).
+    """
     M = dynamics.mass_matrix(postures(dynamics.model, _POSTURES))
     m = np.asarray(M.diagonal(0, 1, 2).mean(0))
-    root = np.sqrt(damping * m)
+    root = np.sqrt(np.asarray(damping) * m)
     scaled = root[:, None] * np.linalg.inv(M) * root
     greatest = float(np.linalg.eigvalsh(scaled).max())
-    return m * min(1.0, _STABLE / greatest) if greatest > 0.0 else m
+    return m, min(1.0, _STABLE / greatest) if greatest > 0.0 else 1.0
 
 
 def cut(tau: Array, limit: Array) -> Array:

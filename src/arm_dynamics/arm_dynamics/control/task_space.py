@@ -71,14 +71,10 @@ class OperationalSpace(_TaskLaw):
     """
 
     def __init__(
-        self,
-        task: TaskSpace,
-        bandwidth: ArrayLike = 20.0,
-        damping_ratio: ArrayLike = 1.0,
-        posture: ArrayLike | None = None,
-        posture_bandwidth: ArrayLike = 4.0,
+        self, task: TaskSpace, bandwidth: ArrayLike = 20.0, damping_ratio: ArrayLike = 1.0,
+        posture: ArrayLike | None = None, posture_bandwidth: ArrayLike = 4.0,
         friction: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Choose gains.
 
         Args:
@@ -111,15 +107,10 @@ class MotionForce(_TaskLaw):
     """
 
     def __init__(
-        self,
-        task: TaskSpace,
-        direction: ArrayLike,
-        bandwidth: ArrayLike = 20.0,
-        damping_ratio: ArrayLike = 1.0,
-        posture: ArrayLike | None = None,
-        posture_bandwidth: ArrayLike = 4.0,
-        friction: bool = False,
-    ) -> None:
+        self, task: TaskSpace, direction: ArrayLike, bandwidth: ArrayLike = 20.0,
+        damping_ratio: ArrayLike = 1.0, posture: ArrayLike | None = None,
+        posture_bandwidth: ArrayLike = 4.0, friction: bool = False,
+    ) -> None:  # fmt: skip
         """Choose the direction in the world, shape (3,); the rest is as in ``OperationalSpace``.
 
         Raises:
@@ -155,15 +146,10 @@ class CartesianImpedance(_TaskLaw):
     """
 
     def __init__(
-        self,
-        task: TaskSpace,
-        stiffness: ArrayLike,
-        damping_ratio: ArrayLike = 0.7,
-        posture: ArrayLike | None = None,
-        posture_bandwidth: ArrayLike = 4.0,
-        friction: bool = False,
-        damping: ArrayLike | None = None,
-    ) -> None:
+        self, task: TaskSpace, stiffness: ArrayLike, damping_ratio: ArrayLike = 0.7,
+        posture: ArrayLike | None = None, posture_bandwidth: ArrayLike = 4.0,
+        friction: bool = False, damping: ArrayLike | None = None,
+    ) -> None:  # fmt: skip
         """Choose stiffness and damping.
 
         Args:

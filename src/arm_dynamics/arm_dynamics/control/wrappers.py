@@ -87,13 +87,9 @@ class DisturbanceObserver(AroundLaw):
     """
 
     def __init__(
-        self,
-        control: AnyController,
-        dynamics: Dynamics,
-        dt: float,
-        bandwidth: ArrayLike = 20.0,
+        self, control: AnyController, dynamics: Dynamics, dt: float, bandwidth: ArrayLike = 20.0,
         limit: ArrayLike = np.inf,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Choose the bandwidth.
 
         Args:
@@ -162,14 +158,9 @@ class DisturbanceObserver(AroundLaw):
         return tau, (*seen, *after)
 
     def _observed(
-        self,
-        rigid: Any,
-        q: Any,
-        v: Any,
-        tuning: Sequence[Any],
-        seen: Sequence[Any],
+        self, rigid: Any, q: Any, v: Any, tuning: Sequence[Any], seen: Sequence[Any],
         wanted: Callable[[], Any],
-    ) -> tuple[Any, Any]:
+    ) -> tuple[Any, Any]:  # fmt: skip
         """Torque without the disturbance, and what is remembered: r, τ, the integral, whether."""
         (K, dt, limit), (r, last, integral, started) = tuning, seen
         momentum = rigid.mass(q) @ v

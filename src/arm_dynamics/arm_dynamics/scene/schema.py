@@ -267,6 +267,11 @@ class Scene(Part):
         return with_bodies(self.robot.urdf, self.links)
 
     @property
+    def delay(self) -> float:
+        """Delay of states and commands together in [s]."""
+        return sum(line.delay for line in (self.sensors, self.commands) if line is not None)
+
+    @property
     def bilateral(self) -> dict[int, Bilateral]:
         """The constraints that are not contacts, by their indices in the list."""
         return {i: c for i, c in enumerate(self.constraints) if not isinstance(c, Contact)}

@@ -82,13 +82,9 @@ class AnswerLog:
         self._last.length = 0
 
     def finding(
-        self,
-        node: Node,
-        controller: str,
-        cut: list[str],
-        goals: dict[str, str | int],
+        self, node: Node, controller: str, cut: list[str], goals: dict[str, str | int],
         answers: dict[str, str | int | float],
-    ) -> Finding:
+    ) -> Finding:  # fmt: skip
         """Condition of the controller, for ``/diagnostics``.
 
         Args:

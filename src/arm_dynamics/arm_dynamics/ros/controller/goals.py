@@ -73,13 +73,9 @@ class Goals:
     """
 
     def __init__(
-        self,
-        model: ArmModel,
-        limits: Limits,
-        log: Throttled,
-        planned: Callable[[], None] = lambda: None,
-        taken: Callable[[], None] = lambda: None,
-    ) -> None:
+        self, model: ArmModel, limits: Limits, log: Throttled,
+        planned: Callable[[], None] = lambda: None, taken: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
         """Begin.
 
         Args:
@@ -203,13 +199,9 @@ class Goals:
             self._log.info("a newer goal replaces the one that was being planned")
 
     def _take(
-        self,
-        goal: Goal,
-        follower: Follower,
-        outset: Outset,
-        tries: int,
+        self, goal: Goal, follower: Follower, outset: Outset, tries: int,
         result: Callable[[], Motion],
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Follow a planned motion, or plan it again if it was ready too late."""
         motion = self._result(goal.kind, result)
         if motion is None:

@@ -105,13 +105,9 @@ class OrdinaryAnswers:
         self._used: tuple[object, ...] = ()  # kept alive while C uses their memory
 
     def start(
-        self,
-        node: Node,
-        parts: Parts,
-        answer: Callable[[bytes], None],
-        claim: Callable[[], None],
+        self, node: Node, parts: Parts, answer: Callable[[bytes], None], claim: Callable[[], None],
         direct: bool,
-    ) -> bool:
+    ) -> bool:  # fmt: skip
         """Subscribe to the states and start the thread that answers them.
 
         Args:

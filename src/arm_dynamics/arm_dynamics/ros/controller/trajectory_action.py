@@ -139,15 +139,9 @@ class TrajectoryAction:
     """
 
     def __init__(
-        self,
-        node: Node,
-        goals: Goals,
-        model: ArmModel,
-        limits: Limits,
-        deaf: Callable[[], str],
-        lock: AbstractContextManager[None],
-        late: Lateness,
-    ) -> None:
+        self, node: Node, goals: Goals, model: ArmModel, limits: Limits, deaf: Callable[[], str],
+        lock: AbstractContextManager[None], late: Lateness,
+    ) -> None:  # fmt: skip
         """Offer the action, if its interface is installed.
 
         Args:

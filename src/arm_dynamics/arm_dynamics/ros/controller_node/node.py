@@ -20,7 +20,13 @@ from arm_dynamics.arrays import Array, finite_numbers
 from arm_dynamics.control.compiled_law import Job, preparation
 from arm_dynamics.control.computed_torque import Checked, Measured
 from arm_dynamics.control.derived_velocity import DerivedVelocity
-from arm_dynamics.control.factory import IN_TASK_SPACE, Settings, make_controller
+from arm_dynamics.control.factory import (
+    IN_TASK_SPACE,
+    Settings,
+    make_controller,
+    overreach,
+    refuse_unsteady,
+)
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput, plain
@@ -131,6 +137,7 @@ class ControllerNode(Node):
             self, self.goals, model, limits, self._obstacle, self.answers, self._late
         )
         self._velocity = self._derived()
+        self._tell_overreach(self.params)
         fields = ("position",) if self._velocity else ("position", "velocity")
         self._reader = JointStateReader(names, fields, partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
@@ -217,8 +224,19 @@ class ControllerNode(Node):
         frame, axes = params.settings.frame, params.settings.axes
         if frame:  # rejected here, not when a controller first uses it
             TaskSpace(self.dynamics, frame, selection=axes)
-        chosen = self._loaded.maker(params.controller)
-        return make_controller(chosen, self.dynamics, self._settings(params))
+        settings, chosen = self._settings(params), self._loaded.maker(params.controller)
+        control = make_controller(chosen, self.dynamics, settings)
+        refuse_unsteady(settings)
+        return control
+
+    def _tell_overreach(self, params: ControllerParams) -> None:
+        """Warn of gains that the loop, as late as it is now, does not carry."""
+        settings, chosen = self._settings(params), self._loaded.maker(params.controller)
+        delay = self.dynamics.model.scene.delay + max(settings.dt, self._late.longest)
+        delay += 0.0 if self._velocity is None else self._velocity.delay
+        self._overreach = overreach(chosen, self.dynamics, settings, delay)
+        if self._overreach:
+            self.get_logger().warning(self._overreach)
 
     def _settings(self, params: ControllerParams) -> Settings:
         return replace(params.settings, limit=self.dynamics.model.effort_limit)
@@ -252,6 +270,7 @@ class ControllerNode(Node):
             put()
         else:
             self._builder.start(job, lambda built: self._put(built, put))
+        self._tell_overreach(params)
 
     def _build_ahead(self, params: ControllerParams) -> None:
         """Prepare the first controller now, and a task-space controller in the background."""
@@ -373,7 +392,8 @@ class ControllerNode(Node):
         answers = self.answers.summary()
         answers["longest time between states [s]"] = self._late.longest
         found = self._log.finding(self, self._acting.controller, self._cut(), about, answers)
-        found.complain(WARN, self._late.words)
+        for words in (self._late.words, self._overreach):
+            found.complain(WARN, words)
         found.complain(ERROR, self._followed.alarm.words)
         return [found]
 
