@@ -314,10 +314,10 @@ class Simulator:
         make, given = way
         try:
             again = make(trace)
+            recording = trace.recording(given, again)
         except KeyboardInterrupt as stop:
             vars(stop)["recording"] = trace.recording(given)
             raise
-        recording = trace.recording(given, again)
         if trace.done < trace.ticks:
             diverged = self.arm.diverged()
             diverged.recording = recording
