@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import webbrowser
 from pathlib import Path
@@ -27,21 +28,18 @@ def build(out: Path, gallery: bool, show: bool) -> None:
     Pages that have not changed are kept from the last time. A warning, for example a link that
     leads nowhere or a script of the gallery that fails, makes the build fail.
     """
-    from sphinx.cmd.build import main as sphinx  # here: --help needs no Sphinx
+    from arm_sim.cli.output import waiting  # here: --help needs nothing
 
-    options = [
-        "-W",
-        "--keep-going",
-        "-n",
-        "-q",
-        "-j",
-        "auto",
-        "-d",
-        str(out.with_name(f"{out.name}-cache")),
-    ]
+    cache = out.with_name(f"{out.name}-cache")
+    options = ["-W", "--keep-going", "-n", "-j", "auto", "-d", cache, ROOT / "docs", out]
     if not gallery:
         options += ["-D", "plot_gallery=0"]
-    failed = sphinx([*options, str(ROOT / "docs"), str(out)])
+    status, command = ["starting"], [sys.executable, "-um", "sphinx", *map(str, options)]
+    with waiting(lambda: status[-1], in_lines=True):
+        sphinx = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, errors="replace")
+        assert sphinx.stdout is not None
+        status.extend(line for line in map(str.strip, sphinx.stdout) if line)
+        failed = sphinx.wait()
     if failed:
         sys.exit(failed)
     start = out / "index.html"

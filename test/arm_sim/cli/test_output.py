@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import logging
 import threading
+import time
 from contextlib import redirect_stderr, redirect_stdout
 
 import pytest
@@ -53,6 +54,27 @@ def test_a_pipe_gets_no_bar(capfd: pytest.CaptureFixture[str]) -> None:
     with output.waiting("building an arm"):
         pass
     assert capfd.readouterr().err == ""
+
+
+def test_a_pipe_gets_lines_of_what_surely_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(output, "PATIENCE", 0.01)
+    pipe, doing = io.StringIO(), ["drawing picture 1"]
+
+    def heard(words: str) -> None:
+        end = time.monotonic() + 20.0
+        while words not in pipe.getvalue():
+            assert time.monotonic() < end, pipe.getvalue()
+            time.sleep(0.001)
+
+    with redirect_stderr(pipe), output.waiting(lambda: doing[-1], in_lines=True):
+        heard("picture 1")
+        doing.append("drawing picture 2")
+        with output.waiting("building an arm", in_lines=True):
+            heard("building")
+        heard("picture 2")
+    assert set(pipe.getvalue().splitlines()) == {
+        "drawing picture 1 … 0 s", "building an arm … 0 s", "drawing picture 2 … 0 s",
+    }  # fmt: skip
 
 
 def test_one_hears_at_a_time() -> None:

@@ -145,7 +145,9 @@ class Pages:
         self.asked.append(("picture", *asked))
 
     def film(self, *asked: Any) -> None:
-        self.asked.append(("film", *asked))
+        *given, progress = asked
+        progress("picture 1 of 1")
+        self.asked.append(("film", *given))
 
     def page(self, *asked: Any) -> None:
         self.asked.append(("page", *asked))
@@ -182,12 +184,9 @@ def test_pictures_are_written_as_they_are_asked_for(
     size = (320, 200)
     assert pages.asked == [
         ("shown", ("two_link",), "127.0.0.1", 0, (3.0, "weight"), None, None),
-        ("picture", Path("a.png"), size, 1.5),
-        ("film", Path("a.gif"), size, 10.0, 2.0),
-        ("film", Path("a.mp4"), size, 10.0, 2.0),
-        ("page", Path("a.html"), 10.0, 2.0),
-        "closed",
-    ]
+        ("picture", Path("a.png"), size, 1.5), ("film", Path("a.gif"), size, 10.0, 2.0),
+        ("film", Path("a.mp4"), size, 10.0, 2.0), ("page", Path("a.html"), 10.0, 2.0), "closed",
+    ]  # fmt: skip
     assert capfd.readouterr().out.split() == ["a.png", "a.gif", "a.mp4", "a.html"]
     main(["view", "two_link", "--png", "b.png"], standalone_mode=False)
     assert pages.asked[6:8] == [

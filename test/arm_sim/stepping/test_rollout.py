@@ -182,14 +182,11 @@ def test_error_control_in_registers_gives_the_bits_of_one_arm(
 
 
 EVENTFUL: dict[str, tuple[str, ...]] = {
-    "dry friction": ("coulomb", "table"),
-    "a drive with currents": ("coulomb", "voltage"),
-    "end stops": ("coulomb", "end stop", "payload"),
-    "a loop": ("coulomb", "bilateral"),
-    "a contact": ("contact", "viscous"),
-    "a contact, dry friction": ("contact", "coulomb"),
+    "dry friction": ("coulomb", "table"), "a drive with currents": ("coulomb", "voltage"),
+    "end stops": ("coulomb", "end stop", "payload"), "a loop": ("coulomb", "bilateral"),
+    "a contact": ("contact", "viscous"), "a contact, dry friction": ("contact", "coulomb"),
     "everything": ("table", "lossy gear", "contact", "end stop", "mimic"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("chosen", EVENTFUL.values(), ids=EVENTFUL)
@@ -280,7 +277,7 @@ def test_threads_are_kept_and_a_fork_starts_its_own() -> None:
         return found
 
     kept = [names() for _ in range(20)]
-    assert len(set.union(*kept)) <= max(2, len(os.sched_getaffinity(0)))
+    assert len(set.union(*kept)) <= 1 + max(2, len(os.sched_getaffinity(0)))
     assert all(len(each) == 2 for each in kept)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of forks of processes with threads
@@ -342,20 +339,17 @@ def test_tunable_parameters_differ_between_arms(rng: np.random.Generator) -> Non
 
 
 BAD: dict[str, dict[str, Any]] = {
-    "q0 of one arm": {"q0": np.zeros(2)},
-    "q0 too wide": {"q0": np.zeros((3, 3))},
+    "q0 of one arm": {"q0": np.zeros(2)}, "q0 too wide": {"q0": np.zeros((3, 3))},
     "v0 of another length": {"v0": np.zeros((4, 2))},
     "q0 with NaN": {"q0": np.full((3, 2), np.nan)},
     "no arms": {"q0": np.zeros((0, 2)), "v0": np.zeros((0, 2))},
     "tau too long": {"tau": np.zeros((3, 11, 2))},
     "tau of another number of arms": {"tau": np.zeros((2, 2))},
-    "tau with infinity": {"tau": [np.inf, 0.0]},
-    "negative steps": {"steps": -1},
-    "steps not whole": {"steps": 2.5},
-    "no threads": {"threads": 0},
+    "tau with infinity": {"tau": [np.inf, 0.0]}, "negative steps": {"steps": -1},
+    "steps not whole": {"steps": 2.5}, "no threads": {"threads": 0},
     "not tunable": {"parameters": {"gravity": [0.0, 0.0, 0.0]}},
     "unknown parameter": {"parameters": {"colour": 1.0}},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("changes", BAD.values(), ids=BAD)

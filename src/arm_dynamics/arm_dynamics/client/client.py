@@ -148,12 +148,9 @@ class ArmClient:
     """
 
     def __init__(
-        self,
-        dynamics: str = "dynamics",
-        sim: str = "sim",
-        timeout: float = 5.0,
+        self, dynamics: str = "dynamics", sim: str = "sim", timeout: float = 5.0,
         domain: int | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Join the ROS graph.
 
         Args:
@@ -183,26 +180,19 @@ class ArmClient:
         """Properties of the node's arm."""
         answer = self._ask(self._dynamics, interfaces.MODEL_INFO)
         return ModelFacts(
-            joint_names=tuple(answer.joint_names),
-            joint_types=tuple(answer.joint_types),
+            joint_names=tuple(answer.joint_names), joint_types=tuple(answer.joint_types),
             position_lower=np.array(answer.position_lower),
             position_upper=np.array(answer.position_upper),
             velocity_limits=np.array(answer.velocity_limits),
-            effort_limits=np.array(answer.effort_limits),
-            frame_names=tuple(answer.frame_names),
-            total_mass=answer.total_mass,
-            gravity=np.array(answer.gravity, float),
+            effort_limits=np.array(answer.effort_limits), frame_names=tuple(answer.frame_names),
+            total_mass=answer.total_mass, gravity=np.array(answer.gravity, float),
             summary=answer.summary,
-        )
+        )  # fmt: skip
 
     def inverse_dynamics(
-        self,
-        q: ArrayLike,
-        v: ArrayLike | None = None,
-        a: ArrayLike | None = None,
-        terms: int = ALL_TERMS,
-        joint_names: Sequence[str] = (),
-    ) -> Array:
+        self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None,
+        terms: int = ALL_TERMS, joint_names: Sequence[str] = (),
+    ) -> Array:  # fmt: skip
         """Torques that produce a motion: the chosen terms of M a + C v + G + S + F.
 
         Args:
@@ -221,12 +211,9 @@ class ArmClient:
         return shaped(answer.effort, points(answer, q))
 
     def forward_dynamics(
-        self,
-        q: ArrayLike,
-        v: ArrayLike | None = None,
-        tau: ArrayLike | None = None,
+        self, q: ArrayLike, v: ArrayLike | None = None, tau: ArrayLike | None = None,
         joint_names: Sequence[str] = (),
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """Accelerations that torques produce, shape of ``q``; see ``inverse_dynamics``."""
         fields = motion(joint_names, position=q, velocity=v, effort=tau)
         answer = self._ask(self._dynamics, interfaces.FORWARD_DYNAMICS, **fields)
@@ -250,16 +237,10 @@ class ArmClient:
         )  # fmt: skip
 
     def task_space(
-        self,
-        frame: str,
-        q: ArrayLike,
-        v: ArrayLike | None = None,
-        *,
-        reference: str = "local_world_aligned",
-        axes: str | Sequence[str] = "pose",
-        direction: ArrayLike = (),
-        joint_names: Sequence[str] = (),
-    ) -> dict[str, Any]:
+        self, frame: str, q: ArrayLike, v: ArrayLike | None = None, *,
+        reference: str = "local_world_aligned", axes: str | Sequence[str] = "pose",
+        direction: ArrayLike = (), joint_names: Sequence[str] = (),
+    ) -> dict[str, Any]:  # fmt: skip
         """The equation of motion in task space, at a frame.
 
         Args:
@@ -292,14 +273,9 @@ class ArmClient:
         return found
 
     def inverse_kinematics(
-        self,
-        frame: str,
-        pose: ArrayLike,
-        seed: ArrayLike | None = None,
-        *,
-        axes: str | Sequence[str] = "pose",
-        joint_names: Sequence[str] = (),
-    ) -> Postures:
+        self, frame: str, pose: ArrayLike, seed: ArrayLike | None = None, *,
+        axes: str | Sequence[str] = "pose", joint_names: Sequence[str] = (),
+    ) -> Postures:  # fmt: skip
         """Inverse kinematics: joint positions within limits that bring a frame to a pose.
 
         The request is sent only once: an unreachable pose takes the node some tenths of a second,
@@ -338,12 +314,9 @@ class ArmClient:
         return found
 
     def constrained_dynamics(
-        self,
-        q: ArrayLike,
-        v: ArrayLike | None = None,
-        tau: ArrayLike | None = None,
+        self, q: ArrayLike, v: ArrayLike | None = None, tau: ArrayLike | None = None,
         joint_names: Sequence[str] = (),
-    ) -> ConstrainedMotion:
+    ) -> ConstrainedMotion:  # fmt: skip
         """Accelerations and forces that torques produce under the scene's constraints.
 
         τ = M a + C v + G + S + F + Aᵀλ with A v = 0, for the initially active constraints.
@@ -358,13 +331,9 @@ class ArmClient:
         )  # fmt: skip
 
     def constrained_inverse_dynamics(
-        self,
-        q: ArrayLike,
-        v: ArrayLike | None = None,
-        a: ArrayLike | None = None,
-        multipliers: ArrayLike | None = None,
-        joint_names: Sequence[str] = (),
-    ) -> Array:
+        self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None,
+        multipliers: ArrayLike | None = None, joint_names: Sequence[str] = (),
+    ) -> Array:  # fmt: skip
         """Torques for a motion and for forces on the scene's constraints.
 
         As ``inverse_dynamics``, with ``multipliers`` λ as ``constrained_dynamics`` gives them, in
@@ -413,12 +382,9 @@ class ArmClient:
         self._ask(self._sim, interfaces.SET_JOINT_STATE, **fields)
 
     def set_payload(
-        self,
-        mass: float,
-        com: ArrayLike = (0.0, 0.0, 0.0),
-        inertia: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        index: int = 0,
-    ) -> None:
+        self, mass: float, com: ArrayLike = (0.0, 0.0, 0.0),
+        inertia: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), index: int = 0,
+    ) -> None:  # fmt: skip
         """Change a payload that the scene declares tunable.
 
         Args:

@@ -247,12 +247,9 @@ class CompiledComputedTorque(Compiled):
     """``ComputedTorque``, compiled for the arm."""
 
     def __init__(
-        self,
-        dynamics: Dynamics,
-        bandwidth: ArrayLike = 20.0,
-        damping_ratio: ArrayLike = 1.0,
+        self, dynamics: Dynamics, bandwidth: ArrayLike = 20.0, damping_ratio: ArrayLike = 1.0,
         dt: float = 1e-3,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Choose gains, as those of ``ComputedTorque``."""
         law = ComputedTorque(dynamics, bandwidth, damping_ratio, dt)
         super().__init__(law, dynamics.model)

@@ -23,6 +23,8 @@ from arm_dynamics.dynamics.verify import compare, random_states
 from arm_dynamics.exceptions import KernelError
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 
+CHUNK = 8192
+"""Points that are computed in one call; between calls Python handles signals."""
 _DRIVER = compiler.NATIVE / "rows.c"
 _log = logging.getLogger(__name__)
 
@@ -88,12 +90,13 @@ def at_points(function: ca.Function, entry: Any) -> Callable[..., list[Array]]:
         vectors = [_readable(x) for x in given]
         steps = [x.strides[0] // x.itemsize if x.ndim == 2 else 0 for x in vectors]
         made = [np.empty((count, size)) for size in sizes]
-        entry(
-            pointers(vectors, len(vectors)),
-            (ctypes.c_longlong * len(steps))(*steps),
-            ctypes.c_longlong(count),
-            pointers(made, len(made)),
-        )
+        strides = (ctypes.c_longlong * len(steps))(*steps)
+        for first in range(0, count, CHUNK):
+            rows = slice(first, first + CHUNK)
+            inputs = [x[rows] if step else x for x, step in zip(vectors, steps, strict=True)]
+            some = ctypes.c_longlong(min(CHUNK, count - first))
+            outputs = [x[rows] for x in made]
+            entry(pointers(inputs, len(inputs)), strides, some, pointers(outputs, len(outputs)))
         return made
 
     return answer

@@ -55,20 +55,10 @@ if TYPE_CHECKING:
               help="Also compile the nodes, which do not run without.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON at the end.")
 def build(
-    scenes: tuple[str, ...],
-    out: Path,
-    integrator: str | None,
-    dt: float | None,
-    tolerance: float | None,
-    processor: str,
-    controllers: bool,
-    task_frame: str | None,
-    task_axes: str,
-    batches: bool,
-    derivatives: bool,
-    nodes: bool,
-    as_json: bool,
-) -> None:
+    scenes: tuple[str, ...], out: Path, integrator: str | None, dt: float | None,
+    tolerance: float | None, processor: str, controllers: bool, task_frame: str | None,
+    task_axes: str, batches: bool, derivatives: bool, nodes: bool, as_json: bool,
+) -> None:  # fmt: skip
     """Compile what SCENEs need into DIR, for machines without a compiler.
 
     There, with the same version of the suite, ARM_CACHE=DIR makes every command and node run the

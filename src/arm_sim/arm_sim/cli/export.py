@@ -36,15 +36,9 @@ from arm_sim.cli.output import examples
 @click.option("--derivatives", is_flag=True,
               help="Also export derivatives of the dynamics, and of the tick.")  # fmt: skip
 def export(
-    scene: str,
-    out: Path,
-    name: str | None,
-    tick: bool,
-    servo: bool,
-    fmu: bool,
-    frames: tuple[str, ...],
-    derivatives: bool,
-) -> None:
+    scene: str, out: Path, name: str | None, tick: bool, servo: bool, fmu: bool,
+    frames: tuple[str, ...], derivatives: bool,
+) -> None:  # fmt: skip
     """Write SCENE as a C library into DIR, which needs nothing of the suite.
 
     DIR contains NAME.h and NAME.c (C11, also C++17), CMakeLists.txt, a test program with the

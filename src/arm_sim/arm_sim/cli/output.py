@@ -7,10 +7,12 @@ import io
 import logging
 import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
-from threading import Timer
-from typing import TYPE_CHECKING, Any
+from shutil import get_terminal_size
+from threading import Event, Thread
+from time import monotonic
+from typing import TYPE_CHECKING, Any, TextIO
 
 from arm_dynamics.exceptions import ARM
 from arm_dynamics.logs import heard_by
@@ -69,26 +71,41 @@ class _Said(logging.Handler):
             self.handleError(record)
 
 
-@contextmanager
-def waiting(what: str) -> Iterator[None]:
-    """Show on a terminal, after two seconds, what the command waits for and how long."""
-    if not sys.stderr.isatty():
-        yield
-        return
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+_tasks: list[Callable[[], str]] = []  # what is being done, the innermost last
 
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    progress = Progress(*columns, console=Console(stderr=True), transient=True)
-    progress.add_task(what, total=None)
-    begin = Timer(PATIENCE, progress.start)
-    begin.start()
+
+@contextmanager
+def waiting(what: str | Callable[[], str], *, in_lines: bool = False) -> Iterator[None]:
+    """Say on a terminal, after two seconds, what the command waits for and how long.
+
+    Args:
+        what: The text, or what returns the present one.
+        in_lines: Whether to say it without a terminal, too, in a line every two seconds.
+    """
+    _tasks.append(what if callable(what) else lambda: what)
+    done, shown = Event(), sys.stderr.isatty()
+    if (shown or in_lines) and len(_tasks) == 1:
+        teller = Thread(target=_tell, args=(done, sys.stderr, shown), daemon=True)
+    else:
+        teller = Thread()
+    teller.start()
     try:
         yield
     finally:
-        begin.cancel()
-        begin.join()
-        progress.stop()
+        done.set()
+        teller.join()
+        _tasks.pop()
+
+
+def _tell(done: Event, stream: TextIO, in_place: bool) -> None:
+    begin, pause, last = monotonic(), 0.75 * PATIENCE, ""
+    while not done.wait(pause):
+        text = f"{_tasks[-1]()} … {monotonic() - begin:.0f} s"
+        if in_place:
+            last, pause = "\r\033[K", 0.5
+            text = f"{last}{text[: get_terminal_size().columns - 1]}"
+        print(text, end="" if in_place else "\n", file=stream, flush=True)
+    print(last, end="", file=stream, flush=True)
 
 
 @contextmanager

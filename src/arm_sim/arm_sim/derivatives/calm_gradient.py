@@ -32,6 +32,9 @@ from arm_sim.stepping.engine import mode_sizes, sizes, source
 from arm_sim.stepping.rollout import ADDRESS, NUMBER, Engine, built_of_lanes, of_lanes
 from arm_sim.stepping.stepper import address, pointer
 
+STRETCH = 1024
+"""Ticks that are made in one call."""
+
 
 class Part(Protocol):
     """Some ticks of a motion."""
@@ -137,7 +140,7 @@ class CalmGradients:
             The ticks before that one, if there are any.
         """
         first, ahead = motion.ticks, tau[motion.ticks :]
-        most = self._kinks.ticks_before(motion.x, ahead)
+        most = min(STRETCH, self._kinks.ticks_before(motion.x, ahead))
         kept, after = np.empty((most, self._kept)), np.empty(self._nx)
         done = self.library.calm_motion(  # type: ignore[union-attr]
             pointer(np.ascontiguousarray(motion.x)), pointer(ahead), pointer(motion.p),

@@ -33,10 +33,9 @@ from arm_sim.stepping.rollout import (
     ADDRESS,
     BEGINNING,
     Batch,
+    Marks,
     alike,
     built_of_lanes,
-    marked,
-    marks,
     of_lanes,
     repeated,
     share,
@@ -240,7 +239,7 @@ class Gradients:
         threads: int | None,
     ) -> list[int]:  # fmt: skip
         """Gradients of all arms; returns the arms that meet stops or diverge."""
-        met, length = marks(len(batch.x0)), np.array([self._choice.dt])
+        marks, length = Marks(len(batch.x0)), np.array([self._choice.dt])
 
         def work(first: int, last: int) -> None:
             motion = np.empty((batch.steps + 1, batch.x0.shape[1], width))
@@ -248,11 +247,11 @@ class Gradients:
                 address(batch.x0), address(batch.tau), *strides(batch.tau, 2),
                 address(batch.p), *strides(batch.p, 1), address(length), batch.steps, first, last,
                 address(g), address(motion), address(found.by_x), address(found.by_tau),
-                address(found.by_p), met,
+                address(found.by_p), marks,
             )  # fmt: skip
 
-        share(len(batch.x0), width, threads, work)
-        return marked(met)
+        share(len(batch.x0), width, threads, work, batch.steps, marks.halt)
+        return marks.of(0, len(batch.x0))
 
     def _tick_by_tick(
         self, batch: Batch, g: Array, found: ArgumentGradients, arm: int, side: int | None

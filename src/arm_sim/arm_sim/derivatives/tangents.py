@@ -35,9 +35,8 @@ from arm_sim.stepping.rollout import (
     BEGINNING,
     NUMBER,
     Engine,
+    Marks,
     built_of_lanes,
-    marked,
-    marks,
     of_lanes,
     share,
     stop_defines,
@@ -287,7 +286,7 @@ class Tangents:
         built = ((self.library(width), width) for width in self._widths(lanes))
         library, width = next(pair for pair in built if pair[0] is not None)
         after, begins = state
-        met, length = marks(len(after)), address(self._length)
+        marks, length = Marks(len(after)), address(self._length)
         done, of_modes = np.zeros(0, np.int64), tuple[Any, ...]()
         if self._engine is not None:
             done = np.zeros(len(after), np.int64)
@@ -295,11 +294,11 @@ class Tangents:
 
         def work(first: int, last: int) -> None:
             library.carry_ticks(  # type: ignore[union-attr]
-                *of_arms, length, ticks, first, last, *of_columns, met, *of_modes
+                *of_arms, length, ticks, first, last, *of_columns, marks, *of_modes
             )
 
-        share(len(after), width, threads, work)
-        return marked(met), done
+        share(len(after), width, threads, work, ticks, marks.halt)
+        return marks.of(0, len(after)), done
 
     def _widths(self, lanes: int | None) -> tuple[int, ...]:
         """As ``widths``; with events lanes save less time than their compilation takes."""

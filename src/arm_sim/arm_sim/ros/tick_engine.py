@@ -58,16 +58,10 @@ class TickEngine:
     """
 
     def __init__(
-        self,
-        simulator: Simulator,
-        *,
-        wrench_timeout: float,
-        wrench_reference: str,
-        paused: bool = False,
-        self_running: bool = False,
-        wait_for_command: bool = False,
+        self, simulator: Simulator, *, wrench_timeout: float, wrench_reference: str,
+        paused: bool = False, self_running: bool = False, wait_for_command: bool = False,
         background: Background | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Prepare; the policy ``zero`` acts until ``configure`` changes it.
 
         Args:

@@ -9,8 +9,8 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import cache
-from itertools import compress
+from functools import cache, partial
+from itertools import compress, pairwise
 from time import perf_counter
 from typing import Any
 
@@ -53,6 +53,8 @@ WIDTHS = (8, 4, 2, 1)
 MANY_TICKS = 100_000
 # Work in [s] that is worth a thread; with 16 of them, less takes longer than alone.
 WORTH_A_THREAD = 7e-4
+# Ticks of groups of arms that surely take little time.
+FEW_TICKS = 2000
 # Functions of events that ticks without events ask for, see native/foresight.h.
 FORESEEN = ("loads", "contact_geometry", "contact_inertia", "contact_close")
 # How CasADi writes choices; C++ has no such operator for many arms at a time.
@@ -132,14 +134,15 @@ class Rollouts:
             together &= len(batch.x0) * batch.steps >= MANY_TICKS
         library, width = self._library(wide) if together else (None, 1)
 
-        def work(first: int, last: int) -> None:
-            if library is None:
-                self._one_by_one(batch, range(first, last))
-            else:
-                stopped = self._in_lanes(library, batch, first, last)
-                self._one_by_one(batch, stopped)
+        marks = Marks(len(batch.x0))
 
-        share(len(batch.x0), width, threads, work)
+        def work(first: int, last: int) -> None:
+            if library is not None:
+                self._in_lanes(library, batch, marks, first, last)
+            alone = range(first, last) if library is None else marks.of(first, last)
+            self._one_by_one(batch, alone, marks)
+
+        share(len(batch.x0), width, threads, work, batch.steps, marks.halt)
         n = self._plant.model.n
         return batch.out[..., : 2 * n] if self._plant.nz else batch.out
 
@@ -151,8 +154,13 @@ class Rollouts:
             None if that holds for all: the scene has dry friction or contacts under error control,
             or there is no compiler.
         """
-        library = self._lanes_here()
-        return None if library is None else self._in_lanes(library, batch, 0, len(batch.x0))
+        library, arms = self._lanes_here(), len(batch.x0)
+        if library is None:
+            return None
+        marks = Marks(arms)
+        work = partial(self._in_lanes, library, batch, marks)
+        share(arms, natural_width(), 1, work, batch.steps, marks.halt)
+        return marks.of(0, arms)
 
     def prepare(self) -> None:
         """Compile what ``side_by_side`` needs, unless that is done."""
@@ -208,19 +216,20 @@ class Rollouts:
         by_tick = array if array.ndim == 3 else np.atleast_2d(array)[:, None]
         return repeated(by_tick, (arms, max(1, steps), n))
 
-    def _in_lanes(self, library: ctypes.CDLL, batch: Batch, first: int, last: int) -> list[int]:
-        """Advance arms side by side; return those that would have met a stop."""
-        met, length = marks(len(batch.x0)), np.array([self._choice.dt])
+    def _in_lanes(
+        self, library: ctypes.CDLL, batch: Batch, marks: Marks, first: int, last: int
+    ) -> None:
+        """Advance arms side by side; those that would have met a stop are marked."""
+        length = np.array([self._choice.dt])
         library.rollout(
             address(batch.x0), address(batch.tau), *strides(batch.tau, 2),
             address(batch.p), *strides(batch.p, 1), address(length), batch.steps, first, last,
-            address(batch.out), batch.out.ndim == 2, met,
+            address(batch.out), batch.out.ndim == 2, marks,
             *([] if batch.effort is None else [address(batch.effort)]),
             *([] if self._engine is None else [ctypes.byref(self._engine)]),
         )  # fmt: skip
-        return marked(met)
 
-    def _one_by_one(self, batch: Batch, arms: Sequence[int]) -> None:
+    def _one_by_one(self, batch: Batch, arms: Sequence[int], marks: Marks) -> None:
         if not arms:
             return
         stepper = self._at_rest()
@@ -229,8 +238,11 @@ class Rollouts:
         for arm in arms:
             stepper.restart()
             stepper.p[:] = batch.p[arm]
-            x, tau = batch.x0[arm].copy(), np.ascontiguousarray(batch.tau[arm])
-            done = stepper.roll(x, tau, trace, effort, notes)
+            x, tau = batch.x0[arm].copy(), batch.tau[arm]
+            tau = np.ascontiguousarray(tau if batch.tau.strides[1] else tau[0])
+            done = stepper.roll(x, tau, trace, effort, notes, lambda: marks.halted)
+            if marks.halted:
+                break
             trace[done:] = np.nan
             motion = np.vstack([batch.x0[arm], trace])
             batch.out[arm] = motion[-1] if batch.out.ndim == 2 else motion
@@ -298,14 +310,9 @@ def ticks_of_lanes(
 
 
 def _source(
-    plant: Plant,
-    width: int,
-    functions: list[ca.Function],
-    more: dict[str, str],
-    file: str,
-    control: CompiledControl | None,
-    without: Collection[str] = (),
-) -> str:
+    plant: Plant, width: int, functions: list[ca.Function], more: dict[str, str], file: str,
+    control: CompiledControl | None, without: Collection[str] = (),
+) -> str:  # fmt: skip
     defines = sizes(plant, functions) | more
     if control is not None:
         defines["NR"] = str(control.law.size1_in(1))
@@ -389,18 +396,34 @@ def strides(array: Array, axes: int) -> list[int]:
     return [stride // 8 for stride in array.strides[:axes]]
 
 
-def marks(arms: int) -> ctypes.Array[ctypes.c_char]:
-    """A mark for each arm, not set, to be set by compiled code."""
-    return (ctypes.c_char * arms)()
+class Marks:
+    """A mark for each arm, to be set by compiled code; before them one by which it is halted."""
+
+    def __init__(self, arms: int) -> None:
+        self._all = (ctypes.c_char * (1 + arms))()
+        self._as_parameter_ = ctypes.byref(self._all, 1)  # what ctypes passes
+
+    def of(self, first: int, last: int) -> list[int]:
+        """Those of some arms whose marks are set."""
+        return list(compress(range(first, last), self._all.raw[1 + first :]))
+
+    @property
+    def halted(self) -> bool:
+        """Whether compiled code is to return at its next tick, its results being of no use."""
+        return self._all[0] != b"\0"
+
+    def halt(self) -> None:
+        """Halt it."""
+        self._all[0] = b"\1"
 
 
-def marked(met: ctypes.Array[ctypes.c_char]) -> list[int]:
-    """Arms whose marks are set."""
-    return list(compress(range(len(met)), met.raw))
-
-
-def share(arms: int, width: int, threads: int | None, work: Callable[[int, int], None]) -> None:
+def share(
+    arms: int, width: int, threads: int | None, work: Callable[[int, int], None], ticks: int = 0,
+    halt: Callable[[], None] = lambda: None,
+) -> None:  # fmt: skip
     """Distribute arms over threads in whole groups; compiled code releases the interpreter lock.
+
+    If they have many ticks, this thread only waits, so that signals are handled.
 
     Args:
         arms: Number of arms.
@@ -408,6 +431,8 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
         threads: Number of threads; None for one per core, or fewer if the time that the first
             group takes tells that they would not be worth it.
         work: Called with the first arm and the one after the last.
+        ticks: Ticks of each arm.
+        halt: Lets all that works return soon, after an exception.
 
     Raises:
         InvalidInput: If the number of threads is not positive.
@@ -415,21 +440,23 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
     if threads is not None:
         whole("threads", threads, 1)
     count, groups, done = threads or len(os.sched_getaffinity(0)), -(-arms // width), 0
-    if threads is None and count > 1 and groups > 1:
+    if threads is None and count > 1 and groups > 1 and ticks <= FEW_TICKS:
         start = perf_counter()
         work(0, width)
         count = min(count, 1 + int((groups - 1) * (perf_counter() - start) / WORTH_A_THREAD))
         done = 1
-    if count == 1 or groups - done <= 1:
-        work(done * width, arms)
-        return
+    count = max(1, min(count, groups - done))
     edges = [done + (groups - done) * i // count for i in range(count + 1)]
-    first, *parts = [
-        (a * width, min(arms, b * width)) for a, b in zip(edges, edges[1:], strict=False) if b > a
-    ]
-    others = [_kept_threads().submit(work, *part) for part in parts]
+    parts = [(a * width, min(arms, b * width)) for a, b in pairwise(edges)]
+    here = parts[: (groups - done) * ticks <= FEW_TICKS]
+    others = [_kept_threads().submit(work, *part) for part in parts[len(here) :]]
     try:
-        work(*first)
+        for part in here:
+            work(*part)
+        wait(others)
+    except BaseException:
+        halt()
+        raise
     finally:
         wait(others)
     for other in others:
@@ -439,7 +466,7 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
 @cache
 def _kept_threads() -> ThreadPoolExecutor:
     """Threads besides the calling one: those that ended their work wait for more."""
-    return ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1), "arms")
+    return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "arms")
 
 
 os.register_at_fork(after_in_child=_kept_threads.cache_clear)  # a fork has none of them

@@ -70,14 +70,9 @@ class Stepper:
 
     @one_at_a_time
     def __init__(
-        self,
-        plant: Plant,
-        choice: Choice,
-        backend: str,
-        control: CompiledControl | None = None,
-        *,
-        acted: bool = False,
-    ) -> None:
+        self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None,
+        *, acted: bool = False,
+    ) -> None:  # fmt: skip
         compiled = control is None and backend in ("auto", "native")
         recipe = recipe_of(plant, choice, acted) if compiled else ""
         known = Kernel.recalled(recipe) if recipe else None
@@ -150,9 +145,17 @@ class Stepper:
             pointer(effort), pointer(notes), control, ctypes.byref(self.report),
         )  # fmt: skip
 
-    def roll(self, x: Array, command: Array, trace: Array, effort: Array, notes: Array) -> int:
-        """Advance once, see ``bound``, in slices; return the number of good ticks."""
+    def roll(
+        self, x: Array, command: Array, trace: Array, effort: Array, notes: Array,
+        halted: Callable[[], bool] = bool,
+    ) -> int:  # fmt: skip
+        """Advance once, see ``bound``, in slices; return the number of good ticks.
+
+        It ends early when ``halted`` returns true.
+        """
         for first, end in slices(len(trace), self.few):
+            if halted():
+                return first
             rows = slice(first, end)
             part = command[rows] if command.ndim == 2 else command
             done = self.bound(x, part, trace[rows], effort[rows], notes[rows])()

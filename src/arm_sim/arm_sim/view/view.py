@@ -6,7 +6,7 @@ from __future__ import annotations
 import html
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -155,6 +155,7 @@ class View:
         size: tuple[int, int] = SIZE,
         rate: float = RATE,
         speed: float = 1.0,
+        progress: Callable[[str], None] = lambda text: None,
     ) -> Path:
         """Write a motion as a film (.gif, or .mp4 where ffmpeg is installed).
 
@@ -163,6 +164,7 @@ class View:
             size: Width and height in pixels.
             rate: Frames per second.
             speed: Playback speed: 2 for twice as fast.
+            progress: Called with what is done next.
 
         Raises:
             ViewError: If it is not a motion, there is no browser, or writing fails.
@@ -171,12 +173,14 @@ class View:
         pictures.refuse_film(path)
         with pictures.camera(self._server, size) as shoot:
 
-            def taken(time: float) -> np.ndarray:
-                self._seek(time)
-                picture: np.ndarray = shoot()
-                return picture
+            def taken() -> Iterator[np.ndarray]:
+                for i, time in enumerate(times, 1):
+                    progress(f"picture {i} of {len(times)}")
+                    self._seek(time)
+                    yield shoot()
+                progress("writing the file")
 
-            pictures.write_film(path, map(taken, times), rate)
+            pictures.write_film(path, taken(), rate)
         return path
 
     def page(self, path: str | Path, rate: float = RATE, speed: float = 1.0) -> Path:

@@ -17,9 +17,8 @@ from arm_sim.stepping.rollout import (
     ADDRESS,
     NUMBER,
     Engine,
+    Marks,
     built_of_lanes,
-    marked,
-    marks,
     strides,
     switches_unseen,
     ticks_of_lanes,
@@ -84,7 +83,7 @@ class Forward:
         self, library: ctypes.CDLL, course: Course, size: Array, x: Array, u: Array
     ) -> list[int]:
         """Simulate all arms; those that are returned meet stops and must be simulated alone."""
-        policy, met = course.policy, marks(len(size))
+        policy, marks = course.policy, Marks(len(size))
         given = [
             np.ascontiguousarray(array)
             for array in (
@@ -94,10 +93,10 @@ class Forward:
         ]  # fmt: skip
         library.follow(
             *map(address, given), len(course.u), len(size),
-            address(x), *strides(x, 1), address(u), *strides(u, 1), met,
+            address(x), *strides(x, 1), address(u), *strides(u, 1), marks,
             *([] if self._engine is None else [ctypes.byref(self._engine)]),
         )  # fmt: skip
-        return marked(met)
+        return marks.of(0, len(size))
 
     def _one(self, course: Course, size: float, x: Array, u: Array) -> None:
         """Simulate an arm tick by tick through its events, x of shape (nodes + 1, nx)."""

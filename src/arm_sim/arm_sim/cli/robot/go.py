@@ -51,16 +51,9 @@ _SETTLING = 2.0  # [s] for the last errors to vanish once the reference is at re
               help="How long to wait for the controller and its states, in s.")  # fmt: skip
 @click.option("--no-wait", is_flag=True, help="Return when the motion has started.")
 def go(
-    goals: tuple[str, ...],
-    duration: float | None,
-    pose: Vector | None,
-    frame: str | None,
-    trajectory: Path | None,
-    tolerance: float,
-    node: str,
-    timeout: float,
-    no_wait: bool,
-) -> None:
+    goals: tuple[str, ...], duration: float | None, pose: Vector | None, frame: str | None,
+    trajectory: Path | None, tolerance: float, node: str, timeout: float, no_wait: bool,
+) -> None:  # fmt: skip
     """Move the arm of a running controller to joint positions, or a frame to a pose.
 
     Joints that are not named do not move; JOINT+=X and JOINT-=X are relative to the current

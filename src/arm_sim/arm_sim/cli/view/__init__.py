@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from arm_sim.cli.completion import SCENE
-from arm_sim.cli.output import examples
+from arm_sim.cli.output import examples, waiting
 
 __all__ = ["view"]
 
@@ -77,23 +77,11 @@ class Size(click.ParamType):
 @click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True,
               help="Frames per second of films and pages.")  # fmt: skip
 def view(
-    what: tuple[str, ...],
-    live: tuple[str, ...],
-    host: str,
-    port: int | None,
-    html: Path | None,
-    png: Path | None,
-    gif: Path | None,
-    mp4: Path | None,
-    size: tuple[int, int],
-    time: float | None,
-    duration: float,
-    control: str,
-    scene: str | None,
-    topic: str | None,
-    speed: float,
-    rate: float,
-) -> None:
+    what: tuple[str, ...], live: tuple[str, ...], host: str, port: int | None, html: Path | None,
+    png: Path | None, gif: Path | None, mp4: Path | None, size: tuple[int, int],
+    time: float | None, duration: float, control: str, scene: str | None, topic: str | None,
+    speed: float, rate: float,
+) -> None:  # fmt: skip
     """Show WHAT in the browser until Ctrl-C, or write its pictures.
 
     WHAT is a scene (a scene file, a URDF, or the name of a ready scene) that can be run, stepped,
@@ -110,7 +98,10 @@ def view(
     if pictures.keys() - {"html"}:
         browser()
     port = 0 if pictures else port
+    doing = [f"opening {' '.join(what) or 'the page'}"]
     with ExitStack() as stack:
+        if pictures:
+            stack.enter_context(waiting(lambda: doing[-1], in_lines=True))
         if live:
             from arm_sim.cli.view.live import RunningArms
 
@@ -128,14 +119,16 @@ def view(
             )
         stack.enter_context(page)
         for kind, path in pictures.items():
+            doing.append(f"drawing {path}")
             if kind == "png":
                 page.picture(path, size, time)
             elif kind == "html":
                 page.page(path, rate, speed)
             else:
-                page.film(path, size, rate, speed)
-            click.echo(path)
+                page.film(path, size, rate, speed, doing.append)
         if not pictures:
             click.echo(f"{page.url}  (Ctrl-C ends)")
             with suppress(KeyboardInterrupt), interruptible():
                 page.wait()
+    for path in pictures.values():
+        click.echo(path)

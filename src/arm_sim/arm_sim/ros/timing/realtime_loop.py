@@ -82,17 +82,10 @@ class RealtimeLoop:
     _until: int | None
 
     def __init__(
-        self,
-        tick: Callable[[], None],
-        period: float,
-        *,
-        overrun: str = CATCH_UP,
-        closest: float = 0.1,
-        give_up: float = 1.0,
-        prepare: Callable[[], None] = lambda: None,
-        ahead: Callable[[Due], bool] | None = None,
-        clock: Any = time,
-    ) -> None:
+        self, tick: Callable[[], None], period: float, *, overrun: str = CATCH_UP,
+        closest: float = 0.1, give_up: float = 1.0, prepare: Callable[[], None] = lambda: None,
+        ahead: Callable[[Due], bool] | None = None, clock: Any = time,
+    ) -> None:  # fmt: skip
         self._tick, self._prepare, self._clock = tick, prepare, clock
         self._native = library()  # compiled here if need be, not while ticks are due
         self._ahead = ahead or self._wait

@@ -31,6 +31,9 @@
 #define WITH_ENGINE
 #endif
 
+/* Whether the caller wants nothing more: the mark before those of the arms. */
+#define HALTED (((volatile const signed char*)met)[-1])
+
 /* Spare lanes of the last group repeat the last arm before `last`. */
 static void choose_arms(long long arm, long long last, long long* of_lane) {
   for (int j = 0; j < LANES; ++j) of_lane[j] = arm + j < last ? arm + j : last - 1;

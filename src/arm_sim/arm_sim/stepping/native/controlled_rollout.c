@@ -135,7 +135,7 @@ EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, lo
     for (int i = 0; i < NP; ++i) LANE(group.p[i], j) = p[first * p_arm + i];
   }
   for (int j = 0; j < LANES; ++j) take_arm(&batch, &group, j);
-  while (busy(&batch, &group)) {
+  while (!HALTED && busy(&batch, &group)) {
     const real* arg[SZ_ARG] = {group.x, group.u, group.p, &group.length};
     real* res[SZ_RES] = {next, &error, &error_q};
     begin_ticks(&batch, &group);

@@ -32,7 +32,7 @@ EXPORTED void rollout_gradient(const double* x0, const double* tau, long long ta
     read_arms(x, NX, x0, NX, of_lane);
     read_arms(par, NP, p, p_arm, of_lane);
     memcpy(motion, x, sizeof x);
-    for (long long k = 0; k < ticks; ++k) {
+    for (long long k = 0; k < ticks && !HALTED; ++k) {
       read_arms(r, NU, tau + k * tau_tick, tau_arm, of_lane);
       arg[0] = x;
       arg[1] = r;
@@ -48,7 +48,7 @@ EXPORTED void rollout_gradient(const double* x0, const double* tau, long long ta
     for (int j = 0; j < LANES; ++j) met[of_lane[j]] |= !within_reach(x, j);
     for (int i = 0; i < NP; ++i) sum[i] = 0.0;
     for (int i = 0; i < NX; ++i) weight[i] = 0.0;
-    for (long long k = ticks; k >= 0; --k) {
+    for (long long k = ticks; k >= 0 && !HALTED; --k) {
       for (int j = 0; j < LANES; ++j)
         for (int i = 0; i < NX; ++i) LANE(weight[i], j) += g[(of_lane[j] * (ticks + 1) + k) * NX + i];
       if (k == 0) break;

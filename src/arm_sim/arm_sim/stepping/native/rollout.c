@@ -34,7 +34,7 @@ EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, lo
     choose_arms(arm, last, of_lane);
     read_arms(x, NX, x0, NX, of_lane);
     read_arms(par, NP, p, p_arm, of_lane);
-    for (long long k = 0; k <= ticks; ++k) {
+    for (long long k = 0; k <= ticks && !HALTED; ++k) {
       if (!last_only || k == ticks)
         for (int j = 0; j < LANES && arm + j < last; ++j)
           for (int i = 0; i < NX; ++i) out[(arm + j) * row + (last_only ? 0 : k * NX) + i] = LANE(x[i], j);

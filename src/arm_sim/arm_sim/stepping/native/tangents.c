@@ -168,7 +168,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
       done[of_lane[j]] = 0;
     }
 #endif
-    for (long long k = 0; k < ticks; ++k) {
+    for (long long k = 0; k < ticks && !HALTED; ++k) {
       double* reached = columns + k * columns_tick;
       read_arms(r, NU, tau + k * tau_tick, tau_arm, of_lane);
       arg[0] = x;
