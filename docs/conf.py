@@ -89,7 +89,9 @@ def links_out_of_the_site(app: Sphinx, name: str, source: list[str]) -> None:
         source[0],
     )
     source[0] = re.sub(
-        r"\]\((?:\.\./)+gallery/(\w+/plot_\w+)\.py\)", r"](/generated/gallery/\1.rst)", source[0]
+        r"\]\((?:\.\./)*gallery/(?:(\w+/plot_\w+)\.py)?\)",
+        lambda found: f"](/generated/gallery/{found[1] or 'index'}.rst)",
+        source[0],
     )
 
 

@@ -22,12 +22,10 @@ ROTOR = {"rotor_inertia": 4e-5, "rotor_damping": 2e-5, "gear_ratio": -60.0}
 VOLTAGE = WINDING | ROTOR | {"command": "voltage", "inductance": 8e-4}
 COGGING = {"cogging": {"amplitude": 5e-3, "order": 6, "phase": 0.3}}
 HARMONIC = {
-    "stiffness": 4e3,
-    "damping": 1.5,
-    "stiffening": 1e6,
+    "stiffness": 4e3, "damping": 1.5, "stiffening": 1e6,
     "hysteresis": {"torque": 3.0, "deflection": 2e-3, "sharpness": 1.7},
     "kinematic_error": {"amplitude": 3e-3, "order": 2.0, "phase": 0.2},
-}
+}  # fmt: skip
 
 DRIVES: dict[str, Any] = {
     "torque": wheel(gear_ratio=30.0),

@@ -143,11 +143,9 @@ def test_seven_joints_against_radau() -> None:
 # --- by direction, position and load -------------------------------------------------------------
 
 SIDES = {
-    "viscous": {"positive": 0.6, "negative": 0.9},
-    "coulomb": {"positive": 1.2, "negative": 0.7},
-    "static": {"positive": 1.5, "negative": 1.3},
-    "stribeck_velocity": 0.05,
-}
+    "viscous": {"positive": 0.6, "negative": 0.9}, "coulomb": {"positive": 1.2, "negative": 0.7},
+    "static": {"positive": 1.5, "negative": 1.3}, "stribeck_velocity": 0.05,
+}  # fmt: skip
 WAVY = {"at": [-1.0, 0.0, 1.0], "factor": [0.5, 1.5, 1.0], "period": 3.0}
 LOADED = {"at": [0.0, 4.0], "factor": [1.0, 1.4]}
 BRISTLES = {"sigma0": 2e3, "sigma1": 8.0, "sigma1_velocity": 0.2}

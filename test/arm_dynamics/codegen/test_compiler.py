@@ -133,11 +133,9 @@ def test_damaged_entry_is_built_again(cache: Path, damage: str) -> None:
     flipped = bytearray(good)
     flipped[len(flipped) // 2] ^= 0xFF
     changed = {
-        "cut": good[:-100],
-        "flipped": bytes(flipped),
-        "emptied": b"",
+        "cut": good[:-100], "flipped": bytes(flipped), "emptied": b"",
         "replaced": b"\x7fELF rubbish",
-    }
+    }  # fmt: skip
     entry.unlink()
     entry.write_bytes(changed[damage])
     assert value(triple()) == 6.0

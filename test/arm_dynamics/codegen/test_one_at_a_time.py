@@ -33,12 +33,10 @@ BUILDS: dict[str, Callable[[], object]] = {
     "service": lambda: compiled_answer(INVERSE, ARM),
     "batches": lambda: ARM.inverse(*np.zeros((3, MANY, 2))),
     "task space": lambda: task_space.build(ARM.model, "lower", ("x",)),
-    "commands": lambda: CommandMap(COMPENSATED.model),
-    "servo": lambda: SIM.arm.compiled.servo,
-    "plan": lambda: SIM.plan,
-    "derivatives": lambda: SIM.arm.compiled.derivatives.linearizer(),
+    "commands": lambda: CommandMap(COMPENSATED.model), "servo": lambda: SIM.arm.compiled.servo,
+    "plan": lambda: SIM.plan, "derivatives": lambda: SIM.arm.compiled.derivatives.linearizer(),
     "rollouts": lambda: SIM.arm.compiled.rollouts,
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BUILDS)

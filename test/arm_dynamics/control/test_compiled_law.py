@@ -32,11 +32,9 @@ from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 DRY = {
-    "viscous": 0.3,
-    "coulomb": {"positive": 2.0, "negative": 1.5},
-    "static": {"positive": 2.5, "negative": 2.0},
-    "stribeck_velocity": 0.1,
-}
+    "viscous": 0.3, "coulomb": {"positive": 2.0, "negative": 1.5},
+    "static": {"positive": 2.5, "negative": 2.0}, "stribeck_velocity": 0.1,
+}  # fmt: skip
 
 
 def new(name: str) -> Dynamics:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,20 @@ def test_a_class_is_found_by_name_and_gets_what_it_asks_for(dynamics: Dynamics) 
 
     make_controller(Noted, dynamics, settings)
     assert made == [control.given]
+
+
+def test_a_file_of_the_present_folder_is_found_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path])
+    monkeypatch.chdir(tmp_path)
+    for name in ("my_file_of_here", "own_controllers"):
+        (tmp_path / f"{name}.py").write_text("class Mine:\n    torque = None\n")
+    assert load_controller("my_file_of_here:Mine").__module__ == "my_file_of_here"
+    with pytest.raises(InvalidInput, match="has no class 'Mine'"):
+        load_controller("own_controllers:Mine")
+    with pytest.raises(InvalidInput, match="PYTHONPATH, and the present folder"):
+        load_controller("my_file_of_there:Mine")
 
 
 def test_our_own_classes_can_be_named_too(dynamics: Dynamics) -> None:

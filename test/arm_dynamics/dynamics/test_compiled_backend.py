@@ -30,13 +30,11 @@ TERMS = (Term.ALL, Term.INERTIA, Term.CORIOLIS, Term.GRAVITY, Term.INERTIA | Ter
 ROWS = 20  # compared with single calls
 Call = Callable[[Dynamics, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 CALLS: dict[str, Call] = {
-    "inverse": lambda d, q, v, x: d.inverse(q, v, x),
-    "forward": lambda d, q, v, x: d.forward(q, v, x),
-    "mass_matrix": lambda d, q, v, x: d.mass_matrix(q),
-    "coriolis_matrix": lambda d, q, v, x: d.coriolis_matrix(q, v),
-    "gravity": lambda d, q, v, x: d.gravity(q),
-    "energies": lambda d, q, v, x: np.stack(d.energy(q, v), axis=-1),
-}
+    "inverse": lambda d, q, v, x: d.inverse(q, v, x), "forward": lambda d, q, v,
+    x: d.forward(q, v, x), "mass_matrix": lambda d, q, v, x: d.mass_matrix(q),
+    "coriolis_matrix": lambda d, q, v, x: d.coriolis_matrix(q, v), "gravity": lambda d, q, v,
+    x: d.gravity(q), "energies": lambda d, q, v, x: np.stack(d.energy(q, v), axis=-1),
+}  # fmt: skip
 BATCH_TERMS = (
     batch_terms.INVERSE, batch_terms.FORWARD, batch_terms.MASS_MATRIX, batch_terms.CORIOLIS_MATRIX,
     batch_terms.GRAVITY, batch_terms.ENERGIES,

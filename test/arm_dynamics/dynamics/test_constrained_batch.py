@@ -22,13 +22,11 @@ ROWS = 20  # compared with single calls
 POSITION = {"at": [-1.0, 0.0, 2.0], "factor": [1.0, 2.0, 0.5]}
 LOAD = {"at": [0.0, 20.0], "factor": [1.0, 2.0]}
 KINDS: dict[str, dict[str, Any]] = {
-    "point": {"points": [[0.1, 0, 0], [0.2, 0, 0.1]]},
-    "frame": {"rpy": [0.1, 0.2, 0.3]},
-    "line": {"direction": [0, 1, 1]},
-    "plane": {"normal": [0, 1, 1], "height": 0.2},
+    "point": {"points": [[0.1, 0, 0], [0.2, 0, 0.1]]}, "frame": {"rpy": [0.1, 0.2, 0.3]},
+    "line": {"direction": [0, 1, 1]}, "plane": {"normal": [0, 1, 1], "height": 0.2},
     "distance": {"distance": 0.3, "points": [[0.1, 0, 0], [0.9, 0, 0.1]]},
     "rolling": {"normal": [0, 0, 1], "radius": 0.1, "axle": [0.6, 0.8, 0]},
-}
+}  # fmt: skip
 
 
 def closed(dyn: Dynamics, rows: int, rng: np.random.Generator) -> list[np.ndarray]:

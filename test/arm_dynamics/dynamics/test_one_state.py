@@ -26,17 +26,15 @@ from tolerances import ALGEBRA, assert_close
 
 Call = Callable[..., Any]
 CALLS: dict[str, Call] = {
-    "inverse": lambda d, q, v, x: d.inverse(q, v, x),
-    "forward": lambda d, q, v, x: d.forward(q, v, x),
-    "mass_matrix": lambda d, q, v, x: d.mass_matrix(q),
-    "coriolis_matrix": lambda d, q, v, x: d.coriolis_matrix(q, v),
-    "gravity": lambda d, q, v, x: d.gravity(q),
-    "friction": lambda d, q, v, x: d.friction(v),
-    "energy": lambda d, q, v, x: np.stack(d.energy(q, v), axis=-1),
-    "pose": lambda d, q, v, x: d.pose(q, d.model.frame_names[-1]),
-    "jacobian": lambda d, q, v, x: d.jacobian(q, d.model.frame_names[-1]),
-    "derivative": lambda d, q, v, x: d.jacobian_derivative(q, v, d.model.frame_names[-1]),
-}
+    "inverse": lambda d, q, v, x: d.inverse(q, v, x), "forward": lambda d, q, v,
+    x: d.forward(q, v, x), "mass_matrix": lambda d, q, v, x: d.mass_matrix(q),
+    "coriolis_matrix": lambda d, q, v, x: d.coriolis_matrix(q, v), "gravity": lambda d, q, v,
+    x: d.gravity(q), "friction": lambda d, q, v, x: d.friction(v), "energy": lambda d, q, v,
+    x: np.stack(d.energy(q, v), axis=-1), "pose": lambda d, q, v,
+    x: d.pose(q, d.model.frame_names[-1]), "jacobian": lambda d, q, v,
+    x: d.jacobian(q, d.model.frame_names[-1]), "derivative": lambda d, q, v,
+    x: d.jacobian_derivative(q, v, d.model.frame_names[-1]),
+}  # fmt: skip
 CURVE = {"at": [-1.0, 0.0, 2.0], "factor": [1.0, 2.0, 0.5]}
 LAWS = {
     "viscous": {"friction": {"viscous": {"positive": 0.6, "negative": 0.3}}},

@@ -217,8 +217,6 @@ def test_state_names_say_joint_and_unit() -> None:
         )  # fmt: skip
     ).states
     assert tuple(state.name for state in states) == (
-        "axle motor current [A]",
-        "axle motor position at the joint [rad]",
-        "axle motor velocity at the joint [rad/s]",
-        "axle transmission hysteresis [1]",
-    )
+        "axle motor current [A]", "axle motor position at the joint [rad]",
+        "axle motor velocity at the joint [rad/s]", "axle transmission hysteresis [1]",
+    )  # fmt: skip

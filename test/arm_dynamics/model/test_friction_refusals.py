@@ -313,11 +313,9 @@ SIDES = [("positive", "negative"), ("negative", "positive")]
 def test_bristles_are_passive_in_each_direction(weak: str, strong: str) -> None:
     """8 · (3.5 - 2) / 2 = 6 one way, 8 · (6 - 5) / 5 = 1.6 the other way."""
     given = {
-        "coulomb": {weak: 2.0, strong: 5.0},
-        "static": {weak: 3.5, strong: 6.0},
-        "stribeck_velocity": 0.1,
-        "sigma1": 8.0,
-    }
+        "coulomb": {weak: 2.0, strong: 5.0}, "static": {weak: 3.5, strong: 6.0},
+        "stribeck_velocity": 0.1, "sigma1": 8.0,
+    }  # fmt: skip
     assert LugreFriction.of(build(lugre(viscous={weak: 6.0, strong: 1.601}, **given)))
     said = refusal(lugre(viscous={weak: 5.999, strong: 6.0}, **given))
     assert "coulomb = 6 is expected, got 5.999;" in said and "sigma1 = 2.332, got None" in said

@@ -150,11 +150,9 @@ def test_velocity_limits_slow_it_down(ros: Ros, capfd: pytest.CaptureFixture[str
     ],
 )
 def test_bad_trajectory_is_refused_once_and_the_old_one_goes_on(
-    node: ControllerNode,
-    message: JointTrajectory,
-    complaint: str,
+    node: ControllerNode, message: JointTrajectory, complaint: str,
     capfd: pytest.CaptureFixture[str],
-) -> None:
+) -> None:  # fmt: skip
     effort(node, 0, (0.0, 0.0))
     node.on_joint_trajectory(trajectory(point(1.0, 1.0, -1.0)))
     before = reference_of(node, 300 * MS)

@@ -153,11 +153,9 @@ def test_why_a_node_ended_is_one_line_unless_it_is_a_fault_of_the_program(
     ],
 )
 def test_parameters_that_a_node_has_not_are_told(
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-    given: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], given: dict[str, Any],
     said: str,
-) -> None:
+) -> None:  # fmt: skip
     def make(**kwargs: Any) -> Node:
         made = Node(
             "tolerant", parameter_overrides=[Parameter(n, value=x) for n, x in given.items()],

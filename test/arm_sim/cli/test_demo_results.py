@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +21,7 @@ from arm_sim.cli.demo.course import _follow, _progress, _report
 from arm_sim.cli.demo.figure import draw
 from arm_sim.cli.demo.observer import _FIELDS, Observer, Seen
 from arm_sim.cli.demo.processes import DemoFailed
-from arm_sim.cli.demo.report import complaints, numbers, remarks, result_table
+from arm_sim.cli.demo.report import cause, complaints, numbers, remarks, result_table
 
 TIME = np.linspace(0.0, 2.0, 201)
 NAMES = ("left_shoulder", "left_elbow")
@@ -161,6 +162,19 @@ def test_a_loop_is_closed_within_limits(changed: dict[str, Any], complaint: str 
     assert bool(remarks(replace(good, **changed))) == (replace(good, **changed).rate < 990.0)
 
 
+def test_a_busy_machine_is_named_with_what_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(os, "getloadavg", lambda: (2.0, 0.0, 0.0))
+    n = told(seen())
+    assert cause(n) == "the loop was not closed"
+    assert cause(replace(n, missed=41)) == (
+        "this machine was too busy: load 2.0 on 2 cores; 41 of 1990 ticks were late by more than "
+        "a tick, round trips took up to 0 ms"
+    )
+    monkeypatch.setattr(os, "getloadavg", lambda: (12.3, 0.0, 0.0))
+    assert cause(n).startswith("this machine was too busy: load 12.3 on 2 cores; 3 of 1990")
+
+
 def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
     """Nothing of before it began, and only answers that succeeded."""
     observer = Observer(["a", "b"], 0, lambda: None)
@@ -220,7 +234,9 @@ def test_a_motion_is_waited_for_half_as_long_again_and_ten_seconds() -> None:
         if arrives:
             _follow(motion, both, both)
         else:
-            with pytest.raises(DemoFailed, match=r"only 4.29 s of the motion of 4 s .* 16 s;"):
+            with pytest.raises(
+                DemoFailed, match=r"only 4.29 s of the motion of 4 s .* 16 s \(load "
+            ):
                 _follow(motion, both, both)
         assert both.patience == 16.0
     neither: Any = Watched(False, 0.0)
@@ -242,7 +258,10 @@ def test_without_a_terminal_progress_is_lines_of_text(monkeypatch: pytest.Monkey
     assert screen.getvalue().splitlines() == ["starting …", "  2 s", "  4 s", "stopping …"]
 
 
-def test_a_report_is_written_before_it_is_complained_of(tmp_path: Path) -> None:
+def test_a_report_is_written_before_it_is_complained_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "getloadavg", lambda: (0.0, 0.0, 0.0))
     motion: Any = SimpleNamespace(model=models.dynamics("two_link").model)
     console = Console(width=120, record=True, file=io.StringIO())
     good = replace(told(seen()), goal_distance=0.0, rate=985.0)

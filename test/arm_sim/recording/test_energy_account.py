@@ -317,12 +317,10 @@ def test_a_push_that_comes_in_the_middle_of_a_run_is_accounted_for() -> None:
 def test_multipliers_bear_pushes_from_outside() -> None:
     """A weightless rod at rest across a plane: the plane carries what is pushed."""
     scene = {
-        "robot": models.scene("two_link").robot.model_dump(),
-        "gravity": [0, 0, 0],
+        "robot": models.scene("two_link").robot.model_dump(), "gravity": [0, 0, 0],
         "constraints": [{"type": "plane", "frames": ["tip", "world"], "height": -0.3}],
-        "initial": {"position": {"shoulder": 0.3, "elbow": 0.1}},
-        "tunable": ["external"],
-    }
+        "initial": {"position": {"shoulder": 0.3, "elbow": 0.1}}, "tunable": ["external"],
+    }  # fmt: skip
     sim = Simulator(scene, backend="vm")
     push = np.array([2.0, -1.0])
     sim.set_parameter("external", push)

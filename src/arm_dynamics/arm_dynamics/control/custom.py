@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import reprlib
+import sys
 import warnings
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -52,7 +53,8 @@ def load_controller(name: str) -> Maker:
     with names from the network.
 
     Args:
-        name: ``package.module:Class``; the module must be where Python finds modules.
+        name: ``package.module:Class``; the module is looked for where Python finds modules, and
+            then in the present folder.
 
     Raises:
         InvalidInput: If there is no such module or class, or the module cannot be imported.
@@ -60,12 +62,14 @@ def load_controller(name: str) -> Maker:
     where, _, what = name.partition(":")
     if not all(part.isidentifier() for part in (*where.split("."), what)):
         raise InvalidInput(f"controller = {name!r}; expected the form package.module:Class")
+    if "" not in sys.path:
+        sys.path.append("")  # the last, so that nothing else is found there instead
     try:
         module = import_module(where)
     except Exception as error:  # user code may raise anything
         raise InvalidInput(
             f"controller = {name!r}: importing '{where}' failed with {_cause(error)}; modules are "
-            "looked for in installed packages and in the folders of PYTHONPATH"
+            "looked for in installed packages, the folders of PYTHONPATH, and the present folder"
         ) from error
     maker: Maker | None = getattr(module, what, None)
     if maker is None or not callable(maker):

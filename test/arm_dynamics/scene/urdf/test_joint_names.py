@@ -47,11 +47,9 @@ def test_locked_joints_are_told_to_be() -> None:
 
 
 AGREEING = {
-    "position": (0.03, -0.011, 0.76, "-0.011"),
-    "velocity": (0.2, -0.14, 2.4, "-0.14"),
-    "acceleration": (-1.0, 0.7, -12.0, "0.7"),
-    "effort": (5.0, 0.0, 0.0, "0"),
-}
+    "position": (0.03, -0.011, 0.76, "-0.011"), "velocity": (0.2, -0.14, 2.4, "-0.14"),
+    "acceleration": (-1.0, 0.7, -12.0, "0.7"), "effort": (5.0, 0.0, 0.0, "0"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("field", AGREEING)

@@ -23,7 +23,15 @@ from arm_sim.cli.demo.figure import draw
 from arm_sim.cli.demo.motion import DemoMotion, choose_motion
 from arm_sim.cli.demo.observer import Observer, Seen
 from arm_sim.cli.demo.processes import DemoFailed, Processes, free_domain
-from arm_sim.cli.demo.report import Numbers, complaints, numbers, remarks, result_table
+from arm_sim.cli.demo.report import (
+    Numbers,
+    cause,
+    complaints,
+    load,
+    numbers,
+    remarks,
+    result_table,
+)
 from arm_sim.cli.output import console, quiet, show
 from arm_sim.recording import Recording
 from arm_sim.view.server import library
@@ -120,7 +128,7 @@ def _follow(motion: DemoMotion, processes: Processes, observer: Observer) -> Non
     if not observer.until(lambda: observer.now() >= duration + _SETTLED, patience):
         raise DemoFailed(
             f"only {observer.now():.2f} s of the motion of {duration:g} s were seen within "
-            f"{patience:g} s; the simulator's log says:\n" + processes.tail("sim")
+            f"{patience:g} s ({load()}); the simulator's log says:\n" + processes.tail("sim")
         )
 
 
@@ -187,6 +195,6 @@ def _report(
     out.print(f"motion:  {verdict}", soft_wrap=True, markup=False)
     out.print(f"figure:  {figure}\nnumbers: {file}", soft_wrap=True)
     if reasons := complaints(n):
-        raise DemoFailed("the loop was not closed:\n  " + "\n  ".join(reasons))
+        raise DemoFailed(f"{cause(n)}:\n  " + "\n  ".join(reasons))
     for remark in remarks(n):
         out.print(f"note: {remark}", markup=False)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 # Requirements for a closed loop; a good run is far better than these.
 LEAST_RATE = 0.8  # fraction of the ticks of real time
 GOOD_RATE = 0.99  # fraction below which a remark is printed
+MOST_LATE = 0.02  # fraction of late ticks from which on the machine is busy
 LEAST_COMMANDS = 100  # commands per second of the motion
 MOST_ERROR = 0.02  # [rad, m] RMS
 ARRIVED = 0.02  # [rad, m] from the goal at the end
@@ -115,6 +117,21 @@ def complaints(n: Numbers) -> list[str]:
 def remarks(n: Numbers) -> list[str]:
     """Deficiencies although the loop was closed."""
     return [_slow(n)] if n.rate < GOOD_RATE * n.wanted_rate else []
+
+
+def cause(n: Numbers) -> str:
+    """What complaints are due to: a busy machine, with what shows it, or the loop."""
+    if os.getloadavg()[0] <= len(os.sched_getaffinity(0)) and n.missed <= MOST_LATE * n.ticks:
+        return "the loop was not closed"
+    return (
+        f"this machine was too busy: {load()}; {n.missed} of {n.ticks} ticks were late by more "
+        f"than a tick, round trips took up to {1e3 * n.round_trip_max:.0f} ms"
+    )
+
+
+def load() -> str:
+    """The load of the machine in the last minute."""
+    return f"load {os.getloadavg()[0]:.1f} on {len(os.sched_getaffinity(0))} cores"
 
 
 def _slow(n: Numbers) -> str:

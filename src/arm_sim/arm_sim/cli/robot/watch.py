@@ -58,6 +58,7 @@ def watch(topic: str, once: bool, rate: float, as_json: bool, timeout: float) ->
         seen.join(listener)
         try:
             _meet(listener, seen, timeout, quiet=as_json)
+            listener.until(lambda: False, _TELL if once else 0.0)  # warnings come once a second
             _show(listener, seen, once, 1.0 / rate, as_json)
         except KeyboardInterrupt:
             pass
