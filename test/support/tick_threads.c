@@ -218,16 +218,21 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   full = -1;
   memset(lateness_bins, 0, sizeof lateness_bins);
   memset(&done, 0, sizeof done);
-  for (int i = 0; i < 2; ++i) chunks[i] = (chunk_t){chunk_raw[i], places[i], .size = CHUNK, .oldest = GIGA};
-  histogram_t lateness = {lateness_bins}, trips = {trip_bins};
-  trip_t trip = {0, 0, stamps, times, &trips};
+  for (int i = 0; i < 2; ++i) chunks[i] = (chunk_t){.raw = chunk_raw[i], .places = places[i], .size = CHUNK, .oldest = GIGA};
+  histogram_t lateness = {.bins = lateness_bins}, trips = {.bins = trip_bins};
+  trip_t trip = {.stamps = stamps, .times = times, .trips = &trips};
   stream_t stream = {0};
-  joint_state_t reader = {{{any, any, MESSAGE, {HEAD}, joints}}, 1, JOINTS, NULL, found};
+  joint_state_t reader = {
+      .kinds = {{.fixed = any, .expected = any, .size = MESSAGE, .at = {HEAD}, .place = joints}},
+      .fields = 1, .joints = JOINTS, .found = found};
   source_t from = {0};
   const uint8_t* numbers = (uint8_t*)x;
-  sink_t state = {state_raw, MESSAGE, 1, JOINTS, {HEAD}, {numbers}};
-  step_t step = {move, x, next_command, 0, NULL, 1e-3, 1, NULL, acted};
-  tick_t copy = {tick_raw, MESSAGE, 0, 8, {HEAD}, {numbers, numbers, numbers}, {8 * JOINTS}, 1, 2};
+  sink_t state = {
+      .raw = state_raw, .size = MESSAGE, .fields = 1, .joints = JOINTS, .at = {HEAD}, .numbers = {numbers}};
+  step_t step = {.roll = move, .x = x, .command = next_command, .dt = 1e-3, .ticks = 1, .effort = acted};
+  tick_t copy = {
+      .raw = tick_raw, .size = MESSAGE, .stamp = 0, .hold = 8, .at = {HEAD}, .numbers = {numbers, numbers, numbers},
+      .sizes = {8 * JOINTS}, .tick = 1, .state = 2};
   ticks_t ticks = {
       .bell = &bell, .source = &from, .reader = &reader, .at_once = 2, .leads = {1}, .patience = 1000, .stream = &stream, .timeout = NEWS,
       .newest = newest, .step = &step, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100, .state = &state,
