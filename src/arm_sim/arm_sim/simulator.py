@@ -28,7 +28,7 @@ from arm_dynamics.trajectory.reference import Motion
 from arm_sim.compiled_scene import CompiledScene
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import delivered
-from arm_sim.inputs import answers, function_of_state, named, tick_count, torque_table
+from arm_sim.inputs import answers, function_of_state, named, tick_count, torque, torque_table
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.long_runs import Progress
 from arm_sim.plan import Plan
@@ -365,20 +365,29 @@ class Simulator:
 
         trace.roll(self._stepper, commands)
 
-    def _run_function(self, control: Control, trace: Trace) -> None:
-        arm = self.arm
+    def _run_function(self, control: Control, trace: Trace) -> Again | None:
+        """Its ticks; returns the function by row, for a second run, if it gave torques only."""
+        arm, begin, stepper = self.arm, self.arm.step_count, self._stepper
+        torques = arm.sensors is None and arm.line is None
         for first, end in trace.slices(FEW):
             for k in range(first, end):
                 command = control(arm.measured)
+                torques = torques and not isinstance(command, JointCommand)
                 trace.begin(k)
                 try:
                     arm.step(command)
                 except SimulationDiverged:
-                    return
+                    return None
                 except BaseException:
                     trace.break_off(k)
                     raise
                 trace.end(k)
+
+        def again(x: Array, k: int) -> Array:
+            command = control(State.of(x, arm.n, begin + k, arm.dt, 0.0))
+            return stepper.actuated(x, np.array(torque(command, arm.joint_names)))
+
+        return again if torques else None
 
     def reset(
         self,

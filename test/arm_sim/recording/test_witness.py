@@ -82,15 +82,18 @@ def test_a_bounce_at_the_end_of_a_tick_is_no_doubt() -> None:
     assert motion.trusted
 
 
-def test_a_motion_that_answers_to_the_state_is_repeated_in_windows() -> None:
-    """An arm that is held upright, by a function: its torques alone would not hold it."""
+def test_a_motion_under_a_function_with_a_memory_is_repeated_in_windows() -> None:
+    """An arm that is held upright, by the state a tick ago: its torques alone would not do it."""
     sim = models.simulator("two_link", dt=1e-3)
     up = np.array([np.pi / 2, 0.0])
     sim.reset(q=up + 0.01)
     hold = PDGravity(sim.dynamics, 100.0, 20.0)
 
+    before = [sim.state]
+
     def control(state: State) -> np.ndarray:
-        return hold.torque(state, way.sample(0.0))
+        before.append(state)
+        return hold.torque(before[-2], way.sample(0.0))
 
     way = quintic([Waypoint(0.0, up), Waypoint(1.0, up)])
     motion = sim.run(1.5, control)
@@ -105,11 +108,44 @@ def test_a_controlled_instability_is_no_doubt() -> None:
     """Falling friction pushes a slow joint off by e every 1.5 ms, unless a controller holds it."""
     sim = Simulator(rotor(0.02, coulomb=1.0, static=2.0, stribeck_velocity=0.05))
     sim.reset([0.0], [0.021])
-    motion = sim.run(0.3, lambda state: [1.852 + 40.0 * (0.02 - state.v[0])])
+    speeds = [0.021]
+
+    def control(state: State) -> list[float]:
+        speeds.append(float(state.v[0]))
+        return [1.852 + 40.0 * (0.02 - speeds[-2])]
+
+    motion = sim.run(0.3, control)
     assert motion.second_run.how == WINDOWS and motion.trusted
     late = motion.v.copy()
     late[150:] += 1e-5
     assert not replace(motion, v=read_only(late)).trusted
+
+
+def test_a_function_of_the_state_is_called_again() -> None:
+    """A chaotic arm with a weak damper: each window is right, and the motion is not."""
+    sim = Simulator(MAGNIFYING)
+    sim.reset(q=[3.0, 3.0], v=[0.0, 1.0])
+    motion = sim.run(60.0, lambda state: -1e-4 * state.v)
+    assert motion.second_run.how == CLOSED
+    assert not motion.trusted and "magnifies errors" in motion.doubt
+
+
+@pytest.mark.parametrize("what", ["friction", "state"])
+def test_a_function_that_changes_the_arm_is_not_called_again(what: str) -> None:
+    scene = models.scene("two_link").model_dump(exclude_unset=True) | {"tunable": ["friction"]}
+    sim = Simulator(scene)
+    calls = list[float]()
+
+    def control(state: State) -> list[float]:
+        calls.append(state.time)
+        if state.step == 50 and what == "state":
+            sim.set_state(v=state.v + 0.1)
+        elif state.step == 50:
+            sim.set_parameter("friction", [2.0, 1.0])
+        return [0.0, 0.0]
+
+    motion = sim.run(0.1, control)
+    assert motion.second_run.how == WINDOWS and motion.trusted and len(calls) == 100
 
 
 def test_a_compiled_controller_is_evaluated_again() -> None:

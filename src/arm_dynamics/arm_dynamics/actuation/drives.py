@@ -121,10 +121,10 @@ def _under_current(drive: JointDrive, velocity: ca.SX, u: ca.SX) -> Flow:
     m, emf = drive.motor, motor.back_emf(velocity, drive.back_emf_constant)
     R, direct = m.resistance or 0.0, m.command == "torque"
     i = u / drive.torque_constant if direct else u
-    if m.voltage_limit:
-        i = motor.current_under(m.voltage_limit, i, emf, R)
-    if m.current_limit:  # last: it holds where a motor turns too fast for both
+    if m.current_limit:
         i = within(i, -m.current_limit, m.current_limit)
+    if m.voltage_limit:
+        i = motor.current_under(m.voltage_limit, i, emf, R, m.current_limit)
     made = _carrying(drive, i, R * i + emf, velocity)
     unlimited = direct and not (m.current_limit or m.voltage_limit)
     return replace(made, torque=u) if unlimited else made

@@ -43,16 +43,20 @@ def settled_current(voltage: Quantity, emf: Quantity, resistance: Quantity) -> Q
 
 
 def current_under(
-    voltage_limit: Quantity, current: Quantity, emf: Quantity, resistance: Quantity
-) -> Quantity:
+    voltage_limit: Quantity, current: Quantity, emf: Quantity, resistance: Quantity,
+    current_limit: float | None = None,
+) -> Quantity:  # fmt: skip
     """The desired current limited to what the voltage can drive: |R i + K_e ω| ≤ V_max.
 
     With a limited current it gives the torque-speed curve: constant torque up to the corner speed,
     then a straight line through the no-load speed V_max / K_e. Beyond that speed the current
-    brakes. From (V_max + R I) / K_e on, a current limit I leaves the voltage above V_max.
+    brakes. From (V_max + R I) / K_e on, a current limit I, which the desired current keeps, leaves
+    the voltage above V_max.
     """
-    low = settled_current(-voltage_limit, emf, resistance)
-    return within(current, low, settled_current(voltage_limit, emf, resistance))
+    low, high = (settled_current(V, emf, resistance) for V in (-voltage_limit, voltage_limit))
+    if current_limit:
+        low, high = smaller(low, current_limit), larger(high, -current_limit)
+    return within(current, low, high)
 
 
 def limited_voltage(

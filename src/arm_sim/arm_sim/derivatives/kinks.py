@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kinks that last for a whole tick, so that no event marks them: there is no derivative.
 
-A command exactly at its limit, friction that differs by direction of a joint exactly at rest, and
-bristles that are bent there. Kinks that a motion passes are guards, see ``guards``.
+A command exactly at its limit, a lossy gear without load in motion, friction that differs by
+direction of a joint exactly at rest, and bristles that are bent there. Kinks that a motion passes
+are guards, see ``guards``.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics import ArmModel
 from arm_dynamics.actuation import StateKind
 from arm_dynamics.actuation.command_map import CommandMap, gravity_compensated
 from arm_dynamics.arrays import Array
@@ -19,6 +19,8 @@ from arm_sim.plant.plant import Plant
 
 # Relative distance to a limit that is none.
 ROUNDING = 1e-12
+
+UNLOADED = "load"
 
 type Flags = NDArray[np.bool_]
 
@@ -32,7 +34,7 @@ class Kinks:
 
     def __init__(self, plant: Plant) -> None:
         self._model, self._n = plant.model, plant.model.n
-        self._limits = _limits(plant.model)
+        self._limits = _limits(plant)
         self._weight: ca.Function | None = None
         if gravity_compensated(plant.model.scene):
             q = ca.SX.sym("q", self._n)
@@ -48,12 +50,12 @@ class Kinks:
         return self._weight is not None and bool(self._limits)
 
     def of_commands(self, r: Array, x: Array | None = None) -> dict[str, Flags]:
-        """Commands of joints exactly at a limit, by what limits them.
+        """Commands of joints exactly at a limit, by what limits them, or at no load of a gear.
 
         Args:
             r: Commands, shape (…, n).
             x: States under which they act, shape (…, nx); without them, commands to which the arm
-                adds its gravity compensation are not looked at.
+                adds its gravity compensation are not looked at, and gears are taken to move.
 
         Returns:
             Booleans of the shape of ``r``.
@@ -62,9 +64,12 @@ class Kinks:
             if x is None:
                 return {}
             r = r + np.array(self._weight(np.atleast_2d(x)[:, : self._n].T)).T.reshape(r.shape)
-        return {
+        found = {
             what: abs(abs(r) - limit) <= ROUNDING * limit for what, limit in self._limits.items()
         }
+        if UNLOADED in found and x is not None:
+            found[UNLOADED] &= x[..., self._n : 2 * self._n] != 0.0
+        return found
 
     def at_rest(self, x: Array) -> dict[str, Flags]:
         """Joints exactly at rest whose friction has a kink there, by its kind, shape (…, n)."""
@@ -92,6 +97,8 @@ class Kinks:
             if tied.any():
                 joint = int(tied.argmax())
                 name, limit = self._model.joint_names[joint], self._limits[what][joint]
+                if what is UNLOADED:
+                    return f"joint '{name}' moves without load, where its gear's loss has a kink"
                 return f"the command of joint '{name}' is exactly at its {what}, {limit:g}"
         for what, tied in self.at_rest(x).items():
             if tied.any():
@@ -126,10 +133,11 @@ class Kinks:
         found = self.rests_bent(x)
         if self._weight is not None:
             r = r + self._weight(x[: self._n])
-        for limit in self._limits.values():
+        for what, limit in self._limits.items():
             for i in np.flatnonzero(np.isfinite(limit)).tolist():
                 beside = ca.fabs(ca.fabs(r[i]) - limit[i])
-                found = ca.logic_or(found, beside <= ROUNDING * limit[i])
+                moves = x[self._n + i] != 0 if what is UNLOADED else 1
+                found = ca.logic_or(found, ca.logic_and(beside <= ROUNDING * limit[i], moves))
         return found
 
     def arms(self, x: Array, r: Array) -> list[int]:
@@ -151,14 +159,18 @@ class Kinks:
         return np.flatnonzero(tied).tolist()
 
 
-def _limits(model: ArmModel) -> dict[str, Array]:
-    """Sizes of commands from which on a limit acts, shape (n,), NaN for none."""
-    current = np.full(model.n, np.inf)
+def _limits(plant: Plant) -> dict[str, Array]:
+    """Sizes of commands with a kink, shape (n,), NaN for none."""
+    model, current = plant.model, np.full(plant.model.n, np.inf)
     for i, drive in enumerate(model.drives):
         if drive and drive.motor.command == "torque" and drive.motor.current_limit:
             current[i] = drive.motor.current_limit * abs(drive.torque_constant)
     current[current > model.command_limit] = np.inf
-    limits = {"limit": model.command_limit, "current limit": current}
+    unloaded = np.full(model.n, np.inf)
+    unloaded[list(model.friction.gears)] = 0.0
+    if plant.torques is not None:  # torques that depend on the state have guards
+        unloaded[list(set(plant.torques.jac_sparsity(0, 0).row()))] = np.inf
+    limits = {"limit": model.command_limit, "current limit": current, UNLOADED: unloaded}
     known = {what: np.where(np.isfinite(limit), limit, np.nan) for what, limit in limits.items()}
     return {what: limit for what, limit in known.items() if np.isfinite(limit).any()}
 

@@ -51,7 +51,7 @@ LONGEST = 600_000
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
 # halved once more: from there on they converge by the method's order. Rounding, relative to the
 # largest derivative, and the most halvings.
-SETTLED, ROUNDING, MOST_HALVINGS = 0.01, 1e-15, 10
+SETTLED, ROUNDING, MOST_HALVINGS = 0.01, 1e-13, 10
 
 
 type Counts = NDArray[np.int64]

@@ -24,6 +24,9 @@ from arm_sim.recording.witness import NUDGE, WINDOWS, Control, SecondRun, doubt
 
 _log = logging.getLogger(__name__)
 
+SAMPLES = 16
+"""Recorded states that a controller is given again."""
+
 
 @sealed
 @dataclass(frozen=True, repr=False)
@@ -209,11 +212,26 @@ class RecordedMotion(Contents):
         steps = np.diff(self.time) / self._known.origin.dt
         if np.delete(abs(steps - 1.0) > 1e-6, [row - 1 for row in self.gaps]).any():
             raise InvalidInput("part of a recording: its error is not known, but that of all is")
-        return self._known.witness.run(self, self.control)
+        return self._known.witness.run(self, self._control)
+
+    @cached_property
+    def _control(self) -> Control | None:
+        """The controller, unless it has a memory or changes the arm: its answers differ then."""
+        last = len(self) - 1
+        if self.control is None or self.edges != [0, last]:
+            return None
+        rows = np.unique(np.linspace(0, last - 1, SAMPLES, dtype=int))
+        for row in rows:
+            if self.control(self.x[row], row).tobytes() != self.command[row].tobytes():
+                return None
+        return self.control
 
     @cached_property
     def error(self) -> Array:
         """Estimated error of q and v at each time, from ``second_run``, shape (k+1, 2n).
+
+        A controller that is a function is called again, with recorded states and those of the
+        second run; one that answers recorded states otherwise is left out of it.
 
         In [rad] or [m], and [rad/s] or [m/s]; infinite from where that could not go on.
         """
@@ -255,7 +273,7 @@ class RecordedMotion(Contents):
         run = self.second_run
         if run.how == WINDOWS:
             return 1.0
-        nudged = self._known.witness.run(self, self.control, NUDGE)
+        nudged = self._known.witness.run(self, self._control, NUDGE)
         n = len(self.joint_names)
         return float(np.nanmax(abs(nudged.x - run.x)[: row + 1, :n], initial=0.0) / NUDGE)
 
