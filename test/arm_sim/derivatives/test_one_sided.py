@@ -212,6 +212,18 @@ def test_a_saturated_motor_does_not_answer_to_its_voltage() -> None:
     assert_close(A[1, :2], [0.0, 1.0], 1e-12)
 
 
+def test_a_joint_that_turns_back_in_friction_by_direction_is_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    scene, *_, tau, _, _ = CASES[TURNS_BACK]
+    sim = Simulator(scene, integrator="rk4", dt=H)
+    sim.linearize(sim.reset([0.0], [-1e-4]), tau)
+    assert "ticks in which joint 'axle' turns back" in caplog.text
+    sim = Simulator(scene, tolerance=1e-9)
+    with pytest.raises(NotDifferentiable, match="do not settle"):
+        sim.linearize(sim.reset([0.0], [-1e-4]), tau)
+
+
 def test_a_command_beyond_the_current_limit_is_on_no_boundary_of_the_voltage() -> None:
     """Only at its limit exactly; the voltage would drive more."""
     scene = geared(torque_constant=0.05, voltage_limit=2.0, resistance=1.0, current_limit=1.0)

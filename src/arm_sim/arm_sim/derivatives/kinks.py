@@ -39,8 +39,7 @@ class Kinks:
         if gravity_compensated(plant.model.scene):
             q = ca.SX.sym("q", self._n)
             self._weight = ca.Function("weight", [q], [CommandMap(plant.model).compensation(q)])
-        friction = plant.model.friction
-        self._sided = (friction.viscous.skew != 0.0) & (friction.level == 0.0)
+        self._sided = sided(plant)
         self._has_sided = bool(self._sided.any())
         self._bristles = _bristles(plant)
 
@@ -157,6 +156,13 @@ class Kinks:
             for flags in found.values():
                 tied |= flags.reshape(len(x), -1).any(axis=1)
         return np.flatnonzero(tied).tolist()
+
+
+def sided(plant: Plant) -> Flags:
+    """Joints whose viscous friction differs by direction, with no dry friction, shape (n,)."""
+    friction = plant.model.friction
+    flags: Flags = (friction.viscous.skew != 0.0) & (friction.level == 0.0)
+    return flags
 
 
 def _limits(plant: Plant) -> dict[str, Array]:

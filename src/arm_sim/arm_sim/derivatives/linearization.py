@@ -28,7 +28,7 @@ from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.events import Events, acting, diverged
-from arm_sim.derivatives.kinks import Kinks
+from arm_sim.derivatives.kinks import Kinks, sided
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
 from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
@@ -505,7 +505,15 @@ def copied(control: SubstepControl | None) -> SubstepControl | None:
 
 def _warn_of_coarse_steps(plant: Plant, choice: Choice) -> None:
     """Say that steps of fixed length answer other than the motion does, to small disturbances."""
-    if choice.tolerance is not None or not (rate := fastest_rate(plant)):
+    if choice.tolerance is not None:
+        return
+    for joint in np.flatnonzero(sided(plant)):
+        _log.warning(
+            "derivatives of ticks in which joint '%s' turns back are those of %s, not of the "
+            "motion: its viscous friction differs by direction",
+            plant.model.joint_names[joint], choice.method.name,
+        )  # fmt: skip
+    if not (rate := fastest_rate(plant)):
         return
     off = misses(choice.method, rate, choice.dt)
     if off > plant.model.scene.sim.accuracy:
