@@ -258,6 +258,7 @@ def test_time_goes_on_where_the_reset_itself_is_lost(
 ) -> None:
     """The chunk with the reset is damaged; the state behind it is a tick after the one before."""
     monkeypatch.setattr("arm_sim.ros.record.chunks.SIZE", 1 << 14)
+    monkeypatch.setattr("arm_sim.ros.record.chunks.COUNT", 100)  # for all, however slow the disk
     engine, path = engine_of(scene()), tmp_path / "run.mcap"
     recorder = TickRecorder(path, engine)
     run(engine, 500)
