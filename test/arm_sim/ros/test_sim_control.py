@@ -215,7 +215,7 @@ def test_what_a_node_does_is_told_in_numbers(ros: Ros) -> None:
     assert values(finding(node, "commands")) == {
         "age [s]": "0.003", "stale": "false", "stale count": "0", "extended": "0",
         "policy": "zero", "held": "no", "passed over": "0", "sources": "leader",
-        "publishers": "0", "answers": "2", "round trip p50 [s]": "0.003",
+        "publishers": "0", "oldest [s]": "0", "answers": "2", "round trip p50 [s]": "0.003",
         "round trip p99 [s]": "0.005", "pushed frames": "tip", "wrenches passed over": "1",
     }  # fmt: skip
     ticks(node, 4)
