@@ -63,8 +63,8 @@ def test_a_command_that_listens_ends_after_the_message_it_receives() -> None:
 # Takes the place of a package; its compiled part says something else of an interruption.
 IMPORTED = """
 import time
-print("importing", flush=True)
 try:
+    print("importing", flush=True)
     time.sleep(60.0)
 except KeyboardInterrupt:
     raise ImportError("the library cannot be loaded") from None
