@@ -6,7 +6,8 @@ The node is imported when it is first used, so that ``main`` begins at once.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import sys
+from typing import TYPE_CHECKING, NoReturn
 
 from arm_dynamics.lazy import on_demand
 from arm_dynamics.starting import end_when_interrupted
@@ -18,10 +19,10 @@ __all__ = ["DynamicsNode", "DynamicsParams", "main"]
 __getattr__, __dir__ = on_demand(__name__, {"node": ("DynamicsNode", "DynamicsParams")})
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node until it is interrupted; return the exit status."""
+def main(args: list[str] | None = None) -> NoReturn:
+    """Run the node until it is interrupted, and end the program with its status."""
     end_when_interrupted()
     from arm_dynamics.ros.common.executable import execute
     from arm_dynamics.ros.dynamics_node.node import DynamicsNode, DynamicsParams
 
-    return execute(DynamicsNode, DynamicsParams, args)
+    sys.exit(execute(DynamicsNode, DynamicsParams, args))
