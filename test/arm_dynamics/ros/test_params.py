@@ -62,7 +62,11 @@ def test_values_are_taken_from_the_constructor(ros: Ros) -> None:
     [
         ({"number": 3.0}, "'number' is 3.0; allowed: 0 to 2"),
         ({"number": -0.1}, "'number' is -0.1; allowed: 0 to 2"),
-        ({"number": "much"}, "'number': .* expecting type 'DOUBLE'"),
+        ({"number": "much"}, "'number' is 'much'; allowed: a number with a decimal point"),
+        ({"number": 1}, "'number' is 1; allowed: a number with a decimal point, as in 5.0"),
+        ({"fixed": 1}, "'fixed' is 1; allowed: true or false"),
+        ({"count": 2.0}, "'count' is 2.0; allowed: a whole number"),
+        ({"color": 3}, "'color' is 3; allowed: text"),
         ({"count": 0}, "'count' is 0; allowed: 1 to 9"),
         ({"color": "blue"}, "'color' is 'blue'; allowed: one of red, green"),
     ],

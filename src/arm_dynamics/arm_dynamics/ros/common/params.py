@@ -26,6 +26,10 @@ from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 SCENE = (
     "Scene: the name of a ready one, a scene file or URDF (path or package:// URI), or URDF text"
 )
+_WRITTEN = {
+    float: "a number with a decimal point, as in 5.0", int: "a whole number, as in 5",
+    bool: "true or false", str: "text",
+}  # fmt: skip
 
 
 def parameter(
@@ -78,8 +82,10 @@ def declare[P](node: Node, kind: type[P]) -> P:
             low, high = about.get("low", 0), about.get("high", 0)
             allowed = f"{low:.10g} to {high:.10g}" if "low" in about else str(error)
             raise InvalidInput(f"parameter '{name}' is {given}; allowed: {allowed}") from None
-        except InvalidParameterTypeException as error:
-            raise InvalidInput(f"parameter '{name}': {error}") from error
+        except InvalidParameterTypeException:
+            given = node._parameter_overrides[name].value
+            allowed = _WRITTEN.get(type(default), "a list")
+            raise InvalidInput(f"parameter '{name}' is {given!r}; allowed: {allowed}") from None
 
     return _with(kind(), declared)
 
