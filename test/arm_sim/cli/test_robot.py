@@ -199,6 +199,7 @@ def test_parameters_are_shown_and_set(shell: Shell, domain: int) -> None:
     assert done.exit_code == 0 and "observer: 0.0 → 10.0" in done.output
     values = json.loads(shell(domain, "get", "controller", "observer", "--json").output)
     assert values == {"observer": 10.0}
+    assert shell(domain, "set", "controller", "bandwidth", "much").exit_code == 1
     assert shell(domain, "set", "controller", "observer", "0", "bandwidth", "20").exit_code == 0
 
 

@@ -174,15 +174,15 @@ def set_(node: str, words: tuple[str, ...], timeout: float) -> None:
         parameters.require(list(wanted))
         about = parameters.describe(list(wanted))
         before = parameters.get(list(wanted))
-        parameters.set({name: _read(name, text, about[name]) for name, text in wanted.items()})
+        parameters.set({n: _read(n, text, about[n], before[n]) for n, text in wanted.items()})
         after = parameters.get(list(wanted))
     for name in wanted:
         click.echo(f"{name}: {_written(before[name])} → {_written(after[name])}")
 
 
-def _read(name: str, text: str, about: ParameterDescriptor) -> Any:
+def _read(name: str, text: str, about: ParameterDescriptor, before: Any) -> Any:
     """Parse a value, with the parameter's type where that is known."""
-    if about.type == _TEXT:
+    if about.type == _TEXT and isinstance(before, str):  # rclpy notes refused types, too
         return text
     try:
         value = yaml.safe_load(text)
