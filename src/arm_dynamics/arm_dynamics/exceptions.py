@@ -17,6 +17,7 @@ ARM = "./arm" if (Path(__file__).parents[3] / "arm").is_file() else "arm"
 """The suite's command here: the script of its folder, or what pip has installed."""
 _MANY_TURNS = 4.0 * math.pi  # [rad]
 _NAME = 80  # characters of a name that are shown
+_ALMOST = 0.8  # similarity of names that is more than one name in another
 
 
 class ArmError(Exception):
@@ -128,7 +129,10 @@ def did_you_mean(name: object, names: Iterable[str]) -> str:
     if not isinstance(name, str):
         return ""
     others = {other.casefold(): other for other in names if _bare(other) != _bare(name)}
-    near = get_close_matches(name.casefold(), others, n=1)
+    whole = name.casefold()
+    part = sorted((other for other in others if len(other) > 3 and other in whole), key=len)
+    near = get_close_matches(whole, others, 1, _ALMOST) or part[-1:]
+    near = near or get_close_matches(whole, others, 1)
     return f"; did you mean '{others[near[0]]}'?" if near else ""
 
 

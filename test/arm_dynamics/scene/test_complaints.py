@@ -149,6 +149,10 @@ def test_names_that_differ_in_numbers_only_are_not_meant() -> None:
     assert did_you_mean("joint9", ["joint1", "joint4"]) == ""
     assert did_you_mean("jont4", ["joint1", "joint4"]) == "; did you mean 'joint4'?"
     assert did_you_mean("something", ["joint1"]) == ""
+    assert did_you_mean("panda_arm", ["pen_arm", "panda"]) == "; did you mean 'panda'?"
+    assert did_you_mean("damping_ration", ["damping", "damping_ratio"]).endswith(
+        "'damping_ratio'?"
+    )
 
 
 def test_a_payload_in_millimetres_is_reported(caplog: pytest.LogCaptureFixture) -> None:
