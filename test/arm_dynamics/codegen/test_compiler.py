@@ -50,6 +50,15 @@ def test_folder_is_the_users_own(cache: Path, tmp_path: Path) -> None:
     assert cache.stat().st_mode & 0o777 == 0o700
 
 
+def test_folder_that_cannot_be_used_is_named_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert compiler.cache_folder() == compiler.cache_folder()
+    assert caplog.text.count("cannot be used: compiled code is kept for this process only") == 1
+
+
 def test_second_build_takes_the_entry(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     triple()
     before = [(path, path.stat().st_mtime_ns) for path in entries(cache)]

@@ -230,11 +230,15 @@ def cache_folder() -> Path:
             return folder
     except OSError:
         pass
-    return _temporary_folder()
+    return _temporary_folder(folder)
 
 
 @cache
-def _temporary_folder() -> Path:
+def _temporary_folder(unusable: Path) -> Path:
+    _log.warning(
+        "'%s' cannot be used: compiled code is kept for this process only; "
+        "XDG_CACHE_HOME names a folder that can be written", unusable,
+    )  # fmt: skip
     folder = Path(tempfile.mkdtemp(prefix="arm_dynamics-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
