@@ -33,7 +33,7 @@ from arm_sim.integrators.selection import Choice, choose
 from arm_sim.long_runs import Progress
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
-from arm_sim.plant.placing import closed, placed
+from arm_sim.plant.placing import closed, placed, warn_of_degrees
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control as Again
@@ -408,6 +408,7 @@ class Simulator:
         hold = self.model.held_at_start if q is None and v is None else ()
         q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
         x = placed(self.arm.plant, q, v, z, self.held_constraints, hold)
+        warn_of_degrees(self.arm.plant, x[: self.n], self.model.q0, self.state.q)
         self.arm.restore(x, self._stepper.p, 0)
         return self.state
 
@@ -425,7 +426,9 @@ class Simulator:
             z: States of drives and friction, shape (nz,); None: those consistent with q and v.
         """
         q, v = self.state.q if q is None else q, self.state.v if v is None else v
-        self.arm.place(placed(self.arm.plant, q, v, z, self.held_constraints))
+        x = placed(self.arm.plant, q, v, z, self.held_constraints)
+        warn_of_degrees(self.arm.plant, x[: self.n], self.model.q0, self.state.q)
+        self.arm.place(x)
         return self.state
 
     def set_parameter(self, name: str, value: Any) -> None:

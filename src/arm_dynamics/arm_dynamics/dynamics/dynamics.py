@@ -110,6 +110,12 @@ class Dynamics:
         other._one = self._one.of_the_arm_alone()
         return other
 
+    def of_motions(self) -> Self:
+        """The same, for computed states, in which many turns do not mean degrees."""
+        other = copy(self)
+        other._looks = 0
+        return other
+
     def compiled(self, frames: str | Iterable[str] = ()) -> Self:
         """The same arm, with answers for one state by compiled code, without conversions.
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection, Sequence
 from typing import Any
 
@@ -20,6 +21,8 @@ OPEN = 1e-11
 INSIDE = 1e-9
 # Singular value, relative to the largest, below which a position is called singular.
 NEARLY_SINGULAR = 1e-3
+
+_log = logging.getLogger(__name__)
 
 
 def packed(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
@@ -61,10 +64,21 @@ def inside_stops(plant: Plant, q: Array, who: str = "") -> Array:
     """Positions of shape (n,) clipped to rigid stops up to rounding; else InvalidInput."""
     stops, model = plant.model.stops, plant.model
     if refusal := stops.refusal(q, model.joint_names):
-        turning = np.array([kind != "prismatic" for kind in model.joint_types])
-        remark = degrees_meant(float(np.max(abs(q) * turning)))
+        remark = degrees_meant(_farthest(plant, q))
         raise InvalidInput(who + refusal + (remark and f"; {remark}"))
     return stops.within(q)
+
+
+def warn_of_degrees(plant: Plant, q: Array, *known: Array) -> None:
+    """Warn of positions of many turns that the arm has not reached by itself."""
+    far = _farthest(plant, q)
+    if far > max(_farthest(plant, one) for one in known) and (remark := degrees_meant(far)):
+        _log.warning("position %s", remark)
+
+
+def _farthest(plant: Plant, q: Array) -> float:
+    turning = np.array(plant.model.joint_types) != "prismatic"
+    return float(np.max(abs(q) * turning))
 
 
 def closed(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] = ()) -> Array:

@@ -130,6 +130,9 @@ class EnergyAccount:
             return np.zeros(len(x))
         return np.array(self._stored(x.T)).ravel()
 
+    def _dynamics(self, p: Array) -> Dynamics:
+        return self._present.at(p).of_motions()
+
     def energies(self, x: Array, p: Array) -> Array:
         """Kinetic, potential and stored energy at states.
 
@@ -142,7 +145,7 @@ class EnergyAccount:
         """
         q, v, _ = self._parts(x)
         parts = [
-            np.transpose(self._present.at(p[run.start]).energy(q[run], v[run]))
+            np.transpose(self._dynamics(p[run.start]).energy(q[run], v[run]))
             for run in self._present.runs(p)
         ]
         return np.column_stack([np.concatenate(parts), self.stored(x)])
@@ -199,7 +202,7 @@ class EnergyAccount:
         work = np.sum(acting * way, axis=1)  # exact: the command is constant over its tick
         heat = [
             dissipated_work(
-                self._present.at(p[run.start]), self.choice.dt,
+                self._dynamics(p[run.start]), self.choice.dt,
                 (x[run], after[run]), u[run],
             )
             for run in self._present.runs(p)
@@ -220,7 +223,7 @@ class EnergyAccount:
         """
         (q, v, _), (_, v_end, _) = self._parts(x), self._parts(after)
         parts = [
-            self._present.at(p[run.start]).energy(q[run], v_end[run] - v[run])[0]
+            self._dynamics(p[run.start]).energy(q[run], v_end[run] - v[run])[0]
             for run in self._present.runs(p)
         ]
         return float(np.max(np.concatenate(parts), initial=0.0)) if parts else 0.0
