@@ -6,6 +6,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -19,13 +20,15 @@ from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller, overreach
 from arm_dynamics.control.wrappers import Switch
-from arm_dynamics.exceptions import not_copied
+from arm_dynamics.exceptions import InvalidInput, not_copied
 from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
 from arm_sim.recording.recording import Recording
 from arm_sim.simulator import Simulator
 from arm_sim.state import State
+
+_SETTINGS = {item.name for item in fields(Settings)}
 
 _log = logging.getLogger(__name__)
 
@@ -75,6 +78,12 @@ class ClosedLoop:
         Raises:
             ArmError: If a scene, the controller or a setting cannot be used.
         """
+        for name in simulator.keys() - {"integrator", "dt", "tolerance", "backend"}:
+            setting = f"{name}=…" if name in _SETTINGS else "…"
+            raise InvalidInput(
+                f"ClosedLoop has no argument '{name}'; allowed: integrator, dt, tolerance, backend "
+                f"for the simulator, settings=Settings({setting}) for the controller"
+            )
         self.simulator = Simulator(scene, **simulator)
         if controller_scene is None:  # of which the simulator has warned already
             self._dynamics = Dynamics(ArmModel(rigid_twin(self.simulator.model.scene)))

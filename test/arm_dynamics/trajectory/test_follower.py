@@ -106,7 +106,7 @@ def test_torques_fade_out_to_points_that_have_none(follower: Follower) -> None:
 
 def test_torques_of_some_points_only_are_refused(follower: Follower) -> None:
     points = [Waypoint(1.0, [0.1, 0.1]), Waypoint(2.0, [0.1, 0.1], tau=[1.0, 1.0])]
-    with pytest.raises(InvalidInput, match="waypoint 0 has no torques"):
+    with pytest.raises(InvalidInput, match="waypoint 1 has no torques"):
         follower.follow(points, 0)
     with pytest.raises(InvalidInput, match="torque of waypoint 1 has shape"):
         follower.follow([Waypoint(1.0, [0.1, 0.1], tau=[1.0])], 0)
@@ -127,7 +127,7 @@ def test_points_that_are_over_are_left_out(follower: Follower) -> None:
 
 
 def test_positions_are_no_waypoints(follower: Follower) -> None:
-    with pytest.raises(InvalidInput, match=r"waypoint 0 is \[1.0, 2.0\]; allowed: a list of way"):
+    with pytest.raises(InvalidInput, match=r"waypoint 1 is \[1.0, 2.0\]; allowed: a list of way"):
         follower.follow([[1.0, 2.0]], 0)  # type: ignore[list-item]
 
 

@@ -51,7 +51,7 @@ class Outset:
         Raises:
             InvalidInput: If all are in the past, or these are no waypoints.
         """
-        check_kind(waypoints)
+        check_kind(waypoints, first=1)  # waypoint 0 is where the arm is
         late, here = self.late, self.here
         ahead = [replace(w, time=w.time - late) for w in waypoints if not w.time <= late]
         if not ahead:
@@ -67,7 +67,7 @@ class Outset:
     ) -> tuple[ArrayLike | None, list[Waypoint]]:
         """Torques at the beginning, and the remaining waypoints; without any, those fade out."""
         now, still = self.here.tau, np.zeros_like(self.here.q)
-        if not have_torques(waypoints):
+        if not have_torques(waypoints, first=1):
             return now, ahead if now is None else [replace(w, tau=still) for w in ahead]
         if len(ahead) < len(waypoints):
             last, following = waypoints[-len(ahead) - 1], waypoints[-len(ahead)]

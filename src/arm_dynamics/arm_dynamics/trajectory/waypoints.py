@@ -154,8 +154,8 @@ def _knots(waypoints: Sequence[Waypoint]) -> Knots:
     return Knots(times, q, v, _derivative([w.a for w in waypoints], q.shape[1], "acceleration"))
 
 
-def have_torques(waypoints: Sequence[Waypoint]) -> bool:
-    """Whether waypoints have torques to add to a controller's.
+def have_torques(waypoints: Sequence[Waypoint], first: int = 0) -> bool:
+    """Whether waypoints have torques to add to a controller's; ``first`` numbers the first one.
 
     Raises:
         InvalidInput: If some have and others have not.
@@ -163,7 +163,7 @@ def have_torques(waypoints: Sequence[Waypoint]) -> bool:
     lacking = [i for i, w in enumerate(waypoints) if w.tau is None]
     if lacking and len(lacking) < len(waypoints):
         raise InvalidInput(
-            f"waypoint {lacking[0]} has no torques, others have; allowed: all or none"
+            f"waypoint {lacking[0] + first} has no torques, others have; allowed: all or none"
         )
     return not lacking
 
@@ -187,8 +187,8 @@ def with_torques(motion: Trajectory, waypoints: Sequence[Waypoint]) -> Trajector
     return replace(motion, torques=given_rows([w.tau for w in waypoints], n, "torque"))
 
 
-def check_kind(waypoints: Sequence[Waypoint]) -> None:
-    """Check that these are waypoints.
+def check_kind(waypoints: Sequence[Waypoint], first: int = 0) -> None:
+    """Check that these are waypoints; ``first`` is the number of the first one in messages.
 
     Raises:
         InvalidInput: If they are anything else, such as lists of positions.
@@ -196,7 +196,7 @@ def check_kind(waypoints: Sequence[Waypoint]) -> None:
     allowed = "allowed: a list of waypoints, such as [Waypoint(1.0, [0.5, -0.2])]"
     if not isinstance(waypoints, Sequence) or isinstance(waypoints, str):
         raise InvalidInput(f"waypoints = {plain(waypoints, 80)}; {allowed}")
-    for i, waypoint in enumerate(waypoints):
+    for i, waypoint in enumerate(waypoints, first):
         if not isinstance(waypoint, Waypoint):
             raise InvalidInput(f"waypoint {i} is {plain(waypoint, 80)}; {allowed}")
         if not isinstance(waypoint.time, Real):
