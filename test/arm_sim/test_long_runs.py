@@ -114,6 +114,10 @@ def test_what_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(InvalidInput, match=r"record\(path, duration"):
         sim.run(5.0)
     assert len(sim.run(1.0)) == 1001
+    still = np.zeros((50, 2))
+    with pytest.raises(InvalidInput, match="a rollout of 50 arms over 999 ticks.*last_only=True"):
+        sim.rollout(still, still, [0.0, 0.0], 999)
+    assert sim.rollout(still, still, [0.0, 0.0], 999, last_only=True).shape == (50, 4)
 
 
 def test_the_memory_of_a_container_counts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -81,8 +81,8 @@ class ClosedLoop:
         for name in simulator.keys() - {"integrator", "dt", "tolerance", "backend"}:
             setting = f"{name}=…" if name in _SETTINGS else "…"
             raise InvalidInput(
-                f"ClosedLoop has no argument '{name}'; allowed: integrator, dt, tolerance, backend "
-                f"for the simulator, settings=Settings({setting}) for the controller"
+                f"ClosedLoop has no argument '{name}'; allowed: integrator, dt, tolerance, backend"
+                f" for the simulator, settings=Settings({setting}) for the controller"
             )
         self.simulator = Simulator(scene, **simulator)
         if controller_scene is None:  # of which the simulator has warned already

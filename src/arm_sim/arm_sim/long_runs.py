@@ -24,6 +24,7 @@ PATIENCE, REDRAWN = 2.0, 0.2
 """Time in [s] without a word, and between two of them on a terminal."""
 ALLOWED = 0.5
 """Share of the available memory that a recording may take."""
+_RECORD = "record(path, duration, …) writes it to a file as it is made, or run it in parts"
 _SMALL = 100_000_000  # [B] that need no look at the memory
 _CONTAINER = (
     Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes")
@@ -97,12 +98,14 @@ def _is_watched() -> bool:
     return shown and current_thread() is main_thread() and _log.isEnabledFor(logging.WARNING)
 
 
-def refuse_beyond_memory(ticks: int, each: int) -> None:
+def refuse_beyond_memory(ticks: int, each: int, what: str = "", instead: str = _RECORD) -> None:
     """Refuse to record more than half of the available memory holds.
 
     Args:
         ticks: Number of ticks.
         each: Bytes for each.
+        what: What would be recorded; empty for a motion of so many ticks.
+        instead: What to do instead.
 
     Raises:
         InvalidInput: With the size, and what to do.
@@ -110,9 +113,8 @@ def refuse_beyond_memory(ticks: int, each: int) -> None:
     if (size := ticks * each) < _SMALL or size <= ALLOWED * (available := _available()):
         return
     raise InvalidInput(
-        f"a recording of {ticks} ticks takes {size / 1e9:.3g} GB of memory; allowed: "
-        f"{ALLOWED:.0%} of the {available / 1e9:.3g} GB that are available; record(path, "
-        "duration, …) writes it to a file as it is made, or run it in parts"
+        f"{what or f'a recording of {ticks} ticks'} takes {size / 1e9:.3g} GB of memory; allowed: "
+        f"{ALLOWED:.0%} of the {available / 1e9:.3g} GB that are available; {instead}"
     )
 
 

@@ -27,6 +27,7 @@ from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.inputs import whole
 from arm_sim.integrators.methods import build_tick
 from arm_sim.integrators.selection import Choice
+from arm_sim.long_runs import refuse_beyond_memory
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
@@ -175,6 +176,9 @@ class Rollouts:
         x0 = self.states(p, q0=q0, v0=v0)
         arms, nx = x0.shape
         rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
+        if not last_only:
+            what = f"a rollout of {arms} arms over {steps} ticks"
+            refuse_beyond_memory(arms * (steps + 1), 8 * nx, what, "last_only=True keeps the end")
         out = np.empty((arms, nx) if last_only else (arms, steps + 1, nx))
         return Batch(x0, self.by_tick("tau", tau, arms, steps), rows, int(steps), out)
 
