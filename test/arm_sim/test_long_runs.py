@@ -23,7 +23,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.trajectory import Waypoint
 from arm_sim import ClosedLoop, Recording, Simulator, long_runs
 
-SOON = 3.0  # [s] of a busy machine; each of these would take minutes
+SOON = 15.0  # [s] of a busy machine; each of these would take minutes
 WORKS = """
 import sys
 import numpy as np
