@@ -81,6 +81,16 @@ print(arm_sim.__version__, abs(weight[0]) > 0.1, abs(motion.q[-1, 0] - 0.5) > 1e
     assert said.split()[1:] == ["True", "True"]
 
 
+GALLERY = sorted((ROOT / "docs/gallery").glob("*/*.py"))
+
+
+@pytest.mark.parametrize("script", sampled(GALLERY, 1), ids=lambda path: path.stem)
+def test_the_gallery_runs_where_pip_installs_the_suite(
+    script: Path, user: Run, tmp_path: Path
+) -> None:
+    user("python", script, cwd=tmp_path)
+
+
 def test_command_line_works_without_ros(user: Run) -> None:
     assert "continuous" in user("arm", "describe", "pendulum")
     said = user("arm", "controller", "pendulum", code=1)
