@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_dynamics import InvalidInput
+from arm_dynamics import ArmModel, InvalidInput, load_scene
 from arm_sim import Simulator
 from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.interactive import (
@@ -21,8 +21,10 @@ from arm_sim.view.interactive import (
     WEIGHT,
     Interactive,
     InteractiveArm,
+    _slider,
 )
 from arm_sim.view.live_account import LiveAccount
+from arm_sim.view.marks import Marker
 from arm_sim.view.server import close_server, open_server
 from arm_sim.view.stage import DrawnArm
 
@@ -253,10 +255,6 @@ def test_sliders_reach_the_limits_and_place_the_arm_while_it_is_paused(
     rig, (first, second) = bench.rigs[0], bench._sliders[0]
     sim = rig.simulation
     assert [slider.value for slider in (first, second)] == pytest.approx(sim.state.q)
-    lower = np.maximum(sim.model.position_lower, -np.pi)
-    upper = np.minimum(sim.model.position_upper, np.pi)
-    assert [slider.min for slider in (first, second)] == pytest.approx(lower)
-    assert [slider.max for slider in (first, second)] == pytest.approx(upper)
     before = sim.state.q
     bench._slide(rig, 1, 0.3)
     np.testing.assert_array_equal(sim.state.q, [before[0], 0.3])
@@ -267,8 +265,64 @@ def test_sliders_reach_the_limits_and_place_the_arm_while_it_is_paused(
     rig.choose(SLIDERS)
     bench._slide(rig, 0, 0.2)
     np.testing.assert_array_equal(rig.target, [0.2, 0.3])
-    cart = Simulator("cart_pendulum")
-    (sliders,) = Interactive(
-        server, [InteractiveArm(cart)], [DrawnArm(server, cart.model, "cart")]
-    )._sliders
-    assert [(slider.min, slider.max) for slider in sliders] == [(-1.0, 1.0), (-np.pi, np.pi)]
+
+
+@pytest.mark.parametrize(
+    ("scene", "ends"),
+    [
+        ("ur5e", [(-6.283, 6.283)] * 2 + [(-3.141, 3.141)] + [(-6.283, 6.283)] * 3),
+        ("cart_pendulum", [(-2.0, 2.0), (-3.141, 3.141)]),  # a rail in [m], and a hinge without
+        ("lifting_gripper", [(0, 1), (-0.1, 0.1), (0, 0.3), (0.002, 0.05), (0.002, 0.05)]),
+    ],
+)
+def test_sliders_end_at_the_limits_of_the_joints(
+    scene: str, ends: list[tuple[float, float]]
+) -> None:
+    model = Simulator(scene).model
+    found = [_slider(model, i, q) for i, q in enumerate(model.q0)]
+    assert [(low, high) for low, high, _, _ in found] == ends
+    for (low, high, step, value), q in zip(found, model.q0.tolist(), strict=True):
+        assert low >= model.position_lower.min() and high <= model.position_upper.max()
+        assert abs(value - q) <= step / 2 and len(f"{value:g}") <= 6
+
+
+def test_sliders_are_of_joints_that_move_and_go_where_a_free_joint_is() -> None:
+    joint = '''<joint name="{0}" type="prismatic"><parent link="{1}"/><child link="{2}"/>
+      <axis xyz="1 0 0"/><limit lower="{3}" upper="{4}" effort="1" velocity="1"/>{5}</joint>'''
+    mass = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    links = "".join(f'<link name="{x}">{mass}</inertial></link>' for x in "abcd")
+    joints = (
+        joint.format("leader", "a", "b", -0.03, 0.05, "")
+        + joint.format("follower", "b", "c", 0.0, 0.08, '<mimic joint="leader" multiplier="2"/>')
+        + joint.format("locked", "c", "d", -1.0, 1.0, "")
+    )
+    robot = {"urdf": f'<robot name="fingers">{links}{joints}</robot>', "lock": ["locked"]}
+    model = ArmModel(load_scene({"robot": robot}))
+    assert model.joint_names == ("leader",)
+    assert _slider(model, 0, 0.01) == (0.0, 0.04, 1e-4, 0.01)  # that of the follower is narrower
+    free = Simulator("double_pendulum").model
+    assert _slider(free, 0, 7.00049) == (-3.141, 7.0, 1e-3, 7.0)  # it has turned once
+    assert _slider(free, 0, 0.0)[:2] == (-3.141, 3.141)
+
+
+@pytest.mark.parametrize("scene", ["double_pendulum", "ur10", "four_bar"])
+def test_after_a_drag_the_motion_decays_alike_in_light_and_heavy_arms(scene: str) -> None:
+    """M(q) v̇ + C v + M(q) v/T = 0 and M' - 2 C skew-symmetric give E = E(0) exp(-2 t/T)."""
+    sim = Simulator(scene)
+    rig = InteractiveArm(sim)
+    rig.place(sim.state.q)
+    weight = 9.81 * sim.model.total_mass
+    rig.push(Marker(sim.model).hand, np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), ticks=200)
+    energies, speeds = [], []
+    for _ in range(1200):
+        rig.tick()
+        q, v = sim.state.q, sim.state.v
+        energies.append(v @ sim.dynamics.mass_matrix(q) @ v / 2)
+        speeds.append(abs(v).max())
+    released, period = 199, round(1.0 / rig.damping / sim.dt)
+    assert speeds[released] > 0.3  # it was moved
+    assert max(speeds[released:]) < 1.05 * speeds[released]
+    after = np.array(energies[released:])
+    assert (np.diff(after) < 0.0).all()
+    assert after[period] / after[0] == pytest.approx(np.exp(-2.0), rel=0.05)
+    assert speeds[-1] < 0.02 * speeds[released]

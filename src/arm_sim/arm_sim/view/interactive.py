@@ -13,6 +13,8 @@ import numpy as np
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.joint_space import GravityCompensation, PDGravity, tuned
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.simulator import Simulator
@@ -34,7 +36,9 @@ MEMORY = 10.0  # [s] that curves go back
 SAMPLED = 0.02  # [s] between points of curves, in simulated time
 CHARTED = 0.25  # [s] between drawings of curves
 EAGER = 4.0  # [rad/s] with which references move to the sliders
-UNLIMITED = {"prismatic": 1.0}  # range of a slider without limits in [m]; others: one turn
+UNLIMITED = {"prismatic": 1.0}  # half the range of a slider without limits in [m]; others: π
+DIGITS = {"prismatic": 4}  # decimals of sliders in [m]; others: 3
+PULL = 2.0 * 9.81  # [m/s²] by which the mouse accelerates the arm from one reach away
 
 
 class InteractiveArm:
@@ -42,6 +46,9 @@ class InteractiveArm:
 
     Args:
         simulation: The arm; the thread of the page's loop moves it.
+
+    Attributes:
+        damping: 1/T in [1/s] of gravity compensation, by which speeds decay.
     """
 
     def __init__(self, simulation: Simulator) -> None:
@@ -55,7 +62,9 @@ class InteractiveArm:
         self._command = CommandMap(model)
         gains = tuned(simulation.dynamics, 20.0, 1.0, dt=simulation.dt)
         self._lead = PDGravity(simulation.dynamics, *gains)
-        self._carry = GravityCompensation(simulation.dynamics)
+        self._carry, self._rigid = GravityCompensation(simulation.dynamics), RigidTerms(model)
+        # Critical: the arm, as one mass on the spring of the mouse, does not swing.
+        self.damping = 2.0 * np.sqrt(PULL / model.reach)
         size = round(MEMORY / SAMPLED)
         self.samples, self.energies = Samples(maxlen=size), Samples(maxlen=size)
 
@@ -142,7 +151,9 @@ class InteractiveArm:
         if self.control == NOTHING:
             return np.zeros(self.simulation.n)
         if self.control == WEIGHT:
-            torque = self._carry.torque(state)
+            # D = M(q)/T: every motion decays alike, its energy by exp(-2 t/T), in any posture.
+            inertia = self._rigid.mass(state.q)
+            torque = self._carry.torque(state) - self.damping * inertia @ state.v
         else:
             torque = self._lead.torque(state, self._led())
         return np.asarray(self._command(state.q, state.v, torque))
@@ -218,8 +229,9 @@ class Interactive:
                 actor.trail(actor.draw(rig.look()).hand)
         for rig, sliders in zip(self.rigs, self._sliders, strict=True):
             if rig.control != SLIDERS:
-                for slider, value in zip(sliders, rig.simulation.state.q.tolist(), strict=True):
-                    slider.value = float(np.clip(value, slider.min, slider.max))
+                model, q = rig.simulation.model, rig.simulation.state.q
+                for i, slider in enumerate(sliders):
+                    slider.min, slider.max, _, slider.value = _slider(model, i, q[i])
         self._show_status()
         if time.monotonic() - self._charted > CHARTED or not self.running:
             self._charted = time.monotonic()
@@ -295,15 +307,9 @@ class Interactive:
 
     def _add_sliders(self, rig: InteractiveArm, actor: DrawnArm) -> list[Any]:
         model, q, sliders = rig.simulation.model, rig.simulation.state.q, []
-        kinds = zip(model.joint_names, model.joint_types, strict=True)
         with self._server.gui.add_folder(f"Joints of {actor.name}"):
-            for i, (name, kind) in enumerate(kinds):
-                wide = UNLIMITED.get(kind, np.pi)
-                low = max(model.position_lower[i], min(-wide, q[i]))
-                high = min(model.position_upper[i], max(wide, q[i]))
-                slider = self._server.gui.add_slider(
-                    name, float(low), float(high), (float(high) - float(low)) / 2000, float(q[i])
-                )
+            for i, name in enumerate(model.joint_names):
+                slider = self._server.gui.add_slider(name, *_slider(model, i, q[i]))
                 slider.on_update(self.loop.moved(partial(self._slide, rig, i)))
                 sliders.append(slider)
         return sliders
@@ -335,7 +341,7 @@ class Interactive:
 
     def _add_pull(self, rig: InteractiveArm, actor: DrawnArm) -> None:
         """Add a spring force at the point of a link that the mouse drags."""
-        stiffness = 2.0 * 9.81 * rig.simulation.model.total_mass / actor.size
+        stiffness = PULL * rig.simulation.model.total_mass / actor.size
         frames = set(rig.simulation.model.frame_names)
 
         def pull(frame: str, held: Array, mouse: Array) -> None:
@@ -357,3 +363,18 @@ class Interactive:
         for frame, link in actor.links:
             if frame in frames:
                 link.on_drag(dragged(frame))
+
+
+def _slider(model: ArmModel, joint: int, q: float) -> tuple[float, float, float, float]:
+    """Least and largest value, step, and value of a joint's slider, of few enough digits to read.
+
+    Its limits are those of the joint, rounded inwards; without them, it ends where the joint is.
+    """
+    kind = model.joint_types[joint]
+    wide, unit = UNLIMITED.get(kind, np.pi), 10.0 ** DIGITS.get(kind, 3)
+    low, high = model.position_lower[joint], model.position_upper[joint]
+    low = low if np.isfinite(low) else min(-wide, high - 2 * wide)
+    high = high if np.isfinite(high) else max(wide, low + 2 * wide)
+    first, last = np.ceil(min(low, q) * unit - 1e-3), np.floor(max(high, q) * unit + 1e-3)
+    value = np.clip(np.round(q * unit), first, last)
+    return float(first / unit), float(last / unit), 1.0 / unit, float(value / unit)
