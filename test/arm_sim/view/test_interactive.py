@@ -311,10 +311,12 @@ def test_after_a_drag_the_motion_decays_alike_in_light_and_heavy_arms(scene: str
     sim = Simulator(scene)
     rig = InteractiveArm(sim)
     rig.place(sim.state.q)
-    weight = 9.81 * sim.model.total_mass
-    rig.push(Marker(sim.model).hand, np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), ticks=200)
+    frame, held = seized(sim)
+    rig.pull(frame, held, held + [0.0, 0.0, 0.3 * sim.model.reach])
     energies, speeds = [], []
-    for _ in range(1200):
+    for tick in range(1200):
+        if tick == 200:
+            rig.release()
         rig.tick()
         q, v = sim.state.q, sim.state.v
         energies.append(v @ sim.dynamics.mass_matrix(q) @ v / 2)
@@ -326,3 +328,24 @@ def test_after_a_drag_the_motion_decays_alike_in_light_and_heavy_arms(scene: str
     assert (np.diff(after) < 0.0).all()
     assert after[period] / after[0] == pytest.approx(np.exp(-2.0), rel=0.05)
     assert speeds[-1] < 0.02 * speeds[released]
+
+
+@pytest.mark.parametrize("scene", ["double_pendulum", "ur10"])
+def test_a_link_comes_to_rest_where_the_mouse_rests(scene: str) -> None:
+    """Without further news of the mouse, which is only told of when it moves."""
+    sim = Simulator(scene)
+    rig = InteractiveArm(sim)
+    frame, held = seized(sim)
+    mouse = held + [-0.1 * sim.model.reach, 0.0, 0.1 * sim.model.reach]
+    rig.pull(frame, held, mouse)
+    for _ in range(4000):
+        rig.tick()
+    np.testing.assert_allclose(seized(sim)[1], mouse, atol=2e-2 * sim.model.reach)
+    assert abs(sim.state.v).max() < 0.05
+
+
+def seized(sim: Simulator) -> tuple[str, np.ndarray]:
+    """The hand, and where its outer end is."""
+    hand = Marker(sim.model).hand
+    tip = [0.0, 0.0, -1.0, 1.0] if hand == "lower" else [0.0, 0.0, 0.0, 1.0]
+    return hand, (sim.dynamics.pose(sim.state.q, hand) @ tip)[:3]

@@ -38,7 +38,7 @@ CHARTED = 0.25  # [s] between drawings of curves
 EAGER = 4.0  # [rad/s] with which references move to the sliders
 UNLIMITED = {"prismatic": 1.0}  # half the range of a slider without limits in [m]; others: π
 DIGITS = {"prismatic": 4}  # decimals of sliders in [m]; others: 3
-PULL = 2.0 * 9.81  # [m/s²] by which the mouse accelerates the arm from one reach away
+PULL = 2.0 * 9.81  # [m/s²] by which the mouse accelerates what it holds from one reach away
 
 
 class InteractiveArm:
@@ -58,12 +58,13 @@ class InteractiveArm:
         self.wrenches = ExternalWrenches(simulation.dynamics, "local_world_aligned")
         self._reference = self.target.copy(), np.zeros(simulation.n)
         self._pushable = self._pushed = False
+        self._pull: tuple[str, Array, Array] | None = None  # frame, point of it, place of the mouse
         model = simulation.model
         self._command = CommandMap(model)
         gains = tuned(simulation.dynamics, 20.0, 1.0, dt=simulation.dt)
         self._lead = PDGravity(simulation.dynamics, *gains)
         self._carry, self._rigid = GravityCompensation(simulation.dynamics), RigidTerms(model)
-        # Critical: the arm, as one mass on the spring of the mouse, does not swing.
+        # Critical: what the mouse holds, a mass on its spring, does not swing.
         self.damping = 2.0 * np.sqrt(PULL / model.reach)
         size = round(MEMORY / SAMPLED)
         self.samples, self.energies = Samples(maxlen=size), Samples(maxlen=size)
@@ -107,20 +108,60 @@ class InteractiveArm:
         """Apply a force in [N] and moment in [N m], in world axes, to a frame for some ticks."""
         if not self._pushable:
             self.wrenches.push(frame, wrench, 0)  # raises an error if it cannot be pushed
-            arm = self.simulation.arm
-            self.account.change(lambda: arm.use(arm.compiled.pushable()))
-            self._pushable = True
+            self._make_pushable()
         self.wrenches.push(frame, wrench, self.simulation.state.step + ticks - 1)
+
+    def pull(self, frame: str, held: Array, mouse: Array) -> None:
+        """Pull a frame towards the mouse as by a spring, until released.
+
+        Args:
+            frame: The frame.
+            held: Place where it is seized, which moves with it, in [m], shape (3,).
+            mouse: Place of the mouse, likewise.
+        """
+        self._make_pushable()
+        if self._pull is None or self._pull[0] != frame:
+            pose = self.simulation.dynamics.pose(self.simulation.state.q, frame)
+            point = np.linalg.solve(pose, np.append(held, 1.0))
+        else:
+            point = self._pull[1]
+        self._pull = frame, point, mouse
+
+    def release(self) -> None:
+        """End the pull."""
+        self._pull = None
+
+    @property
+    def external(self) -> Array:
+        """Torques of pushes and the pull now, shape (n,)."""
+        q, step = self.simulation.state.q, self.simulation.state.step
+        torque = self.wrenches.torque(q, step)
+        return torque if self._pull is None else torque + self._pulled(q, *self._pull)
+
+    def _pulled(self, q: Array, frame: str, point: Array, mouse: Array) -> Array:
+        """Torque of the pull, which accelerates what is held alike, be it light or heavy.
+
+        A force along u meets the mass 1/(uᵀ J M⁻¹ Jᵀ u) (Khatib, "Inertial properties in robotic
+        manipulation", Int. J. Robotics Research 14(1), 1995); near singularities, that of the arm.
+        """
+        dynamics = self.simulation.dynamics
+        pose, J = dynamics.pose(q, frame), dynamics.jacobian(q, frame)
+        held = pose @ point
+        way = mouse - held[:3]
+        turned = np.append(way, np.cross(held[:3] - pose[:3, 3], way)) @ J
+        ease = turned @ self._rigid.mobility(q) @ turned
+        whole = dynamics.model.total_mass
+        mass = way @ way / ease if whole * ease > way @ way else whole
+        return np.asarray(PULL * mass / dynamics.model.reach * turned)
 
     def tick(self) -> None:
         """Make a tick."""
         simulation, state = self.simulation, self.simulation.state
         if state.step != self._seen:
             self.account.forget()  # the state was changed from elsewhere
-        if self.wrenches.active or self._pushed:
-            torque = self.wrenches.torque(state.q, state.step)
-            simulation.set_parameter("external", torque)
-            self._pushed = bool(self.wrenches.active)
+        if self.wrenches.active or self._pull or self._pushed:
+            simulation.set_parameter("external", self.external)
+            self._pushed = bool(self.wrenches.active or self._pull)
         simulation.arm.advance(self._commanded(state).tolist())
         self._seen = state.step + 1
         self.account.note()
@@ -128,6 +169,7 @@ class InteractiveArm:
     def restart(self) -> None:
         """Reset, without external forces."""
         self.wrenches.clear()
+        self.release()
         self.samples.clear()
         self.energies.clear()
         self.simulation.reset()
@@ -137,6 +179,7 @@ class InteractiveArm:
     def let_go(self) -> None:
         """End all external forces."""
         self.wrenches.clear()
+        self.release()
         if self._pushed:
             self.simulation.set_parameter("external", np.zeros(self.simulation.n))
             self._pushed = False
@@ -146,6 +189,12 @@ class InteractiveArm:
         self.simulation.set_state(q, np.zeros(self.simulation.n))
         self.account.forget()
         self.choose(self.control)
+
+    def _make_pushable(self) -> None:
+        if not self._pushable:
+            arm = self.simulation.arm
+            self.account.change(lambda: arm.use(arm.compiled.pushable()))
+            self._pushable = True
 
     def _commanded(self, state: State) -> Array:
         if self.control == NOTHING:
@@ -341,22 +390,15 @@ class Interactive:
 
     def _add_pull(self, rig: InteractiveArm, actor: DrawnArm) -> None:
         """Add a spring force at the point of a link that the mouse drags."""
-        stiffness = PULL * rig.simulation.model.total_mass / actor.size
         frames = set(rig.simulation.model.frame_names)
-
-        def pull(frame: str, held: Array, mouse: Array) -> None:
-            actor.marker.at(rig.look())
-            force = stiffness * (mouse - held)
-            moment = np.cross(held - actor.base - actor.marker.origin(frame), force)
-            rig.push(frame, np.concatenate([force, moment]), 2**62)
 
         def dragged(frame: str) -> Callable[[Any], Any]:
             async def on_drag(event: Any) -> None:  # in order, as plain functions would not be
                 if event.phase == "end":
-                    self.loop.order(rig.wrenches.clear)
+                    self.loop.order(rig.release)
                     return
-                ends = np.array(event.start_position), np.array(event.end_position)
-                self.loop.order(lambda: pull(frame, *ends))
+                ends = np.array([event.start_position, event.end_position]) - actor.base
+                self.loop.order(lambda: rig.pull(frame, *ends))
 
             return on_drag
 
