@@ -84,10 +84,10 @@ def test_the_box_of_the_arm_is_in_what_the_panels_leave_free(size: list[int]) ->
     needed()
     with (
         show(Simulator("two_link"), port=0) as view,
-        opened(view.url, "/arm/elbow", size=size) as page,
+        opened(view.url, "/two_link/elbow", size=size) as page,
     ):
         page.handle.add_style_tag(content=".mantine-Notifications-root {display: none}")
-        (base,) = page.places("/arm/base")
+        (base,) = page.places("/two_link/base")
         points = view.actors[0].extent @ base[:3, :3].T + base[:3, 3]  # in the axes of the page
         page.until(lambda: free(page, page.pixels(points)), "the arm in the free area")
         box = page.pixels(points)
@@ -104,7 +104,7 @@ def test_a_camera_that_a_visitor_has_moved_stays() -> None:
     needed()
     with (
         show(Simulator("two_link"), port=0) as view,
-        opened(view.url, "/arm/elbow", size=(1440, 700)) as page,
+        opened(view.url, "/two_link/elbow", size=(1440, 700)) as page,
     ):
         server = view._server
         (client,) = server.get_clients().values()

@@ -287,8 +287,8 @@ def test_sliders_end_at_the_limits_of_the_joints(
 
 
 def test_sliders_are_of_joints_that_move_and_go_where_a_free_joint_is() -> None:
-    joint = '''<joint name="{0}" type="prismatic"><parent link="{1}"/><child link="{2}"/>
-      <axis xyz="1 0 0"/><limit lower="{3}" upper="{4}" effort="1" velocity="1"/>{5}</joint>'''
+    joint = """<joint name="{0}" type="prismatic"><parent link="{1}"/><child link="{2}"/>
+      <axis xyz="1 0 0"/><limit lower="{3}" upper="{4}" effort="1" velocity="1"/>{5}</joint>"""
     mass = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
     links = "".join(f'<link name="{x}">{mass}</inertial></link>' for x in "abcd")
     joints = (

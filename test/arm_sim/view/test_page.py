@@ -41,7 +41,7 @@ def touched(panda: Simulator) -> Iterator[tuple[View, Page]]:
     panda.reset()
     with (
         show(panda, port=0) as view,
-        opened(view.url, "/arm/panda_joint7", size=(1300, 560)) as page,
+        opened(view.url, "/panda/panda_joint7", size=(1300, 560)) as page,
     ):
         yield view, page
 
@@ -51,7 +51,7 @@ def let_fall(view: View) -> None:
     view.source.loop.order(lambda: view.source._choose(NOTHING))
 
 
-def assert_drawn(page: Page, simulator: Simulator, name: str = "arm") -> None:
+def assert_drawn(page: Page, simulator: Simulator, name: str = "panda") -> None:
     """The page comes to show the state, and shows it to rounding."""
     q = simulator.state.q
 
@@ -99,11 +99,38 @@ def test_a_slider_places_a_joint(touched: tuple[View, Page], panda: Simulator) -
     assert_drawn(page, panda)
 
 
+# Values of the boxes of the page that are wider than their box.
+_CUT = """() => [...document.querySelectorAll('input')].filter(
+  box => box.offsetParent && box.scrollWidth > box.clientWidth).map(box => box.value)"""
+
+
+@pytest.mark.parametrize("size", sampled([[420, 800], [1400, 900]], 1))
+def test_a_page_has_the_name_of_the_robot_a_legend_and_boxes_that_hold_their_numbers(
+    size: list[int],
+) -> None:
+    sim = Simulator("panda_table")
+    with show(sim, port=0) as view, opened(view.url, "/panda/panda_joint7", size=size) as page:
+        assert page.handle.title() == "panda"
+        assert page.handle.get_by_text("panda", exact=True).count() == 1  # the heading
+        assert page.handle.get_by_text("friction cone: inside, the contact sticks").is_visible()
+        page.handle.get_by_text("Push panda").dispatch_event("click")
+        forces = page.handle.get_by_label("force y [N]")
+        page.until(forces.is_visible, "the forces")
+        forces.fill("-1250")
+        wide = sim.model.q0 - [2.8124999, 0.0, 0.1111, 0.0, 0.1234, 0.0, 2.7777]
+        view.source.loop.order(lambda: (view.source.rigs[0].place(wide), view.source.draw()))
+        first = page.handle.locator("input[type=text][value='-2.812']")
+        page.until(first.count, "its sliders")
+        assert page.handle.evaluate(_CUT) == []
+        first.evaluate("box => box.style.width = '2em'")
+        assert page.handle.evaluate(_CUT) == ["-2.812"]  # the test would see it
+
+
 def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
     view, page = touched
     let_fall(view)
     alone = Dynamics(panda.model)  # which nothing pushes
-    page.handle.get_by_text("Push arm").dispatch_event("click")
+    page.handle.get_by_text("Push panda").dispatch_event("click")
     page.until(lambda: page.handle.get_by_role("button", name="Push", exact=True).count(), "it")
     page.click("Push")
     rig = view.source.rigs[0]
@@ -154,7 +181,7 @@ def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
     alone = Dynamics(panda.model)  # which nothing pushes
     with (
         show(panda, port=0) as view,
-        opened(view.url, "/arm/panda_joint7", size=(1600, 900)) as page,
+        opened(view.url, "/panda/panda_joint7", size=(1600, 900)) as page,
     ):
         let_fall(view)
         rig, finger = view.source.rigs[0], Touch(page) if by == "touch" else page.handle.mouse
@@ -162,7 +189,7 @@ def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
         def pulled() -> bool:
             """Drag the elbow sideways, wherever the camera is by now."""
             finger.up()
-            base, elbow = page.places("/arm/base", "/arm/panda_joint4")
+            base, elbow = page.places("/panda/base", "/panda/panda_joint4")
             ends = np.array([elbow[:3, 3], elbow[:3, 3] + 0.3 * base[:3, 1]])
             (x, y), (beside, _) = page.pixels(ends)
             finger.move(x, y)

@@ -39,7 +39,7 @@ def visual(geometry: str, material: str = "") -> str:
 
 
 def test_a_link_without_visuals_is_the_cylinder_of_its_inertia() -> None:
-    capsule, bone = visuals_of(rod())
+    capsule, bone, _ = visuals_of(rod())  # and its pivot
     assert capsule.shape == Cylinder(pytest.approx(RADIUS), pytest.approx(LENGTH), rounded=True)
     np.testing.assert_allclose(capsule.placement.translation, [0.0, 0.0, 0.4])
     np.testing.assert_allclose(abs(capsule.placement.rotation[:, 2]), [0.0, 0.0, 1.0], atol=1e-12)
@@ -56,7 +56,7 @@ def test_a_link_without_visuals_is_the_cylinder_of_its_inertia() -> None:
     ],
 )
 def test_visuals_of_the_description_are_drawn(geometry: str, shape: object) -> None:
-    (drawn,) = visuals_of(rod(visual(geometry, '<material name="blue"/>')))
+    drawn, _ = visuals_of(rod(visual(geometry, '<material name="blue"/>')))
     assert drawn.shape == shape
     assert drawn.colour == (0.0, 0.0, 1.0, 1.0)
     np.testing.assert_allclose(drawn.placement.rotation, pin.utils.rotate("z", 1.0))

@@ -18,8 +18,18 @@ from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.marks import Instant, Marker
-from arm_sim.view.shapes import METAL, Box, Cylinder, Mesh, Sphere
-from arm_sim.view.stage import KEPT, DrawnArm, _coils, _cones, _glb, _solid, lay_ground
+from arm_sim.view.shapes import METAL, PIVOT, Box, Cylinder, Mesh, Sphere, visuals_of
+from arm_sim.view.stage import (
+    KEPT,
+    WHOLE,
+    DrawnArm,
+    _coils,
+    _cones,
+    _glb,
+    _solid,
+    lay_ground,
+    legend,
+)
 
 pytestmark = pytest.mark.group("view")
 
@@ -199,19 +209,67 @@ def test_axes_and_links_are_shown_on_request(server: Any) -> None:
     assert actor.links and not any(link.visible for _, link in actor.links)
 
 
-@pytest.mark.parametrize(("angle", "below"), [(0.5, 0.0), (-0.5, 0.15)])
-def test_the_ground_is_below_an_arm_that_hangs(
-    angle: float, below: float, server: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def floor(server: Any, actor: DrawnArm, monkeypatch: pytest.MonkeyPatch) -> float:
+    """Height of the ground under an arm."""
     laid: dict[str, Any] = {}
     monkeypatch.setattr(server.scene, "add_grid", lambda *_, **more: laid.update(more))
-    start = {"position": {"shoulder": angle, "elbow": 0.0}}
-    robot = {"urdf": str(models.SCENES / "two_link.urdf")}
-    model = ArmModel(load_scene({"robot": robot, "initial": start}))
-    actor = DrawnArm(server, model, "arm")
     lay_ground(server, [actor], 0.0)
+    return float(laid["position"][2])
+
+
+@pytest.mark.parametrize("angle", [0.5, -0.5])
+def test_the_ground_is_below_an_arm_with_a_base_that_hangs(
+    angle: float, server: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    foot = '<link name="base"><visual><geometry><sphere radius="0.1"/></geometry></visual></link>'
+    urdf = (models.SCENES / "two_link.urdf").read_text().replace('<link name="base"/>', foot)
+    start = {"position": {"shoulder": angle, "elbow": 0.0}}
+    model = ArmModel(load_scene({"robot": {"urdf": urdf}, "initial": start}))
+    actor = DrawnArm(server, model, "arm")
     lowest = min(0.0, 0.5 * np.sin(angle))  # that of the elbow
-    np.testing.assert_allclose(laid["position"], [0.0, 0.0, lowest - below * actor.size])
+    below = 0.15 * actor.size if angle < 0.0 else 0.0
+    assert floor(server, actor, monkeypatch) == pytest.approx(lowest - below)
+    assert all(visual.name != PIVOT for visual in visuals_of(model))
+
+
+@pytest.mark.parametrize("scene", ["double_pendulum", "cart_pendulum", "four_bar"])
+def test_an_arm_without_a_base_has_pivots_and_is_above_the_ground_wherever_it_moves(
+    scene: str, server: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = Simulator(scene).model
+    pivots = [visual for visual in visuals_of(model) if visual.name == PIVOT]
+    first = [i for i in range(1, model.pin.njoints) if model.pin.parents[i] == 0]
+    assert len(pivots) == len(first) and not any(pivot.joint for pivot in pivots)
+    for pivot, joint in zip(pivots, first, strict=True):
+        place = model.pin.jointPlacements[joint]
+        np.testing.assert_array_equal(pivot.placement.translation, place.translation)
+        axis = [1.0, 0.0, 0.0] if scene == "cart_pendulum" else [0.0, -1.0, 0.0]
+        np.testing.assert_allclose(pivot.placement.rotation[:, 2], axis, atol=1e-12)
+    actor = DrawnArm(server, model, "arm")
+    turns = np.stack(np.meshgrid(*[np.linspace(-3.0, 3.0, 13)] * model.n), axis=-1)
+    reached = [actor.marker.extent(q) for q in turns.reshape(-1, model.n)]
+    assert floor(server, actor, monkeypatch) < np.concatenate(reached)[:, 2].min()
+
+
+def test_a_legend_says_what_is_drawn_and_nothing_else(server: Any) -> None:
+    def texts(scene: str) -> list[str]:
+        return [text for _, _, text in DrawnArm(server, Simulator(scene).model, scene).legend()]
+
+    assert texts("double_pendulum") == ["pivot", "path of the hand"]
+    assert texts("panda_table") == [
+        "point of contact", "plane of contact", "force of the contact on the arm",
+        "friction cone: inside, the contact sticks", "joint at its end stop", "path of the hand",
+    ]  # fmt: skip
+    assert texts("four_bar") == ["pivot", "force of a constraint", "path of the hand"]
+    assert "spring" in texts("spring_balanced_arm")
+    carried = {"robot": {"urdf": str(models.SCENES / "two_link.urdf")},
+               "payloads": [{"frame": "forearm", "mass": 1.0}]}  # fmt: skip
+    actor = DrawnArm(server, ArmModel(load_scene(carried)), "carried")
+    actor.show_path(np.eye(3))
+    rows = {text: colour for _, colour, text in actor.legend()}
+    assert rows["payload"] == (237, 140, 38) and rows["whole path of the hand"] == WHOLE
+    for colour in ("rgb(237, 140, 38)", "payload", "rgb(150, 150, 150)"):
+        assert colour in legend(actor.legend())
 
 
 def test_a_mesh_has_its_scale_and_a_colour_if_its_file_has_none(tmp_path: Path) -> None:

@@ -92,7 +92,7 @@ def test_a_simulation_has_no_film(tmp_path: Path) -> None:
                 call()
         before = view.source
         view.draw()
-        assert view.source is before and repr(view) == f"<View of arm at {view.url}>"
+        assert view.source is before and repr(view) == f"<View of two_link at {view.url}>"
         assert f'src="{view.url}"' in view._repr_html_()
 
 

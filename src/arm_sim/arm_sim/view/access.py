@@ -12,6 +12,7 @@ scan of ports, one line is logged.
 from __future__ import annotations
 
 import contextlib
+import html
 import logging
 import socket
 import threading
@@ -69,14 +70,16 @@ def _same(site: SplitResult, address: SplitResult) -> bool:
 
 
 @contextlib.contextmanager
-def refusing(host: str) -> Iterator[None]:
+def refusing(host: str, title: str) -> Iterator[None]:
     """Within the block, a server of viser that starts applies ``refusal``.
 
-    Viser has no option for such a check in its connection library, nor for where that logs, so the
-    function that starts that library is replaced within the block.
+    Viser has no option for such a check in its connection library, nor for where that logs, nor
+    for the title of its page, so the function that starts that library is replaced within the
+    block.
 
     Args:
         host: Address that it listens on.
+        title: Title of its page.
     """
     import websockets.asyncio.server as library
 
@@ -85,7 +88,7 @@ def refusing(host: str) -> Iterator[None]:
         usual: Any = library.serve
 
         def serve(handler: Any, *where: Any, process_request: Any = None, **options: Any) -> Any:
-            check = _checked(process_request, host)
+            check = _checked(process_request, host, title)
             return usual(handler, *where, process_request=check, logger=_log, **options)
 
         library.serve = serve
@@ -107,11 +110,25 @@ def _brief(record: logging.LogRecord) -> bool:
     return record.levelno >= _log.getEffectiveLevel()
 
 
-def _checked(answer: Callable[[Any, Any], Any] | None, host: str) -> Callable[[Any, Any], Any]:
+def titled(page: bytes, title: str) -> bytes:
+    """A page of viser with a title of its own."""
+    named = f"<title>{html.escape(title)}</title>"
+    return page.replace(b"<title>Viser</title>", named.encode(), 1)
+
+
+def _checked(
+    answer: Callable[[Any, Any], Any] | None, host: str, title: str
+) -> Callable[[Any, Any], Any]:
     def check(connection: Any, request: Any) -> Any:
         why = refusal(request.headers.get("Host"), request.headers.get("Origin"), host)
         if why:
             return connection.respond(HTTPStatus.FORBIDDEN, f"{why}\n")
-        return None if answer is None else answer(connection, request)
+        request.headers.pop("Accept-Encoding", None)  # the page is compressed in itself
+        response = None if answer is None else answer(connection, request)
+        if response is not None and "Content-Length" in response.headers:
+            response.body = titled(response.body, title)
+            del response.headers["Content-Length"]
+            response.headers["Content-Length"] = str(len(response.body))
+        return response
 
     return check

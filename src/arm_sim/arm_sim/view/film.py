@@ -65,18 +65,19 @@ class Film:
         return replace(still, time=instant.time, q=instant.q)
 
 
-def film_of(recording: Recording, name: str) -> Film:
+def film_of(recording: Recording, name: str | None) -> Film:
     """The film of a recording, with everything computed in advance.
 
     Args:
         recording: The run.
-        name: Its name on the page.
+        name: Its name on the page; None for that of the robot.
     """
     rows = _looks(len(recording))
     part = recording.part(rows)
     charts = list(_charts(recording, part, rows))
     model = recording.dynamics.model
-    return Film(name, model, recording.time, recording.q, tuple(_stills(part)), tuple(charts))
+    called, stills = name or model.pin.name, tuple(_stills(part))
+    return Film(called, model, recording.time, recording.q, stills, tuple(charts))
 
 
 def _stills(part: Recording) -> Iterator[Instant]:

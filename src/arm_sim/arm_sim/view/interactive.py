@@ -58,7 +58,9 @@ class InteractiveArm:
         self.wrenches = ExternalWrenches(simulation.dynamics, "local_world_aligned")
         self._reference = self.target.copy(), np.zeros(simulation.n)
         self._pushable = self._pushed = False
-        self._pull: tuple[str, Array, Array] | None = None  # frame, point of it, place of the mouse
+        self._pull: tuple[str, Array, Array] | None = (
+            None  # frame, point of it, place of the mouse
+        )
         model = simulation.model
         self._command = CommandMap(model)
         gains = tuned(simulation.dynamics, 20.0, 1.0, dt=simulation.dt)
@@ -379,18 +381,23 @@ class Interactive:
         hand = actor.marker.hand
         with gui.add_folder(f"Push {actor.name}", expand_by_default=False):
             frame = gui.add_dropdown("frame", frames, initial_value=hand)
-            force = gui.add_vector3("force [N]", (0.0, 20.0, 0.0), step=1.0)
+            force = [
+                gui.add_number(f"force {axis} [N]", value, step=1.0)
+                for axis, value in zip("xyz", (0.0, 20.0, 0.0), strict=True)
+            ]
             lasting = gui.add_number("for [s]", 0.2, min=0.001, max=60.0, step=0.05)
 
             def push() -> None:
                 ticks = max(1, round(lasting.value / rig.simulation.dt))
-                rig.push(frame.value, np.array([*force.value, 0.0, 0.0, 0.0]), ticks)
+                rig.push(
+                    frame.value, np.array([*(box.value for box in force), 0.0, 0.0, 0.0]), ticks
+                )
 
             gui.add_button("Push").on_click(lambda _: self.loop.order(push))
 
     def _add_pull(self, rig: InteractiveArm, actor: DrawnArm) -> None:
         """Add a spring force at the point of a link that the mouse drags."""
-        frames = set(rig.simulation.model.frame_names)
+        model = rig.simulation.model
 
         def dragged(frame: str) -> Callable[[Any], Any]:
             async def on_drag(event: Any) -> None:  # in order, as plain functions would not be
@@ -403,7 +410,7 @@ class Interactive:
             return on_drag
 
         for frame, link in actor.links:
-            if frame in frames:
+            if frame in model.frame_names and model.frame(frame).parentJoint > 0:
                 link.on_drag(dragged(frame))
 
 

@@ -44,7 +44,7 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
     """Serve an empty page.
 
     Args:
-        label: Heading of its panel.
+        label: Heading of its panel, and title of the page.
         host: Address to listen on; ``0.0.0.0`` lets every machine of the network control it.
         port: Port; None for 8080 or the next free one, which is logged.
 
@@ -52,7 +52,7 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
         ViewError: If the library is missing, or the address or port cannot be used.
     """
     make, chosen = library().ViserServer, _free_port(host, port)
-    with _silent(), refusing(host):
+    with _silent(), refusing(host, label):
         server: viser.ViserServer = make(host=host, port=chosen, label=label, verbose=False)
     if server.get_port() != chosen:
         close_server(server)

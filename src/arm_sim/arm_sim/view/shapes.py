@@ -27,6 +27,8 @@ METAL: Colour = (0.72, 0.74, 0.78, 1.0)
 LOAD: Colour = (0.93, 0.55, 0.15, 1.0)
 SURFACE: Colour = (0.45, 0.6, 0.75, 0.35)
 TOUCH: Colour = (0.15, 0.35, 0.6, 1.0)
+BEARING: Colour = (0.25, 0.27, 0.3, 1.0)
+PIVOT = "pivot"  # name of what is drawn in place of a base
 LOAD_DENSITY = 1000.0  # [kg/m³] of the balls that represent payloads
 THIN, THICK = 0.012, 0.08  # least and largest radius of capsules, relative to the robot's reach
 
@@ -85,7 +87,7 @@ class Visual:
 
 
 def visuals_of(robot: Robot, folder: Path | None = None) -> tuple[Visual, ...]:
-    """All constant shapes of a robot: links, payloads, planes and balls.
+    """All constant shapes of a robot: links, payloads, planes and balls; pivots without a base.
 
     A missing mesh causes a warning, and its link is drawn as a capsule.
 
@@ -96,7 +98,8 @@ def visuals_of(robot: Robot, folder: Path | None = None) -> tuple[Visual, ...]:
     links = list(_described(robot, folder or Path.cwd()))
     drawn = {visual.joint for visual in links}
     bare = [joint for joint in range(1, robot.pin.njoints) if joint not in drawn]
-    return (*links, *capsules_of(robot, bare), *_payloads(robot), *_contacts(robot))
+    pivots = () if 0 in drawn else _pivots(robot)
+    return (*links, *capsules_of(robot, bare), *pivots, *_payloads(robot), *_contacts(robot))
 
 
 def corners(visual: Visual) -> Array:
@@ -226,6 +229,17 @@ def _along(direction: Array) -> Array:
     z = np.array([0.0, 0.0, 1.0])
     turn: Array = pin.Quaternion.FromTwoVectors(z, np.asarray(direction, dtype=float)).matrix()
     return turn
+
+
+def _pivots(robot: Robot) -> Iterable[Visual]:
+    """Axles of joints that the world carries; of those that slide, rails as long as the arm."""
+    model, size = robot.bare, robot.reach
+    for joint in range(1, model.njoints):
+        if model.parents[joint] == 0:
+            slide, turn = np.asarray(model.joints[joint].createData().S).reshape(2, 3)
+            axle = Cylinder(2 * THIN * size, (8 * THIN if turn.any() else 1.0) * size)
+            place = model.jointPlacements[joint] * pin.SE3(_along(slide + turn), np.zeros(3))
+            yield Visual(PIVOT, 0, place, axle, BEARING)
 
 
 # --- additions of the scene ---------------------------------------------------------------------

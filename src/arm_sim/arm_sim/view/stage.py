@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +13,16 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.sampling import postures
 from arm_sim.view.framing import FIELD, WAY, keep_framed
 from arm_sim.view.marks import Instant, Marker, Marks
 from arm_sim.view.shapes import (
+    BEARING,
+    LOAD,
     METAL,
+    PIVOT,
+    SURFACE,
+    TOUCH,
     Box,
     Colour,
     Cylinder,
@@ -36,12 +42,17 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-CONTACT, CONE, TIE, SPRING, STOP, PATH = (
-    (40, 130, 60), (110, 180, 120), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20)
+CONTACT, CONE, TIE, SPRING, STOP, PATH, WHOLE = (
+    (40, 130, 60), (110, 180, 120), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20),
+    (150, 150, 150),
 )  # fmt: skip
-"""Colours of contact forces, friction cones, constraint forces, springs, stops, and the path."""
+"""Colours of contact forces, friction cones, constraint forces, springs, stops, and paths."""
+
+type Row = tuple[str, tuple[int, ...], str]
+"""Of a legend: mark, colour and meaning."""
 
 LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
+_POSTURES = 300  # among which the lowest point of an arm is found
 KEPT = 300  # points of the path behind a moving hand
 _KINDS = ("contact forces", "friction cones", "constraint forces", "springs", "path")
 _NOTHING = np.zeros((1, 2, 3))
@@ -64,6 +75,8 @@ class DrawnArm:
         size: Size of the arm in [m].
         links: Drawn links and joints: names and handles.
         extent: Points around the arm at its start, and of its path, in [m], shape (k, 3).
+        lowest: Height in [m] below which it has no point: at its start if it has a base to stand
+            on, else wherever it moves.
     """
 
     def __init__(
@@ -90,6 +103,12 @@ class DrawnArm:
         self.links = self._draw_all(visuals, joints)
         carried = [(visual.joint, corners(visual)) for visual in visuals if visual.joint]
         self.extent = self.base + self.marker.extent(model.q0, carried)
+        self._hangs = any(visual.name == PIVOT for visual in visuals)
+        if self._hangs:
+            moving = (self.marker.extent(q, carried) for q in postures(model, _POSTURES))
+            self.lowest = min(float(points[:, 2].min()) for points in moving)
+        else:
+            self.lowest = float(self.marker.at(Instant(0.0, model.q0)).position[:, 2].min())
         self._arrows, self._lines = self._hidden_arrows(), self._hidden_lines()
         self._stops = [
             scene.add_icosphere(
@@ -139,6 +158,27 @@ class DrawnArm:
         """Draw a complete, permanent path of the hand, shape (k, 3), which extends the arm."""
         self.extent = np.vstack([self.extent, self.base + path])
         self._set(self._lines["whole path"], _pairs(path), self._shown["path"])
+
+    def legend(self) -> Iterator[Row]:
+        """What its marks are, as far as it can have them."""
+        model = self.marker.model
+        scene, springs, stops = model.scene, model.springs.points, model.stops.limit
+        whole = self._lines["whole path"].visible
+        for drawn, mark, colour, text in (
+            (self._hangs, "●", _bytes(BEARING), "pivot"),
+            (scene.payloads, "●", _bytes(LOAD), "payload"),
+            (scene.contacts, "●", _bytes(TOUCH), "point of contact"),
+            (scene.contacts, "■", _bytes(SURFACE), "plane of contact"),
+            (scene.contacts, "➔", CONTACT, "force of the contact on the arm"),
+            (scene.contacts, "▽", CONE, "friction cone: inside, the contact sticks"),
+            (scene.bilateral, "➔", TIE, "force of a constraint"),
+            (springs, "〰", SPRING, "spring"),
+            (np.isfinite(stops).any(), "●", STOP, "joint at its end stop"),
+            (True, "━", PATH, "path of the hand"),
+            (whole, "━", WHOLE, "whole path of the hand"),
+        ):
+            if drawn:
+                yield mark, colour, text
 
     def show_axes(self, on: bool) -> None:
         """Show or hide the axes of the joints' frames."""
@@ -196,7 +236,7 @@ class DrawnArm:
             )
             for kind, colour, width in (
                 ("springs", SPRING, 4.0), ("friction cones", CONE, 1.5), ("path", PATH, 2.5),
-                ("whole path", (150, 150, 150), 1.5),
+                ("whole path", WHOLE, 1.5),
             )
         }  # fmt: skip
 
@@ -233,7 +273,7 @@ class DrawnArm:
 def lay_ground(server: viser.ViserServer, actors: Sequence[DrawnArm], width: float) -> None:
     """A grid, light and a camera for the arms, which occupy a ``width`` in [m]."""
     size = max(actor.size for actor in actors)
-    lowest = min(float(marks.position[:, 2].min()) for marks in map(_start, actors))
+    lowest = min(actor.lowest for actor in actors)
     level = min(lowest, 0.0) - (0.15 * size if lowest < -1e-3 else 0.0)
     extent = 2.0 * (width + 2.0 * size)
     server.scene.add_grid(
@@ -258,8 +298,18 @@ def _sky() -> Any:
     return np.repeat(column[:, None], 4, axis=1).astype(np.uint8)
 
 
-def _start(actor: DrawnArm) -> Marks:
-    return actor.marker.at(Instant(0.0, actor.marker.model.q0))
+def legend(rows: Iterable[Row]) -> str:
+    """A legend as HTML."""
+    cells = "".join(
+        f'<span style="color:rgb{colour}">{mark}</span><span>{text}</span>'
+        for mark, colour, text in rows
+    )
+    grid = "display:grid;grid-template-columns:1.2em 1fr;gap:0 0.4em"
+    return f'<div style="{grid};font-size:0.8em;padding:0.3em 1em">{cells}</div>'
+
+
+def _bytes(colour: Colour) -> tuple[int, ...]:
+    return tuple(round(255 * x) for x in colour[:3])
 
 
 def _round(size: float) -> float:
@@ -328,11 +378,13 @@ def _glb(mesh: Mesh, colour: Colour | None) -> bytes:
     if not np.all(scale == 1.0):
         loaded.apply_transform(np.diag([*scale, 1.0]))
     if mesh.path.suffix.lower() in (".stl", ".ply"):
-        r, g, b, a = (round(255 * x) for x in colour or METAL)
+        a = round(255 * (colour or METAL)[3])
         for geometry in loaded.geometry.values():
             geometry.visual = trimesh.visual.TextureVisuals(
                 material=trimesh.visual.material.PBRMaterial(
-                    baseColorFactor=[r, g, b, a], metallicFactor=0.1, roughnessFactor=0.6
+                    baseColorFactor=[*_bytes(colour or METAL), a],
+                    metallicFactor=0.1,
+                    roughnessFactor=0.6,
                 )
             )
     return bytes(loaded.export(file_type="glb"))

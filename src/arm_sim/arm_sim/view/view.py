@@ -24,6 +24,7 @@ from arm_sim.recording import Recording
 from arm_sim.recording.files import SUFFIXES
 from arm_sim.simulator import Simulator
 from arm_sim.view import pictures
+from arm_sim.view.access import titled
 from arm_sim.view.charts import with_curves
 from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.film import Film, film_of
@@ -31,7 +32,7 @@ from arm_sim.view.follower import Follower, NewsSource
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.player import Player
 from arm_sim.view.server import HERE, address, close_server, library, open_server
-from arm_sim.view.stage import DrawnArm, lay_ground
+from arm_sim.view.stage import DrawnArm, lay_ground, legend
 
 if TYPE_CHECKING:
     import viser
@@ -64,6 +65,9 @@ class View:
     ) -> None:
         self._server, self.actors, self.source = server, tuple(actors), source
         self._closed = False
+        rows = dict.fromkeys(row for actor in actors for row in actor.legend())
+        with server.gui.add_folder("Legend"):
+            server.gui.add_html(legend(rows))
         with server.gui.add_folder("Show", expand_by_default=False):
             for what, on in (
                 ("links", True), ("axes", False), ("path", True), ("springs", True),
@@ -71,6 +75,11 @@ class View:
             ):  # fmt: skip
                 self._add_switch(what, on)
         self._loop.start()
+
+    @property
+    def name(self) -> str:
+        """Names of the arms."""
+        return ", ".join(actor.name for actor in self.actors)
 
     @property
     def url(self) -> str:
@@ -109,8 +118,7 @@ class View:
 
     def __repr__(self) -> str:
         """Where it is."""
-        names = ", ".join(actor.name for actor in self.actors)
-        return f"<View of {names} at {self.url}>"
+        return f"<View of {self.name} at {self.url}>"
 
     def _repr_html_(self) -> str:
         """The page inside a notebook."""
@@ -203,7 +211,7 @@ class View:
         page = recorder.as_html()
         if player:
             page = with_curves(page, player.charts, times, rate)
-        path.write_text(page, encoding="utf-8")
+        path.write_bytes(titled(page.encode(), self.name))
         return path
 
     def _times(self, rate: float) -> list[float]:
@@ -238,8 +246,8 @@ class View:
 
 
 def show(
-    *what: Any, name: str | Sequence[str] = "arm", host: str = HERE, port: int | None = None,
-    folder: Path | None = None, together: bool = False,
+    *what: Any, name: str | Sequence[str] | None = None, host: str = HERE,
+    port: int | None = None, folder: Path | None = None, together: bool = False,
 ) -> View:  # fmt: skip
     """Show arms in a browser, side by side.
 
@@ -250,7 +258,8 @@ def show(
     Args:
         *what: Simulators or scenes (anything that ``load_scene`` accepts), or recordings or films.
             A recording may also be given as its file.
-        name: Name of the arms on the page, or of each; films have theirs.
+        name: Name of the arms on the page, or of each; None for that of the robot. Films have
+            theirs.
         host: Address that the page listens on.
         port: Port; None for 8080 or the next free one.
         folder: Folder of meshes with relative names.
@@ -266,11 +275,11 @@ def show(
         SceneError: If a scene cannot be used.
     """
     what = tuple(Recording.load(x) if _is_recording(x) else x for x in what)
-    names = [name] * len(what) if isinstance(name, str) else [*name]
+    each = [name] * len(what) if name is None or isinstance(name, str) else [*name]
     moving = [isinstance(thing, Recording | Film) for thing in what]
-    if not what or len(names) != len(what) or len(set(moving)) > 1 or (together and not moving[0]):
+    if not what or len(each) != len(what) or len(set(moving)) > 1 or (together and not moving[0]):
         raise ViewError(
-            f"{len(what)} things to show with {len(names)} names, {sum(moving)} of them motions; "
+            f"{len(what)} things to show with {len(each)} names, {sum(moving)} of them motions; "
             "allowed: simulators and scenes, or recordings and films, which alone can lie together"
         )
     simulators = [thing for thing in what if isinstance(thing, Simulator)]
@@ -280,13 +289,14 @@ def show(
     if moving[0]:
         films = [
             thing if isinstance(thing, Film) else film_of(thing, label)
-            for thing, label in zip(what, names, strict=True)
+            for thing, label in zip(what, each, strict=True)
         ]
         names, models = [film.name for film in films], [film.model for film in films]
         begin: Begin = lambda server, actors: Player(server, films, actors)  # noqa: E731
     else:
         arms = [InteractiveArm(x if isinstance(x, Simulator) else simulator_of(x)) for x in what]
         models = [arm.simulation.model for arm in arms]
+        names = [label or model.pin.name for label, model in zip(each, models, strict=True)]
         begin = lambda server, actors: Interactive(server, arms, actors)  # noqa: E731
     return _opened(begin, names, models, host, port, folder, together)
 
@@ -332,8 +342,9 @@ def _opened(
     folder: Path | None = None, together: bool = False,
 ) -> View:  # fmt: skip
     """A page with these arms, and the source of their motion that ``begin`` makes for them."""
-    server = open_server("arm view", host, port)
-    actors, width = _cast(server, _different(names), models, folder, together)
+    names = _different(names)
+    server = open_server(", ".join(names), host, port)
+    actors, width = _cast(server, names, models, folder, together)
     source = begin(server, actors)
     lay_ground(server, actors, width)
     return View(server, actors, source)

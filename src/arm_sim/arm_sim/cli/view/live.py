@@ -52,8 +52,9 @@ class RunningArm:
 
     @property
     def name(self) -> str:
-        """Its name on the page."""
-        return self.namespace.replace("/", " ") or "arm"
+        """Its name on the page: its namespace, else the robot's."""
+        robot = "arm" if self._model is None else self._model.pin.name
+        return self.namespace.replace("/", " ") or robot
 
     def meet(self, scene: str | None) -> ArmModel:
         """Wait for the arm and determine its scene.
