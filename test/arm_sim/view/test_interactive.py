@@ -299,7 +299,10 @@ def test_sliders_are_of_joints_that_move_and_go_where_a_free_joint_is() -> None:
     robot = {"urdf": f'<robot name="fingers">{links}{joints}</robot>', "lock": ["locked"]}
     model = ArmModel(load_scene({"robot": robot}))
     assert model.joint_names == ("leader",)
-    assert _slider(model, 0, 0.01) == (0.0, 0.04, 1e-4, 0.01)  # that of the follower is narrower
+    assert _slider(model, 0, 0.01) == (0.0, 0.04, 1e-3, 0.01)  # that of the follower is narrower
+    small = {"leader": {"limits": {"lower": 0.0, "upper": 0.004}}}
+    model = ArmModel(load_scene({"robot": robot, "joints": small}))
+    assert _slider(model, 0, 0.00212) == (0.0, 0.004, 1e-4, 0.0021)
     free = Simulator("double_pendulum").model
     assert _slider(free, 0, 7.00049) == (-3.141, 7.0, 1e-3, 7.0)  # it has turned once
     assert _slider(free, 0, 0.0)[:2] == (-3.141, 3.141)

@@ -246,9 +246,18 @@ def test_an_arm_without_a_base_has_pivots_and_is_above_the_ground_wherever_it_mo
         axis = [1.0, 0.0, 0.0] if scene == "cart_pendulum" else [0.0, -1.0, 0.0]
         np.testing.assert_allclose(pivot.placement.rotation[:, 2], axis, atol=1e-12)
     actor = DrawnArm(server, model, "arm")
+    if scene == "cart_pendulum":
+        assert pivots[0].shape.length == pytest.approx(2 * 1.4)  # of 4 m, twice its reach each way
     turns = np.stack(np.meshgrid(*[np.linspace(-3.0, 3.0, 13)] * model.n), axis=-1)
     reached = [actor.marker.extent(q) for q in turns.reshape(-1, model.n)]
     assert floor(server, actor, monkeypatch) < np.concatenate(reached)[:, 2].min()
+
+
+def test_the_ground_is_in_sight_of_a_mass_on_endless_rails(
+    server: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    actor = DrawnArm(server, Simulator("point_mass").model, "mass")  # 100 m each way
+    assert -2.2 * actor.size < floor(server, actor, monkeypatch) < -actor.size
 
 
 def test_a_legend_says_what_is_drawn_and_nothing_else(server: Any) -> None:

@@ -37,7 +37,7 @@ SAMPLED = 0.02  # [s] between points of curves, in simulated time
 CHARTED = 0.25  # [s] between drawings of curves
 EAGER = 4.0  # [rad/s] with which references move to the sliders
 UNLIMITED = {"prismatic": 1.0}  # half the range of a slider without limits in [m]; others: π
-DIGITS = {"prismatic": 4}  # decimals of sliders in [m]; others: 3
+DECIMALS, STEPS = 3, 30  # of a slider, whose box is narrow: more decimals only for so many steps
 PULL = 2.0 * 9.81  # [m/s²] by which the mouse accelerates what it holds from one reach away
 
 
@@ -359,8 +359,11 @@ class Interactive:
     def _add_sliders(self, rig: InteractiveArm, actor: DrawnArm) -> list[Any]:
         model, q, sliders = rig.simulation.model, rig.simulation.state.q, []
         with self._server.gui.add_folder(f"Joints of {actor.name}"):
-            for i, name in enumerate(model.joint_names):
-                slider = self._server.gui.add_slider(name, *_slider(model, i, q[i]))
+            for i, (name, kind) in enumerate(
+                zip(model.joint_names, model.joint_types, strict=True)
+            ):
+                label = f"{name} [m]" if kind == "prismatic" else name
+                slider = self._server.gui.add_slider(label, *_slider(model, i, q[i]))
                 slider.on_update(self.loop.moved(partial(self._slide, rig, i)))
                 sliders.append(slider)
         return sliders
@@ -419,11 +422,11 @@ def _slider(model: ArmModel, joint: int, q: float) -> tuple[float, float, float,
 
     Its limits are those of the joint, rounded inwards; without them, it ends where the joint is.
     """
-    kind = model.joint_types[joint]
-    wide, unit = UNLIMITED.get(kind, np.pi), 10.0 ** DIGITS.get(kind, 3)
+    wide = UNLIMITED.get(model.joint_types[joint], np.pi)
     low, high = model.position_lower[joint], model.position_upper[joint]
     low = low if np.isfinite(low) else min(-wide, high - 2 * wide)
     high = high if np.isfinite(high) else max(wide, low + 2 * wide)
+    unit = 10.0 ** max(DECIMALS, np.ceil(np.log10(STEPS / (high - low))))
     first, last = np.ceil(min(low, q) * unit - 1e-3), np.floor(max(high, q) * unit + 1e-3)
     value = np.clip(np.round(q * unit), first, last)
     return float(first / unit), float(last / unit), 1.0 / unit, float(value / unit)

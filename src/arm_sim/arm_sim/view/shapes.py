@@ -232,14 +232,21 @@ def _along(direction: Array) -> Array:
 
 
 def _pivots(robot: Robot) -> Iterable[Visual]:
-    """Axles of joints that the world carries; of those that slide, rails as long as the arm."""
+    """Axles of joints that the world carries, and rails of those that slide, as far as they do."""
     model, size = robot.bare, robot.reach
     for joint in range(1, model.njoints):
         if model.parents[joint] == 0:
             slide, turn = np.asarray(model.joints[joint].createData().S).reshape(2, 3)
-            axle = Cylinder(2 * THIN * size, (8 * THIN if turn.any() else 1.0) * size)
-            place = model.jointPlacements[joint] * pin.SE3(_along(slide + turn), np.zeros(3))
-            yield Visual(PIVOT, 0, place, axle, BEARING)
+            at, slides = model.joints[joint].idx_q, slide.any()
+            low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+            far, thick = (2.0, 0.3 * THIN) if slides else (1.2 * THICK, 1.5 * THIN)
+            if slides and low < high:
+                low, high = np.clip([low, high], -far * size, far * size)
+            else:
+                low, high = -far * size, far * size
+            place = pin.SE3(_along(slide + turn), (low + high) / 2 * slide)
+            axle = Cylinder(thick * size, float(high - low))
+            yield Visual(PIVOT, 0, model.jointPlacements[joint] * place, axle, BEARING)
 
 
 # --- additions of the scene ---------------------------------------------------------------------

@@ -76,7 +76,7 @@ class DrawnArm:
         links: Drawn links and joints: names and handles.
         extent: Points around the arm at its start, and of its path, in [m], shape (k, 3).
         lowest: Height in [m] below which it has no point: at its start if it has a base to stand
-            on, else wherever it moves.
+            on, else wherever it turns.
     """
 
     def __init__(
@@ -103,12 +103,12 @@ class DrawnArm:
         self.links = self._draw_all(visuals, joints)
         carried = [(visual.joint, corners(visual)) for visual in visuals if visual.joint]
         self.extent = self.base + self.marker.extent(model.q0, carried)
+        self.lowest = float(self.marker.at(Instant(0.0, model.q0)).position[:, 2].min())
         self._hangs = any(visual.name == PIVOT for visual in visuals)
         if self._hangs:
             moving = (self.marker.extent(q, carried) for q in postures(model, _POSTURES))
-            self.lowest = min(float(points[:, 2].min()) for points in moving)
-        else:
-            self.lowest = float(self.marker.at(Instant(0.0, model.q0)).position[:, 2].min())
+            lowest = min(float(points[:, 2].min()) for points in moving)
+            self.lowest = min(self.lowest, max(lowest, -2 * self.size))  # rails may go on for ever
         self._arrows, self._lines = self._hidden_arrows(), self._hidden_lines()
         self._stops = [
             scene.add_icosphere(
@@ -172,7 +172,7 @@ class DrawnArm:
             (scene.contacts, "➔", CONTACT, "force of the contact on the arm"),
             (scene.contacts, "▽", CONE, "friction cone: inside, the contact sticks"),
             (scene.bilateral, "➔", TIE, "force of a constraint"),
-            (springs, "〰", SPRING, "spring"),
+            (springs, "≈", SPRING, "spring"),
             (np.isfinite(stops).any(), "●", STOP, "joint at its end stop"),
             (True, "━", PATH, "path of the hand"),
             (whole, "━", WHOLE, "whole path of the hand"),
