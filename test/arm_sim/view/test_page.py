@@ -112,7 +112,8 @@ def test_a_page_has_the_name_of_the_robot_a_legend_and_boxes_that_hold_their_num
     with show(sim, port=0) as view, opened(view.url, "/panda/panda_joint7", size=size) as page:
         assert page.handle.title() == "panda"
         assert page.handle.get_by_text("panda", exact=True).count() == 1  # the heading
-        assert page.handle.get_by_text("friction cone: inside, the contact sticks").is_visible()
+        for what in ("friction cone: inside, the contact sticks", "pull of the mouse"):
+            assert page.handle.get_by_text(what).is_visible()
         page.handle.get_by_text("Push panda").dispatch_event("click")
         forces = page.handle.get_by_label("force y [N]")
         page.until(forces.is_visible, "the forces")

@@ -18,7 +18,7 @@ from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.marks import Instant, Marker
-from arm_sim.view.shapes import METAL, PIVOT, Box, Cylinder, Mesh, Sphere, visuals_of
+from arm_sim.view.shapes import METAL, PIVOT, RAIL, Box, Cylinder, Mesh, Sphere, visuals_of
 from arm_sim.view.stage import (
     KEPT,
     WHOLE,
@@ -229,7 +229,7 @@ def test_the_ground_is_below_an_arm_with_a_base_that_hangs(
     lowest = min(0.0, 0.5 * np.sin(angle))  # that of the elbow
     below = 0.15 * actor.size if angle < 0.0 else 0.0
     assert floor(server, actor, monkeypatch) == pytest.approx(lowest - below)
-    assert all(visual.name != PIVOT for visual in visuals_of(model))
+    assert not {PIVOT, RAIL} & {visual.name for visual in visuals_of(model)}
 
 
 @pytest.mark.parametrize("scene", ["double_pendulum", "cart_pendulum", "four_bar"])
@@ -237,7 +237,7 @@ def test_an_arm_without_a_base_has_pivots_and_is_above_the_ground_wherever_it_mo
     scene: str, server: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = Simulator(scene).model
-    pivots = [visual for visual in visuals_of(model) if visual.name == PIVOT]
+    pivots = [visual for visual in visuals_of(model) if visual.name in (PIVOT, RAIL)]
     first = [i for i in range(1, model.pin.njoints) if model.pin.parents[i] == 0]
     assert len(pivots) == len(first) and not any(pivot.joint for pivot in pivots)
     for pivot, joint in zip(pivots, first, strict=True):
@@ -264,12 +264,16 @@ def test_a_legend_says_what_is_drawn_and_nothing_else(server: Any) -> None:
     def texts(scene: str) -> list[str]:
         return [text for _, _, text in DrawnArm(server, Simulator(scene).model, scene).legend()]
 
-    assert texts("double_pendulum") == ["pivot", "path of the hand"]
+    assert texts("double_pendulum") == ["pivot or rail, fixed to the world", "path of the hand"]
     assert texts("panda_table") == [
         "point of contact", "plane of contact", "force of the contact on the arm",
         "friction cone: inside, the contact sticks", "joint at its end stop", "path of the hand",
     ]  # fmt: skip
-    assert texts("four_bar") == ["pivot", "force of a constraint", "path of the hand"]
+    assert texts("four_bar") == [
+        "pivot or rail, fixed to the world",
+        "force of a constraint",
+        "path of the hand",
+    ]
     assert "spring" in texts("spring_balanced_arm")
     carried = {"robot": {"urdf": str(models.SCENES / "two_link.urdf")},
                "payloads": [{"frame": "forearm", "mass": 1.0}]}  # fmt: skip

@@ -28,7 +28,7 @@ LOAD: Colour = (0.93, 0.55, 0.15, 1.0)
 SURFACE: Colour = (0.45, 0.6, 0.75, 0.35)
 TOUCH: Colour = (0.15, 0.35, 0.6, 1.0)
 BEARING: Colour = (0.25, 0.27, 0.3, 1.0)
-PIVOT = "pivot"  # name of what is drawn in place of a base
+PIVOT, RAIL = "pivot", "rail"  # names of what is drawn in place of a base
 LOAD_DENSITY = 1000.0  # [kg/m³] of the balls that represent payloads
 THIN, THICK = 0.012, 0.08  # least and largest radius of capsules, relative to the robot's reach
 
@@ -246,7 +246,8 @@ def _pivots(robot: Robot) -> Iterable[Visual]:
                 low, high = -far * size, far * size
             place = pin.SE3(_along(slide + turn), (low + high) / 2 * slide)
             axle = Cylinder(thick * size, float(high - low))
-            yield Visual(PIVOT, 0, model.jointPlacements[joint] * place, axle, BEARING)
+            name = RAIL if slides else PIVOT
+            yield Visual(name, 0, model.jointPlacements[joint] * place, axle, BEARING)
 
 
 # --- additions of the scene ---------------------------------------------------------------------

@@ -21,6 +21,7 @@ from arm_sim.view.shapes import (
     LOAD,
     METAL,
     PIVOT,
+    RAIL,
     SURFACE,
     TOUCH,
     Box,
@@ -42,11 +43,13 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-CONTACT, CONE, TIE, SPRING, STOP, PATH, WHOLE = (
+CONTACT, CONE, TIE, SPRING, STOP, PATH, WHOLE, MOUSE = (
     (40, 130, 60), (110, 180, 120), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20),
-    (150, 150, 150),
+    (150, 150, 150), (255, 140, 66),
 )  # fmt: skip
-"""Colours of contact forces, friction cones, constraint forces, springs, stops, and paths."""
+"""Colours of contact forces, friction cones, constraint forces, springs, stops, the path, the
+whole path of a recording, and the library's arrow of a drag.
+"""
 
 type Row = tuple[str, tuple[int, ...], str]
 """Of a legend: mark, colour and meaning."""
@@ -101,10 +104,10 @@ class DrawnArm:
         ]
         visuals = visuals_of(model, folder)
         self.links = self._draw_all(visuals, joints)
-        carried = [(visual.joint, corners(visual)) for visual in visuals if visual.joint]
+        carried = [(x.joint, corners(x)) for x in visuals if x.joint or x.name == PIVOT]
         self.extent = self.base + self.marker.extent(model.q0, carried)
         self.lowest = float(self.marker.at(Instant(0.0, model.q0)).position[:, 2].min())
-        self._hangs = any(visual.name == PIVOT for visual in visuals)
+        self._hangs = any(visual.name in (PIVOT, RAIL) for visual in visuals)
         if self._hangs:
             moving = (self.marker.extent(q, carried) for q in postures(model, _POSTURES))
             lowest = min(float(points[:, 2].min()) for points in moving)
@@ -165,7 +168,7 @@ class DrawnArm:
         scene, springs, stops = model.scene, model.springs.points, model.stops.limit
         whole = self._lines["whole path"].visible
         for drawn, mark, colour, text in (
-            (self._hangs, "●", _bytes(BEARING), "pivot"),
+            (self._hangs, "●", _bytes(BEARING), "pivot or rail, fixed to the world"),
             (scene.payloads, "●", _bytes(LOAD), "payload"),
             (scene.contacts, "●", _bytes(TOUCH), "point of contact"),
             (scene.contacts, "■", _bytes(SURFACE), "plane of contact"),

@@ -32,7 +32,7 @@ from arm_sim.view.follower import Follower, NewsSource
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.player import Player
 from arm_sim.view.server import HERE, address, close_server, library, open_server
-from arm_sim.view.stage import DrawnArm, lay_ground, legend
+from arm_sim.view.stage import MOUSE, DrawnArm, lay_ground, legend
 
 if TYPE_CHECKING:
     import viser
@@ -66,8 +66,9 @@ class View:
         self._server, self.actors, self.source = server, tuple(actors), source
         self._closed = False
         rows = dict.fromkeys(row for actor in actors for row in actor.legend())
+        pull = [("➔", MOUSE, "pull of the mouse")] if isinstance(source, Interactive) else []
         with server.gui.add_folder("Legend"):
-            server.gui.add_html(legend(rows))
+            server.gui.add_html(legend([*rows, *pull]))
         with server.gui.add_folder("Show", expand_by_default=False):
             for what, on in (
                 ("links", True), ("axes", False), ("path", True), ("springs", True),
