@@ -259,6 +259,8 @@ def test_ten_minutes_are_scrubbed_played_and_repeated(long_film: Film, panda: Si
         page.handle.mouse.click(*middle)
         page.until(lambda: abs(player.time - 300.0) < 20.0, "the middle")
         page.until(lambda: drawn(round(1e3 * player.time)), "its positions")
+        page.handle.wait_for_timeout(100)
+        assert page.handle.evaluate(_CUT) == []
         page.click("Play")
         begun = player.time
         page.until(lambda: player.time > begun + 0.5, "time to pass")

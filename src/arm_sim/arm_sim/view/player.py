@@ -46,9 +46,10 @@ class Player:
         self.time, self._playing = self.begin, False
         self.loop = DrawLoop(self._beat, self._show_status)
         gui = server.gui
-        step = max((self.end - self.begin) / 20000, 1e-3)
+        step = max(round((self.end - self.begin) / 20000, 3), 1e-3)
+        first, last = np.floor(self.begin * 1e3) / 1e3, np.ceil(self.end * 1e3) / 1e3
         self._slider = gui.add_slider(
-            "time [s]", self.begin, max(self.end, self.begin + step), step, self.begin
+            "time [s]", float(first), max(float(last), float(first) + step), step, float(first)
         )
         self._button = gui.add_button("Play")
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 HERE = "127.0.0.1"
 PORT = 8080
 CONTROLS = 320  # width of the panel of controls in pixels
+ROOMY = "<style>.mantine-Slider-root + .mantine-NumberInput-root {width: 4rem !important}</style>"
+"""Boxes of sliders wide enough for eight digits; those of the library hold five."""
 TRIED = 50  # ports tried after the default one
 
 _log = logging.getLogger(__name__)
@@ -62,6 +64,7 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
     server.gui.configure_theme(show_share_button=False, show_logo=False)
     server.gui.main_panel.dock_right()  # beside the picture, not over it
     server.gui.main_panel.set_width(CONTROLS)
+    server.gui.add_html(ROOMY)
     return server
 
 
