@@ -109,11 +109,15 @@ def test_a_camera_that_a_visitor_has_moved_stays() -> None:
         server = view._server
         (client,) = server.get_clients().values()
         first = np.array(server.initial_camera.position)
-        page.until(lambda: np.linalg.norm(client.camera.position - first) < SAME, "the camera")
-        page.handle.wait_for_timeout(1000)
-        mine = first + [0.3, 0.0, 0.0]
+
+        def reports(place: np.ndarray, since: float) -> bool:
+            near = np.linalg.norm(client.camera.position - place) < SAME
+            return bool(near and client.camera.update_timestamp > since)
+
+        page.until(lambda: reports(first, 0.0), "the camera")
+        mine, now = first + [0.3, 0.0, 0.0], client.camera.update_timestamp
         client.camera.position = mine
-        page.handle.wait_for_timeout(1000)
+        page.until(lambda: reports(mine, now), "the visitor's camera")
         page.handle.set_viewport_size({"width": 700, "height": 800})
         page.until(lambda: client.camera.aspect < 1.0, "another size")
         page.handle.wait_for_timeout(300)
