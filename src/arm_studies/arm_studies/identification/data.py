@@ -30,6 +30,8 @@ class JointRecord:
         a: Accelerations in [rad/s²] or [m/s²], shape (k, n); NaN where missing.
         name: Its source, for messages.
         notes: Irregularities found when it was read.
+        effort_age: Time in [s] by which efforts are older than the positions of their row, such as
+            half of the tick in which they acted; None if it is unknown.
     """
 
     joint_names: tuple[str, ...]
@@ -40,12 +42,13 @@ class JointRecord:
     a: Array
     name: str = "recording"
     notes: tuple[str, ...] = ()
+    effort_age: float | None = None
 
     @classmethod
     def of(
         cls, joint_names: Sequence[str], time: ArrayLike, q: ArrayLike, effort: ArrayLike,
         v: ArrayLike | None = None, a: ArrayLike | None = None, *, name: str = "recording",
-        notes: Sequence[str] = (),
+        notes: Sequence[str] = (), effort_age: float | None = None,
     ) -> JointRecord:  # fmt: skip
         """From arrays; see the attributes. ``None`` stands for what was not measured.
 
@@ -62,30 +65,37 @@ class JointRecord:
         arrays = {key: _column_block(name, key, part, shape) for key, part in parts.items()}
         if len(set(names)) != len(names):
             raise InvalidInput(f"{name}: a joint name is repeated: {known_names(names)}")
-        return cls(names, read_only(t), **arrays, name=name, notes=tuple(notes))
+        return cls(
+            names, read_only(t), **arrays, name=name, notes=tuple(notes), effort_age=effort_age
+        )
 
     @classmethod
     def from_recording(cls, recording: Recording, name: str = "recording") -> JointRecord:
         """From a recording of a robot or of a simulation.
 
-        From a simulation it takes the measurements of its sensors, if it has any; else the state
-        at each time, and the mean of the torques of the ticks before and after. Torques of ticks
-        in which the arm was held are NaN.
+        From a simulation it takes the measurements of its sensors, if it has any, whose efforts
+        are those of the tick before; else the state at each time, and the mean of the torques of
+        the ticks before and after. Torques of ticks in which the arm was held are NaN. When the
+        efforts of a robot acted is unknown.
 
         Raises:
             InvalidInput: If it has fewer than two rows, or its time does not increase.
         """
         sensed, of_robot = recording.measured, recording.of_robot
         q, v, effort = recording.q, recording.v, recording.tau
+        age = None if of_robot else 0.0
         if sensed is not None:
             q, v, effort = sensed.q, sensed.v, sensed.effort
+            age = None if recording.origin is None else 0.5 * recording.origin.dt
         elif not of_robot:
             effort = 0.5 * (effort + np.vstack([effort[:1], effort[:-1]]))
         if recording.hold is not None:
             effort = np.where(recording.hold[:, None] != 0, np.nan, effort)
         notes = [event.text for event in recording.events if of_robot]
         names = recording.joint_names
-        return cls.of(names, recording.time, q, effort, v, name=name, notes=notes)
+        return cls.of(
+            names, recording.time, q, effort, v, name=name, notes=notes, effort_age=age
+        )
 
     def joints(self, names: Sequence[str]) -> JointRecord:
         """The record of some joints, in this order.
@@ -152,6 +162,7 @@ class MeasuredMotion:
         low_pass: The zero-phase filter of one stretch, shape (m, …) to the same shape.
         name: Its source, for messages.
         notes: Irregularities of the recording.
+        aged: Whether the age of its efforts is known; q, v and a are those at the efforts' times.
     """
 
     joint_names: tuple[str, ...]
@@ -167,6 +178,7 @@ class MeasuredMotion:
     low_pass: Callable[[Array], Array]
     name: str = "recording"
     notes: tuple[str, ...] = ()
+    aged: bool = True
 
     @property
     def n(self) -> int:

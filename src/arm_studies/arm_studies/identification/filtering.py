@@ -62,32 +62,33 @@ class ZeroPhase:
     dt: float
     order: int = ORDER
 
-    def __call__(self, x: Array, derivative: int = 0) -> Array:
+    def __call__(self, x: Array, derivative: int = 0, before: float = 0.0) -> Array:
         """Low-pass filter, and differentiate.
 
         Args:
             x: Samples, shape (k, …), k > 1.
             derivative: How many times to differentiate with respect to time.
+            before: Time in [s] before each sample for which its value is computed.
 
         Returns:
             Of the shape of ``x``.
         """
-        if not np.isfinite(self.band) and not derivative:
+        if not np.isfinite(self.band) and not derivative and not before:
             return np.array(x, dtype=float)
         band = min(self.band, 0.5 / self.dt)
         k, shape = len(x), (-1, *[1] * (x.ndim - 1))
         pad = min(k - 1, max(64, math.ceil(FADED / (band * self.dt))))
         count = _fast_length(k + 2 * pad)
-        before, after = 2.0 * x[0] - x[pad:0:-1], 2.0 * x[-1] - x[-2 : -pad - 2 : -1]
-        rest = np.broadcast_to(after[-1:], (count - k - 2 * pad, *x.shape[1:]))
-        long = np.concatenate([before, x, after, rest])
+        head, tail = 2.0 * x[0] - x[pad:0:-1], 2.0 * x[-1] - x[-2 : -pad - 2 : -1]
+        rest = np.broadcast_to(tail[-1:], (count - k - 2 * pad, *x.shape[1:]))
+        long = np.concatenate([head, x, tail, rest])
         # Without the line through both ends it begins and ends at zero, as if it were periodic.
         slope = (long[-1] - long[0]) / (count - 1)
         line = long[0] + np.arange(count).reshape(shape) * slope
-        response = _response(count, self.dt, band, self.order, derivative)
+        response = _response(count, self.dt, band, self.order, derivative, before)
         spectrum = np.fft.rfft(long - line, axis=0) * response.reshape(shape)
         found = np.fft.irfft(spectrum, count, axis=0)
-        found += (line, slope / self.dt, 0.0)[min(derivative, 2)]
+        found += (line - before / self.dt * slope, slope / self.dt, 0.0)[min(derivative, 2)]
         return np.asarray(found[pad : pad + k])
 
     def margin(self, count: int) -> int:
@@ -100,12 +101,13 @@ class ZeroPhase:
 
 @lru_cache(maxsize=16)  # columns are filtered thousands of times, all of one length
 def _response(
-    count: int, dt: float, band: float, order: int, derivative: int
+    count: int, dt: float, band: float, order: int, derivative: int, before: float
 ) -> NDArray[np.complexfloating]:
     """Gains of the filter at the frequencies of a real spectrum."""
     frequency = np.fft.rfftfreq(count, dt)
     gain = 1.0 / (1.0 + (frequency / band) ** (2 * order))
-    found = gain * (2j * np.pi * frequency) ** derivative
+    turn = 2j * np.pi * frequency
+    found = gain * turn**derivative * np.exp(-before * turn)
     found.setflags(write=False)
     return found
 

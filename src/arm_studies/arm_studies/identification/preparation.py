@@ -68,15 +68,19 @@ class EvenRecord:
             return np.inf
         return max(chosen_band(stretch.q, self.dt) for stretch in self.stretches)
 
-    def filtered(self, band: float | None = None) -> MeasuredMotion:
+    def filtered(self, band: float | None = None, age: float = 0.0) -> MeasuredMotion:
         """Low-pass filter with zero phase and differentiate; see ``prepare``.
+
+        Args:
+            band: Cut-off frequency in [Hz].
+            age: That of the efforts in [s] where the recording does not state it.
 
         Raises:
             InvalidInput: If the band is not positive, or too wide for the sampling rate.
         """
         band = self._allowed(self.band if band is None else band)
         low_pass = ZeroPhase(np.inf if self.exact else band, self.dt)
-        return joined([_motion(stretch, low_pass) for stretch in self.stretches], self.notes)
+        return joined([_motion(stretch, low_pass, age) for stretch in self.stretches], self.notes)
 
     def _allowed(self, band: float) -> float:
         name, widest = self.stretches[0].name, WIDEST / self.dt
@@ -96,7 +100,8 @@ def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
     Velocities and accelerations are derived from positions, since those that robots report are
     filtered with a lag. If most rows of a recording have accelerations, as from a computation, its
     positions, velocities and accelerations are used unchanged. Rows that lack one of these, and
-    efforts that are missing or frozen, are left out; notes say where.
+    efforts that are missing or frozen, are left out; notes say where. If the recording states the
+    age of its efforts, the motion is that at the times at which they acted.
 
     Args:
         record: Joint states.
@@ -314,21 +319,23 @@ def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:
     )
 
 
-def _motion(grid: JointRecord, low_pass: ZeroPhase) -> MeasuredMotion:
-    """Filter one even stretch."""
+def _motion(grid: JointRecord, low_pass: ZeroPhase, age: float) -> MeasuredMotion:
+    """Filter one even stretch, whose efforts are of this age if it does not state another."""
     known = np.isfinite(grid.effort) & ~saturated(grid.effort)
     effort = _filled(grid.effort, np.isfinite(grid.effort))
     margin = low_pass.margin(len(grid.time))
     valid = known & _eroded(_bridged(known), margin)
     valid[:margin] = valid[-margin:] = False
-    if np.isfinite(low_pass.band):
-        q, v, a = (low_pass(grid.q, derivative) for derivative in range(3))
+    filters = bool(np.isfinite(low_pass.band))
+    if filters:
+        before = age if grid.effort_age is None else grid.effort_age
+        q, v, a = (low_pass(grid.q, derivative, before) for derivative in range(3))
     else:
         q, v, a = grid.q, grid.v, grid.a
     return MeasuredMotion(
         grid.joint_names, grid.time, read_only(q), read_only(v), read_only(a), read_only(effort),
         valid, low_pass.dt, (slice(0, len(grid.time)),), low_pass.band, low_pass, grid.name,
-        grid.notes,
+        grid.notes, not filters or grid.effort_age is not None,
     )  # fmt: skip
 
 
