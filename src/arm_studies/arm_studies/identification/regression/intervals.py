@@ -19,7 +19,12 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.estimation import Belief, Columns, Mask, solved
 from arm_studies.identification.regression.fit import Fit, with_shapes
-from arm_studies.identification.regression.friction_columns import LOAD, STRIBECK_VELOCITY
+from arm_studies.identification.regression.friction_columns import (
+    COULOMB,
+    EXCESS,
+    LOAD,
+    STRIBECK_VELOCITY,
+)
 from arm_studies.identification.regression.rows import Rows
 
 Places = NDArray[np.int_]
@@ -37,6 +42,9 @@ WIDEST = 50.0
 """Largest half width of an interval of a logarithm, beyond which numbers overflow."""
 CERTAIN = 1.96
 """Standard deviations on either side of a 95 % interval."""
+ROUNDS, LEAST = 3, 1e-3
+"""Fits of residuals' sizes and of torques of joints that stick, and the smallest power of such a
+torque over that of the residual that counts."""
 NOTHING = 1e-9
 """Standard deviation below which even a zero is identified."""
 
@@ -93,10 +101,19 @@ def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates
     """
     columns, names = with_shapes(rows, fit)
     places = np.array([*lead, *range(fit.bodies + rows.n, columns.size)])
-    R, z = columns.whitened(rows.effort - rows.known, fit.weights, 1.0)
-    own = _weighted(use, fit, columns, places)
+    plain = np.concatenate(
+        [_alone(use, columns, places), (use * (rows.effort - rows.known)).T[:, :, None]], axis=2
+    )
+    sizes = 1.0 / fit.weights
+    for _ in range(ROUNDS):
+        both, spent = _without_sticking(rows, use, fit, plain, sizes)
+        both /= sizes[:, None, None]
+        R = np.linalg.qr(both.reshape(-1, both.shape[2]), mode="r")
+        left = both[:, :, -1] - both[:, :, :-1] @ solved(R[:, :-1], R[:, -1])
+        counts = np.maximum(use.sum(axis=0) - spent, 1.0)
+        sizes *= np.maximum(np.sqrt((left**2).sum(axis=1) / counts), 1e-9)
     found, deviations, condition = determined(
-        rows, R[:, places], z, own, fit.weights * fit.residual, float(np.linalg.norm(z))
+        rows, R[:-1, :-1], R[:-1, -1], both[:, :, :-1], left.T, float(np.linalg.norm(R[:, -1]))
     )
     first = len(places) - len(names)
     pairs = list(zip(found.tolist(), deviations.tolist(), strict=True))
@@ -165,12 +182,42 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
     return np.maximum(*(np.diag(inverse @ each @ inverse) for each in (white, S)))
 
 
-def _weighted(use: Mask, fit: Fit, columns: Columns, places: Places) -> Array:
-    """Columns of some unknowns in each joint's rows, over its deviation; (n, k, unknowns)."""
+def _alone(use: Mask, columns: Columns, places: Places) -> Array:
+    """Columns of some unknowns in each joint's rows, zero where not used; (n, k, unknowns)."""
     found = np.zeros((len(columns.places), len(use), columns.size))
     for j, place in enumerate(columns.places):
-        found[j][:, place] = columns.all_of(j) * (fit.weights[j] * use[:, j : j + 1])
+        found[j][:, place] = columns.all_of(j) * use[:, j : j + 1]
     return found[:, :, places]
+
+
+def _without_sticking(
+    rows: Rows, use: Mask, fit: Fit, columns: Array, sizes: Array
+) -> tuple[Array, Array]:
+    """Columns without what unknown torques of joints that may stick can cause.
+
+    These are as large as a joint's dry friction, and the low-pass filter spreads them over rows
+    that are used. Rows are whitened by their covariance and that of the residual.
+
+    Args:
+        rows: The regression's rows.
+        use: Rows that are used, shape (k, n).
+        fit: Its friction is the torques' size.
+        columns: Shape (n, k, columns).
+        sizes: Standard deviation of each joint's residual, shape (n,).
+
+    Returns:
+        Columns, and the number of rows by which each joint has fewer, shape (n,).
+    """
+    found, spent = columns.copy(), np.zeros(rows.n)
+    for j, own in enumerate(fit.friction):
+        level = own.coefficients.get(COULOMB, 0.0) + max(own.coefficients.get(EXCESS, 0.0), 0.0)
+        N = rows.sticking(j) * use[:, j : j + 1] * level * np.sqrt(rows.independent) / sizes[j]
+        power, axes = np.linalg.eigh(N.T @ N)
+        seen = power > LEAST
+        U = N @ (axes[:, seen] / np.sqrt(power[seen]))
+        found[j] -= U @ ((1.0 - 1.0 / np.sqrt(1.0 + power[seen]))[:, None] * (U.T @ columns[j]))
+        spent[j] = np.sum(power[seen] / (1.0 + power[seen])) / rows.independent
+    return found, spent
 
 
 def besides(

@@ -28,9 +28,10 @@ HELD_OUT = 0.3
 """Fraction of each recording, at its end, that is held out to measure errors."""
 FOLDS = 5
 """Folds of the rest by which laws are selected, each predicted from the others."""
-STILL = 0.1
-"""Time in [s] for which a joint may be at rest: after it, its friction may have any value up to
-static friction, so its rows are not used."""
+NEARBY, APART = 0.3, 0.4
+"""Periods of the band before and after a joint rests or reverses in which it may stick: its
+friction has then any value up to static friction. Periods from one to the next of its values that
+are unknown there."""
 SLOW = 1e-2
 """Velocity relative to a joint's root mean square velocity below which it is at rest; the
 low-pass filter rings by up to 5e-3 of it when a joint sticks."""
@@ -49,7 +50,8 @@ class Rows:
         inertia: Low-pass filtered accelerations, shape (k, n), which an armature multiplies.
         v: Velocities, not filtered a second time, shape (k, n).
         valid: Rows of each joint that were measured, shape (k, n).
-        use: Those of them that are used in the fit, shape (k, n): not those at rest.
+        still: Rows in which a joint may stick, shape (k, n).
+        use: Rows that are used in the fit, shape (k, n): valid ones in which it does not.
         train: Rows that are not held out, shape (k,).
         fold: Fold of each row, shape (k,); -1 if it is held out.
         independent: Independent values of filtered noise per row.
@@ -70,8 +72,8 @@ class Rows:
         self._near = np.concatenate(_neighbours(self.motions))
         self.effort = np.concatenate([motion.filtered(motion.effort) for motion in self.motions])
         self.valid = np.concatenate([motion.valid for motion in self.motions])
-        still = np.concatenate([_still(motion) for motion in self.motions])
-        self.use = self.valid & ~still
+        self.still = np.concatenate([_still(motion) for motion in self.motions])
+        self.use = self.valid & ~self.still
         self.fold = np.concatenate([_folds(len(m.time), held_out) for m in self.motions])
         self.train = self.fold >= 0
         first = self.motions[0]
@@ -208,6 +210,16 @@ class Rows:
             found += [decimated(dense[stretch], stride) for stretch in motion.stretches]
         return self.filtered(np.concatenate(found))
 
+    def sticking(self, joint: int) -> Array:
+        """What unknown torques while a joint may stick do to its rows, shape (k, torques)."""
+        if not np.isfinite(self.band):
+            return np.zeros((len(self.effort), 0))
+        step = max(1, round(APART / (self.band * self.motions[0].dt)))
+        at = [i for start, end in runs(self.still[:, joint]) for i in range(start, end, step)]
+        pulses = np.zeros((len(self.effort), len(at)))
+        pulses[at, range(len(at))] = 1.0
+        return self.filtered(pulses)
+
     def _low(self, columns: Array, motion: MeasuredMotion) -> Array:
         """Low-pass filter columns with one row for each time of a motion."""
         part = motion.filtered(columns)
@@ -237,12 +249,16 @@ def _folds(count: int, held_out: float) -> NDArray[np.int_]:
 
 
 def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
-    """Rows in which a joint rests for longer than a reversal takes, shape (k, n)."""
+    """Rows in which a joint rests or reverses, and those nearby, shape (k, n)."""
     slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
+    reach = 0 if not np.isfinite(motion.band) else round(NEARBY / (motion.band * motion.dt))
     found = np.zeros_like(slow)
-    for j, column in enumerate(slow.T):
-        for start, end in runs(column):
-            found[start:end, j] = (end - start) * motion.dt > STILL
+    for s in motion.stretches:
+        v, rests = motion.v[s], slow[s]
+        rests[1:] |= v[1:] * v[:-1] < 0.0
+        for j, column in enumerate(rests.T):
+            for start, end in runs(column):
+                found[s][max(0, start - reach) : end + reach, j] = True
     return found
 
 
