@@ -27,6 +27,7 @@ from arm_studies.identification.regression.estimation import (
     Mask,
     belief_of,
     common_columns,
+    NOISELESS,
     deviations,
 )
 from arm_studies.identification.regression.fit import Fit, fitted
@@ -221,7 +222,7 @@ class _Run:
         self.say("fitting bodies with simple friction")
         if self.scaled:
             self._find_scales(self._train(), simple)
-        first = self._within_bandwidth(simple)
+        first = self._without_sticking(self._within_bandwidth(simple), simple)
         self._believe(first)
         self.say("selecting friction laws by cross-validation")
         train, trial = self._with_laws(first)
@@ -249,6 +250,17 @@ class _Run:
         fit = fitted(self.rows, self._train(), self.belief, laws)
         self.rows, fit = with_bandwidth(self.rows, self._train(), self.belief, fit)
         return fit
+
+    def _without_sticking(self, fit: Fit, laws: list[JointFit]) -> Fit:
+        """Clear rows of what joints that stick can cause, and fit them again."""
+        sizes = [
+            1.4826 * np.median(abs(left[mine])) if mine.any() else np.inf
+            for left, mine in zip(fit.residual.T, self._train().T, strict=True)
+        ]
+        levels = [own.coefficients.get(COULOMB, 0.0) for own in fit.friction]
+        exact = NOISELESS * np.sqrt((self.rows.effort**2).mean(axis=0))
+        self.rows = self.rows.cleared(np.array(levels), np.maximum(np.array(sizes), exact))
+        return fitted(self.rows, self._train(), self.belief, laws)
 
     def _with_laws(self, first: Fit) -> tuple[Mask, Fit]:
         """Select friction laws, leave out outliers, and adapt the bandwidth of the efforts."""
@@ -374,24 +386,24 @@ class _Run:
 
     def _result(self, trial: Fit, final: Fit, used: Mask) -> Identification:
         """The result of a fit of the rows that are not held out, and of one of all rows."""
-        rows = self.rows
-        predicted, after = (fit.columns.predicted(fit.x) + rows.known for fit in (trial, final))
-        nominal, test = self._nominal(), self._judging()
+        rows = self.rows.plain
+        predicted, after = trial.predicted(rows), final.predicted(rows)
+        nominal, test = self._nominal(rows), self._judging()
         ratios = self._ratios(nominal)
         shown = test if test.any() else self._train()
         checks.check_explained(
             _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
             self.names, ratios,
         )  # fmt: skip
-        self.excess = excess(rows, test, trial, nominal, self.belief)
+        self.excess = excess(self.rows, test, trial, self.rows.clear(nominal), self.belief)
         errors = self._errors(predicted, nominal, test)
         self._tell_no_better(*errors["error"])
-        known = parameters(self.regressor, rows, final, used, self.ranges)
+        known = parameters(self.regressor, self.rows, final, used, self.ranges)
         self._tell_irregularities(trial, final, used)
         scene, friction = self._scene(final, known["missing"], ratios)
         torques = self._torques(
             predicted=np.where(rows.train[:, None], after, predicted), nominal=nominal,
-            friction=rows.effort - after + final.columns.own_predicted(final.x),
+            friction=rows.effort - after + final.own_predicted(rows),
         )  # fmt: skip
         return Identification(
             scene=scene, joint_names=self.names, friction=friction,
@@ -402,7 +414,7 @@ class _Run:
 
     def _errors(self, predicted: Array, nominal: Array, test: Mask) -> dict[str, Any]:
         """What an ``Identification`` says of its errors on the part held out."""
-        measured = self.rows.effort
+        measured = self.rows.plain.effort
         error, each = _relative(measured, predicted, test)
         before, each_before = _relative(measured, nominal, test)
         left = np.where(test.any(axis=0), deviations(measured, predicted, test), np.nan).tolist()
@@ -466,7 +478,7 @@ class _Run:
 
     def _torques(self, predicted: Array, nominal: Array, friction: Array) -> Torques:
         """Measured and other torques, shapes (k, n), NaN where samples are not valid."""
-        rows = self.rows
+        rows = self.rows.plain
 
         def valid(values: Array) -> Array:
             return np.where(rows.valid, values, np.nan)
@@ -477,9 +489,9 @@ class _Run:
             friction=valid(friction), held_out=~rows.train,
         )  # fmt: skip
 
-    def _nominal(self) -> Array:
+    def _nominal(self, rows: Rows) -> Array:
         """Torques of the nominal scene, low-pass filtered, shape (k, n)."""
-        rows, model = self.rows, self.model
+        model = self.model
         load = rows.rigid @ self.regressor.nominal + rows.known + rows.inertia * model.armature
         return np.asarray(load + steady_friction(rows, load))
 

@@ -69,13 +69,17 @@ class Fit:
     def predicted(self, rows: Rows) -> Array:
         """Efforts of the same motion in rows with another bandwidth, shape (k, n)."""
         bodies, n = self.bodies, len(self.weights)
+        rigid = rows.rigid @ self.x[:bodies] + rows.inertia * self.x[bodies : bodies + n]
+        return np.asarray(rows.known + rigid + self.own_predicted(rows))
+
+    def own_predicted(self, rows: Rows) -> Array:
+        """The part of it that is the joints' own friction, shape (k, n)."""
         load = self.columns.predicted(self.x) + rows.known
         own = [
             rows.friction(law, j, load[:, j]) @ [law.coefficients[kind] for kind in law.kinds]
             for j, law in enumerate(self.friction)
         ]
-        rigid = rows.rigid @ self.x[:bodies] + rows.inertia * self.x[bodies : bodies + n]
-        return np.asarray(rows.known + rigid + np.column_stack(own))
+        return np.column_stack(own)
 
 
 def fitted(
@@ -233,7 +237,7 @@ def _slopes(rows: Rows, fit: JointFit, j: int, load: Array) -> Array:
         if name == "load":
             span = (shape.load or 0.0) - (fit.shape.load or 0.0)
         found.append((torque(shape) - now) / span)
-    return rows.filtered(np.column_stack(found))
+    return rows.filtered(np.column_stack(found), j)
 
 
 def _same(one: JointFit, other: JointFit) -> bool:

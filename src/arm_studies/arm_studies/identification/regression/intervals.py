@@ -19,12 +19,7 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.estimation import Belief, Columns, Mask, solved
 from arm_studies.identification.regression.fit import Fit, with_shapes
-from arm_studies.identification.regression.friction_columns import (
-    COULOMB,
-    EXCESS,
-    LOAD,
-    STRIBECK_VELOCITY,
-)
+from arm_studies.identification.regression.friction_columns import LOAD, STRIBECK_VELOCITY
 from arm_studies.identification.regression.rows import Rows
 
 Places = NDArray[np.int_]
@@ -42,9 +37,6 @@ WIDEST = 50.0
 """Largest half width of an interval of a logarithm, beyond which numbers overflow."""
 CERTAIN = 1.96
 """Standard deviations on either side of a 95 % interval."""
-ROUNDS, LEAST = 3, 1e-3
-"""Fits of residuals' sizes and of torques of joints that stick, and the smallest power of such a
-torque over that of the residual that counts."""
 NOTHING = 1e-9
 """Standard deviation below which even a zero is identified."""
 
@@ -101,19 +93,11 @@ def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates
     """
     columns, names = with_shapes(rows, fit)
     places = np.array([*lead, *range(fit.bodies + rows.n, columns.size)])
-    plain = np.concatenate(
-        [_alone(use, columns, places), (use * (rows.effort - rows.known)).T[:, :, None]], axis=2
-    )
-    sizes = 1.0 / fit.weights
-    for _ in range(ROUNDS):
-        both, spent = _without_sticking(rows, use, fit, plain, sizes)
-        both /= sizes[:, None, None]
-        R = np.linalg.qr(both.reshape(-1, both.shape[2]), mode="r")
-        left = both[:, :, -1] - both[:, :, :-1] @ solved(R[:, :-1], R[:, -1])
-        counts = np.maximum(use.sum(axis=0) - spent, 1.0)
-        sizes *= np.maximum(np.sqrt((left**2).sum(axis=1) / counts), 1e-9)
+    own, y = _weighted(use, fit, columns, places), (fit.weights * use * (rows.effort - rows.known)).T
+    R = np.linalg.qr(np.column_stack([own.reshape(-1, len(places)), y.ravel()]), mode="r")
+    left = y - own @ solved(R[:, :-1], R[:, -1])
     found, deviations, condition = determined(
-        rows, R[:-1, :-1], R[:-1, -1], both[:, :, :-1], left.T, float(np.linalg.norm(R[:, -1]))
+        rows, R[:-1, :-1], R[:-1, -1], own, left.T, float(np.linalg.norm(y))
     )
     first = len(places) - len(names)
     pairs = list(zip(found.tolist(), deviations.tolist(), strict=True))
@@ -171,8 +155,9 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
     both = np.outer(scale, scale)
     inverse = both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
     independent = rows.independent * (FLAT if np.isfinite(rows.band) else 1.0)
-    count = own.any(axis=2).sum(axis=1) * independent
-    grown = count / np.maximum(count - np.sum(H * inverse, axis=(1, 2)), 1.0)
+    count = own.any(axis=2).sum(axis=1) * independent - rows.spent
+    whole = count + rows.spent
+    grown = whole / np.maximum(count - np.sum(H * inverse, axis=(1, 2)), 1.0)
     white = np.tensordot(grown, H, axes=1) / independent
     scores = np.einsum("jkm,kj->km", own, np.sqrt(grown) * left)
     S = scores.T @ scores
@@ -182,42 +167,12 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
     return np.maximum(*(np.diag(inverse @ each @ inverse) for each in (white, S)))
 
 
-def _alone(use: Mask, columns: Columns, places: Places) -> Array:
-    """Columns of some unknowns in each joint's rows, zero where not used; (n, k, unknowns)."""
+def _weighted(use: Mask, fit: Fit, columns: Columns, places: Places) -> Array:
+    """Columns of some unknowns in each joint's rows, over its deviation; (n, k, unknowns)."""
     found = np.zeros((len(columns.places), len(use), columns.size))
     for j, place in enumerate(columns.places):
-        found[j][:, place] = columns.all_of(j) * use[:, j : j + 1]
+        found[j][:, place] = columns.all_of(j) * (fit.weights[j] * use[:, j : j + 1])
     return found[:, :, places]
-
-
-def _without_sticking(
-    rows: Rows, use: Mask, fit: Fit, columns: Array, sizes: Array
-) -> tuple[Array, Array]:
-    """Columns without what unknown torques of joints that may stick can cause.
-
-    These are as large as a joint's dry friction, and the low-pass filter spreads them over rows
-    that are used. Rows are whitened by their covariance and that of the residual.
-
-    Args:
-        rows: The regression's rows.
-        use: Rows that are used, shape (k, n).
-        fit: Its friction is the torques' size.
-        columns: Shape (n, k, columns).
-        sizes: Standard deviation of each joint's residual, shape (n,).
-
-    Returns:
-        Columns, and the number of rows by which each joint has fewer, shape (n,).
-    """
-    found, spent = columns.copy(), np.zeros(rows.n)
-    for j, own in enumerate(fit.friction):
-        level = own.coefficients.get(COULOMB, 0.0) + max(own.coefficients.get(EXCESS, 0.0), 0.0)
-        N = rows.sticking(j) * use[:, j : j + 1] * level * np.sqrt(rows.independent) / sizes[j]
-        power, axes = np.linalg.eigh(N.T @ N)
-        seen = power > LEAST
-        U = N @ (axes[:, seen] / np.sqrt(power[seen]))
-        found[j] -= U @ ((1.0 - 1.0 / np.sqrt(1.0 + power[seen]))[:, None] * (U.T @ columns[j]))
-        spent[j] = np.sum(power[seen] / (1.0 + power[seen])) / rows.independent
-    return found, spent
 
 
 def besides(

@@ -98,7 +98,7 @@ def tilts(
     theta, still = fit.x[: fit.bodies] + regressor.payload, np.zeros_like(rows.q)
     turned = [RigidRegressor(model.under(g, model.scene.payloads)) for g in across]
     torques = np.stack([each(rows.q, still, still) @ theta for each in turned], axis=2)
-    turn, doubt = besides(rows, fit, rows.filtered(torques), belief)
+    turn, doubt = besides(rows, fit, rows.of_joints(torques), belief)
     if (abs(turn) < np.maximum(SURELY * doubt, TILT)).all():
         return []
     better = gravity + turn @ across

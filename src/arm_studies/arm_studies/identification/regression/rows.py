@@ -32,6 +32,8 @@ NEARBY, APART = 0.3, 0.4
 """Periods of the band before and after a joint rests or reverses in which it may stick: its
 friction has then any value up to static friction. Periods from one to the next of its values that
 are unknown there."""
+LEAST = 1e-3
+"""Power of such a value, relative to the residual's, below which it does not matter."""
 SLOW = 1e-2
 """Velocity relative to a joint's root mean square velocity below which it is at rest; the
 low-pass filter rings by up to 5e-3 of it when a joint sticks."""
@@ -70,6 +72,8 @@ class Rows:
             np.concatenate([getattr(motion, key) for motion in self.motions]) for key in "qva"
         )
         self._near = np.concatenate(_neighbours(self.motions))
+        self._sticking: tuple[Array, Array] | None = None
+        self._measured = np.zeros(0)
         self.effort = np.concatenate([motion.filtered(motion.effort) for motion in self.motions])
         self.valid = np.concatenate([motion.valid for motion in self.motions])
         self.still = np.concatenate([_still(motion) for motion in self.motions])
@@ -90,7 +94,7 @@ class Rows:
         found = self._unfiltered.copy()
         for j in range(self.n):  # a joint does not carry the bodies before it
             there = found[:, j].any(axis=0)
-            found[:, j, there] = self.filtered(found[:, j, there])
+            found[:, j, there] = self.filtered(found[:, j, there], j)
         return found
 
     @cached_property
@@ -101,17 +105,90 @@ class Rows:
     def known(self) -> Array:
         """Torques of payloads and springs, which are known, filtered, shape (k, n)."""
         payload = self.rigid @ self.regressor.payload
-        return np.asarray(payload + self.filtered(self.regressor.spring(self.q, self.v)))
+        return np.asarray(payload + self.of_joints(self.regressor.spring(self.q, self.v)))
 
     @cached_property
     def inertia(self) -> Array:  # noqa: D102 - see the attributes
-        return self.filtered(self.a)
+        return self.of_joints(self.a)
 
-    def filtered(self, columns: Array) -> Array:
-        """Filter columns as the efforts, shape (k, …)."""
+    def filtered(self, columns: Array, joint: int | None = None) -> Array:
+        """Filter columns as the efforts, shape (k, …), and clear them as those of a joint."""
         ends = np.cumsum([len(motion.time) for motion in self.motions])[:-1]
         parts = zip(np.split(columns, ends), self.motions, strict=True)
-        return np.concatenate([self._low(part, motion) for part, motion in parts])
+        found = np.concatenate([self._low(part, motion) for part, motion in parts])
+        return found if joint is None else self._cleared(found, joint)
+
+    def of_joints(self, columns: Array) -> Array:
+        """Filter columns as the efforts of each joint, shape (k, n, …)."""
+        return self.clear(self.filtered(columns))
+
+    def clear(self, columns: Array) -> Array:
+        """Filtered columns of each joint as they are in these rows, shape (k, n, …)."""
+        return np.stack([self._cleared(columns[:, j], j) for j in range(self.n)], axis=1)
+
+    def cleared(self, levels: Array, sizes: Array) -> Rows:
+        """The same rows without what unknown torques of joints that stick can cause.
+
+        Such torques are as large as a joint's dry friction, and the low-pass filter spreads them
+        over rows in which it moves. These are whitened by the covariance of both: they count as
+        little as such a torque is larger than the residual.
+
+        Args:
+            levels: Dry friction of each joint, shape (n,).
+            sizes: Standard deviation of each joint's residual, shape (n,).
+        """
+        other = self._again()
+        other._sticking, other._measured = (levels, sizes), self.plain.effort
+        other.effort = other.clear(other._measured)
+        return other
+
+    @property
+    def plain(self) -> Rows:
+        """The rows as they are measured, where joints stick, too."""
+        if self._sticking is None:
+            return self
+        other = self._again()
+        other._sticking, other.effort = None, self._measured
+        return other
+
+    @cached_property
+    def _clearings(self) -> list[tuple[Array, Array]]:
+        """Of each joint: directions in its rows, and by how much these count less."""
+        if self._sticking is None or not np.isfinite(self.band):
+            return [(np.zeros((len(self.v), 0)), np.zeros(0))] * self.n
+        return [self._clearing(j, *pair) for j, pair in enumerate(zip(*self._sticking, strict=True))]
+
+    def _clearing(self, joint: int, level: float, size: float) -> tuple[Array, Array]:
+        step = max(1, round(APART / (self.band * self.motions[0].dt)))
+        at = [i for start, end in runs(self.still[:, joint]) for i in range(start, end, step)]
+        pulses = np.zeros((len(self.v), len(at)))
+        pulses[at, range(len(at))] = level / size * np.sqrt(self.independent)
+        spread_out = self.filtered(pulses) * self.use[:, joint : joint + 1]
+        power, axes = np.linalg.eigh(spread_out.T @ spread_out)
+        seen = power > LEAST
+        directions = spread_out @ (axes[:, seen] / np.sqrt(power[seen]))
+        return directions, 1.0 - 1.0 / np.sqrt(1.0 + power[seen])
+
+    def _cleared(self, columns: Array, joint: int) -> Array:
+        directions, less = self._clearings[joint]
+        if not less.size:
+            return columns
+        flat = columns.reshape(len(columns), -1)
+        flat = flat - directions @ (less[:, None] * (directions.T @ flat))
+        return np.asarray(flat.reshape(columns.shape))
+
+    @property
+    def spent(self) -> Array:
+        """Number of independent values by which each joint has fewer, shape (n,)."""
+        return np.array([np.sum(1.0 - (1.0 - less) ** 2) for _, less in self._clearings])
+
+    def _again(self) -> Rows:
+        """A copy without what has been computed."""
+        other = copy(self)
+        other._made = {}
+        for name in ("rigid", "known", "inertia", "_clearings"):
+            vars(other).pop(name, None)
+        return other
 
     @property
     def band(self) -> float:
@@ -122,11 +199,9 @@ class Rows:
         """The same rows, for efforts that were filtered before at ``effort_band``, or were not."""
         if effort_band == self.effort_band:
             return self
-        other = copy(self)
-        other.effort_band, other._made = effort_band, {}
-        for name in ("rigid", "known", "inertia"):
-            vars(other).pop(name, None)
-        return other
+        other = self.plain._again()
+        other.effort_band = effort_band
+        return other if self._sticking is None else other.cleared(*self._sticking)
 
     def ahead(self, joint: int, by: int) -> tuple[Array, NDArray[np.bool_]]:
         """A joint's efforts some rows later, in the same stretch, and which are known, (k,)."""
@@ -156,7 +231,7 @@ class Rows:
     def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
         """Low-pass filtered columns of a joint's friction, shape (k, kinds); see ``sliding``."""
         if fit.shape.load is not None:
-            return self.filtered(self.sliding(fit, joint, load))
+            return self.filtered(self.sliding(fit, joint, load), joint)
         found = np.empty((len(load), len(fit.kinds)))
         for i, kind in enumerate(fit.kinds):
             found[:, i] = self._unloaded(joint, kind, fit.shape.stribeck_velocity)[1]
@@ -190,7 +265,7 @@ class Rows:
                 for motion, stride in zip(self.whole, self._strides, strict=True)
                 for stretch in motion.stretches
             ])  # fmt: skip
-            made = fall, weights, self.filtered(weights.sum(axis=1))
+            made = fall, weights, self.filtered(weights.sum(axis=1), joint)
             self._made[joint, kind] = made
         return made[1:]
 
@@ -208,17 +283,7 @@ class Rows:
             start += len(thin.time)
             dense = of(motion.v[:, joint], np.interp(motion.time, thin.time, own))
             found += [decimated(dense[stretch], stride) for stretch in motion.stretches]
-        return self.filtered(np.concatenate(found))
-
-    def sticking(self, joint: int) -> Array:
-        """What unknown torques while a joint may stick do to its rows, shape (k, torques)."""
-        if not np.isfinite(self.band):
-            return np.zeros((len(self.effort), 0))
-        step = max(1, round(APART / (self.band * self.motions[0].dt)))
-        at = [i for start, end in runs(self.still[:, joint]) for i in range(start, end, step)]
-        pulses = np.zeros((len(self.effort), len(at)))
-        pulses[at, range(len(at))] = 1.0
-        return self.filtered(pulses)
+        return self.filtered(np.concatenate(found), joint)
 
     def _low(self, columns: Array, motion: MeasuredMotion) -> Array:
         """Low-pass filter columns with one row for each time of a motion."""
