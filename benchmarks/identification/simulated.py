@@ -202,15 +202,30 @@ def summary(outcomes: list[Outcome]) -> dict[str, float]:
     }  # fmt: skip
 
 
+def tell(found: list[Outcome]) -> None:
+    """Print bias and deviation of each parameter's errors, over the standard error."""
+    errors = dict[str, list[tuple[float, bool]]]()
+    for one in found:
+        for name, error in one.errors.items():
+            errors.setdefault(name, []).append((1.96 * error, name in one.scatter))
+    for name, each in errors.items():
+        off, scatter = np.array(each).T
+        held = np.mean(abs(off) <= 1.96)
+        print(f"  {name}: {len(off)}, held {held:.0%}, scatter {scatter.mean():.0%}, "
+              f"bias {off.mean():.2f}, deviation {off.std():.2f}")  # fmt: skip
+
+
 @click.command()
 @click.option("--arm", "arms", multiple=True, type=click.Choice(NAMES), help="[default: all]")
 @click.option("--kind", "kinds", multiple=True, type=click.Choice(KINDS), help="[default: all]")
 @click.option("--seeds", default=12, show_default=True, help="Recordings of each arm and kind.")
 @click.option("--first", default=1, show_default=True, help="The first seed.")
+@click.option("--details", is_flag=True, help="Bias and deviation of each parameter.")
 @click.option("--out", default=Path("reports/simulated.json"), show_default=True,
               type=click.Path(path_type=Path), help="JSON file for the results.")  # fmt: skip
 def main(
-    arms: tuple[str, ...], kinds: tuple[str, ...], seeds: int, first: int, out: Path
+    arms: tuple[str, ...], kinds: tuple[str, ...], seeds: int, first: int, details: bool,
+    out: Path,
 ) -> None:
     """How often 95 % intervals from simulated recordings contain the truth."""
     rows, told = [], {}
@@ -222,15 +237,8 @@ def main(
             one["seconds"] = (time.process_time() - begun) / seeds
             rows.append([name, kind, *(f"{value:.3g}" for value in one.values())])
             print(rows[-1], flush=True)
-            columns: dict[str, list[float]] = {}
-            for each in found:
-                for parameter, error in each.errors.items():
-                    columns.setdefault(parameter, []).append(error)
-            for parameter, errors in columns.items():
-                e = np.array(errors)
-                print(f"    {parameter:60s} {np.mean(abs(e) <= 1):4.0%} of {len(e)} "
-                      f"bias {1.96 * e.mean():6.2f} sd {1.96 * e.std():5.2f} scatter "
-                      f"{sum(parameter in x.scatter for x in found)}")  # fmt: skip
+            if details:
+                tell(found)
     print(table(("arm", "sensors", *one), rows))
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(json.dumps(told, indent=1))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -163,6 +163,7 @@ class MeasuredMotion:
         name: Its source, for messages.
         notes: Irregularities of the recording.
         aged: Whether the age of its efforts is known; q, v and a are those at the efforts' times.
+        noise: Standard deviations of the white noise of positions and of efforts, shape (2, n).
     """
 
     joint_names: tuple[str, ...]
@@ -179,6 +180,7 @@ class MeasuredMotion:
     name: str = "recording"
     notes: tuple[str, ...] = ()
     aged: bool = True
+    noise: Array = field(default_factory=lambda: np.zeros((2, 1)))
 
     @property
     def n(self) -> int:

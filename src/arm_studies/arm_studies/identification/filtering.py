@@ -19,6 +19,8 @@ third of the cut-off frequency, within 1e-8 below a tenth."""
 SETTLED = 4.0
 """Periods of the cut-off frequency after which the transient of an end has decayed to 1e-4: the
 slowest pole decays by exp(-2π sin(π/4p)) in each."""
+FLAT_NOISE = 0.898
+"""Noise bandwidth over the cut-off frequency: ∫ 1/(1 + x⁸)² dx."""
 MOST_LEFT_OUT = 0.06
 """Largest fraction of a stretch that is discarded at each end."""
 FADED = 12.0
@@ -173,6 +175,18 @@ def spectrum(x: Array, dt: float) -> tuple[Array, Array]:
     window = np.hanning(k)[:, None]
     power = np.square(abs(np.fft.rfft(level * window, axis=0)), dtype=float)
     return np.fft.rfftfreq(k, dt), np.asarray(power)
+
+
+def white_noise(x: Array, dt: float) -> Array:
+    """Standard deviation of the white noise in samples, by their highest frequencies.
+
+    Args:
+        x: Samples, shape (k, n).
+        dt: Time between them in [s].
+    """
+    frequency, power = spectrum(x, dt)
+    floor = np.median(power[frequency > 0.35 / dt], axis=0) / np.log(2.0)
+    return np.asarray(np.sqrt(floor / np.sum(np.hanning(len(x)) ** 2)))
 
 
 def chosen_band(q: Array, dt: float, factor: float = 1.0) -> float:

@@ -58,6 +58,7 @@ def parameters(
     return {
         "parameters": {name: each.value for name, each in known.items()},
         "intervals": {name: (each.low, each.high) for name, each in known.items()},
+        "scatter": frozenset(name for name, each in known.items() if each.scatter),
         "written": written, "nominal": nominal, "condition": estimates.condition,
         "missing": _unidentified(names, fit.friction, ranges) | _uncertain(by_name),
     }  # fmt: skip

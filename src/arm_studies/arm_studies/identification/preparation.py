@@ -15,7 +15,13 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification.clock import repaired, without_repeats
 from arm_studies.identification.data import JointRecord, MeasuredMotion, runs
-from arm_studies.identification.filtering import WIDEST, ZeroPhase, chosen_band, decimated
+from arm_studies.identification.filtering import (
+    WIDEST,
+    ZeroPhase,
+    chosen_band,
+    decimated,
+    white_noise,
+)
 
 GAP = 4.5
 """Steps without a sample that split a recording; over shorter holes the filter gets interpolated
@@ -332,10 +338,11 @@ def _motion(grid: JointRecord, low_pass: ZeroPhase, age: float) -> MeasuredMotio
         q, v, a = (low_pass(grid.q, derivative, before) for derivative in range(3))
     else:
         q, v, a = grid.q, grid.v, grid.a
+    noise = [white_noise(values, low_pass.dt) for values in (grid.q, effort)]
     return MeasuredMotion(
         grid.joint_names, grid.time, read_only(q), read_only(v), read_only(a), read_only(effort),
         valid, low_pass.dt, (slice(0, len(grid.time)),), low_pass.band, low_pass, grid.name,
-        grid.notes, not filters or grid.effort_age is not None,
+        grid.notes, not filters or grid.effort_age is not None, read_only(noise),
     )  # fmt: skip
 
 

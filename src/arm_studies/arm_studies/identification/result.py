@@ -48,7 +48,9 @@ class Identification:
             inertial parameters and armatures, such as ``elbow.Izz + elbow.armature``), and of each
             joint ``NAME.viscous``, ``NAME.coulomb`` and so on, in SI units. They are those of
             least squares, drawn neither to the nominal bodies nor to physically consistent ones.
-        intervals: Their 95 % confidence intervals.
+        intervals: Their 95 % confidence intervals, but for ``scatter``.
+        scatter: Parameters whose interval is no 95 % interval, since errors of the model, not
+            noise, cause most of its width: it tells how much they scatter along the recording.
         written: The same in the scene, whose bodies are physically consistent, and near the
             nominal ones where the torques determine little.
         nominal: Base parameters of the nominal scene.
@@ -76,6 +78,7 @@ class Identification:
     joint_names: tuple[str, ...]
     parameters: Mapping[str, float]
     intervals: Mapping[str, tuple[float, float]]
+    scatter: frozenset[str]
     written: Mapping[str, float]
     nominal: Mapping[str, float]
     missing: Mapping[str, str]

@@ -63,6 +63,9 @@ fixed, an error of the last bodies would be taken for a scale of their joints.""
 DOUBT = 0.12, 0.2
 """Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
 columns of efforts are matched with joints."""
+MATCHES, SETTLED, OLDEST = 4, 0.2, 0.15
+"""Largest number of corrections of the age of efforts; standard errors below which one is left
+out; largest age in periods of the band."""
 MOVING = 0.2
 """Fraction of the part held out in which a joint has to move for its prediction to be judged."""
 
@@ -161,7 +164,7 @@ class _Run:
         self.model, self.recordings, self.say = model, recordings, say
         self.regressor = RigidRegressor(model)
         self.names, self.held_out, self.band = model.joint_names, held_out, band
-        self.scaled, self.scales = scaled, np.ones(model.n)
+        self.scaled, self.scales, self.age = scaled, np.ones(model.n), 0.0
         self.notes = list(dict.fromkeys(n for each in recordings for n in each.notes))
         self._filter(_common_band(recordings) if band is None else band)
         self.ranges = checks.moved(self.motions)
@@ -177,7 +180,7 @@ class _Run:
 
     def _filter(self, band: float, effort_band: float | None = None) -> None:
         """Filter all recordings at a band."""
-        self.motions = [each.filtered(band) for each in self.recordings]
+        self.motions = [each.filtered(band, self.age) for each in self.recordings]
         self.rows = Rows(self.regressor, self.motions, effort_band, self.held_out)
         self.measured = self.rows.effort.copy()
         self.rows.effort = self.measured * self.scales
@@ -223,6 +226,8 @@ class _Run:
         if self.scaled:
             self._find_scales(self._train(), simple)
         first = self._without_sticking(self._within_bandwidth(simple), simple)
+        if not all(motion.aged for motion in self.motions):
+            first = self._matched(first, simple)
         self._believe(first)
         self.say("selecting friction laws by cross-validation")
         train, trial = self._with_laws(first)
@@ -261,6 +266,27 @@ class _Run:
         exact = NOISELESS * np.sqrt((self.rows.effort**2).mean(axis=0))
         self.rows = self.rows.cleared(np.array(levels), np.maximum(np.array(sizes), exact))
         return fitted(self.rows, self._train(), self.belief, laws)
+
+    def _matched(self, fit: Fit, laws: list[JointFit]) -> Fit:
+        """Estimate the age of efforts, and fit them to the motion of their times."""
+        step, doubt = 0.0, np.inf
+        for _ in range(MATCHES):
+            ageing = self.rows.ageing(fit.predicted(self.rows.plain))
+            by, sd = besides(self.rows, fit, ageing[:, :, None], self.belief)
+            step, doubt = float(by[0]), float(sd[0])
+            if not abs(step) > SETTLED * doubt:
+                break
+            farthest = OLDEST / self.motions[0].band
+            self.age = float(np.clip(self.age + step, -farthest, farthest))
+            self._filter(self.motions[0].band, self.rows.effort_band)
+            plain = fitted(self.rows, self._train(), self.belief, laws)
+            fit = self._without_sticking(plain, laws)
+        if abs(self.age) > CERTAIN * doubt:
+            self.notes.append(
+                f"efforts are {1e3 * self.age:.2g} ± {1e3 * CERTAIN * doubt:.1g} ms older than "
+                "the positions beside them; they are compared with the motion at that time"
+            )
+        return fit
 
     def _with_laws(self, first: Fit) -> tuple[Mask, Fit]:
         """Select friction laws, leave out outliers, and adapt the bandwidth of the efforts."""

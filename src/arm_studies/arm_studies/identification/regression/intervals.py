@@ -17,15 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_studies.identification.filtering import FLAT_NOISE
 from arm_studies.identification.regression.estimation import Belief, Columns, Mask, solved
 from arm_studies.identification.regression.fit import Fit, with_shapes
 from arm_studies.identification.regression.friction_columns import LOAD, STRIBECK_VELOCITY
 from arm_studies.identification.regression.rows import Rows
 
 Places = NDArray[np.int_]
-FLAT = 0.898
-"""Noise bandwidth over the cut-off frequency of the low-pass filter of ``filtering.ORDER``:
-∫ 1/(1 + x⁸)² dx."""
 SINGULAR = 1e-7
 """Singular values relative to the largest below which a direction is not determined."""
 VAGUE = 0.1
@@ -35,6 +33,8 @@ may cause: beyond it, the motion does not determine the parameter."""
 
 WIDEST = 50.0
 """Largest half width of an interval of a logarithm, beyond which numbers overflow."""
+CLEARLY = 2.0
+"""Width of an interval over that by white noise of the sensors beyond which it is scatter."""
 CERTAIN = 1.96
 """Standard deviations on either side of a 95 % interval."""
 NOTHING = 1e-9
@@ -43,22 +43,32 @@ NOTHING = 1e-9
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate with its 95 % interval, which is unbounded if the torques determine nothing."""
+    """An estimate with its 95 % interval, which is unbounded if the torques determine nothing.
+
+    Attributes:
+        value: The estimate.
+        low: Lower end.
+        high: Upper end.
+        scatter: Whether errors of the model cause most of its width: it is then how much the
+            estimate scatters along the recording, and need not contain the truth.
+    """
 
     value: float
     low: float
     high: float
+    scatter: bool = False
 
     @classmethod
-    def of(cls, value: float, deviation: float) -> Estimate:
+    def of(cls, value: float, deviation: float, scatter: bool = False) -> Estimate:
         """With a normal error."""
-        return cls(value, value - CERTAIN * deviation, value + CERTAIN * deviation)
+        half = CERTAIN * deviation
+        return cls(value, value - half, value + half, scatter)
 
     @classmethod
-    def of_positive(cls, value: float, deviation: float) -> Estimate:
+    def of_positive(cls, value: float, deviation: float, scatter: bool = False) -> Estimate:
         """With a normal error of its logarithm."""
         factor = math.exp(min(CERTAIN * deviation, WIDEST))
-        return cls(value, value / factor, value * factor)
+        return cls(value, value / factor, value * factor, scatter)
 
     @property
     def significant(self) -> bool:
@@ -93,22 +103,28 @@ def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates
     """
     columns, names = with_shapes(rows, fit)
     places = np.array([*lead, *range(fit.bodies + rows.n, columns.size)])
-    own, y = _weighted(use, fit, columns, places), (fit.weights * use * (rows.effort - rows.known)).T
-    R = np.linalg.qr(np.column_stack([own.reshape(-1, len(places)), y.ravel()]), mode="r")
+    own, target = _weighted(use, fit, columns, places), rows.effort - rows.known
+    ageing = fit.weights * use * rows.ageing(fit.predicted(rows.plain))
+    if ageing.any():  # is one more unknown
+        own = np.concatenate([own, ageing.T[:, :, None]], axis=2)
+    y = (fit.weights * use * target).T
+    R = np.linalg.qr(np.column_stack([own.reshape(-1, own.shape[2]), y.ravel()]), mode="r")
     left = y - own @ solved(R[:, :-1], R[:, -1])
-    found, deviations, condition = determined(
-        rows, R[:-1, :-1], R[:-1, -1], own, left.T, float(np.linalg.norm(y))
-    )
+    size = float(np.linalg.norm(y))
+    found, deviations, condition = determined(rows, R[:-1, :-1], R[:-1, -1], own, left.T, size)
+    noise = rows.noise(fit.x[: fit.bodies], fit.x[fit.bodies : fit.bodies + rows.n])
+    by_noise = _by_noise(rows, own, fit.weights * noise)
+    scatter = deviations > CLEARLY * by_noise
     first = len(places) - len(names)
-    pairs = list(zip(found.tolist(), deviations.tolist(), strict=True))
+    triples = list(zip(found.tolist(), deviations.tolist(), scatter.tolist(), strict=True))
     shapes = {}
-    for (j, name), (by, sd) in zip(names, pairs[first:], strict=True):
+    for (j, name), (by, *more) in zip(names, triples[first : len(places)], strict=True):
         shape = fit.friction[j].shape.moved(name, by)
         if name == LOAD and shape.load is not None:
-            shapes[j, name] = Estimate.of(shape.load, sd)
+            shapes[j, name] = Estimate.of(shape.load, *more)
         elif name == STRIBECK_VELOCITY and shape.stribeck_velocity is not None:
-            shapes[j, name] = Estimate.of_positive(shape.stribeck_velocity, sd)
-    linear = tuple(Estimate.of(*pair) for pair in pairs[:first])
+            shapes[j, name] = Estimate.of_positive(shape.stribeck_velocity, *more)
+    linear = tuple(Estimate.of(*triple) for triple in triples[:first])
     return Estimates(linear, shapes, condition)
 
 
@@ -140,6 +156,22 @@ def determined(
     return found, deviations, float(singular[0] / max(singular[-1], 1e-300))
 
 
+def _by_noise(rows: Rows, own: Array, noise: Array) -> Array:
+    """Standard deviations of unknowns by the white noise of sensors alone.
+
+    Args:
+        rows: The regression's rows.
+        own: Weighted columns in each joint's rows, shape (n, k, unknowns).
+        noise: Its weighted standard deviation in these rows, shape (n,).
+    """
+    H = np.array([part.T @ part for part in own])
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(H.sum(axis=0)), 1e-300))
+    both = np.outer(scale, scale)
+    inverse = both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
+    white = np.tensordot(noise**2, H, axes=1) / (rows.independent * FLAT_NOISE)
+    return np.asarray(np.sqrt(np.diag(inverse @ white @ inverse)))
+
+
 def _variances(rows: Rows, own: Array, left: Array) -> Array:
     """Variances of unknowns, the larger of two estimates each.
 
@@ -154,7 +186,7 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
     scale = 1.0 / np.sqrt(np.diag(H.sum(axis=0)))
     both = np.outer(scale, scale)
     inverse = both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
-    independent = rows.independent * (FLAT if np.isfinite(rows.band) else 1.0)
+    independent = rows.independent * (FLAT_NOISE if np.isfinite(rows.band) else 1.0)
     count = own.any(axis=2).sum(axis=1) * independent - rows.spent
     whole = count + rows.spent
     grown = whole / np.maximum(count - np.sum(H * inverse, axis=(1, 2)), 1.0)

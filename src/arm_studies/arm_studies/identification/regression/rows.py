@@ -14,7 +14,7 @@ from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_studies.identification.data import MeasuredMotion, runs
-from arm_studies.identification.filtering import REACH, ZeroPhase, decimated, spread
+from arm_studies.identification.filtering import FLAT_NOISE, REACH, ZeroPhase, decimated, spread
 from arm_studies.identification.preparation import thinned
 from arm_studies.identification.regression.friction_columns import (
     DRY,
@@ -28,10 +28,12 @@ HELD_OUT = 0.3
 """Fraction of each recording, at its end, that is held out to measure errors."""
 FOLDS = 5
 """Folds of the rest by which laws are selected, each predicted from the others."""
-NEARBY, APART = 0.3, 0.4
+NEARBY, APART, UNKNOWN = 0.3, 0.2, 10.0
 """Periods of the band before and after a joint rests or reverses in which it may stick: its
 friction has then any value up to static friction. Periods from one to the next of its values that
-are unknown there."""
+are unknown there, and their size relative to dry friction: so large that nothing is assumed."""
+SAMPLED = 50
+"""Positions at which inertias are computed to see what noise of accelerations does."""
 LEAST = 1e-3
 """Power of such a value, relative to the residual's, below which it does not matter."""
 SLOW = 1e-2
@@ -129,9 +131,9 @@ class Rows:
     def cleared(self, levels: Array, sizes: Array) -> Rows:
         """The same rows without what unknown torques of joints that stick can cause.
 
-        Such torques are as large as a joint's dry friction, and the low-pass filter spreads them
-        over rows in which it moves. These are whitened by the covariance of both: they count as
-        little as such a torque is larger than the residual.
+        The low-pass filter spreads such torques over rows in which the joint moves. These are
+        whitened by the covariance of both: they count as little as such a torque is larger than
+        the residual.
 
         Args:
             levels: Dry friction of each joint, shape (n,).
@@ -162,7 +164,7 @@ class Rows:
         step = max(1, round(APART / (self.band * self.motions[0].dt)))
         at = [i for start, end in runs(self.still[:, joint]) for i in range(start, end, step)]
         pulses = np.zeros((len(self.v), len(at)))
-        pulses[at, range(len(at))] = level / size * np.sqrt(self.independent)
+        pulses[at, range(len(at))] = UNKNOWN * level / size * np.sqrt(self.independent)
         spread_out = self.filtered(pulses) * self.use[:, joint : joint + 1]
         power, axes = np.linalg.eigh(spread_out.T @ spread_out)
         seen = power > LEAST
@@ -176,6 +178,43 @@ class Rows:
         flat = columns.reshape(len(columns), -1)
         flat = flat - directions @ (less[:, None] * (directions.T @ flat))
         return np.asarray(flat.reshape(columns.shape))
+
+    def ageing(self, values: Array) -> Array:
+        """Change of efforts, given by a fit, for each second by which they are older, (k, n).
+
+        Zero in recordings that state the age of their efforts.
+        """
+        found, start = np.zeros_like(values), 0
+        for motion in self.motions:
+            for stretch in motion.stretches:
+                span = slice(start + stretch.start, start + stretch.stop)
+                if not motion.aged:
+                    found[span] = -np.gradient(values[span], motion.dt, axis=0)
+            start += len(motion.time)
+        return self.clear(found)
+
+    def noise(self, theta: Array, armature: Array) -> Array:
+        """Standard deviation that white noise of the sensors has in each joint's rows, (n,).
+
+        That of positions acts through accelerations.
+
+        Args:
+            theta: Inertial parameters of the bodies.
+            armature: Inertia of each joint's drive, shape (n,).
+        """
+        q = self.q[:: len(self.q) // SAMPLED + 1]
+        still = np.zeros_like(q)
+        columns = [
+            (self.regressor(q, still, still + unit) - self.regressor(q, still, still)) @ theta
+            for unit in np.eye(self.n)
+        ]
+        squares = ((np.stack(columns, axis=2) + np.diag(armature)) ** 2).mean(axis=0)
+        found = []
+        for motion in self.whole:
+            position, effort = 2.0 * motion.dt * motion.noise**2  # per [Hz]
+            accelerations = (2.0 * np.pi * motion.band) ** 4 / 5.0 * position
+            found.append(motion.band * (FLAT_NOISE * effort + squares @ accelerations))
+        return np.sqrt(np.mean(found, axis=0))
 
     @property
     def spent(self) -> Array:
