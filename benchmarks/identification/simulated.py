@@ -35,7 +35,7 @@ from benchmarks.reporting.markdown import table
 
 Scene = dict[str, Any]
 DT, PERIOD, TURNS, HARMONICS = 2e-3, 5.0, 2, 5
-NOISE, STEP = 0.02, 1e-4
+NOISE, STEP = 0.02, 4e-4
 """Of efforts, relative to each joint's root mean square; of encoders in [rad] or [m]."""
 PUBLISHED = 2
 """Ticks from one message of ``joint_states`` to the next."""

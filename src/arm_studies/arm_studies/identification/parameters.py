@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from arm_studies.identification.regression.intervals import Estimate, estimated
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
 
+SURELY = 1.5
+"""Smallest value of a friction term beside viscous and Coulomb, over half its interval."""
 NO_FRICTION = "none that opposes the motion was found"
 
 
@@ -38,9 +41,9 @@ def parameters(
         use: Rows that it uses, shape (k, n).
         ranges: How far each joint moved in [rad] or [m], shape (n,).
     """
-    names, n, numbers, base = regressor.model.joint_names, rows.n, fit.bodies, _base(regressor)
-    order = [*range(numbers, numbers + n), *range(numbers)]  # bodies lead, if any can
-    estimates = estimated(rows, use, fit, [order[k] for k in base.independent])
+    names, base = regressor.model.joint_names, _base(regressor)
+    order, lead = _leading(base, fit, rows.n)
+    estimates = estimated(rows, use, fit, lead)
     at_first = np.concatenate([regressor.model.armature, regressor.nominal])
     values = (base.grouping @ np.stack([at_first, fit.x[order]], axis=1)).T.tolist()
     nominal, written = (dict(zip(base.names, x, strict=True)) for x in values)
@@ -62,6 +65,32 @@ def parameters(
         "written": written, "nominal": nominal, "condition": estimates.condition,
         "missing": _unidentified(names, fit.friction, ranges) | _uncertain(by_name),
     }  # fmt: skip
+
+
+def _leading(base: BaseParameters, fit: Fit, n: int) -> tuple[list[int], list[int]]:
+    """Places of armatures and bodies in a fit, and of the leading ones of base parameters."""
+    order = [*range(fit.bodies, fit.bodies + n), *range(fit.bodies)]  # bodies lead, if any can
+    return order, [order[k] for k in base.independent]
+
+
+def without_doubtful(
+    regressor: RigidRegressor, rows: Rows, fit: Fit, use: Mask
+) -> tuple[JointFit, ...]:
+    """The friction of a fit without terms that may be zero, or of either sign, after all.
+
+    Selection sees gains in prediction, which errors that are correlated over the recording can
+    cause; intervals count these.
+    """
+    _, lead = _leading(base := _base(regressor), fit, rows.n)
+    estimates = iter(estimated(rows, use, fit, lead).linear[len(base.independent) :])
+    found = []
+    for own in fit.friction:
+        sure = {kind: abs(each.value) > SURELY * (each.high - each.value)
+                for kind, each in zip(own.kinds, estimates, strict=False)}  # fmt: skip
+        kinds = tuple(kind for kind in own.kinds if sure[kind] or kind in (VISCOUS, COULOMB))
+        fall = own.shape.stribeck_velocity if EXCESS in kinds else None
+        found.append(replace(own, kinds=kinds, shape=replace(own.shape, stribeck_velocity=fall)))
+    return tuple(found)
 
 
 def _base(regressor: RigidRegressor) -> BaseParameters:

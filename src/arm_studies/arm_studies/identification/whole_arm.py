@@ -19,7 +19,7 @@ from arm_studies.identification import checks
 from arm_studies.identification.data import JointRecord, records_of
 from arm_studies.identification.described import scene_with
 from arm_studies.identification.names import mapped, unwrapped
-from arm_studies.identification.parameters import parameters
+from arm_studies.identification.parameters import parameters, without_doubtful
 from arm_studies.identification.preparation import PER_BAND, EvenRecord, resampled
 from arm_studies.identification.regression.bandwidth import noise_above, with_bandwidth
 from arm_studies.identification.regression.estimation import (
@@ -239,6 +239,11 @@ class _Run:
         whole = train | (rows.use & ~rows.train[:, None])
         whole = without_outliers(self.names, rows, whole, trial)[0]
         final = fitted(rows, whole, self.belief, list(trial.friction), possible=True)
+        laws = without_doubtful(self.regressor, rows, final, whole)
+        if any(a.kinds != b.kinds for a, b in zip(laws, final.friction, strict=True)):
+            trial, final = (
+                fitted(rows, mask, self.belief, laws, possible=True) for mask in (train, whole)
+            )
         return self._result(trial, final, whole)
 
     def _train(self) -> Mask:

@@ -35,6 +35,8 @@ WIDEST = 50.0
 """Largest half width of an interval of a logarithm, beyond which numbers overflow."""
 CLEARLY = 2.0
 """Width of an interval over that by white noise of the sensors beyond which it is scatter."""
+UNSEEN = 2.0
+"""White noise over the residual from which it is none: what high frequencies have is motion."""
 CERTAIN = 1.96
 """Standard deviations on either side of a 95 % interval."""
 NOTHING = 1e-9
@@ -113,6 +115,7 @@ def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates
     size = float(np.linalg.norm(y))
     found, deviations, condition = determined(rows, R[:-1, :-1], R[:-1, -1], own, left.T, size)
     noise = rows.noise(fit.x[: fit.bodies], fit.x[fit.bodies : fit.bodies + rows.n])
+    noise[fit.weights * noise > UNSEEN] = 0.0  # residuals would show it
     by_noise = _by_noise(rows, own, fit.weights * noise)
     scatter = deviations > CLEARLY * by_noise
     first = len(places) - len(names)
