@@ -19,8 +19,9 @@ third of the cut-off frequency, within 1e-8 below a tenth."""
 SETTLED = 4.0
 """Periods of the cut-off frequency after which the transient of an end has decayed to 1e-4: the
 slowest pole decays by exp(-2π sin(π/4p)) in each."""
-FLAT_NOISE = 0.898
-"""Noise bandwidth over the cut-off frequency: ∫ 1/(1 + x⁸)² dx."""
+FLAT_NOISE, BENT_NOISE = 0.898, 0.087
+"""Noise bandwidth over the cut-off frequency: ∫ 1/(1 + x⁸)² dx; and for accelerations of motions
+that are filtered twice, over its fifth power: ∫ x⁴/(1 + x⁸)⁴ dx."""
 MOST_LEFT_OUT = 0.06
 """Largest fraction of a stretch that is discarded at each end."""
 FADED = 12.0
@@ -177,15 +178,19 @@ def spectrum(x: Array, dt: float) -> tuple[Array, Array]:
     return np.fft.rfftfreq(k, dt), np.asarray(power)
 
 
-def white_noise(x: Array, dt: float) -> Array:
+def white_noise(x: Array, dt: float, sloped: float = np.inf) -> Array:
     """Standard deviation of the white noise in samples, by their highest frequencies.
 
     Args:
         x: Samples, shape (k, n).
         dt: Time between them in [s].
+        sloped: Ratio of power at lower frequencies to that at the highest from which it is no
+            noise, but motion, and zero is returned.
     """
     frequency, power = spectrum(x, dt)
-    floor = np.median(power[frequency > 0.35 / dt], axis=0) / np.log(2.0)
+    high = np.median(power[frequency > 0.4 / dt], axis=0)
+    lower = np.median(power[(frequency > 0.2 / dt) & (frequency < 0.3 / dt)], axis=0)
+    floor = np.where(lower <= sloped * high, high, 0.0) / np.log(2.0)
     return np.asarray(np.sqrt(floor / np.sum(np.hanning(len(x)) ** 2)))
 
 

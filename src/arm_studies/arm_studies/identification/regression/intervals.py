@@ -35,8 +35,6 @@ WIDEST = 50.0
 """Largest half width of an interval of a logarithm, beyond which numbers overflow."""
 CLEARLY = 2.0
 """Width of an interval over that by white noise of the sensors beyond which it is scatter."""
-UNSEEN = 2.0
-"""White noise over the residual from which it is none: what high frequencies have is motion."""
 CERTAIN = 1.96
 """Standard deviations on either side of a 95 % interval."""
 NOTHING = 1e-9
@@ -115,7 +113,6 @@ def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates
     size = float(np.linalg.norm(y))
     found, deviations, condition = determined(rows, R[:-1, :-1], R[:-1, -1], own, left.T, size)
     noise = rows.noise(fit.x[: fit.bodies], fit.x[fit.bodies : fit.bodies + rows.n])
-    noise[fit.weights * noise > UNSEEN] = 0.0  # residuals would show it
     by_noise = _by_noise(rows, own, fit.weights * noise)
     scatter = deviations > CLEARLY * by_noise
     first = len(places) - len(names)
@@ -159,6 +156,11 @@ def determined(
     return found, deviations, float(singular[0] / max(singular[-1], 1e-300))
 
 
+def _independent(rows: Rows) -> float:
+    """Independent values of white noise per row."""
+    return rows.independent * (FLAT_NOISE if np.isfinite(rows.band) else 1.0)
+
+
 def _by_noise(rows: Rows, own: Array, noise: Array) -> Array:
     """Standard deviations of unknowns by the white noise of sensors alone.
 
@@ -171,8 +173,8 @@ def _by_noise(rows: Rows, own: Array, noise: Array) -> Array:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H.sum(axis=0)), 1e-300))
     both = np.outer(scale, scale)
     inverse = both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
-    white = np.tensordot(noise**2, H, axes=1) / (rows.independent * FLAT_NOISE)
-    return np.asarray(np.sqrt(np.diag(inverse @ white @ inverse)))
+    white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
+    return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ white @ inverse), 0.0)))
 
 
 def _variances(rows: Rows, own: Array, left: Array) -> Array:
@@ -189,7 +191,7 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
     scale = 1.0 / np.sqrt(np.diag(H.sum(axis=0)))
     both = np.outer(scale, scale)
     inverse = both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
-    independent = rows.independent * (FLAT_NOISE if np.isfinite(rows.band) else 1.0)
+    independent = _independent(rows)
     count = own.any(axis=2).sum(axis=1) * independent - rows.spent
     whole = count + rows.spent
     grown = whole / np.maximum(count - np.sum(H * inverse, axis=(1, 2)), 1.0)

@@ -14,7 +14,7 @@ from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_studies.identification.data import MeasuredMotion, runs
-from arm_studies.identification.filtering import FLAT_NOISE, REACH, ZeroPhase, decimated, spread
+from arm_studies.identification.filtering import BENT_NOISE, FLAT_NOISE, REACH, ZeroPhase, decimated, spread
 from arm_studies.identification.preparation import thinned
 from arm_studies.identification.regression.friction_columns import (
     DRY,
@@ -211,9 +211,13 @@ class Rows:
         squares = ((np.stack(columns, axis=2) + np.diag(armature)) ** 2).mean(axis=0)
         found = []
         for motion in self.whole:
+            if not np.isfinite(motion.band):
+                found.append(motion.noise[1] ** 2)
+                continue
             position, effort = 2.0 * motion.dt * motion.noise**2  # per [Hz]
-            accelerations = (2.0 * np.pi * motion.band) ** 4 / 5.0 * position
-            found.append(motion.band * (FLAT_NOISE * effort + squares @ accelerations))
+            band = min(motion.band, self.effort_band or np.inf)
+            accelerations = BENT_NOISE * band * (2.0 * np.pi * band) ** 4 * position
+            found.append(FLAT_NOISE * motion.band * effort + squares @ accelerations)
         return np.sqrt(np.mean(found, axis=0))
 
     @property
