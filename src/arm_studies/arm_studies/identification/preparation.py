@@ -43,9 +43,10 @@ JUMP, COARSE = 3.0, 3.0
 """Change after which an effort was frozen, over its typical change, if that is less than
 ``COARSE`` times its small ones: those of a coarse sensor are all alike, and its long runs end with
 one of them."""
-SLOPED = 5.0
-"""Ratio of power from which high frequencies of positions are motion, see ``white_noise``: that of
-accelerations that jump, as friction lets them, falls with the fourth power of frequency."""
+SLOPED = 5.0, 40.0
+"""Ratios of power from which high frequencies of positions and efforts are motion and no noise, see
+``white_noise``. Without noise they are above 18 and 130; a controller that differentiates steps of
+encoders makes the second up to 14."""
 SPANS = 3
 """Stretches that a note lists."""
 WORDS = {"q": "position", "v": "velocity", "a": "acceleration", "effort": "effort"}
@@ -341,7 +342,8 @@ def _motion(grid: JointRecord, low_pass: ZeroPhase, age: float) -> MeasuredMotio
         q, v, a = (low_pass(grid.q, derivative, before) for derivative in range(3))
     else:
         q, v, a = grid.q, grid.v, grid.a
-    noise = [white_noise(grid.q, low_pass.dt, SLOPED), white_noise(effort, low_pass.dt)]
+    pairs = zip((grid.q, effort), SLOPED, strict=True)
+    noise = [white_noise(values, low_pass.dt, sloped) for values, sloped in pairs]
     return MeasuredMotion(
         grid.joint_names, grid.time, read_only(q), read_only(v), read_only(a), read_only(effort),
         valid, low_pass.dt, (slice(0, len(grid.time)),), low_pass.band, low_pass, grid.name,

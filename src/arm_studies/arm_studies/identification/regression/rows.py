@@ -28,6 +28,8 @@ HELD_OUT = 0.3
 """Fraction of each recording, at its end, that is held out to measure errors."""
 FOLDS = 5
 """Folds of the rest by which laws are selected, each predicted from the others."""
+STILL = 0.1
+"""Time in [s] for which a joint whose velocity is exact may be at rest."""
 NEARBY, APART, UNKNOWN = 0.3, 0.2, 10.0
 """Periods of the band before and after a joint rests or reverses in which it may stick: its
 friction has then any value up to static friction. Periods from one to the next of its values that
@@ -357,16 +359,25 @@ def _folds(count: int, held_out: float) -> NDArray[np.int_]:
 
 
 def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
-    """Rows in which a joint rests or reverses, and those nearby, shape (k, n)."""
+    """Rows in which a joint may stick, shape (k, n).
+
+    Where the velocity is filtered, as it rests or reverses, and nearby; else as it rests for
+    longer than a reversal takes.
+    """
+    filters = np.isfinite(motion.band)
     slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
-    reach = 0 if not np.isfinite(motion.band) else round(NEARBY / (motion.band * motion.dt))
+    reach = round(NEARBY / (motion.band * motion.dt)) if filters else 0
     found = np.zeros_like(slow)
     for s in motion.stretches:
         v, rests = motion.v[s], slow[s]
-        rests[1:] |= v[1:] * v[:-1] < 0.0
+        if filters:
+            turns = v[1:] * v[:-1] < 0.0
+            rests[1:] |= turns
+            rests[:-1] |= turns
         for j, column in enumerate(rests.T):
             for start, end in runs(column):
-                found[s][max(0, start - reach) : end + reach, j] = True
+                if filters or (end - start) * motion.dt > STILL:
+                    found[s][max(0, start - reach) : end + reach, j] = True
     return found
 
 
