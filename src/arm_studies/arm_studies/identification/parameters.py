@@ -85,7 +85,7 @@ def without_doubtful(
     estimates = iter(estimated(rows, use, fit, lead).linear[len(base.independent) :])
     found = []
     for own in fit.friction:
-        sure = {kind: abs(each.value) > SURELY * (each.high - each.value)
+        sure = {kind: not abs(each.value) < SURELY * (each.high - each.value) < np.inf
                 for kind, each in zip(own.kinds, estimates, strict=False)}  # fmt: skip
         kinds = tuple(kind for kind in own.kinds if sure[kind] or kind in (VISCOUS, COULOMB))
         fall = own.shape.stribeck_velocity if EXCESS in kinds else None

@@ -21,7 +21,11 @@ from arm_studies.identification.described import scene_with
 from arm_studies.identification.names import mapped, unwrapped
 from arm_studies.identification.parameters import parameters, without_doubtful
 from arm_studies.identification.preparation import PER_BAND, EvenRecord, resampled
-from arm_studies.identification.regression.bandwidth import noise_above, with_bandwidth
+from arm_studies.identification.regression.bandwidth import (
+    mean_residual,
+    noise_above,
+    with_bandwidth,
+)
 from arm_studies.identification.regression.estimation import (
     Belief,
     Mask,
@@ -63,6 +67,8 @@ fixed, an error of the last bodies would be taken for a scale of their joints.""
 DOUBT = 0.12, 0.2
 """Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
 columns of efforts are matched with joints."""
+WORSE = 1.03
+"""Ratio of residuals up to which friction terms that may be zero are left out."""
 MATCHES, SETTLED, OLDEST = 4, 0.2, 0.15
 """Largest number of corrections of the age of efforts; standard errors below which one is left
 out; largest age in periods of the band."""
@@ -241,9 +247,9 @@ class _Run:
         final = fitted(rows, whole, self.belief, list(trial.friction), possible=True)
         laws = without_doubtful(self.regressor, rows, final, whole)
         if any(a.kinds != b.kinds for a, b in zip(laws, final.friction, strict=True)):
-            trial, final = (
-                fitted(rows, mask, self.belief, laws, possible=True) for mask in (train, whole)
-            )
+            lean = fitted(rows, whole, self.belief, laws, possible=True)
+            if mean_residual(lean, whole) < WORSE * mean_residual(final, whole):
+                final, trial = lean, fitted(rows, train, self.belief, laws, possible=True)
         return self._result(trial, final, whole)
 
     def _train(self) -> Mask:
