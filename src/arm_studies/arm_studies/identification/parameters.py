@@ -30,7 +30,7 @@ NO_FRICTION = "none that opposes the motion was found"
 
 
 def parameters(
-    regressor: RigidRegressor, rows: Rows, fit: Fit, use: Mask, ranges: Array
+    regressor: RigidRegressor, rows: Rows, fit: Fit, use: Mask, ranges: Array, scene: Fit
 ) -> dict[str, Any]:
     """Fields of an ``Identification``.
 
@@ -40,21 +40,24 @@ def parameters(
         fit: The fit of all parameters.
         use: Rows that it uses, shape (k, n).
         ranges: How far each joint moved in [rad] or [m], shape (n,).
+        scene: The fit that is written into the scene.
     """
     names, base = regressor.model.joint_names, _base(regressor)
     order, lead = _leading(base, fit, rows.n)
     estimates = estimated(rows, use, fit, lead)
     at_first = np.concatenate([regressor.model.armature, regressor.nominal])
-    values = (base.grouping @ np.stack([at_first, fit.x[order]], axis=1)).T.tolist()
+    values = (base.grouping @ np.stack([at_first, scene.x[order]], axis=1)).T.tolist()
     nominal, written = (dict(zip(base.names, x, strict=True)) for x in values)
     coefficients = {
-        f"{name}.{kind}": x
-        for name, own in zip(names, fit.friction, strict=True)
-        for kind, x in own.coefficients.items()
+        f"{name}.{kind}": written_law.coefficients.get(kind, 0.0)
+        for name, own, written_law in zip(names, fit.friction, scene.friction, strict=True)
+        for kind in own.coefficients
     }
     shapes = {(j, name): f"{names[j]}.{name}" for j, name in estimates.shapes}
     written |= coefficients
-    written |= {key: getattr(fit.friction[j].shape, name) for (j, name), key in shapes.items()}
+    written |= {
+        key: getattr(scene.friction[j].shape, name) or 0.0 for (j, name), key in shapes.items()
+    }
     by_name = dict(zip([*base.names, *coefficients], estimates.linear, strict=True))
     by_name |= {key: estimates.shapes[place] for place, key in shapes.items()}
     known = {name: each for name, each in by_name.items() if np.isfinite(each.high)}
@@ -63,7 +66,7 @@ def parameters(
         "intervals": {name: (each.low, each.high) for name, each in known.items()},
         "scatter": frozenset(name for name, each in known.items() if each.scatter),
         "written": written, "nominal": nominal, "condition": estimates.condition,
-        "missing": _unidentified(names, fit.friction, ranges) | _uncertain(by_name),
+        "missing": _unidentified(names, scene.friction, ranges) | _uncertain(by_name),
     }  # fmt: skip
 
 

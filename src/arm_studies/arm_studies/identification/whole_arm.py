@@ -67,6 +67,8 @@ fixed, an error of the last bodies would be taken for a scale of their joints.""
 DOUBT = 0.12, 0.2
 """Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
 columns of efforts are matched with joints."""
+STRICT = 10.0
+"""Size of unknown friction over dry friction of which nothing is assumed."""
 WORSE = 1.03
 """Ratio of residuals up to which friction terms that may be zero are left out."""
 MATCHES, SETTLED, OLDEST = 4, 0.2, 0.15
@@ -245,12 +247,21 @@ class _Run:
         whole = train | (rows.use & ~rows.train[:, None])
         whole = without_outliers(self.names, rows, whole, trial)[0]
         final = fitted(rows, whole, self.belief, list(trial.friction), possible=True)
-        laws = without_doubtful(self.regressor, rows, final, whole)
+        laws = without_doubtful(self.regressor, *self._strictly(final, whole), whole)
         if any(a.kinds != b.kinds for a, b in zip(laws, final.friction, strict=True)):
             lean = fitted(rows, whole, self.belief, laws, possible=True)
             if mean_residual(lean, whole) < WORSE * mean_residual(final, whole):
                 final, trial = lean, fitted(rows, train, self.belief, laws, possible=True)
         return self._result(trial, final, whole)
+
+    def _strictly(self, final: Fit, used: Mask) -> tuple[Rows, Fit]:
+        """Rows and a fit for which nothing is assumed of friction while joints may stick.
+
+        Predictions gain by the assumption that it is then of the size of dry friction, but
+        intervals have to do without it.
+        """
+        rows = self.rows.stricter(STRICT)
+        return rows, fitted(rows, used, self.belief, list(final.friction))
 
     def _train(self) -> Mask:
         return np.asarray(self.rows.use & self.rows.train[:, None])
@@ -435,7 +446,8 @@ class _Run:
         self.excess = excess(self.rows, test, trial, self.rows.clear(nominal), self.belief)
         errors = self._errors(predicted, nominal, test)
         self._tell_no_better(*errors["error"])
-        known = parameters(self.regressor, self.rows, final, used, self.ranges)
+        strict = self._strictly(final, used)
+        known = parameters(self.regressor, *strict, used, self.ranges, final)
         self._tell_irregularities(trial, final, used)
         scene, friction = self._scene(final, known["missing"], ratios)
         torques = self._torques(

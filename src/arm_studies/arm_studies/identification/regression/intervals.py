@@ -33,6 +33,9 @@ may cause: beyond it, the motion does not determine the parameter."""
 
 WIDEST = 50.0
 """Largest half width of an interval of a logarithm, beyond which numbers overflow."""
+BY_CHANCE = 1.5
+"""Ratio of the variance of any residuals to that of white ones that the uncertainty of the former
+explains."""
 CLEARLY = 2.0
 """Width of an interval over that by white noise of the sensors beyond which it is scatter."""
 CERTAIN = 1.96
@@ -178,7 +181,7 @@ def _by_noise(rows: Rows, own: Array, noise: Array) -> Array:
 
 
 def _variances(rows: Rows, own: Array, left: Array) -> Array:
-    """Variances of unknowns, the larger of two estimates each.
+    """Variances of unknowns: one of two estimates each, the second if it is clearly larger.
 
     One is for residuals that are white within the band, as the noise of efforts is. The other is
     for any residuals: H⁻¹ S H⁻¹ with S the long-run covariance of the weighted scores by a
@@ -201,7 +204,8 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
     for back in range(1, rows.lag + 1):
         cross = scores[back:].T @ scores[:-back]
         S += min(1.0, 2.0 * (1.0 - back / (rows.lag + 1.0))) * (cross + cross.T)
-    return np.maximum(*(np.diag(inverse @ each @ inverse) for each in (white, S)))
+    plain, any_residuals = (np.diag(inverse @ each @ inverse) for each in (white, S))
+    return np.where(any_residuals > BY_CHANCE * plain, any_residuals, plain)
 
 
 def _weighted(use: Mask, fit: Fit, columns: Columns, places: Places) -> Array:

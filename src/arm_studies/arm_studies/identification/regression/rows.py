@@ -30,10 +30,10 @@ FOLDS = 5
 """Folds of the rest by which laws are selected, each predicted from the others."""
 STILL = 0.1
 """Time in [s] for which a joint whose velocity is exact may be at rest."""
-NEARBY, APART, UNKNOWN = 0.3, 0.2, 10.0
+NEARBY, APART = 0.3, 0.2
 """Periods of the band before and after a joint rests or reverses in which it may stick: its
 friction has then any value up to static friction. Periods from one to the next of its values that
-are unknown there, and their size relative to dry friction: so large that nothing is assumed."""
+are unknown there."""
 SAMPLED = 50
 """Positions at which inertias are computed to see what noise of accelerations does."""
 LEAST = 1e-3
@@ -138,13 +138,20 @@ class Rows:
         the residual.
 
         Args:
-            levels: Dry friction of each joint, shape (n,).
+            levels: Size of these torques, such as the joint's dry friction, shape (n,).
             sizes: Standard deviation of each joint's residual, shape (n,).
         """
         other = self._again()
-        other._sticking, other._measured = (levels, sizes), self.plain.effort
+        other._sticking, other._measured = (np.asarray(levels), sizes), self.plain.effort
         other.effort = other.clear(other._measured)
         return other
+
+    def stricter(self, factor: float) -> Rows:
+        """The same rows cleared of torques that are larger by a factor."""
+        if self._sticking is None:
+            return self
+        levels, sizes = self._sticking
+        return self.cleared(factor * levels, sizes)
 
     @property
     def plain(self) -> Rows:
@@ -166,7 +173,7 @@ class Rows:
         step = max(1, round(APART / (self.band * self.motions[0].dt)))
         at = [i for start, end in runs(self.still[:, joint]) for i in range(start, end, step)]
         pulses = np.zeros((len(self.v), len(at)))
-        pulses[at, range(len(at))] = UNKNOWN * level / size * np.sqrt(self.independent)
+        pulses[at, range(len(at))] = level / size * np.sqrt(self.independent)
         spread_out = self.filtered(pulses) * self.use[:, joint : joint + 1]
         power, axes = np.linalg.eigh(spread_out.T @ spread_out)
         seen = power > LEAST
