@@ -30,7 +30,7 @@ from arm_studies.identification.regression.regressor import RigidRegressor
 from benchmarks.identification.coverage import ARMS, true_arm
 from benchmarks.identification.held_out import exact_scene
 from benchmarks.identification.known_truth import base_truth
-from benchmarks.identification.lagrange import LagrangeArm
+from benchmarks.identification.lagrange import LagrangeArm, Link
 from benchmarks.reporting.markdown import table
 
 Scene = dict[str, Any]
@@ -41,7 +41,18 @@ PUBLISHED = 2
 """Ticks from one message of ``joint_states`` to the next."""
 KINDS = ("exact", "noisy", "quantized", "filtered", "joint_states")
 TUTORIAL = "tutorial"
-NAMES = (TUTORIAL, *ARMS)
+LINKS: dict[str, tuple[Link, ...]] = {
+    **ARMS,
+    "three joints": (
+        Link("base", (0, 0, 0.3), 0.0, 2, False, 5.0, (0.01, 0.02, 0.1),
+             (0.04, 0.001, -0.002, 0.04, 0.003, 0.02)),
+        Link("shoulder", (0, 0.05, 0.1), 0.0, 1, False, 3.0, (0.2, 0.01, 0),
+             (0.01, 0.001, 0, 0.05, 0.001, 0.05)),
+        Link("elbow", (0.4, -0.05, 0), 0.0, 1, False, 1.5, (0.15, 0, 0.01),
+             (0.004, 0, 0.001, 0.015, 0, 0.015)),
+    ),
+}  # fmt: skip
+NAMES = (TUTORIAL, *LINKS)
 URDF = "package://arm_sim/scenes/two_link.urdf"
 
 
@@ -81,8 +92,8 @@ class Fourier:
 def scenes(name: str) -> tuple[Scene, Scene]:
     """An arm, and its nominal scene."""
     if name != TUTORIAL:
-        nominal = LagrangeArm(ARMS[name], *np.zeros((3, len(ARMS[name]))))
-        return exact_scene(true_arm(ARMS[name])), {"robot": {"urdf": nominal.urdf}}
+        nominal = LagrangeArm(LINKS[name], *np.zeros((3, len(LINKS[name]))))
+        return exact_scene(true_arm(LINKS[name])), {"robot": {"urdf": nominal.urdf}}
     friction = {
         "shoulder": {"friction": {"viscous": 0.9, "coulomb": 1.2}},
         "elbow": {"friction": {"viscous": 0.3, "coulomb": 0.5}},
