@@ -29,7 +29,8 @@ HELD_OUT = 0.3
 FOLDS = 5
 """Folds of the rest by which laws are selected, each predicted from the others."""
 STILL = 0.1
-"""Time in [s] for which a joint whose velocity is exact may be at rest."""
+"""Time in [s] for which a joint whose velocity is exact may be at rest, and most of the time before
+and after a reversal in which one may stick."""
 NEARBY, APART = 0.3, 0.2
 """Periods of the band before and after a joint rests or reverses in which it may stick: its
 friction has then any value up to static friction. Periods from one to the next of its values that
@@ -163,13 +164,13 @@ class Rows:
         return other
 
     @cached_property
-    def _clearings(self) -> list[tuple[Array, Array]]:
-        """Of each joint: directions in its rows, and by how much these count less."""
+    def _clearings(self) -> list[tuple[Array, Array, float]]:
+        """Of each joint: directions in its rows, by how much these count less, ``spent``."""
         if self._sticking is None or not np.isfinite(self.band):
-            return [(np.zeros((len(self.v), 0)), np.zeros(0))] * self.n
+            return [(np.zeros((len(self.v), 0)), np.zeros(0), 0.0)] * self.n
         return [self._clearing(j, *pair) for j, pair in enumerate(zip(*self._sticking, strict=True))]
 
-    def _clearing(self, joint: int, level: float, size: float) -> tuple[Array, Array]:
+    def _clearing(self, joint: int, level: float, size: float) -> tuple[Array, Array, float]:
         step = max(1, round(APART / (self.band * self.motions[0].dt)))
         at = [i for start, end in runs(self.still[:, joint]) for i in range(start, end, step)]
         pulses = np.zeros((len(self.v), len(at)))
@@ -178,10 +179,13 @@ class Rows:
         power, axes = np.linalg.eigh(spread_out.T @ spread_out)
         seen = power > LEAST
         directions = spread_out @ (axes[:, seen] / np.sqrt(power[seen]))
-        return directions, 1.0 - 1.0 / np.sqrt(1.0 + power[seen])
+        # Of noise within the band a direction has as much as the filter lets pass of it.
+        passed = (self.plain.low_passed(None).filtered(directions) ** 2).sum(axis=0)
+        spent = float(passed @ (power[seen] / (1.0 + power[seen])))
+        return directions, 1.0 - 1.0 / np.sqrt(1.0 + power[seen]), spent
 
     def _cleared(self, columns: Array, joint: int) -> Array:
-        directions, less = self._clearings[joint]
+        directions, less, _ = self._clearings[joint]
         if not less.size:
             return columns
         flat = columns.reshape(len(columns), -1)
@@ -232,7 +236,7 @@ class Rows:
     @property
     def spent(self) -> Array:
         """Number of independent values by which each joint has fewer, shape (n,)."""
-        return np.array([np.sum(1.0 - (1.0 - less) ** 2) for _, less in self._clearings])
+        return np.array([spent for *_, spent in self._clearings])
 
     def _again(self) -> Rows:
         """A copy without what has been computed."""
@@ -373,7 +377,7 @@ def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
     """
     filters = np.isfinite(motion.band)
     slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
-    reach = round(NEARBY / (motion.band * motion.dt)) if filters else 0
+    reach = round(min(NEARBY / motion.band, STILL) / motion.dt) if filters else 0
     found = np.zeros_like(slow)
     for s in motion.stretches:
         v, rests = motion.v[s], slow[s]
