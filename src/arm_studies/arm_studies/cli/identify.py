@@ -173,6 +173,7 @@ def _result(found: Identification, files: list[Path]) -> dict[str, Any]:
         "error": _known(found.error[0]), "nominal_error": _known(found.error[1]),
         "torque_error": {name: _known(x) for name, x in found.torque_error.items()},
         "parameters": dict(found.parameters), "intervals": dict(found.intervals),
+        "scatter": sorted(found.scatter),
         "written": dict(found.written), "missing": dict(found.missing), "notes": list(found.notes),
         "scales": dict(zip(found.joint_names, found.scales.tolist(), strict=True)),
     }  # fmt: skip
@@ -197,5 +198,12 @@ def _show(found: Identification) -> None:
         f"{count} parameters identified, {len(found.missing)} not",
         markup=False,
     )
+    if found.scatter:
+        whose = len(found.scatter & (found.parameters.keys() - found.missing.keys()))
+        out.print(
+            f"intervals of {whose} of these are scatter, not 95 %: errors of the model, not noise, "
+            "cause most of their width",
+            markup=False,
+        )
     for note in found.notes:
         out.print(f"note: {note}", markup=False)

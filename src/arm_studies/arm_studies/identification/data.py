@@ -93,9 +93,7 @@ class JointRecord:
             effort = np.where(recording.hold[:, None] != 0, np.nan, effort)
         notes = [event.text for event in recording.events if of_robot]
         names = recording.joint_names
-        return cls.of(
-            names, recording.time, q, effort, v, name=name, notes=notes, effort_age=age
-        )
+        return cls.of(names, recording.time, q, effort, v, name=name, notes=notes, effort_age=age)
 
     def joints(self, names: Sequence[str]) -> JointRecord:
         """The record of some joints, in this order.

@@ -100,14 +100,25 @@ def _identified(found: Identification) -> list[str]:
         "the scene, bodies are physically consistent, and near the nominal ones where the torques "
         "determine little.", "",
     ]  # fmt: skip
+    if found.scatter:
+        head += [
+            "Where an interval is called scatter, errors of the model cause most of its width: it "
+            "says how much the value scatters along the recording, and need not contain the "
+            "truth.", "",
+        ]  # fmt: skip
     rows = [
-        [_spoken(name), f"{value:.5g}", "{:.4g} to {:.4g}".format(*found.intervals[name]),
+        [_spoken(name), f"{value:.5g}", _interval(found, name),
          f"{found.written[name]:.5g}",
          f"{found.nominal[name]:.5g}" if name in found.nominal else ""]
         for name, value in found.parameters.items() if name not in found.missing
     ]  # fmt: skip
     columns = ["parameter", "value", "interval", "scene", "nominal"]
     return [*head, *_table(columns, rows), ""]
+
+
+def _interval(found: Identification, name: str) -> str:
+    low, high = found.intervals[name]
+    return f"{low:.4g} to {high:.4g}{' (scatter)' if name in found.scatter else ''}"
 
 
 def _not_identified(found: Identification) -> list[str]:

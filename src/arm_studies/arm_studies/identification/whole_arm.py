@@ -179,7 +179,10 @@ class _Run:
         checks.check_rows(self.rows, self.names, self.notes)
         nominal = self.regressor.nominal
         near = belief_of(nominal, len(nominal), *DOUBT)
-        self.notes += checks.check_columns(self.rows, self._train(), near, self.names)
+        moving = self.rows.valid & ~self.rows.rests & self.rows.train[:, None]
+        late = checks.check_columns(self.rows, moving, near, self.names)
+        self.notes += late
+        self.together = not 0 < len(late) < model.n
         if not scaled:
             self.notes += checks.check_scales(self.rows, self._train(), near, self.names)
         self.known_masses = self._mass_rows(total_mass, masses)
@@ -234,7 +237,7 @@ class _Run:
         if self.scaled:
             self._find_scales(self._train(), simple)
         first = self._without_sticking(self._within_bandwidth(simple), simple)
-        if not all(motion.aged for motion in self.motions):
+        if self.together and not all(motion.aged for motion in self.motions):
             first = self._matched(first, simple)
         self._believe(first)
         self.say("selecting friction laws by cross-validation")

@@ -14,7 +14,14 @@ from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_studies.identification.data import MeasuredMotion, runs
-from arm_studies.identification.filtering import BENT_NOISE, FLAT_NOISE, REACH, ZeroPhase, decimated, spread
+from arm_studies.identification.filtering import (
+    BENT_NOISE,
+    FLAT_NOISE,
+    REACH,
+    ZeroPhase,
+    decimated,
+    spread,
+)
 from arm_studies.identification.preparation import thinned
 from arm_studies.identification.regression.friction_columns import (
     DRY,
@@ -58,6 +65,7 @@ class Rows:
         v: Velocities, not filtered a second time, shape (k, n).
         valid: Rows of each joint that were measured, shape (k, n).
         still: Rows in which a joint may stick, shape (k, n).
+        rests: Rows in which it rests for longer than a reversal takes, shape (k, n).
         use: Rows that are used in the fit, shape (k, n): valid ones in which it does not.
         train: Rows that are not held out, shape (k,).
         fold: Fold of each row, shape (k,); -1 if it is held out.
@@ -83,6 +91,7 @@ class Rows:
         self.valid = np.concatenate([motion.valid for motion in self.motions])
         self.still = np.concatenate([_still(motion) for motion in self.motions])
         self.use = self.valid & ~self.still
+        self.rests = np.concatenate([_resting(motion) for motion in self.motions])
         self.fold = np.concatenate([_folds(len(m.time), held_out) for m in self.motions])
         self.train = self.fold >= 0
         first = self.motions[0]
@@ -168,7 +177,9 @@ class Rows:
         """Of each joint: directions in its rows, by how much these count less, ``spent``."""
         if self._sticking is None or not np.isfinite(self.band):
             return [(np.zeros((len(self.v), 0)), np.zeros(0), 0.0)] * self.n
-        return [self._clearing(j, *pair) for j, pair in enumerate(zip(*self._sticking, strict=True))]
+        return [
+            self._clearing(j, *pair) for j, pair in enumerate(zip(*self._sticking, strict=True))
+        ]
 
     def _clearing(self, joint: int, level: float, size: float) -> tuple[Array, Array, float]:
         step = max(1, round(APART / (self.band * self.motions[0].dt)))
@@ -372,23 +383,30 @@ def _folds(count: int, held_out: float) -> NDArray[np.int_]:
 def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
     """Rows in which a joint may stick, shape (k, n).
 
-    Where the velocity is filtered, as it rests or reverses, and nearby; else as it rests for
-    longer than a reversal takes.
+    Where the velocity is filtered, as it rests or reverses, and nearby; else as it rests.
     """
-    filters = np.isfinite(motion.band)
+    if not np.isfinite(motion.band):
+        return _resting(motion)
     slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
-    reach = round(min(NEARBY / motion.band, STILL) / motion.dt) if filters else 0
+    reach = round(min(NEARBY / motion.band, STILL) / motion.dt)
     found = np.zeros_like(slow)
     for s in motion.stretches:
-        v, rests = motion.v[s], slow[s]
-        if filters:
-            turns = v[1:] * v[:-1] < 0.0
-            rests[1:] |= turns
-            rests[:-1] |= turns
-        for j, column in enumerate(rests.T):
+        turns = motion.v[s][1:] * motion.v[s][:-1] < 0.0
+        slow[s][1:] |= turns
+        slow[s][:-1] |= turns
+        for j, column in enumerate(slow[s].T):
             for start, end in runs(column):
-                if filters or (end - start) * motion.dt > STILL:
-                    found[s][max(0, start - reach) : end + reach, j] = True
+                found[s][max(0, start - reach) : end + reach, j] = True
+    return found
+
+
+def _resting(motion: MeasuredMotion) -> NDArray[np.bool_]:
+    """Rows in which a joint is slow for longer than ``STILL``, shape (k, n)."""
+    slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
+    found = np.zeros_like(slow)
+    for j, column in enumerate(slow.T):
+        for start, end in runs(column):
+            found[start:end, j] = (end - start) * motion.dt > STILL
     return found
 
 
