@@ -57,3 +57,11 @@ def test_what_sensors_told_comes_before_the_truth():
     made = JointRecord.from_recording(run)
     np.testing.assert_array_equal(made.effort, run.measured.effort)
     assert made.effort.std() > 0.05 > abs(run.tau).max()
+    assert made.effort_age == pytest.approx(0.5e-3)  # half of the tick before, in which it acted
+
+
+def test_when_efforts_of_a_robot_acted_is_unknown(run, tmp_path):
+    """A bag of joint states does not say of which interval they are."""
+    assert JointRecord.from_recording(run).effort_age == 0.0
+    bag = Recording.load(run.save(tmp_path / "run.mcap"), topic="/joint_states")
+    assert JointRecord.from_recording(bag).effort_age is None

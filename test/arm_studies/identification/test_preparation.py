@@ -8,8 +8,8 @@ import pytest
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification import JointRecord, prepare
-from arm_studies.identification.filtering import ZeroPhase, chosen_band
-from arm_studies.identification.preparation import SHORTEST, _pieces
+from arm_studies.identification.filtering import ZeroPhase, chosen_band, white_noise
+from arm_studies.identification.preparation import SHORTEST, _pieces, resampled
 
 RATE = 500.0
 T = np.arange(0.0, 10.0, 1.0 / RATE)
@@ -223,3 +223,29 @@ def test_rows_are_left_out_only_where_the_others_say_all(band, every):
     assert made.every == every
     assert made.independent == pytest.approx(2.0 * band / RATE)
     assert replace(made, band=np.inf).every == replace(made, band=np.inf).independent == 1
+
+
+def test_the_motion_is_that_at_the_time_of_the_efforts():
+    """Of half a sample before, if the recording states it, or if it is told so."""
+    t = np.arange(0.0, 6.0, 0.01)
+    q = np.sin(2.0 * t)[:, None]
+    for stated, told in ((0.005, 0.0), (None, 0.005), (0.005, 0.3)):
+        even = resampled(JointRecord.of(["a"], t, q, np.ones_like(q), effort_age=stated))
+        found = even.filtered(10.0, told)
+        inside = slice(60, -60)
+        np.testing.assert_allclose(
+            found.q[inside, 0], np.sin(2.0 * (t - 0.005))[inside], atol=1e-6
+        )
+        np.testing.assert_allclose(
+            found.a[inside, 0], -4.0 * np.sin(2.0 * (t - 0.005))[inside], atol=1e-4
+        )
+        assert found.aged == (stated is not None)
+
+
+def test_white_noise_is_seen_above_the_motion(rng):
+    t = np.arange(0.0, 20.0, 0.01)
+    motion = np.abs(np.sin(2.0 * t)) ** 3  # whose second derivative bends
+    noisy = np.column_stack([motion, motion + 0.02 * rng.normal(size=t.shape)])
+    found = white_noise(noisy, 0.01, 5.0)
+    assert found[0] == 0.0
+    assert found[1] == pytest.approx(0.02, rel=0.15)

@@ -288,6 +288,34 @@ def test_late_efforts_are_named_or_refused():
             identify(*spoilt(tau=shifted(tau, by)))
 
 
+def test_efforts_that_are_all_a_little_older_than_positions(rng):
+    """By less than a sample: it is estimated, and biases nothing; without noise, too."""
+    model, t, q, v, a, tau = two_link()
+    between = np.column_stack([np.interp(t - 4e-3, t, column) for column in tau.T])
+    noise = 0.02 * tau.std(axis=0) * rng.normal(size=tau.shape)
+    found = identify(wide(model), JointRecord.of(model.joint_names, t, q, between + noise))
+    (told,) = [note for note in found.notes if "older than the positions" in note]
+    assert 3.5 < float(told.split()[2]) < 4.5
+    _, _, _, numbers = truth("two_link")
+    for name, own in numbers.items():
+        for key in ("viscous", "coulomb"):
+            value, (low, high) = (
+                found.parameters[f"{name}.{key}"],
+                found.intervals[f"{name}.{key}"],
+            )
+            assert abs(value - own[key]) < high - low
+
+
+def test_intervals_are_scatter_where_there_is_no_noise(rng):
+    """What is left is not of the sensors: it is the same in every recording of the motion."""
+    model, t, q, v, a, tau = two_link()
+    found = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau))
+    assert found.scatter == found.intervals.keys()
+    noise = 0.02 * tau.std(axis=0) * rng.normal(size=tau.shape)
+    found = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau + noise))
+    assert not found.scatter
+
+
 def test_scaled_efforts_are_named_with_both_explanations():
     """Bodies of another density explain a scale as well, so that a scene is written."""
     tau = two_link()[5]

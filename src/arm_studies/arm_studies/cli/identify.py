@@ -201,8 +201,8 @@ def _show(found: Identification) -> None:
     if found.scatter:
         whose = len(found.scatter & (found.parameters.keys() - found.missing.keys()))
         out.print(
-            f"intervals of {whose} of these are scatter, not 95 %: errors of the model, not noise, "
-            "cause most of their width",
+            f"intervals of {whose} of these are scatter, not 95 %: errors of the model, not "
+            "noise, cause most of their width",
             markup=False,
         )
     for note in found.notes:

@@ -44,9 +44,9 @@ JUMP, COARSE = 3.0, 3.0
 ``COARSE`` times its small ones: those of a coarse sensor are all alike, and its long runs end with
 one of them."""
 SLOPED = 5.0, 40.0
-"""Ratios of power from which high frequencies of positions and efforts are motion and no noise, see
-``white_noise``. Without noise they are above 18 and 130; a controller that differentiates steps of
-encoders makes the second up to 14."""
+"""Ratios of power from which high frequencies of positions and efforts are motion and no noise,
+see ``white_noise``. Without noise they are above 18 and 130; a controller that differentiates
+steps of encoders makes the second up to 14."""
 SPANS = 3
 """Stretches that a note lists."""
 WORDS = {"q": "position", "v": "velocity", "a": "acceleration", "effort": "effort"}

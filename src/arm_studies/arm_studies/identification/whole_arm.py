@@ -27,11 +27,11 @@ from arm_studies.identification.regression.bandwidth import (
     with_bandwidth,
 )
 from arm_studies.identification.regression.estimation import (
+    NOISELESS,
     Belief,
     Mask,
     belief_of,
     common_columns,
-    NOISELESS,
     deviations,
 )
 from arm_studies.identification.regression.fit import Fit, fitted

@@ -36,8 +36,8 @@ HELD_OUT = 0.3
 FOLDS = 5
 """Folds of the rest by which laws are selected, each predicted from the others."""
 STILL = 0.1
-"""Time in [s] for which a joint whose velocity is exact may be at rest, and most of the time before
-and after a reversal in which one may stick."""
+"""Time in [s] for which a joint whose velocity is exact may be at rest, and most of the time
+before and after a reversal in which one may stick."""
 NEARBY, APART = 0.3, 0.2
 """Periods of the band before and after a joint rests or reverses in which it may stick: its
 friction has then any value up to static friction. Periods from one to the next of its values that
