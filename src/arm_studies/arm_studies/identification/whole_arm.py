@@ -43,7 +43,12 @@ from arm_studies.identification.regression.friction_columns import (
 )
 from arm_studies.identification.regression.held_out import excess
 from arm_studies.identification.regression.intervals import CERTAIN, besides
-from arm_studies.identification.regression.irregularities import drifts, tilts, without_outliers
+from arm_studies.identification.regression.irregularities import (
+    drifts,
+    sticking,
+    tilts,
+    without_outliers,
+)
 from arm_studies.identification.regression.regressor import EACH, RigidRegressor
 from arm_studies.identification.regression.rows import HELD_OUT, Rows, steady_friction
 from arm_studies.identification.regression.selection import Choice
@@ -571,6 +576,7 @@ class _Run:
                 "they were filtered before, or predictions are only position noise there; "
                 "predictions are filtered likewise"
             )
+        self.notes += sticking(self.names, self.rows)
         self.notes += drifts(self.names, self.rows, final, used)
         self.notes += tilts(self.regressor, self.rows, trial, self.belief)
 

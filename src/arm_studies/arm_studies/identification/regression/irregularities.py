@@ -18,6 +18,8 @@ TILT, SURELY = 0.01, 5.0
 """Angle in [rad], and standard deviations, above which a tilt of the base is reported."""
 BLOCKS, DRIFT = 10, 0.1
 """Blocks of a recording, and relative change of friction, from which a drift is reported."""
+MOSTLY = 0.5
+"""Fraction of the rows in which a joint may stick, from which it is reported."""
 FAR_OFF = 5.0
 """Robust standard deviations beyond which a residual is an outlier: contact, or stiction."""
 
@@ -45,6 +47,17 @@ def without_outliers(
                     "a sensor fault) and are not used in the fit"
                 )
     return kept, notes
+
+
+def sticking(names: Sequence[str], rows: Rows) -> list[str]:
+    """Notes of joints that rest or reverse so often that most of their rows are not used."""
+    shares = (rows.still & rows.valid).sum(axis=0) / np.maximum(rows.valid.sum(axis=0), 1)
+    return [
+        f"'{name}': it may stick in {share:.0%} of the rows, where it rests or reverses; they are "
+        "not used (a faster motion, or friction compensation, leaves more)"
+        for name, share in zip(names, shares.tolist(), strict=True)
+        if MOSTLY < share < 1.0
+    ]
 
 
 def drifts(names: Sequence[str], rows: Rows, fit: Fit, use: Mask) -> list[str]:
