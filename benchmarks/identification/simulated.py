@@ -23,6 +23,7 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.arrays import Array
 from arm_dynamics.control import ComputedTorque
+from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory import Reference
 from arm_sim import Recording, Simulator
 from arm_studies.identification import Identification, JointRecord, identify
@@ -183,11 +184,15 @@ class Outcome:
     found: Identification
 
 
-def outcome(name: str, kind: str, seed: int) -> Outcome:
-    """Identify an arm from one recording."""
+def outcome(name: str, kind: str, seed: int) -> Outcome | None:
+    """Identify an arm from one recording; None if it is refused, and why is printed."""
     run = simulated(name, kind, seed)
     record = through_joint_states(run) if kind == "joint_states" else run
-    found = identify(scenes(name)[1], record, accept_worse=True)
+    try:
+        found = identify(scenes(name)[1], record, accept_worse=True)
+    except InvalidInput as refused:
+        print(f"  {name}, {kind}, {seed}: {refused}", flush=True)
+        return None
     true, errors = truth(name), dict[str, float]()
     for parameter, (low, high) in found.intervals.items():
         half = 0.5 * max(high - low, 1e-300)
@@ -247,8 +252,9 @@ def main(
     for name in arms or NAMES:
         for kind in kinds or KINDS:
             begun = time.process_time()
-            found = [outcome(name, kind, seed) for seed in range(first, first + seeds)]
-            told[f"{name}, {kind}"] = one = summary(found)
+            tried = [outcome(name, kind, seed) for seed in range(first, first + seeds)]
+            found = [one for one in tried if one is not None]
+            told[f"{name}, {kind}"] = one = summary(found) | {"refused": seeds - len(found)}
             one["seconds"] = (time.process_time() - begun) / seeds
             rows.append([name, kind, *(f"{value:.3g}" for value in one.values())])
             print(rows[-1], flush=True)
