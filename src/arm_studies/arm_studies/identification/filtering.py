@@ -196,7 +196,7 @@ def white_noise(x: Array, dt: float, sloped: float = np.inf) -> Array:
     # Jumps, which friction makes in efforts, are in few of the fifth differences, and smooth
     # motion is in none; of white noise, they have 252 times the power.
     typical = 1.4826 * np.median(abs(np.diff(x, 5, axis=0)), axis=0) / np.sqrt(252.0)
-    return np.minimum(np.sqrt(floor / np.sum(np.hanning(len(x)) ** 2)), typical)
+    return np.asarray(np.minimum(np.sqrt(floor / np.sum(np.hanning(len(x)) ** 2)), typical))
 
 
 def chosen_band(q: Array, dt: float, factor: float = 1.0) -> float:
