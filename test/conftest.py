@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import signal
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -125,6 +126,9 @@ def room(
         fcntl.flock(gate, fcntl.LOCK_UN)
         yield
 
+
+# Shells ignore it for what they start in the background, and so would all that tests start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 _SRC = str(Path(__file__).resolve().parents[1] / "src")
 

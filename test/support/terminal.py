@@ -22,6 +22,7 @@ from typing import Any, NoReturn
 from forging import asking
 from harness import Ros, surroundings
 from rcl_interfaces.srv import ListParameters
+from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
 from arm_sim import Recording
@@ -218,7 +219,17 @@ class Terminal:
 
         started.wait(answers)
         ros.peer.destroy_client(client)
+        if name == "controller" and "sim" in self._running:
+            self._listen(ros)
         return started.said
+
+    def _listen(self, ros: Ros) -> None:
+        """Wait until the controller has seen a state and answers it; of a paused sim, not long."""
+        heard, end = list[JointState](), time.monotonic() + AGAIN
+        listening = ros.peer.create_subscription(JointState, "joint_commands", heard.append, 1)
+        while not heard and time.monotonic() < end:
+            ros.spin_once()
+        ros.peer.destroy_subscription(listening)
 
     def _first_words(self, line: str) -> str:
         started = self._begin(line, line)

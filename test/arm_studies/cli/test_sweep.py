@@ -118,7 +118,7 @@ def test_rows_and_medians_are_those_of_the_table(tmp_path: Path) -> None:
     few, many = (
         run(tmp_path / str(n), STUDY + f"samples: {n}\n", "--no-figures") for n in (2, 15)
     )
-    made = sweep(load_study(tmp_path / "2/study.yaml"), tmp_path / "2/out").table
+    made = sweep(load_study(tmp_path / "2/study.yaml"), tmp_path / "2/out", workers=1).table
     names = ["run", *made.varied, *made.metrics, "status"]
     columns = [made[name].tolist() for name in names]
     wanted = [
@@ -127,7 +127,7 @@ def test_rows_and_medians_are_those_of_the_table(tmp_path: Path) -> None:
     ]
     lines = [line.split() for line in few.stdout.splitlines()]
     assert [line for line in lines if line[-1:] == ["done"]] == wanted
-    made = sweep(load_study(tmp_path / "15/study.yaml"), tmp_path / "15/out").table
+    made = sweep(load_study(tmp_path / "15/study.yaml"), tmp_path / "15/out", workers=1).table
     for controller in ("pd", "pd_gravity"):
         values = made["energy"][made["controller"] == controller]
         cells = [f"{x:.4g}" for x in np.percentile(values, (5, 50, 95, 100))]
