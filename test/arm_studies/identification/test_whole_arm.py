@@ -397,6 +397,17 @@ def test_a_drift_of_friction_is_flagged():
     assert len(flagged) == 1 and "'shoulder'" in flagged[0] and "+" in flagged[0]
 
 
+@pytest.mark.parametrize("part", [0.0, 0.3])
+def test_friction_that_changes_with_the_position_is_flagged(part, rng):
+    model, t, q, v, a, tau = two_link()
+    uneven = tau + np.sign(v) * part * np.sin(q + 0.4) * [0.0, 1.0]
+    uneven += rng.normal(scale=0.02, size=q.shape)
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, uneven, v, a))
+    flagged = [note for note in result.notes if "with the position over a turn" in note]
+    assert len(flagged) == (part > 0.0)
+    assert all(note.startswith("'elbow': friction changes by ±") for note in flagged)
+
+
 def test_joints_under_other_names():
     result = identify(*spoilt(names=("left/shoulder", "left/elbow")))
     assert any("left/shoulder" in note for note in result.notes)

@@ -45,6 +45,7 @@ from arm_studies.identification.regression.held_out import excess
 from arm_studies.identification.regression.intervals import CERTAIN, besides
 from arm_studies.identification.regression.irregularities import (
     drifts,
+    ripples,
     sticking,
     tilts,
     without_outliers,
@@ -578,6 +579,8 @@ class _Run:
             )
         self.notes += sticking(self.names, self.rows)
         self.notes += drifts(self.names, self.rows, final, used)
+        turning = [kind != "prismatic" for kind in self.model.joint_types]
+        self.notes += ripples(self.names, turning, self.rows, trial, self.belief)
         self.notes += tilts(self.regressor, self.rows, trial, self.belief)
 
     def _check(self, scene: Any, theta: Array) -> None:

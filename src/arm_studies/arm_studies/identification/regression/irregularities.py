@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Irregularities of a recording that a fit shows: outliers, drift of friction, a tilted base."""
+"""Irregularities of a recording that a fit shows: outliers, uneven friction, a tilted base."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.estimation import Belief, Mask
 from arm_studies.identification.regression.fit import Fit
+from arm_studies.identification.regression.friction_columns import COULOMB
 from arm_studies.identification.regression.intervals import besides
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
@@ -18,6 +19,8 @@ TILT, SURELY = 0.01, 5.0
 """Angle in [rad], and standard deviations, above which a tilt of the base is reported."""
 BLOCKS, DRIFT = 10, 0.1
 """Blocks of a recording, and relative change of friction, from which a drift is reported."""
+RIPPLE = 0.1
+"""Change of friction over a turn, relative to its Coulomb friction, from which it is reported."""
 MOSTLY = 0.5
 """Fraction of the rows in which a joint may stick, from which it is reported."""
 FAR_OFF = 5.0
@@ -92,6 +95,29 @@ def _drift(v: Array, friction: Array, residual: Array) -> float:
     scatter = float(np.std(means - means.mean() - slope * at, ddof=2))
     certain = abs(slope) > max(5.0 * scatter / float(np.sqrt(at @ at)), DRIFT * size)
     return slope / size if certain else 0.0
+
+
+def ripples(
+    names: Sequence[str], turning: Sequence[bool], rows: Rows, fit: Fit,
+    belief: Callable[[int], Belief],
+) -> list[str]:  # fmt: skip
+    """Notes of joints whose dry friction changes over a turn, as with gears and misalignment.
+
+    It is if friction of the form sign(v) (a sin q + b cos q) explains the torques.
+    """
+    waves = np.zeros((*rows.q.shape, 2 * rows.n))
+    for j in np.flatnonzero(turning):
+        q, way = rows.q[:, j], np.sign(rows.v[:, j])
+        waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = way * np.sin(q), way * np.cos(q)
+    found, doubt = besides(rows, fit, rows.of_joints(waves), belief)
+    sizes, doubts = np.hypot(*found.reshape(-1, 2).T), doubt.reshape(-1, 2).max(axis=1)
+    dry = [own.coefficients.get(COULOMB, 0.0) for own in fit.friction]
+    return [
+        f"'{name}': friction changes by ±{size / level:.0%} with the position over a turn; the "
+        "scene has the mean ('friction.position' describes it)"
+        for name, size, sd, level in zip(names, sizes, doubts, dry, strict=True)
+        if size > max(SURELY * sd, RIPPLE * level) and level > 0.0
+    ]
 
 
 def tilts(
