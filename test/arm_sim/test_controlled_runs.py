@@ -102,3 +102,9 @@ def test_a_failed_one_reports_it_in_a_closed_loop(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(ControllerFailed, match="controller Fails returned"):
         pair.run(0.01)
     assert pair.simulator.arm.step_count == 10
+
+
+def test_waypoints_in_degrees_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    pair = ClosedLoop("double_pendulum")
+    pair.follow([Waypoint(200.0, [45.0, 0.0])])
+    assert "position 45 is 7.16 turns; angles are in rad" in caplog.text

@@ -24,6 +24,7 @@ from arm_dynamics.exceptions import InvalidInput, not_copied
 from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
+from arm_sim.plant.placing import warn_of_degrees
 from arm_sim.recording.recording import Recording
 from arm_sim.simulator import Simulator
 from arm_sim.state import State
@@ -119,6 +120,9 @@ class ClosedLoop:
             The motion; a warning is logged if it is slower than requested because of limits.
         """
         motion = self._follower.follow(waypoints, self.stamp, start)
+        plant, q = self.simulator.arm.plant, self.simulator.state.q
+        for waypoint in waypoints:
+            warn_of_degrees(plant, np.asarray(waypoint.q), self.simulator.model.q0, q)
         if motion.stretch > 1.0:
             asked = motion.duration / motion.stretch
             _log.warning(

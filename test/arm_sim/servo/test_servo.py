@@ -364,3 +364,15 @@ def test_commands_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
 def test_servos_that_cannot_be_are_refused(servo: dict[str, float], complaint: str) -> None:
     with pytest.raises(SceneError, match=complaint):
         scene("two_link", servo=servo)
+
+
+def test_positions_beyond_the_stops_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    sim = models.simulator("panda")
+    beyond = sim.state.q.copy()
+    led(sim, 0.01, position=beyond)
+    assert not caplog.text
+    beyond[3] = 45.0  # degrees
+    led(sim, 0.01, position=beyond)
+    assert (
+        "position 45 is commanded of joint 'panda_joint4', whose stops are at -3.07" in caplog.text
+    )
