@@ -163,6 +163,7 @@ def pages(monkeypatch: pytest.MonkeyPatch) -> Pages:
     return made
 
 
+@pytest.mark.group("view")
 def test_a_page_stays_open_until_it_is_ended(
     pages: Pages, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -175,6 +176,7 @@ def test_a_page_stays_open_until_it_is_ended(
     assert pages.asked[3] == ("shown", ("two_link",), "0.0.0.0", None, None, "ur10", "/a")
 
 
+@pytest.mark.group("view")
 def test_pictures_are_written_as_they_are_asked_for(
     pages: Pages, capfd: pytest.CaptureFixture[str]
 ) -> None:

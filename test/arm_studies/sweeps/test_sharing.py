@@ -107,6 +107,7 @@ def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
         sweep(STUDY, workers=2)
 
 
+@pytest.mark.group("sweep")
 @pytest.mark.parametrize("workers", [0, True, 1.5])
 def test_workers_are_a_whole_number(workers: Any) -> None:
     with pytest.raises(InvalidInput, match="workers = "):
