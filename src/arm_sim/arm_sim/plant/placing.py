@@ -72,7 +72,7 @@ def inside_stops(plant: Plant, q: Array, who: str = "") -> Array:
 def warn_of_degrees(plant: Plant, q: Array, *known: Array) -> None:
     """Warn of positions of many turns that the arm has not reached by itself."""
     far = _farthest(plant, q)
-    if far > max(_farthest(plant, one) for one in known) and (remark := degrees_meant(far)):
+    if (remark := degrees_meant(far)) and far > max(_farthest(plant, one) for one in known):
         _log.warning("position %s", remark)
 
 

@@ -164,6 +164,14 @@ def _independent(rows: Rows) -> float:
     return rows.independent * (FLAT_NOISE if np.isfinite(rows.band) else 1.0)
 
 
+def _information(own: Array) -> tuple[Array, Array]:
+    """Information of each joint's rows on the unknowns, and the inverse of their sum."""
+    H = np.array([part.T @ part for part in own])
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(H.sum(axis=0)), 1e-300))
+    both = np.outer(scale, scale)
+    return H, both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
+
+
 def _by_noise(rows: Rows, own: Array, noise: Array) -> Array:
     """Standard deviations of unknowns by the white noise of sensors alone.
 
@@ -172,10 +180,7 @@ def _by_noise(rows: Rows, own: Array, noise: Array) -> Array:
         own: Weighted columns in each joint's rows, shape (n, k, unknowns).
         noise: Its weighted standard deviation in these rows, shape (n,).
     """
-    H = np.array([part.T @ part for part in own])
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(H.sum(axis=0)), 1e-300))
-    both = np.outer(scale, scale)
-    inverse = both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
+    H, inverse = _information(own)
     white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
     return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ white @ inverse), 0.0)))
 
@@ -190,10 +195,7 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
     uncertain. Scores of all joints at a time are summed, so that their correlation counts, too.
     Both account for the unknowns that each joint's residuals have been fitted by.
     """
-    H = np.array([part.T @ part for part in own])
-    scale = 1.0 / np.sqrt(np.diag(H.sum(axis=0)))
-    both = np.outer(scale, scale)
-    inverse = both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
+    H, inverse = _information(own)
     independent = _independent(rows)
     count = own.any(axis=2).sum(axis=1) * independent - rows.spent
     whole = count + rows.spent
