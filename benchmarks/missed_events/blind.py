@@ -6,8 +6,11 @@ Recordings are still judged by an intact engine: the account and the second look
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from shutil import copytree
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -22,8 +25,8 @@ GUARDS = {
         "limits->joint[i] = joint_excess(x, &found, i);",
         "limits->joint[i] = -INFINITY;",
     ),
-    "lower stop": ("lower_stop[i] - x[i] - room;", "-INFINITY;"),
-    "upper stop": ("x[i] - upper_stop[i] - room;", "-INFINITY;"),
+    "lower stop": ("rigid_stop[0][i] - x[i] - room;", "-INFINITY;"),
+    "upper stop": ("x[i] - rigid_stop[1][i] - room;", "-INFINITY;"),
     "compliant stop": ("? -push[side][i] : met[side][i];", "? -INFINITY : met[side][i];"),
     "contact that closes": (
         "ground[k] - geometry.place[3 * k] - SINKING * t - GAP_ROUNDING * geometry.size[k];",
@@ -63,17 +66,14 @@ def switched_off(seed: int, label: str) -> Iterator[str]:
     own = [name for name in GUARDS if FEATURES[name] & set(label.split(", "))]
     name = str(np.random.default_rng(seed).choice(own or list(GUARDS)))
     whole, instead = GUARDS[name]
-    source = engine.source
-
-    def blind(defines: dict[str, str], file: str = "", without: Collection[str] = ()) -> str:
-        text = source(defines, file, without)
-        if "find_excursion(" in text and text.count(whole) != 1:
-            raise ValueError(f"the guard of {name} stands {text.count(whole)} times in the engine")
-        return text.replace(whole, instead)
-
-    recipe_of = stepper.recipe_of
-    engine.source, stepper.recipe_of = blind, lambda *_: ""  # code without a guard is not kept
-    try:
-        yield name
-    finally:
-        engine.source, stepper.recipe_of = source, recipe_of
+    recipe_of, included = stepper.recipe_of, stepper.INCLUDED
+    with TemporaryDirectory() as folder:
+        native = Path(copytree(engine.NATIVE, Path(folder) / "native"))
+        segments = native / "segments.h"
+        segments.write_text(segments.read_text().replace(whole, instead))
+        stepper.INCLUDED = (f"-I{native}",)
+        stepper.recipe_of = lambda *_: ""  # code without a guard is not kept
+        try:
+            yield name
+        finally:
+            stepper.INCLUDED, stepper.recipe_of = included, recipe_of

@@ -20,7 +20,7 @@ from arm_sim.integrators.selection import choose
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import LARGEST, SubstepControl
-from arm_sim.stepping.engine import engine_source, source
+from arm_sim.stepping.engine import INCLUDED, engine_source
 from arm_sim.stepping.stepper import tick_functions
 
 APART, SLIDES, STICKS, UNSOLVABLE = range(4)
@@ -29,6 +29,9 @@ _CALLBACK = ctypes.CFUNCTYPE(
 )
 
 _CONES = """
+#define NX 1
+#define NU 1
+#include "cone.h"
 __attribute__((visibility("default")))
 int solve_cones(const double* W, const double* c, const double* mu, const double* given,
                 const int* slides, const int* allowed, int* state, double* force,
@@ -58,13 +61,19 @@ int solve_cone(const double* W, const double* c, double mu, const double* given,
 }
 """
 _SEARCH = """
+#define NX 1
+#include "search.h"
 __attribute__((visibility("default")))
 double locate(void (*values_at)(const void*, double, double*), int count, double h,
               const double* at_h, double nothing, double* room) {
   return first_positive(values_at, 0, count, h, at_h, nothing, room);
 }
 """
-_DECAY = """
+_DECAY = f"""
+#define LARGEST {LARGEST!r}
+#define ADAPTIVE 1
+#define ORDER 2
+#define MOST_SUBSTEPS 2000
 #define NX 2
 #define NU 1
 #define SZ_W 1
@@ -73,23 +82,23 @@ _DECAY = """
 #define SZ_RES 3
 typedef long long casadi_int;
 /* x' = -u x by Heun's method, its error that of Euler's; only the first number is a position. */
-static int attempt(const real** arg, real** res, casadi_int* iw, real* w, int mem) {
+static int attempt(const real** arg, real** res, casadi_int* iw, real* w, int mem) {{
   const real *x = arg[0], u = arg[1][0], h = arg[3][0];
   double worst = 0.0;
   (void)iw; (void)w; (void)mem;
-  for (int i = 0; i < 2; ++i) {
+  for (int i = 0; i < 2; ++i) {{
     res[0][i] = x[i] * (1.0 - u * h + 0.5 * u * u * h * h);
     worst = fmax(worst, fabs(0.5 * u * u * h * h * x[i]));
-  }
+  }}
   *res[1] = worst;
   *res[2] = fabs(0.5 * u * u * h * h * x[0]);
   return 0;
-}
-"""
-_FLOW = """
-EXPORTED int decay(const real* x, const real* u, double h, control_t* control, real* after) {
+}}
+#define step attempt
+#include "flow.h"
+EXPORTED int decay(const real* x, const real* u, double h, control_t* control, real* after) {{
   return flow(x, u, 0, h, control, after);
-}
+}}
 """
 _SCENE = """
 static const real still[NU];
@@ -150,7 +159,7 @@ class Answer:
 
 @cache
 def _library(text: str) -> ctypes.CDLL:
-    return compiler.build('#include "scalar.h"\n' + text).library
+    return compiler.build('#include "scalar.h"\n' + text, local=INCLUDED).library
 
 
 def solve_cones(
@@ -162,7 +171,7 @@ def solve_cones(
 ) -> Answer:
     """Forces of several contacts; ``given`` are directions of those that slide already."""
     nc = len(mu)
-    library = _library(source({"NC": str(nc)}, "cone.h") + _CONES)
+    library = _library(f"#define NC {nc}\n" + _CONES)
     given = given or [None] * nc
     slides = np.array([d is not None for d in given], np.int32)
     directions = np.array([np.zeros(2) if d is None else d for d in given], float)
@@ -178,7 +187,7 @@ def solve_cone(
     W: np.ndarray, c: np.ndarray, mu: float, given: np.ndarray | None = None
 ) -> tuple[int, np.ndarray]:
     """State and force of one contact, shape (3,)."""
-    library, force = _library(source({"NC": "1"}, "cone.h") + _CONES), np.zeros(3)
+    library, force = _library("#define NC 1\n" + _CONES), np.zeros(3)
     direction = None if given is None else _address(np.array(given, float))
     arrays = np.asfortranarray(W), np.array(c, float)
     state = library.solve_cone(
@@ -201,7 +210,7 @@ def locate(
     nothing: float = 0.0,
 ) -> Located:
     """Where a function, or the first of some, becomes positive on (0, h], by the engine."""
-    library, asked = _library(source({}, "search.h") + _SEARCH), list[float]()
+    library, asked = _library(_SEARCH), list[float]()
     functions = [functions] if callable(functions) else functions
 
     def values_at(_: object, t: float, values: Any) -> None:
@@ -222,8 +231,7 @@ def decay(x: np.ndarray, rate: float, h: float, control: SubstepControl) -> np.n
 
     The error of a sub-step is that of Euler's method. None if it gives up.
     """
-    sizes = {"LARGEST": repr(LARGEST), "ADAPTIVE": "1", "ORDER": "2", "MOST_SUBSTEPS": "2000"}
-    library = _library(_DECAY + source(sizes, "flow.h") + _FLOW)
+    library = _library(_DECAY)
     u, after = np.array([rate]), np.zeros(2)
     done = library.decay(
         _address(x), _address(u), ctypes.c_double(h), ctypes.byref(control), _address(after)
@@ -250,7 +258,7 @@ class Engine:
         choice = choose(plant, "rk4", None, None)
         functions, step = tick_functions(plant, choice, actuation(plant))
         driver = engine_source(plant, choice, functions, step) + _SCENE
-        self._library = Kernel(functions, "native", driver).library
+        self._library = Kernel(functions, "native", driver, local=INCLUDED).library
         for name in ("impulse_at", "hit"):
             getattr(self._library, name).restype = ctypes.c_double
         self._sizes = plant.model.n, 3 * len(plant.points)

@@ -73,6 +73,7 @@ class Kernel:
         driver: C source that may call the functions, compiled with them.
         engine: C source that may call the functions, compiled by itself, once for all kernels with
             the same.
+        local: Flags of the compiler for both, see ``compiler.build``.
         needs_native: Features of the scene that need native code, such as "dry friction"; empty if
             there are none.
 
@@ -88,6 +89,7 @@ class Kernel:
         driver: str = "",
         engine: str = "",
         needs_native: str = "",
+        local: tuple[str, ...] = (),
     ) -> None:
         if backend not in BACKENDS:
             raise InvalidInput(f"backend = {backend!r}; allowed: {choices(backend, BACKENDS)}")
@@ -97,7 +99,7 @@ class Kernel:
         self.library: ctypes.CDLL | None = None
         self.backend = "virtual machine of CasADi"
         if backend != "vm":
-            self._compile(backend, driver, engine, needs_native)
+            self._compile(backend, driver, engine, needs_native, local)
         elif needs_native:
             raise KernelError(
                 f"backend = 'vm', but {needs_native} needs compiled code: CasADi's virtual "
@@ -147,10 +149,12 @@ class Kernel:
             return Call(inputs, outputs, _virtual(self._functions[name], inputs, outputs))
         return Call(inputs, outputs, *self._bind(signature, inputs, outputs))
 
-    def _compile(self, backend: str, driver: str, engine: str, needs_native: str) -> None:
+    def _compile(
+        self, backend: str, driver: str, engine: str, needs_native: str, local: tuple[str, ...]
+    ) -> None:
         source = '#include "scalar.h"\n' + generate(list(self._functions.values())) + driver
         try:
-            code = compiler.build(source, shared=engine)
+            code = compiler.build(source, local=local, shared=engine)
         except CompilerMissing as error:
             if needs_native or backend == "native":
                 who = needs_native or "backend = 'native'"

@@ -65,10 +65,10 @@ class CalmTick:
         return cls(functions, (rest.begin_at_rest, rest.end_at_rest), len(tuned))
 
     @property
-    def defines(self) -> dict[str, str]:
+    def defines(self) -> dict[str, int]:
         """Definitions for compiled code: numbers of coefficients."""
         begin, end = self.functions[-2:]
-        return {"NBEGIN": str(begin.size1_out(0)), "NEND": str(end.size1_out(0))}
+        return {"NBEGIN": begin.size1_out(0), "NEND": end.size1_out(0)}
 
 
 def _margins(plant: Plant, name: str, held: bool) -> ca.Function:

@@ -28,7 +28,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback
-from arm_sim.stepping.engine import mode_sizes, sizes, source
+from arm_sim.stepping.engine import definitions
 from arm_sim.stepping.rollout import ADDRESS, NUMBER, Engine, built_of_lanes, of_lanes
 from arm_sim.stepping.stepper import address, pointer
 
@@ -120,9 +120,9 @@ class CalmGradients:
         calm = CalmTick.of(plant, range(len(plant.parameters.nominal)))
         _, *functions = tick_functions(plant, choice)
         functions += [*calm.functions, *calm.adjoints]
-        defines = sizes(plant, functions) | mode_sizes(plant) | calm.defines | {"EVENTS": "1"}
+        scene = definitions(plant, choice, functions, **calm.defines)
         types = [ADDRESS, ADDRESS, ctypes.c_double, NUMBER, *[ADDRESS] * 4]
-        write = partial(_source, functions, defines)
+        write = partial(_source, functions, scene)
         self.library = built_of_lanes(write, 1, "calm_gradient", types)
         if self.library:
             self.library.kept_numbers.restype = ctypes.c_longlong
@@ -153,9 +153,8 @@ class CalmGradients:
         return [CalmPart(self, first, kept[:done])]
 
 
-def _source(functions: Sequence[ca.Function], defines: dict[str, str], width: int) -> str:
-    code = source(defines, "calm_gradient.c", {"stops.h"})
-    return of_lanes(generate(list(functions)), width) + code
+def _source(functions: Sequence[ca.Function], scene: str, width: int) -> str:
+    return f'{of_lanes(generate(list(functions)), width)}{scene}#include "calm_gradient.c"\n'
 
 
 def tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, ...]:

@@ -33,7 +33,7 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.symbols import dense_function
 from arm_sim.stepping.adaptive import SubstepControl
-from arm_sim.stepping.engine import NATIVE, event_sizes, sizes, source
+from arm_sim.stepping.engine import NATIVE, definitions
 from arm_sim.stepping.rollout import ADDRESS, built_of_lanes, of_lanes
 from arm_sim.stepping.stepper import address
 
@@ -214,12 +214,10 @@ class Events:
         _numbers(slopes, found.size)[:] = found.ravel(order="F")
 
     def _source(self, width: int) -> str:
-        functions, sizes_of_events = self._functions(), event_sizes(self._plant)
-        defines = sizes(self._plant, functions) | sizes_of_events | {
-            "NT": str(len(self._tuned)), "NG": str(len(guard_names(self._plant))),
-        }  # fmt: skip
-        without = () if self._strikes else ("impact_slope.h",)
-        return of_lanes(generate(functions), width) + source(defines, "eventful_tick.c", without)
+        functions = self._functions()
+        more = {"NT": len(self._tuned), "NG": len(guard_names(self._plant))}
+        scene = definitions(self._plant, self._choice, functions, **more)
+        return f'{of_lanes(generate(functions), width)}{scene}#include "eventful_tick.c"\n'
 
     @property
     def _strikes(self) -> bool:

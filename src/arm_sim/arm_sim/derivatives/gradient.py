@@ -28,7 +28,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.engine import sizes, source
+from arm_sim.stepping.engine import definitions
 from arm_sim.stepping.rollout import (
     ADDRESS,
     BEGINNING,
@@ -39,7 +39,6 @@ from arm_sim.stepping.rollout import (
     of_lanes,
     repeated,
     share,
-    stop_defines,
     strides,
     widths,
 )
@@ -300,8 +299,6 @@ class Gradients:
         return build_tick(step, act), adjoint, *limits
 
     def _source(self, width: int) -> str:
-        functions, stops = list(self._functions), stop_defines(self._smooth)
-        defines = sizes(self._smooth, functions) | {"TICK": "tick"} | stops
-        return of_lanes(generate(functions), width) + source(
-            defines, "gradient.c", () if stops else ("stops.h",)
-        )
+        functions = list(self._functions)
+        scene = definitions(self._smooth, self._choice, functions, TICK="tick")
+        return f'{of_lanes(generate(functions), width)}{scene}#include "gradient.c"\n'

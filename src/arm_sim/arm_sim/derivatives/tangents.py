@@ -29,7 +29,7 @@ from arm_sim.integrators.tangents import build_tangent
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import Kept, Slopes
-from arm_sim.stepping.engine import mode_sizes, sizes, source
+from arm_sim.stepping.engine import definitions, without
 from arm_sim.stepping.rollout import (
     ADDRESS,
     BEGINNING,
@@ -39,7 +39,6 @@ from arm_sim.stepping.rollout import (
     built_of_lanes,
     of_lanes,
     share,
-    stop_defines,
     strides,
     widths,
 )
@@ -95,19 +94,17 @@ class Arms:
 
 @dataclass(frozen=True)
 class TangentCode:
-    """Parts of the C code of ``Tangents``, for ``native/tangents.c``.
+    """Parts of the C code of ``Tangents``, for ``native/carry_ticks.c`` and ``carry_step.c``.
 
     Attributes:
         functions: Functions of states.
         columns: Functions of columns.
-        defines: Definitions.
-        without: Files of ``native`` that are not needed.
+        scene: Definitions of the scene, see ``engine.definitions``.
     """
 
     functions: tuple[ca.Function, ...]
     columns: tuple[ca.Function, ...]
-    defines: dict[str, str]
-    without: frozenset[str]
+    scene: str
 
 
 class Tangents:
@@ -137,6 +134,7 @@ class Tangents:
         engine: Engine | None = None,
     ) -> None:
         self.plant, self._backend, self._engine = plant, backend, engine
+        self._choice = choice
         self._calm = CalmTick.of(plant, tuned) if engine and backend != "vm" else None
         self.library = cache(self._built)
         self._step = _Step(plant, choice, tuned, dense=self._calm is not None)
@@ -278,7 +276,7 @@ class Tangents:
         self, of_arms: tuple[int, ...], of_columns: tuple[int, ...], state: tuple[Array, bool],
         ticks: int, threads: int | None, lanes: int | None,
     ) -> tuple[list[int], Counts]:  # fmt: skip
-        """Call ``carry_ticks`` of native/tangents.c.
+        """Call ``carry_ticks`` of native/carry_ticks.c.
 
         Returns:
             The arms whose results are invalid, and with events the ticks of each before one.
@@ -287,14 +285,13 @@ class Tangents:
         library, width = next(pair for pair in built if pair[0] is not None)
         after, begins = state
         marks, length = Marks(len(after)), address(self._length)
-        done, of_modes = np.zeros(0, np.int64), tuple[Any, ...]()
-        if self._engine is not None:
-            done = np.zeros(len(after), np.int64)
-            of_modes = ctypes.byref(self._engine), begins, done.ctypes.data
+        engine = None if self._engine is None else ctypes.byref(self._engine)
+        done = np.zeros(0 if engine is None else len(after), np.int64)
 
         def work(first: int, last: int) -> None:
             library.carry_ticks(  # type: ignore[union-attr]
-                *of_arms, length, ticks, first, last, *of_columns, marks, *of_modes
+                *of_arms, length, ticks, first, last, *of_columns, marks, engine, begins,
+                done.ctypes.data,
             )
 
         share(len(after), width, threads, work, ticks, marks.halt)
@@ -315,13 +312,11 @@ class Tangents:
             return None
         types = [
             *BEGINNING, ADDRESS, NUMBER, ADDRESS, NUMBER, NUMBER, ctypes.c_int, NUMBER, ADDRESS,
-            ADDRESS, NUMBER, NUMBER, ADDRESS,
+            ADDRESS, NUMBER, NUMBER, ADDRESS, ADDRESS, ctypes.c_int, ADDRESS,
         ]  # fmt: skip
         if self._steps_only:
             types = [*[ADDRESS] * 5, NUMBER, ADDRESS, ADDRESS]
             return built_of_lanes(self._source, lanes, "carry_step", types)
-        if self._calm:
-            types += [ADDRESS, ctypes.c_int, ADDRESS]
         return built_of_lanes(self._source, lanes, "carry_ticks", types)
 
     @property
@@ -330,49 +325,39 @@ class Tangents:
 
     def _source(self, lanes: int) -> str:
         code = self.code
-        columns, defines = code.columns, code.defines
-        if lanes == 1:
-            columns, defines = (*columns, self._step.stretch), defines | {"STRETCH": "1"}
-        return (
-            of_lanes(generate(code.functions), lanes)
-            + source(defines)
-            + '\n#include "columns.h"\n'
-            + "\n".join(map(column_function, columns))
-            + source({}, "tangents.c", code.without)
-        )
+        columns = (*code.columns, *([self._step.stretch] if lanes == 1 else []))
+        files = [] if self._steps_only else ["carry_ticks.c"]
+        files += ["carry_step.c"] if lanes == 1 else []
+        return "\n".join([
+            of_lanes(generate(code.functions), lanes),
+            f'{code.scene}#include "columns.h"',
+            *map(column_function, columns),
+            without("scene_columns.h", columns),
+            *(f'#include "{file}"\n' for file in files),
+        ])  # fmt: skip
 
     @property
     def code(self) -> TangentCode:
         """What the compiled code is made of."""
         functions, columns = [self._step.advance, self._acting], [self._step.carry, self._limit]
-        plant, more, stops = self.plant, dict[str, str](), dict[str, str]()
-        without = set[str]() if self._calm else {"calm.h", "ticks.h", "foreseen.h"}
+        steps, calm = [step for step in (self._step, self._moving) if step], self._calm
+        if self._moving:
+            functions.append(self._moving.advance)
+            columns.append(self._moving.carry)
         if not self._steps_only:
-            columns += self._step.back(self._limit)
-        if self._calm:
-            functions += self._calm.functions
-            columns += self._calm.columns
-            more = self._calm.defines | mode_sizes(plant) | {"EVENTS": "1"}
-            if self._step.advance.n_out() > 2:
-                more["FORETELLS"] = "1"
-            if moving := self._moving:
-                functions.append(moving.advance)
-                columns += [moving.carry, *moving.back(self._limit)]
-                more["MOVING"] = "1"
-        elif self._steps_only:
-            more = {"STEPS_ONLY": "1"}
-        else:
-            stops = stop_defines(plant)
-        steps = [step for step in (self._step, self._moving) if step]
-        defines = sizes(plant, functions) | {
-            "NSTEP": str(max(step.advance.size1_out(1) for step in steps)),
-            "NA": str(self._acting.size1_out(1)),
-            "NT": str(self._held - plant.model.n),
+            columns += [column for step in steps for column in step.back(self._limit)]
+        if calm:
+            functions += calm.functions
+            columns += calm.columns
+        more = (calm.defines if calm else {"NBEGIN": 0, "NEND": 0}) | {
+            "NSTEP": max(step.advance.size1_out(1) for step in steps),
+            "NA": self._acting.size1_out(1),
+            "NT": self._held - self.plant.model.n,
+            "MOVING": int(self._moving is not None),
+            "FORETELLS": int(self._step.advance.n_out() > 2),
         }
-        without |= set() if stops else {"stops.h"}
-        return TangentCode(
-            tuple(functions), tuple(columns), defines | stops | more, frozenset(without)
-        )
+        scene = definitions(self.plant, self._choice, functions, **more)
+        return TangentCode(tuple(functions), tuple(columns), scene)
 
 
 class _Step:

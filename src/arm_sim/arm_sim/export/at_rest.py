@@ -7,9 +7,7 @@ drives, which forward dynamics leave out.
 
 from __future__ import annotations
 
-import re
 from copy import copy
-from pathlib import Path
 
 import casadi as ca
 
@@ -17,15 +15,15 @@ from arm_dynamics import ArmModel
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import stops_of
+from arm_sim.export.amalgamated import SCENE, amalgamated
 from arm_sim.export.generated import prefixed, static_functions
+from arm_sim.integrators.methods import METHODS
+from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.engine import braces, event_sizes, sizes, source
+from arm_sim.stepping.engine import COSTS, braces, definitions, written
 
 PREFIX = "rest_"
 """Begins the names of this part of a library."""
-_NATIVE = Path(__file__).parent / "native"
-_HEAD = re.compile(r"\A/\*.*?\*/\n\n(?:#include [^\n]*\n)*", re.DOTALL)
-_COSTS = ("STEP", "SLOPE", "LOADS", "INERTIA", "STRIKE", "STATICS")
 
 
 @one_at_a_time
@@ -38,17 +36,11 @@ def at_rest(model: ArmModel) -> str:
         return ""
     plant = _bare(model)
     functions = [plant.slope_of_loads(), *plant.events.values(), _acting(model)]
-    defines = {
-        **sizes(plant, functions),
-        **event_sizes(plant),
-        **{f"COST_{name}": "0" for name in _COSTS},
-        "MOST_WORK": "0",
-        "TUNABLE": braces(plant.parameters.nominal),
-    }
-    engine = source(defines, "modes.h", () if "TOGETHER" in defines else ("together.h",))
-    door = _HEAD.sub("", (_NATIVE / "at_rest.c").read_text(encoding="utf-8"))
-    text = static_functions(functions) + engine.replace("\nEXPORTED ", "\nstatic ") + door
-    return prefixed(text, PREFIX)
+    choice = Choice(METHODS["rk4"], 1.0, None, "")  # of steps that are not made
+    scene = definitions(plant, choice, functions, TUNABLE=braces(plant.parameters.nominal))
+    engine = amalgamated('#include "at_rest.c"\n', {*SCENE})
+    text = static_functions(functions) + scene + written(dict.fromkeys(COSTS, 0)) + engine
+    return prefixed(text.replace("\nEXPORTED ", "\nstatic "), PREFIX)
 
 
 def _bare(model: ArmModel) -> Plant:

@@ -7,10 +7,9 @@ import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from arm_dynamics import ArmModel
-from arm_dynamics.codegen import compiler
+from arm_sim.export.amalgamated import amalgamated
 from arm_sim.export.at_rest import PREFIX, at_rest
 from arm_sim.export.conditions import decided
 from arm_sim.export.generated import static_functions, without_unused
@@ -18,11 +17,7 @@ from arm_sim.export.names import c_string
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 
-_INCLUDE = re.compile(r'#include "(\w+\.h)"\n')
 _STANDARD = re.compile(r"^#include <[^>\n]+>\n", re.MULTILINE)
-_FOR_EDITORS = re.compile(
-    r"^#ifndef LANES /\* read alone.*?^#else\n(.*)^#endif\n", re.DOTALL | re.MULTILINE
-)
 _COLUMNS = 100
 _PRAGMAS = """\
 /* The same bits under all flags: no fused multiply-add, which GCC's vectorizer of straight code
@@ -135,13 +130,7 @@ def comment(text: str) -> str:
 def elementary() -> str:
     """The elementary functions that generated code calls, and the types of its numbers."""
     types = "#define casadi_real real\n#define casadi_int long long\n"
-    return _inlined("scalar.h", compiler.NATIVE) + types
-
-
-def _inlined(file: str, folder: Path) -> str:
-    """A header with those that it includes in their places."""
-    text = _FOR_EDITORS.sub(r"\1", (folder / file).read_text(encoding="utf-8"))
-    return _INCLUDE.sub(lambda found: _inlined(found[1], folder), text)
+    return amalgamated('#include "scalar.h"\n', set()) + types
 
 
 def _signature(library: Library, term: Term) -> str:

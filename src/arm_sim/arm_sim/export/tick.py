@@ -15,6 +15,7 @@ import numpy as np
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import ROUNDED
+from arm_sim.export.amalgamated import OWN, SCENE, amalgamated
 from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes, kinked
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.placing import OPEN
@@ -24,8 +25,7 @@ from arm_sim.simulator import Simulator
 from arm_sim.stepping.engine import braces, engine_source
 from arm_sim.stepping.stepper import tick_functions
 
-NATIVE = Path(__file__).parent / "native"
-_INCLUDES = re.compile(r'^(#include ["<][^"]*[">]|#pragma once)\n', re.MULTILINE)
+_INCLUDES = re.compile(r'^#include ["<][^"]*[">]\n', re.MULTILINE)
 _COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
 
 
@@ -75,7 +75,8 @@ def tick_of(
     plant, choice = simulator.arm.plant, simulator.choice
     functions, smooth = tick_functions(plant, choice, actuation(plant))
     numbers = _numbers(plant)
-    engine = engine_source(plant, choice, functions, smooth, "tick.h")
+    done = {*SCENE} | (set() if plant.eventful else {"events.h"})
+    engine = amalgamated(engine_source(plant, choice, functions, smooth, "tick.h"), done)
     engine = engine.replace("\nEXPORTED ", "\nstatic ")
     more = [f for f in (plant.project, plant.torques) if f is not None]
     files, slopes = ["library.h", "sim.c"], ""
@@ -84,7 +85,7 @@ def tick_of(
         files += ["servo.h", "servo.c"]
     if derivatives and choice.tolerance is None:
         more += [kinked(plant), effort_slopes(plant)]
-        slopes = derivatives_of_ticks(plant, choice, len(numbers))
+        slopes = derivatives_of_ticks(plant, choice, len(numbers), done)
         files += ["linearize.h", "linearize.c"]
     headers, sources = files[::2], files[1::2]
     return Tick(
@@ -99,8 +100,8 @@ def tick_of(
 
 def _plain(files: Sequence[str]) -> str:
     """Files of the door without their first comments and what they include."""
-    texts = (_COMMENT.sub("", (NATIVE / file).read_text(encoding="utf-8")) for file in files)
-    return "".join(_INCLUDES.sub("", text) for text in texts)
+    texts = (_COMMENT.sub("", (OWN / file).read_text(encoding="utf-8")) for file in files)
+    return "".join(_INCLUDES.sub("", text).replace("#pragma once\n", "") for text in texts)
 
 
 def _refuse(model: ArmModel) -> None:

@@ -20,11 +20,11 @@ from arm_dynamics.codegen.header import Header
 from arm_sim.plant.plant import Plant
 
 _NATIVE = Path(__file__).with_name("native")
-_ENGINE = Header(_NATIVE / "modes.h", only="trouble report_t")
+_ENGINE = Header(_NATIVE / "report.h")
 
 
 class Trouble(IntEnum):
-    """Why a tick could not be computed; ``enum trouble`` in ``native/modes.h``."""
+    """Why a tick could not be computed; ``enum trouble`` in ``native/report.h``."""
 
     NONE = _ENGINE.constants["NONE"]
     NUMBERS = _ENGINE.constants["NUMBERS"]
@@ -34,7 +34,7 @@ class Trouble(IntEnum):
 
 
 class EventReport(ctypes.Structure):
-    """Sums over ticks: ``report_t`` of ``native/modes.h``, where the fields are explained."""
+    """Sums over ticks: ``report_t`` of ``native/report.h``, where the fields are explained."""
 
     _fields_ = _ENGINE.fields("report_t")
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import ctypes
 import os
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cache, partial
@@ -31,15 +31,7 @@ from arm_sim.long_runs import refuse_beyond_memory
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.engine import (
-    NATIVE,
-    error_control,
-    event_sizes,
-    near_loads,
-    sizes,
-    source,
-    stop_places,
-)
+from arm_sim.stepping.engine import INCLUDED, NATIVE, definitions
 from arm_sim.stepping.stepper import MOVING, Stepper, address, smooth_motion
 
 ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_longlong
@@ -229,8 +221,8 @@ class Rollouts:
             address(batch.x0), address(batch.tau), *strides(batch.tau, 2),
             address(batch.p), *strides(batch.p, 1), address(length), batch.steps, first, last,
             address(batch.out), batch.out.ndim == 2, marks,
-            *([] if batch.effort is None else [address(batch.effort)]),
-            *([] if self._engine is None else [ctypes.byref(self._engine)]),
+            None if batch.effort is None else address(batch.effort),
+            None if self._engine is None else ctypes.byref(self._engine),
         )  # fmt: skip
 
     def _one_by_one(self, batch: Batch, arms: Sequence[int], marks: Marks) -> None:
@@ -273,8 +265,7 @@ class Rollouts:
         if width == 1 and (controlled or eventful):
             return None
         write = self._of_attempts if controlled and not eventful else self._of_ticks
-        more = (self._control is not None) + eventful
-        types = [*BEGINNING, ADDRESS, ctypes.c_int, *[ADDRESS] * (1 + more)]
+        types = [*BEGINNING, ADDRESS, ctypes.c_int, *[ADDRESS] * 3]
         return built_of_lanes(write, width, "rollout", types)
 
     def _of_ticks(self, width: int) -> str:
@@ -284,9 +275,8 @@ class Rollouts:
     def _of_attempts(self, width: int) -> str:
         plant, choice = self._smooth, self._choice
         functions = [smooth_motion(plant, choice), actuation(plant, self._control)]
-        more = error_control(plant, choice) | {"TOLERANCE": repr(choice.tolerance)}
-        file = "controlled_rollout.c"
-        return _source(plant, width, functions, more | stop_defines(plant), file, self._control)
+        file, more = "controlled_rollout.c", {"TOLERANCE": choice.tolerance}
+        return _source(plant, choice, width, functions, file, self._control, **more)
 
 
 def ticks_of_lanes(
@@ -303,26 +293,23 @@ def ticks_of_lanes(
     """
     motion, actuate = smooth_motion(plant, choice), actuation(plant, control)
     if not plant.eventful:
-        more, without = {"TICK": "tick"} | stop_defines(plant), {"foresight.h"}
-        return _source(plant, width, [build_tick(motion, actuate)], more, file, control, without)
+        functions = [build_tick(motion, actuate)]
+        return _source(plant, choice, width, functions, file, control, TICK="tick")
     asked = [function for name, function in plant.events.items() if name in FORESEEN]
     functions = [plant.slope_of_loads(), motion, actuate, *asked]
-    more = {"EVENTS": "1"} | event_sizes(plant) | near_loads(functions)
     if plant.glides:
         functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
-    return _source(plant, width, functions, more, file, control)
+    return _source(plant, choice, width, functions, file, control)
 
 
 def _source(
-    plant: Plant, width: int, functions: list[ca.Function], more: dict[str, str], file: str,
-    control: CompiledControl | None, without: Collection[str] = (),
+    plant: Plant, choice: Choice, width: int, functions: list[ca.Function], file: str,
+    control: CompiledControl | None, **more: object,
 ) -> str:  # fmt: skip
-    defines = sizes(plant, functions) | more
     if control is not None:
-        defines["NR"] = str(control.law.size1_in(1))
-    if "LOWEST" not in defines:
-        without = {"stops.h", *without}
-    return of_lanes(generate(functions), width) + source(defines, file, without)
+        more["NR"] = control.law.size1_in(1)
+    scene = definitions(plant, choice, functions, **more)
+    return f'{of_lanes(generate(functions), width)}{scene}#include "{file}"\n'
 
 
 def alike(plant: Plant, choice: Choice) -> bool:
@@ -334,11 +321,6 @@ def alike(plant: Plant, choice: Choice) -> bool:
 def switches_unseen(plant: Plant) -> bool:
     """Whether something switches at which lanes of arms away from their stops do not look."""
     return plant.free is not None and plant.switches > 0
-
-
-def stop_defines(plant: Plant) -> dict[str, str]:
-    """Definitions of a plant's stops for drivers of many arms; without any, they leave stops.h."""
-    return stop_places(plant) | {"STOPS": "1"} if plant.model.stops else {}
 
 
 def of_lanes(code: str, width: int) -> str:
@@ -361,7 +343,7 @@ def built_of_lanes(
     if not compiler.may_build(language):  # writing it takes long
         return None
     try:
-        library = compiler.build(write(width), language).library
+        library = compiler.build(write(width), language, local=INCLUDED).library
     except CompilerMissing:
         return None
     getattr(library, name).argtypes = types  # library[name] is another object each time

@@ -34,7 +34,7 @@ from arm_sim.long_runs import slices
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
-from arm_sim.stepping.engine import engine_apart, engine_source
+from arm_sim.stepping.engine import INCLUDED, engine_apart, engine_source
 from arm_sim.stepping.events import EventReport, Modes, Trouble
 
 LITTLE_WORK, MANY_STEPS = 20_000_000, 20
@@ -328,8 +328,9 @@ def _built(
     functions, smooth = tick_functions(plant, choice, actuate)
     if plant.eventful:
         numbers, engine = engine_apart(plant, choice, functions, smooth)
-        return Kernel(functions, backend, numbers, engine, _eventful(plant))
-    return Kernel(functions, backend, engine_source(plant, choice, functions, smooth))
+        return Kernel(functions, backend, numbers, engine, _eventful(plant), INCLUDED)
+    engine = engine_source(plant, choice, functions, smooth)
+    return Kernel(functions, backend, engine, local=INCLUDED)
 
 
 def tick_functions(

@@ -30,17 +30,9 @@ __extension__ struct library_sim {
   double x[NX];      /* positions, velocities and internal states */
   double effort[NU]; /* command of the last tick, limits applied */
   control_t control;
-#ifdef EVENTS
   report_t report;
-#endif
   double p[NP]; /* tunable numbers */
 };
-
-#ifdef EVENTS
-#define REPORT(sim) (&(sim)->report)
-#else
-#define REPORT(sim) NULL
-#endif
 
 size_t library_sim_size(void) { return sizeof(struct library_sim); }
 
@@ -50,12 +42,10 @@ double library_sim_period(void) { return PERIOD; }
 
 void library_sim_range(double* lower, double* upper) {
   for (int i = 0; i < NU; ++i) lower[i] = -INFINITY, upper[i] = INFINITY;
-#ifdef RIGID
-  for (int i = 0; i < NU; ++i) {
-    if (lower_stop[i] > -1e308) lower[i] = lower_stop[i];
-    if (upper_stop[i] < 1e308) upper[i] = upper_stop[i];
+  for (int i = 0; RIGID && i < NU; ++i) {
+    if (rigid_stop[0][i] > -1e308) lower[i] = rigid_stop[0][i];
+    if (rigid_stop[1][i] < 1e308) upper[i] = rigid_stop[1][i];
   }
-#endif
 }
 
 static int all_finite(const double* values, int count) {
@@ -66,14 +56,11 @@ static int all_finite(const double* values, int count) {
 
 /* Move joints that are beyond a rigid stop by rounding to the stop: 0 if one is farther. */
 static int is_inside_stops(double* x) {
-  (void)x;
-#ifdef RIGID
-  for (int i = 0; i < NU; ++i) {
-    const double beyond = fmax(lower_stop[i] - x[i], x[i] - upper_stop[i]);
+  for (int i = 0; RIGID && i < NU; ++i) {
+    const double beyond = fmax(rigid_stop[0][i] - x[i], x[i] - rigid_stop[1][i]);
     if (beyond > AT_STOP * fmax(1.0, fabs(x[i]))) return 0;
   }
-  stop_at_limits(x);
-#endif
+  for (int i = 0; RIGID && i < NU; ++i) x[i] = fmin(fmax(x[i], rigid_stop[0][i]), rigid_stop[1][i]);
   return 1;
 }
 
@@ -96,28 +83,13 @@ static int are_loops_closed(const struct library_sim* sim) {
 #endif
 }
 
-static int is_above_planes(const double* x) {
-#ifdef EVENTS
-  memory_t memory;
-  segment_t segment;
-  forget_all(&memory);
-  begin_tick(&segment, NULL, &memory);
-  return !is_inside(x, &segment);
-#else
-  (void)x;
-  return 1;
-#endif
-}
-
 int library_sim_init(library_sim* sim, const double* q, const double* v) {
   static const double start[NX] = START;
   __extension__ static const double nominal[NP] = TUNABLE;
   __extension__ static const int of_state[NZ] = OF_STATE;
   static const control_t control = {TOLERANCE, 0.0, 0.0, 0};
-#ifdef EVENTS
   static const report_t report = {0.0, 0, 0, 0};
   sim->report = report;
-#endif
   sim->control = control;
   for (int i = 0; i < NU; ++i) sim->effort[i] = 0.0;
   for (int i = 0; i < NX; ++i) sim->x[i] = start[i];
@@ -127,25 +99,22 @@ int library_sim_init(library_sim* sim, const double* q, const double* v) {
   if (!all_finite(sim->x, 2 * NU)) return LIBRARY_NOT_FINITE;
   if (!are_loops_closed(sim)) return LIBRARY_OPEN;
   if (!is_inside_stops(sim->x)) return LIBRARY_BEYOND_STOP;
-  if (!is_above_planes(sim->x)) return LIBRARY_INSIDE_PLANE;
+  if (is_penetrated(sim->x)) return LIBRARY_INSIDE_PLANE;
   for (int i = 0; i < NZ && (q || v); ++i) sim->x[2 * NU + i] = of_state[i] < 0 ? 0.0 : sim->x[of_state[i]];
   return LIBRARY_OK;
 }
 
 /* Why the last tick could not be computed. */
 static int trouble_of(const struct library_sim* sim) {
-#ifdef EVENTS
   if (sim->report.trouble == UNDETERMINED) return LIBRARY_UNDETERMINED;
   if (sim->report.trouble == INSIDE) return LIBRARY_INSIDE_PLANE;
-#endif
-  (void)sim;
   return LIBRARY_DIVERGED;
 }
 
 int library_sim_step(library_sim* sim, const double* command) {
   double acted[NU];
   if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  if (!obey(sim->x, command, sim->p, PERIOD, &sim->control, REPORT(sim), acted)) return trouble_of(sim);
+  if (!obey(sim->x, command, sim->p, PERIOD, &sim->control, &sim->report, acted)) return trouble_of(sim);
   for (int i = 0; i < NU; ++i) sim->effort[i] = acted[i];
   return LIBRARY_OK;
 }

@@ -2,9 +2,6 @@
  *
  * Arms in SIMD lanes: assignment of arms to lanes, loading of their data, and what is asked of each. C where `real` is a
  * double, C++ where it is a vector of them.
- *
- * Required definitions: NX, NU, LARGEST (as for flow.h); where joints have stops also stops.h, and STOPS. With a controller
- * in the tick also NR, the length of its references, which then replace torques.
  */
 
 #pragma once
@@ -14,21 +11,6 @@
 #define EXPORTED extern "C" __attribute__((visibility("default")))
 #else
 #define EXPORTED __attribute__((visibility("default")))
-#endif
-
-#ifdef NR
-#define WITH_CONTROLLER
-#define CONTROLLED , double* effort
-#else
-#define NR NU
-#define CONTROLLED
-#endif
-
-/* In a scene with events also the engine of one arm. */
-#ifdef EVENTS
-#define WITH_ENGINE , const engine_t* engine
-#else
-#define WITH_ENGINE
 #endif
 
 /* Whether the caller wants nothing more: the mark before those of the arms. */
@@ -62,9 +44,8 @@ static inline int within_reach(const real* x, int lane) {
 /* Whether the arm in a lane may meet a stop in a motion of that length from x to `next`. */
 static inline int meets_any_stop(const real* x, const real* next, double length, int lane) {
   int met = 0;
-#ifdef STOPS
-  for (int i = 0; i < NU; ++i)
+  (void)lane; /* alone */
+  for (int i = 0; STOPS && i < NU; ++i)
     met |= meets_stop(LANE(x[i], lane), LANE(x[NU + i], lane), LANE(next[i], lane), LANE(next[NU + i], lane), length, 0.0, i);
-#endif
   return met;
 }

@@ -1,10 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Ticks without events of LANES arms in a scene with events, for derivatives: the engine of one arm finds the modes.
- *
- * Required definitions: ticks.h; SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated functions), and the
- * generated `clear` (x, u, p, limit) -> two margins, positive if the state is on no boundary between two modes, the second
- * also if a motion that begins there differs little from those nearby; `clear_in_motion`: the same where nothing is held.
  */
 
 #pragma once
@@ -39,7 +35,6 @@ static int touches(const double* p) {
   return any;
 }
 
-#ifdef FORETELLS
 /* Ask the engine for the probable modes of the ticks, for steps that are made before its own. */
 static void foresee_modes(const engine_t* engine, foreseen_t* tick, calm_lanes_t* found) {
   long long of_lane[LANES];
@@ -52,7 +47,6 @@ static void foresee_modes(const engine_t* engine, foreseen_t* tick, calm_lanes_t
   }
   read_arms(found->p, NP + MODES, tick->p, sizeof(foreseen_t) / sizeof(double), of_lane);
 }
-#endif
 
 /* Whether a motion begins with the foreseen numbers: it then is the foreseen one. */
 static int is_as_foreseen(const foreseen_t* tick, const calm_t* made) {
@@ -82,9 +76,7 @@ static void make_calm(const foreseen_t* tick, const real* x, const real* u, cons
   const long long stride = sizeof(calm_t) / sizeof(double);
   long long of_lane[LANES];
   real limit[NC + 1], margins[2][2];
-#if LANES > 1
-  memset(made, 0, sizeof made);
-#endif
+  if (LANES > 1) memset(made, 0, sizeof made);
   found->held = found->closed = 0;
   found->foreseen = 1;
   for (int j = 0; j < LANES; ++j) {

@@ -2,11 +2,6 @@
  *
  * Gradients of functions of the states of ticks without events of one arm, in a scene with events. The states between which
  * ticks move and their modes are kept; the motion within a tick is recomputed in the backward pass.
- *
- * Required definitions: calm.h, and as for gradient.c; NBEGIN and NEND (numbers of coefficients of the projections at the
- * beginning and at the end of a tick), the generated `rest_begin` (x, u, p) -> those NBEGIN, `rest_end` (x, x at the end, p)
- * -> those NEND, and of what they project `begin_adjoint` (coefficients, gradient after it) -> gradient before it, and
- * `end_adjoint` (likewise) -> gradients by x at the beginning, x at the end, and parameters.
  */
 #include "calm.h"
 

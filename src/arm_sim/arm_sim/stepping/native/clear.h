@@ -3,9 +3,6 @@
  * Ticks of LANES arms that clearly have no event: their modes, a step in these, and bounds of what may happen within it.
  *
  * The engine makes the same steps in the same modes, so the motion does not depend on which of both made a tick.
- *
- * Before this file: loads.h; the generated `step`, with NEAR_LOADS if it returns loads, with MOVING `moving_step`. With CALM,
- * where modes are those of sliding joints and of contacts alone, also stops.h and numbers.h.
  */
 
 #pragma once
@@ -23,21 +20,17 @@ static void make_steps(const real* x, const real* u, const real* p, const real* 
   casadi_int iw[SZ_IW];
   const real* arg[SZ_ARG] = {x, u, p, h, made->inside};
   real* res[SZ_RES] = {made->next, made->inside + NX, made->inside + 2 * NX, made->near, made->near + NU};
-  int moving = 0;
-#ifdef MOVING
-  int moves[LANES];
-  for (int j = 0; j < LANES; ++j) {
+  int moving = 0, moves[LANES];
+  for (int j = 0; MOVING && j < LANES; ++j) {
     double modes[MODES + 1];
     for (int i = 0; i < MODES; ++i) modes[i] = LANE(p[NP + i], j);
     moving += moves[j] = all_moves(modes);
   }
-#endif
   if (moving < LANES) {
     if (load) memcpy(made->inside, load + LOADS - NX, NX * sizeof *load);
     else slope_at(x, u, p, made->inside);
     step(arg, res, iw, w, 0);
   }
-#ifdef MOVING
   if (!moving) return;
   real found[4 * NX];
   for (int i = 0; i < 4; ++i) res[i] = found + i * NX;
@@ -45,10 +38,8 @@ static void make_steps(const real* x, const real* u, const real* p, const real* 
   for (int k = 0; k < 4 * NX; ++k)
     for (int j = 0; j < LANES; ++j)
       if (moves[j]) LANE((k < NX ? made->next + k : made->inside + k - NX)[0], j) = LANE(found[k], j);
-#endif
 }
 
-#ifdef CALM
 #define MOVES 1e-9 /* speeds that are not rounding, relative to the fastest joint; gaps, relative to their lengths */
 #define FAR_BELOW (0.9 - NEAR) /* loads that are not near a limit at either end of a tick */
 
@@ -138,12 +129,8 @@ static real stays_clear(const real* x, const real* u, const real* h, const real*
   if (!holds) return clear;
   if (NX > 2 * NU) return 0.0 * clear;
   clear = clear && varies_evenly(x, made->next, made->inside, *h);
-#ifdef NEAR_LOADS
-  return clear && find_held(made->near, p);
-#else
+  if (NEAR_LOADS) return clear && find_held(made->near, p);
   real found[LOADS + 1];
   loads_at(made->next, u, p, found);
   return clear && find_held(found, p);
-#endif
 }
-#endif

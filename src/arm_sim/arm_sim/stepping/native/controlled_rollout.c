@@ -2,12 +2,10 @@
  *
  * Many arms under error control, LANES at a time. Only attempts are made side by side: every lane has ticks and sub-steps
  * of its own, and takes the next arm when it is done with one.
- *
- * Before this file: arms.h, substeps.h, NP, SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h), the generated `attempt` and
- * `actuate`, MOST_SUBSTEPS, TOLERANCE.
  */
 
 #include "arms.h"
+#include "foreseen.h"
 #include "substeps.h"
 
 /* The arguments of `rollout`. */
@@ -64,9 +62,7 @@ static void begin_tick(const batch_t* batch, group_t* group, int j, const real* 
   own->tried = 0;
   own->at = first_substep(batch->h, own->at.step);
   for (int i = 0; i < NU; ++i) LANE(group->u[i], j) = LANE(acted[i], j);
-#ifdef WITH_CONTROLLER
-  for (int i = 0; i < NU; ++i) batch->effort[(own->arm * batch->ticks + own->tick) * NU + i] = LANE(acted[i], j);
-#endif
+  for (int i = 0; batch->effort && i < NU; ++i) batch->effort[(own->arm * batch->ticks + own->tick) * NU + i] = LANE(acted[i], j);
 }
 
 /* Find what acts in the ticks that begin. */
@@ -118,10 +114,8 @@ static int busy(const batch_t* batch, const group_t* group) {
 /* As `rollout` of rollout.c. met: set to 1 also for an arm that cannot be advanced. */
 EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
                       long long p_arm, const double* h, long long ticks, long long first, long long last, double* out,
-                      int last_only, signed char* met CONTROLLED) {
-#ifndef WITH_CONTROLLER
-  double* effort = 0;
-#endif
+                      int last_only, signed char* met, double* effort, const engine_t* engine) {
+  (void)engine;
   const batch_t batch = {x0, tau, p, tau_arm, tau_tick, p_arm, ticks, last, h[0], out, effort, last_only, met};
   real next[NX], error, error_q, w[SZ_W];
   casadi_int iw[SZ_IW];

@@ -2,12 +2,6 @@
  *
  * Derivatives of a tick across its events: those of the smooth segments that the engine has traced, times those of the events
  * between them. See derivatives/linearization.py.
- *
- * Required definitions: guards.h, impact_slope.h, resting.h; LARGEST (number of a state), the generated `acting` (x, r) -> u and its
- * derivatives by x and r; with joints or contacts that may be held `at_rest` (x, u, p) -> derivative of a state with which
- * motion begins; with contacts `closing` (x at the beginning, x at the end, p) -> derivatives by both of positions and
- * velocities at an end that satisfies the contacts, `contact_geometry`, `across` (x, u, p) -> how easily each contact is
- * moved across its direction; RIGID where joints have rigid stops.
  */
 
 #include "guards.h"
@@ -36,11 +30,10 @@ typedef struct {
   real x[NX], slope[NX][NV], delay[NV];
 } motion_t;
 
-#if NC
 /* A contact that starts to slide, or comes to rest without turning: there a small lateral force changes the direction
  * arbitrarily fast. */
 static enum refusal check_sliding(const tick_t* tick, const record_t* segment, const record_t* following) {
-  real place[3 * NC], speed[3 * NC], size[NC], mobility[NC];
+  __extension__ real place[3 * NC], speed[3 * NC], size[NC], mobility[NC];
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t *mode = segment->p.contact + k, *next = following->p.contact + k;
     if (mode->closed == 0.0 || mode->sticks != 0.0 || !(friction[k] > 0.0)) continue;
@@ -68,7 +61,6 @@ static void close_end(const helpers_t* helpers, const record_t* segment, const r
     for (int j = 0; j < NT; ++j) closed[i][NX + NU + j] += by_p[j * 2 * NU + i];
   memcpy(motion->slope, closed, sizeof closed);
 }
-#endif
 
 /* Refuse a tick that begins or ends with an event, or on the boundary of a mode. */
 static enum refusal check_ends(const tick_t* tick, const trace_t* trace, int begins) {
@@ -77,31 +69,23 @@ static enum refusal check_ends(const tick_t* tick, const trace_t* trace, int beg
   if (find_boundaries(first->begin, tick, first)) return BEGINS_ON_BOUNDARY;
   if (find_boundaries(last->end, tick, last)) return ENDS_ON_BOUNDARY;
   enum refusal refused = check_rest(tick, first, begins);
-#if NC
-  for (const record_t* each = first; each <= last && !refused; ++each)
+  for (const record_t* each = first; NC && each <= last && !refused; ++each)
     refused = check_sliding(tick, each, each < last ? each + 1 : each);
-#endif
   return refused;
 }
 
 /* Derivatives of the state with which a segment begins, after its impact and with what is held at rest. */
 static enum refusal begin_motion(const tick_t* tick, const record_t* segment, motion_t* motion) {
-#if NC || defined RIGID
-  const enum refusal refused = segment->hit != 0.0 ? pass_impact(tick, segment, motion->slope) : NO_REFUSAL;
+  const enum refusal refused = (NC || RIGID) && segment->hit != 0.0 ? pass_impact(tick, segment, motion->slope) : NO_REFUSAL;
   if (refused) return refused;
-#endif
   memcpy(motion->x, segment->begin, sizeof motion->x);
   if (NK) lead_back(tick, segment, motion->slope);
-#if NC || ND
   real matrix[NX * NX], begun[NX][NV];
   if (all_moves((const double*)&segment->p + NP)) return NO_REFUSAL;
   CALL(at_rest, (segment->begin, tick->u, numbers(&segment->p)), (matrix));
   memset(begun, 0, sizeof begun);
   add_product(NX, NX, matrix, (const real(*)[NV])motion->slope, begun);
   memcpy(motion->slope, begun, sizeof begun);
-#else
-  (void)tick;
-#endif
   return NO_REFUSAL;
 }
 
@@ -138,9 +122,7 @@ static enum refusal pass_segment(const helpers_t* helpers, const tick_t* tick, c
   for (int i = 0; i < NX; ++i)
     for (int j = 0; j < NV; ++j) motion->slope[i][j] += speed[i] * delay[j];
   for (int j = 0; j < NV; ++j) motion->delay[j] += delay[j];
-#if NC
-  if (any_closed(segment)) close_end(helpers, segment, (const real(*)[NV])begun, motion);
-#endif
+  if (NC && any_closed(segment)) close_end(helpers, segment, (const real(*)[NV])begun, motion);
   return refused;
 }
 

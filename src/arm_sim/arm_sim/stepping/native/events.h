@@ -11,16 +11,13 @@
  * a tick has taken MOST_WORK, the rest of it is time-stepped: modes are chosen at the beginning of a step, and violations
  * are corrected at its end, without rebound, as in Moreau's scheme (Jean, "The non-smooth contact dynamics method", Comput.
  * Methods Appl. Mech. Eng. 177, 1999). That is of first order, and reported.
- *
- * Required definitions: impact.h, segments.h, with CLEAR clear.h; DEEP (penetration up to which a point is treated as
- * touching).
  */
 
 #pragma once
 #include "clear.h"
 #include "segments.h"
+#include "stops.h"
 
-#define EVENTS
 #define CATCHES 10   /* corrections of penetrations, or of contacts that set joints in motion */
 #define LEAST_PART 1e-6 /* fraction of such a correction below which it is not applied */
 #define MORE_STEPS (NB ? 100 : 0) /* further ones of a linkage, which may hop between its stops ever faster */
@@ -123,7 +120,6 @@ static int strays(const piece_t* piece) {
   return farthest > MOST_TRAVEL;
 }
 
-#if NB
 /* Whether a joint is beyond its stop, or moves against its sliding direction. */
 static int passes_end(const real* x, const segment_t* segment) {
   limits_t limits;
@@ -138,7 +134,7 @@ static int passes_end(const real* x, const segment_t* segment) {
 static double shorten(const segment_t* segment, double h, piece_t* piece) {
   double low = 0.0, high = h;
   real error[2];
-  if (!passes_end(piece->end, segment)) return h;
+  if (!NB || !passes_end(piece->end, segment)) return h;
   for (int k = 0; k < END_HALVINGS; ++k) {
     const double middle = 0.5 * (low + high);
     if (make_step(segment, middle, piece, error) && !passes_end(piece->end, segment)) low = middle;
@@ -147,13 +143,6 @@ static double shorten(const segment_t* segment, double h, piece_t* piece) {
   memcpy(piece->end, piece->begin, sizeof piece->end);
   return low == 0.0 || make_step(segment, low, piece, error) ? low : -1.0;
 }
-#else
-static double shorten(const segment_t* segment, double h, const piece_t* piece) {
-  (void)segment;
-  (void)piece;
-  return h;
-}
-#endif
 
 /* The rest of a tick in a few steps of fixed length, in place; of a linkage also shorter ones, to where joints end. */
 static enum trouble step_through(real* x, segment_t* segment, double left, report_t* report) {
@@ -180,9 +169,6 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
   }
   return NB && rest > LEAST_PART * left ? UNDETERMINED : NONE;
 }
-
-static long long count_time_stepped(const report_t* report) { return report->time_stepped; }
-static double lost_in_impacts(const report_t* report) { return report->impact_loss; }
 
 /* The next record of a traced tick, which begins at x; null if there is no room. */
 static record_t* next_record(trace_t* trace, const real* x) {
@@ -220,7 +206,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
   for (int i = 0; i < NX; ++i) now[i] = x[i];
   if (is_inside(now, segment)) return INSIDE;
   segment->trace = trace;
-  while (segment->memory->work < costs.most) {
+  while (segment->memory->work < most_work) {
     __extension__ real after[NX], anchor[2 * NC];
     int calm;
     segment->record = next_record(trace, now);
@@ -234,7 +220,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
       note_step(segment, left);
       return NONE;
     }
-    const double length = advance(now, segment, reach, after, &calm);
+    const double length = advance_segment(now, segment, reach, after, &calm);
     if (length < 0.0) return NUMBERS;
     note_end(segment->record, after, length, calm);
     find_ended(after, segment, calm);
@@ -250,7 +236,6 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
   return step_through(now, segment, left, report);
 }
 
-#ifdef FREE
 /* A step of an arm away from its stops: 1 if it can be computed. */
 static int free_once(const real* x, const real* u, const real* p, double h, real* after, real* error) {
   const real length = h;
@@ -262,7 +247,7 @@ static int free_once(const real* x, const real* u, const real* p, double h, real
   res[0] = after;
   res[1] = error;
   res[2] = error + 1;
-  FREE_SMOOTH(arg, res, iw, w, 0);
+  (ADAPTIVE ? free_attempt : free_step)(arg, res, iw, w, 0);
   return within_reach(after);
 }
 
@@ -290,9 +275,8 @@ static int starts_near(const real* x, double h) {
   return near;
 }
 
-/* A tick in which no joint meets a stop, without modes: 0 if one may. */
-#ifdef ADAPTIVE
-static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
+/* A tick in which no joint meets a stop, without modes and under error control: 0 if one may. */
+static int free_tick_controlled(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
   control_t found = *control;
   substeps_t at = first_substep(h, control->step);
   real next[NX], error[2];
@@ -315,16 +299,14 @@ static int free_tick(const real* x, const real* u, const real* p, double h, cont
   }
   return 0;
 }
-#else
+
+/* The same, in steps of fixed length or under error control. */
 static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
   real error[2];
-  (void)control;
+  if (ADAPTIVE) return free_tick_controlled(x, u, p, h, control, after);
   return !starts_near(x, h) && free_once(x, u, p, h, after, error) && !meets_any(x, u, after, h);
 }
-#endif
-#endif
 
-#ifdef CLEAR
 /* Whether every joint is held. */
 static int holds_all(const real* modes) {
   int all = ND > 0;
@@ -355,19 +337,14 @@ static int clear_tick(const real* x, const real* u, const real* p, double h, mem
   else if (holds) keep_loads(x, known + NP, memory, &load); /* in modes that contain no contacts, as the engine's */
   return 0;
 }
-#endif
 
 static int tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report, real* after) {
   memory_t memory;
   segment_t segment;
   int done = 0;
   forget_all(&memory);
-#ifdef FREE
-  done = free_tick(x, u, p, h, control, after);
-#endif
-#ifdef CLEAR
-  done = clear_tick(x, u, p, h, &memory, after);
-#endif
+  if (FREE) done = free_tick(x, u, p, h, control, after);
+  if (CLEAR) done = clear_tick(x, u, p, h, &memory, after);
   report->trouble = NONE;
   if (done) return 1;
   begin_tick(&segment, u, &memory);
@@ -375,6 +352,15 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
   report->trouble = tick_with_events(x, &segment, h, report, 0, after);
   return report->trouble == NONE;
+}
+
+/* Whether a contact point is inside its plane. */
+static int is_penetrated(const real* x) {
+  memory_t memory;
+  segment_t segment;
+  forget_all(&memory);
+  begin_tick(&segment, 0, &memory);
+  return is_inside(x, &segment);
 }
 
 /* Find the probable modes of a tick. */

@@ -1,13 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Smooth motion: one step of fixed length, or sub-steps under error control where ADAPTIVE is defined.
- *
- * Required definitions: NX, NU (lengths of state and command), LARGEST (number of a state), SZ_ARG, SZ_RES, SZ_IW, SZ_W
- * (work space of the generated functions), the generated `step`, or with ADAPTIVE the generated `attempt`, substeps.h and
- * MOST_SUBSTEPS (a tick may try).
- * With MOVING also `moving_step` or `moving_attempt`: the same where every joint slides and nothing touches.
- * With FREE also `free_step` or `free_attempt`: the same while no joint is at a stop, with tunable numbers alone in p.
- */
+ * Smooth motion: one step of fixed length, or sub-steps under error control. */
 
 #pragma once
 #include "substeps.h"
@@ -37,15 +30,8 @@ static int within_reach(const real* x) {
   return reached;
 }
 
-typedef int (*generated_t)(const real**, real**, casadi_int*, real*, int);
-
-#ifdef ADAPTIVE
-#define SMOOTH attempt
-#define FREE_SMOOTH free_attempt
-#define MOVING_SMOOTH moving_attempt
-
-static inline int flow_by(generated_t smooth, const real* x, const real* u, const real* p, double h, control_t* c,
-                          real* after) {
+/* Motion over h from x under u by sub-steps under error control. */
+static int flow_controlled(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
   real next[NX], error, error_q, trial;
   WORKSPACE;
   substeps_t at = first_substep(h, c->step);
@@ -59,7 +45,7 @@ static inline int flow_by(generated_t smooth, const real* x, const real* u, cons
     res[0] = next;
     res[1] = &error;
     res[2] = &error_q;
-    smooth(arg, res, iw, w, 0);
+    attempt(arg, res, iw, w, 0);
     ++c->attempts;
     const enum verdict verdict = judge(&at, h, error / c->tolerance, within_reach(next));
     if (verdict == HOPELESS) break;
@@ -73,27 +59,21 @@ static inline int flow_by(generated_t smooth, const real* x, const real* u, cons
   }
   return 0;
 }
-#else
-#define SMOOTH step
-#define FREE_SMOOTH free_step
-#define MOVING_SMOOTH moving_step
 
-static inline int flow_by(generated_t smooth, const real* x, const real* u, const real* p, double h, control_t* c,
-                          real* after) {
+/* The same by one step of fixed length. */
+static int flow_fixed(const real* x, const real* u, const real* p, double h, real* after) {
   WORKSPACE;
   const real length = h;
-  (void)c;
   arg[0] = x;
   arg[1] = u;
   arg[2] = p;
   arg[3] = &length;
   res[0] = after;
-  smooth(arg, res, iw, w, 0);
+  step(arg, res, iw, w, 0);
   return within_reach(after);
 }
-#endif
 
 /* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. */
 static int flow(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
-  return flow_by(SMOOTH, x, u, p, h, c, after);
+  return ADAPTIVE ? flow_controlled(x, u, p, h, c, after) : flow_fixed(x, u, p, h, after);
 }

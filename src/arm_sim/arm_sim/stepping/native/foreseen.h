@@ -6,23 +6,12 @@
  * an event. Answers are those of the same functions for the same bits: the motion does not depend on what is foreseen.
  *
  * Arrays may have no elements, which C and C++ know as an extension alone: hence `__extension__`.
- *
- * Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.h), SZ_ARG, SZ_RES, SZ_IW, SZ_W (as for flow.h); with
- * contacts the generated `contact_geometry`.
  */
 
 #pragma once
 #include "scene.h"
 
 #include <string.h>
-
-/* In the place of a function that is not generated, and never called. */
-#define ABSENT(arg, res, iw, w) ((void)(arg), (void)(res), (void)(iw), (void)(w))
-#if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
-#define contact_geometry(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
-#define contact_inertia(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
-#define contact_close(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
-#endif
 
 #define MC (3 * NC)
 
@@ -66,11 +55,7 @@ static inline int same(const double* a, const double* b, int count) {
 
 /* Whether loads at a step's stage at its end tell of those at its end: under error control they are the same, and without
  * internal states they do not swing within a step. */
-#ifdef ADAPTIVE
-#define STEADY 1
-#else
-#define STEADY (NX == 2 * NU)
-#endif
+#define STEADY (ADAPTIVE || NX == 2 * NU)
 
 #define NEAR 0.1 /* distance to a limit at which it may be reached within a step, relative to the limit */
 

@@ -2,8 +2,6 @@
  *
  * Ticks with events of LANES arms: functions of the motion without events are evaluated side by side, the logic of events
  * runs arm by arm.
- *
- * Before this file: ticks.h, clear.h; the generated `actuate`, and with contacts `contact_inertia` and `contact_close`.
  */
 
 #pragma once
@@ -15,13 +13,11 @@
 /* Steps from the beginnings of ticks, and where the contacts are after them. */
 static void write_made(const step_of_lanes_t* made, const real* place, foreseen_t* tick) {
   write_steps(made->next, made->inside, place, tick);
-#ifdef NEAR_LOADS
+  if (!NEAR_LOADS) return;
   write_arms(tick->near, sizeof(foreseen_t) / sizeof(double), made->near, NEARS);
   for (int j = 0; j < LANES; ++j) tick[j].nears = STEADY;
-#endif
 }
 
-#ifdef CALM
 /* Steps of lanes whose modes are clear, which the engine of one arm may then take from `tick`: 1 in `done` for those that
  * surely have no event, so that it need not be asked. Returns the number of other lanes, of the first `used`; where they
  * are most, no step is made. With contacts, the engine's modes contain more, and it makes a step of its own. */
@@ -43,7 +39,6 @@ static int foresee_clear(const real* x, const real* u, const real* tunable, cons
     for (int i = NP; i < NP + MODES && LANE(clear, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
   return others;
 }
-#endif
 
 /* What lanes will ask for in the modes that the engine guesses. */
 static void foresee_guess(const real* x, const real* u, const real* h, const engine_t* engine, foreseen_t* tick) {
@@ -99,9 +94,7 @@ static void tick_of_lanes(const real* x, const real* r, const real* tunable, con
   int others = used, left = 0;
   actuate(arg, res, iw, w, 0);
   begin_ticks(x, acted, tunable, h, tick, place);
-#ifdef CALM
-  others = foresee_clear(x, acted, tunable, h, place, used, tick, next, &done);
-#endif
+  if (PLAIN) others = foresee_clear(x, acted, tunable, h, place, used, tick, next, &done);
   for (int j = 0; j < used; ++j) left += LANE(done, j) == 0.0;
   if (left && others > FEW) foresee_guess(x, acted, h, engine, tick);
   for (int j = 0; j < used; ++j) {

@@ -2,9 +2,6 @@
  *
  * Gradients of functions of the states of a rollout, LANES arms at a time. Only states at ticks are kept; the motion within
  * a tick is recomputed in the backward pass.
- *
- * Required definitions: as for rollout.c, and the generated `acting` (x, r) -> u, `adjoint` (x, u, p, h, weight) ->
- * gradients by x, u, p, and `limit_adjoint` (x, r, weight) -> gradients by x and r.
  */
 #include "arms.h"
 

@@ -1,12 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Guards at the ends of a segment: which are zero, and how the instant changes at which one is.
- *
- * Required definitions: varied.h; NG (guards: of contacts, normal and tangential, joints, lower and upper stops, switches),
- * SLOWEST (speed and acceleration of a joint at rest), NB (whether there are bilateral constraints), the generated `guards`
- * (x, u, p, limit) -> values, magnitudes of their terms, rates, whether they are active, and accelerations of the joints;
- * `guard_gradient` (x, u, p, limit, weights) -> gradients of the weighed sum by x and by what is held; with switches
- * `motion` (x, u, p) -> x' and its derivatives by x and u.
  */
 
 #pragma once
@@ -17,9 +11,6 @@
 #define DIFFERENT 1e-9  /* relative difference of slopes that is none */
 #define GRAZING 1e-4    /* rate of a guard that grazes zero, relative to that at the beginning */
 #define SAME_EVENT 1e-9 /* relative difference of the derivatives of an instant that is none */
-#if NK == 0
-#define motion(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
-#endif
 
 typedef struct {
   real value[NG], size[NG], rate[NG], active[NG], a[NU];

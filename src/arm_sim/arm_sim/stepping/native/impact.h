@@ -7,8 +7,6 @@
  * Levinson, Dynamics, Theory and Applications, 1985); then the rebound is the largest that does not. A rebound for which no
  * impulse is found is treated as adding energy. The stops that take part in an impact are found by pivoting, like modes: a
  * stop that would have to pull does not take part, one that its joint would pass does.
- *
- * Required definitions: modes.h.
  */
 
 #pragma once
@@ -61,8 +59,6 @@ static double find_impulse(const inertia_t* inertia, const real* before, double 
   return gain;
 }
 
-#ifdef RIGID
-
 /* Velocities after an impact in which joints without direction change by `change`, and the impulses of their stops. */
 static void find_strike(const real* x, const segment_t* segment, const real* change, const double* impulse, real* after,
                         real* held) {
@@ -74,7 +70,7 @@ static void find_strike(const real* x, const segment_t* segment, const real* cha
   res[0] = after;
   res[1] = held;
   strike(arg, res, iw, w, 0);
-  segment->memory->work += costs.strike;
+  segment->memory->work += strike_cost;
 }
 
 /* The joint at a stop with the largest, or just the first, violation in the impact; -1 if there is none. */
@@ -96,7 +92,7 @@ static int find_wrong_part(const real* x, const segment_t* segment, const real* 
 }
 
 /* Find which contacts and stops take part in an impact with a fraction of the full rebound, and its result. */
-static void find_blow(const real* x, segment_t* segment, double part, blow_t* blow) {
+static void find_blow_with_stops(const real* x, segment_t* segment, double part, blow_t* blow) {
   inertia_t inertia;
   geometry_t geometry;
   real met[2 * NU], change[NU], held[NU];
@@ -157,9 +153,8 @@ static int find_leaving(const real* x, segment_t* segment, int rebounds, double 
   return hits;
 }
 
-#else
-
-static void find_blow(const real* x, segment_t* segment, double part, blow_t* blow) {
+/* The same where no joint has a rigid stop. */
+static void find_blow_of_contacts(const real* x, segment_t* segment, double part, blow_t* blow) {
   inertia_t inertia;
   geometry_t geometry;
   find_inertia(x, segment, &inertia);
@@ -172,22 +167,16 @@ static void find_blow(const real* x, segment_t* segment, double part, blow_t* bl
   }
 }
 
-static int find_leaving(const real* x, segment_t* segment, int rebounds, double calm, double* leaves) {
-  (void)x;
-  (void)segment;
-  (void)rebounds;
-  (void)calm;
-  (void)leaves;
-  return 0;
+static void find_blow(const real* x, segment_t* segment, double part, blow_t* blow) {
+  if (RIGID) find_blow_with_stops(x, segment, part, blow);
+  else find_blow_of_contacts(x, segment, part, blow);
 }
 
-#endif
-
-#if NB && defined RIGID
 /* Joints set at rest on their stops after a blow take their loops with them. */
 static void rest_linked(real* x, segment_t* segment, blow_t* blow) {
   real change[NU], held[NU], after[NU];
   int any = 0;
+  if (!(NB && RIGID)) return;
   for (int i = 0; i < NU; ++i) {
     change[i] = x[NU + i] - blow->after[i];
     any |= change[i] != 0.0;
@@ -199,13 +188,6 @@ static void rest_linked(real* x, segment_t* segment, blow_t* blow) {
   find_strike(x, segment, change, blow->impulse, after, held);
   for (int i = 0; i < NU; ++i) x[NU + i] = segment->p.direction[i] == 0.0 ? 0.0 : after[i];
 }
-#else
-static void rest_linked(real* x, segment_t* segment, blow_t* blow) {
-  (void)x;
-  (void)segment;
-  (void)blow;
-}
-#endif
 
 /* Record an impact with a fraction of the full rebound in a traced tick. */
 static void note_blow(record_t* record, const segment_t* segment, const blow_t* blow, double part) {

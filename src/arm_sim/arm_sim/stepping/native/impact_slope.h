@@ -4,11 +4,6 @@
  *
  * Which joints and contacts take part, rebound, stick or slide does not change; impulses follow from Newton's law in the normal
  * direction and Coulomb's law in the tangential ones, and their derivatives from the implicit function theorem.
- *
- * Required definitions: varied.h, least_squares.h; SLOWEST (speed of a contact at rest), the generated
- * `impact_laws` (q and v, p, restitutions of joints and of contacts, whether contacts carry an impulse and stick, impulses) ->
- * velocities after it, velocities of the contacts then, derivatives of the former by q, v and quantities and by impulses,
- * and the same derivatives of what is zero in an impact; with contacts `contact_geometry`.
  */
 
 #pragma once

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Loads and slopes at a state of LANES arms, in modes.
- *
- * Required definitions: foreseen.h; the generated `loads` and `rhs`.
  */
 
 #pragma once

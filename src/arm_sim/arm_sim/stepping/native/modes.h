@@ -11,19 +11,14 @@
  *
  * Where statics does not determine the reactions of what is held, the parts hold together: see together.h. A set that does not
  * hold is released in the motion in which it gives way, and pivoting goes on from there.
- *
- * Required definitions: flow.h, cone.h, loads.h, costs.h; NP (tunable numbers), ND (joints with a direction in p: NU or 0),
- * with contacts the generated `contact_inertia`; RIGID where joints have rigid stops, and with it the generated `strike`; NK
- * (switches of drives and cords) and with them the generated `switches`; NQ (joints with compliant stops: NU or 0) and with
- * them the generated `pressures`; SLOWEST (tangential speed up to which a contact is at rest); NB (whether there are bilateral
- * constraints) and with them the generated `bilateral`.
  */
 
 #pragma once
 #include "flow.h"
 #include "loads.h"
 #include "record.h"
-#include "costs.h"
+#include "report.h"
+#include "numbers.h"
 #include "cone.h"
 #include "together.h"
 #include "search.h"
@@ -44,27 +39,6 @@
 #define NEARER_TURNS 6
 #define PIVOTS (NC ? 40 * (NC + NU) : 3 * NU + (1 << (NU < 12 ? NU : 12)))
 #define WORST_FIRST (NC ? PIVOTS : 3 * NU) /* pivots before the first violation is chosen */
-
-#if NB == 0
-#define bilateral(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
-#endif
-#if NQ == 0
-#define pressures(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
-#endif
-#if NK == 0
-#define switches(arg, res, iw, w, mem) ABSENT(arg, res, iw, w)
-#endif
-
-/* Why a tick could not be computed. Python: Trouble. */
-enum trouble { NONE, NUMBERS, UNDETERMINED, INSIDE };
-
-/* Totals over ticks. Python: EventReport. */
-typedef struct {
-  double impact_loss; /* energy lost in impacts */
-  long long impacts;
-  long long trouble;      /* reason of the last failure */
-  long long time_stepped; /* number of time-stepped ticks */
-} report_t;
 
 /* State of a contact besides its mode. */
 typedef struct {
@@ -126,15 +100,10 @@ __extension__ typedef struct {
 } inertia_t;
 
 /* Rigid stops: -1 and 1 for a joint at its lower or upper one, else 0. */
-#ifdef RIGID
-static int at_stop(const real* x, int joint) { return x[joint] <= lower_stop[joint] ? -1 : x[joint] >= upper_stop[joint]; }
-#else
 static int at_stop(const real* x, int joint) {
-  (void)x;
-  (void)joint;
-  return 0;
+  if (!RIGID) return 0;
+  return x[joint] <= rigid_stop[0][joint] ? -1 : x[joint] >= rigid_stop[1][joint];
 }
-#endif
 
 static void forget_all(memory_t* memory) { memory->work = memory->states = memory->loaded = 0; }
 
@@ -199,7 +168,7 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
     *found = *known;
     return;
   }
-  memory->work += costs.loads;
+  memory->work += loads_cost;
   loads_at(x, segment->u, (const real*)&segment->p, (real*)found);
   keep_loads(x, (const real*)&segment->p + NP, memory, found);
 }
@@ -207,7 +176,7 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
 static void find_inertia(const real* x, const segment_t* segment, inertia_t* inertia) {
   const foreseen_t* known = segment->foreseen;
   WORKSPACE;
-  segment->memory->work += costs.inertia;
+  segment->memory->work += inertia_cost;
   if (NC && is_foreseen(segment) && known->slides && same(x, known->x, NX)) {
     memcpy(inertia, known->inertia, sizeof *inertia);
     return;
@@ -224,14 +193,13 @@ static void find_inertia(const real* x, const segment_t* segment, inertia_t* ine
 static void find_slope(const real* x, const segment_t* segment, real* slope) {
   const loads_t* found = known_loads(x, segment);
   const real* answer = found ? found->slope : 0;
-#ifndef MOVING /* steps in motion are of other functions */
-  if (is_foreseen(segment) && same(x, segment->foreseen->x, NX)) answer = segment->foreseen->inside.slope[0];
-#endif
+  /* Steps in motion are of other functions. */
+  if (!MOVING && is_foreseen(segment) && same(x, segment->foreseen->x, NX)) answer = segment->foreseen->inside.slope[0];
   if (answer) {
     memcpy(slope, answer, NX * sizeof *slope);
     return;
   }
-  segment->memory->work += costs.slope;
+  segment->memory->work += slope_cost;
   slope_at(x, segment->u, (const real*)&segment->p, slope);
 }
 
@@ -390,10 +358,9 @@ static void guess(const real* x, segment_t* segment, const geometry_t* geometry)
   }
 }
 
-#ifdef TOGETHER
 static void find_statics(const real* x, const segment_t* segment, statics_t* found) {
   WORKSPACE;
-  segment->memory->work += costs.statics;
+  segment->memory->work += statics_cost;
   arg[0] = x;
   arg[1] = segment->u;
   arg[2] = (const real*)&segment->p;
@@ -468,13 +435,11 @@ static int release(const real* x, segment_t* segment, const together_t* together
 static void let_go(const real* x, segment_t* segment, const together_t* together, int number) {
   if (!release(x, segment, together, number, 0)) release(x, segment, together, number, 1);
 }
-#endif
 
-#if NB && ND
 /* Joints at rest that loops in motion take along: with all of them held, the constraints could not be satisfied. */
 static int find_carried(const real* x, const segment_t* segment, int* carried) {
   statics_t balance;
-  double T[NM * (NU + 1)];
+  __extension__ double T[NM * (NU + 1)];
   __extension__ int basic[NM], column[NU], moving = 0, count = 0, any = 0;
   const double fastest = largest_of(x + NU, NU);
   for (int i = 0; i < NU; ++i) {
@@ -504,7 +469,7 @@ static int find_carried(const real* x, const segment_t* segment, int* carried) {
 static void guess_turning(const real* x, segment_t* segment) {
   real slope[NX];
   int carried[NU];
-  if (!find_carried(x, segment, carried)) return;
+  if (!(NB && ND) || !find_carried(x, segment, carried)) return;
   for (int i = 0; i < ND; ++i)
     if (carried[i]) segment->p.direction[i] = 1.0;
   find_slope(x, segment, slope);
@@ -513,12 +478,6 @@ static void guess_turning(const real* x, segment_t* segment) {
     if (carried[i]) segment->p.direction[i] = way * at_stop(x, i) > 0.0 ? 0.0 : way;
   }
 }
-#else
-static void guess_turning(const real* x, segment_t* segment) {
-  (void)x;
-  (void)segment;
-}
-#endif
 
 /* Excess of the torque on a joint at rest over the capacity of friction and its stop: not positive if they hold it. */
 static double joint_excess(const real* x, const loads_t* found, int joint) {
@@ -546,7 +505,6 @@ static double rate_excess(const segment_t* segment, const loads_t* found, int k,
   return fmax(-ahead, fabs(astray)) / fastest - SLACK;
 }
 
-#ifdef TOGETHER
 /* Whether reactions of the least norm are beyond a limit. */
 static int anything_beyond(const real* x, const segment_t* segment, const loads_t* found) {
   int any = segment->yields;
@@ -554,17 +512,6 @@ static int anything_beyond(const real* x, const segment_t* segment, const loads_
   for (int i = 0; i < ND; ++i) any |= segment->p.direction[i] == 0.0 && joint_excess(x, found, i) > 0.0;
   return any;
 }
-#else
-__extension__ typedef struct {
-  int set[NU + NC];
-} together_t;
-static double set_excess(const segment_t* segment, const together_t* together, int number) {
-  (void)segment;
-  (void)together;
-  (void)number;
-  return 0.0;
-}
-#endif
 
 /* The entry with the largest, or just the first, violation: a contact, or NC plus a joint; -1 if there is none. `set`
  * receives the number of the set to which the violated limit belongs, or 0. */
@@ -575,9 +522,7 @@ static int find_disobedient(const real* x, const segment_t* segment, const loads
   double most = 0.0;
   int worst = -1, resting = 0;
   for (int i = 0; i < NU + NC; ++i) together->set[i] = 0;
-#ifdef TOGETHER
-  if (anything_beyond(x, segment, found)) find_sets_held(x, segment, found, together);
-#endif
+  if (TOGETHER && anything_beyond(x, segment, found)) find_sets_held(x, segment, found, together);
   for (int k = 0; k < NC; ++k) {
     const int number = together->set[NU + k];
     const double beyond = number ? set_excess(segment, together, number) : force_excess(segment, found, k) / heaviest;
@@ -756,12 +701,10 @@ static int settle(const real* x, segment_t* segment, const geometry_t* geometry)
       int set = 0;
       const int entry = find_disobedient(x, segment, &found, k >= WORST_FIRST, &together, &set);
       if (entry < 0) { return !any_jams(x, segment, &found); }
-#ifdef TOGETHER
-      if (set) {
+      if (TOGETHER && set) {
         let_go(x, segment, &together, set);
         continue;
       }
-#endif
       if (!pivot(x, segment, &found, entry)) break;
     }
     if (NC && attempt < 2) solve_together(x, segment, attempt == 0);
@@ -784,7 +727,6 @@ EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
   return settled ? NONE : UNDETERMINED;
 }
 
-#ifdef TOGETHER
 /* Change of the reactions of the least norm in given modes, those of contacts (normal, and tangential ones where they stick)
  * and then of joints, to the nearest within all limits. */
 EXPORTED void share_reactions(const real* x, const real* u, const modes_t* p, double* change) {
@@ -797,9 +739,9 @@ EXPORTED void share_reactions(const real* x, const real* u, const modes_t* p, do
   begin_tick(&segment, u, &memory);
   segment.p = *p;
   for (int i = 0; i < FORCES; ++i) change[i] = 0.0;
+  if (!TOGETHER) return;
   find_loads(x, &segment, &found);
   find_statics(x, &segment, &balance);
   find_parts(x, &segment, &found, &balance, parts);
   find_nearest(&balance, parts, change);
 }
-#endif

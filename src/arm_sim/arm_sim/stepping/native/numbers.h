@@ -1,27 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Numbers of a scene with events, by joint and contact.
- *
- * With the costs of its functions they are all that an engine needs to know of a scene besides sizes and features, so that its
- * code may be shared: where it is a unit of its own, OF_SCENE declares them there, and defines them in the unit of the scene.
- *
- * Required definitions: NU (joints), NC (contacts), STATIC, FRICTION, HOLDING, RESTITUTION (brace lists); with RIGID also LOWER,
- * UPPER, LOWER_REBOUND and UPPER_REBOUND; SOFT_LOWER, SOFT_UPPER; WAVES; OF_SCENE and VALUE (how a number is declared).
+ * Numbers of a scene by joint and contact, and what its functions cost. They are defined with its functions, and are all that
+ * the engine needs to know of it besides sizes and features: its code may be shared by scenes with the same.
  */
 
 #pragma once
-#include "stops.h"
+#include "scene.h"
 
-OF_SCENE double static_level[NU] VALUE(STATIC);
-__extension__ OF_SCENE double friction[NC] VALUE(FRICTION); /* coefficients of sliding friction ... */
-__extension__ OF_SCENE double holding[NC] VALUE(HOLDING);   /* ... and of static friction */
-__extension__ OF_SCENE double restitution[NC] VALUE(RESTITUTION);
+/* Lower and upper stops, beyond every position where there is none: all, rigid ones with their restitution, compliant ones. */
+extern const double stop_place[2][NU], rigid_stop[2][NU], rebound_of[2][NU], soft_stop[2][NU];
+extern const double static_level[NU]; /* of dry friction */
+extern const double wave_number[NU];  /* phase of the fastest wave in a joint's position, in radians for each radian or metre */
 
-#ifdef RIGID
-OF_SCENE double lower_stop[NU] VALUE(LOWER);
-OF_SCENE double upper_stop[NU] VALUE(UPPER);
-OF_SCENE double rebound_of[2][NU] VALUE({LOWER_REBOUND, UPPER_REBOUND});
-#endif
-/* Phase of the fastest wave in a joint's position, in radians for each radian or metre. */
-OF_SCENE double wave_number[NU] VALUE(WAVES);
-OF_SCENE double soft_stop[2][NU] VALUE({SOFT_LOWER, SOFT_UPPER});
+/* Coefficients of sliding and of static friction, and restitutions of contacts. */
+__extension__ extern const double friction[NC], holding[NC], restitution[NC];
+
+/* Operations of one call of functions, and those in a tick above which it is time-stepped. */
+extern const long long step_cost, slope_cost, loads_cost, inertia_cost, strike_cost, statics_cost, most_work;

@@ -2,7 +2,7 @@
  *
  * Modes of joints and contacts, and what is recorded of a tick for its derivatives.
  *
- * Arrays may have no elements, see foreseen.h. Required definitions: NX, NU, NP, ND, NQ, NK, NC (as for modes.h).
+ * Arrays may have no elements, see foreseen.h. 
  */
 
 #pragma once

@@ -5,10 +5,6 @@
  * Where static friction exceeds sliding friction, a joint may be held under a load that keeps it going once it moves: the state
  * after a tick then jumps with the velocity before it. Where friction vanishes, as in a lossy gear without load, a joint is held
  * by nothing.
- *
- * Required definitions: varied.h, least_squares.h; NB, with bilateral constraints NM (their rows), the generated `doubts`
- * (x, u, p) -> whether there may be a reason, and whether there may be if the state itself is varied; `rhs`, with contacts
- * `loads` and `settled` (q and v, p) -> velocities after contact per velocity before; with bilateral constraints `statics`.
  */
 
 #pragma once
@@ -26,8 +22,9 @@ static double largest_number(const real* values) {
 
 /* Take from velocities what bilateral constraints do not allow. */
 static void obey_loops(const real* x, const tick_t* tick, const record_t* segment, real* way) {
-#if NB && ND
-  real push[NU * (NM + 3 * NC)], reaction[NU], bears[2 * NU], drift[NM], A[NM * NU], V[NU * NU], lost[NM], back[NU];
+  __extension__ real push[NU * (NM + 3 * NC)], reaction[NU], bears[2 * NU], drift[NM], A[NM * NU], V[NU * NU], lost[NM],
+      back[NU];
+  if (!(NB && ND)) return;
   CALL(statics, (x, tick->u, numbers(&segment->p)), (push, reaction, bears, drift));
   for (int k = 0; k < NM; ++k) {
     lost[k] = product_of(NU, push + k * NU, way);
@@ -35,16 +32,12 @@ static void obey_loops(const real* x, const tick_t* tick, const record_t* segmen
   }
   solve_least(NM, NU, A, V, 1, lost, back);
   for (int i = 0; i < NU; ++i) way[i] -= back[i];
-#else
-  (void)x, (void)tick, (void)segment, (void)way;
-#endif
 }
 
 /* Velocities after a push of a joint, without friction of those that are held. */
 static void find_way(int joint, const real* x, const tick_t* tick, const record_t* segment, real* way) {
   for (int i = 0; i < NU; ++i) way[i] = i == joint;
-#if NC
-  if (any_closed(segment)) {
+  if (NC && any_closed(segment)) {
     modes_t loose = segment->p;
     real settling[NU * NU];
     for (int i = 0; i < ND; ++i)
@@ -53,20 +46,15 @@ static void find_way(int joint, const real* x, const tick_t* tick, const record_
     memcpy(way, settling + joint * NU, NU * sizeof *way);
     return;
   }
-#endif
   obey_loops(x, tick, segment, way);
 }
 
 /* Whether a stop blocks a motion. */
 static int is_blocked(const real* x, const real* way, double sign) {
   int any = 0;
-#ifdef RIGID
-  for (int i = 0; i < NU; ++i)
+  for (int i = 0; RIGID && i < NU; ++i)
     if (fabs(way[i]) > SHARE)
-      any |= (x[i] <= lower_stop[i] && sign * way[i] < 0.0) || (x[i] >= upper_stop[i] && sign * way[i] > 0.0);
-#else
-  (void)x, (void)way, (void)sign;
-#endif
+      any |= (x[i] <= rigid_stop[0][i] && sign * way[i] < 0.0) || (x[i] >= rigid_stop[1][i] && sign * way[i] > 0.0);
   return any;
 }
 
@@ -93,8 +81,8 @@ static int find_gains(int joint, const real* x, const tick_t* tick, const record
 
 /* A contact whose static coefficient exceeds that of sliding, and whose load lies between them. */
 static enum refusal check_slipping(const real* x, const tick_t* tick, const record_t* segment) {
-#if NC
-  real load[NU], force[3 * NC], rate[3 * NC], grip[NC];
+  __extension__ real load[NU], force[3 * NC], rate[3 * NC], grip[NC];
+  if (!NC) return NO_REFUSAL;
   CALL(loads, (x, tick->u, numbers(&segment->p)), (load, force, rate, grip));
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t* mode = segment->p.contact + k;
@@ -103,9 +91,6 @@ static enum refusal check_slipping(const real* x, const tick_t* tick, const reco
     if (friction[k] > 0.0 && hypot(r[1], r[2]) >= (1.0 - SHARE) * friction[k] * r[0])
       return refuse(tick, CONTACT_WOULD_GO_ON, k);
   }
-#else
-  (void)x, (void)tick, (void)segment;
-#endif
   return NO_REFUSAL;
 }
 

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Many ticks in one call.
- *
- * Required definitions: tick.h.
  */
 
 #include "tick.h"
@@ -23,7 +21,7 @@ EXPORTED long long roll(real* x, const real* command, long long stride, const re
     for (int i = 0; i < NX; ++i) trace[k * NX + i] = x[i];
     for (int i = 0; i < NU; ++i) effort[k * NU + i] = acted[i];
     notes[2 * k] = control ? control->error : 0.0;
-    notes[2 * k + 1] = (double)count_time_stepped(report);
+    notes[2 * k + 1] = (double)report->time_stepped;
   }
   return ticks;
 }
@@ -37,11 +35,11 @@ EXPORTED void roll_each(real* x, const real* command, const real* p, long long s
                         control_t* control, report_t* report) {
   for (long long k = 0; k < states; ++k) {
     real trace[NX], effort[NU], notes[2], *own = x + k * NX;
-    const double before = lost_in_impacts(report);
+    const double before = report->impact_loss;
     long long done = 0;
     if (control) control->step = 0.0;
     while (done < ticks && roll(own, command + k * NU, 0, p + k * NP, h, 1, trace, effort, notes, control, report)) ++done;
-    lost[k] = lost_in_impacts(report) - before;
+    lost[k] = report->impact_loss - before;
     for (int i = 0; i < NX && done < ticks; ++i) own[i] = lost[k] = __builtin_nan("");
   }
 }

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Many arms, LANES at a time.
- *
- * Required definitions: arms.h, and as for roll.c; NP (length of the parameters); in a scene with events also foresight.h,
- * and EVENTS.
  */
 
 #include "arms.h"
+#if EVENTS
 #include "foresight.h"
+#else
+#include "foreseen.h"
+#endif
 
 /* Advance the arms first … last-1.
  *
@@ -16,13 +17,13 @@
  * p:    parameters; arm i at p + i * p_arm.
  * out:  states of every tick, the first included, (ticks + 1) * NX per arm; if last_only, NX per arm.
  * met:  set to 1 for an arm that meets a stop; its states are invalid from there on.
- * effort: with a controller, effective commands of every tick, ticks * NU per arm.
+ * effort: receives effective commands of every tick, ticks * NU per arm; or null.
  * engine: in a scene with events, that of one arm.
  * An arm that diverges is NaN from there on; other lanes are not affected.
  */
 EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
                       long long p_arm, const double* h, long long ticks, long long first, long long last, double* out,
-                      int last_only, signed char* met CONTROLLED WITH_ENGINE) {
+                      int last_only, signed char* met, double* effort, const engine_t* engine) {
   const long long row = last_only ? NX : (ticks + 1) * NX;
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
@@ -40,9 +41,10 @@ EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, lo
           for (int i = 0; i < NX; ++i) out[(arm + j) * row + (last_only ? 0 : k * NX) + i] = LANE(x[i], j);
       if (k == ticks) break;
       if (k == 0 || tau_tick) read_arms(r, NR, tau + k * tau_tick, tau_arm, of_lane);
-#ifdef EVENTS
+#if EVENTS
       tick_of_lanes(x, r, par, &length, last - arm < LANES ? (int)(last - arm) : LANES, engine, next, acted);
 #else
+      (void)engine;
       arg[0] = x;
       arg[1] = r;
       arg[2] = par;
@@ -51,10 +53,8 @@ EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, lo
       res[1] = acted;
       TICK(arg, res, iw, w, 0);
 #endif
-#ifdef WITH_CONTROLLER
-      for (int j = 0; j < LANES && arm + j < last; ++j)
+      for (int j = 0; effort && j < LANES && arm + j < last; ++j)
         for (int i = 0; i < NU; ++i) effort[((arm + j) * ticks + k) * NU + i] = LANE(acted[i], j);
-#endif
       int lost = 0;
       for (int j = 0; j < LANES; ++j) met[of_lane[j]] |= meets_any_stop(x, next, h[0], j);
       for (int i = 0; i < NX; ++i) {

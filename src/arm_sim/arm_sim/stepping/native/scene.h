@@ -1,12 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A scene with everything, for editors and for checks of these files: two joints with dry friction and stops, a drive with a
- * state, a bilateral constraint and two contacts, under error control. When a scene is compiled, its own definitions and
- * generated functions take the place of this file; see `source` in engine.py.
+ * What the engine asks of a scene. When one is compiled, its own definitions and generated functions come before this file,
+ * see engine.py. Read alone, as editors and checks of these files do, it is a scene with everything: two joints with dry
+ * friction and stops, a drive with a state, a bilateral constraint and two contacts, under error control.
  */
 #pragma once
 #include <math.h>
 #include <string.h>
+
+#ifndef NX
+#define ALONE
 
 /* What the generated code begins with; see codegen/native/scalar.h. */
 typedef double real;
@@ -21,7 +24,7 @@ static inline long long AS_BITS(real x) {
 #define LANE(x, i) (*((void)(i), &(x)))
 
 /* Sizes: states, joints, tunable numbers, contacts; switches of drives and cords, joints with a direction of friction and
- * with compliant stops; whether there are bilateral constraints, and their rows. */
+ * with compliant stops (all or none); whether there are bilateral constraints, and their rows; numbers of a command. */
 #define NX 5
 #define NU 2
 #define NP 3
@@ -31,60 +34,35 @@ static inline long long AS_BITS(real x) {
 #define NQ NU
 #define NB 1
 #define NM 1
-#define LARGEST 1e100
+#define NR NU
+#define LARGEST 1e100 /* number of a state */
 
-/* Work space of the generated functions, and their costs. */
+/* Work space of the generated functions. */
 #define SZ_ARG 16
 #define SZ_RES 16
 #define SZ_IW 16
 #define SZ_W 256
-#define MOST_WORK 1000000LL
-#define COST_STEP 400
-#define COST_SLOPE 100
-#define COST_LOADS 100
-#define COST_INERTIA 100
-#define COST_STRIKE 100
-#define COST_STATICS 100
 
-/* Features. */
+/* Features, 1 or 0: error control, with the order of its estimate plus one and the most sub-steps of a tick; and others. */
 #define ADAPTIVE 1
 #define ORDER 4
 #define MOST_SUBSTEPS 1000
+#define EVENTS 1
+#define STOPS 1      /* stops are looked at after a tick, where there are no events */
+#define RIGID 1      /* joints have rigid stops */
+#define FREE 1       /* functions without modes while no joint is at a stop */
+#define MOVING 1     /* simpler functions where every joint slides and nothing touches */
+#define PLAIN 1      /* modes are those of sliding joints and of contacts alone */
+#define CLEAR 1      /* ticks that clearly have no event are made without modes */
+#define FORETELLS 1  /* derivatives of steps return their continuous output */
+#define NEAR_LOADS 1 /* steps return the loads at a stage at their end */
+#define TOGETHER 1   /* statics may not determine the reactions of what is held */
 #define TOLERANCE 1e-8
-#define RIGID 1
-#define FREE 1
-#define MOVING 1
-#define CALM 1
-#define CLEAR 1
-#define FORETELLS 1
-#define NEAR_LOADS 1
-#define TOGETHER 1
-#define STOPS 1
-
-/* How a number of the scene is declared. */
-#define OF_SCENE static const
-#define VALUE(...) = __VA_ARGS__
-
-/* Brace lists by joint, and by contact. */
-#define LOWEST {-1.0, -1.0}
-#define HIGHEST {1.0, 1.0}
-#define LOWER {-1.0, -1.0}
-#define UPPER {1.0, 1.0}
-#define LOWER_REBOUND {0.0, 0.0}
-#define UPPER_REBOUND {0.0, 0.0}
-#define SOFT_LOWER {-1.0, -1.0}
-#define SOFT_UPPER {1.0, 1.0}
-#define STATIC {1.0, 1.0}
-#define FRICTION {0.5, 0.5}
-#define HOLDING {0.6, 0.6}
-#define RESTITUTION {0.0, 0.0}
-#define WAVES {2.0, 2.0}
 
 /* Of derivatives: numbers of coefficients, of varied parameters, and of coefficients of projections. */
 #define NA 4
 #define NSTEP 4
 #define NT 1
-#define STRETCH 1
 #define NBEGIN 4
 #define NEND 4
 #define NG 14
@@ -93,7 +71,7 @@ static inline long long AS_BITS(real x) {
 #define DEEP 1e-9
 #define SLOWEST 1e-9
 
-/* Generated functions. */
+/* Generated functions. One that a scene does not need is empty, and never called. */
 #define GENERATED(name) int name(const real** arg, real** res, casadi_int* iw, real* w, int mem)
 GENERATED(step);
 GENERATED(free_step);
@@ -130,4 +108,7 @@ GENERATED(begin_adjoint);
 GENERATED(end_adjoint);
 GENERATED(adjoint);
 GENERATED(limit_adjoint);
+GENERATED(advance);
+GENERATED(moving_advance);
 #define TICK step
+#endif

@@ -1,13 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * For editors, with scene.h: the generated functions of tangents.c.
+ * The generated functions of columns that the engine asks of a scene, see scene.h.
  */
 #pragma once
 #include "scene.h"
+#ifdef ALONE
 #include "../../../../arm_dynamics/arm_dynamics/codegen/native/columns.h"
-
-GENERATED(advance);
-GENERATED(moving_advance);
 
 #define COLUMNS(name) void name(const real* c, const column* const* arg, column* res)
 COLUMNS(carry);
@@ -20,3 +18,4 @@ COLUMNS(moving_back_rest);
 COLUMNS(stretch);
 COLUMNS(begin_at_rest);
 COLUMNS(end_at_rest);
+#endif

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Smooth segments between events: how long the modes remain valid, and corrections at the ends.
- *
- * Required definitions: modes.h, search.h, stops.h; the generated `contact_close`.
  */
 
 #pragma once
@@ -17,11 +15,8 @@
 #define MOST_PARTS 32      /* segments of a tick in which a contact that creeps in one direction is looked at */
 #define TURN_ERROR 1e-8    /* error of its velocity by a turn in a step of fixed length */
 #define RESTING_DRIFT (0.5 * SLOWEST) /* speed of a contact across its direction when it comes to rest, which is rest ... */
-#ifdef ADAPTIVE
-#define DRIFT(segment) (10.0 * (segment)->control->tolerance) /* ... and while it slides, that need not be followed */
-#else
-#define DRIFT(segment) TURN_ERROR
-#endif
+/* ... and while it slides, that need not be followed */
+#define DRIFT(segment) (ADAPTIVE ? 10.0 * (segment)->control->tolerance : TURN_ERROR)
 #define SHORT_WAY 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
 #define SWITCH_ROUNDING 1e-13 /* of a comparison, relative to what is compared */
 #define NOTHING 1e-15       /* violation treated as rounding */
@@ -49,9 +44,7 @@ __extension__ typedef struct {
 
 /* The slope at the beginning of a piece, with which its steps begin; where nothing is held they find it themselves. */
 static void begin_piece(const segment_t* segment, piece_t* piece) {
-#ifdef MOVING
-  if (all_moves(segment->p.direction)) return;
-#endif
+  if (MOVING && all_moves(segment->p.direction)) return;
   find_slope(piece->begin, segment, piece->inside.slope[0]);
 }
 
@@ -76,31 +69,27 @@ static int make_step(const segment_t* segment, double h, piece_t* piece, real* e
   arg[2] = (const real*)&segment->p;
   arg[3] = &length;
   *more++ = piece->end;
-#ifdef ADAPTIVE
-  *more++ = error;
-  *more++ = error + 1;
-#else
-  (void)error;
-#endif
+  if (ADAPTIVE) {
+    *more++ = error;
+    *more++ = error + 1;
+  }
   piece->nears = 0;
-#ifdef MOVING
-  if (all_moves(segment->p.direction)) {
+  if (MOVING && all_moves(segment->p.direction)) {
     *more++ = piece->inside.slope[0];
     *more++ = piece->inside.slope[1];
     *more = piece->inside.middle;
-    MOVING_SMOOTH(arg, res, iw, w, 0);
+    (ADAPTIVE ? moving_attempt : moving_step)(arg, res, iw, w, 0);
     return within_reach(piece->end);
   }
-#endif
   arg[4] = piece->inside.slope[0];
   *more++ = piece->inside.slope[1];
   *more++ = piece->inside.middle;
-#ifdef NEAR_LOADS
-  *more++ = piece->near.load;
-  *more = piece->near.force;
-  piece->nears = STEADY;
-#endif
-  SMOOTH(arg, res, iw, w, 0);
+  if (NEAR_LOADS) {
+    *more++ = piece->near.load;
+    *more = piece->near.force;
+    piece->nears = STEADY;
+  }
+  (ADAPTIVE ? attempt : step)(arg, res, iw, w, 0);
   return within_reach(piece->end);
 }
 
@@ -122,11 +111,7 @@ static int anything_held(const segment_t* segment) {
   return any;
 }
 
-#ifdef ADAPTIVE
-#define MOST_STEPS MOST_SUBSTEPS
-#else
-#define MOST_STEPS 1
-#endif
+#define MOST_STEPS (ADAPTIVE ? MOST_SUBSTEPS : 1)
 
 /* Event functions, which must not be positive: of contacts gaps, or normal and tangential forces; of joints friction, and
  * both stops; of the sets that hold together the largest excess, in place of those of their parts. Each is smooth in time
@@ -144,16 +129,12 @@ static double worst_of(const limits_t* limits) { return largest_among((const dou
 /* Positive where a joint is beyond a rigid stop, meets a compliant one or separates from it, after a motion of length t. */
 static void stop_disobedience(const real* x, const segment_t* segment, double t, limits_t* limits) {
   double met[2][NU], push[2][NU];
-#ifdef RIGID
-  for (int i = 0; i < NU; ++i) {
+  for (int i = 0; RIGID && i < NU; ++i) {
     if (segment->p.direction[i] == 0.0) continue;
     const double room = SINKING * t + GAP_ROUNDING * (1.0 + fabs(x[i]));
-    limits->stop[2 * i] = lower_stop[i] - x[i] - room;
-    limits->stop[2 * i + 1] = x[i] - upper_stop[i] - room;
+    limits->stop[2 * i] = rigid_stop[0][i] - x[i] - room;
+    limits->stop[2 * i + 1] = x[i] - rigid_stop[1][i] - room;
   }
-#else
-  (void)t;
-#endif
   if (NQ) find_pressures(x, met, push);
   for (int i = 0; i < NQ; ++i)
     for (int side = 0; side < 2; ++side)
@@ -163,7 +144,6 @@ static void stop_disobedience(const real* x, const segment_t* segment, double t,
 /* Speed against its direction that a sliding joint may have by rounding. */
 static double turning_rounding(const real* x) { return TURNING_BACK * (1.0 + largest_of(x + NU, NU)); }
 
-#ifdef TOGETHER
 /* Replace the limits of parts that hold together by that of their sets, where reactions of the least norm are beyond. */
 static void hold_together(const real* x, const segment_t* segment, const loads_t* found, limits_t* limits) {
   together_t together;
@@ -179,7 +159,6 @@ static void hold_together(const real* x, const segment_t* segment, const loads_t
   for (int i = 0; i < PARTS; ++i)
     if (together.set[i]) limits->together = fmax(limits->together, set_excess(segment, &together, together.set[i]));
 }
-#endif
 
 /* Whether a contact is apart or slides: its place or speed may end its mode. */
 static int any_travels(const segment_t* segment) {
@@ -235,9 +214,7 @@ static double disobedience(const real* x, const segment_t* segment, const double
     if (d[i] == 0.0) limits->joint[i] = joint_excess(x, &found, i);
     else if (may_stick(i)) limits->joint[i] = -v[i] * d[i] - rounding;
   }
-#ifdef TOGETHER
-  if (anything_held(segment)) hold_together(x, segment, &found, limits);
-#endif
+  if (TOGETHER && anything_held(segment)) hold_together(x, segment, &found, limits);
   stop_disobedience(x, segment, t, limits);
   find_switches(x, segment, value, size);
   for (int k = 0; k < NK; ++k)
@@ -257,7 +234,7 @@ __extension__ typedef struct {
 static double excess_at(const search_t* search, double t, limits_t* limits) {
   piece_t part;
   real error[2];
-  search->segment->memory->work += costs.step;
+  search->segment->memory->work += step_cost;
   memcpy(part.begin, search->piece.begin, sizeof part.begin);
   memcpy(part.inside.slope[0], search->piece.inside.slope[0], sizeof part.inside.slope[0]);
   memcpy(part.end, part.begin, sizeof part.end);
@@ -305,11 +282,7 @@ static int contact_may_stray(const segment_t* segment, const geometry_t* begin, 
  */
 static int load_may_stray(const piece_t* piece, const segment_t* segment, const limits_t* end) {
   if (!anything_held(segment)) return 0;
-#ifdef ADAPTIVE
-  (void)piece;
-  (void)end;
-  return 1;
-#else
+  if (ADAPTIVE) return 1;
   const real* inside = (const real*)&piece->inside;
   if (NX > 2 * NU || !varies_evenly(piece->begin, piece->end, inside, piece->length)) return 1;
   for (int k = 0; k < NC; ++k) {
@@ -323,7 +296,6 @@ static int load_may_stray(const piece_t* piece, const segment_t* segment, const 
   for (int i = 0; i < ND; ++i)
     if (segment->p.direction[i] == 0.0 && end->joint[i] > -NEAR * static_level[i]) return 1;
   return end->together > -NEAR;
-#endif
 }
 
 /* Whether a drive or cord may switch inside a piece and back: whether it comes close, as the middle shows, or a wave passes. */
@@ -440,11 +412,9 @@ static double find_next(const real* x, const segment_t* segment, const geometry_
   for (int i = 0; i < NU; ++i) {
     const double v = x[NU + i], a = slope[NU + i];
     if (may_stick(i) && v * a < 0.0) soonest = fmin(soonest, -v / a);
-#ifdef RIGID
-    if (segment->p.direction[i] == 0.0) continue;
+    if (!RIGID || segment->p.direction[i] == 0.0) continue;
     const double below = GAP_ROUNDING * (1.0 + fabs(x[i]));
-    soonest = fmin(soonest, fmin(arrival(x[i] - lower_stop[i] + below, -v, -a), arrival(upper_stop[i] - x[i] + below, v, a)));
-#endif
+    soonest = fmin(soonest, fmin(arrival(x[i] - rigid_stop[0][i] + below, -v, -a), arrival(rigid_stop[1][i] - x[i] + below, v, a)));
   }
   for (int k = 0; k < NC; ++k) {
     const double gap = fmax(geometry->place[3 * k], 0.0) + GAP_ROUNDING * geometry->size[k];
@@ -490,7 +460,6 @@ static double find_violation(const search_t* search, double h, int reached, limi
   return known;
 }
 
-#ifdef ADAPTIVE
 /* Whether an accepted attempt that an event cuts to `length` is accurate, with its error `size` then: an attempt that passes
  * over what happens close to the event may not notice it. If not, a shorter one is to be tried from the same beginning.
  */
@@ -501,7 +470,6 @@ static int is_accurate_cut(substeps_t* at, double h, double length, double size)
   at->step = length * (factor > 0.2 ? factor : 0.2);
   return 0;
 }
-#endif
 
 /* Note a step of a traced tick. */
 static void note_step(const segment_t* segment, double length) {
@@ -517,7 +485,7 @@ static void note_step(const segment_t* segment, double length) {
  * with an event are halved: ticks of half the length would not test a motion that begins and ends within them, as the
  * contact with a stiff stop does.
  */
-static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
+static double advance_segment(const real* x, segment_t* segment, double reach, real* after, int* calm) {
   search_t search;
   piece_t* piece = &search.piece;
   control_t* control = segment->control;
@@ -529,38 +497,31 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
   memcpy(piece->begin, x, sizeof piece->begin);
   begin_piece(segment, piece);
   *calm = 0;
-#ifdef ADAPTIVE
-  substeps_t at = first_substep(reach, control->step);
-#else
-  (void)control;
-#endif
+  substeps_t at = first_substep(reach, ADAPTIVE ? control->step : reach);
   for (long long k = 0; k < MOST_STEPS; ++k) {
     limits_t limits;
     real error[2];
     int last = 1;
     error[0] = error[1] = 0.0;
-    segment->memory->work += costs.step;
-#ifdef ADAPTIVE
-    const double h = next_length(&at, reach);
-    ++control->attempts;
+    segment->memory->work += step_cost;
+    const double h = ADAPTIVE ? next_length(&at, reach) : reach;
     const int reached = make_step(segment, h, piece, error);
-    const enum verdict verdict = judge(&at, reach, error[0] / control->tolerance, reached);
-    if (verdict == HOPELESS) break;
-    if (verdict == REJECTED) continue;
-    last = verdict == ENDED;
-#else
-    const double h = reach;
-    const int reached = make_step(segment, h, piece, error);
-#endif
+    if (ADAPTIVE) {
+      ++control->attempts;
+      const enum verdict verdict = judge(&at, reach, error[0] / control->tolerance, reached);
+      if (verdict == HOPELESS) break;
+      if (verdict == REJECTED) continue;
+      last = verdict == ENDED;
+    }
     const double known = find_violation(&search, h, reached, &limits);
     *calm = known == 0.0;
     const double length = *calm ? h : end_at_event(&search, known, &limits, error);
     if (length < 0.0) return -1.0;
-#ifdef ADAPTIVE
-    if (!*calm && !is_accurate_cut(&at, reach, length, error[0] / control->tolerance)) continue;
-    control->error += error[1];
-    control->step = at.step;
-#endif
+    if (ADAPTIVE) {
+      if (!*calm && !is_accurate_cut(&at, reach, length, error[0] / control->tolerance)) continue;
+      control->error += error[1];
+      control->step = at.step;
+    }
     piece->from += length;
     note_step(segment, length);
     memcpy(piece->begin, piece->end, sizeof piece->begin);
@@ -649,15 +610,13 @@ static void find_ended(const real* x, segment_t* segment, int calm) {
   for (int i = 0; i < NU + NC; ++i) together.set[i] = 0;
   segment->yields = 0;
   if ((NC || NB) && !calm) find_loads(x, segment, &found);
-#ifdef TOGETHER
-  if (!calm) {
+  if (TOGETHER && !calm) {
     segment->yields = 1; /* an evaluation at the limit */
     find_sets_held(x, segment, &found, &together);
     int any = 0;
     for (int i = 0; i < PARTS; ++i) any |= together.set[i] && set_excess(segment, &together, together.set[i]) > 0.0;
     segment->yields = any;
   }
-#endif
   for (int k = 0; k < NC; ++k) {
     const real* r = found.force + 3 * k;
     const contact_mode_t* mode = segment->p.contact + k;
@@ -686,13 +645,10 @@ static int stop_joints(real* x, const segment_t* segment) {
 
 /* Move joints that are beyond a rigid stop by rounding to the stop. */
 static void stop_at_limits(real* x) {
-  (void)x;
-#ifdef RIGID
-  for (int i = 0; i < NU; ++i) {
-    if (x[i] < lower_stop[i]) x[i] = lower_stop[i];
-    if (x[i] > upper_stop[i]) x[i] = upper_stop[i];
+  for (int i = 0; RIGID && i < NU; ++i) {
+    if (x[i] < rigid_stop[0][i]) x[i] = rigid_stop[0][i];
+    if (x[i] > rigid_stop[1][i]) x[i] = rigid_stop[1][i];
   }
-#endif
 }
 
 /* Rank of a positive semidefinite matrix whose rows may be of very different size, by elimination with diagonal pivots. */
@@ -824,9 +780,7 @@ static double find_reach(const real* x, segment_t* segment, double tick) {
     if (!(of->rate > 0.0)) continue;
     if (of->turn <= least && length < part) segment->p.contact[k].fixed = 1.0;
     if (segment->p.contact[k].fixed != 0.0) length = fmax(length, part);
-#ifndef ADAPTIVE
-    else length *= fmin(1.0, pow(120.0 * TURN_ERROR / of->drift, 0.2));
-#endif
+    else if (!ADAPTIVE) length *= fmin(1.0, pow(120.0 * TURN_ERROR / of->drift, 0.2));
     reach = fmin(reach, length);
   }
   return reach;

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * How much forces may vary inside a step that look alike at both of its ends: of LANES arms.
- *
- * Required definitions: numbers.h.
  */
 
 #pragma once

@@ -1,15 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Positions of the joints' stops, both rigid and compliant, and detection of contact with them.
- *
- * Required definitions: NU (joints), LOWEST, HIGHEST (brace lists: positions of the stops, beyond every position where there
- * is none), OF_SCENE and VALUE (see numbers.h).
+ * Detection of contact with the joints' stops, both rigid and compliant.
  */
 
 #pragma once
-#include "scene.h"
-
-OF_SCENE double stop_place[2][NU] VALUE({LOWEST, HIGHEST});
+#include "numbers.h"
 
 /* Whether a joint may meet a stop in a motion from q, v to q_end, v_end. The cubic with these ends goes no farther than half of
  * `way`; the rest is for its error. `margin` is added.

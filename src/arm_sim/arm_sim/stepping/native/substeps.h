@@ -3,7 +3,6 @@
  * Lengths of the sub-steps of a tick under error control.
  *
  * Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993, section II.4.
- * Before this file: ORDER (of the error estimate plus one).
  */
 
 #pragma once

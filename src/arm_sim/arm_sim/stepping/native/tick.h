@@ -1,31 +1,25 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * A tick of any scene. The torque is constant within it.
- *
- * Required definitions: flow.h and the generated `actuate`; in a scene with events also events.h, which defines EVENTS.
  */
 
 #pragma once
 #include "flow.h"
+#include "report.h"
+
+#if EVENTS
 #include "events.h"
-
-#ifndef EVENTS
-typedef void report_t;
-
+#else
 /* Without events a tick is one smooth motion. */
 static int tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report, real* after) {
   (void)report;
   return flow(x, u, p, h, control, after);
 }
 
-static long long count_time_stepped(const report_t* report) {
-  (void)report;
+/* Whether a contact point is inside its plane. */
+static int is_penetrated(const real* x) {
+  (void)x;
   return 0;
-}
-
-static double lost_in_impacts(const report_t* report) {
-  (void)report;
-  return 0.0;
 }
 #endif
 

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Ticks of LANES arms for the engine of one arm: what is given, and steps that it need not make again.
- *
- * Required definitions: arms.h, foreseen.h.
  */
 
 #pragma once

@@ -9,8 +9,6 @@
  * Robotic Manipulation, 1994, section 5.3). That is the case if the least s for which all limits, enlarged by s, can be
  * satisfied is not positive: a linear problem over second-order cones, for each set of parts that share self-stresses. Its
  * dual solution is the motion in which the set gives way.
- *
- * Required definitions: NU (joints), NC (contacts), NM (rows of bilateral constraints).
  */
 
 #pragma once

@@ -4,9 +4,6 @@
  *
  * A matrix of derivatives has a row for each number of the state and NV columns: by the state at the beginning of the tick,
  * the command that acts, and NT tunable quantities. Results of generated functions lie column by column.
- *
- * Required definitions: record.h, foreseen.h, numbers.h; NT, SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated
- * functions).
  */
 
 #pragma once

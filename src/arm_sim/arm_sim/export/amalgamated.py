@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The engine and a scene in one file of C."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from arm_dynamics.codegen import compiler
+from arm_sim.stepping.engine import NATIVE
+
+OWN = Path(__file__).parent / "native"
+SCENE = frozenset({"scene.h", "scene_columns.h", "numbers.h"})
+"""Files in whose place a scene's definitions stand."""
+_FOLDERS = (OWN, NATIVE, compiler.NATIVE)
+_INCLUDE = re.compile(r'^#include "(?:[\w.]*/)*(\w+\.[ch])"\n', re.MULTILINE)
+
+
+def amalgamated(text: str, done: set[str], folders: Sequence[Path] = _FOLDERS) -> str:
+    """C with the files that it includes in their places, each once.
+
+    Args:
+        text: The source.
+        done: Names of files that are there already; those of others are added.
+        folders: Where files are looked for, in their order.
+    """
+
+    def included(found: re.Match[str]) -> str:
+        if (file := found[1]) in done:
+            return ""
+        done.add(file)
+        path = next(path for path in (folder / file for folder in folders) if path.exists())
+        return amalgamated(path.read_text(encoding="utf-8"), done, folders)
+
+    return _INCLUDE.sub(included, text.replace("#pragma once\n", ""))
