@@ -28,11 +28,10 @@ _CALLBACK = ctypes.CFUNCTYPE(
     None, ctypes.c_void_p, ctypes.c_double, ctypes.POINTER(ctypes.c_double)
 )
 
+_VISIBLE = '#include "scalar.h"\n#pragma GCC visibility push(default)\n'
 _CONES = """
 #define NX 1
-#define NU 1
 #include "cone.h"
-__attribute__((visibility("default")))
 int solve_cones(const double* W, const double* c, const double* mu, const double* given,
                 const int* slides, const int* allowed, int* state, double* force,
                 double* direction) {
@@ -51,7 +50,6 @@ int solve_cones(const double* W, const double* c, const double* mu, const double
   }
   return found;
 }
-__attribute__((visibility("default")))
 int solve_cone(const double* W, const double* c, double mu, const double* given, double* force) {
   double block[3][3];
   own_block(W, 0, block);
@@ -63,17 +61,12 @@ int solve_cone(const double* W, const double* c, double mu, const double* given,
 _SEARCH = """
 #define NX 1
 #include "search.h"
-__attribute__((visibility("default")))
 double locate(void (*values_at)(const void*, double, double*), int count, double h,
               const double* at_h, double nothing, double* room) {
   return first_positive(values_at, 0, count, h, at_h, nothing, room);
 }
 """
-_DECAY = f"""
-#define LARGEST {LARGEST!r}
-#define ADAPTIVE 1
-#define ORDER 2
-#define MOST_SUBSTEPS 2000
+_DECAY = """
 #define NX 2
 #define NU 1
 #define SZ_W 1
@@ -82,23 +75,21 @@ _DECAY = f"""
 #define SZ_RES 3
 typedef long long casadi_int;
 /* x' = -u x by Heun's method, its error that of Euler's; only the first number is a position. */
-static int attempt(const real** arg, real** res, casadi_int* iw, real* w, int mem) {{
+static int attempt(const real** arg, real** res, casadi_int* iw, real* w, int mem) {
   const real *x = arg[0], u = arg[1][0], h = arg[3][0];
   double worst = 0.0;
-  (void)iw; (void)w; (void)mem;
-  for (int i = 0; i < 2; ++i) {{
+  for (int i = 0; i < 2; ++i) {
     res[0][i] = x[i] * (1.0 - u * h + 0.5 * u * u * h * h);
     worst = fmax(worst, fabs(0.5 * u * u * h * h * x[i]));
-  }}
-  *res[1] = worst;
-  *res[2] = fabs(0.5 * u * u * h * h * x[0]);
+  }
+  *res[1] = worst, *res[2] = fabs(0.5 * u * u * h * h * x[0]);
   return 0;
-}}
+}
 #define step attempt
 #include "flow.h"
-EXPORTED int decay(const real* x, const real* u, double h, control_t* control, real* after) {{
+int decay(const real* x, const real* u, double h, control_t* control, real* after) {
   return flow(x, u, 0, h, control, after);
-}}
+}
 """
 _SCENE = """
 static const real still[NU];
@@ -159,7 +150,7 @@ class Answer:
 
 @cache
 def _library(text: str) -> ctypes.CDLL:
-    return compiler.build('#include "scalar.h"\n' + text, local=INCLUDED).library
+    return compiler.build(_VISIBLE + text, local=INCLUDED).library
 
 
 def solve_cones(
@@ -231,7 +222,8 @@ def decay(x: np.ndarray, rate: float, h: float, control: SubstepControl) -> np.n
 
     The error of a sub-step is that of Euler's method. None if it gives up.
     """
-    library = _library(_DECAY)
+    sizes = {"LARGEST": repr(LARGEST), "ADAPTIVE": 1, "ORDER": 2, "MOST_SUBSTEPS": 2000}
+    library = _library("".join(f"#define {k} {v}\n" for k, v in sizes.items()) + _DECAY)
     u, after = np.array([rate]), np.zeros(2)
     done = library.decay(
         _address(x), _address(u), ctypes.c_double(h), ctypes.byref(control), _address(after)

@@ -99,7 +99,10 @@ class Kernel:
         self.library: ctypes.CDLL | None = None
         self.backend = "virtual machine of CasADi"
         if backend != "vm":
-            self._compile(backend, driver, engine, needs_native, local)
+            needs = needs_native or ("backend = 'native'" if backend == "native" else "")
+            self._compile(
+                f'#include "scalar.h"\n{generate(functions)}{driver}', engine, local, needs
+            )
         elif needs_native:
             raise KernelError(
                 f"backend = 'vm', but {needs_native} needs compiled code: CasADi's virtual "
@@ -149,18 +152,13 @@ class Kernel:
             return Call(inputs, outputs, _virtual(self._functions[name], inputs, outputs))
         return Call(inputs, outputs, *self._bind(signature, inputs, outputs))
 
-    def _compile(
-        self, backend: str, driver: str, engine: str, needs_native: str, local: tuple[str, ...]
-    ) -> None:
-        source = '#include "scalar.h"\n' + generate(list(self._functions.values())) + driver
+    def _compile(self, source: str, engine: str, local: tuple[str, ...], needs: str) -> None:
         try:
-            code = compiler.build(source, local=local, shared=engine)
+            code = compiler.build(f'#include "scalar.h"\n{source}', local=local, shared=engine)
         except CompilerMissing as error:
-            if needs_native or backend == "native":
-                who = needs_native or "backend = 'native'"
-                raise CompilerMissing(
-                    f"{who} needs compiled code, but {error}: {compiler.HOW_TO_GET_CODE}"
-                ) from None
+            if needs:
+                why = f"{needs} needs compiled code, but {error}: {compiler.HOW_TO_GET_CODE}"
+                raise CompilerMissing(why) from None
             _log.warning("%s: running on CasADi's virtual machine, slower", error)
             return
         self._load(code)

@@ -13,7 +13,6 @@ import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -290,7 +289,15 @@ class Tangents:
 
         def work(first: int, last: int) -> None:
             library.carry_ticks(  # type: ignore[union-attr]
-                *of_arms, length, ticks, first, last, *of_columns, marks, engine, begins,
+                *of_arms,
+                length,
+                ticks,
+                first,
+                last,
+                *of_columns,
+                marks,
+                engine,
+                begins,
                 done.ctypes.data,
             )
 

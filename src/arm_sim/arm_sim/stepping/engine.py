@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import casadi as ca
@@ -141,7 +141,8 @@ def sizes(plant: Plant, choice: Choice, functions: Sequence[ca.Function]) -> dic
     stops, statics, controlled = plant.model.stops, plant.events.get("statics"), choice.tolerance
     plain = not (plant.constrained or plant.pressed or plant.switches)
     features = {
-        "EVENTS": plant.eventful, "STOPS": bool(stops) and not plant.eventful, "RIGID": stops.rigid.any(),
+        "EVENTS": plant.eventful, "RIGID": stops.rigid.any(),
+        "STOPS": bool(stops) and not plant.eventful,
         "FREE": plant.free is not None, "MOVING": plant.glides, "PLAIN": plant.eventful and plain,
         "CLEAR": plant.glides and controlled is None and plain, "NB": plant.constrained,
         "TOGETHER": statics is not None, "NEAR_LOADS": _returns_loads(functions),

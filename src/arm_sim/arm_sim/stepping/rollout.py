@@ -333,17 +333,19 @@ def of_lanes(code: str, width: int) -> str:
 
 @one_at_a_time
 def built_of_lanes(
-    write: Callable[[int], str], width: int, name: str, types: Sequence[type]
-) -> ctypes.CDLL | None:
+    write: Callable[[int], str], width: int, name: str, types: Sequence[type],
+    local: tuple[str, ...] = INCLUDED,
+) -> ctypes.CDLL | None:  # fmt: skip
     """Compiled code that ``write`` gives for ``width`` arms side by side; None if it cannot be.
 
-    Its function ``name`` then takes arguments of those C types, plain integers among them.
+    Its function ``name`` then takes arguments of those C types, plain integers among them;
+    ``local`` are flags that name folders of files that it includes.
     """
     language = "c++" if width > 1 else "c"
     if not compiler.may_build(language):  # writing it takes long
         return None
     try:
-        library = compiler.build(write(width), language, local=INCLUDED).library
+        library = compiler.build(write(width), language, local=local).library
     except CompilerMissing:
         return None
     getattr(library, name).argtypes = types  # library[name] is another object each time

@@ -15,7 +15,8 @@ from arm_dynamics.codegen import compiler
 from arm_sim.stepping.stepper import pointer
 from arm_studies.optimization.cost import Expansion
 
-NATIVE = Path(__file__).parent / "native"
+OWN = (f"-I{Path(__file__).parent / 'native'}",)
+"""Flags for compilers, see ``compiler.build``."""
 # Unlike the straight-line code of the equations, loops over small matrices benefit from SIMD.
 _FLAGS = tuple("-O3" if flag == "-O1" else flag for flag in compiler.FLAGS)
 
@@ -75,9 +76,7 @@ def library_of(nx: int, n: int) -> ctypes.CDLL:
     Raises:
         CompilerMissing: If there is no C compiler.
     """
-    text = f"#define NX {nx}\n#define NU {n}\n" + (NATIVE / "backward.c").read_text(
-        encoding="utf-8"
-    )
-    library = compiler.build(text, "c", _FLAGS).library
+    text = f'#define NX {nx}\n#define NU {n}\n#include "backward.c"\n'
+    library = compiler.build(text, "c", _FLAGS, OWN).library
     library.backward.restype = ctypes.c_longlong
     return library

@@ -13,6 +13,7 @@ from arm_dynamics.arrays import Array
 from arm_sim.plant.plant import Plant
 from arm_sim.simulator import Simulator
 from arm_sim.stepping import Stepper
+from arm_sim.stepping.engine import INCLUDED
 from arm_sim.stepping.rollout import (
     ADDRESS,
     NUMBER,
@@ -25,7 +26,7 @@ from arm_sim.stepping.rollout import (
     widths,
 )
 from arm_sim.stepping.stepper import address
-from arm_studies.optimization.backward import NATIVE, Policy
+from arm_studies.optimization.backward import OWN, Policy
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class Forward:
         library.follow(
             *map(address, given), len(course.u), len(size),
             address(x), *strides(x, 1), address(u), *strides(u, 1), marks,
-            *([] if self._engine is None else [ctypes.byref(self._engine)]),
+            None if self._engine is None else ctypes.byref(self._engine),
         )  # fmt: skip
         return marks.of(0, len(size))
 
@@ -134,15 +135,11 @@ class Forward:
         alone = self._choice.tolerance is not None or switches_unseen(self._plant)
         if alone or self._simulator.arm.compiled.backend == "vm":
             return None
-        types = [*[ADDRESS] * 9, NUMBER, NUMBER, ADDRESS, NUMBER, ADDRESS, NUMBER, ADDRESS]
-        if self._engine:
-            types.append(ADDRESS)
+        types = [*[ADDRESS] * 9, NUMBER, NUMBER, ADDRESS, NUMBER, ADDRESS, NUMBER, *[ADDRESS] * 2]
         wide = (1,) if self.eventful else widths(None)
-        built = (built_of_lanes(self._source, width, "follow", types) for width in wide)
+        local = (*INCLUDED, *OWN)
+        built = (built_of_lanes(self._source, width, "follow", types, local) for width in wide)
         return next((library for library in built if library is not None), None)
 
     def _source(self, width: int) -> str:
-        plant = self._ticking
-        headers = "foresight.h" if plant.eventful else "arms.h"
-        code = ticks_of_lanes(plant, self._choice, width, headers)
-        return code + (NATIVE / "forward.c").read_text(encoding="utf-8")
+        return ticks_of_lanes(self._ticking, self._choice, width, "forward.c")

@@ -64,7 +64,8 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
                           long long p_arm, const double* h, long long ticks, long long first, long long last,
                           const double* given, long long given_arm, const double* pushed, long long pushed_arm,
                           long long pushed_tick, int unit, long long count, double* after, double* columns,
-                          long long columns_arm, long long columns_tick, signed char* met, const engine_t* engine, int begins, long long* done) {
+                          long long columns_arm, long long columns_tick, signed char* met, const engine_t* engine, int begins,
+                          long long* done) {
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
     real x[NX], next[NX], r[NU], u[NU], par[NP + 1], w[SZ_W], limits[NA + NSTEP];

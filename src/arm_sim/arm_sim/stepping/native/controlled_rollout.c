@@ -62,7 +62,8 @@ static void begin_tick(const batch_t* batch, group_t* group, int j, const real* 
   own->tried = 0;
   own->at = first_substep(batch->h, own->at.step);
   for (int i = 0; i < NU; ++i) LANE(group->u[i], j) = LANE(acted[i], j);
-  for (int i = 0; batch->effort && i < NU; ++i) batch->effort[(own->arm * batch->ticks + own->tick) * NU + i] = LANE(acted[i], j);
+  for (int i = 0; batch->effort && i < NU; ++i)
+    batch->effort[(own->arm * batch->ticks + own->tick) * NU + i] = LANE(acted[i], j);
 }
 
 /* Find what acts in the ticks that begin. */

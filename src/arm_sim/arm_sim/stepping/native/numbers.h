@@ -10,7 +10,7 @@
 /* Lower and upper stops, beyond every position where there is none: all, rigid ones with their restitution, compliant ones. */
 extern const double stop_place[2][NU], rigid_stop[2][NU], rebound_of[2][NU], soft_stop[2][NU];
 extern const double static_level[NU]; /* of dry friction */
-extern const double wave_number[NU];  /* phase of the fastest wave in a joint's position, in radians for each radian or metre */
+extern const double wave_number[NU]; /* phase of the fastest wave in a joint's position, in radians for each radian or metre */
 
 /* Coefficients of sliding and of static friction, and restitutions of contacts. */
 __extension__ extern const double friction[NC], holding[NC], restitution[NC];

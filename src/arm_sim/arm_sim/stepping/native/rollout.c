@@ -4,11 +4,7 @@
  */
 
 #include "arms.h"
-#if EVENTS
-#include "foresight.h"
-#else
-#include "foreseen.h"
-#endif
+#include "one_tick.h"
 
 /* Advance the arms first … last-1.
  *
@@ -27,10 +23,7 @@ EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, lo
   const long long row = last_only ? NX : (ticks + 1) * NX;
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
-    real x[NX], next[NX], r[NR], acted[NU], par[NP + 1], w[SZ_W];
-    casadi_int iw[SZ_IW];
-    const real* arg[SZ_ARG];
-    real* res[SZ_RES];
+    real x[NX], next[NX], r[NR], acted[NU], par[NP + 1];
     long long of_lane[LANES];
     choose_arms(arm, last, of_lane);
     read_arms(x, NX, x0, NX, of_lane);
@@ -41,18 +34,7 @@ EXPORTED void rollout(const double* x0, const double* tau, long long tau_arm, lo
           for (int i = 0; i < NX; ++i) out[(arm + j) * row + (last_only ? 0 : k * NX) + i] = LANE(x[i], j);
       if (k == ticks) break;
       if (k == 0 || tau_tick) read_arms(r, NR, tau + k * tau_tick, tau_arm, of_lane);
-#if EVENTS
-      tick_of_lanes(x, r, par, &length, last - arm < LANES ? (int)(last - arm) : LANES, engine, next, acted);
-#else
-      (void)engine;
-      arg[0] = x;
-      arg[1] = r;
-      arg[2] = par;
-      arg[3] = &length;
-      res[0] = next;
-      res[1] = acted;
-      TICK(arg, res, iw, w, 0);
-#endif
+      make_tick(x, r, par, &length, last - arm < LANES ? (int)(last - arm) : LANES, engine, next, acted);
       for (int j = 0; effort && j < LANES && arm + j < last; ++j)
         for (int i = 0; i < NU; ++i) effort[((arm + j) * ticks + k) * NU + i] = LANE(acted[i], j);
       int lost = 0;

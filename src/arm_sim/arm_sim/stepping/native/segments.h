@@ -414,7 +414,8 @@ static double find_next(const real* x, const segment_t* segment, const geometry_
     if (may_stick(i) && v * a < 0.0) soonest = fmin(soonest, -v / a);
     if (!RIGID || segment->p.direction[i] == 0.0) continue;
     const double below = GAP_ROUNDING * (1.0 + fabs(x[i]));
-    soonest = fmin(soonest, fmin(arrival(x[i] - rigid_stop[0][i] + below, -v, -a), arrival(rigid_stop[1][i] - x[i] + below, v, a)));
+    soonest =
+        fmin(soonest, fmin(arrival(x[i] - rigid_stop[0][i] + below, -v, -a), arrival(rigid_stop[1][i] - x[i] + below, v, a)));
   }
   for (int k = 0; k < NC; ++k) {
     const double gap = fmax(geometry->place[3 * k], 0.0) + GAP_ROUNDING * geometry->size[k];

@@ -1,13 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Rollouts of one policy with several step sizes, LANES at a time.
- *
- * Required definitions: as for rollout.c, of which this is the variant with feedback.
  */
-#ifndef NX /* read alone, as editors do */
-#include "../../../../arm_sim/arm_sim/stepping/native/arms.h"
-#include "../../../../arm_sim/arm_sim/stepping/native/foresight.h"
-#endif
+#include "arms.h"
+#include "one_tick.h"
 
 /* Simulate arms over `nodes` ticks under u + size k + K (x' - x), within limits.
  *
@@ -22,13 +18,10 @@
  */
 EXPORTED void follow(const double* x, const double* u, const double* k, const double* K, const double* low, const double* high,
                      const double* sizes, const double* p, const double* h, long long nodes, long long arms, double* out,
-                     long long out_arm, double* used, long long used_arm, signed char* met WITH_ENGINE) {
+                     long long out_arm, double* used, long long used_arm, signed char* met, const engine_t* engine) {
   const real length = h[0];
   for (long long arm = 0; arm < arms; arm += LANES) {
-    real now[NX], next[NX], off[NX], r[NU], acted[NU], par[NP + 1], size[1], w[SZ_W];
-    casadi_int iw[SZ_IW];
-    const real* arg[SZ_ARG];
-    real* res[SZ_RES];
+    real now[NX], next[NX], off[NX], r[NU], acted[NU], par[NP + 1], size[1];
     long long of_lane[LANES];
     choose_arms(arm, arms, of_lane);
     read_arms(now, NX, out, out_arm, of_lane);
@@ -43,17 +36,7 @@ EXPORTED void follow(const double* x, const double* u, const double* k, const do
         for (int j = 0; j < NX; ++j) r[i] = r[i] + off[j] * K[row * NX + j];
         r[i] = fmin(fmax(r[i], bottom), top);
       }
-#ifdef EVENTS
-      tick_of_lanes(now, r, par, &length, arms - arm < LANES ? (int)(arms - arm) : LANES, engine, next, acted);
-#else
-      arg[0] = now;
-      arg[1] = r;
-      arg[2] = par;
-      arg[3] = &length;
-      res[0] = next;
-      res[1] = acted;
-      TICK(arg, res, iw, w, 0);
-#endif
+      make_tick(now, r, par, &length, arms - arm < LANES ? (int)(arms - arm) : LANES, engine, next, acted);
       for (int j = 0; j < LANES && arm + j < arms; ++j) {
         for (int i = 0; i < NX; ++i) out[(arm + j) * out_arm + (node + 1) * NX + i] = LANE(next[i], j);
         for (int i = 0; i < NU; ++i) used[(arm + j) * used_arm + node * NU + i] = LANE(r[i], j);
