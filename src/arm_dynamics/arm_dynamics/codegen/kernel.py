@@ -100,9 +100,7 @@ class Kernel:
         self.backend = "virtual machine of CasADi"
         if backend != "vm":
             needs = needs_native or ("backend = 'native'" if backend == "native" else "")
-            self._compile(
-                f'#include "scalar.h"\n{generate(functions)}{driver}', engine, local, needs
-            )
+            self._compile(generate(functions) + driver, engine, local, needs)
         elif needs_native:
             raise KernelError(
                 f"backend = 'vm', but {needs_native} needs compiled code: CasADi's virtual "
