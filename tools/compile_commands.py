@@ -31,7 +31,7 @@ LANGUAGE = {".c": ("c", "-std=gnu11"), ".h": ("c", "-std=gnu11"), ".hpp": ("c++"
 
 def files() -> list[Path]:
     """All native code of the packages."""
-    found = (ROOT / "src").glob("*/*/**/native/*")
+    found = (ROOT / "src").glob("*/*/**/native/**/*")
     return sorted(path for path in found if path.suffix in LANGUAGE)
 
 

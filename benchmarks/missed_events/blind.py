@@ -18,12 +18,12 @@ from arm_sim.stepping import engine, stepper
 
 GUARDS = {
     "sliding joint": (
-        "limits->joint[i] = -v[i] * d[i] - rounding;",
-        "limits->joint[i] = -INFINITY;",
+        "guards->joint[i] = -v[i] * d[i] - rounding;",
+        "guards->joint[i] = -INFINITY;",
     ),
     "held joint": (
-        "limits->joint[i] = joint_excess(x, &found, i);",
-        "limits->joint[i] = -INFINITY;",
+        "guards->joint[i] = joint_excess(x, &found, i);",
+        "guards->joint[i] = -INFINITY;",
     ),
     "lower stop": ("rigid_stop[0][i] - x[i] - room;", "-INFINITY;"),
     "upper stop": ("x[i] - rigid_stop[1][i] - room;", "-INFINITY;"),
@@ -33,15 +33,15 @@ GUARDS = {
         "-INFINITY;",
     ),
     "contact that opens": (
-        "limits->contact[2 * k] = -r[0];",
-        "limits->contact[2 * k] = -INFINITY;",
+        "guards->contact[2 * k] = -r[0];",
+        "guards->contact[2 * k] = -INFINITY;",
     ),
     "drive or cord": (
         "(segment->p.switches[k] != 0.0 ? -value[k] : value[k]) - SWITCH_ROUNDING * size[k];",
         "-INFINITY;",
     ),
 }
-"""Guards of ``native/segments.h``, and what replaces each."""
+"""Guards of ``native/events/segments.h``, and what replaces each."""
 FEATURES = {
     "sliding joint": {"dry friction"},
     "held joint": {"dry friction"},
@@ -69,7 +69,7 @@ def switched_off(seed: int, label: str) -> Iterator[str]:
     recipe_of, included = stepper.recipe_of, stepper.INCLUDED
     with TemporaryDirectory() as folder:
         native = Path(copytree(engine.NATIVE, Path(folder) / "native"))
-        segments = native / "segments.h"
+        segments = native / "events/segments.h"
         segments.write_text(segments.read_text().replace(whole, instead))
         stepper.INCLUDED = (f"-I{native}",)
         stepper.recipe_of = lambda *_: ""  # code without a guard is not kept

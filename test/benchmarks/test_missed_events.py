@@ -17,7 +17,7 @@ from models.rotor import rotor
 
 @pytest.mark.parametrize("name", GUARDS)
 def test_every_guard_stands_once_in_the_engine(name: str) -> None:
-    assert (engine.NATIVE / "segments.h").read_text().count(GUARDS[name][0]) == 1
+    assert (engine.NATIVE / "events/segments.h").read_text().count(GUARDS[name][0]) == 1
 
 
 def test_an_engine_without_a_guard_passes_its_event_over() -> None:

@@ -31,7 +31,7 @@ _CALLBACK = ctypes.CFUNCTYPE(
 _VISIBLE = '#include "scalar.h"\n#pragma GCC visibility push(default)\n'
 _CONES = """
 #define NX 1
-#include "cone.h"
+#include "contact/friction_cones.h"
 int solve_cones(const double* W, const double* c, const double* mu, const double* given,
                 const int* slides, const int* allowed, int* state, double* force,
                 double* direction) {
@@ -60,7 +60,7 @@ int solve_cone(const double* W, const double* c, double mu, const double* given,
 """
 _SEARCH = """
 #define NX 1
-#include "search.h"
+#include "events/event_location.h"
 double locate(void (*values_at)(const void*, double, double*), int count, double h,
               const double* at_h, double nothing, double* room) {
   return first_positive(values_at, 0, count, h, at_h, nothing, room);
@@ -86,7 +86,7 @@ static int attempt(const real** arg, real** res, casadi_int* iw, real* w, int me
   return 0;
 }
 #define step attempt
-#include "flow.h"
+#include "motion/flow.h"
 int decay(const real* x, const real* u, double h, control_t* control, real* after) {
   return flow(x, u, 0, h, control, after);
 }

@@ -31,7 +31,7 @@ def by_events(simulator: Simulator, tuned: tuple[int, ...] = ()) -> Linearizer:
     compiled = simulator.arm.compiled
     arguments = compiled.plant, compiled.choice, compiled.stepper, compiled.backend, tuned
     linearizer = Linearizer(*arguments)
-    vars(linearizer).update(_compiled=None, calm=None)
+    vars(linearizer).update(_compiled=None, event_free=None)
     return linearizer
 
 
@@ -65,7 +65,7 @@ def test_compiled_ticks_are_those_of_the_path_through_events(name: str) -> None:
     places = simulator.arm.plant.parameters.places(BY)
     tuned = tuple(i for own in places.values() for i in own)
     fast = simulator.arm.compiled.derivatives.linearizer(tuned)
-    slow, p, calm = by_events(simulator, tuned), simulator.arm.parameters, 0
+    slow, p, event_free = by_events(simulator, tuned), simulator.arm.parameters, 0
     for x, tau in visited(simulator):
         for side in (None, 1):
             found, expected = (outcome(of, x, tau, side) for of in (fast, slow))
@@ -73,8 +73,8 @@ def test_compiled_ticks_are_those_of_the_path_through_events(name: str) -> None:
                 assert found == expected
             else:
                 assert_close(found, expected, ALGEBRA)
-        calm += not fast.calm.slopes(x[None], tau[None], p, 1, 1, 1)[2]  # type: ignore[union-attr]
-    assert calm >= 20  # of 40
+        event_free += not fast.event_free.slopes(x[None], tau[None], p, 1, 1, 1)[2]  # type: ignore[union-attr]
+    assert event_free >= 20  # of 40
 
 
 @some

@@ -7,7 +7,7 @@ within all static levels (the static theorem of limit analysis; Moreau, "Applica
 analysis to the treatment of elastoplastic systems", Springer Lecture Notes in Mathematics 503,
 1976): while the least s by which all levels have to be enlarged is not positive. The dual solution
 of that linear program is the motion in which the set gives way. The simulator does the same in C
-(``native/together.h``), with contacts and stops.
+(``indeterminate.h``), with contacts and stops.
 """
 
 from __future__ import annotations

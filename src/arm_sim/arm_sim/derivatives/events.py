@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Derivatives of ticks of scenes with events, in compiled code; see ``linearization``.
 
-Each event's own functions are generated here, and ``native/eventful_tick.c`` combines them.
+Each event's own functions are generated here, and ``eventful_derivatives.c`` combines them.
 """
 
 from __future__ import annotations
@@ -42,8 +42,9 @@ MOST_SEGMENTS, MOST_STEPS = 1000, 200_000
 # Functions of the engine that are asked for again.
 ENGINE = ("loads", "statics", "contact_geometry")
 
+_DERIVATIVES = NATIVE / "derivatives"
 REFUSALS = {value: name for name, value in Header(
-    NATIVE / "varied.h", only="refusal").constants.items()}  # fmt: skip
+    _DERIVATIVES / "sensitivities.h", only="refusal").constants.items()}  # fmt: skip
 """Names of ``enum refusal`` by their values."""
 MESSAGES = {
     "ACCUMULATE": "events accumulate in the tick: it has no derivative",
@@ -77,15 +78,17 @@ OF_JOINTS = ("UNLOADED_GEAR", "JOINT_WOULD_GO_ON")
 
 
 class Helpers(ctypes.Structure):
-    """Functions from elsewhere: ``helpers_t`` of ``native/eventful_tick.c``."""
+    """Functions from elsewhere: ``helpers_t`` of ``eventful_derivatives.c``."""
 
-    _fields_ = Header(NATIVE / "eventful_tick.c", only="helpers_t").fields("helpers_t")
+    _fields_ = Header(_DERIVATIVES / "eventful_derivatives.c", only="helpers_t").fields(
+        "helpers_t"
+    )
 
 
 class Trace(ctypes.Structure):
-    """A traced tick: ``trace_t`` of ``native/record.h``."""
+    """A traced tick: ``trace_t`` of ``native/events/trace.h``."""
 
-    _fields_ = Header(NATIVE / "record.h", only="trace_t").fields("trace_t")
+    _fields_ = Header(NATIVE / "events/trace.h", only="trace_t").fields("trace_t")
 
 
 STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 5, ctypes.c_longlong, ADDRESS, ADDRESS)
@@ -144,7 +147,7 @@ class Events:
             place: State, command and parameters.
             control: State of the error control, which the tick changes.
             strict: Whether to refuse a tick that begins or ends on the boundary of a mode.
-            begins: Whether the state is varied, see ``native/resting.h``.
+            begins: Whether the state is varied, see ``native/derivatives/rest_derivatives.h``.
 
         Raises:
             SimulationDiverged: If the tick cannot be computed.
@@ -217,7 +220,8 @@ class Events:
         functions = self._functions()
         more = {"NT": len(self._tuned), "NG": len(guard_names(self._plant))}
         scene = definitions(self._plant, self._choice, functions, **more)
-        return f'{of_lanes(generate(functions), width)}{scene}#include "eventful_tick.c"\n'
+        code = of_lanes(generate(functions), width)
+        return f'{code}{scene}#include "derivatives/eventful_derivatives.c"\n'
 
     @property
     def _strikes(self) -> bool:

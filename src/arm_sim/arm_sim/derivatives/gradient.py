@@ -19,7 +19,12 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.codegen.kernel import generate, operations
 from arm_dynamics.codegen.one_at_a_time import built_once
-from arm_sim.derivatives.calm_gradient import CalmGradients, Part, TickPart, tick_functions
+from arm_sim.derivatives.event_free_gradient import (
+    EventFreeGradients,
+    Part,
+    TickPart,
+    tick_functions,
+)
 from arm_sim.derivatives.linearization import Linearizer
 from arm_sim.derivatives.tangents import LONGEST, Arms
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
@@ -206,7 +211,7 @@ class Gradients:
     def prepare(self) -> None:
         """Compile what motions need, unless that is done."""
         if self._library(lanes=None)[1] is None:
-            _ = self._calm
+            _ = self._event_free
         self._linearizer.prepare_events()
 
     def product(
@@ -260,7 +265,7 @@ class Gradients:
         tau, parts = np.ascontiguousarray(batch.tau[arm, : batch.steps]), list[Part]()
         while motion.ticks < batch.steps:
             try:
-                parts += self._calm.parts(motion, tau) if self._calm else ()
+                parts += self._event_free.parts(motion, tau) if self._event_free else ()
                 if motion.ticks < batch.steps:
                     parts.append(TickPart(motion.ticks, motion.slope(tau[motion.ticks])))
             except (SimulationDiverged, NotDifferentiable) as error:
@@ -271,12 +276,12 @@ class Gradients:
         found.by_x[arm] = weight
 
     @built_once
-    def _calm(self) -> CalmGradients | None:
+    def _event_free(self) -> EventFreeGradients | None:
         """Gradients through ticks without events of a scene with events."""
         engine, kinks = self._linearizer.engine, self._linearizer.kinks
         if not engine or self._backend == "vm":
             return None
-        made = CalmGradients(kinks, engine, self._plant, self._choice)
+        made = EventFreeGradients(kinks, engine, self._plant, self._choice)
         return made if made.library else None
 
     def _library(self, lanes: int | None) -> tuple[int, ctypes.CDLL | None]:
@@ -301,4 +306,4 @@ class Gradients:
     def _source(self, width: int) -> str:
         functions = list(self._functions)
         scene = definitions(self._smooth, self._choice, functions, TICK="tick")
-        return f'{of_lanes(generate(functions), width)}{scene}#include "gradient.c"\n'
+        return f'{of_lanes(generate(functions), width)}{scene}#include "derivatives/gradient.c"\n'

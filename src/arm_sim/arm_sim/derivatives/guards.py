@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Guards: functions of the state whose zeros are the instants of events.
 
-The engine (``native/segments.h``) monitors them to find the instants; here they are expressions,
-for derivatives (``native/guards.h``). Each belongs to a mode of a joint or contact.
+The engine (``segments.h``) monitors them to find the instants; here they are expressions, for
+derivatives (``guard_derivatives.h``). Each belongs to a mode of a joint or contact.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def guard_names(plant: Plant) -> list[str]:
 
 
 def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Function, ...]:
-    """What ``native/guards.h`` requires.
+    """What ``native/derivatives/guard_derivatives.h`` requires.
 
     Args:
         plant: Equations of a scene with events.

@@ -13,7 +13,7 @@ from arm_sim.plant.slopes import jacobian_by
 
 
 def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
-    """What ``native/impact_slope.h`` requires.
+    """What ``native/derivatives/impact_derivatives.h`` requires.
 
     Args:
         plant: Equations of a scene with contacts or rigid stops.

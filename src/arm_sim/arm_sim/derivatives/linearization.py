@@ -191,7 +191,7 @@ class Linearizer:
 
     def prepare(self) -> None:
         """Compile what ticks need, unless that is done."""
-        if self.calm is not self._compiled:
+        if self.event_free is not self._compiled:
             self._smooth.library(natural_width())
         (self._compiled or self._smooth).library(1)
         self.prepare_events()
@@ -266,10 +266,10 @@ class Linearizer:
         """Compiled code for ticks away from stops, or of a scene with events without any."""
         if alike(self._plant, self._choice) and self._smooth.native:
             return self._smooth
-        return self.calm
+        return self.event_free
 
     @cached_property
-    def calm(self) -> Tangents | None:
+    def event_free(self) -> Tangents | None:
         """Compiled code for ticks without events of a scene with events."""
         native = self.engine and self._backend != "vm" and self._tangents.native
         return self._tangents if native else None
@@ -293,7 +293,7 @@ class Linearizer:
 
     def _one_by_one(self, alone: list[int], x: Array, r: Array, ticks: int) -> list[int]:
         """Arms to be differentiated alone: those, and those with a kink, now or later."""
-        if self.calm and self.kinks.of_states and ticks > 1:
+        if self.event_free and self.kinks.of_states and ticks > 1:
             return list(range(len(x)))
         return sorted({*alone, *self.kinks.arms(x, r)})
 
@@ -313,11 +313,12 @@ class Linearizer:
         motion, moved = self.motion(arms.x[arm], arms.p[arm], side), arms.given[arm]
         tau, pushed, nx = arms.tau[arm], arms.pushed[arm], self._plant.nx
         while (k := motion.ticks) < len(tau):
-            if self.calm and (most := min(STRETCH, self.kinks.ticks_before(motion.x, tau[k:]))):
+            most = min(STRETCH, self.kinks.ticks_before(motion.x, tau[k:]))
+            if self.event_free and most:
                 ahead = slice(k, k + most)
                 part = Arms(motion.x[None], tau[None, ahead], arms.p[arm][None],
                             np.ascontiguousarray(moved)[None], pushed[None, ahead])  # fmt: skip
-                columns, _, after, done = self.calm.columns(part, True, 1, 1, begins=k == 0)
+                columns, _, after, done = self.event_free.columns(part, True, 1, 1, begins=k == 0)
                 yield from columns[0, : done[0]]
                 motion.go_on(after[0], int(done[0]))
                 if done[0]:

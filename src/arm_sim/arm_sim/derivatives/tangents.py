@@ -22,7 +22,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.columns import column_function
 from arm_dynamics.codegen.kernel import generate, operations
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
-from arm_sim.derivatives.calm import CalmTick
+from arm_sim.derivatives.event_free_ticks import EventFreeTick
 from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.tangents import build_tangent
 from arm_sim.plant.actuation import actuation
@@ -93,7 +93,7 @@ class Arms:
 
 @dataclass(frozen=True)
 class TangentCode:
-    """Parts of the C code of ``Tangents``, for ``native/carry_ticks.c`` and ``carry_step.c``.
+    """Parts of the C code of ``Tangents``, for ``tangent_ticks.c`` and ``tangent_step.c``.
 
     Attributes:
         functions: Functions of states.
@@ -134,11 +134,11 @@ class Tangents:
     ) -> None:
         self.plant, self._backend, self._engine = plant, backend, engine
         self._choice = choice
-        self._calm = CalmTick.of(plant, tuned) if engine and backend != "vm" else None
+        self._event_free = EventFreeTick.of(plant, tuned) if engine and backend != "vm" else None
         self.library = cache(self._built)
-        self._step = _Step(plant, choice, tuned, dense=self._calm is not None)
+        self._step = _Step(plant, choice, tuned, dense=self._event_free is not None)
         self._moving: _Step | None = None
-        if self._calm and (plant.directions or plant.contact):
+        if self._event_free and (plant.directions or plant.contact):
             self._moving = _Step(plant.in_motion(), choice, tuned, MOVING, dense=True)
         self._acting, self._limit = _limits(plant)
         self._controlled = choice.tolerance is not None
@@ -275,7 +275,7 @@ class Tangents:
         self, of_arms: tuple[int, ...], of_columns: tuple[int, ...], state: tuple[Array, bool],
         ticks: int, threads: int | None, lanes: int | None,
     ) -> tuple[list[int], Counts]:  # fmt: skip
-        """Call ``carry_ticks`` of native/carry_ticks.c.
+        """Call ``carry_ticks`` of native/derivatives/tangent_ticks.c.
 
         Returns:
             The arms whose results are invalid, and with events the ticks of each before one.
@@ -306,7 +306,7 @@ class Tangents:
 
     def _widths(self, lanes: int | None) -> tuple[int, ...]:
         """As ``widths``; with events lanes save less time than their compilation takes."""
-        return (1,) if self._calm and lanes is None else widths(lanes)
+        return (1,) if self._event_free and lanes is None else widths(lanes)
 
     @cached_property
     def native(self) -> bool:
@@ -328,13 +328,13 @@ class Tangents:
 
     @property
     def _steps_only(self) -> bool:
-        return self.plant.eventful and self._calm is None
+        return self.plant.eventful and self._event_free is None
 
     def _source(self, lanes: int) -> str:
         code = self.code
         columns = (*code.columns, *([self._step.stretch] if lanes == 1 else []))
-        files = [] if self._steps_only else ["carry_ticks.c"]
-        files += ["carry_step.c"] if lanes == 1 else []
+        files = [] if self._steps_only else ["derivatives/tangent_ticks.c"]
+        files += ["derivatives/tangent_step.c"] if lanes == 1 else []
         return "\n".join([
             of_lanes(generate(code.functions), lanes),
             f'{code.scene}#include "columns.h"',
@@ -347,21 +347,21 @@ class Tangents:
     def code(self) -> TangentCode:
         """What the compiled code is made of."""
         functions, columns = [self._step.advance, self._acting], [self._step.carry, self._limit]
-        steps, calm = [step for step in (self._step, self._moving) if step], self._calm
+        steps, event_free = [step for step in (self._step, self._moving) if step], self._event_free
         if self._moving:
             functions.append(self._moving.advance)
             columns.append(self._moving.carry)
         if not self._steps_only:
             columns += [column for step in steps for column in step.back(self._limit)]
-        if calm:
-            functions += calm.functions
-            columns += calm.columns
-        more = (calm.defines if calm else {"NBEGIN": 0, "NEND": 0}) | {
+        if event_free:
+            functions += event_free.functions
+            columns += event_free.columns
+        more = (event_free.defines if event_free else {"NBEGIN": 0, "NEND": 0}) | {
             "NSTEP": max(step.advance.size1_out(1) for step in steps),
             "NA": self._acting.size1_out(1),
             "NT": self._held - self.plant.model.n,
             "MOVING": int(self._moving is not None),
-            "FORETELLS": int(self._step.advance.n_out() > 2),
+            "DENSE_DERIVATIVE": int(self._step.advance.n_out() > 2),
         }
         scene = definitions(self.plant, self._choice, functions, **more)
         return TangentCode(tuple(functions), tuple(columns), scene)

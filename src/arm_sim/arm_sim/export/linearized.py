@@ -21,7 +21,7 @@ PREFIX = "slope_"
 
 
 def derivatives_of_ticks(plant: Plant, choice: Choice, numbers: int, done: set[str]) -> str:
-    """C source of ``slope_carry_ticks``, see ``carry_ticks.c``, for after the tick's engine.
+    """C source of ``slope_carry_ticks``, see ``tangent_ticks.c``, for after the tick's engine.
 
     Args:
         plant: The equations.
@@ -35,7 +35,7 @@ def derivatives_of_ticks(plant: Plant, choice: Choice, numbers: int, done: set[s
         static_functions(code.functions),
         f'{code.scene}#include "columns.h"',
         *map(column_function, code.columns),
-        f'{without("scene_columns.h", code.columns)}#include "carry_ticks.c"\n',
+        f'{without("scene_columns.h", code.columns)}#include "derivatives/tangent_ticks.c"\n',
     ])  # fmt: skip
     text = amalgamated(text, {*done, "scalar.h"})
     return prefixed(text.replace("\nEXPORTED ", "\nstatic "), PREFIX)

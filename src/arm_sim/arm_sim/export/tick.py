@@ -75,7 +75,7 @@ def tick_of(
     functions, smooth = tick_functions(plant, choice, actuation(plant))
     numbers = _numbers(plant)
     done = {*SCENE} | (set() if plant.eventful else {"events.h"})
-    engine = amalgamated(engine_source(plant, choice, functions, smooth, "tick.h"), done)
+    engine = amalgamated(engine_source(plant, choice, functions, smooth, "motion/tick.h"), done)
     engine = engine.replace("\nEXPORTED ", "\nstatic ")
     more = [f for f in (plant.project, plant.torques) if f is not None]
     files, slopes = ["library.h", "sim.c"], ""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Error control inside a tick: its state, and the loop for CasADi's virtual machine.
 
-Compiled code has its own loop in ``native/flow.h``.
+Compiled code has its own loop in ``native/motion/flow.h``.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ LARGEST = 1e150
 
 
 class SubstepControl(ctypes.Structure):
-    """State of the error control between sub-steps: ``control_t`` of ``native/flow.h``.
+    """State of the error control between sub-steps: ``control_t`` of ``native/motion/flow.h``.
 
     The fields are explained there; times are in [s], errors in [rad] or [m].
     """
 
-    _fields_ = Header(_NATIVE / "flow.h", only="control_t").fields("control_t")
+    _fields_ = Header(_NATIVE / "motion/flow.h", only="control_t").fields("control_t")
 
     def __init__(self, tolerance: float, order: int) -> None:
         super().__init__(tolerance, 0.0, 0.0, 0)

@@ -53,7 +53,7 @@ def engine_source(
     choice: Choice,
     functions: Sequence[ca.Function],
     smooth: ca.Function,
-    file: str = "roll.c",
+    file: str = "motion/roll.c",
 ) -> str:
     """C source of the engine of ticks, to be compiled after the functions that it calls.
 
@@ -80,7 +80,7 @@ def engine_apart(
     for name in (name for name in shared if name.startswith("SZ_")):
         shared[name] = str(-(-(int(shared[name]) + 8) // 64) * 64 - 8)
     calls = "".join(f"{_SIGNATURE.format(function.name())};\n" for function in functions)
-    engine = f'{_defined(shared)}{without("scene.h", functions)}#include "roll.c"\n'
+    engine = f'{_defined(shared)}{without("scene.h", functions)}#include "motion/roll.c"\n'
     return written(numbers, "const"), f"{_BEFORE_CALLS}{calls}{engine}"
 
 
@@ -144,8 +144,8 @@ def sizes(plant: Plant, choice: Choice, functions: Sequence[ca.Function]) -> dic
         "EVENTS": plant.eventful, "RIGID": stops.rigid.any(),
         "STOPS": bool(stops) and not plant.eventful,
         "FREE": plant.free is not None, "MOVING": plant.glides, "PLAIN": plant.eventful and plain,
-        "CLEAR": plant.glides and controlled is None and plain, "NB": plant.constrained,
-        "TOGETHER": statics is not None, "NEAR_LOADS": _returns_loads(functions),
+        "SHORTCUT": plant.glides and controlled is None and plain, "NB": plant.constrained,
+        "INDETERMINATE": statics is not None, "NEAR_LOADS": _returns_loads(functions),
         "ADAPTIVE": controlled is not None,
     }  # fmt: skip
     most = MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS

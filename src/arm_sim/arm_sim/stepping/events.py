@@ -20,11 +20,11 @@ from arm_dynamics.codegen.header import Header
 from arm_sim.plant.plant import Plant
 
 _NATIVE = Path(__file__).with_name("native")
-_ENGINE = Header(_NATIVE / "report.h")
+_ENGINE = Header(_NATIVE / "motion/report.h")
 
 
 class Trouble(IntEnum):
-    """Why a tick could not be computed; ``enum trouble`` in ``native/report.h``."""
+    """Why a tick could not be computed; ``enum trouble`` in ``native/motion/report.h``."""
 
     NONE = _ENGINE.constants["NONE"]
     NUMBERS = _ENGINE.constants["NUMBERS"]
@@ -34,7 +34,7 @@ class Trouble(IntEnum):
 
 
 class EventReport(ctypes.Structure):
-    """Sums over ticks: ``report_t`` of ``native/report.h``, where the fields are explained."""
+    """Sums over ticks: ``report_t`` of ``report.h``, where the fields are explained."""
 
     _fields_ = _ENGINE.fields("report_t")
 
@@ -53,13 +53,15 @@ def lengths(plant: Plant) -> dict[str, int]:
 
 
 def _modes_type(plant: Plant) -> np.dtype[Any]:
-    """Fields of ``modes_t`` of ``native/record.h``, all doubles."""
+    """Fields of ``modes_t`` of ``native/events/trace.h``, all doubles."""
     return _layout(tuple(lengths(plant).items()))
 
 
 @cache
 def _layout(lengths: tuple[tuple[str, int], ...]) -> np.dtype[Any]:
-    header = Header(_NATIVE / "record.h", only="contact_mode_t modes_t", lengths=dict(lengths))
+    header = Header(
+        _NATIVE / "events/trace.h", only="contact_mode_t modes_t", lengths=dict(lengths)
+    )
     return np.dtype(header.structure("modes_t"))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from arm_dynamics.codegen.header import Header
 
-STEP = Header(Path(__file__).with_name("native") / "step.h")
+STEP = Header(Path(__file__).with_name("native") / "motion/step.h")
 
 
 class Roll(Structure):

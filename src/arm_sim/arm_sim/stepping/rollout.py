@@ -48,8 +48,8 @@ MANY_TICKS = 100_000
 WORTH_A_THREAD = 7e-4
 # Ticks of groups of arms that surely take little time.
 FEW_TICKS = 2000
-# Functions of events that ticks without events ask for, see native/foresight.h.
-FORESEEN = ("loads", "contact_geometry", "contact_inertia", "contact_close")
+# Functions of events that ticks without events ask for, see native/lanes/eventful_ticks.h.
+PREDICTED = ("loads", "contact_geometry", "contact_inertia", "contact_close")
 # How CasADi writes choices; C++ has no such operator for many arms at a time.
 _SIGN = "x<0 ? -1 : x>0 ? 1 : x"
 _CHOICE = re.compile(r"\((\w+)\?(\w+):0\)")
@@ -78,9 +78,9 @@ class Batch:
 
 
 class Engine(ctypes.Structure):
-    """Functions of the compiled engine of one arm: ``engine_t`` of ``native/foreseen.h``."""
+    """Functions of the compiled engine of one arm: ``engine_t`` of ``prediction.h``."""
 
-    _fields_ = Header(NATIVE / "foreseen.h", only="engine_t").fields("engine_t")
+    _fields_ = Header(NATIVE / "lanes/prediction.h", only="engine_t").fields("engine_t")
 
     @classmethod
     def of(cls, stepper: Stepper) -> Engine:
@@ -270,12 +270,12 @@ class Rollouts:
 
     def _of_ticks(self, width: int) -> str:
         plant = self._plant if self._smooth.eventful else self._smooth
-        return ticks_of_lanes(plant, self._choice, width, "rollout.c", self._control)
+        return ticks_of_lanes(plant, self._choice, width, "lanes/rollout.c", self._control)
 
     def _of_attempts(self, width: int) -> str:
         plant, choice = self._smooth, self._choice
         functions = [smooth_motion(plant, choice), actuation(plant, self._control)]
-        file, more = "controlled_rollout.c", {"TOLERANCE": choice.tolerance}
+        file, more = "lanes/controlled_rollout.c", {"TOLERANCE": choice.tolerance}
         return _source(plant, choice, width, functions, file, self._control, **more)
 
 
@@ -295,7 +295,7 @@ def ticks_of_lanes(
     if not plant.eventful:
         functions = [build_tick(motion, actuate)]
         return _source(plant, choice, width, functions, file, control, TICK="tick")
-    asked = [function for name, function in plant.events.items() if name in FORESEEN]
+    asked = [function for name, function in plant.events.items() if name in PREDICTED]
     functions = [plant.slope_of_loads(), motion, actuate, *asked]
     if plant.glides:
         functions.append(smooth_motion(plant.in_motion(), choice, MOVING))

@@ -6,7 +6,7 @@
  * the generated `acting_torques` (torques less those of friction with states).
  */
 
-#include "../../stepping/native/modes.h"
+#include "events/modes.h"
 
 #ifndef TUNABLE /* read alone, as editors do */
 #define TUNABLE {0.0, 0.0, -9.81}

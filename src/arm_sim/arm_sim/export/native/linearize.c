@@ -2,7 +2,7 @@
  *
  * Derivatives of the tick of an exported library. `library` stands for the library's name.
  *
- * Required definitions: sim.c, carry_ticks.c, all of whose names begin with slope_, and the generated `kinked` (state, command)
+ * Required definitions: sim.c, tangent_ticks.c, all of whose names begin with slope_, and the generated `kinked` (state, command)
  * -> 1 where the tick begins in a kink, else 0, and `effort_slopes` (state, command, state after the tick) -> derivatives of
  * the torques by the state after the tick, the state and the command, row by row.
  */
@@ -57,7 +57,7 @@ int library_sim_sensitivities(const library_sim* sim, const double* command, dou
   for (int i = 0; i < VARIED; ++i)
     for (int j = 0; j < VARIED; ++j) unit[i][j] = i == j;
 #if EVENTS
-  const engine_t engine = {foresee, tick_as_foreseen, calm_tick};
+  const engine_t engine = {predict, predicted_tick, event_free_tick};
   long long done;
   slope_carry_ticks(sim->x, command, 0, 0, sim->p, 0, &period, 1, 0, 1, unit[0], 0, unit[NX], 0, 0, 1, VARIED, after, slopes,
                     0, 0, met, &engine, 1, &done);

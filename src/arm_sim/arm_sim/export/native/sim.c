@@ -10,7 +10,7 @@
  */
 
 #include "library.h"
-#include "../../stepping/native/tick.h"
+#include "motion/tick.h"
 
 #ifndef PERIOD /* read alone, as editors do */
 #define PERIOD 1e-3
@@ -114,7 +114,7 @@ static int trouble_of(const struct library_sim* sim) {
 int library_sim_step(library_sim* sim, const double* command) {
   double acted[NU];
   if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  if (!obey(sim->x, command, sim->p, PERIOD, &sim->control, &sim->report, acted)) return trouble_of(sim);
+  if (!actuated_tick(sim->x, command, sim->p, PERIOD, &sim->control, &sim->report, acted)) return trouble_of(sim);
   for (int i = 0; i < NU; ++i) sim->effort[i] = acted[i];
   return LIBRARY_OK;
 }

@@ -53,10 +53,10 @@ static inline long long AS_BITS(real x) {
 #define FREE 1       /* functions without modes while no joint is at a stop */
 #define MOVING 1     /* simpler functions where every joint slides and nothing touches */
 #define PLAIN 1      /* modes are those of sliding joints and of contacts alone */
-#define CLEAR 1      /* ticks that clearly have no event are made without modes */
-#define FORETELLS 1  /* derivatives of steps return their continuous output */
+#define SHORTCUT 1      /* ticks that clearly have no event are made without modes */
+#define DENSE_DERIVATIVE 1  /* derivatives of steps return their continuous output */
 #define NEAR_LOADS 1 /* steps return the loads at a stage at their end */
-#define TOGETHER 1   /* statics may not determine the reactions of what is held */
+#define INDETERMINATE 1   /* statics may not determine the reactions of what is held */
 #define TOLERANCE 1e-8
 
 /* Of derivatives: numbers of coefficients, of varied parameters, and of coefficients of projections. */
@@ -91,8 +91,8 @@ GENERATED(contact_geometry);
 GENERATED(contact_inertia);
 GENERATED(contact_close);
 GENERATED(acting);
-GENERATED(clear);
-GENERATED(clear_in_motion);
+GENERATED(mode_margin);
+GENERATED(mode_margin_in_motion);
 GENERATED(guards);
 GENERATED(guard_gradient);
 GENERATED(motion);

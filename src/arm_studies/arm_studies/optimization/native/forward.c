@@ -2,8 +2,8 @@
  *
  * Rollouts of one policy with several step sizes, LANES at a time.
  */
-#include "arms.h"
-#include "one_tick.h"
+#include "lanes/lanes.h"
+#include "lanes/one_tick.h"
 
 /* Simulate arms over `nodes` ticks under u + size k + K (x' - x), within limits.
  *

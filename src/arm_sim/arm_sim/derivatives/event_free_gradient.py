@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gradients through the ticks of one arm in a scene with events.
+
+Stretches of ticks without events are passed backwards in compiled code, by the transposed
+derivative of each tick; ticks with events by their derivatives.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.kernel import generate
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_sim.derivatives.event_free_ticks import EventFreeTick
+from arm_sim.derivatives.kinks import Kinks
+from arm_sim.derivatives.linearization import Motion
+from arm_sim.integrators.adjoints import build_adjoint
+from arm_sim.integrators.methods import build_step
+from arm_sim.integrators.selection import Choice
+from arm_sim.plant.actuation import actuation
+from arm_sim.plant.plant import Plant
+from arm_sim.plant.slopes import pullback
+from arm_sim.stepping.engine import definitions
+from arm_sim.stepping.rollout import ADDRESS, NUMBER, Engine, built_of_lanes, of_lanes
+from arm_sim.stepping.stepper import address, pointer
+
+STRETCH = 1024
+"""Ticks that are made in one call."""
+
+
+class Part(Protocol):
+    """Some ticks of a motion."""
+
+    def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
+        """Gradient by the state at the beginning of the part.
+
+        Args:
+            weight: That by the state at its end, shape (nx,).
+            tau: Commands of the whole motion, shape (ticks, n).
+            g: Gradients by its states of a function of all of them, shape (ticks + 1, nx).
+            by_tau: Receives gradients by commands, shape (ticks, n).
+            by_p: Gradients by parameters, which are added to, shape (np,).
+        """
+
+
+@dataclass(frozen=True)
+class TickPart:
+    """One tick, by its derivatives.
+
+    Attributes:
+        tick: Its number.
+        slope: Derivatives by state, command and all parameters, shape (nx, nx + n + np).
+    """
+
+    tick: int
+    slope: Array
+
+    def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
+        """See ``Part``."""
+        nx, n = len(weight), tau.shape[1]
+        by_x, by_r, more = np.split(weight @ self.slope, (nx, nx + n))
+        by_tau[self.tick] = by_r
+        by_p += more
+        found: Array = by_x + g[self.tick]
+        return found
+
+
+@dataclass(frozen=True)
+class EventFreePart:
+    """Ticks without events.
+
+    Attributes:
+        of: What differentiates them.
+        first: Number of the first tick.
+        kept: What is kept of each, a row for each.
+    """
+
+    of: EventFreeGradients
+    first: int
+    kept: Array
+
+    def back(self, weight: Array, tau: Array, g: Array, by_tau: Array, by_p: Array) -> Array:
+        """See ``Part``."""
+        own, found = slice(self.first, self.first + len(self.kept)), weight.copy()
+        weights, to = np.ascontiguousarray(g[own]), np.empty((len(self.kept), tau.shape[1]))
+        self.of.library.event_free_gradient(  # type: ignore[union-attr]
+            address(self.kept), address(tau[own]), self.of.length, len(self.kept),
+            address(weights), address(found), address(to), address(by_p),
+        )  # fmt: skip
+        by_tau[own] = to
+        return found
+
+
+class EventFreeGradients:
+    """Gradients through ticks without events of a scene with events.
+
+    Args:
+        kinks: Its lasting kinks.
+        engine: Finds ticks without events.
+        plant: The scene's equations.
+        choice: Method and tick.
+
+    Attributes:
+        library: Compiled code, ``event_free_gradient.c``; None if it cannot be built.
+        length: Length of a tick in [s].
+    """
+
+    @one_at_a_time
+    def __init__(self, kinks: Kinks, engine: Engine, plant: Plant, choice: Choice) -> None:
+        self._kinks, self._engine = kinks, engine
+        self._nx, self.length = plant.nx, choice.dt
+        event_free = EventFreeTick.of(plant, range(len(plant.parameters.nominal)))
+        _, *functions = tick_functions(plant, choice)
+        functions += [*event_free.functions, *event_free.adjoints]
+        scene = definitions(plant, choice, functions, **event_free.defines)
+        types = [ADDRESS, ADDRESS, ctypes.c_double, NUMBER, *[ADDRESS] * 4]
+        write = partial(_source, functions, scene)
+        self.library = built_of_lanes(write, 1, "event_free_gradient", types)
+        if self.library:
+            self.library.kept_numbers.restype = ctypes.c_longlong
+            self.library.event_free_motion.restype = ctypes.c_longlong
+            self._kept = int(self.library.kept_numbers())
+
+    def parts(self, motion: Motion, tau: Array) -> list[EventFreePart]:
+        """Advance a motion to its next tick with an event.
+
+        Args:
+            motion: The motion.
+            tau: Commands of all its ticks, shape (ticks, n), contiguous.
+
+        Returns:
+            The ticks before that one, if there are any.
+        """
+        first, ahead = motion.ticks, tau[motion.ticks :]
+        most = min(STRETCH, self._kinks.ticks_before(motion.x, ahead))
+        kept, after = np.empty((most, self._kept)), np.empty(self._nx)
+        done = self.library.event_free_motion(  # type: ignore[union-attr]
+            pointer(np.ascontiguousarray(motion.x)), pointer(ahead), pointer(motion.p),
+            ctypes.c_double(self.length), ctypes.c_longlong(most), ctypes.byref(self._engine),
+            ctypes.c_int(first == 0), pointer(kept), pointer(after),
+        )  # fmt: skip
+        if not done:
+            return []
+        motion.go_on(after, done)
+        return [EventFreePart(self, first, kept[:done])]
+
+
+def _source(functions: Sequence[ca.Function], scene: str, width: int) -> str:
+    code = of_lanes(generate(list(functions)), width)
+    return f'{code}{scene}#include "derivatives/event_free_gradient.c"\n'
+
+
+def tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, ...]:
+    """The step, and what passes gradients back through a tick.
+
+    Returns:
+        ``step``, its ``adjoint``, ``acting`` (x, r) -> u and ``limit_adjoint`` (x, r, gradient)
+        -> gradients by x and r.
+    """
+    method, n, act = choice.method, plant.model.n, actuation(plant)
+    scaled = plant.scaled_jacobian
+    step = build_step(method, plant.rhs, n, plant.project, scaled)
+    adjoint = build_adjoint(method, plant.rhs, pullback(plant), n, plant.project, scaled)
+    x, r = (ca.SX.sym(name, act.size1_in(i)) for i, name in enumerate("xr"))
+    weight, u = ca.SX.sym("weight", n), act(x, r)
+    back = [ca.densify(ca.jtimes(u, by, weight, True)) for by in (x, r)]
+    limit = ca.Function("limit_adjoint", [x, r, weight], back, {"cse": True})
+    return step, adjoint, ca.Function("acting", [x, r], [u], {"cse": True}), limit

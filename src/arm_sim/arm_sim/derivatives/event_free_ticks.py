@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ticks without events of a scene with events, for compiled code (``event_free_ticks.h``).
+
+The modes are the same from beginning to end, so that the tick is a smooth step in which they are
+constants, between two projections. What is differentiated here is at a distance from all
+boundaries between modes; every other tick is left to ``Events``, which decides what has a
+derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from arm_sim.derivatives.guards import clearance
+from arm_sim.derivatives.kinks import Kinks
+from arm_sim.derivatives.rest_projection import RestProjection
+from arm_sim.derivatives.resting import may_go_on
+from arm_sim.derivatives.sliding_direction import starts_to_slide
+from arm_sim.plant.plant import Plant
+
+
+@dataclass(frozen=True)
+class EventFreeTick:
+    """Functions of ticks without events.
+
+    Attributes:
+        functions: Those of states, ``clear``, ``clear_in_motion``, ``rest_begin``, ``rest_end``,
+            before them with contacts ``contact_geometry``.
+        columns: Those of columns, ``begin_at_rest``, ``end_at_rest``.
+        tuned: Number of places in p to differentiate by.
+    """
+
+    functions: tuple[ca.Function, ...]
+    columns: tuple[ca.Function, ...]
+    tuned: int
+
+    @property
+    def adjoints(self) -> tuple[ca.Function, ...]:
+        """Transposed functions of columns.
+
+        ``begin_adjoint`` (c, gradient) -> gradient, and ``end_adjoint`` (c, gradient) -> gradients
+        by x at the beginning, x at the end, and parameters.
+        """
+        found = []
+        for function, name in zip(self.columns, ("begin_adjoint", "end_adjoint"), strict=True):
+            c, *given = function.sx_in()
+            weight = ca.SX.sym("weight", function.size1_out(0))
+            moved = function(c, *given)
+            back = [ca.densify(ca.jtimes(moved, by, weight, True)) for by in given]
+            if name == "end_adjoint":
+                back[2] = back[2][-self.tuned :] if self.tuned else ca.SX(0, 1)
+            found.append(ca.Function(name, [c, weight], back, {"cse": True}))
+        return tuple(found)
+
+    @classmethod
+    def of(cls, plant: Plant, tuned: Sequence[int]) -> EventFreeTick:
+        """Those of a plant with events, with places in p to differentiate by."""
+        rest = RestProjection(plant, tuned)
+        margins = (
+            _margins(plant, "mode_margin", held=True),
+            _margins(plant, "mode_margin_in_motion", False),
+        )
+        geometry = [plant.events["contact_geometry"]] if plant.contact else []
+        functions = (*geometry, *margins, rest.rest_begin, rest.rest_end)
+        return cls(functions, (rest.begin_at_rest, rest.end_at_rest), len(tuned))
+
+    @property
+    def defines(self) -> dict[str, int]:
+        """Definitions for compiled code: numbers of coefficients."""
+        begin, end = self.functions[-2:]
+        return {"NBEGIN": begin.size1_out(0), "NEND": end.size1_out(0)}
+
+
+def _margins(plant: Plant, name: str, held: bool) -> ca.Function:
+    """(x, u, p, limit) -> margin to boundaries between modes, and at the start of a motion.
+
+    Both are negative where a tick may be refused because of ``Kinks``, of a joint or contact at
+    rest, or of the direction of a sliding contact.
+    """
+    far = clearance(plant, held)
+    x, u, p, limit = (ca.SX.sym(name, far.size1_in(i)) for i, name in enumerate("xupl"))
+    margin, both = far(x, u, p, limit), list[ca.SX]()
+    for begins in (False, True):
+        doubt = Kinks(plant).rests_bent(x)
+        if held:
+            held_so = ca.logic_or(starts_to_slide(plant, p), may_go_on(plant, p, begins))
+            doubt = ca.logic_or(doubt, held_so)
+        both.append(ca.if_else(doubt, -1, margin))
+    return ca.Function(name, [x, u, p, limit], [ca.vertcat(*both)], {"cse": True})

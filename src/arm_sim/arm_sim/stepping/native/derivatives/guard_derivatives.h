@@ -1,0 +1,159 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Guards at the ends of a segment: which are zero, and how the instant changes at which one is.
+ */
+
+#pragma once
+#include "derivatives/sensitivities.h"
+
+#define INSTANT 1e-9    /* fraction of a tick within which a guard that reaches zero is zero */
+#define TERMS 1e-12     /* fraction of its terms below which a guard is zero */
+#define DIFFERENT 1e-9  /* relative difference of slopes that is none */
+#define GRAZING 1e-4    /* rate of a guard that grazes zero, relative to that at the beginning */
+#define SAME_EVENT 1e-9 /* relative difference of the derivatives of an instant that is none */
+
+typedef struct {
+  real value[NG], size[NG], rate[NG], active[NG], a[NU];
+} guards_t;
+
+static void find_guards(const real* x, const tick_t* tick, const record_t* segment, guards_t* at) {
+  CALL(guards, (x, tick->u, numbers(&segment->p), segment->limit), (at->value, at->size, at->rate, at->active, at->a));
+}
+
+/* Whether a guard is zero, or passes zero within an instant. */
+static int is_near(const guards_t* at, int i, double h) {
+  return fabs(at->value[i]) <= INSTANT * h * fabs(at->rate[i]) + TERMS * at->size[i];
+}
+
+static int stays(const guards_t* at, int i, double h) { return !(fabs(at->rate[i]) * h > TERMS * at->size[i]); }
+
+/* Whether a loop holds a joint in a sliding mode at rest because other joints stick. */
+static int is_carried(const guards_t* at, const real* x, const record_t* segment, int joint) {
+  return NB && ND && segment->p.direction[joint] != 0.0 && fmax(fabs(x[NU + joint]), fabs(at->a[joint])) <= SLOWEST;
+}
+
+/* Active guards that are zero; their number. A switch that stays where it switches does not switch. */
+static int find_zero(const guards_t* at, const real* x, const tick_t* tick, const record_t* segment) {
+  int count = 0;
+  for (int i = 0; i < NG; ++i) {
+    const int joint = i - 2 * NC;
+    if (!is_near(at, i, tick->length) || !(at->active[i] > 0.0)) continue;
+    if (i >= NG - NK && stays(at, i, tick->length)) continue;
+    if (joint >= 0 && joint < NU && is_carried(at, x, segment, joint)) continue;
+    tick->which[++count] = i;
+  }
+  tick->which[0] = count;
+  return count;
+}
+
+static int are_different(const real* a, const real* b, int count) {
+  double most = 0.0, size = 0.0;
+  for (int i = 0; i < count; ++i) {
+    most = fmax(most, fabs(a[i] - b[i]));
+    size = fmax(size, fabs(a[i]) + fabs(b[i]));
+  }
+  return most > DIFFERENT * size;
+}
+
+/* x' and its derivatives on both sides of a switch. */
+static void find_sides(int number, const real* x, const tick_t* tick, const record_t* segment, real slope[2][NX],
+                       real by[2][NX * (NX + NU)]) {
+  for (int holds = 0; holds < 2; ++holds) {
+    modes_t p = segment->p;
+    p.switches[number] = holds;
+    CALL(motion, (x, tick->u, numbers(&p)), (slope[holds], by[holds]));
+  }
+}
+
+/* Whether a switch that is near is a boundary: not one that does not change the slopes, and none at which both sides lead
+ * back, such as that of a current at its limit. One that stays at zero is. */
+static int divides(int number, const guards_t* at, const real* x, const tick_t* tick, const record_t* segment) {
+  real slope[2][NX], by[2][NX * (NX + NU)];
+  find_sides(number, x, tick, segment, slope, by);
+  const int jumps = are_different(slope[0], slope[1], NX), bends = are_different(by[0], by[1], NX * (NX + NU));
+  return jumps ? !stays(at, NG - NK + number, tick->length) : bends;
+}
+
+/* Guards that are zero, and on whose sides motions change differently; their number. */
+static int find_boundaries(const real* x, const tick_t* tick, const record_t* segment) {
+  guards_t at;
+  int count = 0;
+  find_guards(x, tick, segment, &at);
+  const int zero = find_zero(&at, x, tick, segment);
+  while (count < zero && tick->which[count + 1] < NG - NK) ++count;
+  for (int k = 0; k < NK; ++k)
+    if (is_near(&at, NG - NK + k, tick->length) && at.active[NG - NK + k] > 0.0 && divides(k, &at, x, tick, segment))
+      tick->which[++count] = NG - NK + k;
+  tick->which[0] = count;
+  return count;
+}
+
+/* Derivatives of a guard, by what those of the state are. */
+static void find_change(int guard, const real* x, const tick_t* tick, const record_t* segment, const real (*slope)[NV],
+                        real* by_x, real* change) {
+  real weight[NG], by_w[NW + 1];
+  for (int i = 0; i < NG; ++i) weight[i] = i == guard;
+  CALL(guard_gradient, (x, tick->u, numbers(&segment->p), segment->limit, weight), (by_x, by_w));
+  for (int j = 0; j < NV; ++j) {
+    change[j] = j < NX ? 0.0 : by_w[j - NX];
+    for (int i = 0; i < NX; ++i) change[j] += by_x[i] * slope[i][j];
+  }
+}
+
+/* A state beside a switch that stays, such as that of a current at its limit, is led back to it at once. */
+static void lead_back(const tick_t* tick, const record_t* segment, real (*slope)[NV]) {
+  guards_t at;
+  find_guards(segment->begin, tick, segment, &at);
+  for (int k = 0; k < NK; ++k) {
+    const int guard = NG - NK + k, holds = segment->p.switches[k] != 0.0;
+    real side[2][NX], by[2][NX * (NX + NU)], by_x[NX], change[NV], along = 0.0;
+    if (!is_near(&at, guard, tick->length) || !(at.active[guard] > 0.0) || !stays(&at, guard, tick->length)) continue;
+    find_sides(k, segment->begin, tick, segment, side, by);
+    if (!are_different(side[0], side[1], NX)) continue;
+    find_change(guard, segment->begin, tick, segment, (const real(*)[NV])slope, by_x, change);
+    for (int i = 0; i < NX; ++i) along += by_x[i] * (side[!holds][i] - side[holds][i]);
+    if (!((holds ? along : -along) > 0.0)) continue;
+    for (int i = 0; i < NX; ++i)
+      for (int j = 0; j < NV; ++j) slope[i][j] -= (side[!holds][i] - side[holds][i]) / along * change[j];
+  }
+}
+
+/* Derivative of the length of a segment that a guard ends, from that of its end at constant length, and by the length. */
+static void follow_guard(int guard, const tick_t* tick, const record_t* segment, const real (*slope)[NV], const real* speed,
+                         real* delay) {
+  real by_x[NX], change[NV], along = 0.0;
+  find_change(guard, segment->end, tick, segment, slope, by_x, change);
+  for (int i = 0; i < NX; ++i) along += by_x[i] * speed[i];
+  for (int j = 0; j < NV; ++j) delay[j] = -change[j] / along;
+}
+
+/* The same of a segment that an event ends, whichever it is. Joints of a loop come to rest together: that is one event. */
+static enum refusal find_delay(const tick_t* tick, const record_t* segment, const real (*slope)[NV], const real* speed,
+                               real* delay) {
+  guards_t begin, end;
+  double apart = 0.0, largest = 0.0;
+  tick->which[0] = 0;
+  if (segment->length <= INSTANT * tick->length) /* a switch that does not change the motion, such as that of a current ... */
+    return find_boundaries(segment->begin, tick, segment) ? SAME_INSTANT : NO_REFUSAL; /* ... that leaves its limit, is none */
+  find_guards(segment->begin, tick, segment, &begin);
+  find_guards(segment->end, tick, segment, &end);
+  const int zero = find_zero(&end, segment->end, tick, segment);
+  if (!zero) return GRAZES;
+  for (int k = 1; k <= zero; ++k) {
+    const long long i = tick->which[k];
+    if (!(fabs(end.rate[i]) > GRAZING * fabs(begin.rate[i]))) return GRAZES;
+  }
+  real found[NG][NV];
+  for (int k = 0; k < zero; ++k) follow_guard((int)tick->which[k + 1], tick, segment, slope, speed, found[k]);
+  for (int j = 0; j < NV; ++j) {
+    double low = found[0][j], high = low;
+    for (int k = 0; k < zero; ++k) {
+      low = fmin(low, found[k][j]);
+      high = fmax(high, found[k][j]);
+      largest = fmax(largest, fabs(found[k][j]));
+    }
+    apart = fmax(apart, high - low);
+    delay[j] = found[0][j];
+  }
+  return apart > SAME_EVENT * largest ? COINCIDE : NO_REFUSAL;
+}

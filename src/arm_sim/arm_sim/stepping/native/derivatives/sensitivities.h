@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the derivatives of a tick with events have in common.
+ *
+ * A matrix of derivatives has a row for each number of the state and NV columns: by the state at the beginning of the tick,
+ * the command that acts, and NT tunable quantities. Results of generated functions lie column by column.
+ */
+
+#pragma once
+#include "lanes/prediction.h"
+#include "numbers.h"
+#include "events/trace.h"
+
+#include <math.h>
+#include <string.h>
+
+#define NW (NU + NT) /* what is held: command and tunable quantities */
+#define NV (NX + NW)
+
+/* Why a tick has no derivative. Python: MESSAGES of derivatives/events.py. */
+enum refusal {
+  NO_REFUSAL,
+  DIVERGES,
+  ACCUMULATE,
+  BEGINS_WITH_IMPACT,
+  BEGINS_ON_BOUNDARY, /* guards */
+  ENDS_ON_BOUNDARY,   /* guards */
+  REDUCED_REBOUND,
+  IMPACT_ON_EDGE, /* contact */
+  UNLOADED_GEAR,  /* joint */
+  JOINT_WOULD_GO_ON,
+  CONTACT_WOULD_GO_ON, /* contact */
+  STARTS_TO_SLIDE,
+  STOPS_STRAIGHT,
+  SAME_INSTANT,
+  COINCIDE, /* guards */
+  GRAZES,   /* guards, if they are known */
+};
+
+/* The tick, and how many and which guards, joints or contacts a refusal is about. */
+typedef struct {
+  const real* u;
+  double length;
+  long long* which;
+} tick_t;
+
+static enum refusal refuse(const tick_t* tick, enum refusal why, int who) {
+  tick->which[0] = 1;
+  tick->which[1] = who;
+  return why;
+}
+
+/* Call a generated function: CALL(name, (arguments), (results)). */
+#define LIST(...) __VA_ARGS__
+#define CALL(function, given, found) \
+  do { \
+    real w[SZ_W]; \
+    casadi_int iw[SZ_IW]; \
+    const real* arg[SZ_ARG] = {LIST given}; \
+    real* res[SZ_RES] = {LIST found}; \
+    function(arg, res, iw, w, 0); \
+  } while (0)
+
+/* Parameters and modes of a segment, for generated functions. */
+static const real* numbers(const modes_t* p) { return (const real*)p; }
+
+static int is_held(const record_t* segment, int joint) { return ND && segment->p.direction[joint] == 0.0; }
+
+static int any_closed(const record_t* segment) {
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed > 0.0;
+  return any;
+}
+
+/* Add a matrix, column by column, times rows of NV columns. */
+static void add_product(int rows, int inner, const real* matrix, const real (*given)[NV], real (*sum)[NV]) {
+  for (int i = 0; i < rows; ++i)
+    for (int k = 0; k < inner; ++k)
+      for (int j = 0; j < NV; ++j) sum[i][j] += matrix[k * rows + i] * given[k][j];
+}

@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Ticks of LANES arms for the engine of one arm: what is given, and steps that it need not make again.
+ */
+
+#pragma once
+#include "lanes/lanes.h"
+#include "lanes/prediction.h"
+
+/* Beginnings of ticks of length h from x under commands that act. Nothing is foreseen, in no modes and for no end of the
+ * tick; `place` receives where the contacts are. */
+static inline void begin_ticks(const real* x, const real* u, const real* tunable, const real* h, prediction_t* tick,
+                               real* place) {
+  const long long stride = sizeof(prediction_t) / sizeof(double);
+  find_places(x, place);
+  write_arms(tick->x, stride, x, NX);
+  write_arms(tick->u, stride, u, NU);
+  write_arms(tick->p, stride, tunable, NP);
+  write_arms(tick->geometry, stride, place, PLACES);
+  for (int j = 0; j < LANES; ++j) {
+    tick[j].length = LANE(*h, j);
+    tick[j].after[0] = __builtin_nan("");
+    tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0;
+    for (int i = NP; i < NP + MODES; ++i) tick[j].p[i] = __builtin_nan("");
+  }
+}
+
+/* Steps from the beginnings of ticks, with their continuous output and where the contacts are after them. */
+static inline void write_steps(const real* next, const real* inside, const real* place, prediction_t* tick) {
+  const long long stride = sizeof(prediction_t) / sizeof(double);
+  write_arms(tick->after, stride, next, NX);
+  write_arms(tick->inside.slope[0], stride, inside, 3 * NX);
+  write_arms(tick->geometry_after, stride, place, PLACES);
+}

@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Lengths of the sub-steps of a tick under error control.
+ *
+ * Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993, section II.4.
+ */
+
+#pragma once
+#include "scene.h"
+
+#include <math.h>
+
+typedef struct {
+  double done;  /* time of the tick that is behind */
+  double step;  /* length to try next, later of the next tick */
+  double trial; /* length that is tried now */
+  int last;     /* whether that ends the tick */
+} substeps_t;
+
+enum outcome { REJECTED, ACCEPTED, ENDED, STEP_TOO_SMALL };
+
+/* Of a tick of length h; `step`: what the last tick left, 0: not known yet. */
+static inline substeps_t first_substep(double h, double step) {
+  substeps_t at;
+  at.done = at.trial = 0.0;
+  at.step = step > 0.0 ? step : h;
+  at.last = 0;
+  return at;
+}
+
+static inline double next_length(substeps_t* at, double h) {
+  const double left = h - at->done;
+  at->last = at->step >= left * (1.0 - 1e-12);
+  return at->trial = at->last ? left : at->step;
+}
+
+/* What to do after an attempt. size: its error, relative to the tolerance; reached: whether its end is finite. */
+static inline enum outcome control_step(substeps_t* at, double h, double size, int reached) {
+  double factor = size < 1e-10 ? 6.0 : 0.9 * pow(size, -1.0 / ORDER); /* NaN must shrink it */
+  factor = !(factor > 0.2) || !reached ? 0.2 : factor > 6.0 ? 6.0 : factor;
+  if (!(size <= 1.0) || !reached) {
+    at->step = at->trial * factor;
+    return at->step < 1e-12 * h ? STEP_TOO_SMALL : REJECTED;
+  }
+  at->done += at->trial;
+  /* A last sub-step that was cut short says little of how long the next may be. */
+  if (!at->last || at->trial * factor > at->step) at->step = at->trial * factor;
+  return at->last ? ENDED : ACCEPTED;
+}
