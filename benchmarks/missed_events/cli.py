@@ -61,9 +61,9 @@ def main(runs: int, seed: int, blind: bool, share: float, workers: int, out: Pat
     and soft, in ticks of 0.1 to 50 ms, by every method, with and without error control; each is
     compared with ticks a hundred times shorter, and a share of them with a simulator that shares
     no line with the suite. A run may be off by ten times its tolerance, or by 1e-6 with steps of
-    fixed length; otherwise the energy account, the second look, the stated error or the count of
-    time-stepped ticks has to tell. Ends with an error if one does not. A motion that itself makes
-    an allowed error too large is counted as magnified.
+    fixed length; otherwise its doubt or its stated error (within a factor of three) has to tell.
+    Ends with an error if neither does. A motion that itself makes an allowed error too large is
+    counted as magnified.
     """
     console, found = Console(stderr=True), list[Result]()
     look = partial(examine, blinded=blind, share=0.0 if blind else share)

@@ -21,6 +21,7 @@ from benchmarks.missed_events.second_truth import solve
 FINER, FINE_TOLERANCE = 100, 1e-11
 NUDGE, STEADY = 1e-9, 1e4  # a start moved by so much moves the end by at most so many times more
 FACTOR, FIXED = 10.0, 1e-6  # error allowed, in tolerances; and without error control
+BESIDE = 3.0  # times the stated error that tells of one
 RIGHT, SHOWN, UNSTEADY, REFUSED, MISSED = "right", "shown", "not steady", "refused", "missed"
 MAGNIFIED, SAME = "magnified", "the same"
 OUTCOMES = (RIGHT, SHOWN, MISSED, MAGNIFIED, UNSTEADY, REFUSED, SAME)
@@ -99,7 +100,8 @@ def _judged(
     if apart > NUDGE * growth:  # else rounding
         error = max(error, _error(run.q, np.asarray(second)))
     allowed = FIXED if tolerance is None else max(FACTOR * tolerance, 1e-12)
-    told = run.doubt
+    stated = float(np.max(run.error))
+    told = run.doubt or (f"stated error {stated:.1e}" if error <= BESIDE * stated else "")
     outcome = RIGHT if error <= allowed else SHOWN if told else MISSED
     if outcome == MISSED and error <= growth * allowed:
         outcome = MAGNIFIED
