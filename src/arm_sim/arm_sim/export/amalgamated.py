@@ -30,7 +30,7 @@ def amalgamated(text: str, done: set[str], folders: Sequence[Path] = _FOLDERS) -
         if (file := found[1]) in done:
             return ""
         done.add(file)
-        path = next(path for path in (folder / file for folder in folders) if path.exists())
+        path = next(path for folder in folders for path in folder.rglob(file))
         return amalgamated(path.read_text(encoding="utf-8"), done, folders)
 
     return _INCLUDE.sub(included, text.replace("#pragma once\n", ""))
