@@ -391,10 +391,7 @@ class Simulator:
         return again if torques else None
 
     def reset(
-        self,
-        q: ArrayLike | None = None,
-        v: ArrayLike | None = None,
-        z: ArrayLike | None = None,
+        self, q: ArrayLike | None = None, v: ArrayLike | None = None, z: ArrayLike | None = None
     ) -> State:
         """Reset the simulation to time zero.
 
@@ -414,10 +411,7 @@ class Simulator:
         return self.state
 
     def set_state(
-        self,
-        q: ArrayLike | None = None,
-        v: ArrayLike | None = None,
-        z: ArrayLike | None = None,
+        self, q: ArrayLike | None = None, v: ArrayLike | None = None, z: ArrayLike | None = None
     ) -> State:
         """Set the state without changing the time.
 

@@ -308,8 +308,7 @@ def soft_pair(first: str, second: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    "names",
-    [("current_elbow", "elbow_velocity"), ("elbow motor position", "elbow")],
+    "names", [("current_elbow", "elbow_velocity"), ("elbow motor position", "elbow")]
 )
 def test_names_of_joints_mean_nothing(names: tuple[str, str]) -> None:
     """Servos and brakes know the states of drives by their kinds."""

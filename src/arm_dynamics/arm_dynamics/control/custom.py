@@ -21,13 +21,7 @@ import numpy as np
 from arm_dynamics.arrays import Array, all_finite, read_only
 from arm_dynamics.attributes import sealed
 from arm_dynamics.control.compiled_law import AroundLaw, Law
-from arm_dynamics.control.computed_torque import (
-    Checked,
-    Controller,
-    Moving,
-    Parts,
-    checked,
-)
+from arm_dynamics.control.computed_torque import Checked, Controller, Moving, Parts, checked
 from arm_dynamics.exceptions import (
     ControllerFailed,
     InvalidInput,

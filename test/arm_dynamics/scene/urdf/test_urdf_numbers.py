@@ -179,10 +179,7 @@ DEFAULTS = {
 
 @pytest.mark.parametrize(("given", "meant", "words"), DEFAULTS.values(), ids=DEFAULTS)
 def test_what_is_missing_is_filled_in_and_told(
-    given: tuple[str, str],
-    meant: tuple[str, str],
-    words: str,
-    caplog: pytest.LogCaptureFixture,
+    given: tuple[str, str], meant: tuple[str, str], words: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert_read(changed(*given), changed(*meant))
     with caplog.at_level(logging.WARNING):
