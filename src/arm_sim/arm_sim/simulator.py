@@ -33,7 +33,7 @@ from arm_sim.integrators.selection import Choice, choose
 from arm_sim.long_runs import Progress
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
-from arm_sim.plant.placing import closed, placed, warn_beyond_stops, warn_of_degrees
+from arm_sim.plant.placing import closed, placed, warn_of_degrees
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control as Again
@@ -340,7 +340,6 @@ class Simulator:
             return partial(self._run_compiled, control), False
         if isinstance(control, JointCommand):
             commands = control.rows(ticks, self.n, self.dt)
-            warn_beyond_stops(self.arm.plant, control.position)
             return partial(self._run_function, lambda _: next(commands)), False
         if callable(control):
             return partial(self._run_function, function_of_state(control)), False

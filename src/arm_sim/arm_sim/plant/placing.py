@@ -76,19 +76,6 @@ def warn_of_degrees(plant: Plant, q: Array, *known: Array) -> None:
         _log.warning("position %s", remark)
 
 
-def warn_beyond_stops(plant: Plant, positions: Array) -> None:
-    """Warn of commanded positions, shape (n,) or (k, n), beyond the stops of a joint."""
-    lower, upper = plant.model.stops.bounds
-    rows = np.atleast_2d(positions)
-    for i in np.flatnonzero(((rows < lower) | (rows > upper)).any(axis=0)):
-        farthest = rows[np.nanargmax(abs(rows[:, i])), i]
-        _log.warning(
-            "position %.6g is commanded of joint '%s', whose stops are at %.6g and %.6g: its "
-            "servo presses on them; positions are in rad and m",
-            farthest, plant.model.joint_names[i], lower[i], upper[i],
-        )  # fmt: skip
-
-
 def _farthest(plant: Plant, q: Array) -> float:
     turning = np.array(plant.model.joint_types) != "prismatic"
     return float(np.max(abs(q) * turning))
