@@ -107,7 +107,7 @@ class Simulator:
         "q v z x state position velocity qpos qvel": "set_state(q=…, v=…) or reset(q=…, v=…)",
         "time t": "reset() begins at zero",
         "tau effort torque command control": "step(tau), or run(duration, control)",
-        "gravity payload payloads friction coulomb external": "set_parameter(name, value), where "
+        "gravity mass payload payloads friction damping viscous coulomb external": "set_parameter(name, value), where "
         "the scene's key 'tunable' lists it; else build another Simulator, of a changed scene",
     }
 

@@ -44,6 +44,7 @@ _NOT_NEGATIVE = {
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 _LARGEST = sys.float_info.max
+_ROUNDED = 0.01  # error of the length of an axis of two decimals
 NO_LIMIT = 1e15
 """A position limit beyond this, in [rad] or [m], means no limit."""
 
@@ -218,7 +219,10 @@ def _check_axis(
     if "xyz" not in axis.keys():
         axis.set("xyz", "1.0 0.0 0.0")
         _note(notes, f"{lacking}: taken as the default, 1 0 0", owner)
-    if np.linalg.norm(floats(axis.get("xyz", ""))) < 1e-9:
+    length = math.hypot(*floats(axis.get("xyz", "")))
+    if abs(length - 1.0) > _ROUNDED:
+        _note(notes, "<axis> is not of length 1: only its direction counts", owner)
+    if length < 1e-9:
         given = [part.get("xyz") for part in joint.findall("axis")]
         raise ModelError(f"{owner}: axis {given[0]!r} has no direction")
 
