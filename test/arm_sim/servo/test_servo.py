@@ -393,6 +393,15 @@ def test_positions_beyond_the_stops_are_clipped_and_told_once(
     np.testing.assert_array_equal(sim.state.q, clipped.state.q)
 
 
+def test_velocities_beyond_their_limits_are_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    sim = models.simulator("panda")
+    sim.run(0.01, lambda _: JointCommand(velocity=[90.0, *[np.nan] * 6]))  # degrees
+    assert caplog.messages == [
+        "velocity 90 rad/s of joint 'panda_joint1' exceeds its limit of 2.175 rad/s, beyond which "
+        "its servo does not go; reported once"
+    ]
+
+
 def test_an_arm_in_a_soft_stop_may_be_held_there(caplog: pytest.LogCaptureFixture) -> None:
     soft = {"lower": -2.5, "upper": 2.5, "stop": {"stiffness": 100.0, "damping": 1.0}}
     sim = Simulator(scene("two_link", limits=soft))

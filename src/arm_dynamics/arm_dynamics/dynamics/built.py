@@ -18,6 +18,8 @@ from arm_dynamics.scene.urdf.units import FAR
 
 _log = logging.getLogger(__name__)
 _POSTURES = 32
+TOO_FAST = 10.0
+"""Speeds beyond so many limits of theirs are probably in degrees or millimetres."""
 # Published arms carry up to 5.5 times their effort limits, where these are placeholders, and have
 # drives of up to their own inertia.
 _HEAVY, _LOADED, _INERT = 10.0, 5.0, 300.0
@@ -58,6 +60,8 @@ def unit_remarks(model: ArmModel) -> Iterator[str]:
     with np.errstate(over="ignore", invalid="ignore"):
         for name, what, meant in (*_weights(model, q), *_drives(model, q), *_friction(model)):
             kinds.setdefault(meant, []).append((name, what))
+    if fast := model.too_fast(model.v0, TOO_FAST):
+        yield f"initial {fast}; velocities are in rad/s and m/s"
     for meant, [(name, what), *others] in kinds.items():
         more = f" (and {known_names([other for other, _ in others], 5)})" if others else ""
         yield f"joint '{name}'{more}: {what}; {meant}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commanded positions end at the joints' stops."""
+"""Commanded positions end at the joints' stops, and speeds at their limits."""
 
 from __future__ import annotations
 
@@ -36,9 +36,13 @@ class Reach:
     def restart(self) -> None:
         """Forget what was told."""
         self._seen = np.full(self._model.n, -np.inf)  # tick of the last position beyond
+        self._fast = -np.inf
 
     def within(self, command: JointCommand, q: Array, step: int) -> JointCommand:
         """What acts of a command that comes after ``step`` ticks, at positions q, shape (n,)."""
+        if step - self._fast > self._quiet and (fast := self._model.too_fast(command.velocity)):
+            self._fast = step
+            _log.warning("%s, beyond which its servo does not go; reported once", fast)
         asked, (lower, upper) = command.position, self._model.stops.place
         reached = np.clip(asked, np.minimum(lower, q), np.maximum(upper, q))
         beyond = abs(reached - asked) > ROUNDING

@@ -13,8 +13,6 @@ import re
 import sys
 from xml.etree import ElementTree
 
-import numpy as np
-
 from arm_dynamics.exceptions import ModelError, degrees_meant
 
 MOVING = ("revolute", "continuous", "prismatic")
