@@ -44,10 +44,10 @@ class Reach:
             self._fast = step
             _log.warning("%s, beyond which its servo does not go; reported once", fast)
         asked, (lower, upper) = command.position, self._model.stops.place
+        if not ((asked < lower) | (asked > upper)).any():
+            return command
         reached = np.clip(asked, np.minimum(lower, q), np.maximum(upper, q))
         beyond = abs(reached - asked) > ROUNDING
-        if not beyond.any():
-            return command
         for i in np.flatnonzero(beyond & (step - self._seen > self._quiet)).tolist():
             unit = "m" if self._model.joint_types[i] == "prismatic" else "rad"
             _log.warning(

@@ -169,6 +169,11 @@ DEFAULTS = {
         (' name="arm"', ' name="robot"'),
         "the root element: <robot> has no name: 'robot' is used",
     ),
+    "known names of a joint's elements": (
+        ("<dynamics", "<dynamic"),
+        ('<dynamics damping="0.3" friction="0.2"/>', ""),
+        "joint 'shoulder': <dynamic> is unknown and has no effect; did you mean 'dynamics'?",
+    ),
     "known version": (
         (' name="arm"', ' name="arm" version="2.0"'),
         (' name="arm"', ' name="arm"'),

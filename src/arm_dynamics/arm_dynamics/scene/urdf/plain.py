@@ -13,7 +13,7 @@ import re
 import sys
 from xml.etree import ElementTree
 
-from arm_dynamics.exceptions import ModelError, degrees_meant
+from arm_dynamics.exceptions import ModelError, degrees_meant, did_you_mean
 
 MOVING = ("revolute", "continuous", "prismatic")
 SUPPORTED = (*MOVING, "fixed")
@@ -31,6 +31,7 @@ _NUMBERS = {
     "dynamics": ("damping", "friction"),
     "mimic": ("multiplier", "offset"),
 }
+_KNOWN = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision", "calibration"}
 _NAMES = {"parent": "link", "child": "link", "mimic": "joint"}
 _LIMITS = ("effort", "velocity")
 _NOT_NEGATIVE = {
@@ -72,6 +73,7 @@ def plain_link(link: ElementTree.Element, notes: Notes) -> ElementTree.Element:
     owner = f"link '{link.get('name')}'"
     copy = ElementTree.Element("link", name=link.get("name", ""))
     inertials = link.findall("inertial")
+    _note_unknown(link, owner, notes)
     if len(inertials) > 1:
         _note(notes, "more than one <inertial>: only the first counts", owner)
     for inertial in inertials[:1]:
@@ -150,11 +152,19 @@ def _note(notes: Notes, remark: str, place: str) -> None:
     notes.setdefault(remark, []).append(place)
 
 
+def _note_unknown(element: ElementTree.Element, owner: str, notes: Notes) -> None:
+    """Note children whose names are nearly those of the format; others are of its extensions."""
+    for child in element:
+        if child.tag not in _KNOWN and (near := did_you_mean(child.tag, _KNOWN)):
+            _note(notes, f"<{child.tag}> is unknown and has no effect{near}", owner)
+
+
 def _parts(
     element: ElementTree.Element, tags: tuple[str, ...], owner: str, notes: Notes
 ) -> list[ElementTree.Element]:
     """The first child of each tag, its numbers written such that every parser reads them."""
     parts = []
+    _note_unknown(element, owner, notes)
     for tag in tags:
         found = element.findall(tag)
         if len(found) > 1:
