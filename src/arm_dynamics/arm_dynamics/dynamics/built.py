@@ -18,8 +18,7 @@ from arm_dynamics.scene.urdf.units import FAR
 
 _log = logging.getLogger(__name__)
 _POSTURES = 32
-TOO_FAST = 10.0
-"""Speeds beyond so many limits of theirs are probably in degrees or millimetres."""
+TOO_FAST = 10.0  # limits; faster speeds are probably in degrees or millimetres
 # Published arms carry up to 5.5 times their effort limits, where these are placeholders, and have
 # drives of up to their own inertia.
 _HEAVY, _LOADED, _INERT = 10.0, 5.0, 300.0

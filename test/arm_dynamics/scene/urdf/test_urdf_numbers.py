@@ -172,7 +172,7 @@ DEFAULTS = {
     "known names of a joint's elements": (
         ("<dynamics", "<dynamic"),
         ('<dynamics damping="0.3" friction="0.2"/>', ""),
-        "joint 'shoulder': <dynamic> is unknown and has no effect; did you mean 'dynamics'?",
+        "joint 'shoulder': <dynamic> has no effect; did you mean <dynamics>?",
     ),
     "known version": (
         (' name="arm"', ' name="arm" version="2.0"'),

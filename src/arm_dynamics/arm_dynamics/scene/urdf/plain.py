@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 import re
 import sys
+from difflib import get_close_matches
 from xml.etree import ElementTree
 
-from arm_dynamics.exceptions import ModelError, degrees_meant, did_you_mean
+from arm_dynamics.exceptions import ModelError, degrees_meant
 
 MOVING = ("revolute", "continuous", "prismatic")
 SUPPORTED = (*MOVING, "fixed")
@@ -31,7 +32,7 @@ _NUMBERS = {
     "dynamics": ("damping", "friction"),
     "mimic": ("multiplier", "offset"),
 }
-_KNOWN = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision", "calibration"}
+_KNOWN, _ALIKE = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision"}, 0.8
 _NAMES = {"parent": "link", "child": "link", "mimic": "joint"}
 _LIMITS = ("effort", "velocity")
 _NOT_NEGATIVE = {
@@ -154,9 +155,9 @@ def _note(notes: Notes, remark: str, place: str) -> None:
 
 def _note_unknown(element: ElementTree.Element, owner: str, notes: Notes) -> None:
     """Note children whose names are nearly those of the format; others are of its extensions."""
-    for child in element:
-        if child.tag not in _KNOWN and (near := did_you_mean(child.tag, _KNOWN)):
-            _note(notes, f"<{child.tag}> is unknown and has no effect{near}", owner)
+    for tag in sorted({str(child.tag) for child in element} - _KNOWN):
+        if near := get_close_matches(tag, _KNOWN, 1, _ALIKE):
+            _note(notes, f"<{tag}> has no effect; did you mean <{near[0]}>?", owner)
 
 
 def _parts(
