@@ -40,9 +40,10 @@ class Reach:
 
     def within(self, command: JointCommand, q: Array, step: int) -> JointCommand:
         """What acts of a command that comes after ``step`` ticks, at positions q, shape (n,)."""
-        if step - self._fast > self._quiet and (fast := self._model.too_fast(command.velocity)):
+        if fast := self._model.too_fast(command.velocity):
+            if step - self._fast > self._quiet:
+                _log.warning("%s, beyond which its servo does not go", fast)
             self._fast = step
-            _log.warning("%s, beyond which its servo does not go; reported once", fast)
         asked, (lower, upper) = command.position, self._model.stops.place
         if not ((asked < lower) | (asked > upper)).any():
             return command
