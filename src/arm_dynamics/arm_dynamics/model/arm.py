@@ -100,17 +100,6 @@ class ArmModel(Robot):
             if effort == 1.0 and own.limits.effort is None and own.actuator is None
         }
 
-    def too_fast(self, v: Array, times: float = 1.0) -> str:
-        """The first velocity of v, shape (n,), that exceeds its limit ``times``, or empty."""
-        if not (over := abs(v) > times * self.velocity_limit).any():
-            return ""
-        i = int(np.argmax(over))
-        unit = "m/s" if self.joint_types[i] == "prismatic" else "rad/s"
-        return (
-            f"velocity {v[i]:.6g} {unit} of joint '{self.joint_names[i]}' exceeds its limit "
-            f"of {self.velocity_limit[i]:.6g} {unit}"
-        )
-
     def with_friction(self, friction: JointFriction) -> ArmModel:
         """Copy with other friction."""
         other = copy(self)

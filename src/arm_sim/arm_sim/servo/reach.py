@@ -9,12 +9,12 @@ import numpy as np
 
 from arm_dynamics import ArmModel
 from arm_dynamics.arrays import Array
+from arm_dynamics.dynamics.built import too_fast
 from arm_sim.servo.command import JointCommand
 
-# Distance beyond a stop in [rad] or [m] that is rounding.
-ROUNDING = 1e-9
-# Time without positions beyond a joint's stops in [s], after which the next one is told again.
-QUIET = 1.0
+# Distance beyond a stop in [rad] or [m] that is rounding, and time in [s] without commands beyond
+# a joint's limits, after which the next one is told again.
+ROUNDING, QUIET = 1e-9, 1.0
 
 _log = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ class Reach:
 
     def within(self, command: JointCommand, q: Array, step: int) -> JointCommand:
         """What acts of a command that comes after ``step`` ticks, at positions q, shape (n,)."""
-        if fast := self._model.too_fast(command.velocity):
+        if fast := too_fast(self._model, command.velocity, 1.0):
             if step - self._fast > self._quiet:
                 _log.warning("%s, beyond which its servo does not go", fast)
             self._fast = step
