@@ -17,12 +17,7 @@ from arm_dynamics import load_scene
 from arm_sim import SimulationDiverged, Simulator
 from arm_sim.integrators.methods import METHODS
 from models.linkages import body, inline, interpreted, scene, worst_gaps
-from tolerances import (
-    CLOSURE,
-    CLOSURE_SPEED,
-    ORDER,
-    assert_close,
-)
+from tolerances import CLOSURE, CLOSURE_SPEED, ORDER, assert_close
 
 SCENES = ("slider_crank", "four_bar", "five_bar", "parallel_gripper", "panda_pen", "bricard")
 STEPS = {1: (11, 12), 2: (8, 9), 4: (8, 9), 5: (8, 9), 8: (5, 6)}

@@ -12,14 +12,7 @@ import models
 from arm_dynamics import ConstraintError, Dynamics, InvalidInput
 from arm_sim import Simulator
 from models.linkages import TIP, interpreted, scene, worst_gaps
-from tolerances import (
-    BACKENDS,
-    CLOSURE,
-    CLOSURE_SPEED,
-    FINITE_DIFF,
-    TRAJECTORY,
-    assert_close,
-)
+from tolerances import BACKENDS, CLOSURE, CLOSURE_SPEED, FINITE_DIFF, TRAJECTORY, assert_close
 
 
 def pen(active: bool, **joints: Any) -> Simulator:

@@ -9,7 +9,7 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control import ComputedTorque, PDGravity
+from arm_dynamics.control import ComputedTorque, PDGravity, Settings
 from arm_dynamics.exceptions import ControllerFailed
 from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import ClosedLoop, Simulator
@@ -108,3 +108,16 @@ def test_waypoints_in_degrees_are_told(caplog: pytest.LogCaptureFixture) -> None
     pair = ClosedLoop("double_pendulum")
     pair.follow([Waypoint(200.0, [45.0, 0.0])])
     assert "position 45 is 7.16 turns; angles are in rad" in caplog.text
+
+
+def test_a_controller_for_another_arm_or_other_ticks_is_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    ClosedLoop("two_link", settings=Settings(bandwidth=10.0), dt=2e-3)
+    assert "have dt = 0.001 s, but its torques act for 0.002 s" in caplog.text
+    ClosedLoop("real_xarm7", controller_scene="panda")
+    assert "panda_joint7, command the arm's, joint1, " in caplog.text
+    with pytest.raises(
+        InvalidInput, match="scene has the joints panda_.*; the arm has shoulder, "
+    ):
+        ClosedLoop("two_link", controller_scene="panda")

@@ -134,10 +134,7 @@ TIED: dict[str, dict[str, Any]] = {
 SWITCHED = {"name": "tie", "switchable": True, "active": False}
 GUESS = {"position": {"joint1": 0.4, "joint2": -0.9, "joint3": 0.5}}
 SCENES |= {
-    kind: {
-        "constraints": [{"type": kind, "frames": TIP, **SWITCHED, **keys}],
-        "initial": GUESS,
-    }
+    kind: {"constraints": [{"type": kind, "frames": TIP, **SWITCHED, **keys}], "initial": GUESS}
     for kind, keys in TIED.items()
 }
 COUPLED = {"type": "coupling", "joints": ["joint1", "joint2"], "ratio": -0.5, "offset": 0.1}

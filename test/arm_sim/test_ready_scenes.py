@@ -94,8 +94,7 @@ def test_bristles_carry_what_the_table_does_not() -> None:
     sim = models.simulator("panda_lugre_table", tolerance=1e-5)
     dyn = sim.dynamics
     run = sim.run(
-        0.8,
-        lambda s: dyn.gravity(s.q) + dyn.contact_torque(s.q, [2.0, 3.0, -20.0]) - 8.0 * s.v,
+        0.8, lambda s: dyn.gravity(s.q) + dyn.contact_torque(s.q, [2.0, 3.0, -20.0]) - 8.0 * s.v
     )
     q = run.q[-1]
     force = -contact_history(sim, run).force[-1, 0]

@@ -15,15 +15,7 @@ from arm_sim import Recording, Simulator
 from benchmarks.stress import page as arms_page
 from benchmarks.stress.together import apart, judge, page, peer, survey, tables
 from benchmarks.stress.together.cases import EXTREMES, FAMILIAR, HORIZON, Case, Drive, draw
-from benchmarks.stress.together.judge import (
-    CRASHED,
-    MUJOCO,
-    PATIENCE,
-    SLOW,
-    WRONG,
-    Result,
-    Truth,
-)
+from benchmarks.stress.together.judge import CRASHED, MUJOCO, PATIENCE, SLOW, WRONG, Result, Truth
 from benchmarks.stress.verdict import NAN, REFUSED, SHOWN, SURVIVED, UNDETECTED, Setting
 from models import features
 

@@ -136,9 +136,7 @@ def follow(lines: list[str], folder: Path, ros: Ros, typed: dict[str, Typed]) ->
 
 
 def test_a_torque_over_ros_takes_three_commands(
-    folder: Path,
-    ros: Ros,
-    typed: dict[str, Typed],
+    folder: Path, ros: Ros, typed: dict[str, Typed]
 ) -> None:
     lines = PATHS[TORQUE]
     assert 1 + len(lines) <= 3  # with git clone
@@ -148,9 +146,7 @@ def test_a_torque_over_ros_takes_three_commands(
 
 
 def test_an_own_node_moves_the_arm_in_five(
-    folder: Path,
-    ros: Ros,
-    typed: dict[str, Typed],
+    folder: Path, ros: Ros, typed: dict[str, Typed]
 ) -> None:
     *start, look = PATHS[OWN_NODE]
     assert 1 + len(start) + 1 <= 5

@@ -226,10 +226,7 @@ def main() -> None:
         "about": "q, v in the order of the scene's joints [rad, m]; "
         "force upon the second frame, in its axes [N]"
     }
-    for name, system, steps in (
-        ("slider_crank", SliderCrank(), 120),
-        ("four_bar", FourBar(), 60),
-    ):
+    for name, system, steps in (("slider_crank", SliderCrank(), 120), ("four_bar", FourBar(), 60)):
         coarse, fine = states(system, steps), states(system, steps * 3 // 2)
         error = max(fabs(coarse[t][k] - fine[t][k]) for t in TIMES for k in (0, 1))
         print(name, "two step lengths differ by", nstr(error, 3))

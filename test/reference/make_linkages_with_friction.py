@@ -59,10 +59,7 @@ def main() -> None:
     linkage = driven()
     turned = solved(linkage, 1.0, 8.0)
     turned["pin"] = [pin(linkage, x) for x in turned["x"]]
-    data = {
-        "four_bar": free | {"coulomb": HINGES},
-        "slider_crank": turned | {"voltage": VOLTAGE},
-    }
+    data = {"four_bar": free | {"coulomb": HINGES}, "slider_crank": turned | {"voltage": VOLTAGE}}
     for case in data.values():
         del case["x"]
     file = Path(__file__).with_name("linkages_with_friction.json")

@@ -18,7 +18,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.control.custom import Maker, is_own, load_controller
-from arm_dynamics.control.factory import Settings, make_controller, overreach
+from arm_dynamics.control.factory import Settings, make_controller, mismatch, overreach
 from arm_dynamics.control.wrappers import Switch
 from arm_dynamics.exceptions import InvalidInput, not_copied
 from arm_dynamics.scene.load import SceneSource
@@ -94,9 +94,11 @@ class ClosedLoop:
         if isinstance(controller, str) and is_own(controller):
             controller = load_controller(controller)
         self._control = Switch(make_controller(controller, self._dynamics, settings), settings.dt)
-        delay = self.simulator.model.scene.delay
-        if words := overreach(controller, self._dynamics, settings, delay):
-            _log.warning("%s", words)
+        sim, dynamics = self.simulator, self._dynamics
+        odd = mismatch(dynamics, settings, sim.joint_names, sim.dt)
+        for words in (odd, overreach(controller, dynamics, settings, sim.model.scene.delay)):
+            if words:
+                _log.warning("%s", words)
         self._limits = Limits.of(self._dynamics.model, acceleration_limit)
         self._follower = Follower(self.simulator.measured.q, self._limits)
 

@@ -28,9 +28,8 @@ if TYPE_CHECKING:
     from arm_sim.state import State
 
 MOST_TICKS = 10**9  # of a recording, which would take more memory than machines have
-SAME_DURATION = (
-    1e-7  # relative difference that rounding causes, of numbers in single precision too
-)
+# Relative difference that rounding causes, of numbers in single precision too.
+SAME_DURATION = 1e-7
 
 _log = logging.getLogger(__name__)
 

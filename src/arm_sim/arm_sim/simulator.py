@@ -33,7 +33,7 @@ from arm_sim.integrators.selection import Choice, choose
 from arm_sim.long_runs import Progress
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
-from arm_sim.plant.placing import closed, placed, warn_beyond_stops, warn_of_degrees
+from arm_sim.plant.placing import closed, placed, warn_of_degrees, warn_of_speeds
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control as Again
@@ -107,8 +107,9 @@ class Simulator:
         "q v z x state position velocity qpos qvel": "set_state(q=…, v=…) or reset(q=…, v=…)",
         "time t": "reset() begins at zero",
         "tau effort torque command control": "step(tau), or run(duration, control)",
-        "gravity payload payloads friction coulomb external": "set_parameter(name, value), where "
-        "the scene's key 'tunable' lists it; else build another Simulator, of a changed scene",
+        "gravity mass payload payloads friction damping viscous coulomb external": "set_parameter("
+        "name, value), where the scene's key 'tunable' lists it; else build another Simulator, of "
+        "a changed scene",
     }
 
     @one_at_a_time
@@ -340,7 +341,6 @@ class Simulator:
             return partial(self._run_compiled, control), False
         if isinstance(control, JointCommand):
             commands = control.rows(ticks, self.n, self.dt)
-            warn_beyond_stops(self.arm.plant, control.position)
             return partial(self._run_function, lambda _: next(commands)), False
         if callable(control):
             return partial(self._run_function, function_of_state(control)), False
@@ -391,10 +391,7 @@ class Simulator:
         return again if torques else None
 
     def reset(
-        self,
-        q: ArrayLike | None = None,
-        v: ArrayLike | None = None,
-        z: ArrayLike | None = None,
+        self, q: ArrayLike | None = None, v: ArrayLike | None = None, z: ArrayLike | None = None
     ) -> State:
         """Reset the simulation to time zero.
 
@@ -409,15 +406,13 @@ class Simulator:
         hold = self.model.held_at_start if q is None and v is None else ()
         q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
         x = placed(self.arm.plant, q, v, z, self.held_constraints, hold)
+        warn_of_speeds(self.arm.plant, x[self.n : 2 * self.n])
         warn_of_degrees(self.arm.plant, x[: self.n], self.model.q0, self.state.q)
         self.arm.restore(x, self._stepper.p, 0)
         return self.state
 
     def set_state(
-        self,
-        q: ArrayLike | None = None,
-        v: ArrayLike | None = None,
-        z: ArrayLike | None = None,
+        self, q: ArrayLike | None = None, v: ArrayLike | None = None, z: ArrayLike | None = None
     ) -> State:
         """Set the state without changing the time.
 
@@ -428,6 +423,7 @@ class Simulator:
         """
         q, v = self.state.q if q is None else q, self.state.v if v is None else v
         x = placed(self.arm.plant, q, v, z, self.held_constraints)
+        warn_of_speeds(self.arm.plant, x[self.n : 2 * self.n])
         warn_of_degrees(self.arm.plant, x[: self.n], self.model.q0, self.state.q)
         self.arm.place(x)
         return self.state

@@ -148,10 +148,7 @@ def test_laws(name: str, law: str, rng: np.random.Generator) -> None:
 
 
 def test_locked_joints_and_payload(rng: np.random.Generator) -> None:
-    scene = {
-        "robot": {"urdf": models.scene("skew_axes").robot.urdf},
-        "gravity": [1.0, -2.0, 3.0],
-    }
+    scene = {"robot": {"urdf": models.scene("skew_axes").robot.urdf}, "gravity": [1.0, -2.0, 3.0]}
     names = Dynamics(load_scene(scene)).joint_names
     scene["robot"]["lock"] = [names[1]]
     scene["initial"] = {"position": {names[1]: 0.7}}

@@ -95,6 +95,46 @@ MISTAKEN: dict[str, tuple[SceneSource, str]] = {
         changed('xyz="0.3 0 0"', 'xyz="0.3 0 0" rpy="90 0 -45"'),
         "joint 'joint3': <origin rpy> of more than two turns; angles are in rad",
     ),
+    "a velocity in degrees per second": (
+        {"robot": {"urdf": URDF}, "initial": {"velocity": {"joint2": 90}}},
+        "initial velocity 90 rad/s of joint 'joint2' exceeds its limit of 6 rad/s; velocities are",
+    ),
+    "an encoder in degrees": (
+        {"robot": {"urdf": URDF}, "sensors": {"position": {"resolution": 4096}}},
+        "'sensors.position.resolution.*' = 4096 is 652 turns; angles are in rad",
+    ),
+    "delays in ms": (
+        {"robot": {"urdf": URDF}, "sensors": {"delay": 2}, "commands": {"delay": 1}},
+        "'sensors.delay' and 'commands.delay': 3 s in all; times are in s",
+    ),
+    "a point of a spring in mm": (
+        {
+            "robot": {"urdf": URDF},
+            "springs": [
+                {
+                    "name": "cord",
+                    "frames": ["link3", "world"],
+                    "stiffness": 1,
+                    "points": [[0, 0, 50], [0, 0, 50]],
+                }
+            ],
+        },
+        "'springs.0.points.0' is 50 m; lengths are in m",
+    ),
+    "a ball in mm": (
+        {
+            "robot": {"urdf": URDF},
+            "constraints": [
+                {
+                    "type": "contact",
+                    "frame": "link3",
+                    "radius": 20,
+                    "plane": {"point": [0, 0, -50], "normal": [0, 0, 1]},
+                }
+            ],
+        },
+        "'constraints.0.radius' is 20 m; lengths are in m",
+    ),
     "a spring at rest in degrees": (
         joint(spring={"stiffness": 1, "rest": 45}),
         "'joints.joint2.spring.rest' = 45 is 7.16 turns; angles are in rad",
@@ -256,4 +296,6 @@ def test_angles_in_degrees_of_joints_without_stops(caplog: pytest.LogCaptureFixt
     sim.set_state(motion.q[-2], motion.v[-2])
     assert "turns" not in caplog.text
     sim.reset([90.0, 45.0])
+    assert "exceeds" not in caplog.text
+    sim.reset(v=[90.0, 45.0])
     assert caplog.text.count("position 90 is 14.3 turns; angles are in rad") == 1

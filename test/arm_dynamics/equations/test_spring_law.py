@@ -105,9 +105,7 @@ def test_ends_that_meet_push_nowhere(about: dict[str, Any]) -> None:
     assert_close(left, -right, CLOSED_FORM)
 
 
-def test_a_spring_of_no_free_length_is_linear_through_its_anchor(
-    rng: np.random.Generator,
-) -> None:
+def test_a_spring_of_no_free_length_is_linear_through_its_anchor(rng: np.random.Generator) -> None:
     arm = bead(0.0, stiffness=200.0)
     for x in rng.normal(size=5) * 10.0 ** -np.arange(0, 15, 3):
         assert arm.spring([x])[0] == pytest.approx(200.0 * x, rel=1e-15)

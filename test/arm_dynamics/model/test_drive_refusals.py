@@ -34,10 +34,7 @@ MOTORS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "torque constant zero": ({"torque_constant": 0}, ("torque_constant", "more than 0")),
     "torque constant negative": ({"torque_constant": -1}, ("torque_constant", "-1")),
     "efficiency zero": ({"efficiency": 0}, ("efficiency", "more than 0")),
-    "efficiency above one": (
-        {"efficiency": 1.1},
-        ("efficiency", "1.1", "at most 1"),
-    ),
+    "efficiency above one": ({"efficiency": 1.1}, ("efficiency", "1.1", "at most 1")),
     "efficiency NaN": ({"efficiency": NAN}, ("efficiency", "nan")),
     "current limit infinite": ({"current_limit": INF}, ("current_limit", "inf", "finite")),
     "unknown command": ({"command": "speed"}, ("command", "'speed'", "torque, current, voltage")),

@@ -142,10 +142,7 @@ def test_an_arm_without_any_mass_says_once_that_its_torques_are_zero(
 
 @pytest.mark.parametrize(
     "more",
-    [
-        {"payloads": [{"frame": "link1", "mass": 1.0}]},
-        {"joints": {"joint1": {"armature": 0.1}}},
-    ],
+    [{"payloads": [{"frame": "link1", "mass": 1.0}]}, {"joints": {"joint1": {"armature": 0.1}}}],
 )
 def test_any_inertia_is_enough_to_say_nothing(
     more: dict[str, Any], caplog: pytest.LogCaptureFixture

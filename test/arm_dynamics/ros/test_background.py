@@ -50,9 +50,7 @@ def test_nothing_is_delivered_before_it_is_ready(background: Background) -> None
     assert got == [True]
 
 
-def test_a_newer_job_takes_the_place_of_one_that_is_not_delivered(
-    background: Background,
-) -> None:
+def test_a_newer_job_takes_the_place_of_one_that_is_not_delivered(background: Background) -> None:
     go, got = threading.Event(), []
     assert not background.start(lambda: go.wait(10.0), lambda result: got.append("first"))
     assert background.start(lambda: 1, lambda result: got.append("second"))
@@ -61,9 +59,7 @@ def test_a_newer_job_takes_the_place_of_one_that_is_not_delivered(
     assert got == ["second"]
 
 
-def test_what_a_job_raises_is_raised_where_its_result_is_asked_for(
-    background: Background,
-) -> None:
+def test_what_a_job_raises_is_raised_where_its_result_is_asked_for(background: Background) -> None:
     def fail() -> None:
         raise ValueError("no")
 

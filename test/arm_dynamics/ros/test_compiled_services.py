@@ -20,18 +20,10 @@ from arm_dynamics.exceptions import KernelError
 from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, compiled_services
 from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.dynamics_node import node as dynamics_node
-from arm_dynamics.ros.interfaces import (
-    DYNAMICS_TERMS,
-    FORWARD_DYNAMICS,
-    INVERSE_DYNAMICS,
-    Service,
-)
+from arm_dynamics.ros.interfaces import DYNAMICS_TERMS, FORWARD_DYNAMICS, INVERSE_DYNAMICS, Service
 from tolerances import PINOCCHIO, assert_close
 
-pytestmark = [
-    pytest.mark.ros,
-    pytest.mark.skipif(find_compiler() is None, reason="no C compiler"),
-]
+pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]
 
 TWO_LINK = (models.SCENES / "two_link.urdf").read_text()
 STICKY = load_scene(

@@ -20,14 +20,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control import (
-    NAMES,
-    Measured,
-    Settings,
-    make_controller,
-    preparation,
-    tuned,
-)
+from arm_dynamics.control import NAMES, Measured, Settings, make_controller, preparation, tuned
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.controller_node import node as module
 from arm_dynamics.task_space import TaskSpace

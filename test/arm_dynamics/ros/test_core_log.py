@@ -34,11 +34,7 @@ def test_a_node_publishes_log_messages_of_the_core(ros: Ros, core: str) -> None:
     node.get_logger().info("the end")
     ros.spin_until(lambda: any(message.msg == "the end" for message in heard))
     said = [(m.msg, m.level) for m in heard if m.name == "speaker"]
-    assert said == [
-        ("building something", INFO),
-        ("slower", WARN),
-        ("the end", INFO),
-    ]
+    assert said == [("building something", INFO), ("slower", WARN), ("the end", INFO)]
 
 
 def test_a_log_that_fails_does_not_last(ros: Ros) -> None:

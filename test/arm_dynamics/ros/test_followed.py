@@ -19,10 +19,7 @@ from arm_dynamics.ros.controller import Followed
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import JOINT_STATES
 
-pytestmark = [
-    pytest.mark.ros,
-    pytest.mark.skipif(find_compiler() is None, reason="no C compiler"),
-]
+pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]
 
 FIRST, SECOND, THIRD = (bytes([k]) * 16 for k in (1, 2, 3))
 

@@ -26,10 +26,7 @@ from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.joint_state import JointStateReader
 from tolerances import PINOCCHIO, assert_close
 
-pytestmark = [
-    pytest.mark.ros,
-    pytest.mark.skipif(find_compiler() is None, reason="no C compiler"),
-]
+pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]
 
 NAMES = ["base", "elbow", "wrist_é"]
 CONTROLLERS = ("computed_torque", "pd_gravity", "pid", "joint_impedance")

@@ -28,10 +28,7 @@ from arm_dynamics.ros.controller import OrdinaryAnswers
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.task_space.task_space import TaskSpace
 
-pytestmark = [
-    pytest.mark.ros,
-    pytest.mark.skipif(find_compiler() is None, reason="no C compiler"),
-]
+pytestmark = [pytest.mark.ros, pytest.mark.skipif(find_compiler() is None, reason="no C compiler")]
 
 TWO_LINK = models.scene("two_link")
 BENT = {

@@ -163,7 +163,7 @@ def test_a_payload_in_millimetres_is_reported(caplog: pytest.LogCaptureFixture) 
         load([0, 0, 0.05])
         assert not caplog.records
         load([0, 0, 50])
-    assert "is 50 m from 'forearm'; lengths are in m" in caplog.text
+    assert "'payloads.0.com' is 50 m; lengths are in m" in caplog.text
 
 
 def test_an_angle_in_degrees_is_reported(caplog: pytest.LogCaptureFixture) -> None:

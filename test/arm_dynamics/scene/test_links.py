@@ -144,7 +144,7 @@ def test_six_numbers_and_a_tensor_are_the_same() -> None:
 def run(*words: str) -> str:
     result = CliRunner().invoke(main, words, catch_exceptions=False)
     assert result.exit_code == 0, result.output
-    return result.output
+    return result.stdout
 
 
 def test_commands_tell_and_write_them(tmp_path: Path, rng: np.random.Generator) -> None:

@@ -57,10 +57,7 @@ def test_fixed_joints_are_distinguished_from_unknown_ones(
 @pytest.mark.parametrize("key", ["robot.lock", "initial.hold"])
 def test_a_list_of_joints_names_each_once(key: str) -> None:
     names = ("joint1", "joint4", "joint1")
-    given = {
-        "robot.lock": scene(lock=names),
-        "initial.hold": scene(initial={"hold": list(names)}),
-    }
+    given = {"robot.lock": scene(lock=names), "initial.hold": scene(initial={"hold": list(names)})}
     assert refusal(given[key]) == f"scene: '{key}' names joint 'joint1' twice; once is expected"
 
 

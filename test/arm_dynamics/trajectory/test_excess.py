@@ -9,14 +9,7 @@ import pytest
 import models
 from arm_dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.trajectory import (
-    Bounds,
-    Limits,
-    Trajectory,
-    Waypoint,
-    spline,
-    stretched_spline,
-)
+from arm_dynamics.trajectory import Bounds, Limits, Trajectory, Waypoint, spline, stretched_spline
 from models.driven import wheel
 from tolerances import ALGEBRA
 

@@ -37,8 +37,7 @@ def task() -> TaskSpace:
 
 
 @pytest.mark.parametrize(
-    ("joint", "off", "lower", "upper"),
-    [("slide", -1.0, 0.0, 0.25), ("outer", 1.0, -2.6, 0.0)],
+    ("joint", "off", "lower", "upper"), [("slide", -1.0, 0.0, 0.25), ("outer", 1.0, -2.6, 0.0)]
 )
 def test_joints_of_a_path_may_be_at_their_limits_and_not_beyond(
     task: TaskSpace, joint: str, off: float, lower: float, upper: float

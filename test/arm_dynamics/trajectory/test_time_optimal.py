@@ -44,9 +44,7 @@ def straight() -> JointPath:
 
 
 TURN = Trajectory(
-    np.array([0.0, 1.0]),
-    np.array([[[0.0, 1.0, 0.0, 0.0, 0.0, 0.0]]]),
-    np.array([[0.0], [1.0]]),
+    np.array([0.0, 1.0]), np.array([[[0.0, 1.0, 0.0, 0.0, 0.0, 0.0]]]), np.array([[0.0], [1.0]])
 )
 """One joint by 1 rad."""
 

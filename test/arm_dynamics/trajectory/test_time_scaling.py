@@ -12,13 +12,7 @@ import pytest
 import models
 from arm_dynamics import Dynamics, InvalidInput, Unreachable
 from arm_dynamics.trajectory import time_scaling
-from arm_dynamics.trajectory.time_scaling import (
-    BETWEEN,
-    Capacity,
-    Strain,
-    closely,
-    torque_limits,
-)
+from arm_dynamics.trajectory.time_scaling import BETWEEN, Capacity, Strain, closely, torque_limits
 from models.driven import wheel
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close

@@ -110,10 +110,7 @@ def test_pose(arm: Any) -> None:
     [
         (("inverse-dynamics", "--position", "1 2 3"), "refused: position has 3 numbers"),
         (("inverse-dynamics", "--position", "1 nan"), "'elbow' at point 0 is nan"),
-        (
-            ("inverse-dynamics", "--position", "wrist=1"),
-            "unknown joint 'wrist'; allowed: ",
-        ),
+        (("inverse-dynamics", "--position", "wrist=1"), "unknown joint 'wrist'; allowed: "),
         (("task-space", "--frame", "paw", "--position", "1 2"), "frame 'paw' does not exist"),
         (("pose", "--frame", "paw", "--position", "1 2"), "frame 'paw' does not exist; allowed: "),
         (

@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -131,6 +132,13 @@ def test_an_output_without_some_characters_gets_question_marks() -> None:
     """As in a terminal of another encoding, or by PYTHONIOENCODING."""
     found = CliRunner(charset="ascii").invoke(main, ["describe", "two_link"])
     assert found.exit_code == 0 and "m/s?" in found.output
+
+
+def test_a_full_disk_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    with suppress(OSError), Path("/dev/full").open("w") as full:  # closing it fails, too
+        with redirect_stdout(full), pytest.raises(SystemExit):
+            main(["urdf", "two_link"])
+    assert capsys.readouterr().err == "Error: the output: No space left on device\n"
 
 
 def test_files_of_the_suite_are_read_in_an_ascii_locale(tmp_path: Path) -> None:
@@ -538,7 +546,9 @@ def test_a_plot_has_the_joints_and_the_scene_that_are_named(
     assert drawn == ["-", "-", "--", "--"]
     assert wrong.exit_code == 1 and "'a.doc' ends in '.doc'; allowed: " in wrong.output
     assert window.exit_code == 1 and "'both.png' existed and is replaced" in window.output
-    assert "Error: no window: there is no display; the figure is in 'both.png'" in window.output
+    assert (
+        "Error: no window: Matplotlib has no display; the figure is in 'both.png'" in window.output
+    )
 
 
 def test_hardware_is_added_to_a_description(

@@ -313,10 +313,7 @@ def test_what_belongs_to_somebody_else_is_refused(scene: Path, compiled: Path, o
 
 
 def test_with_a_compiler_a_refusal_is_logged_and_the_code_compiled(
-    scene: Path,
-    compiled: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    scene: Path, compiled: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     before = motion(scene)
     library = step_in(compiled)

@@ -24,6 +24,7 @@ from sensor_msgs.msg import JointState
 from typist import Result
 
 import models
+from arm_dynamics.ros.interfaces import JOINT_STATES
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim.cli.main import main
@@ -225,8 +226,14 @@ def test_what_a_node_does_not_take_is_refused(shell: Shell, domain: int) -> None
 
 
 @ros
-def test_joints_are_watched(shell: Shell, domain: int) -> None:
+def test_joints_are_watched(shell: Shell, domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    with Listener() as second:
+        second.publisher(JOINT_STATES, "/joint_states")
+        said = shell(domain, "watch", "--once").output
+    assert re.search("only the newest of the joint states of /arm_shell_.*, /sim are shown", said)
     said = shell(domain, "watch", "--once").output
+    assert "newest" not in said
     assert re.search(r"shoulder +-?\d\.\d{5} +-?\d\.\d{5} +-?\d+\.\d{5}", said)
     assert re.search(r"\d joint states/s", said)
 

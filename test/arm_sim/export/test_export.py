@@ -185,11 +185,7 @@ def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--name", "7up"], "name = '7up'"),
-        (["--frame", "nowhere"], "nowhere"),
-    ],
+    ("words", "said"), [(["--name", "7up"], "name = '7up'"), (["--frame", "nowhere"], "nowhere")]
 )
 def test_mistakes_at_the_command_get_one_clear_answer(
     words: list[str], said: str, tmp_path: Path

@@ -12,14 +12,7 @@ import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.codegen import generate
 from arm_dynamics.trajectory import Waypoint
-from arm_sim import (
-    ClosedLoop,
-    JointCommand,
-    SimulationDiverged,
-    Simulator,
-    State,
-    computed_torque,
-)
+from arm_sim import ClosedLoop, JointCommand, SimulationDiverged, Simulator, State, computed_torque
 
 PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
 SENSORS = {

@@ -13,12 +13,7 @@ from arm_dynamics import InvalidInput
 from arm_sim import Simulator
 
 BALL = [0.01, 0, 0, 0.01, 0, 0.01]
-LOAD = {
-    "frame": "tip",
-    "mass": 1.0,
-    "com": [0.0, 0.0, 0.1],
-    "inertia": BALL,
-}
+LOAD = {"frame": "tip", "mass": 1.0, "com": [0.0, 0.0, 0.1], "inertia": BALL}
 GOOD = [1.0, 0.0, 0.0, 0.1, *BALL]
 SIDED = {"viscous": {"positive": 0.6, "negative": 0.2}}
 
@@ -56,11 +51,7 @@ BAD = {
         [0.19, 0.0],
         r"friction\[0\] = 0.19 at joint 'shoulder'; at least 0.2 \(half the difference",
     ),
-    "dry friction": (
-        "coulomb",
-        [-0.1, 0.0],
-        r"coulomb\[0\] = -0.1 at joint 'shoulder'; at",
-    ),
+    "dry friction": ("coulomb", [-0.1, 0.0], r"coulomb\[0\] = -0.1 at joint 'shoulder'; at"),
     "dry friction of a joint without": (
         "coulomb",
         [0.1, 0.2],

@@ -50,6 +50,16 @@ def test_states_and_commands_of_drives_have_columns() -> None:
     assert any(name.startswith("command.") for name in columns)
 
 
+def test_without_a_display_no_window_opens_and_that_is_told(
+    run: Recording, caplog: pytest.LogCaptureFixture
+) -> None:
+    run.plot().show()
+    pyplot.show()
+    assert caplog.messages == 2 * [
+        "no window: Matplotlib has no display; the figure's savefig('motion.png') writes a file"
+    ]
+
+
 def test_a_figure_shows_every_joint_and_the_account(run: Recording) -> None:
     figure = run.plot()
     labels = [axis.get_ylabel() for axis in figure.axes]

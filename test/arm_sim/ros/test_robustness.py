@@ -9,12 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from arm_msgs.srv import (
-    SetFriction,
-    SetJointState,
-    SetPayload,
-    Step,
-)
+from arm_msgs.srv import SetFriction, SetJointState, SetPayload, Step
 from harness import Ros
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -308,8 +309,7 @@ def soft_pair(first: str, second: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    "names",
-    [("current_elbow", "elbow_velocity"), ("elbow motor position", "elbow")],
+    "names", [("current_elbow", "elbow_velocity"), ("elbow motor position", "elbow")]
 )
 def test_names_of_joints_mean_nothing(names: tuple[str, str]) -> None:
     """Servos and brakes know the states of drives by their kinds."""
@@ -366,13 +366,46 @@ def test_servos_that_cannot_be_are_refused(servo: dict[str, float], complaint: s
         scene("two_link", servo=servo)
 
 
-def test_positions_beyond_the_stops_are_told(caplog: pytest.LogCaptureFixture) -> None:
-    sim = models.simulator("panda")
-    beyond = sim.state.q.copy()
-    led(sim, 0.01, position=beyond)
+WAYS: dict[str, Callable[[Simulator, JointCommand], Any]] = {
+    "held": lambda sim, command: sim.run(0.01, command),
+    "a stream": lambda sim, command: sim.run(0.01, lambda _: JointCommand(command.position)),
+    "steps": lambda sim, command: [sim.step(command) for _ in range(10)],
+}
+
+
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+def test_positions_beyond_the_stops_are_clipped_and_told_once(
+    way: Callable[[Simulator, JointCommand], Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    sim, clipped = models.simulator("panda"), models.simulator("panda")
+    asked = sim.state.q.copy()
+    way(sim, JointCommand(asked))
     assert not caplog.text
-    beyond[3] = 45.0  # degrees
-    led(sim, 0.01, position=beyond)
-    assert (
-        "position 45 is commanded of joint 'panda_joint4', whose stops are at -3.07" in caplog.text
+    sim.reset()
+    asked[3] = 45.0  # degrees
+    way(sim, JointCommand(asked))
+    (said,) = caplog.messages
+    assert said == (
+        "position 45 rad of joint 'panda_joint4' is beyond its stops and is clipped; "
+        "allowed: -3.0718 to -0.0698"
     )
+    way(clipped, JointCommand(np.clip(asked, *clipped.model.stops.place)))
+    np.testing.assert_array_equal(sim.state.q, clipped.state.q)
+
+
+def test_velocities_beyond_their_limits_are_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    sim = models.simulator("panda")
+    sim.run(1.1, lambda _: JointCommand(velocity=[90.0, *[np.nan] * 6]))  # degrees
+    assert caplog.messages == [
+        "velocity 90 rad/s of joint 'panda_joint1' exceeds its limit of 2.175 rad/s, beyond which "
+        "its servo does not go"
+    ]
+
+
+def test_an_arm_in_a_soft_stop_may_be_held_there(caplog: pytest.LogCaptureFixture) -> None:
+    soft = {"lower": -2.5, "upper": 2.5, "stop": {"stiffness": 100.0, "damping": 1.0}}
+    sim = Simulator(scene("two_link", limits=soft))
+    sim.set_state([2.6, 0.0])
+    led(sim, 1.0, position=sim.state.q)
+    assert not caplog.text
+    assert sim.state.q[0] > 2.59

@@ -18,11 +18,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper
 from models.touching import contact
 
-BRISTLES = {
-    "viscous": 0.2,
-    "coulomb": 0.3,
-    "lugre": {"sigma0": 1e4, "sigma1": 20.0},
-}
+BRISTLES = {"viscous": 0.2, "coulomb": 0.3, "lugre": {"sigma0": 1e4, "sigma1": 20.0}}
 DRY = {"viscous": 0.2, "coulomb": 0.3}
 BY_LOAD = {"coulomb": 0.3, "load": {"at": [0.0, 5.0], "factor": [1.0, 1.4]}}
 MOTOR = {
@@ -46,10 +42,7 @@ SCENES: dict[str, tuple[dict[str, Any], str]] = {
     "plain": (TWO_LINK, "vm"),
     "friction with states": ({**TWO_LINK, **every(friction=BRISTLES)}, "vm"),
     "bilateral constraints": (LOOP, "vm"),
-    "friction with states and bilateral constraints": (
-        {**LOOP, **every(friction=BRISTLES)},
-        "vm",
-    ),
+    "friction with states and bilateral constraints": ({**LOOP, **every(friction=BRISTLES)}, "vm"),
     "dry friction": ({**TWO_LINK, **every(friction=DRY)}, "native"),
     "friction by the load of a motor with a current": (
         {**TWO_LINK, **every(friction=BY_LOAD, actuator=MOTOR)},

@@ -163,9 +163,7 @@ def test_a_spring_is_a_zigzag_from_one_end_to_the_other() -> None:
         assert (np.diff(bends @ along) > 0.0).all()
 
 
-def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(
-    server: Any,
-) -> None:
+def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(server: Any) -> None:
     model = Simulator("spring_balanced_arm").model
     actor = DrawnArm(server, model, "arm")
     marks = actor.draw(Instant(0.0, model.q0))

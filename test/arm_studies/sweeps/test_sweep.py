@@ -159,10 +159,7 @@ def test_what_would_have_no_effect_is_refused() -> None:
 
 
 def test_structure_is_compiled_once_for_each_value() -> None:
-    vary = {
-        "joints.elbow.armature": [0.0, 1.0],
-        "payloads.0.mass": {"uniform": [0.49, 0.51]},
-    }
+    vary = {"joints.elbow.armature": [0.0, 1.0], "payloads.0.mass": {"uniform": [0.49, 0.51]}}
     study = STUDY | {"vary": vary, "samples": 3}
     done = sweep(study, workers=1)
     assert done.plan.worlds == 2 and len(done.table) == 6

@@ -9,11 +9,14 @@ results never reach an arm unchecked.
 from __future__ import annotations
 
 import inspect
+import re
 import reprlib
 import sys
 import warnings
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
 import numpy as np
@@ -21,13 +24,7 @@ import numpy as np
 from arm_dynamics.arrays import Array, all_finite, read_only
 from arm_dynamics.attributes import sealed
 from arm_dynamics.control.compiled_law import AroundLaw, Law
-from arm_dynamics.control.computed_torque import (
-    Checked,
-    Controller,
-    Moving,
-    Parts,
-    checked,
-)
+from arm_dynamics.control.computed_torque import Checked, Controller, Moving, Parts, checked
 from arm_dynamics.exceptions import (
     ControllerFailed,
     InvalidInput,
@@ -37,6 +34,7 @@ from arm_dynamics.exceptions import (
 )
 from arm_dynamics.trajectory.reference import Reference
 
+_NOT_OWN = re.compile(f".*importlib|{re.escape(str(Path(__file__).parents[1]))}/")
 Maker = Callable[..., Any]
 """A controller class, or a function that returns a controller; see ``make_controller``."""
 
@@ -254,6 +252,9 @@ def _check_parts(control: object, name: str) -> None:
 
 
 def _cause(error: Exception) -> str:
-    """An exception in one line."""
+    """An exception in one line, with its place in the file of the user."""
     text = " ".join(f"{type(error).__name__}: {error}".split())
-    return text if len(text) <= 300 else text[:299] + "…"
+    text = text if len(text) <= 300 else text[:299] + "…"
+    own = [x for x in extract_tb(error.__traceback__) if not _NOT_OWN.match(x.filename)]
+    lines = [x.lineno for x in own if x.filename == own[0].filename]
+    return f"{text} (line {lines[-1]} of '{own[0].filename}')" if own else text

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from functools import partial
 from typing import Any
@@ -215,6 +215,22 @@ def refuse_unsteady(s: Settings) -> None:
             f"beyond which torques that act {s.dt:g} s late and are held for {s.dt:g} s make the "
             f"arm swing up; sensible: at most {_rounded(sensible * omega)} rad/s"
         )
+
+
+def mismatch(dynamics: Dynamics, s: Settings, joints: Sequence[str], dt: float) -> str:
+    """Warning of a controller for other joints, or other ticks in [s], than those of an arm.
+
+    Raises:
+        InvalidInput: If it is for another number of joints.
+    """
+    own, theirs = known_names(dynamics.joint_names, 8), known_names(joints, 8)
+    if dynamics.n != len(joints):
+        raise InvalidInput(f"the controller's scene has the joints {own}; the arm has {theirs}")
+    if dynamics.joint_names != tuple(joints):
+        return f"the controller's joints, {own}, command the arm's, {theirs}, in their order"
+    if not np.isclose(s.dt, dt):
+        return f"the controller's settings have dt = {s.dt:g} s, but its torques act for {dt:g} s"
+    return ""
 
 
 def overreach(name: str | custom.Maker, dynamics: Dynamics, s: Settings, delay: float) -> str:

@@ -18,14 +18,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, unit_vector, vector
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.computed_torque import (
-    Controller,
-    Moving,
-    Parts,
-    checked,
-    gain,
-    gains,
-)
+from arm_dynamics.control.computed_torque import Controller, Moving, Parts, checked, gain, gains
 from arm_dynamics.control.friction_compensation import ahead
 from arm_dynamics.equations.elementary import root
 from arm_dynamics.equations.frame import rotation_vector

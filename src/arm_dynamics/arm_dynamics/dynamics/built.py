@@ -18,6 +18,7 @@ from arm_dynamics.scene.urdf.units import FAR
 
 _log = logging.getLogger(__name__)
 _POSTURES = 32
+_TOO_FAST = 10.0  # limits; faster speeds are probably in degrees or millimetres
 # Published arms carry up to 5.5 times their effort limits, where these are placeholders, and have
 # drives of up to their own inertia.
 _HEAVY, _LOADED, _INERT = 10.0, 5.0, 300.0
@@ -58,9 +59,23 @@ def unit_remarks(model: ArmModel) -> Iterator[str]:
     with np.errstate(over="ignore", invalid="ignore"):
         for name, what, meant in (*_weights(model, q), *_drives(model, q), *_friction(model)):
             kinds.setdefault(meant, []).append((name, what))
+    if fast := too_fast(model, model.v0):
+        yield f"initial {fast}; velocities are in rad/s and m/s"
     for meant, [(name, what), *others] in kinds.items():
         more = f" (and {known_names([other for other, _ in others], 5)})" if others else ""
         yield f"joint '{name}'{more}: {what}; {meant}"
+
+
+def too_fast(model: ArmModel, v: Array, times: float = _TOO_FAST) -> str:
+    """The first velocity of v, shape (n,), that exceeds its limit ``times``, or empty."""
+    if not (over := abs(v) > times * model.velocity_limit).any():
+        return ""
+    i = int(np.argmax(over))
+    unit = "m/s" if model.joint_types[i] == "prismatic" else "rad/s"
+    return (
+        f"velocity {v[i]:.6g} {unit} of joint '{model.joint_names[i]}' exceeds its limit "
+        f"of {model.velocity_limit[i]:.6g} {unit}"
+    )
 
 
 def _weights(model: ArmModel, q: Array) -> Found:

@@ -68,6 +68,15 @@ class Dynamics:
         command_map: Converts torques to commands of the drives.
     """
 
+    _instead = {
+        "damping friction viscous coulomb": "build another Dynamics, of a scene with "
+        "joints: {'*': {friction: {viscous: …}}}",
+        "mass masses inertia payload payloads": "build another Dynamics, of a scene with "
+        "payloads: [{frame: …, mass: …}] or links: {NAME: {mass: …}}",
+        "q v a tau state external": "its methods take them: inverse(q, v, a), forward(q, v, tau), "
+        "under(external)",
+    }
+
     def __init__(self, scene: SceneSource | ArmModel) -> None:
         self.model = arm_model(scene)
         self.steady_friction = SteadyFriction.of(self.model)

@@ -171,10 +171,7 @@ def sites(tree: Tree, points: list[ContactPoint], q: ca.SX) -> ca.SX:
 def _chains(tree: Tree, point: ContactPoint) -> tuple[list[int], list[int]]:
     """Links that move the point, and those that move the plane, relative to their common link."""
     common = common_link(tree, point.link, point.carrier)
-    return (
-        links_between(tree, point.link, common),
-        links_between(tree, point.carrier, common),
-    )
+    return (links_between(tree, point.link, common), links_between(tree, point.carrier, common))
 
 
 def _centre(tree: Tree, pose: list[Rotation], point: ContactPoint) -> tuple[ca.SX, ca.SX]:

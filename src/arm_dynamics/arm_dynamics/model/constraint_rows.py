@@ -108,9 +108,7 @@ class ConstraintRows:
 
     def relative(self, constraint: FrameBased) -> tuple[_Derivatives, _Derivatives, Array]:
         """First point and rotation of the first frame relative to the second, and their R."""
-        a, b = (
-            self._frame(*pair) for pair in zip(constraint.frames, constraint.points, strict=True)
-        )
+        a, b = (self._frame(*x) for x in zip(constraint.frames, constraint.points, strict=True))
         (p, spin, R_a), (p_b, spin_b, R_b) = a, b
         d, d_dot, omega, alpha = p.value - p_b.value, p.rate - p_b.rate, spin_b.rate, spin_b.drift
         drift = p.drift - p_b.drift - _cross(alpha, d) - 2 * _cross(omega, d_dot)

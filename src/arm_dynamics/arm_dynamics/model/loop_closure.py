@@ -98,11 +98,7 @@ class Closure:
         return tuple(name for name in self.rows.names if name in active)
 
     def closed(
-        self,
-        q: Array,
-        v: Array,
-        active: Collection[str] | None = None,
-        hold: Sequence[int] = (),
+        self, q: Array, v: Array, active: Collection[str] | None = None, hold: Sequence[int] = ()
     ) -> tuple[Array, Array]:
         """A state that satisfies the constraints, close to a given one in the metric of M.
 

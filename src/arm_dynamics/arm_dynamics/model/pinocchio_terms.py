@@ -13,14 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import (
-    ArmError,
-    InvalidInput,
-    ModelError,
-    choices,
-    known_names,
-    plain,
-)
+from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError, choices, known_names, plain
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.springs import SpringTerms

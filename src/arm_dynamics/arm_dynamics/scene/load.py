@@ -19,7 +19,7 @@ from arm_dynamics.exceptions import (
     known_names,
     plain,
 )
-from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
+from arm_dynamics.scene.constraint import WORLD, check_constraints, check_frame, check_joints
 from arm_dynamics.scene.effect import check_effect, given
 from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.imperfections import check_sensors
@@ -36,6 +36,7 @@ type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene
 
 _MOST_DEGREES = 720.0  # as a limit, more than two turns in degrees means none
 _STROKES = 20.0  # lengths of the arm; a longer stroke is in mm, or means none if it is symmetric
+_LATE = 1.0  # [s] from a state to its command; longer ones are in ms
 _log = logging.getLogger(__name__)
 
 
@@ -186,26 +187,38 @@ def _warn(scene: Scene, urdf: Urdf) -> None:
 def _unit_remarks(scene: Scene, urdf: Urdf) -> Iterator[str]:
     """Remarks on angles probably in degrees, lengths in mm and inertias of payloads in kg mm²."""
     for i, payload in enumerate(scene.payloads):
-        key = f"'payloads.{i}"
-        if (distance := math.hypot(*payload.com)) > max(FAR, urdf.size):
-            yield (
-                f"{key}.com' = {list(payload.com)} is {distance:g} m from '{payload.frame}'; "
-                "lengths are in m"
-            )
         if payload.mass and (r := gyration(payload.mass, payload.inertia)) > wide(urdf.size):
             yield (
-                f"{key}.inertia' = {list(payload.inertia)}: its radius of gyration is {r:.3g} m; "
-                "inertias are in kg m²"
+                f"'payloads.{i}.inertia' = {list(payload.inertia)}: its radius of gyration is "
+                f"{r:.3g} m; inertias are in kg m²"
             )
     turning = [name for name in urdf.moving if urdf.joints[name] != "prismatic"]
+    steps = scene.sensors.position.resolution if scene.sensors else {}
     for key, angles in {
         "initial.position.{}": scene.initial.position,
         "joints.{}.spring.rest": {n: given(scene.joint(n), "spring.rest") for n in turning},
+        "sensors.position.resolution.{}": steps,
     }.items():
         for name, angle in angles.items():
-            if name in turning and angle and (remark := degrees_meant(angle)):
+            if name in (*turning, "*") and angle and (remark := degrees_meant(angle)):
                 yield f"'{key.format(name)}' = {remark}"
+    if scene.delay > _LATE:
+        yield f"'sensors.delay' and 'commands.delay': {scene.delay:g} s in all; times are in s"
+    yield from _of_lengths(scene, urdf)
     yield from _of_ranges(scene, urdf)
+
+
+def _of_lengths(scene: Scene, urdf: Urdf) -> Iterator[str]:
+    """Remarks on points in frames of the arm, cords, balls and wheels that are larger than it."""
+    for key in ("payloads", "springs", "constraints"):
+        for i, part in enumerate(getattr(scene, key)):
+            ends = zip(getattr(part, "frames", ()), getattr(part, "points", ()), strict=False)
+            points = {f"points.{k}": p for k, (frame, p) in enumerate(ends) if frame != WORLD}
+            points |= {name: getattr(part, name, ()) for name in ("com", "point")}
+            points |= {name: (getattr(part, name, 0.0),) for name in ("rest_length", "radius")}
+            for name, point in points.items():
+                if (length := math.hypot(*point)) > max(FAR, urdf.size):
+                    yield f"'{key}.{i}.{name}' is {length:g} m; lengths are in m"
 
 
 def _of_ranges(scene: Scene, urdf: Urdf) -> Iterator[str]:

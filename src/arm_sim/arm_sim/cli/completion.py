@@ -94,8 +94,7 @@ class _Zsh(ZshComplete):
     """As click's, but it calls the typed path: ``./arm`` need not be on PATH."""
 
     source_template = ZshComplete.source_template.replace(
-        "%(complete_var)s=zsh_complete %(prog_name)s",
-        "%(complete_var)s=zsh_complete ${words[1]}",
+        "%(complete_var)s=zsh_complete %(prog_name)s", "%(complete_var)s=zsh_complete ${words[1]}"
     )
 
 

@@ -12,16 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from arm_sim.cli.completion import SCENE
-from arm_sim.cli.output import (
-    console,
-    examples,
-    facts,
-    limit,
-    number,
-    show,
-    table,
-    waiting,
-)
+from arm_sim.cli.output import console, examples, facts, limit, number, show, table, waiting
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -92,7 +92,8 @@ class Suite(Commands):
 
 def _of_system(error: OSError) -> str:
     """The system's error message without its number."""
-    return f"'{error.filename}': {error.strerror}" if error.filename else str(error)
+    what = f"'{error.filename}'" if error.filename else "the output"
+    return f"{what}: {error.strerror}" if error.strerror else str(error)
 
 
 _OF_ROS = re.compile(r"rclpy|ament_\w+|rosidl_\w+|rpyutils|\w+_(msgs|srvs|interfaces)")

@@ -66,10 +66,7 @@ def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Pat
         report.write_text(json.dumps(content), encoding="utf-8")
 
 
-@_node(
-    "./arm dynamics panda",
-    "./arm dynamics --ros-args -r __ns:=/left",
-)
+@_node("./arm dynamics panda", "./arm dynamics --ros-args -r __ns:=/left")
 def dynamics(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
     """Answer inverse and forward dynamics of the arm of SCENE as services until Ctrl-C.
 

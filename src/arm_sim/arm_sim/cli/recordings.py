@@ -53,6 +53,7 @@ def plot(
     from matplotlib import pyplot
 
     from arm_sim import Recording
+    from arm_sim.recording.figure import NO_WINDOW
 
     if out is not None and out.suffix not in FIGURES:
         raise click.ClickException(
@@ -72,7 +73,7 @@ def plot(
         console().print(_checked(made), markup=False)
     console().print(f"{out}", markup=False)
     if show and not figure.canvas.required_interactive_framework:
-        raise click.ClickException(f"no window: there is no display; the figure is in '{out}'")
+        raise click.ClickException(f"{NO_WINDOW}; the figure is in '{out}'")
     if show:
         pyplot.show()
 

@@ -53,9 +53,7 @@ def effort_slopes(plant: Plant) -> ca.Function:
     Transposed, as function of the state, the command and the state after the tick.
     """
     n = plant.model.n
-    x, r, after = (
-        ca.SX.sym(name, size) for name, size in (("x", plant.nx), ("r", n), ("y", plant.nx))
-    )
+    x, r, after = (ca.SX.sym(*each) for each in (("x", plant.nx), ("r", n), ("y", plant.nx)))
     u = actuation(plant)(x, r)
     effort = plant.torques(after, u)[0] if plant.torques else u
     parts = [ca.densify(ca.jacobian(effort, by).T) for by in (after, x, r)]

@@ -102,9 +102,7 @@ class _Point:
     def __init__(self, model: ArmModel) -> None:
         self.model, self.friction = model, SteadyFriction.of(model)
         self.tree, self.gravity = tree_of(model), gravity_of(model)
-        self.q, self.v, self.a, self.tau = (
-            ca.SX.sym(name, model.n) for name in ("q", "v", "a", "tau")
-        )
+        self.q, self.v, self.a, self.tau = (ca.SX.sym(x, model.n) for x in ("q", "v", "a", "tau"))
 
     def function(self, name: str, of: str, *results: ca.SX) -> ca.Function:
         """CasADi function of the symbols whose names ``of`` lists, with dense results."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.dynamics.built import too_fast
 from arm_dynamics.exceptions import ConstraintError, InvalidInput, degrees_meant
 from arm_dynamics.scene.constraint import Constraint, label, switchable
 from arm_sim.inputs import row
@@ -69,24 +70,17 @@ def inside_stops(plant: Plant, q: Array, who: str = "") -> Array:
     return stops.within(q)
 
 
+def warn_of_speeds(plant: Plant, v: Array) -> None:
+    """Warn of velocities far beyond their limits that are not the scene's initial ones."""
+    if (fast := too_fast(plant.model, v)) and not np.array_equal(v, plant.model.v0):
+        _log.warning("%s; velocities are in rad/s and m/s", fast)
+
+
 def warn_of_degrees(plant: Plant, q: Array, *known: Array) -> None:
     """Warn of positions of many turns that the arm has not reached by itself."""
     far = _farthest(plant, q)
     if (remark := degrees_meant(far)) and far > max(_farthest(plant, one) for one in known):
         _log.warning("position %s", remark)
-
-
-def warn_beyond_stops(plant: Plant, positions: Array) -> None:
-    """Warn of commanded positions, shape (n,) or (k, n), beyond the stops of a joint."""
-    lower, upper = plant.model.stops.bounds
-    rows = np.atleast_2d(positions)
-    for i in np.flatnonzero(((rows < lower) | (rows > upper)).any(axis=0)):
-        farthest = rows[np.nanargmax(abs(rows[:, i])), i]
-        _log.warning(
-            "position %.6g is commanded of joint '%s', whose stops are at %.6g and %.6g: its "
-            "servo presses on them; positions are in rad and m",
-            farthest, plant.model.joint_names[i], lower[i], upper[i],
-        )  # fmt: skip
 
 
 def _farthest(plant: Plant, q: Array) -> float:

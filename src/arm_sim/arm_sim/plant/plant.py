@@ -373,9 +373,7 @@ class Plant:
 
 
 def _composed(
-    mechanics: Callable[[], Mechanics],
-    laws: Ensemble | None,
-    powers: Sequence[Power],
+    mechanics: Callable[[], Mechanics], laws: Ensemble | None, powers: Sequence[Power]
 ) -> tuple[ca.Function, dict[str, ca.Function]]:
     """``rhs`` and ``events`` of an arm with internal states, and powers as additional states.
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import Any
 
@@ -21,7 +22,10 @@ _STYLE = {
 _LINES = ("-", "--", ":", "-.")
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
+NO_WINDOW = "no window: Matplotlib has no display"
 LONG = 60_001  # rows up to which the energy account repeats ticks for curves
+
+_log = logging.getLogger(__name__)
 
 
 def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
@@ -49,6 +53,10 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
         axes[-1, 0].set_xlabel("time [s]")
         columns = 1 if len(names) <= 10 else 2
         legend_at_right(figure, *axes[0, 0].get_legend_handles_labels(), ncols=columns)
+    if pyplot.get_backend().lower() == "agg":  # it would show nothing, without a word
+        figure.canvas.manager.show = lambda: _log.warning(
+            "%s; the figure's savefig('motion.png') writes a file", NO_WINDOW
+        )
     return figure
 
 

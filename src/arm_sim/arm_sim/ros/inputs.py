@@ -48,7 +48,7 @@ class Inputs:
         self._log, self._engine = Throttled(node.get_logger()), engine
         self._model = engine.simulator.model
         self._limit = self._model.command_limit.tolist()
-        self._joints = JointCommands(self._model, engine.arbiter.admit, self._log.warning)
+        self._joints = JointCommands(self._model, engine.arbiter.admit)
         ways = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
         names, every = self._model.joint_names, ("effort", "position", "velocity")
         references = JointStateReader(names, every, gaps=True, admit=self._joints.note, **ways)

@@ -19,10 +19,10 @@ from arm_dynamics.attributes import sealed
 class JointCommand:
     """Command of all joints; NaN, or None for all joints, means not commanded.
 
-    A commanded position is tracked by the joint's servo, with the velocity, if there is one, as
-    feed-forward; a velocity alone is tracked as such; an effort alone is applied directly, as by
-    ``Simulator.step``. An effort beside a position or velocity is added to the servo's output. A
-    joint without any command gets no effort.
+    A commanded position, clipped to the joint's stops with a warning, is tracked by its servo,
+    with the velocity, if there is one, as feed-forward; a velocity alone is tracked as such; an
+    effort alone is applied directly, as by ``Simulator.step``. An effort beside a position or
+    velocity is added to the servo's output. A joint without any command gets no effort.
 
     Attributes:
         position: Positions in [rad] or [m], shape (n,), or (k, n) with a row for each tick.

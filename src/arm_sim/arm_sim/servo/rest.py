@@ -39,11 +39,8 @@ class Rest:
         rigid = rigid_model(plant.model)
         soft = flexibility(plant.model)
         self._gains = Gains.of(rigid, soft, dt)
-        self._n, self._dynamics, self._rigid = (
-            plant.model.n,
-            Dynamics(plant.model),
-            Dynamics(rigid),
-        )
+        self._n, self._rigid = plant.model.n, Dynamics(rigid)
+        self._dynamics = Dynamics(plant.model)
         self._stiffness = np.divide(1.0, soft, out=np.zeros_like(soft), where=soft > 0.0)
         states = plant.laws.states if plant.laws else ()
         turning = [

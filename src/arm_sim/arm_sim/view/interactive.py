@@ -58,9 +58,8 @@ class InteractiveArm:
         self.wrenches = ExternalWrenches(simulation.dynamics, "local_world_aligned")
         self._reference = self.target.copy(), np.zeros(simulation.n)
         self._pushable = self._pushed = False
-        self._pull: tuple[str, Array, Array] | None = (
-            None  # frame, point of it, place of the mouse
-        )
+        # Frame, point of it, place of the mouse.
+        self._pull: tuple[str, Array, Array] | None = None
         model = simulation.model
         self._command = CommandMap(model)
         gains = tuned(simulation.dynamics, 20.0, 1.0, dt=simulation.dt)

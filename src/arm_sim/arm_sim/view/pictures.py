@@ -32,10 +32,7 @@ DRAWING = (  # also without a graphics card
 )  # fmt: skip
 PATIENCE = 60.0  # [s] for the page, and for each picture
 MARGIN = 8  # pixels between a panel and the drawing
-SETTLED, STILL = (
-    0.5,
-    3,
-)  # [s] between pictures, and how many must be equal
+SETTLED, STILL = (0.5, 3)  # [s] between pictures, and how many must be equal
 
 
 def browser() -> str:

@@ -25,7 +25,7 @@ URDF = """<robot name="arm">
   </inertial></link>
   <link name="hand"/>
   <joint name="shoulder" type="revolute">
-    <origin xyz="0 0.3 0.1" rpy="0.4 0.5 0.6"/><axis xyz="0.6 -0.8 1"/>
+    <origin xyz="0 0.3 0.1" rpy="0.4 0.5 0.6"/><axis xyz="0.479 -0.64 0.6"/>
     <parent link="base"/><child link="upper"/>
     <limit lower="-3" upper="2.5" effort="80" velocity="4"/>
     <dynamics damping="0.3" friction="0.2"/>
@@ -135,9 +135,14 @@ DEFAULTS = {
         "link 'upper': <inertia> without ixy, ixz, iyz: taken as 0",
     ),
     "direction of an axis": (
-        ('<axis xyz="0.6 -0.8 1"/>', "<axis/>"),
-        ('<axis xyz="0.6 -0.8 1"/>', '<axis xyz="1 0 0"/>'),
+        ('<axis xyz="0.479 -0.64 0.6"/>', "<axis/>"),
+        ('<axis xyz="0.479 -0.64 0.6"/>', '<axis xyz="1 0 0"/>'),
         "joint 'shoulder': <axis> without xyz: taken as the default, 1 0 0",
+    ),
+    "length of an axis": (
+        ('xyz="0.479 -0.64 0.6"', 'xyz="0.958 -1.28 1.2"'),
+        ('xyz="0.479 -0.64 0.6"', 'xyz="0.479 -0.64 0.6"'),  # rounded
+        "joint 'shoulder': <axis> is not of length 1: only its direction counts",
     ),
     "axis": (
         ('<axis xyz="1 0 0"/>', ""),
@@ -164,14 +169,19 @@ DEFAULTS = {
         (' name="arm"', ' name="robot"'),
         "the root element: <robot> has no name: 'robot' is used",
     ),
+    "known names of a joint's elements": (
+        ("<dynamics", "<dynamic"),
+        ('<dynamics damping="0.3" friction="0.2"/>', ""),
+        "joint 'shoulder': <dynamic> has no effect; did you mean <dynamics>?",
+    ),
     "known version": (
         (' name="arm"', ' name="arm" version="2.0"'),
         (' name="arm"', ' name="arm"'),
         "<robot>: version '2.0' is unknown: read as 1.0",
     ),
     "single element": (
-        ('<axis xyz="0.6 -0.8 1"/>', '<axis xyz="0.6 -0.8 1"/><axis xyz="1 0 0"/>'),
-        ('<axis xyz="0.6 -0.8 1"/>', '<axis xyz="0.6 -0.8 1"/>'),
+        ('<axis xyz="0.479 -0.64 0.6"/>', '<axis xyz="0.479 -0.64 0.6"/><axis xyz="1 0 0"/>'),
+        ('<axis xyz="0.479 -0.64 0.6"/>', '<axis xyz="0.479 -0.64 0.6"/>'),
         "joint 'shoulder': more than one <axis>: only the first counts",
     ),
 }
@@ -179,10 +189,7 @@ DEFAULTS = {
 
 @pytest.mark.parametrize(("given", "meant", "words"), DEFAULTS.values(), ids=DEFAULTS)
 def test_what_is_missing_is_filled_in_and_told(
-    given: tuple[str, str],
-    meant: tuple[str, str],
-    words: str,
-    caplog: pytest.LogCaptureFixture,
+    given: tuple[str, str], meant: tuple[str, str], words: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert_read(changed(*given), changed(*meant))
     with caplog.at_level(logging.WARNING):

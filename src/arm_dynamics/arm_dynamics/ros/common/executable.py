@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 from collections.abc import Sequence
 from textwrap import fill
@@ -58,13 +59,20 @@ def split_words(words: Words) -> tuple[str | None, Words]:
     """
     end = _end(words)
     before = words[:end]
-    if len(before) > 1 or (before and before[0].startswith("-")):
-        stray = next(word for i, word in enumerate(before) if i or word.startswith("-"))
-        raise InvalidInput(
-            f"'{plain(stray, 80)}' is neither the scene nor behind {_ROS}; allowed: SCENE, then "
-            f"for example {_ROS} -p NAME:=VALUE"
-        )
+    for i, word in enumerate(before):
+        if i or word.startswith("-") or ":=" in word:
+            raise InvalidInput(
+                f"'{plain(word, 80)}' is neither the scene nor behind {_ROS}; allowed: SCENE, "
+                f"then for example {_ROS} {_meant(before)}"
+            )
     return (before[0] if before else None), words[end:]
+
+
+def _meant(words: Words) -> str:
+    """The first ROS argument among words, as it is written behind --ros-args."""
+    rule = next((plain(word, 80) for word in words if ":=" in word), "NAME:=VALUE")
+    flag = "-r" if rule.startswith("__") or "-r" in words else "-p"
+    return f"{flag} {re.sub('^__ns:=(?!/)', '__ns:=/', rule)}"
 
 
 def _end(words: Words) -> int:

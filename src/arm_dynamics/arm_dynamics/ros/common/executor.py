@@ -206,7 +206,10 @@ def _initialize(context: Context, args: list[str] | None) -> None:
 def _reason(error: RuntimeError) -> str:
     """The error message of ROS without references to its source lines."""
     text = str(error).split(", at /")[0]
-    rule = re.search(r"parameter override rule: '(.*?)'\.", text)
+    rule = re.search(r"(?:override|remap) rule: ('.*?')\.|^\[(.*)\]$", text)
     if rule is None:
         return text
-    return f"'{rule[1]}' sets no parameter; expected -p NAME:=VALUE, such as -p dt:=0.001"
+    return (
+        f"{rule[1] or rule[2]} is no ROS argument; expected -p NAME:=VALUE, such as -p dt:=0.001, "
+        "or -r NAME:=NEW, such as -r __ns:=/left"
+    )

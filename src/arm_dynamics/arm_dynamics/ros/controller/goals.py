@@ -22,12 +22,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.convert import in_world
 from arm_dynamics.ros.controller.controller_params import ControllerParams
-from arm_dynamics.ros.controller.messages import (
-    PathBytes,
-    TrajectoryBytes,
-    path_of,
-    waypoints,
-)
+from arm_dynamics.ros.controller.messages import PathBytes, TrajectoryBytes, path_of, waypoints
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower, Outset
 from arm_dynamics.trajectory.joint_paths import paced

@@ -27,11 +27,7 @@ class Batch:
     """
 
     def __init__(
-        self,
-        names: Sequence[str],
-        model_names: JointNames,
-        position: Sequence[float],
-        most: int,
+        self, names: Sequence[str], model_names: JointNames, position: Sequence[float], most: int
     ) -> None:
         """Read the fields common to all requests.
 

@@ -21,11 +21,7 @@ from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executor import guarded, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
-from arm_dynamics.ros.common.robot_source import (
-    DescriptionLimits,
-    described_scene,
-    tell_unused,
-)
+from arm_dynamics.ros.common.robot_source import DescriptionLimits, described_scene, tell_unused
 from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, CompiledServices, RequestCounts, native
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
 

@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 import re
 import sys
+from difflib import get_close_matches
 from xml.etree import ElementTree
-
-import numpy as np
 
 from arm_dynamics.exceptions import ModelError, degrees_meant
 
@@ -33,6 +32,7 @@ _NUMBERS = {
     "dynamics": ("damping", "friction"),
     "mimic": ("multiplier", "offset"),
 }
+_KNOWN, _ALIKE = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision"}, 0.8
 _NAMES = {"parent": "link", "child": "link", "mimic": "joint"}
 _LIMITS = ("effort", "velocity")
 _NOT_NEGATIVE = {
@@ -44,6 +44,7 @@ _NOT_NEGATIVE = {
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 _LARGEST = sys.float_info.max
+_ROUNDED = 0.01  # error of the length of an axis of two decimals
 NO_LIMIT = 1e15
 """A position limit beyond this, in [rad] or [m], means no limit."""
 
@@ -73,6 +74,7 @@ def plain_link(link: ElementTree.Element, notes: Notes) -> ElementTree.Element:
     owner = f"link '{link.get('name')}'"
     copy = ElementTree.Element("link", name=link.get("name", ""))
     inertials = link.findall("inertial")
+    _note_unknown(link, owner, notes)
     if len(inertials) > 1:
         _note(notes, "more than one <inertial>: only the first counts", owner)
     for inertial in inertials[:1]:
@@ -151,11 +153,19 @@ def _note(notes: Notes, remark: str, place: str) -> None:
     notes.setdefault(remark, []).append(place)
 
 
+def _note_unknown(element: ElementTree.Element, owner: str, notes: Notes) -> None:
+    """Note children whose names are nearly those of the format; others are of its extensions."""
+    for tag in sorted({str(child.tag) for child in element} - _KNOWN):
+        if near := get_close_matches(tag, _KNOWN, 1, _ALIKE):
+            _note(notes, f"<{tag}> has no effect; did you mean <{near[0]}>?", owner)
+
+
 def _parts(
     element: ElementTree.Element, tags: tuple[str, ...], owner: str, notes: Notes
 ) -> list[ElementTree.Element]:
     """The first child of each tag, its numbers written such that every parser reads them."""
     parts = []
+    _note_unknown(element, owner, notes)
     for tag in tags:
         found = element.findall(tag)
         if len(found) > 1:
@@ -218,7 +228,10 @@ def _check_axis(
     if "xyz" not in axis.keys():
         axis.set("xyz", "1.0 0.0 0.0")
         _note(notes, f"{lacking}: taken as the default, 1 0 0", owner)
-    if np.linalg.norm(floats(axis.get("xyz", ""))) < 1e-9:
+    length = math.hypot(*floats(axis.get("xyz", "")))
+    if abs(length - 1.0) > _ROUNDED:
+        _note(notes, "<axis> is not of length 1: only its direction counts", owner)
+    if length < 1e-9:
         given = [part.get("xyz") for part in joint.findall("axis")]
         raise ModelError(f"{owner}: axis {given[0]!r} has no direction")
 

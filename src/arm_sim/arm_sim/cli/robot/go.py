@@ -30,7 +30,7 @@ _SETTLING = 2.0  # [s] for the last errors to vanish once the reference is at re
         './arm go --frame panda_hand --pose "0.4 0.2 0.5 1 0 0 0"',
         "./arm go shoulder=0.5 --controller left/controller",
         "./arm go --trajectory exciting.yaml",
-    ),
+    )
 )
 @click.argument("goals", metavar="JOINT=POSITION…", nargs=-1)
 @click.option("--duration", type=click.FloatRange(0.0, 3600.0, min_open=True),

@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 
+from arm_dynamics.ros.common.diagnostics import publishers
 from arm_dynamics.ros.common.privileges import arrange_middleware_threads
 from arm_dynamics.ros.interfaces import Topic
 from arm_sim.cli.interrupts import postponed
@@ -64,9 +65,9 @@ class Listener:
                 self._executor.spin_once(timeout_sec=min(_GLANCE, left))
         return met
 
-    def publishers(self, name: str) -> int:
-        """Number of publishers of a topic."""
-        return int(self._node.count_publishers(name))
+    def publishers(self, topic: str) -> list[str]:
+        """Full names of the nodes that publish a topic."""
+        return sorted(publishers(self._node, topic).values())
 
     def nodes(self) -> list[str]:
         """Full names of the other nodes."""

@@ -9,6 +9,7 @@ import os
 import sys
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -89,18 +90,21 @@ class Seen:
         topic: Full name of the joint states' topic.
         state: The newest message.
         reports: Diagnostics of the nodes.
+        publishers: Returns the nodes that publish the topic.
     """
 
     topic: str
     state: Any = None
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
     reports: Reports = field(default_factory=Reports)
+    publishers: Callable[[], list[str]] = list
 
     def join(self, listener: Listener) -> None:
         """Subscribe to joint states and diagnostics."""
         from arm_dynamics.ros.interfaces import JOINT_STATES
 
         listener.hear(JOINT_STATES, self.topic, self.hear_state)
+        self.publishers = lambda: listener.publishers(self.topic)
         self.reports.join(listener)
 
     def hear_state(self, message: Any) -> None:
@@ -140,6 +144,8 @@ class Seen:
         for key in _TOLD:
             values = self.reports.values(key).items()
             said += [f"{name}: {key}: {x}" for name, x in values if x not in _NONE]
+        if len(names := self.publishers()) > 1:
+            said.insert(0, f"only the newest of the joint states of {', '.join(names)} are shown")
         if self.age > _OLD:
             said.insert(0, f"stale: no joint state for {self.age:.1f} s")
         return said

@@ -24,19 +24,12 @@ class JointCommands:
     Args:
         model: The arm.
         admit: Decides whether a source may command joints, see ``Arbiter.admit``.
-        warn: Called with a warning of positions beyond stops.
     """
 
-    def __init__(
-        self,
-        model: ArmModel,
-        admit: Callable[[str, frozenset[int]], None],
-        warn: Callable[[str], None],
-    ) -> None:
-        self._model, self._admit, self._warn = model, admit, warn
+    def __init__(self, model: ArmModel, admit: Callable[[str, frozenset[int]], None]) -> None:
+        self._model, self._admit = model, admit
         self._named: frozenset[int] = frozenset()
         self._source = ""
-        self._places = model.stops.place
         self.forget()
 
     def admit(self, source: str, joints: frozenset[int]) -> None:
@@ -78,7 +71,7 @@ class JointCommands:
         if len(numbers) > 1:
             self._admit(self._source, frozenset(np.flatnonzero(given).tolist()))
         effort, position, velocity = np.where(given, rows, self._before())
-        self._last = JointCommand.of_rows(self._reached(position), velocity, effort, stamp)
+        self._last = JointCommand.of_rows(position, velocity, effort, stamp)
         return self._last
 
     def _rows(self, numbers: list[Numbers]) -> Array:
@@ -96,16 +89,3 @@ class JointCommands:
         if self._efforts is not None:
             rows[0] = self._efforts
         return rows
-
-    def _reached(self, position: Array) -> Array:
-        """Positions clipped to the stops, NaN where there is none."""
-        allowed: Array = np.clip(position, *self._places)
-        beyond = (allowed != position) & ~np.isnan(position)
-        if beyond.any():
-            i = int(np.argmax(beyond))
-            lower, upper = self._places[:, i]
-            self._warn(
-                f"position {position[i]:.6g} of joint '{self._model.joint_names[i]}' is beyond "
-                f"its stops and is clipped; allowed: {lower:.6g} to {upper:.6g}"
-            )
-        return allowed

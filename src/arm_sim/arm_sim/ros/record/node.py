@@ -48,7 +48,7 @@ def recorder_of(
             node.resolve_topic_name(JOINT_STATES.name), topics, node.get_logger().error,
         )  # fmt: skip
     except OSError as error:
-        raise InvalidInput(f"parameter 'record' = '{path}': {error}") from error
+        raise InvalidInput(f"parameter 'record' = '{path}': {error.strerror or error}") from error
 
     def sent(topic: Topic, stamp: int, raw: Any) -> None:
         if topic is JOINT_STATES:

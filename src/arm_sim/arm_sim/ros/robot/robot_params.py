@@ -25,8 +25,7 @@ class RobotParams(DescriptionParams):
         False, "Include locked and mimic joints in joint_states, not only in ~/all_joint_states"
     )
     publish_tf: bool = parameter(
-        True,
-        "Publish /tf and /tf_static, while no robot_state_publisher does; needs tf2_msgs",
+        True, "Publish /tf and /tf_static, while no robot_state_publisher does; needs tf2_msgs"
     )
     frame_prefix: str = parameter("", "Prefix of every frame name on /tf, such as left/")
     frame_id: str = parameter("", "frame_id of the joint states")

@@ -143,8 +143,7 @@ class StandardServices:
         scope = request.scope or ALL
         if not scope & (TIME | STATE):
             raise Unmet(
-                UNSUPPORTED,
-                f"scope {scope}; allowed: a sum of 1 (time) and 2 (state), or 0 (all)",
+                UNSUPPORTED, f"scope {scope}; allowed: a sum of 1 (time) and 2 (state), or 0 (all)"
             )
         self._engine.queue.run(lambda: self._back(bool(scope & TIME), bool(scope & STATE)))
 
