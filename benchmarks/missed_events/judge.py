@@ -100,8 +100,7 @@ def _judged(
     if apart > NUDGE * growth:  # else rounding
         error = max(error, _error(run.q, np.asarray(second)))
     allowed = FIXED if tolerance is None else max(FACTOR * tolerance, 1e-12)
-    stated = float(np.max(run.error))
-    told = run.doubt or (f"stated error {stated:.1e}" if error <= BESIDE * stated else "")
+    told = run.doubt or ("stated error" if error <= BESIDE * np.max(run.error) else "")
     outcome = RIGHT if error <= allowed else SHOWN if told else MISSED
     if outcome == MISSED and error <= growth * allowed:
         outcome = MAGNIFIED
