@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The engine with one of its guards switched off.
 
-Recordings are still judged by an intact engine: the account and the second look are built later.
+Recordings are still judged by an intact engine: the second run is built later.
 """
 
 from __future__ import annotations
