@@ -9,8 +9,6 @@ predicts the rest worse.
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 import numpy as np
 
@@ -29,18 +27,6 @@ from benchmarks.identification.lagrange import LagrangeArm
 from benchmarks.reporting.markdown import table
 
 MORE = (0.0, 0.1, 0.2, 0.5, 1.0)
-
-
-def exact_scene(arm: LagrangeArm) -> dict[str, Any]:
-    """The scene of an arm with its rotors and friction."""
-    numbers = zip(
-        arm.names, arm.armature.tolist(), arm.viscous.tolist(), arm.coulomb.tolist(), strict=True
-    )
-    joints = {
-        name: {"armature": armature, "friction": {"viscous": viscous, "coulomb": coulomb}}
-        for name, armature, viscous, coulomb in numbers
-    }
-    return {"robot": {"urdf": arm.urdf}, "joints": joints}
 
 
 def disturbed(arm: LagrangeArm, seed: int, more: float) -> JointRecord:
@@ -64,10 +50,10 @@ def main(seeds: int) -> None:
             refused, ratios = 0, []
             for seed in range(seeds):
                 record = disturbed(arm, seed, more)
-                found = identify(exact_scene(arm), record, accept_worse=True)
+                found = identify(arm.scene, record, accept_worse=True)
                 ratios.append(found.error[0] / found.error[1])
                 try:
-                    identify(exact_scene(arm), record)
+                    identify(arm.scene, record)
                 except InvalidInput:
                     refused += 1
             worse = f"{min(ratios):.2f} to {max(ratios):.2f}"

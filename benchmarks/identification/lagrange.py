@@ -8,6 +8,7 @@ exact to rounding.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,14 +43,6 @@ class Link:
     mass: float
     com: Vector
     inertia: tuple[float, float, float, float, float, float]
-
-    @property
-    def numbers(self) -> Array:
-        """Mass, mass times centre of mass, inertia about the frame: xx, xy, yy, xz, yz, zz."""
-        c = np.array(self.com)
-        about = _symmetric(self.inertia) + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
-        six = about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-        return np.array([self.mass, *(self.mass * c), *six])
 
 
 @dataclass(frozen=True)
@@ -125,6 +118,19 @@ class LagrangeArm:
     def names(self) -> list[str]:
         """Of the joints."""
         return [link.name for link in self.links]
+
+    @property
+    def scene(self) -> dict[str, Any]:
+        """The scene of the arm with its rotors and friction."""
+        numbers = zip(
+            self.names, self.armature.tolist(), self.viscous.tolist(), self.coulomb.tolist(),
+            strict=True,
+        )  # fmt: skip
+        joints = {
+            name: {"armature": armature, "friction": {"viscous": viscous, "coulomb": coulomb}}
+            for name, armature, viscous, coulomb in numbers
+        }
+        return {"robot": {"urdf": self.urdf}, "joints": joints}
 
     @property
     def urdf(self) -> str:

@@ -15,30 +15,20 @@ from benchmarks.identification import coverage, imperfect
 def test_torques_by_lagrange_are_those_of_the_suite(name: str) -> None:
     """Two derivations that share nothing agree, so that the study has the right truth."""
     arm = coverage.true_arm(coverage.ARMS[name])
-    joints = {
-        link: {"armature": rotor, "friction": {"viscous": viscous, "coulomb": coulomb}}
-        for link, rotor, viscous, coulomb in zip(
-            arm.names, arm.armature.tolist(), arm.viscous.tolist(), arm.coulomb.tolist(),
-            strict=True,
-        )
-    }  # fmt: skip
     q, v, a = np.random.default_rng(0).normal(size=(3, 20, len(arm.names)))
-    suite = Dynamics({"robot": {"urdf": arm.urdf}, "joints": joints}).inverse(q, v, a)
+    suite = Dynamics(arm.scene).inverse(q, v, a)
     np.testing.assert_allclose(suite, arm.torque(q, v, a), atol=1e-11)
 
 
 def test_intervals_contain_the_truth_as_often_as_they_say() -> None:
     """Of 150 intervals of ten recordings, many of them of the same noise; they are not wide."""
-    found = coverage.study("two links", seeds=10)
-    assert found.held.mean() >= 0.92
-    assert np.sqrt(np.mean(np.concatenate(found.errors) ** 2)) > 0.6
-    assert found.bias < 0.3
-
-
-def test_the_truth_of_a_sum_of_parameters() -> None:
-    truth = {"a.m": 2.0, "a.mx": 0.5, "b.Izz": 1.0}
-    assert coverage.combined("b.Izz - 0.4 a.mx + a.m", truth) == pytest.approx(2.8)
-    assert coverage.combined("b.coulomb_skew", truth) == 0.0
+    found = [coverage.outcome("two links", coverage.LAGRANGE, seed) for seed in range(10)]
+    errors = [1.96 * each for each in coverage.by_parameter("two links", found).values()]
+    every = np.concatenate([each for each in errors if len(each) == len(found)])
+    assert np.mean(abs(every) <= 1.96) >= 0.92
+    assert np.sqrt(np.mean(every**2)) > 0.6
+    means, chance = (np.array([f(each) for each in errors]) for f in (np.mean, np.var))
+    assert np.mean(means**2) - np.mean(chance) / len(found) < 0.3**2
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification import identify
 from benchmarks.identification.coverage import ARMS, true_arm
-from benchmarks.identification.held_out import disturbed, exact_scene
+from benchmarks.identification.held_out import disturbed
 
 ARM = true_arm(ARMS["two links"])
 
@@ -16,7 +16,7 @@ def test_an_exact_scene_passes_whatever_the_noise():
     """Estimates from noise predict worse than it in most of the recordings, by up to a tenth."""
     ratios, told = [], 0
     for seed in range(8):
-        found = identify(exact_scene(ARM), disturbed(ARM, seed, more=0.0))
+        found = identify(ARM.scene, disturbed(ARM, seed, more=0.0))
         ratios.append(found.error[0] / found.error[1])
         told += any("leaves less of the part held out" in note for note in found.notes)
     assert max(ratios) > 1.05
@@ -26,4 +26,4 @@ def test_an_exact_scene_passes_whatever_the_noise():
 @pytest.mark.parametrize("seed", range(3))
 def test_a_scene_of_too_much_friction_is_refused(seed):
     with pytest.raises(InvalidInput, match=r"more than noise explains \(\d.*allowed: up to 2\.5"):
-        identify(exact_scene(ARM), disturbed(ARM, seed, more=0.5))
+        identify(ARM.scene, disturbed(ARM, seed, more=0.5))
