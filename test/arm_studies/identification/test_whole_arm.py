@@ -202,7 +202,7 @@ def test_a_joint_at_rest_keeps_the_values_of_the_scene():
     scene = wide(model)
     scene["joints"]["elbow"]["friction"] = {"viscous": 0.123}
     result = identify(scene, JointRecord.of(model.joint_names, t, q, tau, v, a))
-    assert result.missing["elbow.friction"] == "it moved only 0 rad or m"
+    assert result.missing["elbow.friction"] == "it moved only 0 rad or m where it cannot stick"
     assert result.friction[1] is None
     assert result.scene.joints["elbow"].friction.viscous == 0.123
     assert result.parameters["shoulder.coulomb"] == pytest.approx(numbers["shoulder"]["coulomb"])

@@ -130,7 +130,8 @@ def _carried(
     rows = [
         [name, number(value, 4), unit, "{:.4g} to {:.4g}".format(*found.intervals[name])
          if name in found.intervals else "",
-         "the motion does not determine it" if name in found.missing else ""]
+         "the motion does not determine it" if name in found.missing
+         else "scatter, not 95 %" if name in found.scatter else ""]
         for name, value, unit in found.rows()
     ]  # fmt: skip
     head = "".join(f"# {' '.join(filter(None, row))}\n" for row in rows)
@@ -141,7 +142,8 @@ def _carried(
         payload = found.payload.model_dump(mode="json")
         click.echo(json.dumps({
             "files": [str(path) for path in files], "payload": payload,
-            "intervals": dict(found.intervals), "missing": found.missing,
+            "intervals": dict(found.intervals), "scatter": sorted(found.scatter),
+            "missing": found.missing,
         }))  # fmt: skip
         return
     console().print(f"payload on {frame}", markup=False)

@@ -91,11 +91,7 @@ def _flexible(path: Path) -> tuple[Match, dict[str, str]]:
 
 
 def _bristles(paths: tuple[Path, ...]) -> tuple[Match, dict[str, str]]:
-    from arm_studies.identification.drives import (
-        BRISTLE_UNITS,
-        SmallMotion,
-        identify_bristles,
-    )
+    from arm_studies.identification.drives import BRISTLE_UNITS, SmallMotion, identify_bristles
 
     records = []
     for path in paths:

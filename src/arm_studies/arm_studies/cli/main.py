@@ -11,10 +11,7 @@ from arm_studies.cli.identify import identify
 from arm_studies.cli.identify_drive import identify_drive
 from arm_studies.cli.sweep import sweep
 
-_STUDIES = {
-    "Studies": (sweep,),
-    "Identification": (excite, identify, identify_drive, compare),
-}
+_STUDIES = {"Studies": (sweep,), "Identification": (excite, identify, identify_drive, compare)}
 
 *_others, _shell = SECTIONS.items()
 main = suite(dict([*_others, *_STUDIES.items(), _shell]), [of_optimization])

@@ -25,11 +25,7 @@ from arm_studies.identification.drives import (
 )
 from arm_studies.identification.excitation import Box, Excitation, Room, excite
 from arm_studies.identification.names import mapped
-from arm_studies.identification.payload import (
-    PayloadEstimate,
-    estimate_payload,
-    identify_payload,
-)
+from arm_studies.identification.payload import PayloadEstimate, estimate_payload, identify_payload
 from arm_studies.identification.preparation import prepare
 from arm_studies.identification.result import Identification
 from arm_studies.identification.whole_arm import identify

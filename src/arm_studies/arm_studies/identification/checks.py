@@ -210,10 +210,8 @@ def check_scales(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) ->
     Raises:
         InvalidInput: With the joints, and how to correct their efforts.
     """
-    found = [
-        (scale, f"{scale.factor:.2g} ({scale.low:.2g} to {scale.high:.2g})")
-        for scale in scaled(rows, use, belief)
-    ]
+    scales = scaled(rows, use, belief)
+    found = [(x, f"{x.factor:.2g} ({x.low:.2g} to {x.high:.2g})") for x in scales]
     gross = [
         f"{names[scale.joint]} {span}"
         for scale, span in found
@@ -258,11 +256,8 @@ def check_explained(error: float, nominal: float, names: Sequence[str], scales: 
 
 def _odd(names: Sequence[str], scales: Array) -> str:
     """Joints whose efforts are far from the torques of the nominal scene, for messages."""
-    odd = [
-        f"{name} {scale:.3g}"
-        for name, scale in zip(names, scales, strict=True)
-        if not 1.0 / OUT_OF_SCALE < scale < OUT_OF_SCALE
-    ]
+    pairs = zip(names, scales, strict=True)
+    odd = [f"{name} {x:.3g}" for name, x in pairs if not 1.0 / OUT_OF_SCALE < x < OUT_OF_SCALE]
     return f"; efforts over nominal torques: {known_names(odd)}" if odd else ""
 
 

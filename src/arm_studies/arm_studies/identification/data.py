@@ -186,13 +186,6 @@ class MeasuredMotion:
         return len(self.joint_names)
 
     @property
-    def every(self) -> int:
-        """Stride of rows that keeps all information of filtered values (sampling theorem)."""
-        if not np.isfinite(self.band):
-            return 1
-        return max(1, int(0.5 / (self.band * self.dt) * (1.0 + 1e-9)))
-
-    @property
     def independent(self) -> float:
         """Independent values of low-pass filtered noise per row, at most one."""
         return min(1.0, 2.0 * self.band * self.dt)

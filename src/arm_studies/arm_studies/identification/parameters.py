@@ -39,7 +39,7 @@ def parameters(
         rows: The regression's rows.
         fit: The fit of all parameters.
         use: Rows that it uses, shape (k, n).
-        ranges: How far each joint moved in [rad] or [m], shape (n,).
+        ranges: How far each joint moved without sticking in [rad] or [m], shape (n,).
         scene: The fit that is written into the scene.
     """
     names, base = regressor.model.joint_names, _base(regressor)
@@ -125,7 +125,9 @@ def _unidentified(
     missing = dict[str, str]()
     for joint, own, way in zip(names, friction, ranges, strict=True):
         if way <= MOVED:
-            missing[f"{joint}.friction"] = f"it moved only {way:.2g} rad or m"
+            missing[f"{joint}.friction"] = (
+                f"it moved only {way:.2g} rad or m where it cannot stick"
+            )
         elif not own.kinds:
             missing[f"{joint}.friction"] = NO_FRICTION
         else:

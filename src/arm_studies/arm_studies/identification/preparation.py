@@ -32,6 +32,8 @@ SHORTEST = 100
 """Smallest number of samples of a stretch."""
 PER_BAND = 10.0
 """Rows per period of the band that ``thinned`` keeps."""
+MOST_ROWS = 6_000
+"""Rows beyond which the band is narrowed, so that long recordings take seconds."""
 UNEVEN = 1e-3
 """Fraction of a step by which samples may be off an even grid without being interpolated."""
 SATURATED = 8
@@ -150,6 +152,15 @@ def resampled(record: JointRecord) -> EvenRecord:
     for stretch in stretches:
         notes += _saturation(stretch)
     return EvenRecord(stretches, step, tuple(notes))
+
+
+def common_band(recordings: Sequence[EvenRecord]) -> float:
+    """The narrowest band that any of the recordings needs, or less for a long motion."""
+    common = min(recording.band for recording in recordings)
+    if not np.isfinite(common):
+        return common
+    spans = sum(len(part.time) * each.dt for each in recordings for part in each.stretches)
+    return float(min(common, MOST_ROWS / (PER_BAND * spans)))
 
 
 def _needed(record: JointRecord) -> tuple[str, ...]:

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
@@ -20,7 +19,9 @@ from arm_studies.identification.data import JointRecord, records_of
 from arm_studies.identification.described import scene_with
 from arm_studies.identification.names import mapped, unwrapped
 from arm_studies.identification.parameters import parameters, without_doubtful
-from arm_studies.identification.preparation import PER_BAND, EvenRecord, resampled
+from arm_studies.identification.preparation import EvenRecord, common_band, resampled
+from arm_studies.identification.regression import irregularities
+from arm_studies.identification.regression.age import age_of
 from arm_studies.identification.regression.bandwidth import (
     mean_residual,
     noise_above,
@@ -42,14 +43,7 @@ from arm_studies.identification.regression.friction_columns import (
     JointFit,
 )
 from arm_studies.identification.regression.held_out import excess
-from arm_studies.identification.regression.intervals import CERTAIN, besides
-from arm_studies.identification.regression.irregularities import (
-    drifts,
-    ripples,
-    sticking,
-    tilts,
-    without_outliers,
-)
+from arm_studies.identification.regression.intervals import CERTAIN, STRICT, besides
 from arm_studies.identification.regression.regressor import EACH, RigidRegressor
 from arm_studies.identification.regression.rows import HELD_OUT, Rows, steady_friction
 from arm_studies.identification.regression.selection import Choice
@@ -60,8 +54,6 @@ MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0
 """Prior deviations of bodies from nominal: of density, of all else; selected by the evidence."""
 ROUNDS = 3
 """Largest number of selections of friction laws until the bandwidth of the efforts is stable."""
-MOST_ROWS = 6_000
-"""Rows beyond which the band is narrowed, so that long recordings take seconds."""
 SHOWN = 0.7
 """Fraction of a joint's frictionless efforts that bodies must explain to identify its scale."""
 HEAVY = 0.5
@@ -73,13 +65,8 @@ fixed, an error of the last bodies would be taken for a scale of their joints.""
 DOUBT = 0.12, 0.2
 """Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
 columns of efforts are matched with joints."""
-STRICT = 10.0
-"""Size of unknown friction over dry friction of which nothing is assumed."""
 WORSE = 1.03
 """Ratio of residuals up to which friction terms that may be zero are left out."""
-MATCHES, SETTLED, OLDEST = 4, 0.2, 0.15
-"""Largest number of corrections of the age of efforts; standard errors below which one is left
-out; largest age in periods of the band."""
 MOVING = 0.2
 """Fraction of the part held out in which a joint has to move for its prediction to be judged."""
 
@@ -158,15 +145,6 @@ def _in_torques(record: JointRecord, effort: str | Mapping[str, float]) -> Joint
     return replace(record, effort=record.effort * factors)
 
 
-def _common_band(recordings: Sequence[EvenRecord]) -> float:
-    """The narrowest band that any of the recordings needs, or less for a long motion."""
-    common = min(recording.band for recording in recordings)
-    if not np.isfinite(common):
-        return common
-    spans = sum(len(part.time) * each.dt for each in recordings for part in each.stretches)
-    return float(min(common, MOST_ROWS / (PER_BAND * spans)))
-
-
 class _Run:
     """One identification, step by step."""
 
@@ -180,7 +158,7 @@ class _Run:
         self.names, self.held_out, self.band = model.joint_names, held_out, band
         self.scaled, self.scales, self.age = scaled, np.ones(model.n), 0.0
         self.notes = list(dict.fromkeys(n for each in recordings for n in each.notes))
-        self._filter(_common_band(recordings) if band is None else band)
+        self._filter(common_band(recordings) if band is None else band)
         self.ranges = checks.moved(self.motions)
         checks.check_rows(self.rows, self.names, self.notes)
         nominal = self.regressor.nominal
@@ -254,12 +232,12 @@ class _Run:
         rows = self.rows
         trial = fitted(rows, train, self.belief, list(trial.friction), possible=True)
         whole = train | (rows.use & ~rows.train[:, None])
-        whole = without_outliers(self.names, rows, whole, trial)[0]
+        whole = irregularities.without_outliers(self.names, rows, whole, trial)[0]
         final = fitted(rows, whole, self.belief, list(trial.friction), possible=True)
         laws = without_doubtful(self.regressor, *self._strictly(final, whole), whole)
         if any(a.kinds != b.kinds for a, b in zip(laws, final.friction, strict=True)):
             lean = fitted(rows, whole, self.belief, laws, possible=True)
-            if mean_residual(lean, whole) < WORSE * mean_residual(final, whole):
+            if mean_residual(lean.residual, whole) < WORSE * mean_residual(final.residual, whole):
                 final, trial = lean, fitted(rows, train, self.belief, laws, possible=True)
         return self._result(trial, final, whole)
 
@@ -279,7 +257,7 @@ class _Run:
         """Fit laws within the bandwidth of the efforts, and filter these above it."""
         fit = fitted(self.rows, self._train(), self.belief, laws)
         self.rows, fit = with_bandwidth(self.rows, self._train(), self.belief, fit)
-        limit = noise_above(self.rows, self._train(), fit) if self.band is None else None
+        limit = noise_above(self.rows, self._train(), fit.residual) if self.band is None else None
         if limit is None:
             return fit
         self._filter(limit, self.rows.effort_band)
@@ -300,24 +278,22 @@ class _Run:
 
     def _matched(self, fit: Fit, laws: list[JointFit]) -> Fit:
         """Estimate the age of efforts, and fit them to the motion of their times."""
-        step, doubt = 0.0, np.inf
-        for _ in range(MATCHES):
-            ageing = self.rows.ageing(fit.predicted(self.rows.plain))
-            by, sd = besides(self.rows, fit, ageing[:, :, None], self.belief)
-            step, doubt = float(by[0]), float(sd[0])
-            if not abs(step) > SETTLED * doubt:
-                break
-            farthest = OLDEST / self.motions[0].band
-            self.age = float(np.clip(self.age + step, -farthest, farthest))
-            self._filter(self.motions[0].band, self.rows.effort_band)
-            plain = fitted(self.rows, self._train(), self.belief, laws)
-            fit = self._without_sticking(plain, laws)
-        if abs(self.age) > CERTAIN * doubt:
-            self.notes.append(
-                f"efforts are {1e3 * self.age:.2g} ± {1e3 * CERTAIN * doubt:.1g} ms older than "
-                "the positions beside them; they are compared with the motion at that time"
-            )
-        return fit
+        now = fit
+
+        def measured(age: float) -> tuple[float, float]:
+            nonlocal now
+            if age != self.age:
+                self.age = age
+                self._filter(self.motions[0].band, self.rows.effort_band)
+                now = self._without_sticking(
+                    fitted(self.rows, self._train(), self.belief, laws), laws
+                )
+            ageing = self.rows.ageing(now.predicted(self.rows.plain))
+            by, sd = besides(self.rows, now, ageing[:, :, None], self.belief)
+            return float(by[0]), float(sd[0])
+
+        self.notes += age_of(measured, self.motions[0].band)[1]
+        return now
 
     def _with_laws(self, first: Fit) -> tuple[Mask, Fit]:
         """Select friction laws, leave out outliers, and adapt the bandwidth of the efforts."""
@@ -327,7 +303,7 @@ class _Run:
             fit = fitted(self.rows, train, self.belief, laws)
             kept = train
             if not again:
-                kept, notes = without_outliers(self.names, self.rows, train, fit)
+                kept, notes = irregularities.without_outliers(self.names, self.rows, train, fit)
                 self.notes += notes
             rows, fit = with_bandwidth(self.rows, train, self.belief, fit)
             if np.array_equal(kept, train) and rows is self.rows:
@@ -444,6 +420,7 @@ class _Run:
     def _result(self, trial: Fit, final: Fit, used: Mask) -> Identification:
         """The result of a fit of the rows that are not held out, and of one of all rows."""
         rows = self.rows.plain
+        self.ranges = self.ranges * rows.use.any(axis=0)
         predicted, after = trial.predicted(rows), final.predicted(rows)
         nominal, test = self._nominal(rows), self._judging()
         ratios = self._ratios(nominal)
@@ -507,19 +484,16 @@ class _Run:
             )
         return scene, friction
 
-    @property
-    def _test(self) -> NDArray[np.bool_]:
-        """Rows on which errors are measured, shape (k,): all of them if none is held out."""
-        train = self.rows.train
-        return train if train.all() else ~train
-
     def _judging(self) -> Mask:
         """Rows by which the prediction of each joint is judged: none if it rests in most of them.
+
+        Those that are held out, or all of them if none is.
 
         The torque of a joint at rest may be anything that static friction holds, so that its
         prediction tells nothing.
         """
-        rows, test = self.rows, self._test[:, None]
+        rows, train = self.rows, self.rows.train[:, None]
+        test = train if train.all() else ~train
         known = np.count_nonzero(rows.valid & test, axis=0)
         moving = np.count_nonzero(rows.use & test, axis=0) * (self.ranges > checks.MOVED)
         resting = (moving < MOVING * known) & (known > 0)
@@ -577,11 +551,11 @@ class _Run:
                 "they were filtered before, or predictions are only position noise there; "
                 "predictions are filtered likewise"
             )
-        self.notes += sticking(self.names, self.rows)
-        self.notes += drifts(self.names, self.rows, final, used)
+        self.notes += irregularities.sticking(self.names, self.rows)
+        self.notes += irregularities.drifts(self.names, self.rows, final, used)
         turning = [kind != "prismatic" for kind in self.model.joint_types]
-        self.notes += ripples(self.names, turning, self.rows, trial, self.belief)
-        self.notes += tilts(self.regressor, self.rows, trial, self.belief)
+        self.notes += irregularities.ripples(self.names, turning, self.rows, trial, self.belief)
+        self.notes += irregularities.tilts(self.regressor, self.rows, trial, self.belief)
 
     def _check(self, scene: Any, theta: Array) -> None:
         """Check that the scene that is returned has the identified bodies."""

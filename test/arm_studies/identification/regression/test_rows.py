@@ -43,9 +43,8 @@ def test_weights_give_the_product_with_any_factor(rng):
 def test_friction_under_load_is_that_of_all_measured_times():
     t = np.arange(0.0, 20.0, 1e-3)
     q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
-    model = ArmModel(load_scene("two_link"))
-    motion = prepare(JointRecord.of(model.joint_names, t, q, np.ones_like(q)), 8.0)
-    rows = Rows(RigidRegressor(model), [motion])
+    rows = rows_of(t, q)
+    (motion,) = rows.whole
     assert len(t) > 10 * len(rows.v)
     law = JointFit((VISCOUS, COULOMB, EXCESS), Shape(0.1, 0.6, 3.0))
     load, v = 3.0 * np.sin(1.7 * t), motion.v[:, 0]
@@ -58,14 +57,18 @@ def test_friction_under_load_is_that_of_all_measured_times():
     np.testing.assert_allclose(found[inside], expected[inside], atol=1e-3)
 
 
+def rows_of(t, q):
+    model = ArmModel(load_scene("two_link"))
+    motion = prepare(JointRecord.of(model.joint_names, t, q, np.ones_like(q)), 8.0)
+    return Rows(RigidRegressor(model), [motion])
+
+
 def test_a_joint_that_sticks_at_a_reversal_is_left_out():
     """The filtered velocity is not zero then: the filter rings."""
     t = np.arange(0.0, 8.25, 1e-3)
     way = np.where(t < 4.0, t, np.maximum(t - 0.25, 4.0))  # rests for a quarter of a second
     q = np.column_stack([1.0 - np.cos(0.5 * np.pi * way), np.sin(t)])
-    model = ArmModel(load_scene("two_link"))
-    motion = prepare(JointRecord.of(model.joint_names, t, q, np.ones_like(q)), 8.0)
-    rows = Rows(RigidRegressor(model), [motion])
+    rows = rows_of(t, q)
     at = rows.motions[0].time
     resting, moving = (at > 4.0) & (at < 4.25), (at > 1.0) & (at < 3.9)
     assert abs(rows.v[resting, 0]).max() > 1e-3
@@ -81,9 +84,7 @@ def test_friction_of_a_joint_that_sticks_leaves_no_trace_in_cleared_rows(rng):
     """Whatever it is; the torques of its motion stay."""
     t = np.arange(0.0, 12.0, 1e-3)
     q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
-    model = ArmModel(load_scene("two_link"))
-    motion = prepare(JointRecord.of(model.joint_names, t, q, np.ones_like(q)), 8.0)
-    rows = Rows(RigidRegressor(model), [motion])
+    rows = rows_of(t, q)
     unknown = rows.filtered(rows.still * rng.normal(size=rows.still.shape))
     cleared = rows.cleared(np.ones(2), np.full(2, 1e-3))
     for j in range(2):
@@ -98,7 +99,13 @@ def test_friction_of_a_joint_that_sticks_leaves_no_trace_in_cleared_rows(rng):
 def test_joints_that_rest_or_reverse_most_of_the_time_are_noted():
     t = np.arange(0.0, 12.0, 1e-3)
     q = np.column_stack([np.sin(2.1 * t), 0.01 * np.sin(25.0 * t)])
-    model = ArmModel(load_scene("two_link"))
-    motion = prepare(JointRecord.of(model.joint_names, t, q, np.ones_like(q)), 8.0)
-    (told,) = sticking(model.joint_names, Rows(RigidRegressor(model), [motion]))
+    (told,) = sticking(["shoulder", "elbow"], rows_of(t, q))
     assert told.startswith("'elbow': it may stick in ")
+
+
+def test_rows_of_a_joint_that_mostly_sticks_are_not_used():
+    """Its unknowns would explain a few exactly, so that these would weigh more than all others."""
+    t = np.arange(0.0, 12.0, 1e-3)
+    for moving, used in ((0.5, False), (6.0, True)):
+        rows = rows_of(t, np.column_stack([np.sin(2.1 * t), np.clip(t - 3.0, 0.0, moving)]))
+        assert rows.use[:, 0].any() and rows.use[:, 1].any() == used

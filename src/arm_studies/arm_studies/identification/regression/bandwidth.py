@@ -43,7 +43,7 @@ def with_bandwidth(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> tuple
     if not np.isfinite(rows.band):
         return rows, fit
     plain = rows.low_passed(None)
-    best_rows, best, least = rows, fit, mean_residual(fit, use)
+    best_rows, best, least = rows, fit, mean_residual(fit.residual, use)
     if rows.effort_band is None:
         least *= BETTER
     tried = {rows.effort_band}
@@ -54,39 +54,39 @@ def with_bandwidth(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> tuple
         tried.add(band)
         other = rows.low_passed(band)
         trial = fitted(other, use, belief_for, list(best.friction))
-        error = mean_residual(trial, use)
+        error = mean_residual(trial.residual, use)
         if not error < least:
             break
         best_rows, best, least = other, trial, error
     return best_rows, best
 
 
-def mean_residual(fit: Fit, use: Mask) -> float:
-    """Geometric mean over joints of the residual of a fit, which does not depend on units."""
-    return _mean(fit.residual, use)
+def mean_residual(residual: Array, use: Mask) -> float:
+    """Geometric mean over joints of a residual, which does not depend on units."""
+    return float(np.exp(np.log(_size(residual, use)).mean()))
 
 
-def noise_above(rows: Rows, use: Mask, fit: Fit) -> float | None:
+def noise_above(rows: Rows, use: Mask, residual: Array) -> float | None:
     """The frequency in [Hz] above which efforts contain more noise than motion, with a margin.
 
     None if that is above the band, or if the efforts have hardly any noise there.
     """
     if not np.isfinite(rows.band):
         return None
-    whole = _size(fit.residual, use)
+    whole = _size(residual, use)
 
     def above(values: Array) -> Array:
         """Power above each frequency of the grid, relative to the residual's."""
         parts = (values - rows.narrowed(values, band) for band in _grid(rows))
         return np.array([np.mean((_size(part, use) / whole) ** 2) for part in parts])
 
-    signal, noise = above(rows.effort - fit.residual), above(fit.residual)
+    signal, noise = above(rows.effort - residual), above(residual)
     less = np.diff(signal) < np.diff(noise)
     three = np.flatnonzero(less[:-2] & less[1:-1] & less[2:])
     if not three.size:
         return None
     limit = float(FLAT * _grid(rows)[three[-1] + 3])
-    left = float(np.mean((_size(rows.narrowed(fit.residual, limit), use) / whole) ** 2))
+    left = float(np.mean((_size(rows.narrowed(residual, limit), use) / whole) ** 2))
     return limit if limit < rows.band and 1.0 - left > NOISY else None
 
 
@@ -104,10 +104,6 @@ def _screened(plain: Rows, use: Mask, fit: Fit) -> float | None:
     """The bandwidth at which the predictions of a fit are best, without another fit."""
     predicted = fit.predicted(plain)
     bands = _grid(plain)
-    errors = [_mean(plain.effort - plain.narrowed(predicted, band), use) for band in bands]
+    errors = [mean_residual(plain.effort - plain.narrowed(predicted, band), use) for band in bands]
     best = int(np.argmin(errors))
-    return bands[best] if errors[best] < _mean(plain.effort - predicted, use) else None
-
-
-def _mean(residual: Array, use: Mask) -> float:
-    return float(np.exp(np.log(_size(residual, use)).mean()))
+    return bands[best] if errors[best] < mean_residual(plain.effort - predicted, use) else None

@@ -252,9 +252,7 @@ def _centred(
 
 
 def _newton(
-    value: Callable[[Array], float],
-    derivatives: Callable[[Array], tuple[Array, Array]],
-    x: Array,
+    value: Callable[[Array], float], derivatives: Callable[[Array], tuple[Array, Array]], x: Array
 ) -> Array:
     """Minimize a convex function by Newton's method with backtracking (Armijo's rule)."""
     now = value(x)

@@ -108,7 +108,7 @@ def fitted(
             rows, use, common, belief_for, fits, target, load, weights, settled
         )
         lean = [_without_impossible(fit, fastest[j]) for j, fit in enumerate(fits)]
-        if all(_same(a, b) for a, b in zip(lean, fits, strict=True)):
+        if all((a.kinds, a.bends) == (b.kinds, b.bends) for a, b in zip(lean, fits, strict=True)):
             break
         fits = lean
     R, z = columns.whitened(target, weights, rows.independent)
@@ -238,10 +238,6 @@ def _slopes(rows: Rows, fit: JointFit, j: int, load: Array) -> Array:
             span = (shape.load or 0.0) - (fit.shape.load or 0.0)
         found.append((torque(shape) - now) / span)
     return rows.filtered(np.column_stack(found), j)
-
-
-def _same(one: JointFit, other: JointFit) -> bool:
-    return one.kinds == other.kinds and one.bends == other.bends
 
 
 def _without_impossible(fit: JointFit, fastest: float) -> JointFit:

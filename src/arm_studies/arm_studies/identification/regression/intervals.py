@@ -40,6 +40,8 @@ CLEARLY = 2.0
 """Width of an interval over that by white noise of the sensors beyond which it is scatter."""
 CERTAIN = 1.96
 """Standard deviations on either side of a 95 % interval."""
+STRICT = 10.0
+"""Size of unknown friction over dry friction of which nothing is assumed."""
 NOTHING = 1e-9
 """Standard deviation below which even a zero is identified."""
 
@@ -106,18 +108,12 @@ def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates
     """
     columns, names = with_shapes(rows, fit)
     places = np.array([*lead, *range(fit.bodies + rows.n, columns.size)])
-    own, target = _weighted(use, fit, columns, places), rows.effort - rows.known
+    own, y = _weighted(use, fit, columns, places), fit.weights * use * (rows.effort - rows.known)
     ageing = fit.weights * use * rows.ageing(fit.predicted(rows.plain))
-    if ageing.any():  # is one more unknown
-        own = np.concatenate([own, ageing.T[:, :, None]], axis=2)
-    y = (fit.weights * use * target).T
-    R = np.linalg.qr(np.column_stack([own.reshape(-1, own.shape[2]), y.ravel()]), mode="r")
-    left = y - own @ solved(R[:, :-1], R[:, -1])
-    size = float(np.linalg.norm(y))
-    found, deviations, condition = determined(rows, R[:-1, :-1], R[:-1, -1], own, left.T, size)
     noise = rows.noise(fit.x[: fit.bodies], fit.x[fit.bodies : fit.bodies + rows.n])
-    by_noise = _by_noise(rows, own, fit.weights * noise)
-    scatter = deviations > CLEARLY * by_noise
+    found, deviations, scatter, condition = unbiased(
+        rows, own, y, ageing, fit.weights * noise, float(np.linalg.norm(y))
+    )
     first = len(places) - len(names)
     triples = list(zip(found.tolist(), deviations.tolist(), scatter.tolist(), strict=True))
     shapes = {}
@@ -131,32 +127,42 @@ def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates
     return Estimates(linear, shapes, condition)
 
 
-def determined(
-    rows: Rows, R: Array, z: Array, own: Array, left: Array, torque: float
-) -> tuple[Array, Array, float]:
-    """Least-squares estimates, their standard deviations, and the condition number.
+def unbiased(
+    rows: Rows, own: Array, y: Array, ageing: Array, noise: Array, torque: float
+) -> tuple[Array, Array, Mask, float]:
+    """Least-squares estimates, without a prior, and their standard deviations.
 
     Args:
         rows: The regression's rows.
-        R: Triangle of the weighted columns of the unknowns.
-        z: Its right-hand side.
-        own: These columns in each joint's rows, zero where not used, shape (n, k, unknowns).
-        left: Weighted residuals, shape (k, n).
+        own: Weighted columns of the unknowns in each joint's rows, zero where not used, shape
+            (n, k, unknowns).
+        y: Weighted torques that they explain, shape (k, n).
+        ageing: Their change with the age of efforts, shape (k, n), which is one more unknown, the
+            last, unless it is zero.
+        noise: Weighted standard deviation of the sensors' white noise, shape (n,).
         torque: Norm of the weighted torques; an unknown is not determined if its deviation makes
             more than ``VAGUE`` of them.
 
     Returns:
-        Shapes (unknowns,); deviations are inf where the motion does not determine an unknown.
+        Values, deviations, which are inf where the motion does not determine an unknown, whether
+        they are scatter, each of shape (unknowns,), and the condition number.
     """
+    if ageing.any():
+        own = np.concatenate([own, ageing.T[:, :, None]], axis=2)
+    flat, z = own.reshape(-1, own.shape[2]), y.T.ravel()
+    R = np.linalg.qr(np.column_stack([flat, z]), mode="r")
+    R, z = R[:-1, :-1], R[:-1, -1]
     lengths = np.linalg.norm(R, axis=0)
     shown = lengths > SINGULAR * lengths.max()
     _, singular, axes = np.linalg.svd(R[:, shown] / lengths[shown], full_matrices=False)
     hidden = (axes[singular < SINGULAR * singular[0]] ** 2).sum(axis=0) > SINGULAR
+    left = y - (own @ solved(R, z)).T
     doubt = np.sqrt(_variances(rows, own[:, :, shown], left))
     doubt[hidden | (doubt * lengths[shown] > VAGUE * torque)] = np.inf
     found, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
     found[shown], deviations[shown] = solved(R[:, shown], z), doubt
-    return found, deviations, float(singular[0] / max(singular[-1], 1e-300))
+    scatter = deviations > CLEARLY * _by_noise(rows, own, noise)
+    return found, deviations, scatter, float(singular[0] / max(singular[-1], 1e-300))
 
 
 def _independent(rows: Rows) -> float:

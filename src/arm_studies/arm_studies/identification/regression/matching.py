@@ -113,7 +113,7 @@ def mismatched(rows: Rows, use: Mask, belief: Belief) -> list[Match]:
     """
     left = np.stack([_residuals(rows, use[:, j], belief, j) for j in range(rows.n)], axis=-1)
     found = []
-    for i in np.flatnonzero(use.any(axis=0)):  # nothing is known of a joint that does not move
+    for i in np.flatnonzero(rows.use.any(axis=0)):  # of others, nothing is known
         of_column = left[:, i]
         turned, j = np.unravel_index(np.argmin(of_column), of_column.shape)
         own, best = of_column[0, i], of_column[turned, j]
@@ -140,7 +140,7 @@ def delayed(rows: Rows, use: Mask) -> list[Delay]:
     found = []
     for j in range(rows.n):
         shifted = [rows.ahead(j, int(by)) for by in shifts]
-        there = use[:, j] & np.all([known for _, known in shifted], axis=0)
+        there = use[:, j] & rows.use[:, j].any() & np.all([known for _, known in shifted], axis=0)
         if not there.any():
             continue
         left = _left(_free(rows, j)[there], np.column_stack([y[there] for y, _ in shifted]))

@@ -23,12 +23,7 @@ from arm_studies.identification.filtering import (
     spread,
 )
 from arm_studies.identification.preparation import thinned
-from arm_studies.identification.regression.friction_columns import (
-    DRY,
-    EXCESS,
-    JointFit,
-    Shape,
-)
+from arm_studies.identification.regression.friction_columns import DRY, EXCESS, JointFit, Shape
 from arm_studies.identification.regression.regressor import RigidRegressor
 
 HELD_OUT = 0.3
@@ -42,6 +37,9 @@ NEARBY, APART = 0.3, 0.2
 """Periods of the band before and after a joint rests or reverses in which it may stick: its
 friction has then any value up to static friction. Periods from one to the next of its values that
 are unknown there."""
+FEWEST = 25
+"""Independent values in which a joint cannot stick below which none of its are used: its unknowns
+would explain them exactly, so that they would weigh more than all others."""
 SAMPLED = 50
 """Positions at which inertias are computed to see what noise of accelerations does."""
 LEAST = 1e-3
@@ -66,7 +64,8 @@ class Rows:
         valid: Rows of each joint that were measured, shape (k, n).
         still: Rows in which a joint may stick, shape (k, n).
         rests: Rows in which it rests for longer than a reversal takes, shape (k, n).
-        use: Rows that are used in the fit, shape (k, n): valid ones in which it does not.
+        use: Rows that are used in the fit, shape (k, n): valid ones in which it does not, if there
+            are ``FEWEST`` at least.
         train: Rows that are not held out, shape (k,).
         fold: Fold of each row, shape (k,); -1 if it is held out.
         independent: Independent values of filtered noise per row.
@@ -86,17 +85,18 @@ class Rows:
         )
         self._near = np.concatenate(_neighbours(self.motions))
         self._sticking: tuple[Array, Array] | None = None
-        self._measured = np.zeros(0)
+        self._plain: Rows | None = None
         self.effort = np.concatenate([motion.filtered(motion.effort) for motion in self.motions])
         self.valid = np.concatenate([motion.valid for motion in self.motions])
         self.still = np.concatenate([_still(motion) for motion in self.motions])
         self.use = self.valid & ~self.still
+        self.independent = min(motion.independent for motion in self.motions)
+        few = self.independent * self.use.sum(axis=0) < FEWEST
+        self.use[:, few & ~few.all()] = False
         self.rests = np.concatenate([_resting(motion) for motion in self.motions])
         self.fold = np.concatenate([_folds(len(m.time), held_out) for m in self.motions])
         self.train = self.fold >= 0
-        first = self.motions[0]
-        self.independent = min(motion.independent for motion in self.motions)
-        self.lag = 1 if not np.isfinite(first.band) else int(4.0 / (first.band * first.dt))
+        self.lag = int(4.0 / (self.band * self.motions[0].dt)) if np.isfinite(self.band) else 1
 
     @property
     def n(self) -> int:
@@ -129,7 +129,9 @@ class Rows:
         """Filter columns as the efforts, shape (k, …), and clear them as those of a joint."""
         ends = np.cumsum([len(motion.time) for motion in self.motions])[:-1]
         parts = zip(np.split(columns, ends), self.motions, strict=True)
-        found = np.concatenate([self._low(part, motion) for part, motion in parts])
+        found = np.concatenate([motion.filtered(part) for part, motion in parts])
+        if self.effort_band is not None and self.effort_band < self.band:
+            found = self.narrowed(found, self.effort_band)
         return found if joint is None else self._cleared(found, joint)
 
     def of_joints(self, columns: Array) -> Array:
@@ -152,8 +154,8 @@ class Rows:
             sizes: Standard deviation of each joint's residual, shape (n,).
         """
         other = self._again()
-        other._sticking, other._measured = (np.asarray(levels), sizes), self.plain.effort
-        other.effort = other.clear(other._measured)
+        other._sticking, other._plain = (np.asarray(levels), sizes), self.plain
+        other.effort = other.clear(other._plain.effort)
         return other
 
     def stricter(self, factor: float) -> Rows:
@@ -166,11 +168,7 @@ class Rows:
     @property
     def plain(self) -> Rows:
         """The rows as they are measured, where joints stick, too."""
-        if self._sticking is None:
-            return self
-        other = self._again()
-        other._sticking, other.effort = None, self._measured
-        return other
+        return self._plain or self
 
     @cached_property
     def _clearings(self) -> list[tuple[Array, Array, float]]:
@@ -208,13 +206,10 @@ class Rows:
 
         Zero in recordings that state the age of their efforts.
         """
-        found, start = np.zeros_like(values), 0
-        for motion in self.motions:
-            for stretch in motion.stretches:
-                span = slice(start + stretch.start, start + stretch.stop)
-                if not motion.aged:
-                    found[span] = -np.gradient(values[span], motion.dt, axis=0)
-            start += len(motion.time)
+        found = np.zeros_like(values)
+        for motion, span in self._stretches():
+            if not motion.aged:
+                found[span] = -np.gradient(values[span], motion.dt, axis=0)
         return self.clear(found)
 
     def noise(self, theta: Array, armature: Array) -> Array:
@@ -273,26 +268,26 @@ class Rows:
     def ahead(self, joint: int, by: int) -> tuple[Array, NDArray[np.bool_]]:
         """A joint's efforts some rows later, in the same stretch, and which are known, (k,)."""
         effort, known = np.zeros(len(self.effort)), np.zeros(len(self.valid), bool)
-        for s in self._stretches():
+        for _, s in self._stretches():
             to = slice(max(s.start, s.start - by), min(s.stop, s.stop - by))
             if to.stop > to.start:
                 of = slice(to.start + by, to.stop + by)
                 effort[to], known[to] = self.effort[of, joint], self.valid[of, joint]
         return effort, known
 
-    def _stretches(self) -> Iterator[slice]:
-        """The rows of each stretch of each motion."""
+    def _stretches(self) -> Iterator[tuple[MeasuredMotion, slice]]:
+        """Each stretch of each motion, and its rows."""
         start = 0
         for motion in self.motions:
             for stretch in motion.stretches:
-                yield slice(start + stretch.start, start + stretch.stop)
+                yield motion, slice(start + stretch.start, start + stretch.stop)
             start += len(motion.time)
 
     def narrowed(self, columns: Array, band: float) -> Array:
         """Low-pass filter columns once more, at a band of its own, shape (k, …)."""
-        low_pass, found = ZeroPhase(band, self.motions[0].dt), np.empty_like(columns)
-        for span in self._stretches():
-            found[span] = low_pass(columns[span])
+        found = np.empty_like(columns)
+        for motion, span in self._stretches():
+            found[span] = ZeroPhase(band, motion.dt)(columns[span])
         return found
 
     def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
@@ -351,15 +346,6 @@ class Rows:
             dense = of(motion.v[:, joint], np.interp(motion.time, thin.time, own))
             found += [decimated(dense[stretch], stride) for stretch in motion.stretches]
         return self.filtered(np.concatenate(found), joint)
-
-    def _low(self, columns: Array, motion: MeasuredMotion) -> Array:
-        """Low-pass filter columns with one row for each time of a motion."""
-        part = motion.filtered(columns)
-        if self.effort_band is not None and self.effort_band < motion.band:
-            again = ZeroPhase(self.effort_band, motion.dt)
-            for stretch in motion.stretches:
-                part[stretch] = again(part[stretch])
-        return part
 
 
 def _neighbours(motions: Sequence[MeasuredMotion]) -> list[NDArray[np.int_]]:

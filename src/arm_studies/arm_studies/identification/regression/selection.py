@@ -101,14 +101,9 @@ class Choice:
     """
 
     def __init__(
-        self,
-        rows: Rows,
-        use: Mask,
-        common: Any,
-        belief: Belief,
-        load: Array,
+        self, rows: Rows, use: Mask, common: Any, belief: Belief, load: Array,
         offered: Sequence[str] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._rows, self._belief, self._target = rows, belief, rows.effort - rows.known
         self._use = use
         speeds = np.sqrt((rows.v**2).mean(axis=0))

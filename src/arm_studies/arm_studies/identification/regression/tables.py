@@ -52,7 +52,7 @@ def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
     def trial(laws: Sequence[JointFit], fold: int) -> tuple[float, tuple[JointFit, ...]]:
         mine = (rows.fold == fold)[:, None]
         found = fitted(rows, use & ~mine, belief_for, laws, settled=ROUGH)
-        return mean_residual(found, use & mine), found.friction
+        return mean_residual(found.residual, use & mine), found.friction
 
     least = [trial(fit.friction, fold)[0] for fold in JUDGES]
     chosen: Sequence[JointFit] = ()
