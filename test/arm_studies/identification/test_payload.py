@@ -68,14 +68,10 @@ def nearly_planar(tilt, seed):
     return arm, JointRecord.of(dynamics.joint_names, t[:, 0], q, effort, v, a)
 
 
-@pytest.mark.parametrize(
-    ("tilt", "missing"),
-    [
-        (0.0, {"com.y", *(f"inertia.{axes}" for axes in ("xx", "xy", "xz", "yz", "zz"))}),
-        (0.1, {"inertia.xx", "inertia.xz", "inertia.zz"}),
-        (0.5, set()),
-    ],
-)
+@pytest.mark.parametrize(("tilt", "missing"), [
+    (0.0, {"com.y", *(f"inertia.{axes}" for axes in ("xx", "xy", "xz", "yz", "zz"))}),
+    (0.1, {"inertia.xx", "inertia.xz", "inertia.zz"}), (0.5, set()),
+])  # fmt: skip
 def test_intervals_contain_the_truth_and_what_is_not_determined_is_named(tilt, missing):
     """In a plane only the inertia about its normal acts; near it, others hardly do."""
     inside = []
@@ -90,6 +86,17 @@ def test_intervals_contain_the_truth_and_what_is_not_determined_is_named(tilt, m
                 assert low < value < high and high - low < 0.02
                 inside.append(low < truth < high)
     assert np.mean(inside) >= 0.85
+
+
+def test_late_efforts_are_told_and_errors_of_the_arm_are_scatter():
+    arm, now = nearly_planar(0.5, 0)
+    q = now.q + 5e-3 * now.v + 0.5 * 5e-3**2 * now.a
+    q += 1e-5 * np.random.default_rng(0).standard_normal(q.shape)
+    for rub, scatter in ((0.0, set()), (0.5, {"mass"})):
+        effort, told = now.effort + rub * np.sign(now.v), []
+        record = JointRecord.of(now.joint_names, now.time, q, effort)
+        assert estimate_payload(arm, record, "tip", told=told.append).scatter & {"mass"} == scatter
+        assert scatter or any(note.startswith("efforts are 5 ±") for note in told)
 
 
 def test_from_python_what_is_not_determined_is_told():
@@ -118,14 +125,11 @@ def test_frames_that_carry_nothing_are_refused(record):
         identify_payload(scene(), record, "panda_link0")
 
 
-@pytest.mark.parametrize(
-    ("part", "joint", "of", "said"),
-    [
-        ("effort", 6, lambda x: np.full_like(x, np.nan), "no effort of joint 'panda_joint7'"),
-        ("effort", 2, lambda x: np.full_like(x, 3.0), "'panda_joint3' is constantly 3"),
-        ("q", 4, np.degrees, "'panda_joint5' range from .* or degrees"),
-    ],
-)
+@pytest.mark.parametrize(("part", "joint", "of", "said"), [
+    ("effort", 6, lambda x: np.full_like(x, np.nan), "no effort of joint 'panda_joint7'"),
+    ("effort", 2, lambda x: np.full_like(x, 3.0), "'panda_joint3' is constantly 3"),
+    ("q", 4, np.degrees, "'panda_joint5' range from .* or degrees"),
+])  # fmt: skip
 def test_recordings_that_cannot_be_right_are_refused(record, part, joint, of, said):
     values = {"q": record.q.copy(), "effort": record.effort.copy()}
     values[part][:, joint] = of(values[part][:, joint])

@@ -139,9 +139,8 @@ def _carried(
     carrying = arm.model_copy(update={"payloads": (*arm.payloads, found.payload)})
     files = write_scene(carrying, out, head)
     if as_json:
-        payload = found.payload.model_dump(mode="json")
         click.echo(json.dumps({
-            "files": [str(path) for path in files], "payload": payload,
+            "files": [*map(str, files)], "payload": found.payload.model_dump(mode="json"),
             "intervals": dict(found.intervals), "scatter": sorted(found.scatter),
             "missing": found.missing,
         }))  # fmt: skip

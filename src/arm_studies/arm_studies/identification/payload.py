@@ -189,11 +189,11 @@ class _Carried:
         """Weight the joints, and fit the payload."""
         rows, self.torque = self.rows, self.rows.effort - self._alone(self.rows)
         self.columns = np.swapaxes(rows.rigid[:, :, self._places] @ self._moved, 0, 1)
-        own = [
-            c @ np.linalg.lstsq(c[used], y[used], rcond=1e-10)[0]
+        left = [
+            y - c @ np.linalg.lstsq(c[used], y[used], rcond=1e-10)[0]
             for c, y, used in zip(self.columns, self.torque.T, rows.use.T, strict=True)
         ]
-        self.weights = rows.use / deviations(self.torque, np.column_stack(own), rows.use)
+        self.weights = rows.use / deviations(rows.effort, rows.effort - np.transpose(left), rows.use)
         flat = (self.columns * self.weights.T[:, :, None]).reshape(-1, 10)
         y, count = (self.weights * self.torque).T.ravel(), np.sqrt(rows.independent)
         T, z = belief_of(_ball(), 10, LOOSE, LOOSE).combined(count * flat, count * y)

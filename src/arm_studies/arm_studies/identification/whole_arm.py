@@ -285,9 +285,8 @@ class _Run:
             if age != self.age:
                 self.age = age
                 self._filter(self.motions[0].band, self.rows.effort_band)
-                now = self._without_sticking(
-                    fitted(self.rows, self._train(), self.belief, laws), laws
-                )
+                plain = fitted(self.rows, self._train(), self.belief, laws)
+                now = self._without_sticking(plain, laws)
             ageing = self.rows.ageing(now.predicted(self.rows.plain))
             by, sd = besides(self.rows, now, ageing[:, :, None], self.belief)
             return float(by[0]), float(sd[0])

@@ -43,8 +43,7 @@ def test_weights_give_the_product_with_any_factor(rng):
 def test_friction_under_load_is_that_of_all_measured_times():
     t = np.arange(0.0, 20.0, 1e-3)
     q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
-    rows = rows_of(t, q)
-    (motion,) = rows.whole
+    (motion,) = (rows := rows_of(t, q)).whole
     assert len(t) > 10 * len(rows.v)
     law = JointFit((VISCOUS, COULOMB, EXCESS), Shape(0.1, 0.6, 3.0))
     load, v = 3.0 * np.sin(1.7 * t), motion.v[:, 0]
