@@ -3,8 +3,8 @@
 
 Six arms have bodies up to a fifth off the nominal ones, rotors and friction that the nominal scene
 does not have; the tutorial's has a payload instead. Each follows a motion under a controller with
-the nominal scene, and is recorded by sensors of five kinds, each with seeds of its own of
-the motion and of the noise, so that recordings do not share errors. For a sixth kind, ``lagrange``, torques follow from Lagrange's equations, and one motion
+the nominal scene, and is recorded by sensors of five kinds, each with seeds of its own of motion
+and noise. For a sixth kind, ``lagrange``, torques follow from Lagrange's equations, and one motion
 is the same for all seeds, so that an error which is always the same shows as a bias.
 """
 

@@ -36,9 +36,9 @@ def motor(rate: float) -> tuple[dict[str, Any], list[list[float]]]:
     return scene(actuator=drive), matrix
 
 
-def flexible(k: float, d: float) -> tuple[dict[str, Any], list[list[float]]]:
+def flexible(k: float, d: float, **more: float) -> tuple[dict[str, Any], list[list[float]]]:
     """A rotor and a wheel with a spring between them, x = (q, v, θ, θ', torque)."""
-    made = scene(actuator={"rotor_inertia": J}, transmission={"stiffness": k, "damping": d})
+    made = scene(actuator={"rotor_inertia": J}, transmission={"stiffness": k, "damping": d} | more)
     pull, push = np.array([-k, -d, k, d, 0]), np.array([k, d, -k, -d, 1.0])
     return made, [[0, 1, 0, 0, 0], (pull / J).tolist(), [0, 0, 0, 1, 0], (push / J).tolist()]
 
@@ -92,3 +92,13 @@ def test_fixed_steps_that_answer_otherwise_say_so(
     off = abs(A[1, 1] - np.exp(-1.0))
     said = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
     assert any("derivatives are those of" in text for text in said) == (off > 1e-6)
+
+
+@pytest.mark.parametrize("twist", [0.0, 0.2])
+def test_fixed_steps_say_so_where_it_stiffens(twist: float, caplog: Any) -> None:
+    made, _ = flexible(10.0, 0.01, stiffening=1e5)
+    sim = Simulator(made, integrator="rk4", dt=1e-3)
+    A, _ = sim.linearize(state := sim.reset(z=[twist, 0.0]), [0.0])
+    finer, _ = Simulator(made, integrator="rk4", dt=1e-5).linearize(state, [0.0], 100)
+    told = any("derivatives are those of" in r.getMessage() for r in caplog.records)
+    assert (np.max(abs(A - finer)) > 1e-4) == told == (twist > 0.0)

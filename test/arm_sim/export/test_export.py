@@ -18,7 +18,6 @@ import models
 from arm_dynamics import ArmError, InvalidInput, SceneError
 from arm_sim.cli.main import main
 from arm_sim.export import export
-from arm_sim.export.conditions import decided
 from arm_sim.export.generated import without_unused
 from arm_sim.export.names import from_title
 
@@ -194,16 +193,6 @@ def test_mistakes_at_the_command_get_one_clear_answer(
     assert result.exit_code == 1
     assert result.output.count("Error: ") == 1
     assert said in result.output
-
-
-def test_conditions_are_decided_by_definitions_before_them() -> None:
-    source = (
-        "#ifdef A\nno\n#else\nyes\n#endif\n#define A 1\n#ifdef A\nand\n#ifndef A\nno\n#endif\n"
-        "#if A && B\nno\n#endif\n#if defined A && B == 0\nso\n#endif\n#endif\n"
-        "#if defined(__clang__)\nkept\n#endif\n"
-    )
-    expected = "yes\n#define A 1\nand\nso\n#if defined(__clang__)\nkept\n#endif\n"
-    assert decided(source) == expected
 
 
 def test_what_nothing_uses_is_left_out() -> None:

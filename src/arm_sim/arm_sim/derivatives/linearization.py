@@ -33,6 +33,7 @@ from arm_sim.derivatives.one_sided import TickPoint, one_sided
 from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.methods import build_attempt
+from arm_sim.integrators.response import rate_by_state
 from arm_sim.integrators.selection import Choice, fastest_rate
 from arm_sim.integrators.stability import misses
 from arm_sim.plant.plant import Plant
@@ -73,7 +74,7 @@ class Linearizer:
         self._plant, self._choice, self._stepper = plant, choice, stepper
         self._backend, self._tuned, self._held = backend, tuned, plant.model.n + len(tuned)
         self.kinks = Kinks(plant)
-        _warn_of_coarse_steps(plant, choice)
+        self._rate = rate_by_state(plant) if _warn_of_coarse_steps(plant, choice) else None
         self._of_smoothed = dict[float, Tangents]()
 
     def __call__(self, x: Array, r: Array, ticks: int, side: int | None = None) -> Array:
@@ -122,6 +123,8 @@ class Linearizer:
             NotDifferentiable: If a tick has no derivative.
         """
         nx, p = self._plant.nx, self._stepper.p
+        if self._rate and _warn_of_misses(self._plant, self._choice, max(map(self._rate, x))):
+            self._rate = None
         if fast := self._compiled:
             _, slopes, alone = fast.slopes(x, r, p, ticks, threads, lanes)
             alone = self._one_by_one(alone, x, r[:, None], ticks)
@@ -504,25 +507,36 @@ def copied(control: SubstepControl | None) -> SubstepControl | None:
     return control and control.copy()
 
 
-def _warn_of_coarse_steps(plant: Plant, choice: Choice) -> None:
-    """Say that steps of fixed length answer other than the motion does, to small disturbances."""
+def _warn_of_coarse_steps(plant: Plant, choice: Choice) -> bool:
+    """Say that steps of fixed length answer other than the motion does, to small disturbances.
+
+    Returns:
+        Whether they may do so in other states, as transmissions stiffen there.
+    """
     if choice.tolerance is not None:
-        return
+        return False
     for joint in np.flatnonzero(sided(plant)):
         _log.warning(
             "derivatives of ticks in which joint '%s' turns back are those of %s, not of the "
             "motion: its viscous friction differs by direction",
             plant.model.joint_names[joint], choice.method.name,
         )  # fmt: skip
-    if not (rate := fastest_rate(plant)):
-        return
+    told = _warn_of_misses(plant, choice, fastest_rate(plant))
+    couplings = (drive.coupling for drive in plant.model.drives if drive)
+    return not told and any(coupling and coupling.stiffening > 0.0 for coupling in couplings)
+
+
+def _warn_of_misses(plant: Plant, choice: Choice, rate: float) -> bool:
+    """Say it of what answers at a rate in [1/s]; return whether that is so."""
     off = misses(choice.method, rate, choice.dt)
-    if off > plant.model.scene.sim.accuracy:
-        _log.warning(
-            "derivatives are those of %s in steps of dt = %g s: for what answers in %.2g s they "
-            "differ from the motion's by %.1g; a tolerance, or a smaller dt, reduces that",
-            choice.method.name, choice.dt, 1.0 / rate, min(off, 1.0),
-        )  # fmt: skip
+    if not off > plant.model.scene.sim.accuracy:
+        return False
+    _log.warning(
+        "derivatives are those of %s in steps of dt = %g s: for what answers in %.2g s they "
+        "differ from the motion's by %.1g; a tolerance, or a smaller dt, reduces that",
+        choice.method.name, choice.dt, 1.0 / rate, min(off, 1.0),
+    )  # fmt: skip
+    return True
 
 
 @contextmanager

@@ -9,7 +9,7 @@ several places of its range.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -101,6 +101,12 @@ def responses(plant: Plant) -> list[Response]:
     return found
 
 
+def rate_by_state(plant: Plant) -> Callable[[Array], float]:
+    """The fastest rate of a scene in [1/s] as function of the state, where springs may stiffen."""
+    parts, n = _Parts(plant), plant.model.n
+    return lambda x: max(each.fastest for each in parts.at(x[:n], False, x[2 * n :]))
+
+
 def _places(model: ArmModel) -> Array:
     """Positions where the arm is looked at, the initial ones first, shape (k, n)."""
     count = 0 if model.scene.bilateral else min(POSTURES, MOST_WORK // model.n**3)
@@ -122,8 +128,10 @@ class _Parts:
         stops = bool(self._stops[0].any())
         return bool(self._friction.any() or self._springs or self._laws or stops)
 
-    def at(self, q: Array, begins: bool) -> Iterator[Response]:
+    def at(self, q: Array, begins: bool, z: Array | None = None) -> Iterator[Response]:
         """Responses at a place, away from compliant stops and pressed against them.
+
+        Without internal states z, those at rest.
 
         Raises:
             LinAlgError: If a joint moves no mass there.
@@ -137,7 +145,7 @@ class _Parts:
             K, D = (np.array(part) for part in self._springs(q))
             forces[SPRINGS] = _padded(-K, -D, nx)
         if self._laws:
-            forces[LAWS], rates = (np.array(part) for part in self._laws(q, self._states(q)))
+            forces[LAWS], rates = map(np.array, self._laws(q, self._states(q) if z is None else z))
         yield Response(self._slopes(q, forces, rates), forces, begins)
         if self._stops[0].any():
             K, D = map(np.diag, self._stops)

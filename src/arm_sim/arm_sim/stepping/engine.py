@@ -49,12 +49,9 @@ _OF_COLUMNS = "void {}(const real* c, const column* const* arg, column* res)"
 
 
 def engine_source(
-    plant: Plant,
-    choice: Choice,
-    functions: Sequence[ca.Function],
-    smooth: ca.Function,
+    plant: Plant, choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function,
     file: str = "motion/roll.c",
-) -> str:
+) -> str:  # fmt: skip
     """C source of the engine of ticks, to be compiled after the functions that it calls.
 
     ``smooth`` is the function that advances over a tick without events, ``file`` that of

@@ -193,7 +193,7 @@ class _Carried:
             y - c @ np.linalg.lstsq(c[used], y[used], rcond=1e-10)[0]
             for c, y, used in zip(self.columns, self.torque.T, rows.use.T, strict=True)
         ]
-        self.weights = rows.use / deviations(rows.effort, rows.effort - np.transpose(left), rows.use)
+        self.weights = rows.use / deviations(rows.effort, rows.effort - np.array(left).T, rows.use)
         flat = (self.columns * self.weights.T[:, :, None]).reshape(-1, 10)
         y, count = (self.weights * self.torque).T.ravel(), np.sqrt(rows.independent)
         T, z = belief_of(_ball(), 10, LOOSE, LOOSE).combined(count * flat, count * y)
