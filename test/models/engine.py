@@ -107,11 +107,11 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
   for (int i = 0; i < MC; ++i) before[i] = geometry.speed[i];
   for (int i = 0; i < MC * MC; ++i) W[i] = inertia.W[i];
   for (int i = 0; i < NU * MC; ++i) B[i] = inertia.B[i];
-  blow_t blow = {.touching = 1};
-  for (int k = 0; k < NC; ++k) blow.rebound[k] = rebound[k];
-  blow.gain = find_impulse(&inertia, before, 1.0, segment.contact, &blow);
-  for (int i = 0; i < MC; ++i) impulse[i] = blow.impulse[i];
-  return blow.gain;
+  jump_t jump = {.touching = 1};
+  for (int k = 0; k < NC; ++k) jump.rebound[k] = rebound[k];
+  jump.gain = find_impulse(&inertia, before, 1.0, segment.contact, &jump);
+  for (int i = 0; i < MC; ++i) impulse[i] = jump.impulse[i];
+  return jump.gain;
 }
 EXPORTED double hit(real* x, int rebounds) {
   memory_t memory = {0};
@@ -133,7 +133,7 @@ EXPORTED int held_at(const real* x, const real* u) {
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
   geometry_t geometry;
   find_geometry(x, &segment, &geometry);
-  return settle(x, &segment, &geometry) && is_held(x, &segment);
+  return solve_modes(x, &segment, &geometry) && is_held(x, &segment);
 }
 """
 

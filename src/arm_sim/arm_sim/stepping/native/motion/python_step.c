@@ -5,7 +5,7 @@
 #include "python_function.h"
 
 #include "entry.h"
-#include "motion/step.h"
+#include "step.h"
 
 /* Fields of a state. Python: State. */
 enum { TIME, STEP, Q, V, Z, ERROR, TIME_STEPPED, FIELDS };
