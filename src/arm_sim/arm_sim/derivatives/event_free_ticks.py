@@ -27,8 +27,8 @@ class EventFreeTick:
     """Functions of ticks without events.
 
     Attributes:
-        functions: Those of states, ``clear``, ``clear_in_motion``, ``rest_begin``, ``rest_end``,
-            before them with contacts ``contact_geometry``.
+        functions: Those of states, ``mode_margin``, ``mode_margin_in_motion``, ``rest_begin``,
+            ``rest_end``, before them with contacts ``contact_geometry``.
         columns: Those of columns, ``begin_at_rest``, ``end_at_rest``.
         tuned: Number of places in p to differentiate by.
     """
@@ -59,10 +59,8 @@ class EventFreeTick:
     def of(cls, plant: Plant, tuned: Sequence[int]) -> EventFreeTick:
         """Those of a plant with events, with places in p to differentiate by."""
         rest = RestProjection(plant, tuned)
-        margins = (
-            _margins(plant, "mode_margin", held=True),
-            _margins(plant, "mode_margin_in_motion", False),
-        )
+        names = ("mode_margin", True), ("mode_margin_in_motion", False)
+        margins = (_margins(plant, name, held) for name, held in names)
         geometry = [plant.events["contact_geometry"]] if plant.contact else []
         functions = (*geometry, *margins, rest.rest_begin, rest.rest_end)
         return cls(functions, (rest.begin_at_rest, rest.end_at_rest), len(tuned))

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 from arm_dynamics.codegen import compiler
@@ -17,20 +16,19 @@ _FOLDERS = (OWN, NATIVE, compiler.NATIVE)
 _INCLUDE = re.compile(r'^#include "(?:[\w.]*/)*(\w+\.[ch])"\n', re.MULTILINE)
 
 
-def amalgamated(text: str, done: set[str], folders: Sequence[Path] = _FOLDERS) -> str:
+def amalgamated(text: str, done: set[str]) -> str:
     """C with the files that it includes in their places, each once.
 
     Args:
         text: The source.
         done: Names of files that are there already; those of others are added.
-        folders: Where files are looked for, in their order.
     """
 
     def included(found: re.Match[str]) -> str:
         if (file := found[1]) in done:
             return ""
         done.add(file)
-        path = next(path for folder in folders for path in folder.rglob(file))
-        return amalgamated(path.read_text(encoding="utf-8"), done, folders)
+        path = next(path for folder in _FOLDERS for path in folder.rglob(file))
+        return amalgamated(path.read_text(encoding="utf-8"), done)
 
     return _INCLUDE.sub(included, text.replace("#pragma once\n", ""))

@@ -133,14 +133,14 @@ static void solve_impact_with_stops(const real* x, segment_t* segment, double pa
 }
 
 /* Velocities of joints after they hit their stops: 1 if one hits, 2 if one rebounds. */
-static int find_stop_rebounds(const real* x, segment_t* segment, int rebounds, double event_free, double* leaves) {
+static int find_stop_rebounds(const real* x, segment_t* segment, int rebounds, double rounding, double* leaves) {
   int hits = 0, known = 0;
   real slope[NX];
   for (int i = 0; i < NU; ++i) {
     const int side = at_stop(x, i);
     const double speed = side * x[NU + i];
     leaves[i] = 0.0;
-    if (!(speed > event_free)) continue;
+    if (!(speed > rounding)) continue;
     hits |= 1;
     const double rebound = rebounds ? rebound_of[side > 0][i] * speed : 0.0;
     if (rebound <= LEAST_REBOUND) continue;
@@ -217,17 +217,17 @@ static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geom
   for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
   find_geometry(x, segment, geometry);
   find_closed_gaps(segment, geometry);
-  const double event_free = speed_rounding(x);
-  const int stops = find_stop_rebounds(x, segment, rebounds, event_free, jump.leaves);
+  const double rounding = speed_rounding(x);
+  const int stops = find_stop_rebounds(x, segment, rebounds, rounding, jump.leaves);
   for (int k = 0; k < NC; ++k) {
-    any |= segment->contact[k].touching && geometry->speed[3 * k] < -event_free;
+    any |= segment->contact[k].touching && geometry->speed[3 * k] < -rounding;
     jump.touching |= segment->contact[k].touching;
   }
   if (!any && !stops) return 0.0;
   any_rebound = stops & 2;
   if (any) find_rounding_rebounds(x, segment, geometry, least_rebound);
   for (int k = 0; k < NC; ++k) {
-    const int hits = segment->contact[k].touching && geometry->speed[3 * k] < -event_free;
+    const int hits = segment->contact[k].touching && geometry->speed[3 * k] < -rounding;
     jump.rebound[k] = hits ? -restitution[k] * geometry->speed[3 * k] : 0.0;
     if (!hits || jump.rebound[k] <= least_rebound[k] || !rebounds) jump.rebound[k] = 0.0;
     any_rebound |= jump.rebound[k] > 0.0;

@@ -13,7 +13,7 @@
 
 #pragma once
 #include "contact/friction_cones.h"
-#include "contact/cone_program.h"
+#include "numerics/cone_program.h"
 #include "events/zeros.h"
 
 #define PARTS (NU + NC)         /* joints, then contacts */

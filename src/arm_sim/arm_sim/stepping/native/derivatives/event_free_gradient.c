@@ -3,6 +3,7 @@
  * Gradients of functions of the states of ticks without events of one arm, in a scene with events. The states between which
  * ticks move and their modes are kept; the motion within a tick is recomputed in the backward pass.
  */
+#include "derivatives/adjoints.h"
 #include "derivatives/event_free_ticks.h"
 
 #include <string.h>
@@ -21,15 +22,12 @@ EXPORTED long long event_free_motion(const double* x0, const double* tau, const 
                                      const engine_t* engine, int starts, kept_t* motion, double* after) {
   memcpy(after, x0, NX * sizeof *after);
   for (long long k = 0; k < ticks; ++k) {
-    real u[NU], w[SZ_W];
-    casadi_int iw[SZ_IW];
-    const real* arg[SZ_ARG] = {after, tau + k * NU};
-    real* res[SZ_RES] = {u};
+    real u[NU];
     prediction_t begun;
     event_free_lanes_t tick;
     real place[PLACES + 1];
     int event_free = 1;
-    acting(arg, res, iw, w, 0);
+    find_command(after, tau + k * NU, u);
     begin_ticks(after, u, p, &h, &begun, place);
     make_event_free(&begun, after, u, engine, starts && !k, &event_free, &tick);
     if (!event_free) return k;
@@ -82,30 +80,14 @@ EXPORTED void event_free_gradient(const kept_t* motion, const double* tau, doubl
                                   double* weight, double* by_tau, double* by_p) {
   for (long long k = ticks - 1; k >= 0; --k) {
     const kept_t* tick = motion + k;
-    real u[NU], back[NX], begun[NX], more[NX], of_u[NU], of_p[NP + 1], w[SZ_W];
-    casadi_int iw[SZ_IW];
-    const real* arg[SZ_ARG] = {tick->x, tau + k * NU};
-    real* res[SZ_RES] = {u};
+    real u[NU], back[NX], begun[NX], more[NX], of_u[NU], of_p[NP + 1];
     memset(begun, 0, sizeof begun);
-    acting(arg, res, iw, w, 0);
+    find_command(tick->x, tau + k * NU, u);
     if (touches(tick->p)) through_end(tick, weight, begun, by_p);
-    arg[0] = tick->begin;
-    arg[1] = u;
-    arg[2] = tick->p;
-    arg[3] = &h;
-    arg[4] = weight;
-    res[0] = back;
-    res[1] = of_u;
-    res[2] = of_p;
-    adjoint(arg, res, iw, w, 0);
+    through_motion(tick->begin, u, tick->p, &h, weight, back, of_u, of_p);
     for (int i = 0; i < NX; ++i) back[i] += begun[i];
     if (!all_moves(tick->p + NP)) through_begin(tick, u, back);
-    arg[0] = tick->x;
-    arg[1] = tau + k * NU;
-    arg[2] = of_u;
-    res[0] = more;
-    res[1] = by_tau + k * NU;
-    limit_adjoint(arg, res, iw, w, 0);
+    through_command(tick->x, tau + k * NU, of_u, more, by_tau + k * NU);
     for (int i = 0; i < NX; ++i) weight[i] = back[i] + more[i] + g[k * NX + i];
     for (int i = 0; i < NP; ++i) by_p[i] += of_p[i];
   }

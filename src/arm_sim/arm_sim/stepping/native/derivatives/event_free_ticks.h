@@ -14,7 +14,7 @@
 typedef struct {
   real begin[NX], after[NX], p[NP + MODES + 1], end[NX]; /* the motion's beginning, state after the tick, modes, its end */
   int held, closed;                                      /* whether anything is held, or a contact closed, in any lane */
-  int predicted;                                          /* whether the motions of all lanes are those foreseen */
+  int predicted;                                          /* whether the motions of all lanes are those predicted */
 } event_free_lanes_t;
 
 /* Whether closing the contacts at the end of a tick changed the state so little that its derivative can be that of a state
@@ -42,13 +42,13 @@ static void predict_modes(const engine_t* engine, prediction_t* tick, event_free
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
     engine->predict(tick + j);
-    tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0; /* loads and the like are not foreseen */
+    tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0; /* loads and the like are not predicted */
     found->held |= !all_moves(tick[j].p + NP);
   }
   read_arms(found->p, NP + MODES, tick->p, sizeof(prediction_t) / sizeof(double), of_lane);
 }
 
-/* Whether a motion begins with the foreseen numbers: it then is the foreseen one. */
+/* Whether a motion begins with the predicted numbers: it then is the predicted one. */
 static int is_as_predicted(const prediction_t* tick, const event_free_t* made) {
   return same(made->begin, tick->x, NX) && same(made->p, tick->p, NP + MODES) && same(made->end, tick->after, NX);
 }
@@ -68,7 +68,7 @@ static void find_margins(const real* x, const real* u, const event_free_lanes_t*
   else mode_margin_in_motion(arg, res, iw, w, 0);
 }
 
-/* Make the ticks of all lanes; `starts`: whether their beginning itself is varied. `calm` is cleared for lanes that have an
+/* Make the ticks of all lanes; `starts`: whether their beginning itself is varied. `event_free` is cleared for lanes that have an
  * event, or are too close to one; those lanes are not advanced. */
 static void make_event_free(const prediction_t* tick, const real* x, const real* u, const engine_t* engine, int starts,
                             int* event_free, event_free_lanes_t* found) {

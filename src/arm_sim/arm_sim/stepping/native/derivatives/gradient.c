@@ -3,7 +3,8 @@
  * Gradients of functions of the states of a rollout, LANES arms at a time. Only states at ticks are kept; the motion within
  * a tick is recomputed in the backward pass.
  */
-#include "lanes/lanes.h"
+#include "derivatives/adjoints.h"
+#include "lanes/one_tick.h"
 
 #include <string.h>
 
@@ -20,10 +21,7 @@ EXPORTED void rollout_gradient(const double* x0, const double* tau, long long ta
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
     real x[NX], next[NX], r[NU], u[NU], par[NP + 1], sum[NP + 1], weight[NX], back[NX], more[NX], of_u[NU], of_r[NU],
-        of_p[NP + 1], w[SZ_W];
-    casadi_int iw[SZ_IW];
-    const real* arg[SZ_ARG];
-    real* res[SZ_RES];
+        of_p[NP + 1];
     long long of_lane[LANES];
     choose_arms(arm, last, of_lane);
     read_arms(x, NX, x0, NX, of_lane);
@@ -31,13 +29,7 @@ EXPORTED void rollout_gradient(const double* x0, const double* tau, long long ta
     memcpy(motion, x, sizeof x);
     for (long long k = 0; k < ticks && !HALTED; ++k) {
       read_arms(r, NU, tau + k * tau_tick, tau_arm, of_lane);
-      arg[0] = x;
-      arg[1] = r;
-      arg[2] = par;
-      arg[3] = &length;
-      res[0] = next;
-      res[1] = u;
-      TICK(arg, res, iw, w, 0);
+      make_tick(x, r, par, &length, LANES, 0, next, u);
       for (int j = 0; j < LANES; ++j) met[of_lane[j]] |= meets_any_stop(x, next, h[0], j);
       memcpy(x, next, sizeof x);
       memcpy(motion + (k + 1) * NX * LANES, x, sizeof x);
@@ -51,25 +43,9 @@ EXPORTED void rollout_gradient(const double* x0, const double* tau, long long ta
       if (k == 0) break;
       memcpy(x, motion + (k - 1) * NX * LANES, sizeof x);
       read_arms(r, NU, tau + (k - 1) * tau_tick, tau_arm, of_lane);
-      arg[0] = x;
-      arg[1] = r;
-      res[0] = u;
-      acting(arg, res, iw, w, 0);
-      arg[0] = x;
-      arg[1] = u;
-      arg[2] = par;
-      arg[3] = &length;
-      arg[4] = weight;
-      res[0] = back;
-      res[1] = of_u;
-      res[2] = of_p;
-      adjoint(arg, res, iw, w, 0);
-      arg[0] = x;
-      arg[1] = r;
-      arg[2] = of_u;
-      res[0] = more;
-      res[1] = of_r;
-      limit_adjoint(arg, res, iw, w, 0);
+      find_command(x, r, u);
+      through_motion(x, u, par, &length, weight, back, of_u, of_p);
+      through_command(x, r, of_u, more, of_r);
       for (int i = 0; i < NX; ++i) weight[i] = back[i] + more[i];
       for (int i = 0; i < NP; ++i) sum[i] += of_p[i];
       for (int j = 0; j < LANES && arm + j < last; ++j)

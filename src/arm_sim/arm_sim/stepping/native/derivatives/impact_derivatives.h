@@ -7,7 +7,7 @@
  */
 
 #pragma once
-#include "derivatives/least_squares.h"
+#include "numerics/least_squares.h"
 #include "derivatives/sensitivities.h"
 
 #define ON_EDGE 1e-9           /* relative distance to the friction cone below which an impulse is on its boundary */

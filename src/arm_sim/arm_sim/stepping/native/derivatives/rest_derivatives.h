@@ -8,7 +8,7 @@
  */
 
 #pragma once
-#include "derivatives/least_squares.h"
+#include "numerics/least_squares.h"
 #include "derivatives/sensitivities.h"
 
 #define SHARE 1e-12  /* load relative to the sliding level that is rounding ... */

@@ -383,7 +383,7 @@ EXPORTED void predict(prediction_t* tick) {
   }
 }
 
-/* A foreseen tick: NONE, or why it cannot be computed. */
+/* A predicted tick: NONE, or why it cannot be computed. */
 static enum trouble make_predicted(const prediction_t* tick, report_t* report, trace_t* trace, double* after) {
   memory_t memory;
   segment_t segment;
@@ -395,13 +395,13 @@ static enum trouble make_predicted(const prediction_t* tick, report_t* report, t
   return tick_with_events(tick->x, &segment, tick->length, report, trace, after);
 }
 
-/* The foreseen tick, whatever happens in it: 0 if it cannot be computed. */
+/* The predicted tick, whatever happens in it: 0 if it cannot be computed. */
 EXPORTED int predicted_tick(const prediction_t* tick, double* after) {
   report_t report;
   return make_predicted(tick, &report, 0, after) == NONE;
 }
 
-/* The foreseen tick without events: 0 if there is one, or it cannot be computed. */
+/* The predicted tick without events: 0 if there is one, or it cannot be computed. */
 EXPORTED int event_free_tick(const prediction_t* tick, event_free_t* found) {
   report_t report;
   record_t record;

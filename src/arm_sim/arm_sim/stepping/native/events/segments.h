@@ -49,7 +49,7 @@ static void begin_piece(const segment_t* segment, piece_t* piece) {
 }
 
 /* Make a step of length h from the beginning of a piece: 1 if every number stayed finite. `error` receives the scaled error
- * and that of q, with an estimate. The step may be foreseen.
+ * and that of q, with an estimate. The step may be predicted.
  */
 static int make_step(const segment_t* segment, double h, piece_t* piece, real* error) {
   const prediction_t* known = segment->predicted;
@@ -587,7 +587,7 @@ static void close_contacts(real* x, const segment_t* segment, const real* anchor
  * The impact that stopped the former has opened the latter, but below the threshold: a body that rocks so little is at rest.
  */
 static void rest_touching(real* x, const segment_t* segment, const real* anchor) {
-  const double event_free = speed_rounding(x);
+  const double rounding = speed_rounding(x);
   geometry_t geometry;
   segment_t resting = *segment;
   int any = 0;
@@ -595,7 +595,7 @@ static void rest_touching(real* x, const segment_t* segment, const real* anchor)
   find_geometry(x, segment, &geometry);
   for (int k = 0; k < NC; ++k) {
     if (!segment->contact[k].touching) continue;
-    any |= segment->p.contact[k].closed == 0.0 && geometry.speed[3 * k] < -event_free;
+    any |= segment->p.contact[k].closed == 0.0 && geometry.speed[3 * k] < -rounding;
     resting.p.contact[k].closed = 1.0;
   }
   if (any) close_contacts(x, &resting, anchor);

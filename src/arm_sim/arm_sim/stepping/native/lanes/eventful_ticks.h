@@ -8,10 +8,10 @@
 #include "events/event_free.h"
 #include "lanes/predicted_ticks.h"
 
-#define FEW (LANES / 4) /* lanes for which foreseeing takes longer than it saves */
+#define FEW (LANES / 4) /* lanes for which predicting takes longer than it saves */
 
 /* Steps from the beginnings of ticks, and where the contacts are after them. */
-static void write_made(const step_of_lanes_t* made, const real* place, prediction_t* tick) {
+static void write_steps_of_lanes(const step_of_lanes_t* made, const real* place, prediction_t* tick) {
   write_steps(made->next, made->inside, place, tick);
   if (!NEAR_LOADS) return;
   write_arms(tick->near, sizeof(prediction_t) / sizeof(double), made->near, NEARS);
@@ -34,7 +34,7 @@ static int predict_event_free(const real* x, const real* u, const real* tunable,
   rest_held(next);
   for (int j = 0; j < used; ++j) left += LANE(*done, j) == 0.0;
   if (!left) return 0;
-  write_made(&made, after, tick);
+  write_steps_of_lanes(&made, after, tick);
   for (int j = 0; j < used; ++j)
     for (int i = NP; i < NP + MODES && LANE(event_free, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
   return others;
@@ -63,7 +63,7 @@ static void predict_in_guessed_modes(const real* x, const real* u, const real* h
   }
   make_steps(x, u, p, h, rests ? load : 0, &made);
   find_places(made.next, place);
-  write_made(&made, place, tick);
+  write_steps_of_lanes(&made, place, tick);
   if (slides) {
     res[0] = inertia;
     res[1] = inertia + MC * MC;

@@ -7,7 +7,7 @@
 #include "lanes/lanes.h"
 #include "lanes/prediction.h"
 
-/* Beginnings of ticks of length h from x under commands that act. Nothing is foreseen, in no modes and for no end of the
+/* Beginnings of ticks of length h from x under commands that act. Nothing is predicted, in no modes and for no end of the
  * tick; `place` receives where the contacts are. */
 static inline void begin_ticks(const real* x, const real* u, const real* tunable, const real* h, prediction_t* tick,
                                real* place) {

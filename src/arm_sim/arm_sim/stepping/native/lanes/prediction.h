@@ -3,7 +3,7 @@
  * What a tick with events will ask for if no event occurs, computed beforehand for several arms at a time.
  *
  * The engine of one arm looks its questions up here and computes those that are not answered, such as all that follow from
- * an event. Answers are those of the same functions for the same bits: the motion does not depend on what is foreseen.
+ * an event. Answers are those of the same functions for the same bits: the motion does not depend on what is predicted.
  *
  * Arrays may have no elements, which C and C++ know as an extension alone: hence `__extension__`.
  */
