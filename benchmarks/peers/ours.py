@@ -139,7 +139,7 @@ class AdaptiveTrial:
 
 def evaluation(robot: Robot) -> Job:
     """Seconds for one generated forward dynamics, called from C."""
-    f = Plant(_model(robot.urdf)).acceleration
+    f = Plant(_model(robot.urdf)).mechanics.acceleration
     sizes = {"w": f.sz_w() + 8, "iw": f.sz_iw() + 8, "arg": f.sz_arg() + 8, "res": f.sz_res() + 8}
     library = Kernel([f], "native", LOOP % sizes).library
     assert library is not None, "the backend is native"

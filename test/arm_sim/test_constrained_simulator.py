@@ -81,7 +81,7 @@ def test_what_cannot_be_switched_loses_nothing() -> None:
 def test_a_step_that_strays_far_from_its_loop_is_refused() -> None:
     """By positions or by velocities: what is far beyond all bounds no stepper accepts."""
     sim = Simulator(scene("slider_crank"))
-    project, x, p = sim.arm.plant.project, sim.arm.x, sim._stepper.p
+    project, x, p = sim.arm.plant.mechanics.project, sim.arm.x, sim._stepper.p
     assert project is not None
     positions = np.arange(2 * sim.n) < sim.n
     for off, refused in ((0.0 * x, False), (0.3 * positions, True), (0.3 * ~positions, True)):
@@ -142,7 +142,7 @@ def test_derivatives_along_the_constraints(name: str, rng: np.random.Generator) 
 
 def test_a_scene_without_constraints_has_none_of_it() -> None:
     sim = models.simulator("two_link")
-    assert sim.arm.plant.project is None
+    assert sim.arm.plant.mechanics.project is None
     assert [part.on for part in sim.plan.parts if part.name == "constraints"] == [False]
     assert sim.arm.plant.parameters.names == []
     assert sim.multipliers().shape == (0,)

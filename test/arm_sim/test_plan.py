@@ -26,7 +26,7 @@ def whole() -> Simulator:
 
 
 def code(sim: Simulator) -> str:
-    return generate([sim.arm.plant.acceleration])
+    return generate([sim.arm.plant.mechanics.acceleration])
 
 
 FEWER: dict[str, dict[str, Any]] = {

@@ -303,7 +303,7 @@ def test_springs_outlast_a_change_of_payload() -> None:
 def test_no_springs_no_code() -> None:
     def work(**scene: Any) -> int:
         plant = Plant(ArmModel(load_scene({"robot": TWO_LINK, **scene})))
-        return int(plant.acceleration.n_instructions())
+        return int(plant.mechanics.acceleration.n_instructions())
 
     bare = work()
     assert work(springs=[], joints={"*": {"spring": {"stiffness": 0.0}}}) == bare

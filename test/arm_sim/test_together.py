@@ -155,7 +155,6 @@ def test_a_motor_with_a_current_drags_it_back(bristles: bool) -> None:
 def _first_states(sim: Simulator, z: np.ndarray) -> tuple[float, float]:
     """Current, and bristle if there is one, at the start."""
     laws = sim.arm.plant.laws
-    assert laws is not None
     states = dict(zip((state.kind for state in laws.states), z, strict=True))
     return states[StateKind.CURRENT], states.get(StateKind.DEFLECTION, 0.0)
 

@@ -37,9 +37,9 @@ def test_never_inside_never_pulled_never_more_energy(seed: int) -> None:
     ticks = 10_000
     tau = np.repeat(rng.normal(0.0, [8.0, 3.0], (ticks // 100, 2)), 100, axis=0)
     run = sim.run(ticks * sim.dt, tau)
-    assert sim.arm.plant.contact is not None
+    assert sim.arm.plant.mechanics.contact is not None
     states = np.hstack([run.q, run.v])[::3]
-    gaps = np.array(sim.arm.plant.contact.geometry(states.T)[0])[::3]
+    gaps = np.array(sim.arm.plant.mechanics.contact.geometry(states.T)[0])[::3]
     assert gaps.min() > -1e-12 and sim.impacts > 0
     assert np.diff(run.balance).max() < ENERGY_DRIFT * run.kinetic.max()
     sim.reset()

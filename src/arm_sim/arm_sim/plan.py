@@ -86,8 +86,8 @@ class Plan:
         self._plant, self._choice, self._stepper = plant, choice, stepper
         self.parts = _parts(plant)
         self.operations, self.apart = stepper.tick_operations, stepper.moving_operations
-        self.evaluation = operations((plant.free or plant).acceleration)
-        self.algorithm = plant.method
+        mechanics = (plant.free or plant).mechanics
+        self.evaluation, self.algorithm = operations(mechanics.acceleration), mechanics.method
         self.integrator = choice.method.name
         self.reason = choice.reason
         self.backend = stepper.kernel.backend
@@ -103,7 +103,7 @@ class Plan:
         notes, best = np.empty((TIMED_TICKS, 2)), np.inf
         for _ in range(REPEATS):
             self._stepper.restart()
-            x = np.concatenate([model.q0, model.v0, self._plant.initial(model.q0, model.v0)])
+            x = np.concatenate([model.q0, model.v0, self._plant.laws.initial(model.q0, model.v0)])
             start = time.perf_counter_ns()
             done = self._stepper.roll(x, np.zeros(model.n), trace, effort, notes)
             best = min(best, (time.perf_counter_ns() - start) / max(1, done))
@@ -113,9 +113,8 @@ class Plan:
     @cached_property
     def laws(self) -> tuple[LawCost, ...]:
         """States and measured cost of each law that has states or replaces the command."""
-        laws, n = self._plant.laws, self._plant.model.n
         backend = "auto" if self._stepper.kernel.native else "vm"
-        return tuple(_cost_of(law, n, backend) for law in laws.laws) if laws else ()
+        return tuple(_cost_of(law, self._plant.model.n, backend) for law in self._plant.laws.laws)
 
     def __str__(self) -> str:
         """Readable lines."""
@@ -150,8 +149,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     rows = sum(len(kept) for kept in model.constraint_rows.values())
     free = model.n - rows
     held = f"{rows} rows, {free} degree{'s' * (free != 1)} of freedom"
-    laws = plant.laws.laws if plant.laws else ()
-    states = sum(len(law.states) for law in laws if law.replaces_command.any())
+    states = sum(len(law.states) for law in plant.laws.laws if law.replaces_command.any())
     driven = f"{sum(map(bool, model.drives))} joints, {states or 'no'} states"
     gears = f"{len(model.friction.gears)} joints, load-dependent friction, solved by events"
     tables = sum(
@@ -168,7 +166,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
             "dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level", "coulomb" in p
         ),
         _part("contact", contacts, f"{contacts}, solved by events", "no point touches a plane"),
-        *(_law_part(kind, laws) for kind in FRICTION),
+        *(_law_part(kind, plant.laws.laws) for kind in FRICTION),
         _part("friction by position or load", tables, f"{tables} joints", "no table"),
         _part("friction by speed", by_speed, by_speed, "no table"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),

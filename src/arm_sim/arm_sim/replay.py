@@ -192,7 +192,7 @@ class _Run:
         values = {name: value for name, value in values.items() if name in here.names}
         if len(x) != sim.arm.plant.nx:  # another scene, with other internal states
             q, v = x[: sim.n], x[sim.n : 2 * sim.n]
-            x = np.concatenate([q, v, sim.arm.plant.initial(q, v)])
+            x = np.concatenate([q, v, sim.arm.plant.laws.initial(q, v)])
         step = round(self._recording.time[row] / sim.dt)
         sim.arm.restore(x.copy(), here.merged(values, here.nominal), step, substep)
 

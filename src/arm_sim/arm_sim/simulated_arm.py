@@ -279,7 +279,7 @@ class SimulatedArm:
     def lock(self) -> None:
         """Close the brakes: joints and motors stop at once, and drives are switched off."""
         self._x[self.n : 2 * self.n] = 0.0
-        states = self.plant.laws.states if self.plant.laws else ()
+        states = self.plant.laws.states
         for k, state in enumerate(states, 2 * self.n):
             if state.kind in (StateKind.MOTOR_VELOCITY, StateKind.CURRENT):
                 self._x[k] = 0.0

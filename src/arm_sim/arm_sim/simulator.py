@@ -129,7 +129,7 @@ class Simulator:
         if unstable := danger(model, choice.dt):
             _log.warning("%s", unstable)
         self.n, self.joint_names, self.dt = model.n, model.joint_names, choice.dt
-        self.z_names = plant.laws.names if plant.laws else ()
+        self.z_names = plant.laws.names
         self.arm = SimulatedArm(compiled, named(scene))
         self.reset()
 

@@ -285,7 +285,7 @@ def test_replays_to_the_bit(backend: str) -> None:
 
 def test_a_scene_without_bristles_has_no_states() -> None:
     sim = Simulator(rotor(0.1, coulomb=1.0))
-    assert sim.arm.plant.laws is None and sim.z_names == () and sim.state.z.shape == (0,)
+    assert not sim.arm.plant.laws and sim.z_names == () and sim.state.z.shape == (0,)
     named = Simulator(rotor(0.1, **PAPER), backend="vm")
     assert named.z_names == ("axle bristle deflection [rad]",)
 

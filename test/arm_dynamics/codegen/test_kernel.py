@@ -37,7 +37,7 @@ def forward_error(oracle: Oracle, q: Array, v: Array, tau: Array, a: Array, bias
 
 def parameters(plant: Plant, v: Array) -> Array:
     """Nominal values and, where joints may be held, the direction in which each slides."""
-    slides = np.sign(v) if plant.model.has_dry_friction else np.ones(plant.directions)
+    slides = np.sign(v) if plant.model.has_dry_friction else np.ones(plant.layout.directions)
     return np.r_[plant.parameters.nominal, slides]
 
 
@@ -65,7 +65,7 @@ def agrees(scene: object, oracle: Oracle, rng: np.random.Generator, regroup: boo
 def test_compiled_forward_dynamics(robot: str, rng: np.random.Generator) -> None:
     """Rigid body with friction, by the algorithm that was chosen for the robot."""
     plant, oracle = models.simulator(robot).arm.plant, models.oracle(robot)
-    call = Kernel([plant.acceleration], backend="native").call("acceleration")
+    call = Kernel([plant.mechanics.acceleration], backend="native").call("acceleration")
     for _ in range(STATES):
         q, v, tau = models.random_state(rng, oracle.n)
         (a,) = call(q, v, tau, parameters(plant, v))
@@ -103,7 +103,7 @@ def test_both_forward_algorithms_on_random_trees(joints: int, rng: np.random.Gen
 def test_virtual_machine_equals_native_code(name: str, rng: np.random.Generator) -> None:
     plant = models.simulator(name).arm.plant
     native, virtual = (
-        Kernel([plant.acceleration], backend=backend).call("acceleration")
+        Kernel([plant.mechanics.acceleration], backend=backend).call("acceleration")
         for backend in ("native", "vm")
     )
     for _ in range(STATES):
@@ -113,7 +113,7 @@ def test_virtual_machine_equals_native_code(name: str, rng: np.random.Generator)
 
 
 def test_backend_is_named() -> None:
-    functions = [Plant(ArmModel(models.scene("gantry"))).acceleration]
+    functions = [Plant(ArmModel(models.scene("gantry"))).mechanics.acceleration]
     assert Kernel(functions, backend="native").native
     assert not Kernel(functions, backend="vm").native
     with pytest.raises(InvalidInput, match=r"gpu.*native"):

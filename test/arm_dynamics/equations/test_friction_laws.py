@@ -107,7 +107,7 @@ def test_inverse_dynamics_is_the_inverse(rng: np.random.Generator) -> None:
         tau = dyn.inverse(q, v, a)
         assert_close(dyn.forward(q, v, tau), a, INVERSE_PAIR)
         p = np.r_[sim.arm.plant.parameters.nominal, np.sign(v)]
-        found = np.array(sim.arm.plant.acceleration(q, v, tau, p)).ravel()
+        found = np.array(sim.arm.plant.mechanics.acceleration(q, v, tau, p)).ravel()
         assert_close(found, a, INVERSE_PAIR)
         rigid = dyn.inverse(q, v, a, terms=7)
         assert_close(tau - rigid, dyn.friction(v, q=q, load=tau), ALGEBRA)

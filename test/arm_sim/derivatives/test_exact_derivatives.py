@@ -17,6 +17,7 @@ import models
 from arm_dynamics import InvalidInput
 from arm_sim import Simulator
 from arm_sim.integrators.methods import METHODS, build_step
+from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping import Modes
 from complex_step import EPSILON, evaluated, seeded
 from models import features
@@ -29,23 +30,24 @@ SLOPE = 1e-11
 def tick(sim: Simulator, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
     """One tick at complex numbers, a column for each point."""
     plant, n, points = sim.arm.plant, sim.n, x.shape[1]
-    step = build_step(sim.choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian)
-    if plant.directions:  # held joints are at rest
+    more = plant.mechanics.project, lambda: scaled_jacobian(plant)
+    step = build_step(sim.choice.method, plant.rhs, n, *more)
+    if plant.layout.directions:  # held joints are at rest
         place = len(plant.parameters.nominal)
         change = -(1.0 - p[place : place + n] ** 2) * x[n : 2 * n]
         still = np.zeros((3 * len(plant.points), points), complex)
-        v = evaluated(plant.strike, [x[: 2 * n], p, change, still])[0]
+        v = evaluated(plant.mechanics.strike, [x[: 2 * n], p, change, still])[0]
         x = np.concatenate([x[:n], v, x[2 * n :]])
     h = np.full((1, points), sim.dt + 0j)
-    if plant.contact is None:
+    if plant.mechanics.contact is None:
         return evaluated(step, [x, u, p, h])[0]
-    where = evaluated(plant.contact.geometry, [x[: 2 * n]])[0]
+    where = evaluated(plant.mechanics.contact.geometry, [x[: 2 * n]])[0]
     anchor = where.reshape(-1, 3, points)[:, 1:].reshape(-1, points)
-    settled = evaluated(plant.contact.settle, [x[: 2 * n], p])[0]
+    settled = evaluated(plant.mechanics.contact.settle, [x[: 2 * n], p])[0]
     moved = evaluated(step, [np.concatenate([x[:n], settled, x[2 * n :]]), u, p, h])[0]
     held = moved[: 2 * n]
     for _ in range(2):
-        held = evaluated(plant.contact.close, [held, p, anchor])[0]
+        held = evaluated(plant.mechanics.contact.close, [held, p, anchor])[0]
     return np.concatenate([held, moved[2 * n :]])
 
 

@@ -27,7 +27,7 @@ WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
 def slopes(sim: Simulator, x: np.ndarray, tau: np.ndarray, h: float) -> np.ndarray:
     """(A, B) side by side by differences of eighth order, of steps ``h`` of what matters."""
     p, point = sim.arm.parameters, np.r_[x, tau]
-    size = h * np.r_[sim.arm.plant.scale, np.ones(sim.n)]
+    size = h * np.r_[sim.arm.plant.laws.scale, np.ones(sim.n)]
 
     def after(place: np.ndarray) -> np.ndarray:
         sim.arm.restore(place[: len(x)], p, 0)

@@ -41,7 +41,7 @@ def torques(rng: np.random.Generator, *shape: int) -> np.ndarray:
 
 
 def test_the_code_that_is_generated_does_not_change() -> None:
-    plain, other = (sim.arm.plant.acceleration for sim in (simulator(), imperfect()))
+    plain, other = (sim.arm.plant.mechanics.acceleration for sim in (simulator(), imperfect()))
     assert generate([plain]) == generate([other])
     assert simulator().arm.sensors is None
 

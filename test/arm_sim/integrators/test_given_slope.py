@@ -36,7 +36,7 @@ def plant() -> Plant:
 def built(plant: Plant, name: str, loads: ca.Function | None) -> ca.Function:
     method, n = METHODS[name], plant.model.n
     if method.adaptive:
-        return build_attempt(method, plant.rhs, n, plant.scale, dense=True, loads=loads)
+        return build_attempt(method, plant.rhs, n, plant.laws.scale, dense=True, loads=loads)
     return build_step(method, plant.rhs, n, dense=True, loads=loads)
 
 

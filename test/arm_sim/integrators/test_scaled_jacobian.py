@@ -13,6 +13,7 @@ from samples import sampled
 from arm_dynamics import ArmModel, load_scene
 from arm_sim.integrators.methods import METHODS, build_attempt, build_step
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.slopes import scaled_jacobian
 from models.large import mobile, snake
 from models.touching import contact
 from tolerances import INVERSE_PAIR, assert_close
@@ -47,15 +48,16 @@ def plant(request: pytest.FixtureRequest, rng: np.random.Generator) -> Plant:
 
 def arguments(plant: Plant, rng: np.random.Generator) -> list[np.ndarray]:
     q, v, u = rng.uniform(-1.0, 1.0, (3, plant.model.n))
-    direction, pressed = (rng.integers(-1, 2, k) for k in (plant.directions, plant.pressed))
+    sizes = plant.layout.directions, plant.layout.pressed
+    direction, pressed = (rng.integers(-1, 2, k) for k in sizes)
     v[direction == 0 if direction.size else []] = 0.0
     modes = np.concatenate([plant.parameters.nominal, direction, pressed])
-    return [np.concatenate([q, v, plant.initial(q, v)]), u, modes]
+    return [np.concatenate([q, v, plant.laws.initial(q, v)]), u, modes]
 
 
 def test_is_the_jacobian_times_a_matrix(plant: Plant, rng: np.random.Generator) -> None:
     x, u, p = arguments(plant, rng)
-    scaled, n = plant.scaled_jacobian(), plant.model.n
+    scaled, n = scaled_jacobian(plant), plant.model.n
     assert scaled is not None
     by_q, by_w, H = (np.array(part) for part in scaled(x, u, p, plant.rhs(x, u, p)))
     symbols = [ca.SX.sym(name, len(value)) for name, value in zip("xup", (x, u, p), strict=True)]
@@ -68,10 +70,10 @@ def test_is_the_jacobian_times_a_matrix(plant: Plant, rng: np.random.Generator) 
 def test_gives_the_same_step(plant: Plant, rng: np.random.Generator) -> None:
     given, method, n = arguments(plant, rng), METHODS["implicit"], plant.model.n
     steps = [
-        build_attempt(method, plant.rhs, n, plant.scale, None, scaled)
+        build_attempt(method, plant.rhs, n, plant.laws.scale, None, scaled)
         if plant.nz
         else build_step(method, plant.rhs, n, None, scaled)
-        for scaled in (None, plant.scaled_jacobian)
+        for scaled in (None, lambda: scaled_jacobian(plant))
     ]
     plain, sparse = (
         np.array(step(*given, 1e-3)[0] if plant.nz else step(*given, 1e-3)) for step in steps
@@ -82,5 +84,5 @@ def test_gives_the_same_step(plant: Plant, rng: np.random.Generator) -> None:
 def test_short_arms_and_those_that_more_holds_have_none(rng: np.random.Generator) -> None:
     floor = contact("link18", plane={"point": [0.0, 0.0, -9.0]})
     touching = {"robot": {"urdf": mobile(rng, 18)}, "constraints": [floor]}
-    assert Plant(ArmModel(load_scene(touching))).scaled_jacobian() is None
-    assert Plant(ArmModel(load_scene(snake(rng, 16)))).scaled_jacobian() is None
+    assert scaled_jacobian(Plant(ArmModel(load_scene(touching)))) is None
+    assert scaled_jacobian(Plant(ArmModel(load_scene(snake(rng, 16))))) is None

@@ -99,11 +99,11 @@ def test_gap_velocity_and_place_are_those_of_the_material_points(
     for seed in range(3):
         q, v, _ = state(seed, made.model.n)
         wanted = Bodies(made, plane, frame, radius).at(q, v)
-        assert made.contact is not None
+        assert made.mechanics.contact is not None
         place, speed, size = (
-            np.array(x).ravel() for x in made.contact.geometry(np.hstack([q, v]))
+            np.array(x).ravel() for x in made.mechanics.contact.geometry(np.hstack([q, v]))
         )
-        sites = np.array(made.contact.sites(q))
+        sites = np.array(made.mechanics.contact.sites(q))
         assert_close(place[0], wanted["gap"], ALGEBRA)
         assert_close(sites[:, 0], wanted["normal"], ALGEBRA)
         assert_close(sites[:, 3], wanted["point"], ALGEBRA)
@@ -122,12 +122,12 @@ def test_forces_act_on_both_bodies_and_hold_what_they_are_to_hold(
     dynamics, bodies = Dynamics(made.model), Bodies(made, plane, frame, radius)
     q, v, tau = state(5, made.model.n)
     p = np.array([1.0, sticks, 0.6, 0.8, 1.0])
-    assert made.contact is not None
-    a = np.array(made.contact.acceleration(q, v, tau, p)).ravel()
+    assert made.mechanics.contact is not None
+    a = np.array(made.mechanics.acceleration(q, v, tau, p)).ravel()
     loads = made.events["loads"]
     found = loads(np.hstack([q, v]), tau, p)
     _, force, rate, *_ = (np.array(x).ravel() for x in found)
-    sites = np.array(made.contact.sites(q))
+    sites = np.array(made.mechanics.contact.sites(q))
     if not sticks:
         assert_close(force[1:], -0.4 * force[0] * p[2:4], ALGEBRA)
     push = bodies.rows(q, sites[:, 3]).T @ (sites[:, :3] @ force)
@@ -138,8 +138,8 @@ def test_forces_act_on_both_bodies_and_hold_what_they_are_to_hold(
     def speed(h: float) -> np.ndarray:
         """In the plane's own axes, by Pinocchio's velocities, along the motion."""
         there, moving = q + h * v + 0.5 * h**2 * a, v + h * a
-        assert made.contact is not None
-        axes = np.array(made.contact.sites(there))[:, :3]
+        assert made.mechanics.contact is not None
+        axes = np.array(made.mechanics.contact.sites(there))[:, :3]
         return np.array(axes.T @ bodies.at(there, moving)["speed"])
 
     h = 1e-5
@@ -153,15 +153,15 @@ def test_a_state_is_brought_back_to_closed_gaps_and_to_anchors_that_exist(
     """A point returns to where it stuck in its plane's axes; a ball only stops slipping."""
     made = plant(plane, frame, radius)
     q, v, _ = state(7, made.model.n)
-    assert made.contact is not None
-    before = np.array(made.contact.geometry(np.hstack([q, v]))[0]).ravel()
+    assert made.mechanics.contact is not None
+    before = np.array(made.mechanics.contact.geometry(np.hstack([q, v]))[0]).ravel()
     x, anchor = np.hstack([q, v]), before[1:] + 1e-4
     stuck = np.array([1.0, 1.0, 1.0, 0.0, 0.0])
     shifted = plant(plane, frame, radius, before[0] - 1e-4)  # it nearly touches
-    assert shifted.contact is not None
+    assert shifted.mechanics.contact is not None
     for _ in range(4):
-        x = np.array(shifted.contact.close(x, stuck, anchor)).ravel()
-    place, speed, _ = (np.array(y).ravel() for y in shifted.contact.geometry(x))
+        x = np.array(shifted.mechanics.contact.close(x, stuck, anchor)).ravel()
+    place, speed, _ = (np.array(y).ravel() for y in shifted.mechanics.contact.geometry(x))
     assert_close(place[0], 0.0, 1e-14)
     assert_close(speed, np.zeros(3), 1e-12)
     if radius == POINT:

@@ -62,11 +62,7 @@ def does_slide(joints: Joints, modes: np.ndarray) -> np.ndarray:
 
 
 def test_long_arms_take_the_recursion(rng: np.random.Generator) -> None:
-    methods = [
-        Plant(ArmModel(load_scene({"robot": {"urdf": snake(rng, n)}, "joints": DRY}))).method
-        for n in (3, 18)
-    ]
-    assert [method.split(",")[0] for method in methods] == [
-        Response.algorithm,
-        RecursiveResponse.algorithm,
-    ]
+    arms = ({"robot": {"urdf": snake(rng, n)}, "joints": DRY} for n in (3, 18))
+    plants = (Plant(ArmModel(load_scene(arm))) for arm in arms)
+    methods = [plant.mechanics.method.split(",")[0] for plant in plants]
+    assert methods == [Response.algorithm, RecursiveResponse.algorithm]

@@ -367,8 +367,8 @@ def wedge_with_a_ball(mu: float) -> Simulator:
 
 def rows_of(sim: Simulator, q: np.ndarray) -> np.ndarray:
     """A, from the speeds that the scene's functions tell for unit velocities, shape (3, n)."""
-    assert sim.arm.plant.contact is not None
-    columns = [sim.arm.plant.contact.geometry(np.hstack([q, v]))[1] for v in np.eye(len(q))]
+    assert (contact := sim.arm.plant.mechanics.contact) is not None
+    columns = [contact.geometry(np.hstack([q, v]))[1] for v in np.eye(len(q))]
     return np.hstack([np.array(column) for column in columns])
 
 

@@ -150,7 +150,7 @@ def test_what_is_found_obeys(
             unanswered += 1
             continue
         f = found(sim, x, u)
-        slips = np.array(sim.arm.plant.contact.geometry(x)[1]).reshape(-1, 3)[:, 1:]  # type: ignore[union-attr]
+        slips = np.array(sim.arm.plant.mechanics.contact.geometry(x)[1]).reshape(-1, 3)[:, 1:]  # type: ignore[union-attr]
         for k, mu in enumerate(friction):
             assert_contact_obeys(f, k, mu, slips[k])
             seen.add((k, float(f.closed[k]), float(f.sticks[k])))

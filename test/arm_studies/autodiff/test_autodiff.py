@@ -112,7 +112,7 @@ def motion(sim: Simulator) -> tuple[Arrays, np.ndarray]:
     """Arguments of a rollout of some arms, and weights of its states."""
     rng, n = np.random.default_rng(3), sim.n
     q, v = sim.model.q0 + 0.1 * rng.normal(size=(ARMS, n)), 0.3 * rng.normal(size=(ARMS, n))
-    z = np.array([sim.arm.plant.initial(*pair) for pair in zip(q, v, strict=True)])
+    z = np.array([sim.arm.plant.laws.initial(*pair) for pair in zip(q, v, strict=True)])
     x0 = np.hstack([q, v, z.reshape(ARMS, -1)])
     tau = 0.5 * rng.normal(size=(ARMS, TICKS, n))
     return {"x0": x0, "tau": tau}, rng.normal(size=(ARMS, TICKS + 1, x0.shape[1]))

@@ -134,7 +134,7 @@ class FrictionLaw(StatefulLaw, Protocol):
 
 @frozen
 class Ensemble:
-    """All models of a scene as one; their states are concatenated in order.
+    """All models of a scene as one, maybe none; their states are concatenated in order.
 
     Attributes:
         laws: The models.
@@ -143,6 +143,10 @@ class Ensemble:
 
     laws: tuple[StatefulLaw, ...]
     n: int
+
+    def __bool__(self) -> bool:
+        """Whether there are any models."""
+        return bool(self.laws)
 
     @property
     def states(self) -> tuple[InternalState, ...]:
@@ -156,8 +160,8 @@ class Ensemble:
 
     @property
     def scale(self) -> Array:
-        """Scale of each state for error control, shape (nz,)."""
-        return np.array([state.scale for state in self.states])
+        """Scale of q, v and each state for error control, shape (2n + nz,)."""
+        return np.array([*np.ones(2 * self.n), *(state.scale for state in self.states)])
 
     def initial(self, q: Array, v: Array) -> Array:
         """Initial states at q, v, shape (nz,)."""
@@ -190,10 +194,8 @@ class Ensemble:
 
     def _direct(self) -> ca.SX:
         """1 for joints on which the command acts as a torque, else 0."""
-        replaced = np.zeros(self.n, dtype=bool)
-        for law in self.laws:
-            replaced |= law.replaces_command
-        return ca.SX(ca.DM(np.logical_not(replaced).astype(float)))
+        kept = [np.ones(self.n), *(~law.replaces_command for law in self.laws)]
+        return ca.SX(ca.DM(np.all(kept, axis=0).astype(float)))
 
     def parts(self, z: ca.SX) -> list[tuple[StatefulLaw, ca.SX]]:
         """Each law with its states among z."""

@@ -27,7 +27,7 @@ from arm_sim.integrators.methods import build_step
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.slopes import pullback
+from arm_sim.plant.slopes import pullback, scaled_jacobian
 from arm_sim.stepping.engine import definitions
 from arm_sim.stepping.rollout import ADDRESS, NUMBER, Engine, built_of_lanes, of_lanes
 from arm_sim.stepping.stepper import address, pointer
@@ -166,9 +166,9 @@ def tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, ...]:
         -> gradients by x and r.
     """
     method, n, act = choice.method, plant.model.n, actuation(plant)
-    scaled = plant.scaled_jacobian
-    step = build_step(method, plant.rhs, n, plant.project, scaled)
-    adjoint = build_adjoint(method, plant.rhs, pullback(plant), n, plant.project, scaled)
+    scaled = partial(scaled_jacobian, plant)
+    step = build_step(method, plant.rhs, n, plant.mechanics.project, scaled)
+    adjoint = build_adjoint(method, plant.rhs, pullback(plant), n, plant.mechanics.project, scaled)
     x, r = (ca.SX.sym(name, act.size1_in(i)) for i, name in enumerate("xr"))
     weight, u = ca.SX.sym("weight", n), act(x, r)
     back = [ca.densify(ca.jtimes(u, by, weight, True)) for by in (x, r)]

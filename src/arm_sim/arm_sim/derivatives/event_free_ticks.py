@@ -61,7 +61,7 @@ class EventFreeTick:
         rest = RestProjection(plant, tuned)
         names = ("mode_margin", True), ("mode_margin_in_motion", False)
         margins = (_margins(plant, name, held) for name, held in names)
-        geometry = [plant.events["contact_geometry"]] if plant.contact else []
+        geometry = [plant.events["contact_geometry"]] if plant.mechanics.contact else []
         functions = (*geometry, *margins, rest.rest_begin, rest.rest_end)
         return cls(functions, (rest.begin_at_rest, rest.end_at_rest), len(tuned))
 

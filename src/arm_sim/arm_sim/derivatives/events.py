@@ -30,7 +30,7 @@ from arm_sim.derivatives.tangents import Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
-from arm_sim.plant.plant import Plant
+from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.symbols import dense_function
 from arm_sim.stepping.adaptive import SubstepControl
 from arm_sim.stepping.engine import NATIVE, definitions
@@ -229,10 +229,10 @@ class Events:
 
     def _functions(self) -> list[ca.Function]:
         plant, tuned = self._plant, self._tuned
-        functions = [acting(plant), plant.slope_of_loads(), *guard_functions(plant, tuned)]
+        functions = [acting(plant), slope_of_loads(plant), *guard_functions(plant, tuned)]
         functions += [function for name, function in plant.events.items() if name in ENGINE]
         functions += resting_functions(plant)
-        if plant.directions or plant.points:
+        if plant.layout.directions or plant.points:
             functions += self._rest.matrices
         if plant.points:
             functions.append(mobility_across(plant))

@@ -118,7 +118,7 @@ def _initial_slope(plant: Plant, x: Array) -> Array:
     n, h = plant.model.n, 2.0**-10
 
     def at(place: Array) -> Array:
-        return plant.initial(place[:n], place[n:])
+        return plant.laws.initial(place[:n], place[n:])
 
     columns = [
         (8.0 * (at(x + e) - at(x - e)) - (at(x + 2 * e) - at(x - 2 * e))) / (12.0 * h)

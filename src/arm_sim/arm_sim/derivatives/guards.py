@@ -35,7 +35,15 @@ def guard_names(plant: Plant) -> list[str]:
     joints = [f"joint '{name}'" for name in plant.model.joint_names]
     stops = [f"{joint} at its {side} stop" for side in ("lower", "upper") for joint in joints]
     sliding = [f"sliding of {point}" for point in points]
-    return [*points, *sliding, *joints, *stops, *plant.switch_names]
+    return [*points, *sliding, *joints, *stops, *_switch_names(plant)]
+
+
+def _switch_names(plant: Plant) -> list[str]:
+    symbols, names = plant.mechanics.symbols, plant.model.joint_names
+    owners = symbols.drives.joints if symbols.drives else ()
+    cords = ["a cord"] * (plant.layout.switches - len(owners))
+    limits = [f"a limit, backlash or load of the drive of joint '{names[i]}'" for i in owners]
+    return [*cords, *limits]
 
 
 def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Function, ...]:
@@ -66,7 +74,7 @@ def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Functio
         expanded("guards", given, found),
         expanded("guard_gradient", [*given, weights], [by_x, by_w]),
     ]
-    if plant.switches:
+    if plant.layout.switches:
         x, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
         slope = rhs(x, u, p)
         slopes = ca.jacobian(slope, ca.vertcat(x, u))
@@ -116,8 +124,9 @@ def _active(plant: Plant, given: Sequence[ca.MX], values: ca.MX, sizes: ca.MX) -
     zero, and remains so.
     """
     x, u, p, _ = given
-    active, switches = _watched(plant, p), slice(values.shape[0] - plant.switches, None)
-    varies = ca.jacobian(values[switches], ca.vertcat(x, u)) if plant.switches else ca.MX(0, 1)
+    count = plant.layout.switches
+    active, switches = _watched(plant, p), slice(values.shape[0] - count, None)
+    varies = ca.jacobian(values[switches], ca.vertcat(x, u)) if count else ca.MX(0, 1)
     compares = ca.logic_or(sizes[switches] > 0, ca.sum2(ca.fabs(varies)) > 0)
     return ca.vertcat(active, compares)
 
@@ -125,12 +134,12 @@ def _active(plant: Plant, given: Sequence[ca.MX], values: ca.MX, sizes: ca.MX) -
 def _watched(plant: Plant, p: ca.MX) -> ca.MX:
     """1 for guards other than switches that are active in the modes, else 0."""
     n, friction, stops = plant.model.n, plant.model.friction, plant.model.stops
-    _, direction, _, _, contacts = plant.parts(p)
+    _, direction, _, _, contacts = plant.layout.parts(p)
     modes = ca.reshape(contacts, MODE, len(plant.points)).T
     holds = _flags([point.static_friction > 0.0 for point in plant.points])
     tangential = ca.logic_and(modes[:, 0] > 0, ca.logic_or(modes[:, 1] > 0, holds))
     held, dry = ca.MX(n, 1), ca.DM(n, 1)
-    if plant.directions:
+    if plant.layout.directions:
         held, dry = direction == 0, _flags(friction.level > 0.0)
     at_stops = [
         ca.logic_or(ca.logic_and(_flags(rigid), ca.logic_not(held)), _flags(yields))
@@ -150,22 +159,22 @@ def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX, held: bool
     Where nothing is ``held``, loads and forces are zero.
     """
     n, function = plant.model.n, plant.events
-    _, direction, pressed, _, contacts = plant.parts(p)
+    _, direction, pressed, _, contacts = plant.layout.parts(p)
     load, force = ca.MX(n, 1), ca.MX(3 * len(plant.points), 1)
     heaviest = [ca.MX(0)] * len(plant.points)
     if held:
         load, force, *_ = function["loads"](x, u, p)
-    if held and plant.contact:
+    if held and plant.mechanics.contact:
         heaviest = _heaviest(force, *function["contact_inertia"](x, u, p))
     whole = x[: 2 * n]
-    geometry = plant.contact.geometry(whole) if plant.contact else ()
-    push = function["pressures"](whole) if plant.pressed else ca.MX(2 * n, 1)
+    geometry = plant.mechanics.contact.geometry(whole) if plant.mechanics.contact else ()
+    push = function["pressures"](whole) if plant.layout.pressed else ca.MX(2 * n, 1)
     guards = [
         *_contact_guards(force, heaviest, geometry, contacts, limit, _fastest(x, n)),
         *_joint_guards(plant, x, load, direction),
         *_stop_guards(plant, x, push, pressed),
     ]
-    if plant.switches:
+    if plant.layout.switches:
         guards += zip(*(ca.vertsplit(part) for part in function["switches"](x, u, p)), strict=True)
     values, sizes = zip(*guards, strict=True)
     return ca.vertcat(*values), ca.vertcat(*sizes)
@@ -206,7 +215,7 @@ def _contact_guards(
 def _joint_guards(plant: Plant, x: ca.MX, load: ca.MX, direction: ca.MX) -> list[Guard]:
     """Reserves of static friction, or velocities."""
     n = plant.model.n
-    if not plant.directions:
+    if not plant.layout.directions:
         return [NONE] * n
     guards, (lower, upper) = [], plant.model.stops.bounds
     for i in range(n):

@@ -35,12 +35,12 @@ def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
         )
     ]  # fmt: skip
     place = len(plant.parameters.nominal)
-    meets = 1 - p[place : place + n] if plant.directions else ca.MX(n, 1)
+    meets = 1 - p[place : place + n] if plant.layout.directions else ca.MX(n, 1)
     v = x[n:]
-    after = plant.strike(x, p, -meets * (1 + e) * v, r)[0]
+    after = plant.mechanics.strike(x, p, -meets * (1 + e) * v, r)[0]
     law = speed = ca.MX(0, 1)
-    if plant.contact:
-        met, speed = (plant.contact.geometry(ca.vertcat(x[:n], w))[1] for w in (v, after))
+    if contact := plant.mechanics.contact:
+        met, speed = (contact.geometry(ca.vertcat(x[:n], w))[1] for w in (v, after))
         law = _laws(plant, met, speed, f, (carries, sticks), r)
     found = [after, speed]
     for y in (after, law):

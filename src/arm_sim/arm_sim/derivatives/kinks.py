@@ -183,9 +183,8 @@ def _limits(plant: Plant) -> dict[str, Array]:
 
 def _bristles(plant: Plant) -> NDArray[np.intp]:
     """Joints and places in x of the deflections of friction laws, shape (k, 2)."""
-    laws = plant.laws.laws if plant.laws else ()
     pairs, place = list[tuple[int, int]](), 2 * plant.model.n
-    for law in laws:
+    for law in plant.laws.laws:
         for state in law.states:
             if state.kind is StateKind.DEFLECTION and not law.replaces_command.any():
                 pairs.append((state.joint, place))

@@ -16,7 +16,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -37,6 +37,7 @@ from arm_sim.integrators.response import rate_by_state
 from arm_sim.integrators.selection import Choice, fastest_rate
 from arm_sim.integrators.stability import misses
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.stepping.rollout import Engine, alike, natural_width, repeated, widths
 from arm_sim.stepping.stepper import Stepper
@@ -171,13 +172,13 @@ class Linearizer:
         return slopes
 
     def smoothed(self, x: Array, r: Array, speed: float, threads: int | None) -> Array:
-        """As ``along``, of the arm with smooth friction and without stops: ``Plant.smoothed``.
+        """As ``along``, of the arm with smooth friction and without stops: ``Options``.
 
         Raises:
             CompilerMissing: Without compiled code.
         """
         if speed not in self._of_smoothed:
-            plant = self._plant.smoothed(speed)
+            plant = self._plant.variant(stops=False, sliding=True, regularization=speed)
             self._of_smoothed[speed] = Tangents(plant, self._choice, self._backend, self._tuned)
         if not (fast := self._of_smoothed[speed]).native:
             raise CompilerMissing(f"smooth derivatives need compiled code: {HOW_TO_GET_CODE}")
@@ -451,8 +452,8 @@ class Linearizer:
     @built_once
     def _attempt(self) -> Kernel:
         plant, method, n = self._plant, self._choice.method, self._plant.model.n
-        scaled = plant.scaled_jacobian
-        function = build_attempt(method, plant.rhs, n, plant.scale, plant.project, scaled)
+        more = plant.mechanics.project, partial(scaled_jacobian, plant)
+        function = build_attempt(method, plant.rhs, n, plant.laws.scale, *more)
         return Kernel([function], "vm")
 
 

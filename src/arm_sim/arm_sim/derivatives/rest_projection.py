@@ -53,7 +53,7 @@ class RestProjection:
         n, (x, u, p), dx = self._plant.model.n, self.rest_begin.sx_in(), self._changes("dx")
         moved = self.begin_at_rest(self.rest_begin(x, u, p), dx)
         found = [dense_function("at_rest", [x, u, p], ca.jacobian(moved, dx))]
-        if self._plant.contact:
+        if self._plant.mechanics.contact:
             x, end, p = self.rest_end.sx_in()
             dbegin, dend, whole = self._changes("dbegin"), self._changes("dend"), slice(2 * n)
             moved = self.end_at_rest(self.rest_end(x, end, p), dbegin, dend, 0)[whole]
@@ -72,7 +72,7 @@ class RestProjection:
         with closed contacts by those at the beginning, at the end, and by quantities, side by
         side, shape (2 n, 4 n + nt).
         """
-        contact, n = self._plant.contact, self._plant.model.n
+        contact, n = self._plant.mechanics.contact, self._plant.model.n
         assert contact is not None
         x, p = ca.MX.sym("x", 2 * n), ca.MX.sym("p", self._plant.rhs.numel_in(2))
         before = ca.MX.sym("before", 2 * n)
@@ -90,19 +90,19 @@ def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     dx = ca.SX.sym("dx", plant.nx)
     dq, dv, dz = ca.vertsplit(dx, [0, n, 2 * n, plant.nx])
-    whole, (_, direction, *_, contacts) = x[: 2 * n], plant.parts(p)
-    if plant.directions:
+    whole, (_, direction, *_, contacts) = x[: 2 * n], plant.layout.parts(p)
+    if plant.layout.directions:
         change = ca.SX.sym("change", n)
-        struck = plant.strike(whole, p, change, ca.SX(3 * len(plant.points), 1))[0]
+        struck = plant.mechanics.strike(whole, p, change, ca.SX(3 * len(plant.points), 1))[0]
         gain = ca.jacobian(struck, change)  # which is linear in it
         held = direction == 0
         dv = dv - kept.matrix(gain @ ca.diag(held)) @ dv
         if plant.model.stops.rigid.any():
             back = ca.logic_and(held, _leans(plant, x, u, p))
             dq = dq - kept.matrix(gain @ ca.diag(back)) @ dq
-    if plant.contact:
+    if plant.mechanics.contact:
         closed = ca.sum1(Mode.of(contacts).closed) > 0
-        settled = plant.contact.closing()(whole, p)[0]
+        settled = plant.mechanics.contact.closing()(whole, p)[0]
         loose = ca.horzcat(ca.SX(n, n), ca.SX.eye(n))
         dv = kept.matrix(ca.if_else(closed, settled, loose)) @ ca.vertcat(dq, dv)
     moved = ca.densify(ca.vertcat(dq, dv, dz))
@@ -130,7 +130,7 @@ def _end(plant: Plant, tuned: Sequence[int]) -> tuple[ca.Function, ca.Function]:
         ("dbegin", plant.nx), ("dend", plant.nx), ("dw", n + len(tuned)),
     ))  # fmt: skip
     moved = dend
-    if contact := plant.contact:
+    if contact := plant.mechanics.contact:
         before, after = begin[: 2 * n], end[: 2 * n]
         anchor = ca.vec(ca.reshape(contact.geometry(before)[0], 3, -1)[1:, :])
         by_end, by_anchor = ca.horzsplit(

@@ -27,10 +27,10 @@ def may_go_on(plant: Plant, p: ca.SX, begins: bool) -> ca.SX:
     if begins:
         falls = [a + b != c for a, b, c in zip(coulomb, excess, static, strict=True)]
         doubtful = doubtful | plant.constrained | falls[0] | falls[1]
-    _, direction, *_, contacts = plant.parts(p)
+    _, direction, *_, contacts = plant.layout.parts(p)
     mode, doubt = Mode.of(contacts), ca.SX(0)
     closed = ca.sum1(mode.closed) > 0
-    for joint in np.flatnonzero(friction.level > 0.0) if plant.directions else ():
+    for joint in np.flatnonzero(friction.level > 0.0) if plant.layout.directions else ():
         together = closed if begins else False
         held = direction[int(joint)] == 0
         doubt = ca.logic_or(doubt, ca.logic_and(held, ca.logic_or(doubtful[joint], together)))
@@ -53,7 +53,7 @@ def resting_functions(plant: Plant) -> tuple[ca.Function, ...]:
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     doubts = ca.vertcat(*(may_go_on(plant, p, begins) for begins in (False, True)))
     functions = [dense_function("doubts", [x, u, p], doubts)]
-    if contact := plant.contact:
+    if contact := plant.mechanics.contact:
         x = ca.SX.sym("x", 2 * plant.model.n)
         settled = ca.jacobian(contact.settle(x, p), x)[:, plant.model.n :]
         functions.append(dense_function("settled", [x, p], settled))

@@ -15,7 +15,7 @@ NO_TURN = 1e-12
 
 def starts_to_slide(plant: Plant, p: ca.SX) -> ca.SX:
     """Whether a contact starts to slide under the modes in p, 1 or 0: it keeps its direction."""
-    mode, starts = Mode.of(plant.parts(p)[-1]), ca.SX(0)
+    mode, starts = Mode.of(plant.layout.parts(p)[-1]), ca.SX(0)
     for k, point in enumerate(plant.points):
         if point.friction > 0.0:
             starts = ca.logic_or(starts, mode.closed[k] * (1 - mode.sticks[k]) * mode.fixed[k])

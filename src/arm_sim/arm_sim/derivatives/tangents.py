@@ -12,7 +12,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -27,7 +27,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.tangents import build_tangent
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.slopes import Kept, Slopes
+from arm_sim.plant.slopes import Kept, Slopes, scaled_jacobian
 from arm_sim.stepping.engine import definitions, without
 from arm_sim.stepping.rollout import (
     ADDRESS,
@@ -138,8 +138,8 @@ class Tangents:
         self.library = cache(self._built)
         self._step = _Step(plant, choice, tuned, dense=self._event_free is not None)
         self._moving: _Step | None = None
-        if self._event_free and (plant.directions or plant.contact):
-            self._moving = _Step(plant.in_motion(), choice, tuned, MOVING, dense=True)
+        if self._event_free and (plant.layout.directions or plant.mechanics.contact):
+            self._moving = _Step(plant.variant(sliding=True), choice, tuned, MOVING, dense=True)
         self._acting, self._limit = _limits(plant)
         self._controlled = choice.tolerance is not None
         self._held, self._length = plant.model.n + len(tuned), np.array([choice.dt])
@@ -169,7 +169,7 @@ class Tangents:
         if not self._controlled:
             return after, moved
         allowed, finer = columns, moved
-        if self.plant.project is not None:  # which is what a step without length does
+        if self.plant.constrained:  # which is what a step without length does
             allowed = np.vstack([self._through(x, u, p, 0.0, columns)[1], columns[len(x) :]])
             finer = self._through(x, u, p, h, allowed)[1]
         for parts in 2 ** np.arange(1, MOST_HALVINGS + 1):
@@ -385,9 +385,9 @@ class _Step:
         self, plant: Plant, choice: Choice, tuned: Sequence[int], prefix: str = "",
         dense: bool = False,
     ) -> None:  # fmt: skip
-        scaled, n = plant.scaled_jacobian, plant.model.n
+        more, n = (plant.mechanics.project, partial(scaled_jacobian, plant)), plant.model.n
         advance, self.stretch = build_tangent(
-            choice.method, plant.rhs, Slopes(plant, tuned), n, plant.project, scaled, tuned, dense
+            choice.method, plant.rhs, Slopes(plant, tuned), n, *more, tuned, dense
         )
         given = advance.mx_in()
         self._n, self._prefix = n, prefix

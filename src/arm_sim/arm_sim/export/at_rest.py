@@ -19,7 +19,8 @@ from arm_sim.export.amalgamated import SCENE, amalgamated
 from arm_sim.export.generated import prefixed, static_functions
 from arm_sim.integrators.methods import METHODS
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.plant import Plant
+from arm_sim.plant.options import Options
+from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.stepping.engine import COSTS, braces, definitions, written
 
 PREFIX = "rest_"
@@ -35,7 +36,7 @@ def at_rest(model: ArmModel) -> str:
     if not model.has_dry_friction:
         return ""
     plant = _bare(model)
-    functions = [plant.slope_of_loads(), *plant.events.values(), _acting(model)]
+    functions = [slope_of_loads(plant), *plant.events.values(), _acting(model)]
     choice = Choice(METHODS["rk4"], 1.0, None, "")  # of steps that are not made
     scene = definitions(plant, choice, functions, TUNABLE=braces(plant.parameters.nominal))
     engine = amalgamated('#include "at_rest.c"\n', {*SCENE})
@@ -49,7 +50,7 @@ def _bare(model: ArmModel) -> Plant:
     held = tuple(scene.bilateral.values())
     bare = copy(ArmModel(scene.model_copy(update={"constraints": held})))
     vars(bare)["stops"] = stops_of((), bare.joint_names)
-    return Plant(bare, stops=False).under_torques()
+    return Plant(bare, Options(stops=False, drives=False))
 
 
 def _acting(model: ArmModel) -> ca.Function:

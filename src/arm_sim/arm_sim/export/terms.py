@@ -24,6 +24,7 @@ from arm_dynamics.exceptions import choices
 from arm_dynamics.model.tree_builder import frame_of, gravity_of, tree_of
 from arm_sim.export.names import of_frames
 from arm_sim.plant.bilateral import Bilateral
+from arm_sim.plant.options import Options
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.symbols import Joints, Symbols
 
@@ -138,7 +139,7 @@ class _Point:
         """Accelerations of an arm with loops under torques besides gravity and inertia."""
         model, parameters = self.model, Parameters(self.model)
         s = Symbols(model, parameters)
-        joints = Joints(model, s, stops=False)
+        joints = Joints(model, s, Options(stops=False))
         bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
         a = Bilateral(model, s, joints).accelerations(s.tau - bias)
         slides = ca.DM.ones(joints.direction.shape[0])

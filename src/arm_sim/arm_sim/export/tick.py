@@ -77,7 +77,7 @@ def tick_of(
     done = {*SCENE} | (set() if plant.eventful else {"events.h"})
     engine = amalgamated(engine_source(plant, choice, functions, smooth, "motion/tick.h"), done)
     engine = engine.replace("\nEXPORTED ", "\nstatic ")
-    more = [f for f in (plant.project, plant.torques) if f is not None]
+    more = [f for f in (plant.mechanics.project, plant.torques) if f is not None]
     files, slopes = ["library.h", "sim.c"], ""
     if servo:
         more.append(servo_law(plant, choice.dt))
@@ -120,7 +120,7 @@ def _refuse(model: ArmModel) -> None:
 def _defines(simulator: Simulator) -> str:
     """Definitions for ``native/sim.c`` besides those of the engine."""
     plant, choice = simulator.arm.plant, simulator.choice
-    project = plant.project
+    project = plant.mechanics.project
     values = {
         "PERIOD": repr(choice.dt),
         "NZ": str(plant.nz),
@@ -146,7 +146,7 @@ def _origins(plant: Plant) -> list[int]:
     """
     n, found = plant.model.n, list[int]()
     x = np.random.default_rng(0).uniform(1.0, 2.0, 2 * n)
-    for k, z in enumerate(plant.initial(x[:n], x[n:])):
+    for k, z in enumerate(plant.laws.initial(x[:n], x[n:])):
         same = [-1] if z == 0.0 else np.flatnonzero(x == z).tolist()
         if not same:
             name = plant.laws.names[k] if plant.laws else ""

@@ -38,8 +38,8 @@ def build_adjoint(
         rhs: Function (x, u, p) -> x'.
         pullback: Its transposed derivative, see ``plant.slopes.pullback``.
         n: Degrees of freedom; x starts with q and v of n each.
-        project: Projection of (q, v) onto the constraints, see ``Plant.project``.
-        scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
+        project: Projection of (q, v) onto the constraints, see ``Mechanics.project``.
+        scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.
 
     Returns:
         Function (x, u, p, h, λ) -> gradients by x, u and the tunable quantities in p.

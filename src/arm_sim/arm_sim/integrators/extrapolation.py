@@ -37,7 +37,7 @@ def extrapolated_step(
         rhs: Function (x, u, p) -> x' with x = (q, v, z).
         n: Degrees of freedom.
         scaled: Function (x, u, p, x') -> H ∂g/∂q, H ∂g/∂w, H of an invertible H, see
-            ``Plant.scaled_jacobian``; None for H = 1.
+            ``slopes.scaled_jacobian``; None for H = 1.
         x: State, shape (nx,).
         u: Torque, shape (n,).
         p: Parameters.

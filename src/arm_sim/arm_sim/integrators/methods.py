@@ -93,8 +93,8 @@ def build_step(
         method: The method.
         rhs: Function (x, u, p) -> x'.
         n: Degrees of freedom; x starts with q and v of n each.
-        project: Projection of (q, v) onto the constraints, see ``Plant.project``.
-        scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
+        project: Projection of (q, v) onto the constraints, see ``Mechanics.project``.
+        scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.
         name: Name of the function, if the default is taken in the same kernel.
         dense: Whether to return the continuous output as well, see ``Step.inside``.
         loads: Function (x, u, p) -> loads of joints, forces, …, x', see ``Plant.events``: the rhs
@@ -139,7 +139,7 @@ def build_attempt(
         scale: Scale of each entry of x for error control, shape (nx,); 1 for q and v.
         project: Projection of (q, v) onto the constraints; the residual before it is included in
             the error.
-        scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
+        scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.
         name: Name of the function, if the default is taken in the same kernel.
         dense: As of ``build_step``.
         loads: Likewise.

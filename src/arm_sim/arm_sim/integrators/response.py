@@ -173,10 +173,10 @@ class _Parts:
 
     def _states(self, q: Array) -> Array:
         """Internal states at rest, with teeth in contact."""
-        plant, laws = self._plant, self._plant.laws
-        z = plant.initial(q, 0.0 * q)
-        for k, state in enumerate(laws.states if laws else ()):
-            drive = plant.model.drives[state.joint]
+        laws = self._plant.laws
+        z = laws.initial(q, 0.0 * q)
+        for k, state in enumerate(laws.states):
+            drive = self._plant.model.drives[state.joint]
             if state.kind is StateKind.MOTOR_POSITION and drive and drive.coupling:
                 z[k] += drive.coupling.backlash
         return z
@@ -206,7 +206,6 @@ def _spring_slopes(model: ArmModel) -> ca.Function:
 
 def _law_slopes(plant: Plant) -> ca.Function:
     """Function (q, z) -> slopes by x, at rest, of the laws' torques and of the rates of z."""
-    assert plant.laws is not None
     n, nz = plant.model.n, plant.nz
     q, v, z = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("z", nz)
     flow, x = plant.laws.equations(q, v, z, ca.SX(n, 1)), ca.vertcat(q, v, z)

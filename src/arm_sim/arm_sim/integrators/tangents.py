@@ -48,8 +48,8 @@ def build_tangent(
         rhs: Function (x, u, p) -> x'.
         slopes: Its derivatives.
         n: Degrees of freedom; x starts with q and v of n each.
-        project: Projection of (q, v) onto the constraints, see ``Plant.project``.
-        scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
+        project: Projection of (q, v) onto the constraints, see ``Mechanics.project``.
+        scaled: See ``slopes.scaled_jacobian``; called only if the method is implicit.
         tuned: Indices in p of the quantities to differentiate by, those of ``slopes``.
         dense: Whether ``advance`` is to return the continuous output, too, where all stages of an
             explicit method are used, see ``Step.inside``.

@@ -6,7 +6,8 @@ admissible states. Depends on the equations and the model, and not on integratio
 """
 
 from arm_sim.plant.actuation import CompiledControl, computed_torque
+from arm_sim.plant.options import Options
 from arm_sim.plant.parameters import Parameter, Parameters
 from arm_sim.plant.plant import Plant
 
-__all__ = ["CompiledControl", "Parameter", "Parameters", "Plant", "computed_torque"]
+__all__ = ["CompiledControl", "Options", "Parameter", "Parameters", "Plant", "computed_torque"]

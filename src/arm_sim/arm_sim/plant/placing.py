@@ -30,7 +30,7 @@ def packed(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
     """Validate a state and stack it as x = (q, v, z), shape (nx,); z None for initial values."""
     joints = plant.model.joint_names
     q, v = row("q", q, joints), row("v", v, joints)
-    return np.concatenate([q, v, plant.initial(q, v) if z is None else row("z", z, plant.nz)])
+    return np.concatenate([q, v, plant.laws.initial(q, v) if z is None else row("z", z, plant.nz)])
 
 
 def placed(
@@ -57,7 +57,7 @@ def placed(
     x[:n] = inside_stops(plant, x[:n])
     _check_outside(plant, x)
     if z is None and plant.nz:
-        x[2 * n :] = plant.initial(x[:n], x[n : 2 * n])
+        x[2 * n :] = plant.laws.initial(x[:n], x[n : 2 * n])
     return x
 
 
@@ -103,11 +103,13 @@ def closed(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] =
 
 def closed_rows(plant: Plant, x: Array, p: Array) -> Array:
     """The same for b arms, p of shape (np,) or (b, np); states that satisfy them are kept."""
-    if plant.project is None:
+    if not plant.constrained:
         return x
     n, p = plant.model.n, np.broadcast_to(p, (len(x), p.shape[-1]))
-    modes = np.zeros((len(p), plant.project.size1_in(2) - p.shape[1]))  # gaps have no names
-    _, gap, gap_v = plant.project(x[:, : 2 * n].T, x[:, : 2 * n].T, np.hstack([p, modes]).T)
+    project = plant.mechanics.project
+    assert project is not None
+    modes = np.zeros((len(p), project.size1_in(2) - p.shape[1]))  # gaps have no names
+    _, gap, gap_v = project(x[:, : 2 * n].T, x[:, : 2 * n].T, np.hstack([p, modes]).T)
     off = np.maximum(np.array(gap), np.array(gap_v)).ravel() > OPEN
     rows = [closed(plant, x[i], holding(plant, p[i])) if off[i] else x[i] for i in range(len(x))]
     return np.array(rows)

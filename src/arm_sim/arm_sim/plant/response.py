@@ -10,6 +10,9 @@ expression has no branches.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import casadi as ca
 
 from arm_dynamics import ArmModel
@@ -122,3 +125,35 @@ def response_of(model: ArmModel, s: Symbols, joints: Joints) -> AnyResponse:
     if model.n > DENSE_AT_MOST and not s.tree.has_followers:
         return RecursiveResponse(model, s, joints)
     return Response(model, s, joints)
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """Forces of held joints and contacts: expressions.
+
+    Attributes:
+        a: Accelerations of the joints, shape (n,).
+        loads: Holding torques of sticking joints relative to what friction bears, forces and
+            accelerations of the contact points, and acceleration of each gap per normal force
+            where it closes (grip).
+        held: Holding torques of held joints, shape (n,).
+        push: Joint torques of the contacts, shape (n,).
+        spread: Joint torques per unknown contact force, shape (n, 3 nc); zero in modes without
+            that force.
+        jacobian: Velocities of the contact points per velocity of the joints, shape (3 nc, n).
+    """
+
+    a: ca.SX
+    loads: Sequence[ca.SX]
+    held: ca.SX
+    push: ca.SX
+    spread: ca.SX
+    jacobian: ca.SX
+
+
+def joint_reactions(s: Symbols, response: AnyResponse) -> Reactions:
+    """Those of held joints, without contacts."""
+    a, none = response.accelerations(response.load), ca.SX(0, 1)
+    held, n = response.reactions(response.load, a), s.q.shape[0]
+    relative = s.friction.relative_hold(held, s.q, s.tau)
+    return Reactions(a, (relative, none, none, none), held, ca.SX(n, 1), ca.SX(n, 0), ca.SX(0, n))

@@ -4,7 +4,8 @@
 For an arm held by its joints alone, x' = (v, g) changes by H⁻¹ K d(x, u), where K is the
 derivative of the residual torque of a given acceleration (Carpentier, Mansard, "Analytical
 derivatives of rigid body dynamics algorithms", Robotics: Science and Systems, 2018): a fraction of
-the work of differentiating forward dynamics. Loops and contacts are differentiated directly.
+the work of differentiating forward dynamics. Loops and contacts are differentiated directly. H v̇ =
+1 · load for free joints, H v̇ = v̇ for held joints, and H ż = ż.
 """
 
 from __future__ import annotations
@@ -13,9 +14,19 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.equations.derivatives import inverse_derivatives
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
-from arm_dynamics.equations.rigid_body import eliminated, factored, solve, substituted
+from arm_dynamics.equations.rigid_body import (
+    eliminated,
+    factored,
+    inverse,
+    mass_matrix,
+    solve,
+    substituted,
+)
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.state_space import flow_under_modes, split, under_modes
 from arm_sim.plant.symbols import dense_function
 
 
@@ -38,9 +49,10 @@ class Slopes:
         dx, dw = ca.SX.sym("dx", plant.nx), ca.SX.sym("dw", n + len(tuned))
         kept = Kept()
         if not plant.constrained:
-            K_x, K_u, H = plant.scaled_slopes(x, u, p, slope)
-            if plant.contact:
-                pushed, rates_x, rows_, joined, unknown = plant.contact_slopes(x, u, p, slope)
+            contact = plant.mechanics.contact
+            K_x, K_u, H = scaled_slopes(plant, x, u, p, slope)
+            if contact:
+                pushed, rates_x, rows_, joined, unknown = contact_slopes(plant, x, u, p, slope)
                 K_x[:n, : 2 * n] += pushed
             K_w = ca.horzcat(K_u, _scaled_by(chosen, plant, x, u, p, slope)) if tuned else K_u
             rows = kept.matrix(K_x) @ dx + kept.matrix(K_w) @ dw
@@ -49,7 +61,7 @@ class Slopes:
             factors = kept.matrix(ca.tril(factors, False))
             load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
             da = substituted(factors, pivots * eliminated(factors, load))
-            if plant.contact:
+            if contact:
                 astray = kept.matrix(rates_x) @ dx[: 2 * n] + kept.matrix(rows_) @ da
                 da = da + kept.matrix(joined) @ (kept.matrix(unknown) @ astray)
             changes = ca.vertcat(da, rates)
@@ -62,9 +74,9 @@ class Slopes:
 
 
 def _scaled_by(chosen: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> ca.SX:
-    """H ∂g/∂p for some entries of p, as ``Plant.scaled_slopes`` for x and u."""
+    """H ∂g/∂p for some entries of p, as ``scaled_slopes`` for x and u."""
     n, a = plant.model.n, ca.SX.sym("a", plant.model.n)
-    by_p = ca.jacobian(plant.residual(x, u, p, a)[0], chosen)
+    by_p = ca.jacobian(residual(plant, x, u, p, a)[0], chosen)
     rows = ca.Function("rows", [x, u, p, a], [by_p])(x, u, p, slope[n : 2 * n])
     return ca.vertcat(rows, ca.jacobian(plant.rhs(x, u, p)[2 * n :], chosen))
 
@@ -72,11 +84,11 @@ def _scaled_by(chosen: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope:
 def _slope(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     """x', with accelerations by the M that its derivative uses, where that is faster."""
     slope, n = plant.rhs(x, u, p), plant.model.n
-    if n > DENSE_AT_MOST or not plant.held_by_joints:
+    if n > DENSE_AT_MOST or not held_by_joints(plant):
         return slope
     still = ca.SX(plant.nx, 1)
-    load = plant.residual(x, u, p, still[:n])[0]
-    H = plant.scaled_slopes(x, u, p, still)[2]
+    load = residual(plant, x, u, p, still[:n])[0]
+    H = scaled_slopes(plant, x, u, p, still)[2]
     a = solve(ca.sparsify(H[:n, :n]), load)
     return ca.vertcat(slope[:n], a, slope[2 * n :]) if plant.nz else ca.vertcat(slope[:n], a)
 
@@ -122,7 +134,7 @@ class Kept:
 def pullback(plant: Plant) -> ca.Function:
     """The transposed derivative of x' = f(x, u, p), for gradients of functions of x'.
 
-    With H g = R for the residual R of ``Plant.residual``, μᵀ dg = (H⁻¹ μ)ᵀ dR at fixed
+    With H g = R for the residual R of ``residual``, μᵀ dg = (H⁻¹ μ)ᵀ dR at fixed
     accelerations, which is a gradient of inverse dynamics, at less than twice its cost.
 
     Args:
@@ -135,12 +147,12 @@ def pullback(plant: Plant) -> ca.Function:
     n, tunable = plant.model.n, len(plant.parameters.nominal)
     slope, mu = ca.SX.sym("slope", plant.nx), ca.SX.sym("mu", plant.nx)
     arguments = [x, u, p, slope, mu]
-    if not plant.held_by_joints:
+    if not held_by_joints(plant):
         gradients = [ca.jtimes(plant.rhs(x, u, p), by, mu, True) for by in (x, u, p)]
     else:
-        residual, H = plant.residual(x, u, p, slope[n : 2 * n])
+        left, H = residual(plant, x, u, p, slope[n : 2 * n])
         nu = ca.SX.sym("nu", n)
-        weighed = ca.dot(nu, residual) + ca.dot(mu[:n], x[n : 2 * n])
+        weighed = ca.dot(nu, left) + ca.dot(mu[:n], x[n : 2 * n])
         rates = plant.rhs(x, u, p)[2 * n :]
         weighed = weighed + ca.dot(mu[2 * n :], rates) if plant.nz else weighed
         load = solve(ca.sparsify(H), mu[n : 2 * n])
@@ -148,3 +160,88 @@ def pullback(plant: Plant) -> ca.Function:
         gradients = found(*arguments, load)
     by_x, by_u, by_p = gradients
     return dense_function("pullback", arguments, by_x, by_u, by_p[:tunable])
+
+
+def held_by_joints(plant: Plant) -> bool:
+    """Whether an arm is held by its joints alone: no loops, no contacts."""
+    return not (plant.constrained or (plant.points and not plant.options.sliding))
+
+
+def residual(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Residual torque of accelerations ``a`` of free joints, and H.
+
+    The residual is zero at the accelerations of the motion, and H is its derivative by them up to
+    the sign. Shapes (n,) and (n, n).
+    """
+    n, s, joints = plant.model.n, plant.mechanics.symbols, plant.mechanics.joints
+    q, v, _ = split(x, n)
+    tau = inverse(s.tree, s.q, s.v, s.tau, s.gravity)
+    needs = [tau, mass_matrix(s.tree, s.q)]
+    needed, M = ca.Function("needs", [s.q, s.v, s.tau, joints.p], needs)(q, v, a, p)
+    free, left = _free_and_load(plant, x, u, p)
+    return free @ (left - needed), free @ M @ free + ca.SX.eye(n) - free
+
+
+def scaled_slopes(
+    plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """H ∂g/∂x, H ∂g/∂u and H of x' = (v, g), without loops.
+
+    With contacts, at constant contact forces, less the derivatives of their torques.
+    """
+    n, s, joints = plant.model.n, plant.mechanics.symbols, plant.mechanics.joints
+    q, v, z = split(x, n)
+    by_q, by_v, M = inverse_derivatives(s.tree, s.q, s.v, s.tau, s.gravity)
+    inertial = ca.Function("inertial", [s.q, s.v, s.tau, joints.p], [by_q, by_v, M])
+    by_q, by_v, M = inertial(q, v, slope[n : 2 * n], p)
+    free, left = _free_and_load(plant, x, u, p)
+    inertial_by_x = ca.horzcat(by_q, by_v, ca.SX(n, z.shape[0]))
+    rows = ca.sparsify(free @ (ca.jacobian(left, x) - inertial_by_x))
+    rates = plant.rhs(x, u, p)[2 * n :]
+    K_x = ca.vertcat(rows, ca.jacobian(rates, x))
+    K_u = ca.vertcat(ca.sparsify(free @ ca.jacobian(left, u)), ca.jacobian(rates, u))
+    H = ca.diagcat(free @ M @ free + ca.SX.eye(n) - free, ca.SX.eye(z.shape[0]))
+    return K_x, K_u, H
+
+
+def contact_slopes(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> tuple[ca.SX, ...]:
+    """Derivatives of the contacts' forces and accelerations, see ``ContactFunctions.slopes``."""
+    n, contact = plant.model.n, plant.mechanics.contact
+    assert contact is not None
+    q, v, _ = split(x, n)
+    force, tau = plant.events["loads"](x, u, p)[1], _torque(plant, x, u, p)
+    return tuple(contact.slopes()(q, v, tau, p, slope[n : 2 * n], force))
+
+
+@one_at_a_time
+def scaled_jacobian(plant: Plant) -> ca.Function | None:
+    """The Jacobian of x' = (v, g) by x = (q, w), scaled to preserve a tree's sparsity.
+
+    Returns:
+        CasADi function (x, u, p, x') -> H ∂g/∂q, H ∂g/∂w, H, sparse; or None for short arms, and
+        for arms with loops or contacts, where the Jacobian itself is as good.
+    """
+    n = plant.model.n
+    if n <= DENSE_AT_MOST or not held_by_joints(plant):
+        return None
+    x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
+    slope = ca.SX.sym("slope", plant.nx)
+    K, _, H = scaled_slopes(plant, x, u, p, slope)
+    found = [ca.sparsify(part) for part in (K[:, :n], K[:, n:], H)]
+    return ca.Function("jacobian", [x, u, p, slope], found, {"cse": True})
+
+
+def _free_and_load(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Diagonal with ones for free joints, and the load on them besides inertia."""
+    s, joints = plant.mechanics.symbols, plant.mechanics.joints
+    q, v, _ = split(x, plant.model.n)
+    load = s.tau - s.passive - joints.friction + joints.stop
+    load_of = ca.Function("load", [s.q, s.v, s.tau, joints.p], [load])
+    left = load_of(q, v, _torque(plant, x, u, p), p)
+    return ca.Function("free", [joints.p], [ca.diag(joints.sliding)])(p), left
+
+
+def _torque(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+    """Torque of drives and laws with states on the links, shape (n,)."""
+    laws = under_modes(plant.laws, plant.mechanics)
+    return flow_under_modes(laws, plant.mechanics, *split(x, plant.model.n), u, p)[0]

@@ -12,13 +12,13 @@ torque, which is a mode where it may change within a tick.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.actuation.internal_state import Flow, StatefulLaw
+from arm_dynamics.actuation.internal_state import Ensemble, Flow, StatefulLaw
 from arm_dynamics.arrays import Array
 
 _COMPARED = {ca.OP_LT: 1.0, ca.OP_LE: -1.0, ca.OP_FMIN: -1.0, ca.OP_FMAX: 1.0}
@@ -181,3 +181,30 @@ class SwitchedLaw:
         """Switching functions and their magnitudes."""
         values, sizes = self._values(q, v, z, u)
         return values, sizes
+
+
+class SwitchedDrives:
+    """The drives of an arm, their case distinctions as modes.
+
+    Args:
+        laws: All laws of the scene.
+        n: Degrees of freedom.
+        gears: Joints whose gear loses power.
+
+    Attributes:
+        modes: Symbols of all modes.
+        joints: Index of the joint of each.
+        forward: See ``SwitchedLaw``.
+    """
+
+    def __init__(self, laws: Sequence[StatefulLaw], n: int, gears: Sequence[int]) -> None:
+        own = (law for law in laws if law.replaces_command.any())
+        self._drives = {law.title: SwitchedLaw(law, n, gears) for law in own}
+        drives = self._drives.values()
+        self.modes = ca.vertcat(ca.SX(0, 1), *(drive.modes for drive in drives))
+        self.joints = tuple(joint for drive in drives for joint in drive.joints)
+        self.forward = {i: sign for drive in drives for i, sign in drive.forward.items()}
+
+    def within(self, laws: Ensemble) -> Ensemble:
+        """Laws with these drives in place of those that compare."""
+        return replace(laws, laws=tuple(self._drives.get(law.title, law) for law in laws.laws))

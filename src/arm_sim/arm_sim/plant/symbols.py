@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Symbols of one scene, and the parts of its equation of motion that every variant shares."""
+"""Symbols of one scene, and the parts of its equation of motion that all options share."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import casadi as ca
+import numpy as np
 
 from arm_dynamics.equations import spring
 from arm_dynamics.equations.contact import MODE
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.scene.constraint import switchable
+from arm_sim.plant.options import SCENE, Options
 from arm_sim.plant.parameters import Parameters
-from arm_sim.plant.switches import Switches, case_modes
+from arm_sim.plant.switches import SwitchedDrives, Switches, case_modes
 
 
 class Symbols:
@@ -29,20 +30,21 @@ class Symbols:
         gravity: Gravity in the world frame in [m/s²], shape (3,).
         friction: Friction of the joints, with possibly tunable dry levels.
         passive: Viscous friction and springs less external torques, shape (n,).
+        drives: As given.
         cords: Case distinctions of cords; None without any, or with comparisons instead.
     """
 
+    cords: Switches | None
+
     def __init__(
-        self, model: ArmModel, parameters: Parameters, switched: bool = False,
-        forward: Mapping[int, ca.SX] | None = None,
-    ) -> None:  # fmt: skip
+        self, model: ArmModel, parameters: Parameters, drives: SwitchedDrives | None = None
+    ) -> None:
         """Take the symbols.
 
         Args:
             model: The robot.
             parameters: Tunable quantities.
-            switched: Whether cords have modes, instead of comparisons.
-            forward: Modes in place of the signs of drives' torques, by joint.
+            drives: Drives with modes; None if drives and cords have comparisons instead.
         """
         p = parameters.symbols()
         self.q, self.v, self.tau = (ca.SX.sym(name, model.n) for name in ("q", "v", "tau"))
@@ -53,19 +55,25 @@ class Symbols:
         self._switchable = switchable(model.scene.constraints)
         own = model.friction
         self.friction = own.scaled(p["coulomb"]) if "coulomb" in p else own
-        if forward:
+        if drives and (forward := drives.forward):
             signs = (forward.get(i, self.tau[i] > 0.0) for i in range(model.n))
             self.friction = replace(self.friction, forward=ca.vertcat(*signs))
         self.passive = own.smooth(self.v, self.q, p.get("friction"))
-        self.cords: Switches | None = None
+        self.drives, self.cords = drives, None
         if model.springs:
             torque = spring.torque(model.springs, self.tree, self.q, self.v)
-            if switched and has_cords(model):
+            if drives and has_cords(model):
                 self.cords = case_modes([torque], ca.vertcat(self.q, self.v))
                 (torque,) = self.cords.results
             self.passive += torque
         if "external" in p:  # acts where friction does: on the link, behind limits and drives
             self.passive -= p["external"]
+
+    @property
+    def switches(self) -> ca.SX:
+        """Symbols of the modes of cords and drives: 1 where a comparison holds, else 0."""
+        kinds = (kind.modes for kind in (self.cords, self.drives) if kind)
+        return ca.vertcat(ca.SX(0, 1), *kinds)
 
     def active(self, place: int) -> ca.SX | float:
         """1 or 0 for the constraint at an index of the scene's list: whether it is active."""
@@ -79,10 +87,7 @@ class Joints:
     Args:
         model: The robot.
         s: Its symbols.
-        stops: Whether joints may be at their stops.
-        switches: Symbols of the modes of drives and cords.
-        moving: Whether all joints slide, whatever their modes.
-        smoothing: Speed s of v / √(v² + s²) in place of the sliding direction; 0: it is a mode.
+        options: Those on stops, sliding and regularization are used.
 
     Attributes:
         direction: Symbols: -1 or 1 for sliding, 0 for sticking or being held by a rigid stop;
@@ -93,34 +98,27 @@ class Joints:
         friction: Dry friction of sliding joints in [N m] or [N], shape (n,).
         stop: Torque of compliant stops on the joints in [N m] or [N], shape (n,).
         pressures: Torques of compliant stops if touched, see ``equations.spring``, shape (2 n,).
-        switches: Symbols: 1 where a comparison in a drive or cord holds, else 0.
+        switches: Those of the symbols.
         contacts: Symbols: the modes of the contacts, see ``equations.contact.Mode``.
         p: The complete vector of tunable quantities and modes.
     """
 
-    def __init__(
-        self,
-        model: ArmModel,
-        s: Symbols,
-        stops: bool = True,
-        switches: ca.SX | None = None,
-        moving: bool = False,
-        smoothing: float = 0.0,
-    ) -> None:
+    def __init__(self, model: ArmModel, s: Symbols, options: Options = SCENE) -> None:
         n, contacts = model.n, len(model.scene.contacts)
-        rigid = model.stops.rigid.any(axis=0) & stops
-        directions, pressed = mode_counts(model, stops)
+        directions, pressed = mode_counts(model, options.stops)
         self.direction = ca.SX.sym("direction", directions)
         self.pressed = ca.SX.sym("pressed", pressed)
         self.contacts = ca.SX.sym("mode", MODE * contacts)
-        self.switches = ca.SX(0, 1) if switches is None else switches
+        self.switches = s.switches
         self.p = ca.vertcat(s.p, self.direction, self.pressed, self.switches, self.contacts)
         self.sliding, self.friction, self.stop = ca.SX.ones(n), ca.SX(n, 1), ca.SX(n, 1)
-        if directions and not moving:
+        if directions and not options.sliding:
+            rigid = model.stops.rigid.any(axis=0) & options.stops
             may = (model.friction.level > 0.0) | rigid
             self.sliding = ca.vertcat(*(self.direction[i] ** 2 if may[i] else 1 for i in range(n)))
         if model.has_dry_friction:
-            slides = s.v / ca.sqrt(s.v**2 + smoothing**2) if smoothing else self.direction
+            speed = options.regularization
+            slides = s.v / ca.sqrt(s.v**2 + speed**2) if speed else self.direction
             self.friction = ca.sparsify(s.friction.dry(s.v, slides, s.q, s.tau))
         if pressed:
             at = model.stops
@@ -128,6 +126,28 @@ class Joints:
             lower, upper = ca.vertsplit(self.pressures, n)
             leans = (self.pressed < 0, self.pressed > 0)
             self.stop = ca.sparsify(leans[0] * lower - leans[1] * upper)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Numbers of the entries of p before the modes of the contacts, in their order.
+
+    Attributes:
+        tunable: Of tunable quantities.
+        directions: Of ``Joints.direction``.
+        pressed: Of ``Joints.pressed``.
+        switches: Of ``Symbols.switches``.
+    """
+
+    tunable: int
+    directions: int
+    pressed: int
+    switches: int
+
+    def parts(self, p: ca.SX) -> tuple[ca.SX, ...]:
+        """Tunable quantities, directions, compliant stops, switches, and contacts, from p."""
+        numbers = self.tunable, self.directions, self.pressed, self.switches
+        return tuple(ca.vertsplit(p, [*np.cumsum([0, *numbers]).tolist(), p.shape[0]]))
 
 
 def has_cords(model: ArmModel) -> bool:

@@ -11,64 +11,25 @@ accurately as the motion itself. All of this is computed on demand.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics import Dynamics
-from arm_dynamics.actuation.internal_state import Ensemble, Flow
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen.one_at_a_time import built_once
-from arm_dynamics.equations import spring
-from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.placing import holding
-from arm_sim.plant.plant import Plant, Power, split
+from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
+from arm_sim.plant.state_space import FLOWS, split
 from arm_sim.stepping.stepper import Stepper
 
 # Distance to a stop, in ticks at the joint's velocity, within which it may have hit the stop.
 MARGIN = 2.0
 
-FLOWS = (
-    "work supplied [J]", "heat lost [J]", "heat of friction [J]", "external work [J]",
-    "lost in contacts [J]",
-)  # fmt: skip
-"""Energies that a repeated tick integrates."""
-
 ROUNDING = 1e-9
-
-
-@dataclass(frozen=True)
-class Ledger(Ensemble):
-    """The models of a scene with energy flows as additional states, which come last.
-
-    They are the work supplied to the models and the heat dissipated in them, and those of
-    ``Plant.accounted``: heat of the joints' friction and of dampers, external work, and losses in
-    friction of contacts and in compliant stops. Impacts are not included.
-    """
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The internal states, and the account."""
-        return (*super().names, *FLOWS)
-
-    @property
-    def scale(self) -> Array:
-        """Scale of each of them, shape (nz + 5,)."""
-        return np.concatenate([super().scale, np.ones(len(FLOWS))])
-
-    def initial(self, q: Array, v: Array) -> Array:
-        """The internal states, and an empty account."""
-        return np.concatenate([super().initial(q, v), np.zeros(len(FLOWS))])
-
-    def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """Equations of the models, and their powers as rates of the first two energies."""
-        flow = super().equations(q, v, z, u)
-        return Flow(flow.torque, ca.vertcat(flow.slope, flow.supplied, flow.lost))
 
 
 @sealed
@@ -90,7 +51,6 @@ class EnergyAccount:
     ) -> None:
         self._plant, self._present = plant, present
         self.choice, self._backend = choice, backend
-        self._laws = plant.laws or Ensemble((), plant.model.n)
 
     @property
     def may_make_ticks_again(self) -> bool:
@@ -99,7 +59,7 @@ class EnergyAccount:
 
     @property
     def _always(self) -> bool:
-        return self._plant.laws is not None or self.choice.tolerance is not None
+        return bool(self._plant.laws) or self.choice.tolerance is not None
 
     def prepare(self) -> None:
         """Build in advance what the first ``flows`` needs."""
@@ -241,7 +201,7 @@ class EnergyAccount:
     @built_once
     def _stored(self) -> ca.Function:
         x, n = ca.SX.sym("x", self._plant.nx), self._plant.model.n
-        flow = self._laws.equations(*split(x, n), ca.SX(n, 1))
+        flow = self._plant.laws.equations(*split(x, n), ca.SX(n, 1))
         return ca.Function("stored", [x], [flow.stored])
 
     @built_once
@@ -251,9 +211,7 @@ class EnergyAccount:
 
     @built_once
     def _ledger(self) -> Stepper:
-        ledger = Ledger(self._laws.laws, self._plant.model.n)
-        powers = friction_heat(self._plant), outside_work(self._plant)
-        plant = self._plant.accounted(ledger, powers)
+        plant = self._plant.variant(energies=True)
         return Stepper(plant, self.choice, self._backend, acted=True)
 
 
@@ -276,31 +234,6 @@ def relative_error(balance: float, moved: float, size: float) -> float:
     if not np.isfinite([balance, moved, size]).all():
         return np.inf
     return float(abs(balance) / (moved + ROUNDING * size + np.finfo(float).tiny))
-
-
-def friction_heat(plant: Plant) -> Power:
-    """Power lost in the joints' friction and dampers, without friction models with states."""
-    model, tree = plant.model, tree_of(plant.model)
-    viscous, dry = map(plant.parameters.place, ("friction", "coulomb"))
-
-    def power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
-        law = model.friction if dry is None else model.friction.scaled(p[dry])
-        torque = law.smooth(v, q, None if viscous is None else p[viscous])
-        if law.has_dry:
-            torque = torque + law.dry(v, ca.sign(v), q, tau)
-        return ca.dot(torque, v) + spring.heat(model.springs, tree, q, v)
-
-    return power
-
-
-def outside_work(plant: Plant) -> Power:
-    """Power of external torques."""
-    pushed = plant.parameters.place("external")
-
-    def power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
-        return ca.SX(1, 1) if pushed is None else ca.dot(p[pushed], v)
-
-    return power
 
 
 def dissipated_work(

@@ -42,7 +42,7 @@ def with_scene(contents: Contents, scene: Any) -> Contents:
     order = [names.index(name) for name in model.joint_names]
     plant, rows = Plant(model), len(contents.time)
     q, v, command = (part[:, order] for part in (contents.q, contents.v, contents.command))
-    z = [plant.initial(*pair) for pair in zip(q, v, strict=True)] if plant.nz else []
+    z = [plant.laws.initial(*pair) for pair in zip(q, v, strict=True)] if plant.nz else []
     dt = float(np.median(np.diff(contents.time))) if rows > 1 else loaded.sim.dt
     nominal = plant.parameters.nominal
     return replace(

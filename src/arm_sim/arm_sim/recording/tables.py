@@ -27,7 +27,4 @@ def columns(recording: RecordedMotion) -> dict[str, Array]:
 
 
 def _laws(recording: RecordedMotion) -> tuple[str, ...]:
-    if not recording.z.shape[1]:
-        return ()
-    laws = recording.plant.laws
-    return laws.names if laws is not None else ()
+    return recording.plant.laws.names if recording.z.shape[1] else ()

@@ -179,7 +179,7 @@ def flexibility(model: ArmModel) -> Array:
 
 def _encoders(plant: Plant, x: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Positions and velocities measured by the servos, reflected to the joints."""
-    n, states = plant.model.n, plant.laws.states if plant.laws else ()
+    n, states = plant.model.n, plant.laws.states
     q, v = ca.SX(x[:n]), ca.SX(x[n : 2 * n])
     for k, state in enumerate(states, 2 * n):
         if state.kind is StateKind.MOTOR_POSITION:

@@ -42,7 +42,7 @@ class Rest:
         self._n, self._rigid = plant.model.n, Dynamics(rigid)
         self._dynamics = Dynamics(plant.model)
         self._stiffness = np.divide(1.0, soft, out=np.zeros_like(soft), where=soft > 0.0)
-        states = plant.laws.states if plant.laws else ()
+        states = plant.laws.states
         turning = [
             (k, state.joint)
             for k, state in enumerate(states, 2 * self._n)

@@ -67,16 +67,18 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
     Raises:
         InvalidInput: If the scene has no contact.
     """
-    if plant.contact is None:
+    if not plant.points:
         raise InvalidInput(
             "the scene has no contact; a scene with 'constraints' of type contact is expected"
         )
+    contact = plant.mechanics.contact
+    assert contact is not None
     modes = stepper.modes_at(x, u)
     call = stepper.kernel.call
     gaps = call("contact_geometry")(x[: 2 * plant.model.n])[0][::3]
     force = call("loads")(x, u, modes.p)[1].reshape(-1, 3)
     force = force + _shared(plant, stepper, x, u, modes)
-    sites = np.array(plant.contact.sites(x[: plant.model.n])).T.reshape(-1, 4, 3)
+    sites = np.array(contact.sites(x[: plant.model.n])).T.reshape(-1, 4, 3)
     answers = []
     for i, mode in enumerate(modes.contact):
         state = "apart" if not mode["closed"] else "sticks" if mode["sticks"] else "slides"

@@ -136,7 +136,7 @@ def written(numbers: Mapping[str, Array | int], storage: str = "static const") -
 def sizes(plant: Plant, choice: Choice, functions: Sequence[ca.Function]) -> dict[str, str]:
     """Sizes and features of a scene, for all files of ``native``."""
     stops, statics, controlled = plant.model.stops, plant.events.get("statics"), choice.tolerance
-    plain = not (plant.constrained or plant.pressed or plant.switches)
+    plain = not (plant.constrained or plant.layout.pressed or plant.layout.switches)
     features = {
         "EVENTS": plant.eventful, "RIGID": stops.rigid.any(),
         "STOPS": bool(stops) and not plant.eventful,

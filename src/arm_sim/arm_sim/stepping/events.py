@@ -48,7 +48,7 @@ def lengths(plant: Plant) -> dict[str, int]:
     n, contacts = plant.model.n, len(plant.points)
     return {
         "NX": plant.nx, "NU": n, "NP": len(plant.parameters.nominal), "NC": contacts,
-        "ND": plant.directions, "NQ": plant.pressed, "NK": plant.switches,
+        "ND": plant.layout.directions, "NQ": plant.layout.pressed, "NK": plant.layout.switches,
     }  # fmt: skip
 
 

@@ -30,7 +30,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.long_runs import refuse_beyond_memory
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
-from arm_sim.plant.plant import Plant
+from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.stepping.engine import INCLUDED, NATIVE, definitions
 from arm_sim.stepping.stepper import MOVING, Stepper, address, smooth_motion
 
@@ -194,7 +194,7 @@ class Rollouts:
                 inside_stops(plant, x[arm, :n], f"arm {arm}: ")  # which refuses all but rounding
             x[:, :n] = inside
         if plant.nz:
-            z = [plant.initial(*np.split(row, 2)) for row in x]
+            z = [plant.laws.initial(*np.split(row, 2)) for row in x]
             x = np.concatenate([x, np.reshape(z, (len(x), -1))], axis=1)
         return np.ascontiguousarray(x)  # columns of q and v may lie side by side
 
@@ -296,9 +296,9 @@ def ticks_of_lanes(
         functions = [build_tick(motion, actuate)]
         return _source(plant, choice, width, functions, file, control, TICK="tick")
     asked = [function for name, function in plant.events.items() if name in PREDICTED]
-    functions = [plant.slope_of_loads(), motion, actuate, *asked]
+    functions = [slope_of_loads(plant), motion, actuate, *asked]
     if plant.glides:
-        functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
+        functions.append(smooth_motion(plant.variant(sliding=True), choice, MOVING))
     return _source(plant, choice, width, functions, file, control)
 
 
@@ -320,7 +320,7 @@ def alike(plant: Plant, choice: Choice) -> bool:
 
 def switches_unseen(plant: Plant) -> bool:
     """Whether something switches at which lanes of arms away from their stops do not look."""
-    return plant.free is not None and plant.switches > 0
+    return plant.free is not None and plant.layout.switches > 0
 
 
 def of_lanes(code: str, width: int) -> str:

@@ -32,7 +32,8 @@ from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
 from arm_sim.long_runs import slices
 from arm_sim.plant.actuation import CompiledControl, actuation
-from arm_sim.plant.plant import Plant
+from arm_sim.plant.plant import Plant, slope_of_loads
+from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.stepping.engine import INCLUDED, engine_apart, engine_source
 from arm_sim.stepping.events import EventReport, Modes, Trouble
@@ -316,7 +317,7 @@ def recipe_of(plant: Plant, choice: Choice, acted: bool) -> str:
     sources = digest_of(str(Path(arm_dynamics.__file__).parent), str(Path(__file__).parents[1]))
     model = plant.model
     numbers = model.viscous.tolist(), model.command_limit.tolist()
-    made_of = model.scene, numbers, plant.variant, choice, acted
+    made_of = model.scene, numbers, plant.options, choice, acted
     return repr((made_of, sources, ca.__version__, np.__version__))
 
 
@@ -338,12 +339,12 @@ def tick_functions(
 ) -> tuple[list[ca.Function], ca.Function]:
     """The functions that a tick evaluates, and that of them which advances without events."""
     smooth = smooth_motion(plant, choice)
-    functions = [plant.slope_of_loads(), smooth, actuate, *plant.events.values()]
+    functions = [slope_of_loads(plant), smooth, actuate, *plant.events.values()]
     if plant.free:
         smooth = smooth_motion(plant.free, choice, FREE)
         functions += [_renamed(plant.free.rhs), smooth]
     if plant.glides:
-        functions.append(smooth_motion(plant.in_motion(), choice, MOVING))
+        functions.append(smooth_motion(plant.variant(sliding=True), choice, MOVING))
     return functions, smooth
 
 
@@ -375,12 +376,13 @@ def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function
     In a scene with events it returns its continuous output, too, and begins with the slope that
     is known from the choice of modes.
     """
-    n, scaled, method, dense = plant.model.n, plant.scaled_jacobian, choice.method, plant.eventful
-    loads = None if plant.moving else plant.events.get("loads")
-    more = plant.project, scaled, f"{prefix}{'step' if choice.tolerance is None else 'attempt'}"
+    n, method, dense = plant.model.n, choice.method, plant.eventful
+    loads, scaled = plant.events.get("loads"), partial(scaled_jacobian, plant)
+    name = f"{prefix}{'step' if choice.tolerance is None else 'attempt'}"
+    more = plant.mechanics.project, scaled, name
     if choice.tolerance is None:
         return build_step(method, plant.rhs, n, *more, dense, loads)
-    return build_attempt(method, plant.rhs, n, plant.scale, *more, dense, loads)
+    return build_attempt(method, plant.rhs, n, plant.laws.scale, *more, dense, loads)
 
 
 def _renamed(function: ca.Function) -> ca.Function:
@@ -414,7 +416,7 @@ def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
     def acceleration(q: Array, v: Array, tau: Array) -> Array:
         slides = sliding(v)
         modes.direction[:] = slides[: len(modes.direction)]  # none is at a stop
-        x = np.concatenate([q, v, plant.initial(q, v)])
+        x = np.concatenate([q, v, plant.laws.initial(q, v)])
         _set_switches(modes, kernel, x, tau)
         a = call(x, tau, modes.p)[0][n : 2 * n]
         if plant.torques is None:

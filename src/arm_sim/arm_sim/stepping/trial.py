@@ -47,13 +47,13 @@ def keeps_accuracy(plant: Plant, stepper: Stepper, choice: Choice) -> bool:
 def _starts(plant: Plant) -> Iterator[Array]:
     """The initial state and, where any posture may be taken, some others in motion."""
     model = plant.model
-    yield np.concatenate([model.q0, model.v0, plant.initial(model.q0, model.v0)])
+    yield np.concatenate([model.q0, model.v0, plant.laws.initial(model.q0, model.v0)])
     if model.scene.constraints:
         return
     rng = np.random.default_rng(model.n)
     for q in postures(model, OTHERS):
         v = rng.uniform(-1.0, 1.0, model.n) * _speeds(model)
-        yield np.concatenate([q, v, plant.initial(q, v)])
+        yield np.concatenate([q, v, plant.laws.initial(q, v)])
 
 
 def _speeds(model: ArmModel) -> Array:

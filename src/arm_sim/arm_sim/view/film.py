@@ -83,7 +83,7 @@ def film_of(recording: Recording, name: str | None) -> Film:
 def _stills(part: Recording) -> Iterator[Instant]:
     """Pictures with forces of contacts, constraints and stops, if the scene has any."""
     plant, x = part.plant, part.x
-    tied, touching = bool(plant.model.scene.bilateral), plant.contact is not None
+    tied, touching = bool(plant.model.scene.bilateral), bool(plant.points)
     stopped = bool(plant.model.stops.touched(part.q).any())
     if part.of_robot or not (tied or touching or stopped):
         return  # the holding torques of a robot are unknown
