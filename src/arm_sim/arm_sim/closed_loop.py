@@ -16,7 +16,7 @@ from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.controller import Measured
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller, mismatch, overreach
 from arm_dynamics.control.wrappers import Switch

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +22,6 @@ from arm_dynamics.control import (
     Restartable,
     Settings,
     compiled_law,
-    computed_torque,
     make_controller,
     preparation,
 )
@@ -124,15 +124,20 @@ def test_without_a_compiler_it_is_still_right(
     assert not built(dynamics.model)
 
 
+def disturbed(monkeypatch: pytest.MonkeyPatch, change: Callable[[ca.SX], ca.SX]) -> None:
+    """Change inverse dynamics as an expression, which numbers do not use."""
+
+    class Disturbed(compiled_law.RigidExpressions):
+        def frictionless(self, *motion: ca.SX) -> ca.SX:
+            return change(super().frictionless(*motion))
+
+    monkeypatch.setattr(compiled_law, "RigidExpressions", Disturbed)
+
+
 def test_a_law_that_differs_is_not_used(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, rng: np.random.Generator
 ) -> None:
-    right = computed_torque.expression
-
-    def wrong(*arguments: Any) -> ca.SX:
-        return right(*arguments) * (1.0 + 1e-9)
-
-    monkeypatch.setattr(computed_torque, "expression", wrong)
+    disturbed(monkeypatch, lambda tau: tau * (1.0 + 1e-9))
     dynamics = new("two_link")
     agree(dynamics, rng)
     assert not built(dynamics.model)
@@ -141,25 +146,13 @@ def test_a_law_that_differs_is_not_used(
 
 
 @pytest.mark.parametrize(("off", "used"), [(5e-11, True), (2e-10, False)])
-def test_small_torques_are_compared_as_torques_of_one(
+def test_small_torques_are_compared_as_torques_of_one_and_large_ones_by_their_size(
     off: float, used: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """[N m]; of a motor's rotor on its own, which takes a thousandth of that."""
-    right = computed_torque.expression
-    monkeypatch.setattr(computed_torque, "expression", lambda *given: right(*given) + off)
-    model = ArmModel(load_scene(rotor(1e-7, viscous=0.0, coulomb=0.0)))
-    assert built(model) == used
-
-
-@pytest.mark.parametrize(("off", "used"), [(5e-11, True), (2e-10, False)])
-def test_large_torques_are_compared_by_their_size(
-    off: float, used: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of a heavy wheel, in either direction."""
-    right = computed_torque.expression
-    monkeypatch.setattr(computed_torque, "expression", lambda *given: right(*given) * (1 + off))
-    model = ArmModel(load_scene(rotor(1e3, viscous=0.0, coulomb=0.0)))
-    assert built(model) == used
+    """[N m]; of a motor's rotor on its own, which takes a thousandth, and of a heavy wheel."""
+    for inertia, change in ((1e-7, lambda tau: tau + off), (1e3, lambda tau: tau * (1 + off))):
+        disturbed(monkeypatch, change)
+        assert built(ArmModel(load_scene(rotor(inertia, viscous=0.0, coulomb=0.0)))) == used
 
 
 def test_its_answer_is_the_callers_own(rng: np.random.Generator) -> None:

@@ -12,7 +12,8 @@ from samples import sampled
 import models
 from arm_dynamics import InvalidInput, Term
 from arm_dynamics.control import ComputedTorque, Measured, gains, held_gains
-from arm_dynamics.control.computed_torque import Checked, checked, gain
+from arm_dynamics.control.controller import Checked, checked
+from arm_dynamics.control.pole_placement import gain
 from arm_dynamics.trajectory import Reference, hold
 from tolerances import ALGEBRA, INVERSE_PAIR, LINEAR_ERROR, PINOCCHIO, assert_close
 

@@ -9,7 +9,7 @@ import pytest
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.control import Settings, make_controller
-from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.controller import Measured
 from arm_dynamics.trajectory.reference import Reference
 
 STIFF = np.array([600.0, 500.0, 400.0, 300.0, 50.0, 40.0, 30.0])

@@ -12,7 +12,7 @@ from harness import Ros
 from two_link_control import MS, effort, point, reference_of, still, trajectory, wanted
 
 import models
-from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.controller import Measured
 from arm_dynamics.ros.controller import Jumps
 from arm_dynamics.ros.controller.goals import Goal
 from arm_dynamics.ros.controller_node import ControllerNode

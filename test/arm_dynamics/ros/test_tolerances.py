@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from control_msgs.action import FollowJointTrajectory
 
-from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.controller import Measured
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.ros.controller.action_goal import follow_params, tolerances
 from arm_dynamics.ros.controller.tolerances import (

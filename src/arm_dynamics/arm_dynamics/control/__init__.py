@@ -10,20 +10,9 @@ from typing import TYPE_CHECKING
 from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
-    from arm_dynamics.control.compiled_law import (
-        Compiled,
-        CompiledComputedTorque,
-        Law,
-        preparation,
-    )
-    from arm_dynamics.control.computed_torque import (
-        ComputedTorque,
-        Controller,
-        Measured,
-        Restartable,
-        gains,
-        held_gains,
-    )
+    from arm_dynamics.control.compiled_law import Compiled, CompiledComputedTorque, preparation
+    from arm_dynamics.control.computed_torque import ComputedTorque
+    from arm_dynamics.control.controller import Controller, Measured, Restartable
     from arm_dynamics.control.custom import Watched, load_controller
     from arm_dynamics.control.factory import NAMES, Settings, make_controller
     from arm_dynamics.control.friction_compensation import FrictionFeedForward
@@ -33,10 +22,11 @@ if TYPE_CHECKING:
         FeedForwardPD,
         GravityCompensation,
         JointImpedance,
-        JointLaw,
         PDGravity,
         tuned,
     )
+    from arm_dynamics.control.law import JointLaw, Law
+    from arm_dynamics.control.pole_placement import gains, held_gains
     from arm_dynamics.control.task_space import (
         AlongJoints,
         CartesianImpedance,
@@ -64,14 +54,16 @@ __all__ = [
     "preparation", "task_reference", "tuned",
 ]  # fmt: skip
 __getattr__, __dir__ = on_demand(__name__, {
-    "compiled_law": ("Compiled", "CompiledComputedTorque", "Law", "preparation"),
-    "computed_torque": ("ComputedTorque", "Controller", "Measured", "Restartable",
-        "gains", "held_gains"),
+    "compiled_law": ("Compiled", "CompiledComputedTorque", "preparation"),
+    "computed_torque": ("ComputedTorque",),
+    "controller": ("Controller", "Measured", "Restartable"),
     "custom": ("Watched", "load_controller"),
     "factory": ("NAMES", "Settings", "make_controller"),
     "friction_compensation": ("FrictionFeedForward",),
     "joint_space": ("PD", "PID", "FeedForwardPD", "GravityCompensation", "JointImpedance",
-        "JointLaw", "PDGravity", "tuned"),
+        "PDGravity", "tuned"),
+    "law": ("JointLaw", "Law"),
+    "pole_placement": ("gains", "held_gains"),
     "task_space": ("AlongJoints", "CartesianImpedance", "MotionForce", "OperationalSpace",
         "TaskController", "at_rest", "task_reference"),
     "wrappers": ("AnyController", "DisturbanceObserver", "HalfTickAhead", "Saturated",

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controllers as native code: for Python, and for loops that run in C.
 
-A controller is written once, as a formula that takes numbers as well as expressions. With
-expressions it becomes code for an arm, in which gains are inputs: other gains need no other code.
+A formula of expressions becomes code for an arm, in which gains are inputs: other gains need no
+other code.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -23,15 +23,9 @@ from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.control.computed_torque import (
-    ComputedTorque,
-    Measured,
-    Moving,
-    Parts,
-    added_torques,
-    checked,
-    restart,
-)
+from arm_dynamics.control.computed_torque import ComputedTorque
+from arm_dynamics.control.controller import Measured, Moving, added_torques, checked, restart
+from arm_dynamics.control.law import Law, law_of, name_of
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.verify import compare, random_states
 from arm_dynamics.exceptions import ControllerFailed, KernelError
@@ -73,87 +67,6 @@ class Compilable(Protocol):
 def compiled_law(control: object) -> CompiledLaw | None:
     """Return a controller as a compiled function; None if it is not available."""
     return control.compiled() if isinstance(control, Compilable) else None
-
-
-@runtime_checkable
-class Law(Protocol):
-    """A controller for joint references whose formula takes expressions, too.
-
-    Attributes:
-        key: What its formula depends on besides the model; None if it has no formula.
-        tuning: Numbers of the formula that may change without compiling it again.
-        memory: Numbers that it remembers from one call to the next.
-    """
-
-    @property
-    def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on."""
-
-    @property
-    def tuning(self) -> tuple[Array, ...]:
-        """Numbers of the formula."""
-
-    memory: tuple[Array, ...]
-
-    def torque(self, state: Moving, reference: Reference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,); see ``Controller.torque``."""
-
-    def formula(
-        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
-    ) -> tuple[Any, Parts]:
-        """Torques, and the memory for the next call.
-
-        Args:
-            rigid: ``RigidExpressions`` of the arm.
-            q: Joint positions.
-            v: Joint velocities.
-            desired: The reference.
-            tuning: As the attribute.
-            memory: Likewise.
-
-        Returns:
-            Expressions. Torques may not be numbers in states that only ``torque`` can treat.
-        """
-
-
-def law_of(control: object) -> Law | None:
-    """The controller itself if it can be compiled, else None."""
-    return control if isinstance(control, Law) and control.key is not None else None
-
-
-class AroundLaw:
-    """A wrapper of a controller that has a formula if the controller has one.
-
-    Its numbers are those of the controller's formula; a wrapper with more puts them before these.
-    """
-
-    def __init__(self, control: Any) -> None:
-        """Take the controller."""
-        self.control, self._law = control, cast(Any, law_of(control))
-        self.name = _name(control)
-
-    def restart(self) -> None:
-        """Let the controller forget the past."""
-        restart(self.control)
-
-    @property
-    def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on besides the model; see ``Law``."""
-        return None if self._law is None else (type(self), self._law.key)
-
-    @property
-    def tuning(self) -> tuple[Array, ...]:
-        """Numbers of the controller's formula."""
-        return () if self._law is None else tuple(self._law.tuning)
-
-    @property
-    def memory(self) -> tuple[Array, ...]:
-        """The controller's memory."""
-        return () if self._law is None else tuple(self._law.memory)
-
-    @memory.setter
-    def memory(self, parts: tuple[Array, ...]) -> None:
-        self._law.memory = parts
 
 
 @sealed
@@ -296,9 +209,9 @@ def build(law: Law, model: ArmModel) -> Kernel | None:
 
 @one_at_a_time
 def _compiled(law: Law, model: ArmModel) -> Kernel | None:
-    _log.info("building %s of %d joints", _name(law), model.n)
+    _log.info("building %s of %d joints", name_of(law), model.n)
     try:
-        kernel = Kernel([_function(law, model)], "native")
+        kernel = Kernel([expression(law, model)], "native")
     except (KernelError, OSError) as error:
         _log.warning(_SLOWER, error)
         return None
@@ -317,12 +230,8 @@ def _agrees(kernel: Kernel, law: Law, model: ArmModel) -> bool:
     return True
 
 
-def _name(law: object) -> str:
-    """The class of a law, or what it is called if it is a user's."""
-    return str(getattr(law, "name", type(law).__name__))
-
-
-def _function(law: Law, model: ArmModel) -> ca.Function:
+def expression(law: Law, model: ArmModel) -> ca.Function:
+    """A controller as the CasADi function of ``CompiledLaw.call``."""
     moving = ca.SX.sym("moving", 6 * model.n)
     tuning, memory = (
         ca.SX.sym(name, _flat(parts).size)
@@ -345,10 +254,10 @@ def _check(kernel: Kernel, law: Law, model: ArmModel) -> None:
     finally:
         law.memory = kept
     if not found:
-        raise KernelError(f"{_name(law)} is singular wherever it was compared")
+        raise KernelError(f"{name_of(law)} is singular wherever it was compared")
     made, expected = np.swapaxes(found, 0, 1)
     sizes = np.maximum(abs(expected), 1.0)
-    compare(_name(law), (made - expected, sizes), source="the controller's torque")
+    compare(name_of(law), (made - expected, sizes), source="the controller's torque")
 
 
 def _pairs(call: Call, law: Law, model: ArmModel) -> Iterator[tuple[Array, Array]]:

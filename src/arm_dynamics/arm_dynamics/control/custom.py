@@ -23,8 +23,8 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, all_finite, read_only
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.compiled_law import AroundLaw, Law
-from arm_dynamics.control.computed_torque import Checked, Controller, Moving, Parts, checked
+from arm_dynamics.control.controller import Checked, Controller, Moving, checked
+from arm_dynamics.control.law import Law, Parts, Wrapper
 from arm_dynamics.exceptions import (
     ControllerFailed,
     InvalidInput,
@@ -124,7 +124,7 @@ def _asked(name: str, maker: Maker, offered: Mapping[str, Any]) -> dict[str, Any
 
 
 @sealed
-class Watched(AroundLaw):
+class Watched(Wrapper):
     """A user-defined controller whose results are checked.
 
     It receives read-only arrays. If it raises, or returns anything but n finite numbers, it has
@@ -148,8 +148,8 @@ class Watched(AroundLaw):
                 "torque(state, reference)"
             )
         _check_parts(control, name)
-        super().__init__(control)
-        self.name, self._n = name, n
+        super().__init__(control, n)
+        self.name = name
         self._failed: ControllerFailed | None = None
 
     @property
@@ -169,7 +169,7 @@ class Watched(AroundLaw):
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[Any, Parts]:
-        """Its formula as an expression; see ``compiled_law.Law``.
+        """Its formula as an expression; see ``law.Law``.
 
         Raises:
             KernelError: If it does not take expressions, or its results have wrong shapes.

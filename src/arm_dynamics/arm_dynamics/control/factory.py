@@ -14,11 +14,16 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, numbers, positive, unit_vector
 from arm_dynamics.attributes import frozen
 from arm_dynamics.control import computed_torque, custom, joint_space, task_space
-from arm_dynamics.control.added_torques import WithAddedTorques
 from arm_dynamics.control.compiled_law import with_code
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.margin import MARGIN, largest_delay
-from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
+from arm_dynamics.control.pole_placement import gain
+from arm_dynamics.control.wrappers import (
+    AnyController,
+    DisturbanceObserver,
+    Saturated,
+    WithAddedTorques,
+)
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.model.sampling import postures
@@ -177,7 +182,7 @@ def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> 
         raise InvalidInput(f"controller = {name!r}; allowed: {allowed}")
     if name not in IN_TASK_SPACE:  # those have axes instead of joints
         for key in ("bandwidth", "damping_ratio"):
-            computed_torque.gain(key, getattr(settings, key), dynamics.n)
+            gain(key, getattr(settings, key), dynamics.n)
     return _BUILDERS[name](dynamics, settings)
 
 

@@ -5,13 +5,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.compiled_law import AroundLaw
-from arm_dynamics.control.computed_torque import Controller, Moving, Parts
+from arm_dynamics.control.controller import Controller
+from arm_dynamics.control.law import Parts, Wrapper
 from arm_dynamics.equations.elementary import Quantity, hyperbolic_tangent
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
@@ -46,7 +43,7 @@ def ahead(
 
 
 @sealed
-class FrictionFeedForward(AroundLaw):
+class FrictionFeedForward(Wrapper):
     """A joint controller with the friction of the reference's motion added."""
 
     def __init__(
@@ -65,25 +62,17 @@ class FrictionFeedForward(AroundLaw):
         """
         if terms not in ("all", "dry"):
             raise InvalidInput(f"terms = {terms!r}; allowed: all, dry")
-        super().__init__(control)
+        super().__init__(control, model.n)
         self._viscous, self._friction = terms == "all", SteadyFriction.of(model)
-
-    def torque(self, state: Moving, reference: Reference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        tau = self.control.torque(state, reference)
-        return np.asarray(self._with_friction(tau, reference))
 
     @property
     def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on besides the model; see ``compiled_law.Law``."""
+        """What the formula depends on besides the model; see ``law.Law``."""
         return None if (key := super().key) is None else (*key, self._viscous)
 
-    def formula(
-        self, rigid: Any, q: Any, v: Any, desired: Reference, *numbers: Any
-    ) -> tuple[Any, Parts]:
-        """The controller's torques and friction as an expression; see ``compiled_law.Law``."""
-        tau, after = self._law.formula(rigid, q, v, desired, *numbers)
-        return self._with_friction(tau, desired), after
-
-    def _with_friction(self, tau: Quantity, desired: Reference) -> Quantity:
-        return tau + ahead(self._friction, desired.v, desired.q, tau, self._viscous)
+    def changed(
+        self, tau: Any, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts,
+        memory: Parts,
+    ) -> tuple[Any, Parts]:  # fmt: skip
+        """The controller's torques and friction."""
+        return tau + ahead(self._friction, desired.v, desired.q, tau, self._viscous), memory

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers in joint space; see ``computed_torque`` for the common interface."""
+"""Controllers in joint space; see ``controller`` for the common interface."""
 
 from __future__ import annotations
 
@@ -10,57 +10,18 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits, vector
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.computed_torque import Moving, Parts, checked, gain, gains
+from arm_dynamics.control.controller import Moving, checked
+from arm_dynamics.control.law import JointLaw, Parts, pull
+from arm_dynamics.control.pole_placement import gain, gains
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.equations.elementary import choose, diagonal, root
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.sampling import postures
 from arm_dynamics.trajectory.reference import Reference
 
 _POSTURES = 200  # over which inertia is averaged
 _STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
-
-
-@sealed
-class JointLaw:
-    """A controller of joints whose formula takes numbers and expressions alike.
-
-    Attributes:
-        tuning: Numbers of the formula, arrays of shape (n,).
-        memory: Numbers that it remembers from one call to the next, likewise.
-    """
-
-    tuning: tuple[Array, ...]
-    memory: tuple[Array, ...] = ()
-
-    def __init__(self, n: int, robot: Robot | None = None) -> None:
-        """Take the degrees of freedom, and the robot if its terms are in the formula."""
-        self._n, self._rigid = n, None if robot is None else RigidTerms(robot)
-
-    @property
-    def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on besides the model; see ``compiled_law.Law``."""
-        return (type(self),)
-
-    def torque(self, state: Moving, reference: Reference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n, reference)
-        tau, memory = self.formula(self._rigid, q, v, reference, self.tuning, self.memory)
-        self.memory = tuple(memory)
-        return np.asarray(tau)
-
-    def formula(
-        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
-    ) -> tuple[Any, Parts]:
-        """Torques and the next memory, for numbers and expressions; see ``compiled_law.Law``."""
-        raise NotImplementedError
-
-
-def pull(q: Any, v: Any, desired: Reference, kp: Any, kd: Any) -> Any:
-    """K_p e + K_d ė, for numbers and expressions."""
-    return kp * (desired.q - q) + kd * (desired.v - v)
 
 
 @sealed

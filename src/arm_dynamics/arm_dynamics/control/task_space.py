@@ -18,8 +18,10 @@ from numpy.typing import ArrayLike
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, unit_vector, vector
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.computed_torque import Controller, Moving, Parts, checked, gain, gains
+from arm_dynamics.control.controller import Controller, Moving, checked
 from arm_dynamics.control.friction_compensation import ahead
+from arm_dynamics.control.law import Parts
+from arm_dynamics.control.pole_placement import gain, gains
 from arm_dynamics.equations.elementary import root
 from arm_dynamics.equations.frame import rotation_vector
 from arm_dynamics.exceptions import InvalidInput
@@ -40,7 +42,7 @@ class _TaskLaw:
 
     @property
     def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on besides the task; see ``compiled_law.Law``."""
+        """What the formula depends on besides the task; see ``law.Law``."""
         return None if self._arm.key is None else (type(self).__name__, *self._arm.key)
 
     def torque(self, state: Moving, reference: TaskReference) -> Array:
@@ -165,7 +167,7 @@ class CartesianImpedance(_TaskLaw):
 
     @property
     def key(self) -> tuple[Any, ...] | None:
-        """See ``compiled_law.Law``."""
+        """See ``law.Law``."""
         key = super().key
         return None if key is None else (*key, self._by_ratio)
 
@@ -190,7 +192,7 @@ class AlongJoints:
 
     @property
     def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on besides the model; see ``compiled_law.Law``."""
+        """What the formula depends on besides the model; see ``law.Law``."""
         key, task = getattr(self._control, "key", None), self._task
         return None if key is None else (*key, task.frame, task.axes, task.threshold)
 
@@ -203,7 +205,7 @@ class AlongJoints:
     def formula(
         self, rigid: Any, q: ca.SX, v: ca.SX, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[ca.SX, Parts]:
-        """Torques as an expression, not numbers near singularities; see ``compiled_law.Law``."""
+        """Torques as an expression, not numbers near singularities; see ``law.Law``."""
         task, control = self._task, cast(Any, self._control)
         *its, force = tuning
         state, meant = expressions(task.model, task.frame, task.axes)

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wrappers of a controller: limits, a disturbance observer, transition to another one."""
+"""Wrappers of a controller: limits, added torques, an observer, transition to another one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,25 +11,25 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.compiled_law import AroundLaw, CompiledLaw, compiled_law
-from arm_dynamics.control.computed_torque import (
+from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
+from arm_dynamics.control.controller import (
     Controller,
     Measured,
     Moving,
-    Parts,
     Restartable,
+    added_torques,
     checked,
-    gain,
     restart,
 )
 from arm_dynamics.control.joint_space import cut
+from arm_dynamics.control.law import Parts, Wrapper
+from arm_dynamics.control.pole_placement import gain
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations.elementary import choose, sign
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.reference import Reference
 
-_TUNING, _SEEN = 3, 4  # parts of the numbers and of the memory of an observer
 AnyController = Controller[Any]
 """A controller for any kind of reference."""
 
@@ -77,8 +75,24 @@ class Saturated:
         return cut(self._asked, self._limit)
 
 
+class WithAddedTorques(Wrapper):
+    """A joint controller with the torques of the reference added."""
+
+    def torque(self, state: Moving, reference: Reference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        tau, added = self.control.torque(state, reference), added_torques(reference, self._n)
+        return tau if added is None else np.asarray(tau + added)
+
+    def changed(
+        self, tau: Any, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts,
+        memory: Parts,
+    ) -> tuple[Any, Parts]:  # fmt: skip
+        """The controller's torques and the reference's."""
+        return tau + desired.tau, memory
+
+
 @sealed
-class DisturbanceObserver(AroundLaw):
+class DisturbanceObserver(Wrapper):
     """A controller that subtracts the disturbance estimated by a momentum observer.
 
     r = K (p - ∫ (τ + Cᵀ v - G - S - F + r) dt) with p = M v follows the torque that the model does
@@ -102,9 +116,8 @@ class DisturbanceObserver(AroundLaw):
         Raises:
             InvalidInput: If a number has a wrong shape or value.
         """
-        super().__init__(control)
-        self._n = dynamics.n
-        self._rigid, self._friction = RigidTerms(dynamics.model), dynamics.steady_friction
+        super().__init__(control, dynamics.n, dynamics.model)
+        self._friction = dynamics.steady_friction
         each, K = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
         if np.any(K * each >= 1.0):
             raise InvalidInput(
@@ -116,59 +129,26 @@ class DisturbanceObserver(AroundLaw):
     @property
     def disturbance(self) -> Array:
         """Last estimate of the external torque in [N m] or [N], shape (n,)."""
-        return self._seen[0].copy()
+        return self._memory[0].copy()
 
     def restart(self) -> None:
         """Reset the observer."""
         still = np.zeros(self._n)
-        self._seen: tuple[Array, ...] = still, still, still, np.zeros(1)
+        self._memory = still, still, still, np.zeros(1)
         super().restart()
 
-    def torque(self, state: Moving, reference: Any) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n)
-        wanted = partial(self.control.torque, state, reference)
-        tau, self._seen = self._observed(self._rigid, q, v, self._tuning, self._seen, wanted)
-        return np.array(tau)
-
-    @property
-    def tuning(self) -> tuple[Array, ...]:
-        """Numbers of the formula, those of the controller last."""
-        return (*self._tuning, *super().tuning)
-
-    @property
-    def memory(self) -> tuple[Array, ...]:
-        """Memory of the observer, and that of the controller."""
-        return (*self._seen, *super().memory)
-
-    @memory.setter
-    def memory(self, parts: tuple[Array, ...]) -> None:
-        self._seen = parts[:_SEEN]
-        if self._law is not None:
-            self._law.memory = parts[_SEEN:]
-
-    def formula(
-        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
-    ) -> tuple[Any, Parts]:
-        """Torques and the next memory as expressions; see ``compiled_law.Law``."""
-        mine, its = tuning[:_TUNING], tuning[_TUNING:]
-        seen, kept = memory[:_SEEN], memory[_SEEN:]
-        wanted, after = self._law.formula(rigid, q, v, desired, its, kept)
-        tau, seen = self._observed(rigid, q, v, mine, seen, lambda: wanted)
-        return tau, (*seen, *after)
-
-    def _observed(
-        self, rigid: Any, q: Any, v: Any, tuning: Sequence[Any], seen: Sequence[Any],
-        wanted: Callable[[], Any],
-    ) -> tuple[Any, Any]:  # fmt: skip
+    def changed(
+        self, tau: Any, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts,
+        memory: Parts,
+    ) -> tuple[Any, Parts]:  # fmt: skip
         """Torque without the disturbance, and what is remembered: r, τ, the integral, whether."""
-        (K, dt, limit), (r, last, integral, started) = tuning, seen
+        (K, dt, limit), (r, last, integral, started) = tuning, memory
         momentum = rigid.mass(q) @ v
         lost = self._friction(v, sign(v), q, last)
         known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - rigid.spring(q, v) - lost
         integral = choose(started > 0.0, integral + dt * (last + known + r), momentum)
         r = K * (momentum - integral)
-        tau = wanted() - r
+        tau = tau - r
         tau = choose(tau > limit, limit, choose(tau < -limit, -limit, tau))
         return tau, (r, tau, integral, started * 0.0 + 1.0)
 

@@ -8,13 +8,14 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
-from arm_dynamics import ArmModel
+from arm_dynamics import ArmModel, Dynamics
 from arm_dynamics.actuation.command_map import CommandMap, gravity_compensated
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.control.computed_torque import expression, held_gains
-from arm_dynamics.equations.tree import constant
+from arm_dynamics.control.compiled_law import expression
+from arm_dynamics.control.computed_torque import ComputedTorque
+from arm_dynamics.control.law import Law
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.plant.plant import Plant
@@ -33,7 +34,6 @@ class CompiledControl:
     reference: Callable[[Array], Array]
 
 
-@one_at_a_time
 def computed_torque(
     model: ArmModel,
     sample: Callable[[float], Reference],
@@ -58,16 +58,30 @@ def computed_torque(
     """
     if not isinstance(model, ArmModel):
         raise InvalidInput(f"model = {model!r}; an ArmModel is expected, such as dynamics.model")
-    kp, kd = held_gains(bandwidth, damping_ratio, model.n, dt)
-    n = model.n
-    x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n)
-    q, v = x[:n], x[n:]
-    tau = expression(
-        model, q, v, ca.vertsplit(r, n), (constant(kp), constant(kd), constant(np.array([dt])))
-    )
-    command = CommandMap(model)(q, v, tau)
-    law = ca.Function("law", [x, r], [ca.densify(command)], {"cse": True})
-    return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))
+    law = ComputedTorque(Dynamics(model), bandwidth, damping_ratio, dt)
+    numbers = np.concatenate(law.tuning)
+    rows = lambda times: np.array([[*_row(sample(t)), *numbers] for t in times])  # noqa: E731
+    return CompiledControl(law_function(law, model), rows)
+
+
+@one_at_a_time
+def law_function(law: Law, model: ArmModel) -> ca.Function:
+    """The function of a ``CompiledControl`` from a controller without memory.
+
+    Args:
+        law: The controller.
+        model: Its model.
+
+    Returns:
+        CasADi function (x, r) -> command of shape (n,), with r the positions, velocities and
+        accelerations of the reference and the numbers of ``law.tuning``.
+    """
+    n, formula = model.n, expression(law, model)
+    x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n + formula.numel_in(1))
+    moving, tuning = ca.vertcat(x, r[: 3 * n], ca.SX(n, 1)), r[3 * n :]
+    tau = formula(moving, tuning, ca.SX(0, 1))[0]
+    command = ca.densify(CommandMap(model)(x[:n], x[n:], tau))
+    return ca.Function("law", [x, r], [command], {"cse": True})
 
 
 @one_at_a_time

@@ -15,7 +15,8 @@ from arm_dynamics.actuation.command_map import CommandMap, rigid_twin
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.control.computed_torque import held_gains
+from arm_dynamics.control.computed_torque import held_torque
+from arm_dynamics.control.pole_placement import held_gains
 from arm_dynamics.equations import rigid_body, spring
 from arm_dynamics.equations.tree import constant
 from arm_sim.plant.parameters import Parameters
@@ -138,11 +139,9 @@ def servo_law(plant: Plant, dt: float) -> ca.Function:
     missing = moves * (wanted - v)
     direction = _within(wanted / SLOW, ca.SX.ones(n))
     friction, commands = SteadyFriction.of(rigid), CommandMap(rigid)
-    middle = q + 0.5 * dt * v
 
     def command_for(a: ca.SX) -> ca.SX:
-        speed = v + 0.5 * dt * a
-        tau = friction.demanded(inverse(middle, speed, a), speed, direction, middle)
+        tau = held_torque(inverse, friction, (q, v, a), direction, dt)
         return ca.SX(commands(q, v, tau + constant(gains.damping) * missing))
 
     standing = command_for(still)

@@ -15,7 +15,7 @@ import numpy as np
 from arm_dynamics import ArmError, Dynamics, InvalidInput, load_scene
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.controller import Measured
 from arm_dynamics.control.custom import is_own, load_controller
 from arm_dynamics.control.factory import NAMES, Settings, make_controller
 from arm_dynamics.control.wrappers import AnyController

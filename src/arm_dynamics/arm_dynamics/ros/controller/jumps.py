@@ -8,7 +8,7 @@ from ctypes import addressof, byref
 
 import numpy as np
 
-from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.controller import Measured
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 
 _STEADY, _BACKWARDS, _PAUSED, _MOVED = (

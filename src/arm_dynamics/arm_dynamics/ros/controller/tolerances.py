@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.control.computed_torque import Moving
+from arm_dynamics.control.controller import Moving
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.trajectory.reference import Reference

@@ -11,7 +11,7 @@ from arm_msgs.msg import TrackingState
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.control.computed_torque import Moving
+from arm_dynamics.control.controller import Moving
 from arm_dynamics.ros.common.cdr import CdrReader, as_bytes
 from arm_dynamics.ros.common.convert import to_array
 from arm_dynamics.ros.common.direct import advertise

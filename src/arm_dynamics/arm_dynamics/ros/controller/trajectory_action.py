@@ -17,7 +17,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from arm_dynamics.control.computed_torque import Moving
+from arm_dynamics.control.controller import Moving
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel

@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array, finite_numbers
 from arm_dynamics.control.compiled_law import Job, preparation
-from arm_dynamics.control.computed_torque import Checked, Measured
+from arm_dynamics.control.controller import Checked, Measured
 from arm_dynamics.control.derived_velocity import DerivedVelocity
 from arm_dynamics.control.factory import (
     IN_TASK_SPACE,

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gains that place the poles of a joint's error: ë + 2 ζ ω ė + ω² e = 0."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import Array, numbers
+from arm_dynamics.exceptions import InvalidInput
+
+FASTEST = 1e6
+"""Largest bandwidth in [rad/s], beyond anything that a torque can follow."""
+
+
+def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array, Array]:
+    """K_p = ω² and K_d = 2 ζ ω of every joint.
+
+    Args:
+        bandwidth: ω in [rad/s], a number or shape (n,), not negative.
+        damping_ratio: ζ, a number or shape (n,), not negative.
+        n: Number of joints.
+
+    Returns:
+        K_p in [1/s²] and K_d in [1/s], each of shape (n,).
+
+    Raises:
+        InvalidInput: If a gain has a wrong shape or value.
+    """
+    omega = gain("bandwidth", bandwidth, n)
+    if np.any(omega > FASTEST):
+        raise InvalidInput(f"bandwidth is {bandwidth!r}; allowed: at most {FASTEST:g} rad/s")
+    return omega**2, 2.0 * gain("damping_ratio", damping_ratio, n) * omega
+
+
+def held_gains(
+    bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int, dt: float
+) -> tuple[Array, Array]:
+    """Gains of an acceleration that is held for dt: the error is to fall as with ``gains``.
+
+    Held, u = -K_p e - K_d ė takes ë = u from tick to tick by a matrix whose eigenvalues are made
+    those of the continuous equation, z = exp(λ dt) with λ² + 2 ζ ω λ + ω² = 0 (Åström and
+    Wittenmark, Computer-Controlled Systems, 1997, section 4.3):
+
+        K_p = (1 - z₁)(1 - z₂)/dt²,  K_d = (3 - z₁ - z₂ - z₁ z₂)/(2 dt).
+
+    So the loop is stable for any bandwidth; for dt → 0 these are ω² and 2 ζ ω.
+
+    Args, returns and errors as those of ``gains``, and ``dt``: time in [s] for which an
+    acceleration is held, not negative.
+    """
+    kp, kd = gains(bandwidth, damping_ratio, n)
+    if not 0.0 <= dt < np.inf:
+        raise InvalidInput(f"dt is {dt}; a time of at least zero is expected")
+    if dt == 0.0:
+        return kp, kd
+    root = np.sqrt((0.25 * kd**2 - kp).astype(complex))
+    first, second = -np.expm1((root - 0.5 * kd) * dt), -np.expm1(-(root + 0.5 * kd) * dt)
+    both = -np.expm1(-kd * dt)
+    return (first * second).real / dt**2, ((first + second).real + both) / (2.0 * dt)
+
+
+def gain(name: str, value: ArrayLike, n: int) -> Array:
+    """Check a gain of every joint.
+
+    Args:
+        name: Name of the gain, for messages.
+        value: A number or shape (n,), not negative.
+        n: Number of joints.
+
+    Returns:
+        The gain of shape (n,).
+
+    Raises:
+        InvalidInput: If it has a wrong shape or value.
+    """
+    given = numbers(name, value)
+    if given.shape not in ((), (1,), (n,)):
+        raise InvalidInput(f"{name} has shape {given.shape}; allowed: a number or shape ({n},)")
+    if np.any(given < 0.0):
+        raise InvalidInput(f"{name} is {given}; allowed: numbers of at least 0")
+    return np.array(np.broadcast_to(given, (n,)))
