@@ -45,14 +45,14 @@ Configuration ComputedTorqueController::state_interface_configuration() const {
 
 ComputedTorqueController::CallbackReturn ComputedTorqueController::on_configure(const rclcpp_lifecycle::State&) {
   try {
-    choose_gains(get_node()->get_parameter("bandwidth").as_double(), get_node()->get_parameter("damping_ratio").as_double());
     arm_ = std::make_unique<ExportedArm>(get_node()->get_parameter("library").as_string());
-    if (!arm_->has_model()) throw std::runtime_error("the library has no inverse dynamics");
+    if (!arm_->computed_torque()) throw std::runtime_error("the library has no computed torque; export the scene again");
+    for (auto* row : {&q_, &v_, &q_d_, &v_d_, &a_d_, &tau_}) row->assign(arm_->joints().size(), 0.0);
+    choose_gains(get_node()->get_parameter("bandwidth").as_double(), get_node()->get_parameter("damping_ratio").as_double());
   } catch (const std::exception& error) {
     RCLCPP_FATAL(get_node()->get_logger(), "%s", error.what());
     return CallbackReturn::ERROR;
   }
-  for (auto* row : {&q_, &v_, &middle_, &speed_, &a_, &tau_, &held_}) row->assign(arm_->joints().size(), 0.0);
   return CallbackReturn::SUCCESS;
 }
 
@@ -65,8 +65,8 @@ void ComputedTorqueController::choose_gains(double bandwidth, double damping_rat
   period_ = 1.0 / get_update_rate();
   const auto root = std::sqrt(std::complex<double>(damped * damped - bandwidth * bandwidth));
   const auto first = std::exp((root - damped) * period_), second = std::exp(-(root + damped) * period_);
-  kp_ = ((1.0 - first) * (1.0 - second)).real() / (period_ * period_);
-  kd_ = (3.0 - first - second - first * second).real() / (2.0 * period_);
+  kp_.assign(q_.size(), ((1.0 - first) * (1.0 - second)).real() / (period_ * period_));
+  kd_.assign(q_.size(), (3.0 - first - second - first * second).real() / (2.0 * period_));
 }
 
 std::vector<hardware_interface::CommandInterface::SharedPtr> ComputedTorqueController::on_export_reference_interfaces_list() {
@@ -84,7 +84,7 @@ std::vector<hardware_interface::CommandInterface::SharedPtr> ComputedTorqueContr
 
 ComputedTorqueController::CallbackReturn ComputedTorqueController::on_activate(const rclcpp_lifecycle::State&) {
   read_state();
-  held_ = q_;
+  q_d_ = q_;
   for (const auto& interface : ordered_exported_reference_interfaces_) std::ignore = interface->set_value(kNone);
   return CallbackReturn::SUCCESS;
 }
@@ -123,14 +123,13 @@ ComputedTorqueController::return_type ComputedTorqueController::update_and_write
   read_state();
   const auto or_zero = [](double x) { return std::isnan(x) ? 0.0 : x; };
   for (std::size_t i = 0; i < q_.size(); ++i) {
-    const double q = reference(0, i), v = or_zero(reference(1, i)), a = or_zero(reference(2, i));
-    if (!std::isnan(q)) held_[i] = q;
-    a_[i] = a + kd_ * (v - v_[i]) + kp_ * (held_[i] - q_[i]);
-    if (!std::isfinite(a_[i])) return refuse(i);
-    middle_[i] = q_[i] + 0.5 * period_ * v_[i];
-    speed_[i] = v_[i] + 0.5 * period_ * a_[i];
+    if (const double q = reference(0, i); !std::isnan(q)) q_d_[i] = q;
+    v_d_[i] = or_zero(reference(1, i));
+    a_d_[i] = or_zero(reference(2, i));
+    if (!std::isfinite(q_d_[i]) || !std::isfinite(v_d_[i]) || !std::isfinite(a_d_[i])) return refuse(i);
   }
-  arm_->inverse_dynamics(middle_.data(), speed_.data(), a_.data(), tau_.data());
+  arm_->computed_torque()(q_.data(), v_.data(), q_d_.data(), v_d_.data(), a_d_.data(), kp_.data(), kd_.data(), &period_,
+                          tau_.data());
   for (std::size_t i = 0; i < q_.size(); ++i)
     if (!std::isfinite(tau_[i])) return refuse(i);
   bool written = true;

@@ -54,7 +54,7 @@ ExportedArm::ExportedArm(const std::string& path) : path_(path), name_(name_of(p
   find(state_, "sim_state");
   find(error_text_, "error_text");
   find(servo_, "sim_servo", false);
-  find(inverse_dynamics_, "inverse_dynamics", false);
+  find(computed_torque_, "computed_torque", false);
   joints_.assign(names, names + count());
   period_ = period();
   lower_.assign(joints_.size(), -std::numeric_limits<double>::infinity());

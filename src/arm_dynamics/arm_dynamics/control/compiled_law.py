@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array, all_finite
 from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen import compiler
@@ -244,6 +245,21 @@ def expression(law: Law, model: ArmModel) -> ca.Function:
     )  # fmt: skip
     results = [ca.densify(tau), ca.densify(ca.vertcat(ca.SX(0, 1), *after))]
     return ca.Function(_NAME, [moving, tuning, memory], results, {"cse": True})
+
+
+@one_at_a_time
+def command_function(law: Law, model: ArmModel) -> ca.Function:
+    """A controller without memory as a CasADi function (x, r) -> command, shape (n,).
+
+    x are positions and velocities; r those of the reference, its accelerations, and the numbers of
+    ``law.tuning``.
+    """
+    n, formula = model.n, expression(law, model)
+    x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n + formula.numel_in(1))
+    moving = ca.vertcat(x, r[: 3 * n], ca.SX(n, 1))
+    tau = formula(moving, r[3 * n :], ca.SX(0, 1))[0]
+    command = ca.densify(CommandMap(model)(x[:n], x[n:], tau))
+    return ca.Function("law", [x, r], [command], {"cse": True})
 
 
 def _check(kernel: Kernel, law: Law, model: ArmModel) -> None:

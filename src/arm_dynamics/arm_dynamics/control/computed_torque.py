@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,6 +16,8 @@ from arm_dynamics.control.law import JointLaw, Parts, pull
 from arm_dynamics.control.pole_placement import held_gains
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.equations.elementary import choose, sign
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.rigid_expressions import RigidExpressions
 from arm_dynamics.trajectory.reference import Reference
 
 
@@ -76,7 +79,8 @@ def held_torque(
         friction: Friction that is added to it.
         motion: Joint positions in [rad] or [m], velocities and accelerations at the beginning of
             the tick, arrays or expressions of shape (n,).
-        sliding: Direction in which joints slide, -1 to 1, likewise.
+        sliding: Direction in which joints slide, -1 to 1, likewise; None for that of the motion in
+            the middle of the tick.
         dt: Time in [s] for which the torque is held.
 
     Returns:
@@ -84,4 +88,21 @@ def held_torque(
     """
     q, v, a = motion
     middle, speed = q + 0.5 * dt * v, v + 0.5 * dt * a
+    sliding = sign(speed) if sliding is None else sliding
     return friction.demanded(inverse(middle, speed, a), speed, sliding, middle)
+
+
+def law_in_c(model: ArmModel) -> ca.Function:
+    """The law for exported libraries: gains are inputs, friction has the direction of the motion.
+
+    Returns:
+        CasADi function of arguments with their names in C, -> torques of shape (n,): that of the
+        middle of a tick dt, in which joints slide as they move then, at rest, too.
+    """
+    names = "q", "v", "q_d", "v_d", "a_d", "kp", "kd", "dt"
+    given = [ca.SX.sym(name, 1 if name == "dt" else model.n) for name in names]
+    q, v, *desired, kp, kd, dt = given
+    motion = q, v, desired[2] + pull(q, v, Reference(*desired), kp, kd)
+    inverse, friction = RigidExpressions(model).frictionless, SteadyFriction.of(model)
+    tau = ca.densify(held_torque(inverse, friction, motion, None, dt))
+    return ca.Function("term_computed_torque", given, [tau], names, ["tau"], {"cse": True})

@@ -56,8 +56,8 @@ private:
   return_type refuse(std::size_t joint) const;
 
   std::unique_ptr<ExportedArm> arm_;
-  std::vector<double> q_, v_, middle_, speed_, a_, tau_, held_;
-  double period_ = 0.0, kp_ = 0.0, kd_ = 0.0; // [s], [1/s²], [1/s]
+  std::vector<double> q_, v_, q_d_, v_d_, a_d_, kp_, kd_, tau_; // gains in [1/s²] and [1/s]
+  double period_ = 0.0;                                        // [s]
 };
 
 }  // namespace arm_ros2_control

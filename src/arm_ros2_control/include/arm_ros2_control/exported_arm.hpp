@@ -31,8 +31,12 @@ public:
   /// Whether there are servos, which track positions and velocities.
   bool has_servos() const noexcept { return servo_ != nullptr; }
 
-  /// Whether there is a model: inverse dynamics.
-  bool has_model() const noexcept { return inverse_dynamics_ != nullptr; }
+  /// Torques or forces of the joints at q, v to follow a motion q_d, v_d, a_d, held for a time dt.
+  using ComputedTorque = void(const double* q, const double* v, const double* q_d, const double* v_d, const double* a_d,
+                              const double* kp, const double* kd, const double* dt, double* tau);
+
+  /// Computed torque; null if there is none.
+  ComputedTorque* computed_torque() const noexcept { return computed_torque_; }
 
   /// Begin at positions and velocities; null: those of the scene. Returns 0, or a code.
   int begin(const double* q, const double* v) noexcept { return init_(memory_.get(), q, v); }
@@ -47,11 +51,6 @@ public:
 
   /// The state, and the torques or forces of the last tick on the joints.
   void state(double* q, double* v, double* effort) const noexcept { state_(memory_.get(), q, v, effort); }
-
-  /// Torques or forces of the joints for a motion.
-  void inverse_dynamics(const double* q, const double* v, const double* a, double* tau) const noexcept {
-    inverse_dynamics_(q, v, a, tau);
-  }
 
   /// What a code means.
   const char* text(int code) const noexcept { return error_text_(code); }
@@ -74,7 +73,7 @@ private:
   int (*step_)(Simulation*, const double*) = nullptr;
   void (*state_)(const Simulation*, double*, double*, double*) = nullptr;
   void (*servo_)(const Simulation*, const double*, const double*, const double*, double*) = nullptr;
-  void (*inverse_dynamics_)(const double*, const double*, const double*, double*) = nullptr;
+  ComputedTorque* computed_torque_ = nullptr;
   const char* (*error_text_)(int) = nullptr;
   std::unique_ptr<Simulation, Free> memory_;
   std::vector<std::string> joints_;

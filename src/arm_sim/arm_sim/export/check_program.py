@@ -60,7 +60,8 @@ class _Checks:
         ]
 
     def compare(self, k: int, term: Term, results: Sequence[Array]) -> None:
-        given = [f"{'a' if x == 'tau' else x}{k}" for x in term.arguments]
+        tables = {"q": f"q{k}", "v": f"v{k}", "a": f"a{k}", "tau": f"a{k}"}
+        given = [tables.get(x, "NULL") for x in term.arguments]
         made = [f"got{i}" for i in range(len(results))]
         lines = [f"double got{i}[{values.size}];" for i, values in enumerate(results)]
         lines.append(f"{self._name}_{term.name}({', '.join([*given, *made])});")

@@ -29,6 +29,7 @@ _SPREAD, _CLOSED_SPREAD = 1.0, 0.1  # of positions around the initial ones, in l
 
 _ANSWERS: dict[str, Answer] = {
     "inverse_dynamics": lambda dyn, q, v, a: dyn.inverse(q, v, a),
+    "computed_torque": lambda dyn, q, v, a: dyn.inverse(q, v, 0.0 * a),  # all else zero
     "forward_dynamics": lambda dyn, q, v, tau: dyn.forward(q, v, tau),
     "mass_matrix": lambda dyn, q, v, a: dyn.mass_matrix(q),
     "coriolis_matrix": lambda dyn, q, v, a: dyn.coriolis_matrix(q, v),
@@ -143,7 +144,7 @@ def _slopes(simulator: Simulator, command: Array) -> tuple[Array, Array] | None:
 
 
 def evaluated(term: Term, q: Array, v: Array, a: Array) -> tuple[Array, ...]:
-    """Results of a term's expression at a point, row by row."""
+    """Results of a term's expression at a point, row by row; other arguments are zero."""
     given = {"q": q, "v": v, "a": a, "tau": a}
-    made = term.function.call([given[name] for name in term.arguments])
+    made = term.function.call([given.get(name, 0.0) for name in term.arguments])
     return tuple(np.array(result).ravel(order="F") for result in made)

@@ -17,6 +17,7 @@ from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.control.computed_torque import law_in_c
 from arm_dynamics.dynamics import compiled_terms
 from arm_dynamics.equations import frame, rigid_body, spring
 from arm_dynamics.equations.forward_dynamics import algorithms
@@ -33,6 +34,10 @@ TERMS = (
     "friction", "energy",
 )  # fmt: skip
 """Names of the terms in C, without the library's name."""
+_FOLLOWING = (
+    "Torques [N m, N] that follow a motion q_d, v_d, a_d, held for a time dt [s]: those of the "
+    "acceleration a_d + kd (v_d - v) + kp (q_d - q) in the middle of that time."
+)
 DERIVATIVES = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
 """Names of the derivatives."""
 
@@ -92,6 +97,8 @@ def terms_of(model: ArmModel, names: Collection[str], frames: Sequence[str]) -> 
         about, given, results, expressions = _MADE[name]
         function = point.function(name, given, *expressions(point))
         found.append(Term(name, about, function, tuple(results.split())))
+    if "inverse_dynamics" in names:
+        found.append(Term("computed_torque", _FOLLOWING, law_in_c(model), ("tau",)))
     for k, part in enumerate(of_frames(frames)):
         found += _of_frame(point, k, frames[k], ("", f"_{part}")[k > 0 :])
     return found

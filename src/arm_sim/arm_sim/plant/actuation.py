@@ -13,9 +13,8 @@ from arm_dynamics.actuation.command_map import CommandMap, gravity_compensated
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.control.compiled_law import expression
+from arm_dynamics.control.compiled_law import command_function
 from arm_dynamics.control.computed_torque import ComputedTorque
-from arm_dynamics.control.law import Law
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.plant.plant import Plant
@@ -61,27 +60,7 @@ def computed_torque(
     law = ComputedTorque(Dynamics(model), bandwidth, damping_ratio, dt)
     numbers = np.concatenate(law.tuning)
     rows = lambda times: np.array([[*_row(sample(t)), *numbers] for t in times])  # noqa: E731
-    return CompiledControl(law_function(law, model), rows)
-
-
-@one_at_a_time
-def law_function(law: Law, model: ArmModel) -> ca.Function:
-    """The function of a ``CompiledControl`` from a controller without memory.
-
-    Args:
-        law: The controller.
-        model: Its model.
-
-    Returns:
-        CasADi function (x, r) -> command of shape (n,), with r the positions, velocities and
-        accelerations of the reference and the numbers of ``law.tuning``.
-    """
-    n, formula = model.n, expression(law, model)
-    x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n + formula.numel_in(1))
-    moving, tuning = ca.vertcat(x, r[: 3 * n], ca.SX(n, 1)), r[3 * n :]
-    tau = formula(moving, tuning, ca.SX(0, 1))[0]
-    command = ca.densify(CommandMap(model)(x[:n], x[n:], tau))
-    return ca.Function("law", [x, r], [command], {"cse": True})
+    return CompiledControl(command_function(law, model), rows)
 
 
 @one_at_a_time

@@ -18,6 +18,7 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.control.computed_torque import held_torque
 from arm_dynamics.control.pole_placement import held_gains
 from arm_dynamics.equations import rigid_body, spring
+from arm_dynamics.equations.elementary import within
 from arm_dynamics.equations.tree import constant
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
@@ -130,14 +131,14 @@ def servo_law(plant: Plant, dt: float) -> ca.Function:
     x, r = ca.SX.sym("x", plant.nx), ca.SX.sym("r", 5 * n)
     q, v = _encoders(plant, x)
     moves, leads, q_d, v_d, added = ca.vertsplit(r, n)
-    limit = np.minimum(model.velocity_limit, np.finfo(float).max)
     inverse = partial(spring.frictionless, rigid.springs, s.tree, gravity=s.gravity)
     still = ca.SX(n, 1)
     twist = constant(flexibility(model)) * inverse(q, still, still)
     wanted = v_d + leads * constant(gains.ratio) * (q_d - (q - twist))
-    wanted = _within(wanted, constant(limit))
+    limit = constant(np.minimum(model.velocity_limit, np.finfo(float).max))
+    wanted = within(wanted, -limit, limit)
     missing = moves * (wanted - v)
-    direction = _within(wanted / SLOW, ca.SX.ones(n))
+    direction = within(wanted / SLOW, -1.0, 1.0)
     friction, commands = SteadyFriction.of(rigid), CommandMap(rigid)
 
     def command_for(a: ca.SX) -> ca.SX:
@@ -186,7 +187,3 @@ def _encoders(plant: Plant, x: ca.SX) -> tuple[ca.SX, ca.SX]:
         if state.kind is StateKind.MOTOR_VELOCITY:
             v[state.joint] = x[k]
     return q, v
-
-
-def _within(x: ca.SX, limit: ca.SX) -> ca.SX:
-    return ca.fmax(-limit, ca.fmin(limit, x))

@@ -2,7 +2,7 @@
 """Whether servos with a given stiffness are stable: their torque is held for a tick.
 
 Between two ticks, M a = τ takes the errors (e, ė) to e + h ė + ½ h² a, ė + h a. Gains that follow
-from a bandwidth allow for that, see ``control.computed_torque.held_gains``; those in N m/rad need
+from a bandwidth allow for that, see ``control.pole_placement.held_gains``; those in N m/rad need
 not.
 """
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
+from arm_dynamics.control.compiled_law import command_function
 from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.control.law import Law
-from arm_sim.plant.actuation import law_function
 
 COMPILED = ("computed_torque", "pd", "pd_gravity", "feed_forward", "float")
 """Controllers without memory that are compiled into the simulation."""
@@ -33,7 +33,7 @@ def is_compiled(name: str, settings: Settings) -> bool:
 
 def law(name: str, dynamics: Dynamics) -> ca.Function:
     """One of ``COMPILED`` for ``CompiledControl``; numbers of r as of ``gains``."""
-    return law_function(_formula(name, dynamics, Settings()), dynamics.model)
+    return command_function(_formula(name, dynamics, Settings()), dynamics.model)
 
 
 def gains(name: str, dynamics: Dynamics, settings: Settings) -> Array:
