@@ -91,8 +91,8 @@ def test_code_that_is_a_little_wrong_is_refused(
         falsify(each, n + joint % n, 1.001) if each.name() in ("rhs", "loads") else each
         for each in (made.rhs, *made.events.values())
     )
-    named = {event.name(): event for event in events}
-    monkeypatch.setattr(made, "_equations", lambda: (wrong, named))
+    monkeypatch.setattr(made._state_space, "rhs", wrong)
+    monkeypatch.setattr(made._state_space, "events", {event.name(): event for event in events})
     with pytest.raises(KernelError, match="differs from Pinocchio"):
         stepper(made, backend)
 

@@ -256,8 +256,7 @@ def command_function(law: Law, model: ArmModel) -> ca.Function:
     """
     n, formula = model.n, expression(law, model)
     x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n + formula.numel_in(1))
-    moving = ca.vertcat(x, r[: 3 * n], ca.SX(n, 1))
-    tau = formula(moving, r[3 * n :], ca.SX(0, 1))[0]
+    tau = formula(ca.vertcat(x, r[: 3 * n], ca.SX(n, 1)), r[3 * n :], ca.SX(0, 1))[0]
     command = ca.densify(CommandMap(model)(x[:n], x[n:], tau))
     return ca.Function("law", [x, r], [command], {"cse": True})
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.law import JointLaw, Parts, pull
+from arm_dynamics.control.law import JointLaw, Parts
 from arm_dynamics.control.pole_placement import held_gains
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.equations.elementary import choose, sign
@@ -62,8 +62,8 @@ class ComputedTorque(JointLaw):
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[Any, Parts]:
         """τ for the acceleration q̈_d + K_d ė + K_p e; see ``JointLaw.formula``."""
-        *gains, dt = tuning
-        a = desired.a + pull(q, v, desired, *gains)
+        kp, kd, dt = tuning
+        a = desired.a + kd * (desired.v - v) + kp * (desired.q - q)
         sliding = sign(choose(v == 0.0, desired.v, v))
         return held_torque(rigid.frictionless, self._friction, (q, v, a), sliding, dt), memory
 
@@ -101,8 +101,8 @@ def law_in_c(model: ArmModel) -> ca.Function:
     """
     names = "q", "v", "q_d", "v_d", "a_d", "kp", "kd", "dt"
     given = [ca.SX.sym(name, 1 if name == "dt" else model.n) for name in names]
-    q, v, *desired, kp, kd, dt = given
-    motion = q, v, desired[2] + pull(q, v, Reference(*desired), kp, kd)
+    q, v, q_d, v_d, a_d, kp, kd, dt = given
+    motion = q, v, a_d + kd * (v_d - v) + kp * (q_d - q)
     inverse, friction = RigidExpressions(model).frictionless, SteadyFriction.of(model)
     tau = ca.densify(held_torque(inverse, friction, motion, None, dt))
     return ca.Function("term_computed_torque", given, [tau], names, ["tau"], {"cse": True})

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, positive, positive_limits, vector
 from arm_dynamics.attributes import sealed
 from arm_dynamics.control.controller import Moving, checked
-from arm_dynamics.control.law import JointLaw, Parts, pull
+from arm_dynamics.control.law import JointLaw, Parts
 from arm_dynamics.control.pole_placement import gain, gains
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
 from arm_dynamics.equations.elementary import choose, diagonal, root
@@ -22,6 +22,11 @@ from arm_dynamics.trajectory.reference import Reference
 
 _POSTURES = 200  # over which inertia is averaged
 _STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
+
+
+def pull(q: Any, v: Any, desired: Reference, kp: Any, kd: Any) -> Any:
+    """K_p e + K_d ė, for numbers and expressions."""
+    return kp * (desired.q - q) + kd * (desired.v - v)
 
 
 @sealed

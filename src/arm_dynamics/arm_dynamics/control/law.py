@@ -78,7 +78,7 @@ class JointLaw:
 
     @property
     def key(self) -> tuple[Any, ...] | None:
-        """What the formula depends on besides the model; see ``law.Law``."""
+        """What the formula depends on besides the model; see ``Law``."""
         return (type(self),)
 
     def torque(self, state: Moving, reference: Reference) -> Array:
@@ -91,13 +91,8 @@ class JointLaw:
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[Any, Parts]:
-        """Torques and the next memory, for numbers and expressions; see ``law.Law``."""
+        """Torques and the next memory, for numbers and expressions; see ``Law``."""
         raise NotImplementedError
-
-
-def pull(q: Any, v: Any, desired: Reference, kp: Any, kd: Any) -> Any:
-    """K_p e + K_d ė, for numbers and expressions."""
-    return kp * (desired.q - q) + kd * (desired.v - v)
 
 
 class Wrapper:
@@ -136,8 +131,9 @@ class Wrapper:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n)
         tau = self.control.torque(state, reference)
-        numbers = self._tuning, self._memory
-        tau, self._memory = self.changed(tau, self._rigid, q, v, reference, *numbers)  # type: ignore[assignment]
+        given = self._rigid, q, v, reference, self._tuning, self._memory
+        tau, memory = self.changed(tau, *given)
+        self._memory = tuple(memory)
         return np.array(tau)
 
     @property
@@ -148,12 +144,12 @@ class Wrapper:
     @property
     def tuning(self) -> tuple[Array, ...]:
         """Numbers of the formula."""
-        return (*self._tuning, *(self._law.tuning if self._law else ()))
+        return (*self._tuning, *(() if self._law is None else self._law.tuning))
 
     @property
     def memory(self) -> tuple[Array, ...]:
         """Its memory."""
-        return (*self._memory, *(self._law.memory if self._law else ()))
+        return (*self._memory, *(() if self._law is None else self._law.memory))
 
     @memory.setter
     def memory(self, parts: tuple[Array, ...]) -> None:

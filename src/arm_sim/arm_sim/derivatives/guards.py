@@ -41,9 +41,8 @@ def guard_names(plant: Plant) -> list[str]:
 def _switch_names(plant: Plant) -> list[str]:
     symbols, names = plant.mechanics.symbols, plant.model.joint_names
     owners = symbols.drives.joints if symbols.drives else ()
-    cords = ["a cord"] * (plant.layout.switches - len(owners))
     limits = [f"a limit, backlash or load of the drive of joint '{names[i]}'" for i in owners]
-    return [*cords, *limits]
+    return ["a cord"] * (plant.layout.switches - len(owners)) + limits
 
 
 def guard_functions(plant: Plant, tuned: Sequence[int] = ()) -> tuple[ca.Function, ...]:

@@ -202,6 +202,7 @@ class Plant:
         return drives is not None and (has_cords(self.model) or drives.modes.numel() > 0)
 
 
+@one_at_a_time
 def slope_of_loads(plant: Plant) -> ca.Function:
     """``Plant.rhs`` for code that contains ``loads``: it calls that, where there is one."""
     loads = plant.events.get("loads")
