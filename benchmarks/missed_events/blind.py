@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from arm_sim.stepping import engine, stepper
+from arm_sim.stepping import engine
 
 GUARDS = {
     "sliding joint": (
@@ -22,11 +22,11 @@ GUARDS = {
         "guards->joint[i] = -INFINITY;",
     ),
     "held joint": (
-        "guards->joint[i] = joint_excess(x, &found, i);",
+        "guards->joint[i] = joint_excess(scene, x, &found, i);",
         "guards->joint[i] = -INFINITY;",
     ),
-    "lower stop": ("rigid_stop[0][i] - x[i] - room;", "-INFINITY;"),
-    "upper stop": ("x[i] - rigid_stop[1][i] - room;", "-INFINITY;"),
+    "lower stop": ("scene->rigid_stop[0][i] - x[i] - room;", "-INFINITY;"),
+    "upper stop": ("x[i] - scene->rigid_stop[1][i] - room;", "-INFINITY;"),
     "compliant stop": ("? -push[side][i] : met[side][i];", "? -INFINITY : met[side][i];"),
     "contact that closes": (
         "ground[k] - geometry.place[3 * k] - SINKING * t - GAP_ROUNDING * geometry.size[k];",
@@ -66,14 +66,14 @@ def switched_off(seed: int, label: str) -> Iterator[str]:
     own = [name for name in GUARDS if FEATURES[name] & set(label.split(", "))]
     name = str(np.random.default_rng(seed).choice(own or list(GUARDS)))
     whole, instead = GUARDS[name]
-    recipe_of, included = stepper.recipe_of, stepper.INCLUDED
     with TemporaryDirectory() as folder:
-        native = Path(copytree(engine.NATIVE, Path(folder) / "native"))
+        native = Path(copytree(engine.NATIVE, folder, dirs_exist_ok=True))
         segments = native / "events/segments.h"
         segments.write_text(segments.read_text().replace(whole, instead))
-        stepper.INCLUDED = (f"-I{native}",)
-        stepper.recipe_of = lambda *_: ""  # code without a guard is not kept
+        engine.INCLUDED = (f"-I{native}",)
+        engine._library.cache_clear()
         try:
             yield name
         finally:
-            stepper.INCLUDED, stepper.recipe_of = included, recipe_of
+            engine.INCLUDED = (f"-I{engine.NATIVE}",)
+            engine._library.cache_clear()

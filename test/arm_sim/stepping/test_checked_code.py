@@ -3,16 +3,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import numpy as np
 import pytest
 
 import models
 from arm_dynamics import ArmModel, KernelError, load_scene
-from arm_sim import Simulator
 from arm_sim.integrators.selection import choose
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper
@@ -95,17 +92,3 @@ def test_code_that_is_a_little_wrong_is_refused(
     monkeypatch.setattr(made._state_space, "events", {event.name(): event for event in events})
     with pytest.raises(KernelError, match="differs from Pinocchio"):
         stepper(made, backend)
-
-
-def test_scenes_that_differ_in_numbers_share_the_compiled_engine(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What joints hold then still differs: it is not among what is shared."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    for level, lower in ((0.3, -1.0), (1.2, -2.0)):
-        joints = every(friction={"coulomb": level}, limits={"lower": lower, "upper": 3.0})
-        sim = Simulator({**TWO_LINK, **joints, "gravity": [0.0, 0.0, 0.0]}, backend="native")
-        assert np.any(sim.run(0.01, [0.5, 0.5]).v) == (level < 0.5)
-        sim.reset([lower, 0.0], [-1.0, 0.0])
-        assert sim.run(0.01, [0.0, 0.0]).q[-1, 0] >= lower
-    assert [len(list(tmp_path.rglob(f"*.{kind}"))) for kind in ("so", "o")] == [2, 1]

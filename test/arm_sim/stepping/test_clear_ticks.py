@@ -46,8 +46,9 @@ SCENES = {
 def by_the_engine(stepper: Stepper, x: Array, u: Array, dt: float) -> tuple[Array, bool]:
     """State after a tick in which events are looked for, and whether it had one."""
     trace, after = Trace(), np.empty_like(x)
-    made = stepper.kernel.library.trace_tick(
-        pointer(x), pointer(u), pointer(stepper.p), ctypes.c_double(dt), None,
+    code = stepper.compiled
+    made = code.engine.trace_tick(
+        code.scene, pointer(x), pointer(u), pointer(stepper.p), ctypes.c_double(dt), None,
         ctypes.byref(trace), pointer(after),
     )  # fmt: skip
     return (after if made else np.full_like(x, np.nan)), trace.count > 1

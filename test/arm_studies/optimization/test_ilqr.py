@@ -89,6 +89,20 @@ def test_feedback_stays_within_the_limits_on_both_sides(rng: np.random.Generator
     assert_close(u, np.clip(wanted, low, high), 1e-12)
 
 
+def test_all_arms_have_the_parameters_of_the_simulator() -> None:
+    scene = load_scene("two_link").model_dump(exclude_unset=True)
+    scene |= {"joints": {"*": {"limits": {"stop": False}}}, "tunable": ["gravity"]}
+    sim = Simulator(scene, integrator="rk4", dt=DT)
+    sim.set_parameter("gravity", [0.0, 0.0, -3.0])
+    u = np.zeros((NODES, sim.n))
+    still = Policy(u, np.zeros((NODES, sim.n, 2 * sim.n)), 0.0)
+    x, used = np.tile(sim.arm.x, (20, NODES + 1, 1)), np.empty((20, NODES, sim.n))
+    course = Course(np.tile(sim.arm.x, (NODES, 1)), u, still, u - 1.0, u + 1.0)
+    Forward(sim).follow(course, np.ones(20), x, used)
+    alone = sim.run(NODES * DT)
+    assert np.array_equal(x[-1], np.hstack([alone.q, alone.v]))
+
+
 def test_a_quadratic_problem_takes_one_improvement() -> None:
     # A mass on a rail: linear equations, which RK4 integrates exactly.
     scene = load_scene("cart_pendulum").model_dump(exclude_unset=True)

@@ -25,7 +25,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from threading import Lock
@@ -138,7 +138,7 @@ def build(
     language: str = "c",
     flags: tuple[str, ...] = FLAGS,
     local: tuple[str, ...] = (),
-    shared: str = "",
+    others: tuple[str, ...] = (),
 ) -> Code:
     """Compile source into a library, or take it from a folder of ARM_CACHE or the user's cache.
 
@@ -148,7 +148,7 @@ def build(
         flags: Flags of the compiler, without the processor and what the language adds.
         local: Further flags, which name folders and libraries of this machine. Headers in the
             folders are part of the code, where they are is not.
-        shared: A second unit of the library, which many have: its object file is cached too.
+        others: Further units of the library.
 
     Returns:
         The loaded library.
@@ -159,7 +159,7 @@ def build(
     """
     flags += _FLAGS_OF_LANGUAGE[language]
     names = (Path(flag).name for flag in local)
-    texts = [source, *([shared] if shared else [])]
+    texts = [source, *others]
     key = digest(*texts, *_headers(texts, flags + local), language, *flags, *names)
     with others_may_build(), _building.setdefault(key, Lock()):
         return _build(key, texts, language, flags + local)
@@ -178,6 +178,22 @@ def _build(key: str, texts: list[str], language: str, flags: tuple[str, ...]) ->
     for refusal in refusals:
         _log.warning("%s", refusal)
     return found
+
+
+def destination() -> Destination | None:
+    """Where code is compiled to now, if not to the user's own cache."""
+    return _destination.get()
+
+
+@contextmanager
+def describing(kernel: str) -> Iterator[None]:
+    """Within this block, code that is built into a folder is described so."""
+    where = _destination.get()
+    token = _destination.set(where and replace(where, kernel=kernel))
+    try:
+        yield
+    finally:
+        _destination.reset(token)
 
 
 def find(key: str) -> Code | None:
@@ -338,45 +354,26 @@ def write_sound(entry: Path, content: bytes) -> None:
 def _compiled(
     texts: list[str], language: str, command: tuple[str, ...], flags: tuple[str, ...], target: str
 ) -> bytes:
-    """A library of a source and, if there is a second text, of a unit that is shared."""
-    source, *shared = texts
+    """A library of a source, which may be divided, and of further units."""
+    source, *others = texts
     suffix = "c" if language == "c" else "cpp"
     chosen = [*command, f"-march={target}", *flags, f"-I{NATIVE}"]
-    parts = units(source, len(os.sched_getaffinity(0)))
+    parts = [*units(source, len(os.sched_getaffinity(0))), *others]
     if (lines := source.count("\n")) > LONG:
         _log.info("compiling %d lines of C on %d cores", lines, len(parts))
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
         library, names = Path(scratch) / "kernel.so", list[str]()
-        for number, text in enumerate([*parts, *shared]):
+        for number, text in enumerate(parts):
             code = Path(scratch) / f"kernel{number or ''}.{suffix}"
             code.write_text(text, encoding="utf-8")
             names.append(str(code))
         if len(names) > 1:
-            made_of = [*shared, *_headers(shared, flags), target, *flags]
-            entry, _ = _own_entry(digest(*made_of), command)
-            names = _objects(names, chosen, entry.with_suffix(".o") if shared else None)
+            objects = [f"{name}.o" for name in names]
+            pairs = zip(objects, names, strict=True)
+            _run(*([*chosen, "-c", "-o", made, name] for made, name in pairs))
+            names = objects
         _run([*chosen, "-o", str(library), *names, "-lm"])
         return library.read_bytes()
-
-
-def _objects(names: list[str], chosen: list[str], kept: Path | None) -> list[str]:
-    """Object files of units, compiled in parallel; that of the last one is kept in the cache."""
-    objects = [f"{name}.o" for name in names]
-    commands = [
-        [*chosen, "-c", "-o", made, name] for name, made in zip(names, objects, strict=True)
-    ]
-    if kept is None:
-        _run(*commands)
-        return objects
-    with _building.setdefault(kept.name, Lock()):
-        known = read_sound(kept)
-        if known is None:
-            _run(*commands)
-            write_sound(kept, Path(objects[-1]).read_bytes())
-            return objects
-    Path(objects[-1]).write_bytes(known)
-    _run(*commands[:-1])
-    return objects
 
 
 def _run(*commands: list[str]) -> None:

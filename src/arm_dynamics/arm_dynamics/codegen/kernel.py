@@ -71,9 +71,7 @@ class Kernel:
         backend: ``native`` (a C compiler is needed), ``vm`` (CasADi's virtual machine), or
             ``auto``: native if possible.
         driver: C source that may call the functions, compiled with them.
-        engine: C source that may call the functions, compiled by itself, once for all kernels with
-            the same.
-        local: Flags of the compiler for both, see ``compiler.build``.
+        local: Flags of the compiler, see ``compiler.build``.
         needs_native: Features of the scene that need native code, such as "dry friction"; empty if
             there are none.
 
@@ -87,7 +85,6 @@ class Kernel:
         functions: Sequence[ca.Function],
         backend: str = "auto",
         driver: str = "",
-        engine: str = "",
         needs_native: str = "",
         local: tuple[str, ...] = (),
     ) -> None:
@@ -100,7 +97,7 @@ class Kernel:
         self.backend = "virtual machine of CasADi"
         if backend != "vm":
             needs = needs_native or ("backend = 'native'" if backend == "native" else "")
-            self._compile(generate(functions) + driver, engine, local, needs)
+            self._compile(generate(functions) + driver, local, needs)
         elif needs_native:
             raise KernelError(
                 f"backend = 'vm', but {needs_native} needs compiled code: CasADi's virtual "
@@ -150,9 +147,9 @@ class Kernel:
             return Call(inputs, outputs, _virtual(self._functions[name], inputs, outputs))
         return Call(inputs, outputs, *self._bind(signature, inputs, outputs))
 
-    def _compile(self, source: str, engine: str, local: tuple[str, ...], needs: str) -> None:
+    def _compile(self, source: str, local: tuple[str, ...], needs: str) -> None:
         try:
-            code = compiler.build(f'#include "scalar.h"\n{source}', local=local, shared=engine)
+            code = compiler.build(f'#include "scalar.h"\n{source}', local=local)
         except CompilerMissing as error:
             if needs:
                 why = f"{needs} needs compiled code, but {error}: {compiler.HOW_TO_GET_CODE}"

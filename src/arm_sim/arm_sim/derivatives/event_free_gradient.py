@@ -8,7 +8,6 @@ derivative of each tick; ticks with events by their derivatives.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -17,7 +16,6 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.derivatives.event_free_ticks import EventFreeTick
 from arm_sim.derivatives.kinks import Kinks
@@ -28,8 +26,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback, scaled_jacobian
-from arm_sim.stepping.engine import definitions
-from arm_sim.stepping.rollout import ADDRESS, NUMBER, Engine, built_of_lanes, of_lanes
+from arm_sim.stepping.rollout import ADDRESS, NUMBER, Engine, built_of_lanes, lanes_source
 from arm_sim.stepping.stepper import address, pointer
 
 STRETCH = 1024
@@ -91,8 +88,10 @@ class EventFreePart:
         """See ``Part``."""
         own, found = slice(self.first, self.first + len(self.kept)), weight.copy()
         weights, to = np.ascontiguousarray(g[own]), np.empty((len(self.kept), tau.shape[1]))
-        self.of.library.event_free_gradient(  # type: ignore[union-attr]
-            address(self.kept), address(tau[own]), self.of.length, len(self.kept),
+        code = self.of.code
+        assert code is not None
+        code.engine.event_free_gradient(
+            code.scene, address(self.kept), address(tau[own]), self.of.length, len(self.kept),
             address(weights), address(found), address(to), address(by_p),
         )  # fmt: skip
         by_tau[own] = to
@@ -109,7 +108,7 @@ class EventFreeGradients:
         choice: Method and tick.
 
     Attributes:
-        library: Compiled code, ``event_free_gradient.c``; None if it cannot be built.
+        code: Compiled code; None if it cannot be built.
         length: Length of a tick in [s].
     """
 
@@ -120,14 +119,13 @@ class EventFreeGradients:
         event_free = EventFreeTick.of(plant, range(len(plant.parameters.nominal)))
         _, *functions = tick_functions(plant, choice)
         functions += [*event_free.functions, *event_free.adjoints]
-        scene = definitions(plant, choice, functions, **event_free.defines)
         types = [ADDRESS, ADDRESS, ctypes.c_double, NUMBER, *[ADDRESS] * 4]
-        write = partial(_source, functions, scene)
-        self.library = built_of_lanes(write, 1, "event_free_gradient", types)
-        if self.library:
-            self.library.kept_numbers.restype = ctypes.c_longlong
-            self.library.event_free_motion.restype = ctypes.c_longlong
-            self._kept = int(self.library.kept_numbers())
+        write = partial(lanes_source, plant, choice, functions, more=event_free.members)
+        self.code = built_of_lanes(write, 1, "event_free_gradient", types)
+        if self.code:
+            self.code.engine.numbers_kept.restype = ctypes.c_longlong
+            self.code.engine.event_free_motion.restype = ctypes.c_longlong
+            self._kept = int(self.code.engine.numbers_kept(self.code.scene))
 
     def parts(self, motion: Motion, tau: Array) -> list[EventFreePart]:
         """Advance a motion to its next tick with an event.
@@ -142,8 +140,10 @@ class EventFreeGradients:
         first, ahead = motion.ticks, tau[motion.ticks :]
         most = min(STRETCH, self._kinks.ticks_before(motion.x, ahead))
         kept, after = np.empty((most, self._kept)), np.empty(self._nx)
-        done = self.library.event_free_motion(  # type: ignore[union-attr]
-            pointer(np.ascontiguousarray(motion.x)), pointer(ahead), pointer(motion.p),
+        x = np.ascontiguousarray(motion.x)
+        assert self.code is not None
+        done = self.code.engine.event_free_motion(
+            self.code.scene, pointer(x), pointer(ahead), pointer(motion.p),
             ctypes.c_double(self.length), ctypes.c_longlong(most), ctypes.byref(self._engine),
             ctypes.c_int(first == 0), pointer(kept), pointer(after),
         )  # fmt: skip
@@ -151,11 +151,6 @@ class EventFreeGradients:
             return []
         motion.go_on(after, done)
         return [EventFreePart(self, first, kept[:done])]
-
-
-def _source(functions: Sequence[ca.Function], scene: str, width: int) -> str:
-    code = of_lanes(generate(list(functions)), width)
-    return f'{code}{scene}#include "derivatives/event_free_gradient.c"\n'
 
 
 def tick_functions(plant: Plant, choice: Choice) -> tuple[ca.Function, ...]:

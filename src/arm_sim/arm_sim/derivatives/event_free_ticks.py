@@ -66,10 +66,10 @@ class EventFreeTick:
         return cls(functions, (rest.begin_at_rest, rest.end_at_rest), len(tuned))
 
     @property
-    def defines(self) -> dict[str, int]:
-        """Definitions for compiled code: numbers of coefficients."""
+    def members(self) -> dict[str, int]:
+        """Members of the compiled scene: numbers of coefficients."""
         begin, end = self.functions[-2:]
-        return {"NBEGIN": begin.size1_out(0), "NEND": end.size1_out(0)}
+        return {"nbegin": begin.size1_out(0), "nend": end.size1_out(0)}
 
 
 def _margins(plant: Plant, name: str, held: bool) -> ca.Function:

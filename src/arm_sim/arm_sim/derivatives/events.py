@@ -17,7 +17,6 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.header import Header
-from arm_dynamics.codegen.kernel import Kernel, generate
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.guards import guard_functions, guard_names
@@ -26,15 +25,15 @@ from arm_sim.derivatives.one_sided import TickPoint
 from arm_sim.derivatives.rest_projection import RestProjection
 from arm_sim.derivatives.resting import resting_functions
 from arm_sim.derivatives.sliding_direction import mobility_across
-from arm_sim.derivatives.tangents import Tangents
+from arm_sim.derivatives.tangents import TANGENTS, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.symbols import dense_function
 from arm_sim.stepping.adaptive import SubstepControl
-from arm_sim.stepping.engine import NATIVE, definitions
-from arm_sim.stepping.rollout import ADDRESS, built_of_lanes, of_lanes
+from arm_sim.stepping.engine import NATIVE, Compiled, address_of
+from arm_sim.stepping.rollout import ADDRESS, built_of_lanes, lanes_source
 from arm_sim.stepping.stepper import address
 
 # Segments of a tick, and steps of all of them, for which there is room.
@@ -91,7 +90,7 @@ class Trace(ctypes.Structure):
     _fields_ = Header(NATIVE / "events/trace.h", only="trace_t").fields("trace_t")
 
 
-STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 5, ctypes.c_longlong, ADDRESS, ADDRESS)
+STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 7, ctypes.c_longlong, ADDRESS, ADDRESS)
 CLOSE = ctypes.CFUNCTYPE(None, *[ADDRESS] * 4)
 
 
@@ -116,25 +115,27 @@ class Events:
 
     @one_at_a_time
     def __init__(
-        self, plant: Plant, choice: Choice, engine: Kernel, tangents: Tangents,
+        self, plant: Plant, choice: Choice, engine: Compiled, tangents: Tangents,
         tuned: Sequence[int] = (),
     ) -> None:  # fmt: skip
         self._plant, self._choice, self._tuned = plant, choice, tuned
         self._rest, self._tangents = RestProjection(plant, tuned), tangents
         four, how = [ADDRESS] * 4, [ctypes.c_int] * 2
         types = [*four, ctypes.c_double, ADDRESS, *how, *four]
-        library = built_of_lanes(self._source, 1, "differentiate", types)
-        if library is None:
+        code = built_of_lanes(self._source, 1, "differentiate", types)
+        if code is None:
             raise CompilerMissing(
                 f"derivatives of scenes with events need compiled code: {HOW_TO_GET_CODE}"
             )
-        library.record_numbers.restype = ctypes.c_longlong
-        self._differentiate, self._helpers = library.differentiate, self._helped(engine)
-        self._records = np.empty((MOST_SEGMENTS, library.record_numbers()))
+        self._code, self._helpers = code, self._helped(engine)
+        sizes = code.engine.bytes_of_record, code.engine.numbers_recorded
+        for size in sizes:
+            size.restype = ctypes.c_longlong
+        self._records = np.empty((MOST_SEGMENTS, sizes[0]()), np.uint8)
+        self._numbers = np.empty((MOST_SEGMENTS, sizes[1](code.scene)))
         self._steps = np.empty(MOST_STEPS)
-        self._trace = Trace(
-            address(self._records), address(self._steps), len(self._records), len(self._steps)
-        )
+        rooms = address(self._records), address(self._numbers), address(self._steps)
+        self._trace = Trace(*rooms, len(self._records), len(self._steps))
         self._guards = guard_names(plant)
         self._which, self._memory = np.zeros(1 + len(self._guards), np.int64), Lock()
 
@@ -168,8 +169,9 @@ class Events:
         after = np.empty(self._plant.nx)
         x, r, p = (np.ascontiguousarray(array) for array in (place.x, place.r, place.p))
         with self._memory:  # of one tick at a time
-            why = self._differentiate(
-                ctypes.byref(self._helpers), address(x), address(r), address(p), self._choice.dt,
+            why = self._code.engine.differentiate(
+                self._code.scene, ctypes.byref(self._helpers), address(x), address(r), address(p),
+                self._choice.dt,
                 None if control is None else ctypes.byref(control), *how,
                 ctypes.byref(self._trace), address(self._which), address(after), slope,
             )  # fmt: skip
@@ -186,19 +188,21 @@ class Events:
         message = UNKNOWN if why == "GRAZES" and not who else MESSAGES[why].format(who)
         raise NotDifferentiable(f"linearize: {message}")
 
-    def _helped(self, engine: Kernel) -> Helpers:
+    def _helped(self, engine: Compiled) -> Helpers:
         """Functions of the engine and of steps, and what is evaluated by CasADi."""
         self._kept = STEP(self._step), CLOSE(self._close)  # must live as long as their addresses
         step, close = (ctypes.cast(function, ADDRESS).value for function in self._kept)
         steps = self._tangents.library(1)
-        if steps and self._choice.tolerance is None:
-            step = ctypes.cast(steps.carry_step, ADDRESS).value
-        trace = ctypes.cast(engine.library.trace_tick, ADDRESS).value  # type: ignore[union-attr]
-        return Helpers(trace, step, close)
+        if steps is None or self._choice.tolerance is not None:
+            return Helpers(engine.scene.value, 0, 0, step, close)
+        step = ctypes.cast(steps.engine.carry_step, ADDRESS).value
+        tangents = address_of(steps.own, TANGENTS)
+        return Helpers(engine.scene.value, steps.scene.value, tangents, step, close)
 
     def _step(
-        self, x: int, u: int, p: int, h: int, given: int, count: int, after: int, columns: int
-    ) -> None:
+        self, _: int, __: int, x: int, u: int, p: int, h: int, given: int, count: int,
+        after: int, columns: int,
+    ) -> None:  # fmt: skip
         """A step whose derivative is too long to be compiled, or taken in parts."""
         plant = self._plant
         nx, n = plant.nx, plant.model.n
@@ -218,14 +222,8 @@ class Events:
 
     def _source(self, width: int) -> str:
         functions = self._functions()
-        more = {"NT": len(self._tuned), "NG": len(guard_names(self._plant))}
-        scene = definitions(self._plant, self._choice, functions, **more)
-        code = of_lanes(generate(functions), width)
-        return f'{code}{scene}#include "derivatives/eventful_derivatives.c"\n'
-
-    @property
-    def _strikes(self) -> bool:
-        return bool(self._plant.points or self._plant.model.stops.rigid.any())
+        more = {"nt": len(self._tuned), "ng": len(guard_names(self._plant))}
+        return lanes_source(self._plant, self._choice, functions, width, more)
 
     def _functions(self) -> list[ca.Function]:
         plant, tuned = self._plant, self._tuned
@@ -236,7 +234,7 @@ class Events:
             functions += self._rest.matrices
         if plant.points:
             functions.append(mobility_across(plant))
-        if self._strikes:
+        if plant.points or plant.model.stops.rigid.any():
             functions.append(impact_function(plant, tuned))
         return functions
 

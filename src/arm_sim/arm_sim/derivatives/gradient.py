@@ -10,14 +10,14 @@ much as four rollouts, for any number of torques. Ticks with events use their de
 from __future__ import annotations
 
 import ctypes
-from functools import cache
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen, sealed
-from arm_dynamics.codegen.kernel import generate, operations
+from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.derivatives.event_free_gradient import (
     EventFreeGradients,
@@ -33,18 +33,18 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.engine import definitions
+from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollout import (
     ADDRESS,
-    BEGINNING,
+    NUMBER,
+    ArmTable,
     Batch,
     Marks,
     alike,
     built_of_lanes,
-    of_lanes,
+    lanes_source,
     repeated,
     share,
-    strides,
     widths,
 )
 from arm_sim.stepping.stepper import address
@@ -198,10 +198,10 @@ class Gradients:
         found = ArgumentGradients(
             np.zeros(batch.x0.shape), np.zeros((arms, ticks, n)), np.zeros(batch.p.shape)
         )
-        width, library = self._library(lanes)
+        width, code = self._library(lanes)
         eventful = list(range(arms))
-        if library is not None:
-            eventful = self._side_by_side(library, width, batch, g, found, threads)
+        if code is not None:
+            eventful = self._side_by_side(code, width, batch, g, found, threads)
             kinks = self._linearizer.kinks.arms(batch.x0, batch.tau[:, : batch.steps])
             eventful = sorted({*eventful, *kinks})
         for arm in eventful:
@@ -239,19 +239,18 @@ class Gradients:
         return found.by_x[0], found.by_tau[0].sum(axis=0)
 
     def _side_by_side(
-        self, library: ctypes.CDLL, width: int, batch: Batch, g: Array, found: ArgumentGradients,
+        self, code: Compiled, width: int, batch: Batch, g: Array, found: ArgumentGradients,
         threads: int | None,
     ) -> list[int]:  # fmt: skip
         """Gradients of all arms; returns the arms that meet stops or diverge."""
-        marks, length = Marks(len(batch.x0)), np.array([self._choice.dt])
+        marks, tau = Marks(len(batch.x0)), batch.tau[:, : batch.steps]
+        arms = ArmTable.of(batch.x0, tau, batch.p, self._choice.dt, marks, None)
 
         def work(first: int, last: int) -> None:
             motion = np.empty((batch.steps + 1, batch.x0.shape[1], width))
-            library.rollout_gradient(
-                address(batch.x0), address(batch.tau), *strides(batch.tau, 2),
-                address(batch.p), *strides(batch.p, 1), address(length), batch.steps, first, last,
-                address(g), address(motion), address(found.by_x), address(found.by_tau),
-                address(found.by_p), marks,
+            code.engine.rollout_gradient(
+                code.scene, ctypes.byref(arms), first, last, address(g), address(motion),
+                address(found.by_x), address(found.by_tau), address(found.by_p),
             )  # fmt: skip
 
         share(len(batch.x0), width, threads, work, batch.steps, marks.halt)
@@ -282,28 +281,24 @@ class Gradients:
         if not engine or self._backend == "vm":
             return None
         made = EventFreeGradients(kinks, engine, self._plant, self._choice)
-        return made if made.library else None
+        return made if made.code else None
 
-    def _library(self, lanes: int | None) -> tuple[int, ctypes.CDLL | None]:
+    def _library(self, lanes: int | None) -> tuple[int, Compiled | None]:
         same = alike(self._plant, self._choice)
         for width in widths(lanes):
-            if same and (library := self._built_once(width)):
-                return width, library
+            if same and (code := self._built_once(width)):
+                return width, code
         return 1, None
 
-    def _built(self, width: int) -> ctypes.CDLL | None:
+    def _built(self, width: int) -> Compiled | None:
         if self._backend == "vm" or operations(self._functions[1]) > LONGEST:
             return None
-        types = [*BEGINNING, *[ADDRESS] * 6]
-        return built_of_lanes(self._source, width, "rollout_gradient", types)
+        types = [ADDRESS, NUMBER, NUMBER, *[ADDRESS] * 5]
+        write = partial(lanes_source, self._smooth, self._choice, self._functions)
+        return built_of_lanes(write, width, "rollout_gradient", types)
 
     @built_once
     def _functions(self) -> tuple[ca.Function, ...]:
         act = actuation(self._smooth)
         step, adjoint, *limits = tick_functions(self._smooth, self._choice)
         return build_tick(step, act), adjoint, *limits
-
-    def _source(self, width: int) -> str:
-        functions = list(self._functions)
-        scene = definitions(self._smooth, self._choice, functions, TICK="tick")
-        return f'{of_lanes(generate(functions), width)}{scene}#include "derivatives/gradient.c"\n'

@@ -410,8 +410,9 @@ class Linearizer:
 
     @built_once
     def _events(self) -> Events:
-        kernel = self._stepper.kernel
-        return Events(self._plant, self._choice, kernel, self._tangents, self._tuned)
+        engine = self._stepper.compiled
+        assert engine is not None
+        return Events(self._plant, self._choice, engine, self._tangents, self._tuned)
 
     def _smooth_tick(
         self, place: TickPoint, control: SubstepControl | None

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.columns import column_function
-from arm_dynamics.codegen.kernel import generate, operations
+from arm_dynamics.codegen.header import Header
+from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_sim.derivatives.event_free_ticks import EventFreeTick
 from arm_sim.integrators.selection import Choice
@@ -28,15 +29,15 @@ from arm_sim.integrators.tangents import build_tangent
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import Kept, Slopes, scaled_jacobian
-from arm_sim.stepping.engine import definitions, without
+from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.rollout import (
     ADDRESS,
-    BEGINNING,
     NUMBER,
+    ArmTable,
     Engine,
     Marks,
     built_of_lanes,
-    of_lanes,
+    lanes_source,
     share,
     strides,
     widths,
@@ -50,6 +51,17 @@ LONGEST = 600_000
 # halved once more: from there on they converge by the method's order. Rounding, relative to the
 # largest derivative, and the most halvings.
 SETTLED, ROUNDING, MOST_HALVINGS = 0.01, 1e-13, 10
+
+
+TANGENTS = "own_tangents"
+"""Name of the structure of functions of columns in generated code."""
+_MEMBERS = Header(NATIVE / "derivatives/tangents.h", only="tangents_t").fields("tangents_t")
+
+
+class Columns(ctypes.Structure):
+    """Columns of many arms for compiled code: ``columns_t`` of ``tangents.h``."""
+
+    _fields_ = Header(NATIVE / "derivatives/tangents.h", only="columns_t").fields("columns_t")
 
 
 type Counts = NDArray[np.int64]
@@ -93,17 +105,17 @@ class Arms:
 
 @dataclass(frozen=True)
 class TangentCode:
-    """Parts of the C code of ``Tangents``, for ``tangent_ticks.c`` and ``tangent_step.c``.
+    """Parts of the C code of ``Tangents``.
 
     Attributes:
         functions: Functions of states.
         columns: Functions of columns.
-        scene: Definitions of the scene, see ``engine.definitions``.
+        members: Of the scene besides those that follow from its equations.
     """
 
     functions: tuple[ca.Function, ...]
     columns: tuple[ca.Function, ...]
-    scene: str
+    members: dict[str, int]
 
 
 class Tangents:
@@ -142,11 +154,8 @@ class Tangents:
             self._moving = _Step(plant.variant(sliding=True), choice, tuned, MOVING, dense=True)
         self._acting, self._limit = _limits(plant)
         self._controlled = choice.tolerance is not None
-        self._held, self._length = plant.model.n + len(tuned), np.array([choice.dt])
+        self._held = plant.model.n + len(tuned)
         self._unit = np.eye(plant.nx + self._held)
-        # Columns of the state at the beginning, the same for all arms, and those of what is held
-        # below them, the same for all ticks too.
-        self._unit_places = address(self._unit), 0, address(self._unit[plant.nx :]), 0, 0
 
     def step(self, x: Array, u: Array, p: Array, h: float, columns: Array) -> tuple[Array, Array]:
         """Propagate columns through one step; under error control, in parts until they settle.
@@ -199,14 +208,14 @@ class Tangents:
         self, x: Array, u: Array, p: Array, h: float, columns: Array
     ) -> tuple[Array, Array]:
         nx = self.plant.nx
-        if (library := self.library(1)) is None:
+        if (code := self.library(1)) is None:
             after, c, *_ = self._step.advance(x, u, p, h)
             moved = self._step.stretch(c, *np.split(columns, (nx, nx + self._held)))
             return np.array(after).ravel(), np.array(moved)
         x, u, p, columns = (np.ascontiguousarray(array) for array in (x, u, p, columns))
         after, moved, length = np.empty(nx), np.empty((nx, columns.shape[1])), np.array([h])
-        library.carry_step(
-            pointer(x), pointer(u), pointer(p), pointer(length), pointer(columns),
+        code.engine.carry_step(
+            code.scene, address_of(code.own, TANGENTS), *map(pointer, (x, u, p, length, columns)),
             ctypes.c_longlong(columns.shape[1]), pointer(after), pointer(moved),
         )  # fmt: skip
         return after, moved
@@ -231,13 +240,13 @@ class Tangents:
             and the quantities side by side, shape (b, nx, nx + n + nt), and the arms whose
             results are invalid: those that may meet a stop, have an event or diverge.
         """
-        x, r = np.ascontiguousarray(x), np.ascontiguousarray(r)
-        (arms, nx), n, k = x.shape, r.shape[1], len(self._unit)
-        after, slopes = np.empty((arms, nx)), np.empty((arms, nx, k))
-        of_arms = address(x), address(r), n, 0, address(p), 0
-        of_columns = *self._unit_places, 1, k, address(after), address(slopes), nx * k, 0
-        state = after, begins
-        alone = self._side_by_side(of_arms, of_columns, state, ticks, threads, lanes)[0]
+        x, r, dt = np.ascontiguousarray(x), np.ascontiguousarray(r), self._choice.dt
+        (count, nx), k, marks = x.shape, len(self._unit), Marks(len(x))
+        after, slopes = np.empty((count, nx)), np.empty((count, nx, k))
+        unit = address(self._unit)  # the same for all arms and ticks
+        table = ArmTable(address(x), address(r), address(p), r.shape[1], 0, 0, dt, ticks)
+        columns = Columns(unit, unit + 8 * nx * k, address(slopes), 0, 0, 0, nx * k, 0, k, True)
+        alone, _ = self._side_by_side(table, marks, columns, after, begins, (threads, lanes))
         return after, slopes, alone
 
     def columns(
@@ -259,49 +268,40 @@ class Tangents:
             ticks of each arm before one. Of an arm with an event, alone in its register, columns
             and state are those before it.
         """
-        x, tau, p, given, pushed = arms.x, arms.tau, arms.p, arms.given, arms.pushed
-        after, columns = np.empty(x.shape), arms.room(every)
+        after, columns, marks = np.empty(arms.x.shape), arms.room(every), Marks(arms.count)
         by_arm, by_tick = strides(columns, 2)
-        of_arms = address(x), address(tau), *strides(tau, 2), address(p), *strides(p, 1)
-        of_columns = (
-            address(given), *strides(given, 1), address(pushed), *strides(pushed, 2), 0,
-            given.shape[-1], address(after), address(columns), by_arm, by_tick if every else 0,
+        table = ArmTable.of(arms.x, arms.tau, arms.p, self._choice.dt, marks, None)
+        found = Columns(
+            address(arms.given), address(arms.pushed), address(columns), *strides(arms.given, 1),
+            *strides(arms.pushed, 2), by_arm, by_tick if every else 0, arms.given.shape[-1], False,
         )  # fmt: skip
-        state = after, begins
-        alone, done = self._side_by_side(of_arms, of_columns, state, arms.ticks, threads, lanes)
+        alone, done = self._side_by_side(table, marks, found, after, begins, (threads, lanes))
         return columns, alone, after, done
 
     def _side_by_side(
-        self, of_arms: tuple[int, ...], of_columns: tuple[int, ...], state: tuple[Array, bool],
-        ticks: int, threads: int | None, lanes: int | None,
+        self, table: ArmTable, marks: Marks, columns: Columns, after: Array, begins: bool,
+        cores: tuple[int | None, int | None],
     ) -> tuple[list[int], Counts]:  # fmt: skip
         """Call ``carry_ticks`` of native/derivatives/tangent_ticks.c.
 
         Returns:
             The arms whose results are invalid, and with events the ticks of each before one.
         """
+        threads, lanes = cores
         built = ((self.library(width), width) for width in self._widths(lanes))
-        library, width = next(pair for pair in built if pair[0] is not None)
-        after, begins = state
-        marks, length = Marks(len(after)), address(self._length)
-        engine = None if self._engine is None else ctypes.byref(self._engine)
-        done = np.zeros(0 if engine is None else len(after), np.int64)
+        code, width = next((code, width) for code, width in built if code is not None)
+        tangents, carry_ticks = address_of(code.own, TANGENTS), code.engine.carry_ticks
+        done = np.zeros(0 if self._engine is None else len(after), np.int64)
+        table.met, columns.begins = marks.place, begins
+        table.engine = None if self._engine is None else ctypes.addressof(self._engine)
+        columns.done, columns.after = done.ctypes.data, address(after)
 
         def work(first: int, last: int) -> None:
-            library.carry_ticks(  # type: ignore[union-attr]
-                *of_arms,
-                length,
-                ticks,
-                first,
-                last,
-                *of_columns,
-                marks,
-                engine,
-                begins,
-                done.ctypes.data,
+            carry_ticks(
+                code.scene, tangents, ctypes.byref(table), first, last, ctypes.byref(columns)
             )
 
-        share(len(after), width, threads, work, ticks, marks.halt)
+        share(len(after), width, threads, work, table.ticks, marks.halt)
         return marks.of(0, len(after)), done
 
     def _widths(self, lanes: int | None) -> tuple[int, ...]:
@@ -313,35 +313,21 @@ class Tangents:
         """Whether there is compiled code, which ``slopes`` and ``columns`` need."""
         return self.library(1) is not None
 
-    def _built(self, lanes: int) -> ctypes.CDLL | None:
+    def _built(self, lanes: int) -> Compiled | None:
         """Compiled code for ``lanes`` arms side by side; None if it cannot be built."""
         if self._backend == "vm" or operations(self._step.advance) > LONGEST:
             return None
-        types = [
-            *BEGINNING, ADDRESS, NUMBER, ADDRESS, NUMBER, NUMBER, ctypes.c_int, NUMBER, ADDRESS,
-            ADDRESS, NUMBER, NUMBER, ADDRESS, ADDRESS, ctypes.c_int, ADDRESS,
-        ]  # fmt: skip
-        if self._steps_only:
-            types = [*[ADDRESS] * 5, NUMBER, ADDRESS, ADDRESS]
-            return built_of_lanes(self._source, lanes, "carry_step", types)
-        return built_of_lanes(self._source, lanes, "carry_ticks", types)
-
-    @property
-    def _steps_only(self) -> bool:
-        return self.plant.eventful and self._event_free is None
+        types = [ADDRESS, ADDRESS, NUMBER, NUMBER, ADDRESS]
+        code = built_of_lanes(self._source, lanes, "carry_ticks", types)
+        if code and lanes == 1:
+            code.engine.carry_step.argtypes = [*[ADDRESS] * 7, NUMBER, ADDRESS, ADDRESS]
+        return code
 
     def _source(self, lanes: int) -> str:
         code = self.code
         columns = (*code.columns, *([self._step.stretch] if lanes == 1 else []))
-        files = [] if self._steps_only else ["derivatives/tangent_ticks.c"]
-        files += ["derivatives/tangent_step.c"] if lanes == 1 else []
-        return "\n".join([
-            of_lanes(generate(code.functions), lanes),
-            f'{code.scene}#include "columns.h"',
-            *map(column_function, columns),
-            without("scene_columns.h", columns),
-            *(f'#include "{file}"\n' for file in files),
-        ])  # fmt: skip
+        scene = lanes_source(self.plant, self._choice, code.functions, lanes, code.members)
+        return f"{scene}{tangents_source(columns)}"
 
     @property
     def code(self) -> TangentCode:
@@ -351,20 +337,28 @@ class Tangents:
         if self._moving:
             functions.append(self._moving.advance)
             columns.append(self._moving.carry)
-        if not self._steps_only:
+        if event_free or not self.plant.eventful:
             columns += [column for step in steps for column in step.back(self._limit)]
         if event_free:
             functions += event_free.functions
             columns += event_free.columns
-        more = (event_free.defines if event_free else {"NBEGIN": 0, "NEND": 0}) | {
-            "NSTEP": max(step.advance.size1_out(1) for step in steps),
-            "NA": self._acting.size1_out(1),
-            "NT": self._held - self.plant.model.n,
-            "MOVING": int(self._moving is not None),
-            "DENSE_DERIVATIVE": int(self._step.advance.n_out() > 2),
+        more = (event_free.members if event_free else {}) | {
+            "nstep": max(step.advance.size1_out(1) for step in steps),
+            "na": self._acting.size1_out(1),
+            "nt": self._held - self.plant.model.n,
+            "dense_derivative": int(self._step.advance.n_out() > 2),
         }
-        scene = definitions(self.plant, self._choice, functions, **more)
-        return TangentCode(tuple(functions), tuple(columns), scene)
+        return TangentCode(tuple(functions), tuple(columns), more)
+
+
+def tangents_source(columns: Sequence[ca.Function], storage: str = "EXPORTED const") -> str:
+    """C of functions of columns, and of the structure ``tangents_t`` of them."""
+    there = {function.name() for function in columns}
+    listed = "".join(f"  {name if name in there else 0},\n" for name, _ in _MEMBERS)
+    return "\n".join([
+        '#include "derivatives/tangents.h"', *map(column_function, columns),
+        f"{storage} tangents_t {TANGENTS} = {{\n{listed}}};\n",
+    ])  # fmt: skip
 
 
 class _Step:

@@ -10,14 +10,14 @@ from arm_dynamics.codegen import compiler
 from arm_sim.stepping.engine import NATIVE
 
 OWN = Path(__file__).parent / "native"
-SCENE = frozenset({"scene.h", "scene_columns.h", "numbers.h"})
-"""Files in whose place a scene's definitions stand."""
+ELSEWHERE = frozenset({"scalar.h", "alone.h"})
+"""Files that stand in another place of a library, or only serve to read others."""
 _FOLDERS = (OWN, NATIVE, compiler.NATIVE)
 _INCLUDE = re.compile(r'^#include "(?:[\w.]*/)*(\w+\.[ch])"\n', re.MULTILINE)
 
 
 def amalgamated(text: str, done: set[str]) -> str:
-    """C with the files that it includes in their places, each once.
+    """C with the files that it includes in their places, each once; what they export is static.
 
     Args:
         text: The source.
@@ -29,6 +29,7 @@ def amalgamated(text: str, done: set[str]) -> str:
             return ""
         done.add(file)
         path = next(path for folder in _FOLDERS for path in folder.rglob(file))
-        return amalgamated(path.read_text(encoding="utf-8"), done)
+        own = path.read_text(encoding="utf-8").replace("\nEXPORTED ", "\nstatic ")
+        return amalgamated(own, done)
 
     return _INCLUDE.sub(included, text.replace("#pragma once\n", ""))

@@ -15,13 +15,13 @@ from arm_dynamics import ArmModel
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import stops_of
-from arm_sim.export.amalgamated import SCENE, amalgamated
+from arm_sim.export.amalgamated import ELSEWHERE, amalgamated
 from arm_sim.export.generated import prefixed, static_functions
 from arm_sim.integrators.methods import METHODS
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.options import Options
 from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.stepping.engine import COSTS, braces, definitions, written
+from arm_sim.stepping.engine import braces, scene_source, sizes
 
 PREFIX = "rest_"
 """Begins the names of this part of a library."""
@@ -38,10 +38,12 @@ def at_rest(model: ArmModel) -> str:
     plant = _bare(model)
     functions = [slope_of_loads(plant), *plant.events.values(), _acting(model)]
     choice = Choice(METHODS["rk4"], 1.0, None, "")  # of steps that are not made
-    scene = definitions(plant, choice, functions, TUNABLE=braces(plant.parameters.nominal))
-    engine = amalgamated('#include "at_rest.c"\n', {*SCENE})
-    text = static_functions(functions) + scene + written(dict.fromkeys(COSTS, 0)) + engine
-    return prefixed(text.replace("\nEXPORTED ", "\nstatic "), PREFIX)
+    text = "\n".join([
+        sizes(plant, choice, functions), f"#define TUNABLE {braces(plant.parameters.nominal)}",
+        "#define EXPORTED static", static_functions(functions),
+        scene_source(plant, choice, functions, storage="static const"), '#include "at_rest.c"\n',
+    ])  # fmt: skip
+    return prefixed(amalgamated(text, {*ELSEWHERE}), PREFIX)
 
 
 def _bare(model: ArmModel) -> Plant:

@@ -32,6 +32,8 @@ _PRAGMAS = """\
 #pragma GCC optimize("fp-contract=off", "no-tree-slp-vectorize")
 #pragma GCC optimize("no-tree-loop-distribute-patterns")
 #endif
+/* Functions of the engine take the scene, whose sizes are constants here. */
+#pragma GCC diagnostic ignored "-Wunused-parameter"
 """
 _END = """
 #if defined(__clang__)

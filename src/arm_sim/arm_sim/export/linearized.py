@@ -5,40 +5,27 @@ from __future__ import annotations
 
 import casadi as ca
 
-from arm_dynamics.codegen.columns import column_function
 from arm_sim.derivatives.kinks import Kinks
-from arm_sim.derivatives.tangents import Tangents
+from arm_sim.derivatives.tangents import TangentCode, tangents_source
 from arm_sim.export.amalgamated import amalgamated
-from arm_sim.export.generated import prefixed, static_functions
-from arm_sim.integrators.selection import Choice
+from arm_sim.export.generated import prefixed
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.engine import without
-from arm_sim.stepping.rollout import Engine
 
 PREFIX = "slope_"
 """Begins the names of this part of a library."""
 
 
-def derivatives_of_ticks(plant: Plant, choice: Choice, numbers: int, done: set[str]) -> str:
+def derivatives_of_ticks(code: TangentCode, done: set[str]) -> str:
     """C source of ``slope_carry_ticks``, see ``tangent_ticks.c``, for after the tick's engine.
 
     Args:
-        plant: The equations.
-        choice: Method and tick, without error control.
-        numbers: Number of tunable numbers to differentiate by.
+        code: The functions.
         done: Files of which that engine is made.
     """
-    engine = Engine() if plant.eventful else None
-    code = Tangents(plant, choice, "auto", tuple(range(numbers)), engine).code
-    text = "\n".join([
-        static_functions(code.functions),
-        f'{code.scene}#include "columns.h"',
-        *map(column_function, code.columns),
-        f'{without("scene_columns.h", code.columns)}#include "derivatives/tangent_ticks.c"\n',
-    ])  # fmt: skip
-    text = amalgamated(text, {*done, "scalar.h"})
-    return prefixed(text.replace("\nEXPORTED ", "\nstatic "), PREFIX)
+    written = tangents_source(code.columns, "static const")
+    text = amalgamated(f'{written}#include "derivatives/tangent_ticks.c"\n', done)
+    return prefixed(text, PREFIX)
 
 
 def kinked(plant: Plant) -> ca.Function:

@@ -14,14 +14,16 @@ import numpy as np
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import ROUNDED
-from arm_sim.export.amalgamated import OWN, SCENE, amalgamated
+from arm_sim.derivatives.tangents import Tangents
+from arm_sim.export.amalgamated import ELSEWHERE, OWN, amalgamated
 from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes, kinked
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
 from arm_sim.simulator import Simulator
-from arm_sim.stepping.engine import braces, engine_source
+from arm_sim.stepping.engine import braces, scene_source, sizes
+from arm_sim.stepping.rollout import Engine
 from arm_sim.stepping.stepper import tick_functions
 
 _INCLUDES = re.compile(r'^#include ["<][^"]*[">]\n', re.MULTILINE)
@@ -73,18 +75,28 @@ def tick_of(
         simulator.arm.use(simulator.arm.compiled.pushable())
     plant, choice = simulator.arm.plant, simulator.choice
     functions, smooth = tick_functions(plant, choice, actuation(plant))
-    numbers = _numbers(plant)
-    done = {*SCENE} | (set() if plant.eventful else {"events.h"})
-    engine = amalgamated(engine_source(plant, choice, functions, smooth, "motion/tick.h"), done)
-    engine = engine.replace("\nEXPORTED ", "\nstatic ")
+    numbers, slopes, members = _numbers(plant), None, dict[str, int]()
+    if derivatives and choice.tolerance is None:
+        of_one = Engine() if plant.eventful else None
+        slopes = Tangents(plant, choice, "auto", range(len(numbers)), of_one).code
+        members, known = slopes.members, {function.name() for function in functions}
+        functions += [each for each in slopes.functions if each.name() not in known]
+    done = {*ELSEWHERE} | (set() if plant.eventful else {"events.h"})
+    engine = "\n".join([
+        sizes(plant, choice, functions, members), f"#define EVENTS {int(plant.eventful)}",
+        "#define EXPORTED static",
+        scene_source(plant, choice, functions, smooth, "static const", members),
+        '#include "motion/tick.h"\n',
+    ])  # fmt: skip
+    engine = amalgamated(engine, done)
     more = [f for f in (plant.mechanics.project, plant.torques) if f is not None]
-    files, slopes = ["library.h", "sim.c"], ""
+    files, of_ticks = ["library.h", "sim.c"], ""
     if servo:
         more.append(servo_law(plant, choice.dt))
         files += ["servo.h", "servo.c"]
-    if derivatives and choice.tolerance is None:
+    if slopes:
         more += [kinked(plant), effort_slopes(plant)]
-        slopes = derivatives_of_ticks(plant, choice, len(numbers), done)
+        of_ticks = derivatives_of_ticks(slopes, done)
         files += ["linearize.h", "linearize.c"]
     headers, sources = files[::2], files[1::2]
     return Tick(
@@ -92,7 +104,7 @@ def tick_of(
         tuple(number.name for number in numbers),
         (*functions, *more),
         bool(slopes),
-        f"{engine}\n{_defines(simulator)}\n{slopes}{_plain(sources)}{_setter(numbers)}",
+        f"{engine}\n{_defines(simulator)}\n{of_ticks}{_plain(sources)}{_setter(numbers)}",
         _plain(headers).removeprefix("\n"),
     )
 
@@ -125,11 +137,10 @@ def _defines(simulator: Simulator) -> str:
         "PERIOD": repr(choice.dt),
         "NZ": str(plant.nz),
         "START": braces(simulator.arm.x),
-        "OF_STATE": "{" + ", ".join(map(str, _origins(plant))) + "}",
+        "OF_STATE": "{" + (", ".join(map(str, _origins(plant))) or "0") + "}",
         "TUNABLE": braces(plant.parameters.nominal),
         "OPEN": repr(OPEN),
         "AT_STOP": repr(ROUNDED),
-        "TOLERANCE": repr(choice.tolerance or 0.0),
         **({"LOOPS": str(project.size1_in(2))} if project else {}),
         **({"DRIVEN": "1"} if plant.torques else {}),
         "SERVO": "1",

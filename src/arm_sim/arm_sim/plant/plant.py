@@ -174,12 +174,12 @@ class Plant:
         """States that satisfy the bilateral constraints; for one thread only."""
         return Closure(self.model, self.model.stops)
 
-    @property
+    @cached_property
     def nz(self) -> int:
         """Number of internal states."""
         return len(self.laws.names)
 
-    @property
+    @cached_property
     def nx(self) -> int:
         """Length of the state."""
         return 2 * self.model.n + self.nz

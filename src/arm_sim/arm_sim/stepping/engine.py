@@ -1,22 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""C source of the engine in ``native/`` for a scene: definitions, and the file that uses them.
+"""The engine in ``native/``, a C library that is compiled once, and what a scene brings to it.
 
-An engine stands in one unit with the functions that it calls, or is a unit of its own, which all
-scenes with the same sizes and features share.
+Generated C of a scene contains its functions and a structure of sizes, constants and pointers to
+them, ``scene_t`` of ``scene.h``, which all functions of the engine take.
 """
 
 from __future__ import annotations
 
-import re
+import ctypes
 import sys
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.equations.contact import AT_REST
 from arm_sim.integrators.selection import Choice
@@ -28,6 +32,17 @@ from arm_sim.stepping.events import lengths
 NATIVE = Path(__file__).parent / "native"
 INCLUDED = (f"-I{NATIVE}",)
 """Flags for compilers, see ``compiler.build``."""
+OF_LANES = (
+    "lanes/rollout.c", "lanes/controlled_rollout.c", "derivatives/gradient.c",
+    "derivatives/tangent_ticks.c",
+)  # fmt: skip
+OF_ONE_ARM = (
+    "motion/roll.c", *OF_LANES, "derivatives/tangent_step.c",
+    "derivatives/eventful_derivatives.c", "derivatives/event_free_gradient.c",
+)  # fmt: skip
+"""Units of the library for one arm at a time, and of that for several side by side."""
+# The engine consists of loops, unlike generated code: short ones, slower as calls of memcpy.
+_FLAGS = ("-O2", "-fno-tree-loop-distribute-patterns", *compiler.FLAGS[1:])
 NOWHERE = sys.float_info.max
 """Position of a stop that does not exist: beyond every position."""
 MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1_000_000, 20, 50, 100
@@ -43,126 +58,134 @@ COSTS = {
     "strike_cost": "strike", "statics_cost": "statics",
 }  # fmt: skip
 """Costs of functions by their names in C."""
-_BEFORE_CALLS = '#include "scalar.h"\n#define casadi_int long long int\n'
-_SIGNATURE = "int {}(const real** arg, real** res, casadi_int* iw, real* w, int mem)"
-_OF_COLUMNS = "void {}(const real* c, const column* const* arg, column* res)"
+MOST_ARGUMENTS, MOST_INTEGERS = 128, 8
+"""Arguments or results of a generated function, and integers of its work space, at most."""
+SYMBOL = "own_scene"
+"""Name of the structure in generated code."""
+_SCENE = Header(NATIVE / "scene.h", only="scene_t").fields("scene_t")
+SIZES = tuple(name for name, kind in _SCENE[: [n for n, _ in _SCENE].index("adaptive")])
+"""Members that lengths of arrays depend on; their names in capitals are macros."""
 
 
-def engine_source(
-    plant: Plant, choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function,
-    file: str = "motion/roll.c",
+@cache
+def _library(where: compiler.Destination | None, width: int, units: tuple[str, ...],
+             folders: tuple[str, ...]) -> ctypes.CDLL:  # fmt: skip
+    head = '#include "scalar.h"' if width == 1 else f'#define LANES {width}\n#include "lanes.hpp"'
+    first, *others = (f'{head}\n#include "{unit}"\n' for unit in units)
+    local, language = (*INCLUDED, *folders), "c" if width == 1 else "c++"
+    with compiler.describing("engine"):
+        return compiler.build(first, language, _FLAGS, local, tuple(others)).library
+
+
+def library(
+    width: int = 1, units: tuple[str, ...] = (), folders: tuple[str, ...] = ()
+) -> ctypes.CDLL:
+    """The engine's library, compiled at its first use.
+
+    Args:
+        width: Arms side by side.
+        units: Files of it; all, if none is named.
+        folders: Flags for the compiler that name folders of other files.
+
+    Raises:
+        CompilerMissing: If there is neither a compiler nor a library compiled elsewhere.
+    """
+    every = OF_ONE_ARM if width == 1 else OF_LANES
+    return _library(compiler.destination(), width, units or every, folders)
+
+
+class Compiled:
+    """Compiled functions of a scene, and the engine for as many arms side by side.
+
+    Attributes:
+        own: Library of the scene.
+        engine: That of the engine.
+        scene: Address of its structure, the first argument of the engine's functions.
+    """
+
+    def __init__(self, own: ctypes.CDLL, engine: ctypes.CDLL) -> None:
+        self.own, self.engine = own, engine
+        self.scene = ctypes.c_void_p(address_of(own))
+
+
+def address_of(own: ctypes.CDLL, symbol: str = SYMBOL) -> int:
+    """Address of a structure in a library of generated code."""
+    return ctypes.addressof(ctypes.c_char.in_dll(own, symbol))
+
+
+def scene_source(
+    plant: Plant, choice: Choice, functions: Sequence[ca.Function],
+    smooth: ca.Function | None = None, storage: str = "EXPORTED const",
+    more: Mapping[str, int] = MappingProxyType({}),
 ) -> str:  # fmt: skip
-    """C source of the engine of ticks, to be compiled after the functions that it calls.
-
-    ``smooth`` is the function that advances over a tick without events, ``file`` that of
-    ``native`` which calls the engine.
-    """
-    costs = _costs(plant, choice, functions, smooth)
-    return f'{definitions(plant, choice, functions)}{written(costs)}#include "{file}"\n'
-
-
-def engine_apart(
-    plant: Plant, choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function
-) -> tuple[str, str]:
-    """C source of a scene's numbers, and of the engine of ticks as a unit of its own.
-
-    Two thirds of the time that a scene with contact takes to compile go into the engine. Apart
-    from the numbers it is the same for all scenes with the same sizes and features, and compiled
-    once for all of them. Arguments as of ``engine_source``.
-    """
-    numbers = _numbers(plant) | _costs(plant, choice, functions, smooth)
-    shared = sizes(plant, choice, functions)
-    # Work space is rounded up, so that similar scenes have the same; not to powers of two, where
-    # arrays on the stack would share lines of the processor's cache.
-    for name in (name for name in shared if name.startswith("SZ_")):
-        shared[name] = str(-(-(int(shared[name]) + 8) // 64) * 64 - 8)
-    calls = "".join(f"{_SIGNATURE.format(function.name())};\n" for function in functions)
-    engine = f'{_defined(shared)}{without("scene.h", functions)}#include "motion/roll.c"\n'
-    return written(numbers, "const"), f"{_BEFORE_CALLS}{calls}{engine}"
-
-
-def definitions(
-    plant: Plant, choice: Choice, functions: Sequence[ca.Function], **more: object
-) -> str:
-    """C source of all that a scene brings besides its functions; see ``native/scene.h``.
+    """C of the structure of a scene, to be compiled after its functions.
 
     Args:
         plant: Its equations.
         choice: Method, tick and tolerance.
         functions: All of its functions that there are.
-        more: Further definitions, or others than those that follow from the plant.
+        smooth: That of them which advances over a tick without events, for the engine of ticks.
+        storage: Of the structure.
+        more: Further members, or others than those that follow from the plant.
     """
-    defined = _defined(sizes(plant, choice, functions) | {k: str(v) for k, v in more.items()})
-    return f"{defined}{without('scene.h', functions)}{written(_numbers(plant))}"
+    members = _members(plant, choice, functions) | dict(more)
+    if smooth is not None:
+        members |= _costs(plant, choice, functions, smooth)
+    there, numbers = {function.name() for function in functions}, _numbers(plant)
+    tables, values = list[str](), list[str]()
+    for name, _ in _SCENE:
+        value: object = members.get(name, 0)
+        if name in numbers and numbers[name].size:
+            two, table = numbers[name].ndim == 2, numbers[name]
+            rows = f"{{{braces(table[0])}, {braces(table[1])}}}" if two else braces(table)
+            shape = "".join(f"[{size}]" for size in table.shape)
+            tables.append(f"static const double {name}{shape} = {rows};\n")
+            value = f"{{{name}[0], {name}[1]}}" if two else name
+        elif name in there:
+            value = name
+        values.append(f"  {value}, /* {name} */\n")
+    listed = "".join([*tables, f"{storage} scene_t {SYMBOL} = {{\n", *values, "};\n"])
+    return f'#include "scene.h"\n{listed}'
 
 
-def without(header: str, present: Sequence[ca.Function]) -> str:
-    """Definitions of a scene's functions that are not there, which are never called.
-
-    Args:
-        header: ``scene.h``, or ``scene_columns.h`` for those of columns.
-        present: Those that are.
-    """
-    kind, form = {"scene.h": ("GENERATED", _SIGNATURE)}.get(header, ("COLUMNS", _OF_COLUMNS))
-    text = (NATIVE / header).read_text(encoding="utf-8")
-    names = re.findall(rf"^{kind}\((\w+)\);", text, re.MULTILINE)
-    known = {function.name() for function in present}
-    unused = "arg res iw w mem" if kind == "GENERATED" else "c arg res"
-    body = "".join(f"  (void){name};\n" for name in unused.split())
-    body += "  return 0;\n" if kind == "GENERATED" else ""
-    return "".join(
-        f"static inline {form.format(name)} {{\n{body}}}\n" for name in names if name not in known
-    )
+def sizes(
+    plant: Plant, choice: Choice, functions: Sequence[ca.Function],
+    more: Mapping[str, int] = MappingProxyType({}),
+) -> str:  # fmt: skip
+    """C definitions of a scene's sizes, for a unit that is for this scene alone."""
+    members = dict.fromkeys(SIZES, 0) | _members(plant, choice, functions) | dict(more)
+    return "".join(f"#define {name.upper()} {members[name]}\n" for name in SIZES)
 
 
-def _defined(values: Mapping[str, str]) -> str:
-    return "\n".join(["", *(f"#define {name} {value}" for name, value in values.items()), ""])
-
-
-def written(numbers: Mapping[str, Array | int], storage: str = "static const") -> str:
-    """Tables and whole numbers in C, which knows empty tables as an extension."""
-    lines = list[str]()
-    for name, value in numbers.items():
-        if isinstance(value, int):
-            lines.append(f"{storage} long long {name} = {value};")
-            continue
-        shape = "".join(f"[{size}]" for size in value.shape)
-        rows = braces(value) if value.ndim == 1 else f"{{{', '.join(map(braces, value))}}}"
-        known = "" if value.size else "__extension__ "
-        lines.append(f"{known}{storage} double {name}{shape} = {rows};")
-    return "\n".join([*lines, ""])
-
-
-def sizes(plant: Plant, choice: Choice, functions: Sequence[ca.Function]) -> dict[str, str]:
-    """Sizes and features of a scene, for all files of ``native``."""
+def _members(
+    plant: Plant, choice: Choice, functions: Sequence[ca.Function]
+) -> dict[str, int | float]:
+    """Sizes and features of a scene."""
     stops, statics, controlled = plant.model.stops, plant.events.get("statics"), choice.tolerance
     plain = not (plant.constrained or plant.layout.pressed or plant.layout.switches)
+    results = [(function.name(), function.n_out()) for function in functions]
     features = {
-        "EVENTS": plant.eventful, "RIGID": stops.rigid.any(),
-        "STOPS": bool(stops) and not plant.eventful,
-        "FREE": plant.free is not None, "MOVING": plant.glides, "PLAIN": plant.eventful and plain,
-        "SHORTCUT": plant.glides and controlled is None and plain, "NB": plant.constrained,
-        "INDETERMINATE": statics is not None, "NEAR_LOADS": _returns_loads(functions),
-        "ADAPTIVE": controlled is not None,
+        "adaptive": controlled is not None, "constrained": plant.constrained,
+        "rigid": stops.rigid.any(), "stops": bool(stops) and not plant.eventful,
+        "free": plant.free is not None, "moving": plant.glides,
+        "plain": plant.eventful and plain,
+        "shortcut": plant.glides and controlled is None and plain,
+        "near_loads": ("step", 5) in results or ("attempt", 7) in results,
+        "indeterminate": statics is not None,
+        "eventful": plant.eventful,
     }  # fmt: skip
-    most = MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS
-    numbers = lengths(plant) | {name: int(bool(has)) for name, has in features.items()} | {
-        "NM": 0 if statics is None else statics.size1_out(3), "NR": plant.model.n,
-        "ORDER": choice.method.order, "MOST_SUBSTEPS": most,
-        "SZ_ARG": max(function.sz_arg() for function in functions) + 8,
-        "SZ_RES": max(function.sz_res() for function in functions) + 8,
-        "SZ_IW": max(function.sz_iw() for function in functions) + 8,
-        "SZ_W": max(function.sz_w() for function in functions) + 8,
+    most = max(max(function.sz_arg(), function.sz_res()) for function in functions)
+    assert most <= MOST_ARGUMENTS, f"a function with {most} arguments or results"
+    assert max(function.sz_iw() for function in functions) <= MOST_INTEGERS
+    numbers = {
+        "sz_w": max(function.sz_w() for function in functions) + 1,
+        "nm": 0 if statics is None else statics.size1_out(3), "nr": plant.model.n,
+        "order": choice.method.order, "tolerance": choice.tolerance or 0.0,
+        "most_substeps": MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS,
+        "largest": LARGEST, "deep": INSIDE, "slowest": AT_REST,
     }  # fmt: skip
-    named = {name: str(number) for name, number in numbers.items()}
-    return named | {"LARGEST": repr(LARGEST), "SLOWEST": repr(AT_REST), "DEEP": repr(INSIDE)}
-
-
-def _returns_loads(functions: Sequence[ca.Function]) -> bool:
-    """Whether steps return the loads at a stage at their end."""
-    motion = next((each for each in functions if each.name() in ("step", "attempt")), None)
-    plain = {"step": 3, "attempt": 5}
-    return motion is not None and motion.n_in() == 5 and motion.n_out() > plain[motion.name()]
+    of_plant = {name.lower(): size for name, size in lengths(plant).items()}
+    return of_plant | {name: int(bool(has)) for name, has in features.items()} | numbers
 
 
 def _costs(
@@ -178,8 +201,8 @@ def _costs(
     return {"most_work": most, "step_cost": step} | known
 
 
-def _numbers(plant: Plant) -> dict[str, Array | int]:
-    """Numbers of a scene by joint and contact, see ``native/numbers.h``."""
+def _numbers(plant: Plant) -> Mapping[str, Array]:
+    """Numbers of a scene by joint and contact."""
     model, points, stops = plant.model, plant.points, plant.model.stops
     soft_lower = np.where(stops.compliant[0], stops.place[0], -NOWHERE)
     soft_upper = np.where(stops.compliant[1], stops.place[1], NOWHERE)
@@ -214,5 +237,5 @@ def _wave_numbers(model: ArmModel) -> Array:
 
 
 def braces(values: Sequence[float] | Array) -> str:
-    """Numbers as a list for C definitions."""
-    return "{" + ", ".join(repr(float(value)) for value in values) + "}"
+    """Numbers as a list for C definitions, which C does not know empty."""
+    return "{" + (", ".join(repr(float(value)) for value in values) or "0.0") + "}"

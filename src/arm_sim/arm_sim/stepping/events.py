@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import ctypes
 from enum import IntEnum
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -52,17 +50,9 @@ def lengths(plant: Plant) -> dict[str, int]:
     }  # fmt: skip
 
 
-def _modes_type(plant: Plant) -> np.dtype[Any]:
-    """Fields of ``modes_t`` of ``native/events/trace.h``, all doubles."""
-    return _layout(tuple(lengths(plant).items()))
-
-
-@cache
-def _layout(lengths: tuple[tuple[str, int], ...]) -> np.dtype[Any]:
-    header = Header(
-        _NATIVE / "events/trace.h", only="contact_mode_t modes_t", lengths=dict(lengths)
-    )
-    return np.dtype(header.structure("modes_t"))
+_CONTACT_MODE = np.dtype(
+    Header(_NATIVE / "events/trace.h", only="contact_mode_t").structure("contact_mode_t")
+)
 
 
 class Modes:
@@ -81,11 +71,10 @@ class Modes:
 
     def __init__(self, plant: Plant, tunable: Array) -> None:
         """Copy the tunable numbers; the modes of joints and contacts are not determined yet."""
-        record = np.zeros(1, _modes_type(plant))
-        self.p: Array = record.view(float).reshape(-1) if record.itemsize else np.zeros(0)
-        self.tunable: Array = record["tunable"][0]
-        self.direction: Array = record["direction"][0]
-        self.pressed: Array = record["pressed"][0]
-        self.switches: Array = record["switches"][0]
-        self.contact = record["contact"][0]
+        of = lengths(plant)
+        ends = np.cumsum([of[name] for name in ("NP", "ND", "NQ", "NK")])
+        self.p: Array = np.zeros(ends[-1] + 5 * of["NC"])
+        parts = np.split(self.p, ends)  # in the order of modes_t of native/events/trace.h
+        self.tunable, self.direction, self.pressed, self.switches = parts[:4]
+        self.contact = parts[4].view(_CONTACT_MODE)
         self.tunable[:] = tunable

@@ -6,12 +6,13 @@ from __future__ import annotations
 import ctypes
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import compress, pairwise
 from time import perf_counter
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -31,15 +32,10 @@ from arm_sim.long_runs import refuse_beyond_memory
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.stepping.engine import INCLUDED, NATIVE, definitions
+from arm_sim.stepping.engine import INCLUDED, NATIVE, Compiled, library, scene_source
 from arm_sim.stepping.stepper import MOVING, Stepper, address, smooth_motion
 
 ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_longlong
-BEGINNING = (
-    ADDRESS, ADDRESS, NUMBER, NUMBER, ADDRESS, NUMBER, ADDRESS, NUMBER, NUMBER, NUMBER
-)  # fmt: skip
-"""C types of the first arguments of functions of many arms: x0, tau with its strides by arm and
-tick, p with its stride by arm, length of a tick, ticks, first arm and the one after the last."""
 WIDTHS = (8, 4, 2, 1)
 # Ticks of all arms from which code for error control or events side by side saves more time than
 # its compilation takes: up to ten seconds for implicit methods.
@@ -85,8 +81,36 @@ class Engine(ctypes.Structure):
     @classmethod
     def of(cls, stepper: Stepper) -> Engine:
         """Those of a scene with events."""
-        found = (getattr(stepper.kernel.library, field[0]) for field in cls._fields_)
-        return cls(*(ctypes.cast(function, ctypes.c_void_p).value for function in found))
+        assert stepper.compiled is not None
+        found = (getattr(stepper.compiled.engine, name) for name, _ in cls._fields_[1:])
+        places = (ctypes.cast(function, ctypes.c_void_p).value for function in found)
+        return cls(stepper.compiled.scene.value, *places)
+
+
+class ArmTable(ctypes.Structure):
+    """Arms and their ticks for compiled code: ``arms_t`` of ``lanes.h``."""
+
+    _fields_ = Header(NATIVE / "lanes/lanes.h", only="arms_t").fields("arms_t")
+
+    @classmethod
+    def of(
+        cls, x0: Array, tau: Array, p: Array, dt: float, marks: Marks, engine: Engine | None
+    ) -> ArmTable:
+        """Those of some arrays, which must live as long.
+
+        Args:
+            x0: Initial states, shape (b, nx).
+            tau: Commands, shape (b, ticks, n).
+            p: Parameters, shape (b, np).
+            dt: Length of a tick in [s].
+            marks: Receives which arms are to be advanced alone.
+            engine: In a scene with events.
+        """
+        by = *strides(tau, 2), *strides(p, 1)
+        return cls(
+            *map(address, (x0, tau, p)), *by, dt, tau.shape[1], marks.place,
+            None if engine is None else ctypes.addressof(engine),
+        )  # fmt: skip
 
 
 class Rollouts:
@@ -115,7 +139,8 @@ class Rollouts:
         together = not self._smooth.eventful or choice.tolerance is None
         together &= not switches_unseen(plant)
         self._in_registers = together and backend != "vm"
-        self._libraries: dict[int, ctypes.CDLL | None] = {}
+        self._controlled = choice.tolerance is not None and not self._smooth.eventful
+        self._libraries: dict[int, Compiled | None] = {}
         self._engine = Engine.of(stepper) if self._smooth.eventful else None
         self._resting: list[Stepper] = []
 
@@ -125,14 +150,14 @@ class Rollouts:
         short = self._choice.tolerance is None and not self._smooth.eventful
         if lanes is None and not (short or self._libraries):
             together &= len(batch.x0) * batch.steps >= MANY_TICKS
-        library, width = self._library(wide) if together else (None, 1)
+        code, width = self._library(wide) if together else (None, 1)
 
         marks = Marks(len(batch.x0))
 
         def work(first: int, last: int) -> None:
-            if library is not None:
-                self._in_lanes(library, batch, marks, first, last)
-            alone = range(first, last) if library is None else marks.of(first, last)
+            if code is not None:
+                self._in_lanes(code, batch, marks, first, last)
+            alone = range(first, last) if code is None else marks.of(first, last)
             self._one_by_one(batch, alone, marks)
 
         share(len(batch.x0), width, threads, work, batch.steps, marks.halt)
@@ -147,11 +172,11 @@ class Rollouts:
             None if that holds for all: the scene has dry friction or contacts under error control,
             or there is no compiler.
         """
-        library, arms = self._lanes_here(), len(batch.x0)
-        if library is None:
+        code, arms = self._lanes_here(), len(batch.x0)
+        if code is None:
             return None
         marks = Marks(arms)
-        work = partial(self._in_lanes, library, batch, marks)
+        work = partial(self._in_lanes, code, batch, marks)
         share(arms, natural_width(), 1, work, batch.steps, marks.halt)
         return marks.of(0, arms)
 
@@ -159,7 +184,7 @@ class Rollouts:
         """Compile what ``side_by_side`` needs, unless that is done."""
         self._lanes_here()
 
-    def _lanes_here(self) -> ctypes.CDLL | None:
+    def _lanes_here(self) -> Compiled | None:
         return self._library(widths(None))[0] if self._in_registers else None
 
     def batch(self, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool) -> Batch:
@@ -212,17 +237,14 @@ class Rollouts:
         by_tick = array if array.ndim == 3 else np.atleast_2d(array)[:, None]
         return repeated(by_tick, (arms, max(1, steps), n))
 
-    def _in_lanes(
-        self, library: ctypes.CDLL, batch: Batch, marks: Marks, first: int, last: int
-    ) -> None:
+    def _in_lanes(self, code: Compiled, batch: Batch, marks: Marks, first: int, last: int) -> None:
         """Advance arms side by side; those that would have met a stop are marked."""
-        length = np.array([self._choice.dt])
-        library.rollout(
-            address(batch.x0), address(batch.tau), *strides(batch.tau, 2),
-            address(batch.p), *strides(batch.p, 1), address(length), batch.steps, first, last,
-            address(batch.out), batch.out.ndim == 2, marks,
+        tau = batch.tau[:, : batch.steps]
+        arms = ArmTable.of(batch.x0, tau, batch.p, self._choice.dt, marks, self._engine)
+        rollout = code.engine.controlled_rollout if self._controlled else code.engine.rollout
+        rollout(
+            code.scene, ctypes.byref(arms), first, last, address(batch.out), batch.out.ndim == 2,
             None if batch.effort is None else address(batch.effort),
-            None if self._engine is None else ctypes.byref(self._engine),
         )  # fmt: skip
 
     def _one_by_one(self, batch: Batch, arms: Sequence[int], marks: Marks) -> None:
@@ -251,36 +273,33 @@ class Rollouts:
         except IndexError:
             return self._stepper.twin()
 
-    def _library(self, wide: tuple[int, ...]) -> tuple[ctypes.CDLL | None, int]:
+    def _library(self, wide: tuple[int, ...]) -> tuple[Compiled | None, int]:
         """Compiled code and the number of arms that it advances side by side."""
         for width in wide:
             if width not in self._libraries:
                 self._libraries[width] = self._built(width)
-            if (library := self._libraries[width]) is not None:
-                return library, width
+            if (code := self._libraries[width]) is not None:
+                return code, width
         return None, 1
 
-    def _built(self, width: int) -> ctypes.CDLL | None:
-        controlled, eventful = self._choice.tolerance is not None, self._smooth.eventful
-        if width == 1 and (controlled or eventful):
+    def _built(self, width: int) -> Compiled | None:
+        if width == 1 and (self._choice.tolerance is not None or self._smooth.eventful):
             return None
-        write = self._of_attempts if controlled and not eventful else self._of_ticks
-        types = [*BEGINNING, ADDRESS, ctypes.c_int, *[ADDRESS] * 3]
-        return built_of_lanes(write, width, "rollout", types)
+        name = "controlled_rollout" if self._controlled else "rollout"
+        types = [ADDRESS, NUMBER, NUMBER, ADDRESS, ctypes.c_int, ADDRESS]
+        return built_of_lanes(self._written, width, name, types)
 
-    def _of_ticks(self, width: int) -> str:
-        plant = self._plant if self._smooth.eventful else self._smooth
-        return ticks_of_lanes(plant, self._choice, width, "lanes/rollout.c", self._control)
-
-    def _of_attempts(self, width: int) -> str:
-        plant, choice = self._smooth, self._choice
-        functions = [smooth_motion(plant, choice), actuation(plant, self._control)]
-        file, more = "lanes/controlled_rollout.c", {"TOLERANCE": choice.tolerance}
-        return _source(plant, choice, width, functions, file, self._control, **more)
+    def _written(self, width: int) -> str:
+        plant, choice, control = self._smooth, self._choice, self._control
+        if not self._controlled:
+            plant = self._plant if plant.eventful else plant
+            return ticks_of_lanes(plant, choice, width, control)
+        functions = [smooth_motion(plant, choice), actuation(plant, control)]
+        return lanes_source(plant, choice, functions, width, _inputs(control))
 
 
 def ticks_of_lanes(
-    plant: Plant, choice: Choice, width: int, file: str, control: CompiledControl | None = None
+    plant: Plant, choice: Choice, width: int, control: CompiledControl | None = None
 ) -> str:
     """C of ticks of arms side by side, with what lanes ask for where there are events.
 
@@ -288,28 +307,35 @@ def ticks_of_lanes(
         plant: Their equations, away from stops where these are all that causes events.
         choice: Method and tick.
         width: Number of arms.
-        file: Of ``native``, what calls the ticks, or headers that it needs.
         control: Controller to compile in, if any.
     """
     motion, actuate = smooth_motion(plant, choice), actuation(plant, control)
     if not plant.eventful:
         functions = [build_tick(motion, actuate)]
-        return _source(plant, choice, width, functions, file, control, TICK="tick")
+        return lanes_source(plant, choice, functions, width, _inputs(control))
     asked = [function for name, function in plant.events.items() if name in PREDICTED]
     functions = [slope_of_loads(plant), motion, actuate, *asked]
     if plant.glides:
         functions.append(smooth_motion(plant.variant(sliding=True), choice, MOVING))
-    return _source(plant, choice, width, functions, file, control)
+    return lanes_source(plant, choice, functions, width, _inputs(control))
 
 
-def _source(
-    plant: Plant, choice: Choice, width: int, functions: list[ca.Function], file: str,
-    control: CompiledControl | None, **more: object,
+def _inputs(control: CompiledControl | None) -> dict[str, int]:
+    return {} if control is None else {"nr": control.law.size1_in(1)}
+
+
+def lanes_source(
+    plant: Plant, choice: Choice, functions: Sequence[ca.Function], width: int,
+    more: Mapping[str, int] = MappingProxyType({}),
 ) -> str:  # fmt: skip
-    if control is not None:
-        more["NR"] = control.law.size1_in(1)
-    scene = definitions(plant, choice, functions, **more)
-    return f'{of_lanes(generate(functions), width)}{scene}#include "{file}"\n'
+    """C of functions and of their scene, see ``scene_source``, for ``width`` arms side by side."""
+    code = generate(functions)
+    if width == 1:
+        head = '#include "scalar.h"\n'
+    else:
+        code = _CHOICE.sub(r"if_else_zero(\1,\2)", code).replace(_SIGN, "sign(x)")
+        head = f'#define LANES {width}\n#include "lanes.hpp"\n'
+    return f"{head}{code}{scene_source(plant, choice, functions, more=more)}"
 
 
 def alike(plant: Plant, choice: Choice) -> bool:
@@ -323,33 +349,26 @@ def switches_unseen(plant: Plant) -> bool:
     return plant.free is not None and plant.layout.switches > 0
 
 
-def of_lanes(code: str, width: int) -> str:
-    """Generated C for ``width`` arms side by side, with the headers it needs."""
-    if width == 1:
-        return '#include "scalar.h"\n' + code
-    code = _CHOICE.sub(r"if_else_zero(\1,\2)", code).replace(_SIGN, "sign(x)")
-    return f'#define LANES {width}\n#include "lanes.hpp"\n' + code
-
-
 @one_at_a_time
 def built_of_lanes(
     write: Callable[[int], str], width: int, name: str, types: Sequence[type],
-    local: tuple[str, ...] = INCLUDED,
-) -> ctypes.CDLL | None:  # fmt: skip
+    units: tuple[str, ...] = (), folders: tuple[str, ...] = (),
+) -> Compiled | None:  # fmt: skip
     """Compiled code that ``write`` gives for ``width`` arms side by side; None if it cannot be.
 
-    Its function ``name`` then takes arguments of those C types, plain integers among them;
-    ``local`` are flags that name folders of files that it includes.
+    The engine's function ``name`` then takes the scene and arguments of those C types, plain
+    integers among them; for ``units`` and ``folders`` see ``engine.library``.
     """
     language = "c++" if width > 1 else "c"
     if not compiler.may_build(language):  # writing it takes long
         return None
     try:
-        library = compiler.build(write(width), language, local=local).library
+        own = compiler.build(write(width), language, local=INCLUDED).library
+        engine = library(width, units, folders)
     except CompilerMissing:
         return None
-    getattr(library, name).argtypes = types  # library[name] is another object each time
-    return library
+    getattr(engine, name).argtypes = [ADDRESS, *types]  # engine[name] is another object each time
+    return Compiled(own, engine)
 
 
 def widths(lanes: int | None) -> tuple[int, ...]:
@@ -385,11 +404,15 @@ def strides(array: Array, axes: int) -> list[int]:
 
 
 class Marks:
-    """A mark for each arm, to be set by compiled code; before them one by which it is halted."""
+    """A mark for each arm, to be set by compiled code; before them one by which it is halted.
+
+    Attributes:
+        place: Address of the first.
+    """
 
     def __init__(self, arms: int) -> None:
         self._all = (ctypes.c_char * (1 + arms))()
-        self._as_parameter_ = ctypes.byref(self._all, 1)  # what ctypes passes
+        self.place = ctypes.addressof(self._all) + 1
 
     def of(self, first: int, last: int) -> list[int]:
         """Those of some arms whose marks are set."""
@@ -437,6 +460,9 @@ def share(
     edges = [done + (groups - done) * i // count for i in range(count + 1)]
     parts = [(a * width, min(arms, b * width)) for a, b in pairwise(edges)]
     here = parts[: (groups - done) * ticks <= FEW_TICKS]
+    if len(here) == len(parts) == 1:
+        work(*here[0])
+        return
     others = [_kept_threads().submit(work, *part) for part in parts[len(here) :]]
     try:
         for part in here:

@@ -35,7 +35,7 @@ from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
-from arm_sim.stepping.engine import INCLUDED, engine_apart, engine_source
+from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source
 from arm_sim.stepping.events import EventReport, Modes, Trouble
 
 LITTLE_WORK, MANY_STEPS = 20_000_000, 20
@@ -58,6 +58,7 @@ class Stepper:
 
     Attributes:
         kernel: The functions it runs.
+        compiled: Their code with the engine; None on the virtual machine.
         p: Tunable quantities, shape (np,), to be changed in place.
         few: Number of ticks that surely take little time.
         tick_operations: Arithmetic operations in one tick (in one sub-step, with error control).
@@ -78,6 +79,8 @@ class Stepper:
         recipe = recipe_of(plant, choice, acted) if compiled else ""
         known = Kernel.recalled(recipe) if recipe else None
         self.kernel = known or _built(plant, choice, backend, control, acted)
+        own = self.kernel.library
+        self.compiled = Compiled(own, library()) if own else None
         _check(plant, self.kernel, "rhs")
         if plant.free:
             _check(plant.free, self.kernel, f"{FREE}rhs")
@@ -136,12 +139,12 @@ class Stepper:
             Function that advances by k ticks, or fewer if the state becomes non-finite, and
             returns the number of good ticks.
         """
-        if self.kernel.library is None:
+        if self.compiled is None:
             return partial(self._by_call, x, command, trace, effort, notes)
         stride = ctypes.c_longlong(command.shape[-1] if command.ndim == 2 else 0)
         control = None if self._control is None else ctypes.byref(self._control)
-        return _library_function(
-            self.kernel, "roll", pointer(x), pointer(command), stride, pointer(self.p),
+        return _engine_function(
+            self.compiled, "roll", pointer(x), pointer(command), stride, pointer(self.p),
             ctypes.c_double(self._choice.dt), ctypes.c_longlong(len(trace)), pointer(trace),
             pointer(effort), pointer(notes), control, ctypes.byref(self.report),
         )  # fmt: skip
@@ -179,18 +182,18 @@ class Stepper:
         """
         self.restart()
         after, lost = np.array(x, order="C"), np.zeros(len(x))
-        if self.kernel.library is None:
+        if self.compiled is None:
             return self._each_by_call(after, command, p, ticks), lost
         control = None if self._control is None else ctypes.byref(self._control)
-        roll = self.kernel.library.roll_each
+        roll = self.compiled.engine.roll_each
         roll.restype = None
         command, p = np.ascontiguousarray(command), np.ascontiguousarray(p)
         for first, end in slices(len(x), self.few // ticks + 1):
             roll(
-                pointer(after[first:]), pointer(command[first:]), pointer(p[first:]),
-                ctypes.c_longlong(end - first), ctypes.c_double(self._choice.dt),
-                ctypes.c_longlong(ticks), pointer(lost[first:]), control,
-                ctypes.byref(self.report),
+                self.compiled.scene, pointer(after[first:]), pointer(command[first:]),
+                pointer(p[first:]), ctypes.c_longlong(end - first),
+                ctypes.c_double(self._choice.dt), ctypes.c_longlong(ticks), pointer(lost[first:]),
+                control, ctypes.byref(self.report),
             )  # fmt: skip
         return after, lost
 
@@ -230,11 +233,10 @@ class Stepper:
         modes = Modes(self._plant, self.p)
         modes.direction[:] = 1.0
         _set_switches(modes, self.kernel, x, u)
-        if self._plant.eventful and self.kernel.native:
+        if self._plant.eventful and self.compiled:
             state, torque = np.ascontiguousarray(x), np.ascontiguousarray(u)
-            find = getattr(self.kernel.library, "find_modes")  # noqa: B009 - the library's
-            find.restype = ctypes.c_longlong
-            find(pointer(state), pointer(torque), pointer(modes.p))
+            places = map(pointer, (state, torque, modes.p))
+            self.compiled.engine.find_modes(self.compiled.scene, *places)
         return modes
 
     def shared(self, x: Array, u: Array, modes: Modes) -> tuple[Array, Array]:
@@ -246,10 +248,10 @@ class Stepper:
         """
         contacts, n = 3 * len(self._plant.points), self._plant.model.n
         change = np.zeros(contacts + n)
-        if share := getattr(self.kernel.library, "share_reactions", None):
+        if self.compiled and self._plant.eventful:
             arrays = np.ascontiguousarray(x), np.ascontiguousarray(u), modes.p, change
-            share.restype = None
-            share(*map(pointer, arrays))
+            share = self.compiled.engine.share_reactions
+            share(self.compiled.scene, *map(pointer, arrays))
         return change[:contacts], change[contacts:]
 
     def stop_torque(self, x: Array, u: Array) -> Array:
@@ -324,14 +326,13 @@ def recipe_of(plant: Plant, choice: Choice, acted: bool) -> str:
 def _built(
     plant: Plant, choice: Choice, backend: str, control: CompiledControl | None, acted: bool
 ) -> Kernel:
-    """Generate and compile the equations of a scene, and the engine that calls them."""
+    """Generate and compile the equations of a scene."""
     actuate = actuation(plant, control, compensated=not acted)
     functions, smooth = tick_functions(plant, choice, actuate)
-    if plant.eventful:
-        numbers, engine = engine_apart(plant, choice, functions, smooth)
-        return Kernel(functions, backend, numbers, engine, _eventful(plant), INCLUDED)
-    engine = engine_source(plant, choice, functions, smooth)
-    return Kernel(functions, backend, engine, local=INCLUDED)
+    driver = scene_source(plant, choice, functions, smooth)
+    dry = ["dry friction"] if plant.model.has_dry_friction else []
+    features = [*dry, *(["contact"] if plant.points else [])]  # that need the engine
+    return Kernel(functions, backend, driver, " and ".join(features), INCLUDED)
 
 
 def tick_functions(
@@ -342,7 +343,8 @@ def tick_functions(
     functions = [slope_of_loads(plant), smooth, actuate, *plant.events.values()]
     if plant.free:
         smooth = smooth_motion(plant.free, choice, FREE)
-        functions += [_renamed(plant.free.rhs), smooth]
+        rhs, given = plant.free.rhs, plant.free.rhs.mx_in()  # under a name of its own
+        functions += [ca.Function(f"{FREE}rhs", given, rhs.call(given)), smooth]
     if plant.glides:
         functions.append(smooth_motion(plant.variant(sliding=True), choice, MOVING))
     return functions, smooth
@@ -361,15 +363,6 @@ def address(array: NDArray[Any]) -> int:
     return place
 
 
-def _eventful(plant: Plant) -> str:
-    """Features of a scene that need the compiled engine; empty if its motion is smooth.
-
-    A joint away from its stops moves smoothly.
-    """
-    dry = ["dry friction"] if plant.model.has_dry_friction else []
-    return " and ".join([*dry, *(["contact"] if plant.points else [])])
-
-
 def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function:
     """A step of fixed length or, with error control, an attempt; ``prefix`` begins its name.
 
@@ -385,16 +378,11 @@ def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function
     return build_attempt(method, plant.rhs, n, plant.laws.scale, *more, dense, loads)
 
 
-def _renamed(function: ca.Function) -> ca.Function:
-    """The function for joints away from their stops, under a name of its own."""
-    arguments = [ca.MX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
-    return ca.Function(f"{FREE}{function.name()}", arguments, function.call(arguments))
-
-
-def _library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[], int]:
-    """A function of the compiled engine with its arguments; returns the number of good ticks."""
-    entry = getattr(kernel.library, name)
+def _engine_function(compiled: Compiled, name: str, *given: Any) -> Callable[[], int]:
+    """A function of the engine with its arguments; returns the number of good ticks."""
+    entry = getattr(compiled.engine, name)
     entry.restype = ctypes.c_longlong
+    arguments = compiled.scene, *given
     # Otherwise ctypes would create these objects in every call, half of its cost.
     ready = (type(a).from_param(a.value) if hasattr(a, "value") else a for a in arguments)
     call = partial(entry, *ready)

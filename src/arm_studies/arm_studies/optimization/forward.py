@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from arm_dynamics.arrays import Array
 from arm_sim.plant.plant import Plant
 from arm_sim.simulator import Simulator
 from arm_sim.stepping import Stepper
-from arm_sim.stepping.engine import INCLUDED
+from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollout import (
     ADDRESS,
     NUMBER,
+    ArmTable,
     Engine,
     Marks,
     built_of_lanes,
@@ -74,28 +75,24 @@ class Forward:
                 an arm diverges.
             u: Receives commands, shape (b, nodes, n).
         """
-        library, alone = self._library, list(range(len(size)))
-        if library is not None:
-            alone = self._side_by_side(library, course, size, x, u)
+        code, alone = self._library, list(range(len(size)))
+        if code is not None:
+            alone = self._side_by_side(code, course, size, x, u)
         for arm in alone:
             self._one(course, size[arm], x[arm], u[arm])
 
     def _side_by_side(
-        self, library: ctypes.CDLL, course: Course, size: Array, x: Array, u: Array
+        self, code: Compiled, course: Course, size: Array, x: Array, u: Array
     ) -> list[int]:
         """Simulate all arms; those that are returned meet stops and must be simulated alone."""
         policy, marks = course.policy, Marks(len(size))
-        given = [
-            np.ascontiguousarray(array)
-            for array in (
-                course.x, course.u, policy.k, policy.K, course.low, course.high, size,
-                self._simulator.arm.parameters, np.array([self._choice.dt]),
-            )
-        ]  # fmt: skip
-        library.follow(
-            *map(address, given), len(course.u), len(size),
-            address(x), *strides(x, 1), address(u), *strides(u, 1), marks,
-            None if self._engine is None else ctypes.byref(self._engine),
+        arrays = course.x, course.u, policy.k, policy.K, course.low, course.high, size
+        given, shared = [*map(np.ascontiguousarray, arrays)], self._simulator.arm.parameters
+        p = np.broadcast_to(shared, (len(size), len(shared)))
+        arms = ArmTable.of(x, u, p, self._choice.dt, marks, self._engine)
+        code.engine.follow(
+            code.scene, ctypes.byref(arms), len(size), *map(address, given),
+            address(x), *strides(x, 1), address(u), *strides(u, 1),
         )  # fmt: skip
         return marks.of(0, len(size))
 
@@ -130,16 +127,13 @@ class Forward:
         return self._plant.free or self._plant
 
     @cached_property
-    def _library(self) -> ctypes.CDLL | None:
+    def _library(self) -> Compiled | None:
         """Compiled code, for many lanes without events; None where Python steps arms alone."""
         alone = self._choice.tolerance is not None or switches_unseen(self._plant)
         if alone or self._simulator.arm.compiled.backend == "vm":
             return None
-        types = [*[ADDRESS] * 9, NUMBER, NUMBER, ADDRESS, NUMBER, ADDRESS, NUMBER, *[ADDRESS] * 2]
+        types = [ADDRESS, NUMBER, *[ADDRESS] * 8, NUMBER, ADDRESS, NUMBER]
         wide = (1,) if self.eventful else widths(None)
-        local = (*INCLUDED, *OWN)
-        built = (built_of_lanes(self._source, width, "follow", types, local) for width in wide)
-        return next((library for library in built if library is not None), None)
-
-    def _source(self, width: int) -> str:
-        return ticks_of_lanes(self._ticking, self._choice, width, "forward.c")
+        write, unit = partial(ticks_of_lanes, self._ticking, self._choice), ("forward.c",)
+        built = (built_of_lanes(write, width, "follow", types, unit, OWN) for width in wide)
+        return next((code for code in built if code is not None), None)

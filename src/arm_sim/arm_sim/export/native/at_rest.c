@@ -6,42 +6,32 @@
  * the generated `acting_torques` (torques less those of friction with states).
  */
 
+#ifndef TUNABLE /* read alone, as editors do */
+#include "alone.h"
+#endif
 #include "events/modes.h"
 
-#ifndef TUNABLE /* read alone, as editors do */
-#define TUNABLE {0.0, 0.0, -9.81}
-GENERATED(acting_torques);
-#endif
-
 static int is_resting(const double* v) {
+  const scene_t* scene = &own_scene;
   int any = 0;
-  for (int i = 0; i < NU; ++i) any |= v[i] == 0.0 && may_stick(i);
+  for (int i = 0; i < NU; ++i) any |= v[i] == 0.0 && may_stick(scene, i);
   return any;
 }
 
 /* NaN if the laws of friction determine no motion. */
 static void begin_motion(const double* q, const double* v, const double* tau, double* a) {
-  __extension__ static const double nominal[NP] = TUNABLE;
-  double x[NX], torque[NU], u[NU], slope[NX];
-  modes_t p;
-  WORKSPACE;
+  static const double nominal[NP + 1] = TUNABLE;
+  const scene_t* scene = &own_scene;
+  double x[NX], torque[NU], u[NU], slope[NX], p[P_LENGTH];
   for (int i = 0; i < NU; ++i) {
     x[i] = (double)q[i];
     x[NU + i] = (double)v[i];
     torque[i] = (double)tau[i];
   }
-  arg[0] = x;
-  arg[1] = x + NU;
-  arg[2] = torque;
-  res[0] = u;
-  acting_torques(arg, res, iw, w, 0);
-  set_zero(&p, sizeof p);
-  for (int i = 0; i < NP; ++i) p.tunable[i] = nominal[i];
-  const int found = find_modes(x, u, &p) == NONE;
-  arg[0] = x;
-  arg[1] = u;
-  arg[2] = (const double*)&p;
-  res[0] = slope;
-  rhs(arg, res, iw, w, 0);
+  CALL(acting_torques, (x, x + NU, torque), (u));
+  clear(p, P_LENGTH);
+  copy(p, nominal, NP);
+  const int found = find_modes(scene, x, u, p) == NONE;
+  CALL(scene->rhs, (x, u, p), (slope));
   for (int i = 0; i < NU; ++i) a[i] = found ? slope[NU + i] : NAN;
 }

@@ -11,30 +11,22 @@
 #include "linearize.h"
 
 #ifndef KINKED /* read alone, as editors do */
-#define slope_NT 1
-GENERATED(kinked);
-GENERATED(effort_slopes);
-void slope_carry_ticks(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
-                       long long p_arm, const double* h, long long ticks, long long first, long long last, const double* given,
-                       long long given_arm, const double* pushed, long long pushed_arm, long long pushed_tick, int unit,
-                       long long count, double* after, double* columns, long long columns_arm, long long columns_tick,
-                       signed char* met, const engine_t* engine, int begins, long long* done);
+#include "derivatives/tangents.h"
+#include "lanes/lanes.h"
+#define slope_arms_t arms_t
+#define slope_columns_t columns_t
+static const tangents_t slope_own_tangents;
+void slope_carry_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first, long long last,
+                       const columns_t* to);
 #endif
 
-enum { VARIED = NX + NU + slope_NT };
+enum { VARIED = NX + NU + NT };
 
 /* Derivatives of the torques on the joints, from those of the state after the tick. */
 static void find_effort_slopes(const struct library_sim* sim, const double* command, const double* after,
                                const double* of_state, double* of_effort) {
   double by_after[NU][NX], by_state[NU][NX], by_command[NU][NU];
-  WORKSPACE;
-  arg[0] = sim->x;
-  arg[1] = command;
-  arg[2] = after;
-  res[0] = by_after[0];
-  res[1] = by_state[0];
-  res[2] = by_command[0];
-  effort_slopes(arg, res, iw, w, 0);
+  CALL(effort_slopes, (sim->x, command, after), (by_after[0], by_state[0], by_command[0]));
   for (int i = 0; i < NU; ++i)
     for (int j = 0; j < VARIED; ++j) {
       double sum = j < NX ? by_state[i][j] : j < NX + NU ? by_command[i][j - NX] : 0.0;
@@ -44,27 +36,21 @@ static void find_effort_slopes(const struct library_sim* sim, const double* comm
 }
 
 int library_sim_sensitivities(const library_sim* sim, const double* command, double* of_state, double* of_effort) {
-  const double period = PERIOD;
   double unit[VARIED][VARIED], slopes[NX * VARIED], after[NX], kink;
-  signed char marks[2] = {0}, *met = marks + 1; /* the one before: not halted */
-  WORKSPACE;
+  int8_t marks[2] = {0}, *met = marks + 1; /* the one before: not halted */
   if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  arg[0] = sim->x;
-  arg[1] = command;
-  res[0] = &kink;
-  kinked(arg, res, iw, w, 0);
+  CALL(kinked, (sim->x, command), (&kink));
   if (kink != 0.0) return LIBRARY_NO_DERIVATIVE;
   for (int i = 0; i < VARIED; ++i)
     for (int j = 0; j < VARIED; ++j) unit[i][j] = i == j;
-#if EVENTS
-  const engine_t engine = {predict, predicted_tick, event_free_tick};
   long long done;
-  slope_carry_ticks(sim->x, command, 0, 0, sim->p, 0, &period, 1, 0, 1, unit[0], 0, unit[NX], 0, 0, 1, VARIED, after, slopes,
-                    0, 0, met, &engine, 1, &done);
-#else
-  slope_carry_ticks(sim->x, command, 0, 0, sim->p, 0, &period, 1, 0, 1, unit[0], 0, unit[NX], 0, 0, 1, VARIED, after, slopes,
-                    0, 0, met, NULL, 0, NULL);
+  slope_arms_t arms = {sim->x, command, sim->p, 0, 0, 0, PERIOD, 1, met, NULL};
+  const slope_columns_t columns = {unit[0], unit[NX], slopes, 0, 0, 0, 0, 0, VARIED, 1, EVENTS, &done, after};
+#if EVENTS
+  const engine_t engine = {scene, predict, predicted_tick, event_free_tick};
+  arms.engine = &engine;
 #endif
+  slope_carry_ticks(scene, &slope_own_tangents, &arms, 0, 1, &columns);
   if (*met) return LIBRARY_NO_DERIVATIVE;
   for (int i = 0; i < NX * VARIED && of_state; ++i) of_state[i] = slopes[i];
   if (of_effort) find_effort_slopes(sim, command, after, slopes, of_effort);

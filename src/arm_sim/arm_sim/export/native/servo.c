@@ -8,11 +8,6 @@
 
 #include "sim.c"
 
-#ifndef SERVO /* read alone, as editors do */
-#define SERVO 1
-GENERATED(servo);
-#endif
-
 /* A number of a command, and whether there is one: 0 where there is none. */
 static double commanded(const double* values, int i, double* given) {
   *given = values && values[i] == values[i] ? 1.0 : 0.0;
@@ -22,16 +17,11 @@ static double commanded(const double* values, int i, double* given) {
 void library_sim_servo(const library_sim* sim, const double* position, const double* velocity, const double* effort,
                        double* command) {
   double reference[5][NU], follows, added;
-  WORKSPACE;
   for (int i = 0; i < NU; ++i) {
     reference[2][i] = commanded(position, i, &reference[1][i]);
     reference[3][i] = commanded(velocity, i, &follows);
     reference[4][i] = commanded(effort, i, &added);
     reference[0][i] = reference[1][i] > 0.0 ? 1.0 : follows;
   }
-  arg[0] = sim->x;
-  arg[1] = reference[0];
-  arg[2] = sim->p;
-  res[0] = command;
-  servo(arg, res, iw, w, 0);
+  CALL(servo, (sim->x, reference[0], sim->p), (command));
 }

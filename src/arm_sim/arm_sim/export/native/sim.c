@@ -9,29 +9,21 @@
  * and with drives DRIVEN and the generated `torques`.
  */
 
+#ifndef PERIOD /* read alone, as editors do */
+#include "alone.h"
+#endif
 #include "library.h"
 #include "motion/tick.h"
 
-#ifndef PERIOD /* read alone, as editors do */
-#define PERIOD 1e-3
-#define NZ 1
-#define START {0.0, 0.0, 0.0, 0.0, 0.0}
-#define OF_STATE {-1}
-#define TUNABLE {0.0, 0.0, -9.81}
-#define OPEN 1e-11
-#define AT_STOP 1e-9
-#define LOOPS 24
-#define DRIVEN 1
-GENERATED(project);
-GENERATED(torques);
-#endif
+/* The scene of this library. */
+static const scene_t* const scene = &own_scene;
 
-__extension__ struct library_sim {
+struct library_sim {
   double x[NX];      /* positions, velocities and internal states */
   double effort[NU]; /* command of the last tick, limits applied */
   control_t control;
   report_t report;
-  double p[NP]; /* tunable numbers */
+  double p[NP + 1]; /* tunable numbers */
 };
 
 size_t library_sim_size(void) { return sizeof(struct library_sim); }
@@ -42,9 +34,9 @@ double library_sim_period(void) { return PERIOD; }
 
 void library_sim_range(double* lower, double* upper) {
   for (int i = 0; i < NU; ++i) lower[i] = -INFINITY, upper[i] = INFINITY;
-  for (int i = 0; RIGID && i < NU; ++i) {
-    if (rigid_stop[0][i] > -1e308) lower[i] = rigid_stop[0][i];
-    if (rigid_stop[1][i] < 1e308) upper[i] = rigid_stop[1][i];
+  for (int i = 0; scene->rigid && i < NU; ++i) {
+    if (scene->rigid_stop[0][i] > -1e308) lower[i] = scene->rigid_stop[0][i];
+    if (scene->rigid_stop[1][i] < 1e308) upper[i] = scene->rigid_stop[1][i];
   }
 }
 
@@ -56,26 +48,20 @@ static int all_finite(const double* values, int count) {
 
 /* Move joints that are beyond a rigid stop by rounding to the stop: 0 if one is farther. */
 static int is_inside_stops(double* x) {
-  for (int i = 0; RIGID && i < NU; ++i) {
-    const double beyond = fmax(rigid_stop[0][i] - x[i], x[i] - rigid_stop[1][i]);
+  for (int i = 0; scene->rigid && i < NU; ++i) {
+    const double beyond = fmax(scene->rigid_stop[0][i] - x[i], x[i] - scene->rigid_stop[1][i]);
     if (beyond > AT_STOP * fmax(1.0, fabs(x[i]))) return 0;
   }
-  for (int i = 0; RIGID && i < NU; ++i) x[i] = fmin(fmax(x[i], rigid_stop[0][i]), rigid_stop[1][i]);
+  for (int i = 0; scene->rigid && i < NU; ++i) x[i] = fmin(fmax(x[i], scene->rigid_stop[0][i]), scene->rigid_stop[1][i]);
   return 1;
 }
 
 /* Whether the bilateral constraints are satisfied. */
 static int are_loops_closed(const struct library_sim* sim) {
 #ifdef LOOPS
-  __extension__ double after[2 * NU], p[LOOPS], gap[2];
-  WORKSPACE;
+  double after[2 * NU], p[LOOPS + 1], gap[2];
   for (int i = 0; i < LOOPS; ++i) p[i] = i < NP ? sim->p[i] : 0.0;
-  arg[0] = arg[1] = sim->x;
-  arg[2] = p;
-  res[0] = after;
-  res[1] = gap;
-  res[2] = gap + 1;
-  project(arg, res, iw, w, 0);
+  CALL(project, (sim->x, sim->x, p), (after, gap, gap + 1));
   return gap[0] <= OPEN && gap[1] <= OPEN;
 #else
   (void)sim;
@@ -85,9 +71,9 @@ static int are_loops_closed(const struct library_sim* sim) {
 
 int library_sim_init(library_sim* sim, const double* q, const double* v) {
   static const double start[NX] = START;
-  __extension__ static const double nominal[NP] = TUNABLE;
-  __extension__ static const int of_state[NZ] = OF_STATE;
-  static const control_t control = {TOLERANCE, 0.0, 0.0, 0};
+  static const double nominal[NP + 1] = TUNABLE;
+  static const int of_state[NZ + 1] = OF_STATE;
+  const control_t control = {scene->tolerance, 0.0, 0.0, 0};
   static const report_t report = {0.0, 0, 0, 0};
   sim->report = report;
   sim->control = control;
@@ -99,7 +85,7 @@ int library_sim_init(library_sim* sim, const double* q, const double* v) {
   if (!all_finite(sim->x, 2 * NU)) return LIBRARY_NOT_FINITE;
   if (!are_loops_closed(sim)) return LIBRARY_OPEN;
   if (!is_inside_stops(sim->x)) return LIBRARY_BEYOND_STOP;
-  if (is_penetrated(sim->x)) return LIBRARY_INSIDE_PLANE;
+  if (is_penetrated(scene, sim->x)) return LIBRARY_INSIDE_PLANE;
   for (int i = 0; i < NZ && (q || v); ++i) sim->x[2 * NU + i] = of_state[i] < 0 ? 0.0 : sim->x[of_state[i]];
   return LIBRARY_OK;
 }
@@ -114,7 +100,7 @@ static int trouble_of(const struct library_sim* sim) {
 int library_sim_step(library_sim* sim, const double* command) {
   double acted[NU];
   if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  if (!actuated_tick(sim->x, command, sim->p, PERIOD, &sim->control, &sim->report, acted)) return trouble_of(sim);
+  if (!actuated_tick(scene, sim->x, command, sim->p, PERIOD, &sim->control, &sim->report, acted)) return trouble_of(sim);
   for (int i = 0; i < NU; ++i) sim->effort[i] = acted[i];
   return LIBRARY_OK;
 }
@@ -124,12 +110,7 @@ void library_sim_state(const library_sim* sim, double* q, double* v, double* eff
   for (int i = 0; i < NU && v; ++i) v[i] = sim->x[NU + i];
   if (!effort) return;
 #ifdef DRIVEN
-  WORKSPACE;
-  arg[0] = sim->x;
-  arg[1] = sim->effort;
-  res[0] = effort;
-  res[1] = NULL;
-  torques(arg, res, iw, w, 0);
+  CALL(torques, (sim->x, sim->effort), (effort, NULL));
 #else
   for (int i = 0; i < NU; ++i) effort[i] = sim->effort[i];
 #endif

@@ -1,114 +1,110 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the engine asks of a scene. When one is compiled, its own definitions and generated functions come before this file,
- * see engine.py. Read alone, as editors and checks of these files do, it is a scene with everything: two joints with dry
- * friction and stops, a drive with a state, a bilateral constraint and two contacts, under error control.
+ * A scene: what an arm brings to the engine. Generated code fills this structure, see engine.py; the engine only reads it.
+ *
+ * Every function of the engine that needs the scene takes it as its first argument, `scene`. A unit for one scene alone may
+ * define the sizes before this file, as exported libraries do: compilers then know the lengths of all arrays.
  */
 #pragma once
-#include <math.h>
-#include <string.h>
+#include "numerics/vectors.h"
+
+/* A generated function: arguments, results, and its work space, see CasADi. */
+typedef int equation_t(const real** arg, real** res, long long int* iw, real* w, int mem);
+
+typedef struct {
+  int nx, nu, np; /* numbers of states, joints, tunable numbers */
+  int nc, nm;     /* contacts, rows of bilateral constraints */
+  int nd, nq;     /* joints with a direction of friction, and with compliant stops (all or none) */
+  int nk;         /* switches of drives and cords */
+  int nr;         /* numbers of a command */
+  int na, nstep, nt, nbegin, nend, ng; /* of derivatives: coefficients of limits and steps, varied numbers, coefficients of
+                                          projections at both ends, guards */
+  int sz_w;     /* work space of the generated functions */
+
+  int adaptive, order, most_substeps; /* error control, if any: order of its estimate plus one, sub-steps of a tick */
+  double tolerance;
+  double largest; /* number of a state */
+  double deep, slowest; /* penetration, and speed of sliding, that are rounding */
+
+  int constrained; /* whether there are bilateral constraints, ... */
+  int rigid; /* ... and rigid stops */
+  int stops; /* whether stops are looked at after a tick, where there are no events */
+  int free; /* whether there are functions without modes, for joints away from their stops, ... */
+  int moving; /* ... and simpler functions where every joint slides and nothing touches */
+  int plain; /* whether modes are those of sliding joints and of contacts alone */
+  int shortcut; /* whether ticks that clearly have no event are made without modes */
+  int near_loads; /* whether steps return the loads at a stage at their end */
+  int dense_derivative; /* whether derivatives of steps return their continuous output */
+  int indeterminate; /* whether statics may not determine the reactions of what is held */
+  int eventful; /* whether there are events at all */
+
+  /* Lower and upper stops, beyond every position where there is none: all, rigid ones with their restitution, compliant ones. */
+  const double *stop_place[2], *rigid_stop[2], *rebound_of[2], *soft_stop[2];
+  const double* static_level; /* of dry friction of joints */
+  const double* wave_number; /* phase of the fastest wave in a joint's position, in radians for each radian or metre */
+  const double *friction, *holding, *restitution; /* of contacts: coefficients of sliding and static friction */
+
+  /* Operations of one call of functions, and those in a tick above which it is time-stepped. */
+  long long step_cost, slope_cost, loads_cost, inertia_cost, strike_cost, statics_cost, most_work;
+
+  /* Generated functions; those that a scene does not need are null. */
+  equation_t *tick, *step, *attempt, *free_step, *free_attempt, *moving_step, *moving_attempt;
+  equation_t *rhs, *actuate, *loads, *bilateral, *pressures, *switches, *strike, *statics;
+  equation_t *contact_geometry, *contact_inertia, *contact_close;
+  equation_t *acting, *mode_margin, *mode_margin_in_motion, *guards, *guard_gradient, *motion, *doubts, *settled;
+  equation_t *impact_laws, *across, *at_rest, *closing, *rest_begin, *rest_end, *begin_adjoint, *end_adjoint;
+  equation_t *adjoint, *limit_adjoint, *advance, *moving_advance;
+} scene_t;
 
 #ifndef NX
-#define ALONE
-
-/* What the generated code begins with; see codegen/native/scalar.h. */
-typedef double real;
-#define casadi_int long long
-#define BEYOND(x, limit) (!(fabs(x) <= (limit)))
-static inline long long AS_BITS(real x) {
-  long long b;
-  memcpy(&b, &x, sizeof b);
-  return b;
-}
-#define LANES 1
-#define LANE(x, i) (*((void)(i), &(x)))
-
-/* Sizes: states, joints, tunable numbers, contacts; switches of drives and cords, joints with a direction of friction and
- * with compliant stops (all or none); whether there are bilateral constraints, and their rows; numbers of a command. */
-#define NX 5
-#define NU 2
-#define NP 3
-#define NC 2
-#define NK 1
-#define ND NU
-#define NQ NU
-#define NB 1
-#define NM 1
-#define NR NU
-#define LARGEST 1e100 /* number of a state */
-
-/* Work space of the generated functions. */
-#define SZ_ARG 16
-#define SZ_RES 16
-#define SZ_IW 16
-#define SZ_W 256
-
-/* Features, 1 or 0: error control, with the order of its estimate plus one and the most sub-steps of a tick; and others. */
-#define ADAPTIVE 1
-#define ORDER 4
-#define MOST_SUBSTEPS 1000
-#define EVENTS 1
-#define STOPS 1      /* stops are looked at after a tick, where there are no events */
-#define RIGID 1      /* joints have rigid stops */
-#define FREE 1       /* functions without modes while no joint is at a stop */
-#define MOVING 1     /* simpler functions where every joint slides and nothing touches */
-#define PLAIN 1      /* modes are those of sliding joints and of contacts alone */
-#define SHORTCUT 1      /* ticks that clearly have no event are made without modes */
-#define DENSE_DERIVATIVE 1  /* derivatives of steps return their continuous output */
-#define NEAR_LOADS 1 /* steps return the loads at a stage at their end */
-#define INDETERMINATE 1   /* statics may not determine the reactions of what is held */
-#define TOLERANCE 1e-8
-
-/* Of derivatives: numbers of coefficients, of varied parameters, and of coefficients of projections. */
-#define NA 4
-#define NSTEP 4
-#define NT 1
-#define NBEGIN 4
-#define NEND 4
-#define NG 14
-
-/* Of penetration, and of slow sliding. */
-#define DEEP 1e-9
-#define SLOWEST 1e-9
-
-/* Generated functions. One that a scene does not need is empty, and never called. */
-#define GENERATED(name) int name(const real** arg, real** res, casadi_int* iw, real* w, int mem)
-GENERATED(step);
-GENERATED(free_step);
-GENERATED(attempt);
-GENERATED(free_attempt);
-GENERATED(moving_step);
-GENERATED(moving_attempt);
-GENERATED(rhs);
-GENERATED(actuate);
-GENERATED(loads);
-GENERATED(bilateral);
-GENERATED(pressures);
-GENERATED(switches);
-GENERATED(strike);
-GENERATED(statics);
-GENERATED(contact_geometry);
-GENERATED(contact_inertia);
-GENERATED(contact_close);
-GENERATED(acting);
-GENERATED(mode_margin);
-GENERATED(mode_margin_in_motion);
-GENERATED(guards);
-GENERATED(guard_gradient);
-GENERATED(motion);
-GENERATED(doubts);
-GENERATED(settled);
-GENERATED(impact_laws);
-GENERATED(across);
-GENERATED(at_rest);
-GENERATED(closing);
-GENERATED(rest_begin);
-GENERATED(rest_end);
-GENERATED(begin_adjoint);
-GENERATED(end_adjoint);
-GENERATED(adjoint);
-GENERATED(limit_adjoint);
-GENERATED(advance);
-GENERATED(moving_advance);
-#define TICK step
+#define NX (scene->nx)
+#define NU (scene->nu)
+#define NP (scene->np)
+#define NC (scene->nc)
+#define NM (scene->nm)
+#define ND (scene->nd)
+#define NQ (scene->nq)
+#define NK (scene->nk)
+#define NR (scene->nr)
+#define NA (scene->na)
+#define NSTEP (scene->nstep)
+#define NT (scene->nt)
+#define NBEGIN (scene->nbegin)
+#define NEND (scene->nend)
+#define NG (scene->ng)
+#define SZ_W (scene->sz_w)
 #endif
+
+#ifndef EVENTS /* whether the engine of events is compiled at all */
+#define EVENTS 1
+#endif
+
+/* Call a generated function: CALL(equation, (arguments), (results)); results that are not asked for are null. */
+#define MOST_ARGUMENTS 128 /* or results, ... */
+#define MOST_INTEGERS 8 /* ... and of its work space */
+#define LIST(...) __VA_ARGS__
+#define CALL(equation, given, found) \
+  do { \
+    const real* const all_given[] = {LIST given}; \
+    real* const all_found[] = {LIST found}; \
+    const real* arg[MOST_ARGUMENTS]; \
+    real *res[MOST_ARGUMENTS], w[SZ_W]; \
+    long long int iw[MOST_INTEGERS]; \
+    memcpy(arg, all_given, sizeof all_given); \
+    memcpy(res, all_found, sizeof all_found); \
+    (equation)(arg, res, iw, w, 0); \
+  } while (0)
+
+#ifndef EXPORTED
+#ifdef __cplusplus
+#define EXPORTED extern "C" __attribute__((visibility("default")))
+#else
+#define EXPORTED __attribute__((visibility("default")))
+#endif
+#endif
+
+/* A view names the parts of an array of numbers. LOCAL declares one and its array, which has an element more, since arrays of no
+ * elements are an extension. */
+#define LOCAL(type, name, view_of, count) \
+  real name##_room[(count) + 1]; \
+  type name = view_of(scene, name##_room)

@@ -10,24 +10,22 @@
  * x, u, k, K: the trajectory to be improved and its policy, rows of NX, NU, NU and NU * NX numbers per node.
  * low, high:  limits of the command, NU per node.
  * sizes:      step sizes, one per arm.
- * p:          parameters, for all arms.
  * out:        states; that of arm i at a node at out + i * out_arm + node * NX. The first is an input.
  * used:       receives commands, likewise, of NU numbers.
- * met:        set to 1 for an arm that meets a stop; its states are invalid from there on.
- * engine:     in a scene with events, that of one arm.
+ * An arm is marked that meets a stop; its states are invalid from there on.
  */
-EXPORTED void follow(const double* x, const double* u, const double* k, const double* K, const double* low, const double* high,
-                     const double* sizes, const double* p, const double* h, long long nodes, long long arms, double* out,
-                     long long out_arm, double* used, long long used_arm, signed char* met, const engine_t* engine) {
-  const real length = h[0];
-  for (long long arm = 0; arm < arms; arm += LANES) {
-    real now[NX], next[NX], off[NX], r[NU], acted[NU], par[NP + 1], size[1];
+EXPORTED void follow(const scene_t* scene, const arms_t* arms, long long count, const double* x, const double* u,
+                     const double* k, const double* K, const double* low, const double* high, const double* sizes, double* out,
+                     long long out_arm, double* used, long long used_arm) {
+  const real length = arms->h;
+  for (long long arm = 0; arm < count; arm += LANES) {
+    real now[NX], next[NX], off[NX], r[NU], acted[NU], p[NP + 1], size[1];
     long long of_lane[LANES];
-    choose_arms(arm, arms, of_lane);
+    choose_arms(arm, count, of_lane);
     read_arms(now, NX, out, out_arm, of_lane);
-    read_arms(par, NP, p, 0, of_lane);
+    read_arms(p, NP, arms->p, arms->p_arm, of_lane);
     read_arms(size, 1, sizes, 1, of_lane);
-    for (long long node = 0; node < nodes; ++node) {
+    for (long long node = 0; node < arms->ticks; ++node) {
       for (int i = 0; i < NX; ++i) off[i] = now[i] - x[node * NX + i];
       for (int i = 0; i < NU; ++i) {
         const long long row = node * NU + i;
@@ -36,13 +34,13 @@ EXPORTED void follow(const double* x, const double* u, const double* k, const do
         for (int j = 0; j < NX; ++j) r[i] = r[i] + off[j] * K[row * NX + j];
         r[i] = fmin(fmax(r[i], bottom), top);
       }
-      make_tick(now, r, par, &length, arms - arm < LANES ? (int)(arms - arm) : LANES, engine, next, acted);
-      for (int j = 0; j < LANES && arm + j < arms; ++j) {
+      make_tick(scene, now, r, p, &length, count - arm < LANES ? (int)(count - arm) : LANES, arms->engine, next, acted);
+      for (int j = 0; j < LANES && arm + j < count; ++j) {
         for (int i = 0; i < NX; ++i) out[(arm + j) * out_arm + (node + 1) * NX + i] = LANE(next[i], j);
         for (int i = 0; i < NU; ++i) used[(arm + j) * used_arm + node * NU + i] = LANE(r[i], j);
       }
-      for (int j = 0; j < LANES; ++j) met[of_lane[j]] |= meets_any_stop(now, next, h[0], j);
-      for (int i = 0; i < NX; ++i) now[i] = next[i];
+      for (int j = 0; j < LANES; ++j) arms->met[of_lane[j]] |= meets_any_stop(scene, now, next, arms->h, 0, j);
+      copy(now, next, NX);
     }
   }
 }

@@ -99,7 +99,8 @@ static int tick(ticks_t* t) {
   step_t* s = t->step;
   if (is_stale(t->age, t->share, t->timeout)) return LEFT;
   memcpy(s->command, t->newest, 8 * t->joints);
-  if (s->roll(s->x, s->command, s->stride, s->p, s->dt, 1, s->trace, s->effort, s->notes, s->control, s->report) != 1)
+  if (s->roll(s->scene, s->x, s->command, s->stride, s->p, s->dt, 1, s->trace, s->effort, s->notes, s->control, s->report)
+      != 1)
     return LEFT;
   t->age += t->share;
   t->now += t->share;

@@ -17,16 +17,13 @@
  *
  * (Alart, Curnier, "A mixed formulation for frictional contact problems prone to Newton like solution methods", Comput.
  * Methods Appl. Mech. Eng. 92, 1991).
- *
- * Required definitions: NC (contacts).
  */
 
 #pragma once
-#include "scene.h"
+#include "lanes/prediction.h"
 
 #include <math.h>
 
-#define MC (3 * NC)
 /* Entry of a matrix in CasADi's column-major order. */
 #define AT(matrix, rows, i, j) ((matrix)[(i) + (rows) * (j)])
 
@@ -183,65 +180,72 @@ static answer_t single(double W[3][3], const double* c, double mu, double held, 
   return answer;
 }
 
-__extension__ typedef struct {
+/* The problem of all contacts. */
+typedef struct {
   const double *W, *c; /* motion per force, and motion without forces */
   const double *friction, *holding; /* coefficients of sliding and static friction ... */
-  double mu[NC], held[NC];          /* ... and the fraction of them in the current continuation step */
-  double given[NC][2]; /* direction of a sliding contact ... */
-  int slides[NC];      /* ... and whether it slides */
-  int allowed[NC];     /* whether a contact may transmit a force */
+  double *mu, *held;                /* ... and the fraction of them in the current continuation step */
+  double* given;   /* direction of a sliding contact, two numbers each, ... */
+  double* slides;  /* ... and whether it slides */
+  double* allowed; /* whether a contact may transmit a force */
 } cones_t;
+#define CONES (6 * NC)
+
+static cones_t cones_of(const scene_t* scene, double* numbers) {
+  cones_t cones = {0, 0, 0, 0, numbers, numbers + NC, numbers + 2 * NC, numbers + 4 * NC, numbers + 5 * NC};
+  return cones;
+}
 
 /* The contact's own part of W. */
-static void own_block(const double* W, int k, double block[3][3]) {
+static void own_block(const scene_t* scene, const double* W, int k, double block[3][3]) {
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) block[i][j] = AT(W, MC, 3 * k + i, 3 * k + j);
 }
 
-static double own_trace(const double* W, int k) {
+static double own_trace(const scene_t* scene, const double* W, int k) {
   return AT(W, MC, 3 * k, 3 * k) + AT(W, MC, 3 * k + 1, 3 * k + 1) + AT(W, MC, 3 * k + 2, 3 * k + 2);
 }
 
 /* Size of the forces of one contact: of its own, and of those that its motion without them demands. */
-static double own_size(const cones_t* cones, const double* r, int k) {
+static double own_size(const scene_t* scene, const cones_t* cones, const double* r, int k) {
   double size = 0.0;
   for (int i = 3 * k; i < 3 * k + 3; ++i) {
     double demand = fabs(cones->c[i]);
     for (int j = 0; j < MC; ++j) demand += fabs(AT(cones->W, MC, i, j) * r[j]);
-    size = fmax(size, fmax(fabs(r[i]), demand / own_trace(cones->W, k)));
+    size = fmax(size, fmax(fabs(r[i]), demand / own_trace(scene, cones->W, k)));
   }
   return size;
 }
 
 /* Solve one contact after another (Gauss-Seidel): 1 if this converges. */
-static int sweep(const cones_t* cones, double* r, int sweeps, answer_t* answers) {
-  __extension__ double block[3][3], change[NC];
+static int sweep(const scene_t* scene, const cones_t* cones, double* r, int sweeps, answer_t* answers) {
+  double block[3][3], change[NC + 1];
   for (int k = 0; k < NC; ++k) answers[k] = apart;
   for (int turn = 0; turn < sweeps; ++turn) {
     int settled = 1;
     for (int k = 0; k < NC; ++k) {
       change[k] = 0.0;
-      if (!cones->allowed[k]) continue;
+      if (cones->allowed[k] == 0.0) continue;
       double others[3];
-      own_block(cones->W, k, block);
+      own_block(scene, cones->W, k, block);
       for (int i = 0; i < 3; ++i) {
         others[i] = cones->c[3 * k + i];
         for (int j = 0; j < MC; ++j)
           if (j / 3 != k) others[i] += AT(cones->W, MC, 3 * k + i, j) * r[j];
       }
-      answers[k] = single(block, others, cones->mu[k], cones->held[k], cones->slides[k] ? cones->given[k] : 0);
+      answers[k] = single(block, others, cones->mu[k], cones->held[k], cones->slides[k] != 0.0 ? cones->given + 2 * k : 0);
       for (int i = 0; i < 3; ++i) {
         change[k] = fmax(change[k], fabs(answers[k].force[i] - r[3 * k + i]));
         r[3 * k + i] = answers[k].force[i];
       }
     }
-    for (int k = 0; k < NC; ++k) settled &= change[k] == 0.0 || change[k] <= SETTLED * own_size(cones, r, k);
+    for (int k = 0; k < NC; ++k) settled &= change[k] == 0.0 || change[k] <= SETTLED * own_size(scene, cones, r, k);
     if (settled) return 1;
   }
   return 0;
 }
 
-static void find_motion(const cones_t* cones, const double* r, double* w) {
+static void find_motion(const scene_t* scene, const cones_t* cones, const double* r, double* w) {
   for (int i = 0; i < MC; ++i) {
     w[i] = cones->c[i];
     for (int j = 0; j < MC; ++j) w[i] += AT(cones->W, MC, i, j) * r[j];
@@ -249,8 +253,8 @@ static void find_motion(const cones_t* cones, const double* r, double* w) {
 }
 
 /* Tangential rows of a contact that starts to slide, or slides in an unknown direction. */
-__extension__ static void turning_rows(const cones_t* cones, int k, double rho, double pressed, const double* z, double size,
-                                       const double* regular, double J[MC][MC]) {
+static void turning_rows(const scene_t* scene, const cones_t* cones, int k, double rho, double pressed, const double* z,
+                         double size, const double* regular, double* J) {
   const double mu = cones->mu[k], along[2] = {z[0] / size, z[1] / size}, part = mu * pressed / size;
   for (int j = 0; j < MC; ++j) {
     double pressing = -rho * AT(cones->W, MC, 3 * k, j), moving[2];
@@ -260,90 +264,91 @@ __extension__ static void turning_rows(const cones_t* cones, int k, double rho, 
       if (j == 3 * k + 1 + i) moving[i] += 1.0 - rho * regular[j];
     }
     const double ahead = along[0] * moving[0] + along[1] * moving[1];
-    for (int i = 0; i < 2; ++i) J[3 * k + 1 + i][j] -= mu * along[i] * pressing + part * (moving[i] - along[i] * ahead);
+    for (int i = 0; i < 2; ++i)
+      J[MC * (3 * k + 1 + i) + j] -= mu * along[i] * pressing + part * (moving[i] - along[i] * ahead);
   }
 }
 
 /* Residual of Coulomb's law as equations in the forces, and its derivative; returns the sum of squares of the residual, as
  * the accelerations that it would cause. */
-__extension__ static double equations(const cones_t* cones, const double* r, double* F, double J[MC][MC]) {
-  __extension__ double w[MC], regular[MC], trace = 0.0, sum = 0.0;
-  find_motion(cones, r, w);
+static double equations(const scene_t* scene, const cones_t* cones, const double* r, double* F, double* J) {
+  double w[MC + 1], regular[MC + 1], trace = 0.0, sum = 0.0;
+  find_motion(scene, cones, r, w);
   for (int i = 0; i < MC; ++i) {
     F[i] = r[i];
     trace += AT(cones->W, MC, i, i);
-    for (int j = 0; j < MC; ++j) J[i][j] = i == j;
+    for (int j = 0; j < MC; ++j) J[MC * i + j] = i == j;
   }
   for (int i = 0; i < MC; ++i) regular[i] = REGULAR * scale_of(AT(cones->W, MC, i, i), trace);
   for (int k = 0; k < NC; ++k) {
     const int n = 3 * k;
-    if (!cones->allowed[k]) continue;
-    const double rho = 3.0 / own_trace(cones->W, k), mu = cones->mu[k], pressed = r[n] - rho * w[n];
+    if (cones->allowed[k] == 0.0) continue;
+    const double rho = 3.0 / own_trace(scene, cones->W, k), mu = cones->mu[k], pressed = r[n] - rho * w[n];
     if (pressed <= 0.0) continue;
     const double z[2] = {r[n + 1] - rho * w[n + 1], r[n + 2] - rho * w[n + 2]}, size = hypot(z[0], z[1]);
-    const int holds = !cones->slides[k] && size <= cones->held[k] * pressed;
+    const int holds = cones->slides[k] == 0.0 && size <= cones->held[k] * pressed;
     for (int i = n; i < (holds ? n + 3 : n + 1); ++i) {
       F[i] = rho * w[i];
-      for (int j = 0; j < MC; ++j) J[i][j] = rho * (AT(cones->W, MC, i, j) + (i == j ? regular[i] : 0.0));
+      for (int j = 0; j < MC; ++j) J[MC * i + j] = rho * (AT(cones->W, MC, i, j) + (i == j ? regular[i] : 0.0));
     }
     for (int i = 0; i < 2 && !holds; ++i) {
-      if (cones->slides[k]) {
-        F[n + 1 + i] = r[n + 1 + i] + mu * r[n] * cones->given[k][i];
-        J[n + 1 + i][n] = mu * cones->given[k][i];
+      if (cones->slides[k] != 0.0) {
+        F[n + 1 + i] = r[n + 1 + i] + mu * r[n] * cones->given[2 * k + i];
+        J[MC * (n + 1 + i) + n] = mu * cones->given[2 * k + i];
       } else {
         F[n + 1 + i] = r[n + 1 + i] - mu * pressed * z[i] / size;
       }
     }
-    if (!holds && !cones->slides[k]) turning_rows(cones, k, rho, pressed, z, size, regular, J);
+    if (!holds && cones->slides[k] == 0.0) turning_rows(scene, cones, k, rho, pressed, z, size, regular, J);
   }
   for (int i = 0; i < MC; ++i) {
-    const double caused = F[i] * own_trace(cones->W, i / 3);
+    const double caused = F[i] * own_trace(scene, cones->W, i / 3);
     sum += caused * caused;
   }
   return sum;
 }
 
-static void read_answers(const cones_t* cones, const double* r, answer_t* answers) {
-  __extension__ double w[MC];
-  find_motion(cones, r, w);
+static void read_answers(const scene_t* scene, const cones_t* cones, const double* r, answer_t* answers) {
+  double w[MC + 1];
+  find_motion(scene, cones, r, w);
   for (int k = 0; k < NC; ++k) {
     const int n = 3 * k;
-    const double rho = cones->allowed[k] ? 3.0 / own_trace(cones->W, k) : 0.0, pressed = r[n] - rho * w[n];
+    const double rho = cones->allowed[k] != 0.0 ? 3.0 / own_trace(scene, cones->W, k) : 0.0, pressed = r[n] - rho * w[n];
     const double z[2] = {r[n + 1] - rho * w[n + 1], r[n + 2] - rho * w[n + 2]}, size = hypot(z[0], z[1]);
     answers[k] = apart;
-    if (!cones->allowed[k] || pressed <= 0.0) continue;
+    if (cones->allowed[k] == 0.0 || pressed <= 0.0) continue;
     for (int i = 0; i < 3; ++i) answers[k].force[i] = r[n + i];
-    answers[k].state = !cones->slides[k] && size <= cones->held[k] * pressed ? STICKS : SLIDES;
+    answers[k].state = cones->slides[k] == 0.0 && size <= cones->held[k] * pressed ? STICKS : SLIDES;
     for (int i = 0; i < 2 && answers[k].state == SLIDES; ++i)
-      answers[k].direction[i] = cones->slides[k] ? cones->given[k][i] : -z[i] / size;
+      answers[k].direction[i] = cones->slides[k] != 0.0 ? cones->given[2 * k + i] : -z[i] / size;
   }
 }
 
 /* Largest residual of the laws, relative to the forces of its contact. */
-static double lacking(const cones_t* cones, const double* r, const double* F) {
+static double lacking(const scene_t* scene, const cones_t* cones, const double* r, const double* F) {
   double most = 0.0;
   for (int k = 0; k < NC; ++k) {
     const double left = fmax(fabs(F[3 * k]), fmax(fabs(F[3 * k + 1]), fabs(F[3 * k + 2])));
-    if (left != 0.0) most = fmax(most, left / (own_size(cones, r, k) + 1e-300));
+    if (left != 0.0) most = fmax(most, left / (own_size(scene, cones, r, k) + 1e-300));
   }
   return most;
 }
 
 /* Improve forces by Newton's method until they satisfy the laws, to rounding: 0 if they do not. */
-static int newton(const cones_t* cones, double* r, answer_t* answers) {
-  __extension__ double trial[MC], after[MC], F[MC], J[MC][MC], step[MC], left;
+static int newton(const scene_t* scene, const cones_t* cones, double* r, answer_t* answers) {
+  double trial[MC + 1], after[MC + 1], F[MC + 1], J[MC * MC + 1], step[MC + 1], left;
   for (int i = 0; i < MC; ++i) trial[i] = r[i];
-  double size = equations(cones, trial, F, J);
+  double size = equations(scene, cones, trial, F, J);
   for (int turn = 0, better = 1;; ++turn) {
     double length = 1.0, next = size;
-    left = lacking(cones, trial, F);
+    left = lacking(scene, cones, trial, F);
     if (left <= (better ? SOLVED : ROUNDED) || turn == FORCE_STEPS) break;
     for (int i = 0; i < MC; ++i) step[i] = -F[i];
-    if (!solve_linear(MC, J[0], step)) break;
+    if (!solve_linear(MC, J, step)) break;
     better = 0;
     for (int k = 0; k < STEP_HALVINGS && !better; ++k) {
       for (int i = 0; i < MC; ++i) after[i] = trial[i] + length * step[i];
-      next = equations(cones, after, F, J);
+      next = equations(scene, cones, after, F, J);
       better = next < (1.0 - 1e-4 * length) * size;
       length *= 0.5;
     }
@@ -352,11 +357,11 @@ static int newton(const cones_t* cones, double* r, answer_t* answers) {
   }
   if (!(left <= ROUNDED)) return 0;
   for (int i = 0; i < MC; ++i) r[i] = trial[i];
-  read_answers(cones, r, answers);
+  read_answers(scene, cones, r, answers);
   return 1;
 }
 
-static void take_part(cones_t* cones, double part) {
+static void take_part(const scene_t* scene, cones_t* cones, double part) {
   for (int k = 0; k < NC; ++k) {
     cones->mu[k] = cones->friction[k] * part;
     cones->held[k] = cones->holding[k] * part;
@@ -364,18 +369,18 @@ static void take_part(cones_t* cones, double part) {
 }
 
 /* Solve for several contacts: 0 if no solution is found. */
-static int several(cones_t* cones, answer_t* answers) {
+static int several(const scene_t* scene, cones_t* cones, answer_t* answers) {
   static const int sweeps[2] = {20, 200}; /* sweeps before Newton's method is tried, and tried again */
-  __extension__ double r[MC];
+  double r[MC + 1];
   int found = 0;
   for (int i = 0; i < MC; ++i) r[i] = 0.0;
-  take_part(cones, 1.0);
+  take_part(scene, cones, 1.0);
   for (int k = 0; k < 2; ++k)
-    if (sweep(cones, r, sweeps[k], answers) || newton(cones, r, answers)) return 1;
+    if (sweep(scene, cones, r, sweeps[k], answers) || newton(scene, cones, r, answers)) return 1;
   for (int i = 0; i < MC; ++i) r[i] = 0.0;
   for (int part = 0; part <= CONTINUED; ++part) {
-    take_part(cones, (double)part / CONTINUED);
-    found = sweep(cones, r, sweeps[0], answers) || newton(cones, r, answers);
+    take_part(scene, cones, (double)part / CONTINUED);
+    found = sweep(scene, cones, r, sweeps[0], answers) || newton(scene, cones, r, answers);
   }
   return found;
 }

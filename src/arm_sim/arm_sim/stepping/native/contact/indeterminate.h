@@ -14,7 +14,6 @@
 #pragma once
 #include "contact/friction_cones.h"
 #include "numerics/cone_program.h"
-#include "events/zeros.h"
 
 #define PARTS (NU + NC)         /* joints, then contacts */
 #define FORCES (MC + NU)        /* reactions: those of contacts, then those of joints */
@@ -28,12 +27,19 @@
 #define LIMIT_ROWS (2 * NU + MC)
 
 /* The balance of forces at a state. */
-__extension__ typedef struct {
-  real push[NU * (NM + MC)]; /* joint torques per force of a constraint, and per unknown force of a contact */
-  real reaction[NU];         /* holding torques of the least norm, ... */
-  real capacity[2 * NU];     /* ... and the largest that dry friction bears, pushed forwards and backwards */
-  real drift[NM];            /* accelerations of the constraints' rows without acceleration of the joints */
+typedef struct {
+  real* push;     /* joint torques per force of a constraint, and per unknown force of a contact */
+  real* reaction; /* holding torques of the least norm, ... */
+  real* capacity; /* ... and the largest that dry friction bears, pushed forwards and backwards */
+  real* drift;    /* accelerations of the constraints' rows without acceleration of the joints */
 } statics_t;
+#define STATICS (NU * (NM + MC) + 3 * NU + NM)
+
+static statics_t statics_of(const scene_t* scene, real* numbers) {
+  real* reaction = numbers + NU * (NM + MC);
+  statics_t statics = {numbers, reaction, reaction + NU, reaction + 3 * NU};
+  return statics;
+}
 
 /* A part: a held joint with the bounds of its reaction; a contact that sticks up to a fraction of its normal force, or only
  * presses; or none of these. */
@@ -44,18 +50,24 @@ typedef struct {
 static const part_t loose = {0, 0, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
 
 /* Self-stresses, and the sets of parts that share them. */
-__extension__ typedef struct {
+typedef struct {
   int count, sets;
-  int set[PARTS], of[SHARES]; /* of each part and of each stress, its set from 1 on; 0 for what statics determines */
-  double stress[FORCES * SHARES];
+  int *set, *of; /* of each part and of each stress, its set from 1 on; 0 for what statics determines */
+  double* stress;
 } stresses_t;
 
 /* Which parts hold together. */
-__extension__ typedef struct {
-  int set[PARTS];                  /* as above */
-  double excess[PARTS + 1];        /* of each set, the s above; where it is clearly negative, that of some distribution */
-  double share[PARTS], way[PARTS][2]; /* of each part, in the motion in which its set gives way: amount, direction */
+typedef struct {
+  double* set;          /* as above */
+  double* excess;       /* of each set, the s above; where it is clearly negative, that of some distribution */
+  double *share, *way;  /* of each part, in the motion in which its set gives way: amount, direction of two numbers */
 } indeterminate_t;
+#define INDETERMINATE (5 * PARTS + 1)
+
+static indeterminate_t indeterminate_of(const scene_t* scene, double* numbers) {
+  indeterminate_t found = {numbers, numbers + PARTS, numbers + 2 * PARTS + 1, numbers + 3 * PARTS + 1};
+  return found;
+}
 
 /* Gauss-Jordan elimination with complete pivoting in columns from `begin` to before `end`; `basic` receives the column of
  * each row that gets a pivot, else it remains -1. */
@@ -83,11 +95,11 @@ static void eliminate(int rows, int columns, double* T, int begin, int end, int*
   }
 }
 
-static int part_of(int reaction) { return reaction < MC ? NU + reaction / 3 : reaction - MC; }
-static int first_of(int part) { return part < NU ? MC + part : 3 * (part - NU); }
+static int part_of(const scene_t* scene, int reaction) { return reaction < MC ? NU + reaction / 3 : reaction - MC; }
+static int first_of(const scene_t* scene, int part) { return part < NU ? MC + part : 3 * (part - NU); }
 
 /* The balance with columns of size 1, or zero where a force is not transmitted or moves nothing. */
-static void scale_columns(const statics_t* statics, const part_t* parts, double* T, double* size) {
+static void scale_columns(const scene_t* scene, const statics_t* statics, const part_t* parts, double* T, double* size) {
   double widest = 0.0;
   for (int j = 0; j < SHARES; ++j) {
     size[j] = 0.0;
@@ -104,27 +116,27 @@ static void scale_columns(const statics_t* statics, const part_t* parts, double*
 }
 
 /* Number the sets of parts that share self-stresses. */
-static void find_sets(stresses_t* found) {
+static void find_sets(const scene_t* scene, stresses_t* found) {
   int* set = found->set;
   found->sets = 0;
   for (int i = 0; i < PARTS; ++i) set[i] = 0;
   for (int j = 0; j < found->count; ++j) {
     const int number = found->of[j] = ++found->sets;
     for (int i = 0; i < FORCES; ++i) {
-      const int other = set[part_of(i)];
+      const int other = set[part_of(scene, i)];
       if (found->stress[FORCES * j + i] == 0.0 || other == number) continue;
       for (int k = 0; k < PARTS && other; ++k) set[k] = set[k] == other ? number : set[k];
       for (int k = 0; k < j && other; ++k) found->of[k] = found->of[k] == other ? number : found->of[k];
-      set[part_of(i)] = number;
+      set[part_of(scene, i)] = number;
     }
   }
 }
 
 /* Self-stresses: a basis of the combinations of reactions that move nothing. */
-static void find_stresses(const statics_t* statics, const part_t* parts, stresses_t* found) {
+static void find_stresses(const scene_t* scene, const statics_t* statics, const part_t* parts, stresses_t* found) {
   double T[NU * SHARES], size[SHARES];
   int basic[NU];
-  scale_columns(statics, parts, T, size);
+  scale_columns(scene, statics, parts, T, size);
   for (int i = 0; i < NU; ++i) basic[i] = -1;
   eliminate(NU, SHARES, T, 0, NM, basic); /* forces of constraints have no limits: they follow from the others */
   eliminate(NU, SHARES, T, NM, SHARES, basic);
@@ -139,15 +151,15 @@ static void find_stresses(const statics_t* statics, const part_t* parts, stresse
     for (int i = 0; i < NU; ++i)
       if (basic[i] >= NM && fabs(T[SHARES * i + j]) > CANCELS) stress[basic[i] - NM] = -T[SHARES * i + j] / size[basic[i]];
   }
-  find_sets(found);
+  find_sets(scene, found);
 }
 
 /* The limits of one set as a problem over cones; its unknowns are the amounts of its self-stresses, and one more. */
-__extension__ typedef struct {
+typedef struct {
   int cones, rows, unknowns;
-  int size[2 * NU + NC + 2], part[2 * NU + NC + 2], side[2 * NU + NC + 2]; /* of each cone: rows, part, bound of a joint */
-  double unit[PARTS], amount[SHARES]; /* units of the limits and of the unknowns */
-  const double* stress[SHARES];
+  int *size, *part, *side; /* of each cone: rows, part, bound of a joint */
+  double *unit, *amount;   /* units of the limits and of the unknowns */
+  const double** stress;
   double *h, *G;
 } problem_t;
 
@@ -160,7 +172,7 @@ static double size_of(const part_t* part) {
 }
 
 /* Units of the limits of a set's parts, each its own unless that is zero or very small; and of the amounts. */
-static void find_units(const part_t* parts, const int* set, int number, problem_t* to) {
+static void find_units(const scene_t* scene, const part_t* parts, const int* set, int number, problem_t* to) {
   double largest[2], moved[2]; /* of joints and contacts: size, and entries of self-stresses */
   for (int i = 0; i < 2; ++i) largest[i] = moved[i] = 0.0;
   for (int i = 0; i < PARTS; ++i) {
@@ -176,7 +188,7 @@ static void find_units(const part_t* parts, const int* set, int number, problem_
   }
   for (int j = 0; j < to->unknowns - 1; ++j) {
     double most = 0.0;
-    for (int i = 0; i < FORCES; ++i) most = fmax(most, fabs(to->stress[j][i]) / to->unit[part_of(i)]);
+    for (int i = 0; i < FORCES; ++i) most = fmax(most, fabs(to->stress[j][i]) / to->unit[part_of(scene, i)]);
     to->amount[j] = 1.0 / most;
   }
 }
@@ -196,9 +208,9 @@ static void end_cone(problem_t* to, int part, int side, int rows) {
 }
 
 /* The limits of a part in its units, enlarged by `more`, and by the last unknown times `last`. */
-static void add_limits(problem_t* to, const part_t* part, int i, double more, double last) {
+static void add_limits(const scene_t* scene, problem_t* to, const part_t* part, int i, double more, double last) {
   const double *r = part->force, unit = 1.0 / to->unit[i];
-  const int first = first_of(i);
+  const int first = first_of(scene, i);
   if (part->sticks) {
     add_row(to, part->fraction * r[0] * unit + more, part->fraction * unit, first, last);
     for (int k = 1; k < 3; ++k) add_row(to, r[k] * unit, unit, first + k, 0.0);
@@ -215,14 +227,15 @@ static void add_limits(problem_t* to, const part_t* part, int i, double more, do
   }
 }
 
-static void begin_problem(problem_t* to, const part_t* parts, const stresses_t* from, int number, double more, double last) {
+static void begin_problem(const scene_t* scene, problem_t* to, const part_t* parts, const stresses_t* from, int number,
+                          double more, double last) {
   to->cones = to->rows = 0;
   to->unknowns = 1;
   for (int j = 0; j < from->count; ++j)
     if (from->of[j] == number) to->stress[to->unknowns++ - 1] = from->stress + FORCES * j;
-  find_units(parts, from->set, number, to);
+  find_units(scene, parts, from->set, number, to);
   for (int i = 0; i < PARTS; ++i)
-    if (from->set[i] == number) add_limits(to, parts + i, i, more, last);
+    if (from->set[i] == number) add_limits(scene, to, parts + i, i, more, last);
 }
 
 /* Smallest last unknown for which y, otherwise given, is inside all cones of the problem, as all depend on it. */
@@ -237,25 +250,26 @@ static double excess_of(const problem_t* of, const double* y) {
 }
 
 /* The least s of a set, or one that is clearly negative; the motion in which it gives way; the amounts of its self-stresses. */
-static double find_excess(const part_t* parts, const stresses_t* from, int number, indeterminate_t* found, double* y) {
-  double h[LIMIT_ROWS + 1], G[(LIMIT_ROWS + 1) * MOST_UNKNOWNS], z[LIMIT_ROWS + 1];
-  problem_t problem;
-  problem.h = h;
-  problem.G = G;
-  begin_problem(&problem, parts, from, number, 0.0, 1.0);
+static double find_excess(const scene_t* scene, const part_t* parts, const stresses_t* from, int number,
+                          indeterminate_t* found, double* y) {
+  double h[LIMIT_ROWS + 1], G[(LIMIT_ROWS + 1) * MOST_UNKNOWNS], z[LIMIT_ROWS + 1], unit[PARTS], amount[SHARES];
+  int size[MOST_CONES], of_part[MOST_CONES], side[MOST_CONES];
+  const double* stress[SHARES];
+  problem_t problem = {0, 0, 0, size, of_part, side, unit, amount, stress, h, G};
+  begin_problem(scene, &problem, parts, from, number, 0.0, 1.0);
   add_row(&problem, -MOST_ROOM, 0.0, 0, 1.0);
   end_cone(&problem, -1, 0, 1);
   const int last = problem.unknowns - 1;
   for (int j = 0; j < last; ++j) y[j] = 0.0;
   y[last] = 1.0 + excess_of(&problem, y);
   const conic_t conic = {problem.cones, problem.rows, problem.unknowns, problem.size, h, G};
-  const double excess = least_last(&conic, y, z, CLEARLY);
+  const double excess = least_last(scene, &conic, y, z, CLEARLY);
   for (int k = 0, i = 0; k < problem.cones; i += problem.size[k++]) {
     const int part = problem.part[k];
     if (part < 0) continue;
     found->share[part] += z[i];
-    found->way[part][0] += problem.size[k] == 3 ? z[i + 1] : problem.side[k] * z[i];
-    found->way[part][1] += problem.size[k] == 3 ? z[i + 2] : 0.0;
+    found->way[2 * part] += problem.size[k] == 3 ? z[i + 1] : problem.side[k] * z[i];
+    found->way[2 * part + 1] += problem.size[k] == 3 ? z[i + 2] : 0.0;
   }
   return excess;
 }
@@ -268,46 +282,50 @@ static double own_excess(const part_t* part) {
 
 /* Find what holds together, and whether it does, where reactions of the least norm are beyond a limit; else, or if
  * `always`, everywhere. */
-static void find_indeterminate(const statics_t* statics, const part_t* parts, int always, indeterminate_t* found) {
-  stresses_t stresses;
-  double y[SHARES + 1];
-  find_stresses(statics, parts, &stresses);
-  set_zero(found, sizeof *found);
-  memcpy(found->set, stresses.set, sizeof stresses.set);
+static void find_indeterminate(const scene_t* scene, const statics_t* statics, const part_t* parts, int always,
+                               indeterminate_t* found) {
+  int set[PARTS], of[SHARES];
+  double y[SHARES + 1], stress[FORCES * SHARES];
+  stresses_t stresses = {0, 0, set, of, stress};
+  find_stresses(scene, statics, parts, &stresses);
+  clear(found->set, INDETERMINATE);
+  for (int i = 0; i < PARTS; ++i) found->set[i] = set[i];
   for (int number = 1; number <= stresses.sets; ++number) {
     int beyond = always;
     for (int i = 0; i < PARTS; ++i) beyond |= stresses.set[i] == number && own_excess(parts + i) > 0.0;
-    if (beyond) found->excess[number] = find_excess(parts, &stresses, number, found, y);
+    if (beyond) found->excess[number] = find_excess(scene, parts, &stresses, number, found, y);
     else found->excess[number] = MOST_ROOM;
   }
 }
 
 /* Change reactions of the least norm, those of contacts and then of joints, to the nearest that are within all limits, in
  * units of these; of sets that do not hold they are kept. */
-static void find_nearest(const statics_t* statics, const part_t* parts, double* reaction) {
-  stresses_t stresses;
-  indeterminate_t found;
-  double y[SHARES + 1];
-  set_zero(&found, sizeof found);
-  find_stresses(statics, parts, &stresses);
+static void find_nearest(const scene_t* scene, const statics_t* statics, const part_t* parts, double* reaction) {
+  LOCAL(indeterminate_t, found, indeterminate_of, INDETERMINATE);
+  int set[PARTS], of[SHARES];
+  double y[SHARES + 1], stress[FORCES * SHARES];
+  stresses_t stresses = {0, 0, set, of, stress};
+  clear(found.set, INDETERMINATE);
+  find_stresses(scene, statics, parts, &stresses);
   for (int number = 1; number <= stresses.sets; ++number) {
     double h[MOST_ROWS], G[MOST_ROWS * MOST_UNKNOWNS], z[MOST_ROWS];
     int beyond = 0;
     for (int i = 0; i < PARTS; ++i) beyond |= stresses.set[i] == number && own_excess(parts + i) > 0.0;
-    if (!beyond || find_excess(parts, &stresses, number, &found, y) > HOLDS) continue;
-    problem_t problem;
-    problem.h = h;
-    problem.G = G;
-    begin_problem(&problem, parts, &stresses, number, 2.0 * HOLDS, 0.0);
+    if (!beyond || find_excess(scene, parts, &stresses, number, &found, y) > HOLDS) continue;
+    double unit[PARTS], amount[SHARES];
+    int size[MOST_CONES], of_part[MOST_CONES], side[MOST_CONES];
+    const double* of_stress[SHARES];
+    problem_t problem = {0, 0, 0, size, of_part, side, unit, amount, of_stress, h, G};
+    begin_problem(scene, &problem, parts, &stresses, number, 2.0 * HOLDS, 0.0);
     const int limits = problem.rows, last = problem.unknowns - 1;
     add_row(&problem, 0.0, 0.0, 0, 1.0);
     for (int i = 0; i < FORCES; ++i)
-      if (stresses.set[part_of(i)] == number) add_row(&problem, 0.0, 1.0 / problem.unit[part_of(i)], i, 0.0);
+      if (stresses.set[part_of(scene, i)] == number) add_row(&problem, 0.0, 1.0 / problem.unit[part_of(scene, i)], i, 0.0);
     end_cone(&problem, -1, 0, problem.rows - limits);
     y[last] = 1.0;
     for (int i = limits; i < problem.rows; ++i) y[last] += fabs(dot(G + problem.unknowns * i, y, last));
     const conic_t conic = {problem.cones, problem.rows, problem.unknowns, problem.size, h, G};
-    least_last(&conic, y, z, -INFINITY);
+    least_last(scene, &conic, y, z, -INFINITY);
     for (int j = 0; j < last; ++j)
       for (int i = 0; i < FORCES; ++i) reaction[i] += y[j] * problem.amount[j] * problem.stress[j][i];
   }

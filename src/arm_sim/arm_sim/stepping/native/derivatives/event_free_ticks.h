@@ -12,14 +12,20 @@
 
 /* A tick of each lane. */
 typedef struct {
-  real begin[NX], after[NX], p[NP + MODES + 1], end[NX]; /* the motion's beginning, state after the tick, modes, its end */
-  int held, closed;                                      /* whether anything is held, or a contact closed, in any lane */
-  int predicted;                                          /* whether the motions of all lanes are those predicted */
+  real *begin, *end, *after, *p; /* the motion's beginning and end, state after the tick, modes */
+  int held, closed;              /* whether anything is held, or a contact closed, in any lane */
+  int predicted;                 /* whether the motions of all lanes are those predicted */
 } event_free_lanes_t;
+#define EVENT_FREE_LANES (3 * NX + P_LENGTH + 1)
+
+static inline event_free_lanes_t event_free_lanes_of(const scene_t* scene, real* numbers) {
+  event_free_lanes_t tick = {numbers, numbers + NX, numbers + 2 * NX, numbers + 3 * NX, 0, 0, 0};
+  return tick;
+}
 
 /* Whether closing the contacts at the end of a tick changed the state so little that its derivative can be that of a state
  * which satisfies them. */
-static int is_closed(const event_free_t* tick) {
+static int is_closed(const scene_t* scene, const event_free_t* tick) {
   double off = 0.0;
   for (int i = 0; i < 2 * NU; ++i) {
     const double change = __builtin_fabs(tick->after[i] - tick->end[i]);
@@ -29,71 +35,64 @@ static int is_closed(const event_free_t* tick) {
 }
 
 /* Whether a contact is closed, in parameters with modes. */
-static int touches(const double* p) {
+static int touches(const scene_t* scene, const double* p) {
   int any = 0;
   for (int k = 0; k < NC; ++k) any |= p[NP + ND + NQ + NK + 5 * k] != 0.0;
   return any;
 }
 
 /* Ask the engine for the probable modes of the ticks, for steps that are made before its own. */
-static void predict_modes(const engine_t* engine, prediction_t* tick, event_free_lanes_t* found) {
+static void predict_modes(const scene_t* scene, const engine_t* engine, prediction_t* tick, event_free_lanes_t* found) {
   long long of_lane[LANES];
   found->held = 0;
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
-    engine->predict(tick + j);
+    engine->predict(engine->scene, tick + j);
     tick[j].rests = tick[j].slides = tick[j].closes = tick[j].nears = 0; /* loads and the like are not predicted */
-    found->held |= !all_moves(tick[j].p + NP);
+    found->held |= !all_moves(scene, tick[j].p + NP);
   }
-  read_arms(found->p, NP + MODES, tick->p, sizeof(prediction_t) / sizeof(double), of_lane);
+  read_arms(found->p, P_LENGTH, tick->p, PREDICTION, of_lane);
 }
 
 /* Whether a motion begins with the predicted numbers: it then is the predicted one. */
-static int is_as_predicted(const prediction_t* tick, const event_free_t* made) {
-  return same(made->begin, tick->x, NX) && same(made->p, tick->p, NP + MODES) && same(made->end, tick->after, NX);
+static int is_as_predicted(const scene_t* scene, const prediction_t* tick, const event_free_t* made) {
+  return same(made->begin, tick->x, NX) && same(made->p, tick->p, P_LENGTH) && same(made->end, tick->after, NX);
 }
 
 /* Margins to boundaries between modes of a state in the tick. */
-static void find_margins(const real* x, const real* u, const event_free_lanes_t* tick, const real* limit, real* margins) {
-  real w[SZ_W];
-  casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG];
-  real* res[SZ_RES];
-  arg[0] = x;
-  arg[1] = u;
-  arg[2] = tick->p;
-  arg[3] = limit;
-  res[0] = margins;
-  if (tick->held) mode_margin(arg, res, iw, w, 0);
-  else mode_margin_in_motion(arg, res, iw, w, 0);
+static void find_margins(const scene_t* scene, const real* x, const real* u, const event_free_lanes_t* tick, const real* limit,
+                         real* margins) {
+  CALL(tick->held ? scene->mode_margin : scene->mode_margin_in_motion, (x, u, tick->p, limit), (margins));
 }
 
 /* Make the ticks of all lanes; `starts`: whether their beginning itself is varied. `event_free` is cleared for lanes that have an
  * event, or are too close to one; those lanes are not advanced. */
-static void make_event_free(const prediction_t* tick, const real* x, const real* u, const engine_t* engine, int starts,
-                            int* event_free, event_free_lanes_t* found) {
+static void make_event_free(const scene_t* scene, const prediction_t* tick, const real* x, const real* u,
+                            const engine_t* engine, int starts, int* event_free, event_free_lanes_t* found) {
+  double numbers[LANES * EVENT_FREE];
   event_free_t made[LANES];
-  const long long stride = sizeof(event_free_t) / sizeof(double);
+  const long long stride = EVENT_FREE;
   long long of_lane[LANES];
   real limit[NC + 1], margins[2][2];
-  if (LANES > 1) memset(made, 0, sizeof made);
+  if (LANES > 1) memset(numbers, 0, sizeof numbers); /* of lanes that make no such tick */
   found->held = found->closed = 0;
   found->predicted = 1;
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
-    event_free[j] = event_free[j] && engine->event_free_tick(tick + j, made + j) && is_closed(made + j);
+    made[j] = event_free_of(scene, numbers + j * stride);
+    event_free[j] = event_free[j] && engine->event_free_tick(engine->scene, tick + j, made + j) && is_closed(scene, made + j);
     if (!event_free[j]) continue;
-    found->held |= !all_moves(made[j].p + NP);
-    found->closed |= touches(made[j].p);
-    found->predicted &= is_as_predicted(tick + j, made + j);
+    found->held |= !all_moves(scene, made[j].p + NP);
+    found->closed |= touches(scene, made[j].p);
+    found->predicted &= is_as_predicted(scene, tick + j, made + j);
   }
-  read_arms(found->p, NP + MODES, made->p, stride, of_lane);
+  read_arms(found->p, P_LENGTH, made->p, stride, of_lane);
   read_arms(limit, NC, made->grip, stride, of_lane);
   read_arms(found->begin, NX, made->begin, stride, of_lane);
   read_arms(found->end, NX, made->end, stride, of_lane);
   read_arms(found->after, NX, made->after, stride, of_lane);
-  find_margins(found->begin, u, found, limit, margins[0]);
-  find_margins(found->end, u, found, limit, margins[1]);
+  find_margins(scene, found->begin, u, found, limit, margins[0]);
+  find_margins(scene, found->end, u, found, limit, margins[1]);
   for (int j = 0; j < LANES; ++j) {
     event_free[j] = event_free[j] && LANE(margins[0][starts], j) > 0.0 && LANE(margins[1][0], j) > 0.0;
     if (!event_free[j])

@@ -13,11 +13,17 @@
 #define SAME_EVENT 1e-9 /* relative difference of the derivatives of an instant that is none */
 
 typedef struct {
-  real value[NG], size[NG], rate[NG], active[NG], a[NU];
+  real *value, *size, *rate, *active, *a;
 } guards_t;
+#define GUARDS (4 * NG + NU)
 
-static void find_guards(const real* x, const tick_t* tick, const record_t* segment, guards_t* at) {
-  CALL(guards, (x, tick->u, numbers(&segment->p), segment->limit), (at->value, at->size, at->rate, at->active, at->a));
+static guards_t guards_of(const scene_t* scene, real* numbers) {
+  guards_t guards = {numbers, numbers + NG, numbers + 2 * NG, numbers + 3 * NG, numbers + 4 * NG};
+  return guards;
+}
+
+static void find_guards(const scene_t* scene, const real* x, const tick_t* tick, const record_t* segment, guards_t* at) {
+  CALL(scene->guards, (x, tick->u, segment->p.tunable, segment->limit), (at->value, at->size, at->rate, at->active, at->a));
 }
 
 /* Whether a guard is zero, or passes zero within an instant. */
@@ -28,18 +34,19 @@ static int is_near(const guards_t* at, int i, double h) {
 static int stays(const guards_t* at, int i, double h) { return !(fabs(at->rate[i]) * h > TERMS * at->size[i]); }
 
 /* Whether a loop holds a joint in a sliding mode at rest because other joints stick. */
-static int is_carried(const guards_t* at, const real* x, const record_t* segment, int joint) {
-  return NB && ND && segment->p.direction[joint] != 0.0 && fmax(fabs(x[NU + joint]), fabs(at->a[joint])) <= SLOWEST;
+static int is_carried(const scene_t* scene, const guards_t* at, const real* x, const record_t* segment, int joint) {
+  return scene->constrained && ND && segment->p.direction[joint] != 0.0
+         && fmax(fabs(x[NU + joint]), fabs(at->a[joint])) <= scene->slowest;
 }
 
 /* Active guards that are zero; their number. A switch that stays where it switches does not switch. */
-static int find_zero(const guards_t* at, const real* x, const tick_t* tick, const record_t* segment) {
+static int find_zero(const scene_t* scene, const guards_t* at, const real* x, const tick_t* tick, const record_t* segment) {
   int count = 0;
   for (int i = 0; i < NG; ++i) {
     const int joint = i - 2 * NC;
     if (!is_near(at, i, tick->length) || !(at->active[i] > 0.0)) continue;
     if (i >= NG - NK && stays(at, i, tick->length)) continue;
-    if (joint >= 0 && joint < NU && is_carried(at, x, segment, joint)) continue;
+    if (joint >= 0 && joint < NU && is_carried(scene, at, x, segment, joint)) continue;
     tick->which[++count] = i;
   }
   tick->which[0] = count;
@@ -56,44 +63,46 @@ static int are_different(const real* a, const real* b, int count) {
 }
 
 /* x' and its derivatives on both sides of a switch. */
-static void find_sides(int number, const real* x, const tick_t* tick, const record_t* segment, real slope[2][NX],
-                       real by[2][NX * (NX + NU)]) {
+static void find_sides(const scene_t* scene, int number, const real* x, const tick_t* tick, const record_t* segment,
+                       real slope[2][NX], real by[2][NX * (NX + NU)]) {
   for (int holds = 0; holds < 2; ++holds) {
-    modes_t p = segment->p;
+    LOCAL(modes_t, p, modes_of, P_LENGTH);
+    copy(p.tunable, segment->p.tunable, P_LENGTH);
     p.switches[number] = holds;
-    CALL(motion, (x, tick->u, numbers(&p)), (slope[holds], by[holds]));
+    CALL(scene->motion, (x, tick->u, p.tunable), (slope[holds], by[holds]));
   }
 }
 
 /* Whether a switch that is near is a boundary: not one that does not change the slopes, and none at which both sides lead
  * back, such as that of a current at its limit. One that stays at zero is. */
-static int divides(int number, const guards_t* at, const real* x, const tick_t* tick, const record_t* segment) {
+static int divides(const scene_t* scene, int number, const guards_t* at, const real* x, const tick_t* tick,
+                   const record_t* segment) {
   real slope[2][NX], by[2][NX * (NX + NU)];
-  find_sides(number, x, tick, segment, slope, by);
+  find_sides(scene, number, x, tick, segment, slope, by);
   const int jumps = are_different(slope[0], slope[1], NX), bends = are_different(by[0], by[1], NX * (NX + NU));
   return jumps ? !stays(at, NG - NK + number, tick->length) : bends;
 }
 
 /* Guards that are zero, and on whose sides motions change differently; their number. */
-static int find_boundaries(const real* x, const tick_t* tick, const record_t* segment) {
-  guards_t at;
+static int find_boundaries(const scene_t* scene, const real* x, const tick_t* tick, const record_t* segment) {
+  LOCAL(guards_t, at, guards_of, GUARDS);
   int count = 0;
-  find_guards(x, tick, segment, &at);
-  const int zero = find_zero(&at, x, tick, segment);
+  find_guards(scene, x, tick, segment, &at);
+  const int zero = find_zero(scene, &at, x, tick, segment);
   while (count < zero && tick->which[count + 1] < NG - NK) ++count;
   for (int k = 0; k < NK; ++k)
-    if (is_near(&at, NG - NK + k, tick->length) && at.active[NG - NK + k] > 0.0 && divides(k, &at, x, tick, segment))
+    if (is_near(&at, NG - NK + k, tick->length) && at.active[NG - NK + k] > 0.0 && divides(scene, k, &at, x, tick, segment))
       tick->which[++count] = NG - NK + k;
   tick->which[0] = count;
   return count;
 }
 
 /* Derivatives of a guard, by what those of the state are. */
-static void find_change(int guard, const real* x, const tick_t* tick, const record_t* segment, const real (*slope)[NV],
-                        real* by_x, real* change) {
+static void find_change(const scene_t* scene, int guard, const real* x, const tick_t* tick, const record_t* segment,
+                        const real (*slope)[NV], real* by_x, real* change) {
   real weight[NG], by_w[NW + 1];
   for (int i = 0; i < NG; ++i) weight[i] = i == guard;
-  CALL(guard_gradient, (x, tick->u, numbers(&segment->p), segment->limit, weight), (by_x, by_w));
+  CALL(scene->guard_gradient, (x, tick->u, segment->p.tunable, segment->limit, weight), (by_x, by_w));
   for (int j = 0; j < NV; ++j) {
     change[j] = j < NX ? 0.0 : by_w[j - NX];
     for (int i = 0; i < NX; ++i) change[j] += by_x[i] * slope[i][j];
@@ -101,16 +110,16 @@ static void find_change(int guard, const real* x, const tick_t* tick, const reco
 }
 
 /* A state beside a switch that stays, such as that of a current at its limit, is led back to it at once. */
-static void lead_back(const tick_t* tick, const record_t* segment, real (*slope)[NV]) {
-  guards_t at;
-  find_guards(segment->begin, tick, segment, &at);
+static void lead_back(const scene_t* scene, const tick_t* tick, const record_t* segment, real (*slope)[NV]) {
+  LOCAL(guards_t, at, guards_of, GUARDS);
+  find_guards(scene, segment->begin, tick, segment, &at);
   for (int k = 0; k < NK; ++k) {
     const int guard = NG - NK + k, holds = segment->p.switches[k] != 0.0;
     real side[2][NX], by[2][NX * (NX + NU)], by_x[NX], change[NV], along = 0.0;
     if (!is_near(&at, guard, tick->length) || !(at.active[guard] > 0.0) || !stays(&at, guard, tick->length)) continue;
-    find_sides(k, segment->begin, tick, segment, side, by);
+    find_sides(scene, k, segment->begin, tick, segment, side, by);
     if (!are_different(side[0], side[1], NX)) continue;
-    find_change(guard, segment->begin, tick, segment, (const real(*)[NV])slope, by_x, change);
+    find_change(scene, guard, segment->begin, tick, segment, (const real(*)[NV])slope, by_x, change);
     for (int i = 0; i < NX; ++i) along += by_x[i] * (side[!holds][i] - side[holds][i]);
     if (!((holds ? along : -along) > 0.0)) continue;
     for (int i = 0; i < NX; ++i)
@@ -119,32 +128,34 @@ static void lead_back(const tick_t* tick, const record_t* segment, real (*slope)
 }
 
 /* Derivative of the length of a segment that a guard ends, from that of its end at constant length, and by the length. */
-static void follow_guard(int guard, const tick_t* tick, const record_t* segment, const real (*slope)[NV], const real* speed,
-                         real* delay) {
+static void follow_guard(const scene_t* scene, int guard, const tick_t* tick, const record_t* segment, const real (*slope)[NV],
+                         const real* speed, real* delay) {
   real by_x[NX], change[NV], along = 0.0;
-  find_change(guard, segment->end, tick, segment, slope, by_x, change);
+  find_change(scene, guard, segment->end, tick, segment, slope, by_x, change);
   for (int i = 0; i < NX; ++i) along += by_x[i] * speed[i];
   for (int j = 0; j < NV; ++j) delay[j] = -change[j] / along;
 }
 
 /* The same of a segment that an event ends, whichever it is. Joints of a loop come to rest together: that is one event. */
-static enum refusal find_delay(const tick_t* tick, const record_t* segment, const real (*slope)[NV], const real* speed,
-                               real* delay) {
-  guards_t begin, end;
+static enum refusal find_delay(const scene_t* scene, const tick_t* tick, const record_t* segment, const real (*slope)[NV],
+                               const real* speed, real* delay) {
+  LOCAL(guards_t, begin, guards_of, GUARDS);
+  LOCAL(guards_t, end, guards_of, GUARDS);
   double apart = 0.0, largest = 0.0;
   tick->which[0] = 0;
   if (segment->length <= INSTANT * tick->length) /* a switch that does not change the motion, such as that of a current ... */
-    return find_boundaries(segment->begin, tick, segment) ? SAME_INSTANT : NO_REFUSAL; /* ... that leaves its limit, is none */
-  find_guards(segment->begin, tick, segment, &begin);
-  find_guards(segment->end, tick, segment, &end);
-  const int zero = find_zero(&end, segment->end, tick, segment);
+    return find_boundaries(scene, segment->begin, tick, segment) ? SAME_INSTANT
+                                                                 : NO_REFUSAL; /* ... that leaves its limit, is none */
+  find_guards(scene, segment->begin, tick, segment, &begin);
+  find_guards(scene, segment->end, tick, segment, &end);
+  const int zero = find_zero(scene, &end, segment->end, tick, segment);
   if (!zero) return GRAZES;
   for (int k = 1; k <= zero; ++k) {
     const long long i = tick->which[k];
     if (!(fabs(end.rate[i]) > GRAZING * fabs(begin.rate[i]))) return GRAZES;
   }
   real found[NG][NV];
-  for (int k = 0; k < zero; ++k) follow_guard((int)tick->which[k + 1], tick, segment, slope, speed, found[k]);
+  for (int k = 0; k < zero; ++k) follow_guard(scene, (int)tick->which[k + 1], tick, segment, slope, speed, found[k]);
   for (int j = 0; j < NV; ++j) {
     double low = found[0][j], high = low;
     for (int k = 0; k < zero; ++k) {

@@ -14,40 +14,57 @@
 #define GIVEN_JUMP (2 * NU + NT) /* columns of its derivatives */
 
 /* What an impact depends on besides the state before it. */
-__extension__ typedef struct {
+typedef struct {
   modes_t p;
-  real e[NU], f[NC], carries[NC], sticks[NC];
+  real *e, *f, *carries, *sticks;
 } jump_t;
+#define JUMP (P_LENGTH + NU + 3 * NC)
 
-__extension__ typedef struct {
-  real v[NU], speed[3 * NC], by_x[NU * GIVEN_JUMP], by_impulse[NU * 3 * NC];
-  real law[3 * NC * GIVEN_JUMP], law_by_impulse[3 * NC * 3 * NC];
+static jump_t jump_of(const scene_t* scene, real* numbers) {
+  real* e = numbers + P_LENGTH;
+  jump_t jump = {modes_of(scene, numbers), e, e + NU, e + NU + NC, e + NU + 2 * NC};
+  clear(numbers, JUMP);
+  return jump;
+}
+
+typedef struct {
+  real *v, *speed, *by_x, *by_impulse, *law, *law_by_impulse;
 } jump_derivatives_t;
+#define JUMP_DERIVATIVES (NU + 3 * NC + (NU + 3 * NC) * (GIVEN_JUMP + 3 * NC))
 
-static void solve_impact(const record_t* segment, const jump_t* jump, jump_derivatives_t* found) {
-  CALL(impact_laws, (segment->before, numbers(&jump->p), jump->e, jump->f, jump->carries, jump->sticks, segment->impulse),
+static jump_derivatives_t jump_derivatives_of(const scene_t* scene, real* numbers) {
+  jump_derivatives_t found = {numbers, numbers + NU, numbers + NU + 3 * NC, 0, 0, 0};
+  found.by_impulse = found.by_x + NU * GIVEN_JUMP;
+  found.law = found.by_impulse + NU * 3 * NC;
+  found.law_by_impulse = found.law + 3 * NC * GIVEN_JUMP;
+  return found;
+}
+
+static void solve_impact(const scene_t* scene, const record_t* segment, const jump_t* jump, jump_derivatives_t* found) {
+  CALL(scene->impact_laws, (segment->before, jump->p.tunable, jump->e, jump->f, jump->carries, jump->sticks, segment->impulse),
        (found->v, found->speed, found->by_x, found->by_impulse, found->law, found->law_by_impulse));
 }
 
 /* Restitutions that give the velocities with which joints and contacts have left. */
-static void find_restitutions(const record_t* segment, jump_t* jump) {
-  __extension__ real place[3 * NC], met[3 * NC], size[NC];
-  memset(jump, 0, sizeof *jump);
-  jump->p = segment->p;
-  memcpy(jump->p.direction, segment->meets, sizeof segment->meets);
+static void find_restitutions(const scene_t* scene, const record_t* segment, jump_t* jump) {
+  real place[3 * NC + 1], met[3 * NC + 1], size[NC + 1];
+  copy(jump->p.tunable, segment->p.tunable, P_LENGTH);
+  copy(jump->p.direction, segment->meets, ND);
   for (int i = 0; i < NU; ++i)
     if (segment->leaves[i] != 0.0) jump->e[i] = -segment->leaves[i] / segment->before[NU + i];
-  if (NC) CALL(contact_geometry, (segment->before), (place, met, size));
+  if (NC) CALL(scene->contact_geometry, (segment->before), (place, met, size));
   for (int k = 0; k < NC; ++k)
     if (segment->rebound[k] > 0.0) jump->f[k] = -segment->rebound[k] / met[3 * k];
 }
 
 /* Find which contacts carry an impulse, and which of them stick. */
-static enum refusal find_parts(const tick_t* tick, const record_t* segment, const jump_derivatives_t* found, jump_t* jump) {
+static enum refusal find_parts(const scene_t* scene, const tick_t* tick, const record_t* segment,
+                               const jump_derivatives_t* found, jump_t* jump) {
   for (int k = 0; k < NC; ++k) {
     const real *r = segment->impulse + 3 * k, *s = found->speed + 3 * k;
-    const int carries = r[0] > 0.0, sticks = carries && hypot(r[1], r[2]) < (1.0 - ON_EDGE) * friction[k] * r[0];
-    if (carries && !sticks && hypot(s[1], s[2]) <= SLOWEST && friction[k] > 0.0) return refuse(tick, IMPACT_ON_EDGE, k);
+    const int carries = r[0] > 0.0, sticks = carries && hypot(r[1], r[2]) < (1.0 - ON_EDGE) * scene->friction[k] * r[0];
+    if (carries && !sticks && hypot(s[1], s[2]) <= scene->slowest && scene->friction[k] > 0.0)
+      return refuse(tick, IMPACT_ON_EDGE, k);
     jump->carries[k] = carries;
     jump->sticks[k] = sticks;
   }
@@ -55,23 +72,22 @@ static enum refusal find_parts(const tick_t* tick, const record_t* segment, cons
 }
 
 /* Take the derivatives of a state through the impact with which a segment begins. */
-static enum refusal pass_impact(const tick_t* tick, const record_t* segment, real (*slope)[NV]) {
-  __extension__ real moved[3 * NC * GIVEN_JUMP], V[3 * NC * 3 * NC];
-  real after[NU][NV];
-  jump_t jump;
-  jump_derivatives_t found;
+static enum refusal pass_impact(const scene_t* scene, const tick_t* tick, const record_t* segment, real (*slope)[NV]) {
+  real moved[3 * NC * GIVEN_JUMP + 1], V[3 * NC * 3 * NC + 1], after[NU][NV];
+  LOCAL(jump_t, jump, jump_of, JUMP);
+  LOCAL(jump_derivatives_t, found, jump_derivatives_of, JUMP_DERIVATIVES);
   if (segment->part < 1.0) return REDUCED_REBOUND;
-  find_restitutions(segment, &jump);
-  if (NC) solve_impact(segment, &jump, &found);
-  const enum refusal refused = find_parts(tick, segment, &found, &jump);
+  find_restitutions(scene, segment, &jump);
+  if (NC) solve_impact(scene, segment, &jump, &found);
+  const enum refusal refused = find_parts(scene, tick, segment, &found, &jump);
   if (refused) return refused;
-  solve_impact(segment, &jump, &found);
+  solve_impact(scene, segment, &jump, &found);
   solve_least(3 * NC, 3 * NC, found.law_by_impulse, V, GIVEN_JUMP, found.law, moved);
   for (int j = 0; j < GIVEN_JUMP; ++j)
     for (int i = 0; i < NU; ++i)
       for (int k = 0; k < 3 * NC; ++k) found.by_x[j * NU + i] -= found.by_impulse[k * NU + i] * moved[j * 3 * NC + k];
   memset(after, 0, sizeof after);
-  add_product(NU, 2 * NU, found.by_x, (const real(*)[NV])slope, after);
+  add_product(scene, NU, 2 * NU, found.by_x, (const real(*)[NV])slope, after);
   for (int i = 0; i < NU; ++i)
     for (int j = 0; j < NT; ++j) after[i][NX + NU + j] += found.by_x[(2 * NU + j) * NU + i];
   memcpy(slope + NU, after, sizeof after);

@@ -14,20 +14,14 @@
 #define SHARE 1e-12  /* load relative to the sliding level that is rounding ... */
 #define NO_BRAKE 1e-12 /* ... and a deceleration, in [rad/s²] or [m/s²] */
 
-static double largest_number(const real* values) {
-  double largest = 0.0;
-  for (int i = 0; i < NU; ++i) largest = fmax(largest, fabs(values[i]));
-  return largest;
-}
-
 /* Take from velocities what bilateral constraints do not allow. */
-static void project_onto_loops(const real* x, const tick_t* tick, const record_t* segment, real* way) {
-  __extension__ real push[NU * (NM + 3 * NC)], reaction[NU], bears[2 * NU], drift[NM], A[NM * NU], V[NU * NU], lost[NM],
+static void project_onto_loops(const scene_t* scene, const real* x, const tick_t* tick, const record_t* segment, real* way) {
+  real push[NU * (NM + 3 * NC) + 1], reaction[NU], bears[2 * NU], drift[NM + 1], A[NM * NU + 1], V[NU * NU], lost[NM + 1],
       back[NU];
-  if (!(NB && ND)) return;
-  CALL(statics, (x, tick->u, numbers(&segment->p)), (push, reaction, bears, drift));
+  if (!(scene->constrained && ND)) return;
+  CALL(scene->statics, (x, tick->u, segment->p.tunable), (push, reaction, bears, drift));
   for (int k = 0; k < NM; ++k) {
-    lost[k] = product_of(NU, push + k * NU, way);
+    lost[k] = dot(push + k * NU, way, NU);
     for (int i = 0; i < NU; ++i) A[i * NM + k] = push[k * NU + i];
   }
   solve_least(NM, NU, A, V, 1, lost, back);
@@ -35,60 +29,64 @@ static void project_onto_loops(const real* x, const tick_t* tick, const record_t
 }
 
 /* Velocities after a push of a joint, without friction of those that are held. */
-static void find_way(int joint, const real* x, const tick_t* tick, const record_t* segment, real* way) {
+static void find_way(const scene_t* scene, int joint, const real* x, const tick_t* tick, const record_t* segment, real* way) {
   for (int i = 0; i < NU; ++i) way[i] = i == joint;
-  if (NC && any_closed(segment)) {
-    modes_t loose = segment->p;
+  if (NC && any_closed(scene, segment)) {
+    LOCAL(modes_t, loose, modes_of, P_LENGTH);
     real settling[NU * NU];
+    copy(loose.tunable, segment->p.tunable, P_LENGTH);
     for (int i = 0; i < ND; ++i)
-      if (is_held(segment, i) && static_level[i] > 0.0) loose.direction[i] = 1.0;
-    CALL(settled, (x, numbers(&loose)), (settling));
-    memcpy(way, settling + joint * NU, NU * sizeof *way);
+      if (is_held(scene, segment, i) && scene->static_level[i] > 0.0) loose.direction[i] = 1.0;
+    CALL(scene->settled, (x, loose.tunable), (settling));
+    copy(way, settling + joint * NU, NU);
     return;
   }
-  project_onto_loops(x, tick, segment, way);
+  project_onto_loops(scene, x, tick, segment, way);
 }
 
 /* Whether a stop blocks a motion. */
-static int is_blocked(const real* x, const real* way, double sign) {
+static int is_blocked(const scene_t* scene, const real* x, const real* way, double sign) {
   int any = 0;
-  for (int i = 0; RIGID && i < NU; ++i)
+  for (int i = 0; scene->rigid && i < NU; ++i)
     if (fabs(way[i]) > SHARE)
-      any |= (x[i] <= rigid_stop[0][i] && sign * way[i] < 0.0) || (x[i] >= rigid_stop[1][i] && sign * way[i] > 0.0);
+      any |=
+          (x[i] <= scene->rigid_stop[0][i] && sign * way[i] < 0.0) || (x[i] >= scene->rigid_stop[1][i] && sign * way[i] > 0.0);
   return any;
 }
 
 /* Accelerations of a joint that is pushed either way, positive if it goes on; their number. A stop may leave one way; loops and
  * contacts may leave none, or move other joints with it. */
-static int find_gains(int joint, const real* x, const tick_t* tick, const record_t* segment, double* gain) {
+static int find_gains(const scene_t* scene, int joint, const real* x, const tick_t* tick, const record_t* segment,
+                      double* gain) {
   real way[NU], slope[NX];
   int count = 0;
-  find_way(joint, x, tick, segment, way);
-  const double largest = largest_number(way);
+  find_way(scene, joint, x, tick, segment, way);
+  const double largest = largest_of(way, NU);
   if (largest <= SHARE) return 0;
   for (int side = 0; side < 2; ++side) {
     const double sign = side ? -1.0 : 1.0;
-    if (is_blocked(x, way, sign)) continue;
-    modes_t pushed = segment->p;
+    if (is_blocked(scene, x, way, sign)) continue;
+    LOCAL(modes_t, pushed, modes_of, P_LENGTH);
+    copy(pushed.tunable, segment->p.tunable, P_LENGTH);
     for (int i = 0; i < ND; ++i)
-      if (is_held(segment, i) && static_level[i] > 0.0 && fabs(way[i]) > SHARE * largest)
+      if (is_held(scene, segment, i) && scene->static_level[i] > 0.0 && fabs(way[i]) > SHARE * largest)
         pushed.direction[i] = sign * way[i] > 0.0 ? 1.0 : -1.0;
-    CALL(rhs, (x, tick->u, numbers(&pushed)), (slope));
-    gain[count++] = sign * product_of(NU, slope + NU, way) / product_of(NU, way, way);
+    CALL(scene->rhs, (x, tick->u, pushed.tunable), (slope));
+    gain[count++] = sign * dot(slope + NU, way, NU) / dot(way, way, NU);
   }
   return count;
 }
 
 /* A contact whose static coefficient exceeds that of sliding, and whose load lies between them. */
-static enum refusal check_slipping(const real* x, const tick_t* tick, const record_t* segment) {
-  __extension__ real load[NU], force[3 * NC], rate[3 * NC], grip[NC];
+static enum refusal check_slipping(const scene_t* scene, const real* x, const tick_t* tick, const record_t* segment) {
+  real load[NU], force[3 * NC + 1], rate[3 * NC + 1], grip[NC + 1];
   if (!NC) return NO_REFUSAL;
-  CALL(loads, (x, tick->u, numbers(&segment->p)), (load, force, rate, grip));
+  CALL(scene->loads, (x, tick->u, segment->p.tunable), (load, force, rate, grip, 0, 0));
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t* mode = segment->p.contact + k;
     const real* r = force + 3 * k;
-    if (mode->closed == 0.0 || mode->sticks == 0.0 || !(holding[k] > friction[k])) continue;
-    if (friction[k] > 0.0 && hypot(r[1], r[2]) >= (1.0 - SHARE) * friction[k] * r[0])
+    if (mode->closed == 0.0 || mode->sticks == 0.0 || !(scene->holding[k] > scene->friction[k])) continue;
+    if (scene->friction[k] > 0.0 && hypot(r[1], r[2]) >= (1.0 - SHARE) * scene->friction[k] * r[0])
       return refuse(tick, CONTACT_WOULD_GO_ON, k);
   }
   return NO_REFUSAL;
@@ -96,20 +94,20 @@ static enum refusal check_slipping(const real* x, const tick_t* tick, const reco
 
 /* Why a motion from rest has no derivative. `begins`: whether the state itself is varied; else what rests has come to rest
  * before, and rests in all motions nearby. */
-static enum refusal check_rest(const tick_t* tick, const record_t* segment, int begins) {
+static enum refusal check_rest(const scene_t* scene, const tick_t* tick, const record_t* segment, int begins) {
   const real* x = segment->begin;
   real doubt[2];
-  CALL(doubts, (x, tick->u, numbers(&segment->p)), (doubt));
+  CALL(scene->doubts, (x, tick->u, segment->p.tunable), (doubt));
   if (doubt[begins] == 0.0) return NO_REFUSAL;
   for (int joint = 0; joint < ND; ++joint) {
-    if (!is_held(segment, joint) || !(static_level[joint] > 0.0)) continue;
+    if (!is_held(scene, segment, joint) || !(scene->static_level[joint] > 0.0)) continue;
     double gain[2], strength = 0.0;
     int goes_on = 0;
-    const int count = find_gains(joint, x, tick, segment, gain);
+    const int count = find_gains(scene, joint, x, tick, segment, gain);
     for (int k = 0; k < count; ++k) strength += fabs(gain[k]);
     for (int k = 0; k < count; ++k) goes_on |= gain[k] >= -SHARE * strength;
     if (count && strength <= NO_BRAKE) return refuse(tick, UNLOADED_GEAR, joint);
     if (begins && goes_on) return refuse(tick, JOINT_WOULD_GO_ON, joint);
   }
-  return begins ? check_slipping(x, tick, segment) : NO_REFUSAL;
+  return begins ? check_slipping(scene, x, tick, segment) : NO_REFUSAL;
 }

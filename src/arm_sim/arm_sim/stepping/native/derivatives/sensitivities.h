@@ -8,7 +8,7 @@
 
 #pragma once
 #include "lanes/prediction.h"
-#include "numbers.h"
+#include "scene.h"
 #include "events/trace.h"
 
 #include <math.h>
@@ -50,30 +50,19 @@ static enum refusal refuse(const tick_t* tick, enum refusal why, int who) {
   return why;
 }
 
-/* Call a generated function: CALL(name, (arguments), (results)). */
-#define LIST(...) __VA_ARGS__
-#define CALL(function, given, found) \
-  do { \
-    real w[SZ_W]; \
-    casadi_int iw[SZ_IW]; \
-    const real* arg[SZ_ARG] = {LIST given}; \
-    real* res[SZ_RES] = {LIST found}; \
-    function(arg, res, iw, w, 0); \
-  } while (0)
+static int is_held(const scene_t* scene, const record_t* segment, int joint) {
+  return ND && segment->p.direction[joint] == 0.0;
+}
 
-/* Parameters and modes of a segment, for generated functions. */
-static const real* numbers(const modes_t* p) { return (const real*)p; }
-
-static int is_held(const record_t* segment, int joint) { return ND && segment->p.direction[joint] == 0.0; }
-
-static int any_closed(const record_t* segment) {
+static int any_closed(const scene_t* scene, const record_t* segment) {
   int any = 0;
   for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed > 0.0;
   return any;
 }
 
 /* Add a matrix, column by column, times rows of NV columns. */
-static void add_product(int rows, int inner, const real* matrix, const real (*given)[NV], real (*sum)[NV]) {
+static void add_product(const scene_t* scene, int rows, int inner, const real* matrix, const real (*given)[NV],
+                        real (*sum)[NV]) {
   for (int i = 0; i < rows; ++i)
     for (int k = 0; k < inner; ++k)
       for (int j = 0; j < NV; ++j) sum[i][j] += matrix[k * rows + i] * given[k][j];

@@ -5,7 +5,7 @@
  */
 
 #pragma once
-#include "scene_columns.h"
+#include "derivatives/tangents.h"
 
 #include <string.h>
 

@@ -11,30 +11,33 @@
 
 /* A step of all lanes, with its continuous output and the loads at its stage at the end. */
 typedef struct {
-  real next[NX], inside[3 * NX], near[NEARS];
+  real *next, *inside, *near;
 } step_of_lanes_t;
+#define STEP_OF_LANES (4 * NX + NEARS)
+
+static inline step_of_lanes_t step_of_lanes_of(const scene_t* scene, real* numbers) {
+  step_of_lanes_t made = {numbers, numbers + NX, numbers + 4 * NX};
+  return made;
+}
 
 /* Make a step in modes p by the functions that the engine of one arm takes; `load` are the loads at its beginning, or null. */
-static void make_steps(const real* x, const real* u, const real* p, const real* h, const real* load, step_of_lanes_t* made) {
-  real w[SZ_W];
-  casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG] = {x, u, p, h, made->inside};
-  real* res[SZ_RES] = {made->next, made->inside + NX, made->inside + 2 * NX, made->near, made->near + NU};
+static void make_steps(const scene_t* scene, const real* x, const real* u, const real* p, const real* h, const real* load,
+                       step_of_lanes_t* made) {
   int moving = 0, moves[LANES];
-  for (int j = 0; MOVING && j < LANES; ++j) {
+  for (int j = 0; scene->moving && j < LANES; ++j) {
     double modes[MODES + 1];
     for (int i = 0; i < MODES; ++i) modes[i] = LANE(p[NP + i], j);
-    moving += moves[j] = all_moves(modes);
+    moving += moves[j] = all_moves(scene, modes);
   }
   if (moving < LANES) {
-    if (load) memcpy(made->inside, load + LOADS - NX, NX * sizeof *load);
-    else slope_at(x, u, p, made->inside);
-    step(arg, res, iw, w, 0);
+    if (load) copy(made->inside, load + LOADS - NX, NX);
+    else slope_at(scene, x, u, p, made->inside);
+    CALL(scene->step, (x, u, p, h, made->inside),
+         (made->next, made->inside + NX, made->inside + 2 * NX, made->near, made->near + NU));
   }
   if (!moving) return;
   real found[4 * NX];
-  for (int i = 0; i < 4; ++i) res[i] = found + i * NX;
-  moving_step(arg, res, iw, w, 0);
+  CALL(scene->moving_step, (x, u, p, h), (found, found + NX, found + 2 * NX, found + 3 * NX));
   for (int k = 0; k < 4 * NX; ++k)
     for (int j = 0; j < LANES; ++j)
       if (moves[j]) LANE((k < NX ? made->next + k : made->inside + k - NX)[0], j) = LANE(found[k], j);
@@ -45,14 +48,14 @@ static void make_steps(const real* x, const real* u, const real* p, const real* 
 
 /* Lanes in which every contact is apart and every joint slides or is at rest, clearly so; `p` receives their modes if what is
  * at rest stays there. */
-static real find_modes_of_lanes(const real* x, const real* place, real* p) {
+static real find_modes_of_lanes(const scene_t* scene, const real* x, const real* place, real* p) {
   const real none = 0.0;
   real event_free = 1.0, fastest = 1.0;
   for (int i = 0; i < NU; ++i) fastest = fmax(fastest, fabs(x[NU + i]));
   for (int i = 0; i < ND; ++i) {
     const real speed = fabs(x[NU + i]);
     p[i] = 1.0;
-    if (!(static_level[i] > 0.0)) continue;
+    if (!(scene->static_level[i] > 0.0)) continue;
     p[i] = (none < x[NU + i]) - (x[NU + i] < none);
     event_free = event_free && (MOVES * fastest < speed || speed == none);
   }
@@ -62,7 +65,7 @@ static real find_modes_of_lanes(const real* x, const real* place, real* p) {
 }
 
 /* Whether a joint is held in some lane. */
-static int holds_any(const real* p) {
+static int holds_any(const scene_t* scene, const real* p) {
   int any = 0;
   for (int i = 0; i < ND; ++i)
     for (int j = 0; j < LANES; ++j) any |= LANE(p[i], j) == 0.0;
@@ -70,31 +73,31 @@ static int holds_any(const real* p) {
 }
 
 /* Give joints that are held the speed 0, as the engine does, where it is -0; other speeds do not change. */
-static void rest_held(real* x) {
+static void rest_held(const scene_t* scene, real* x) {
   for (int i = 0; i < ND; ++i)
-    if (static_level[i] > 0.0) x[NU + i] += 0.0;
+    if (scene->static_level[i] > 0.0) x[NU + i] += 0.0;
 }
 
 /* Lanes in which what is at rest stays there under loads far below the limits of friction. */
-static real stays_held(const real* load, const real* p) {
+static real stays_held(const scene_t* scene, const real* load, const real* p) {
   const real none = 0.0;
   real held = 1.0;
   for (int i = 0; i < ND; ++i)
-    if (static_level[i] > 0.0) held = held && (p[NP + i] != none || fabs(load[i]) < FAR_BELOW * static_level[i]);
+    if (scene->static_level[i] > 0.0) held = held && (p[NP + i] != none || fabs(load[i]) < FAR_BELOW * scene->static_level[i]);
   return held;
 }
 
 /* Of lanes whose modes are clear, those in which no joint turns or meets a stop and no contact comes near within a step. */
-static real remain_event_free(const real* x, const real* next, const real* inside, const real* place, const real* after,
-                              const real* p, real h) {
+static real remain_event_free(const scene_t* scene, const real* x, const real* next, const real* inside, const real* place,
+                              const real* after, const real* p, real h) {
   const real none = 0.0;
   real event_free = 1.0, low, high;
-  for (int i = 0; i < NX; ++i) event_free = event_free && fabs(next[i]) <= LARGEST;
+  for (int i = 0; i < NX; ++i) event_free = event_free && fabs(next[i]) <= scene->largest;
   for (int i = 0; i < NU; ++i) {
-    bound_inside(x, next, inside, h, i, &low, &high);
-    event_free = event_free && stop_place[0][i] < low && high < stop_place[1][i];
-    if (!(ND && static_level[i] > 0.0)) continue;
-    bound_inside(x, next, inside, h, NU + i, &low, &high);
+    bound_inside(scene, x, next, inside, h, i, &low, &high);
+    event_free = event_free && scene->stop_place[0][i] < low && high < scene->stop_place[1][i];
+    if (!(ND && scene->static_level[i] > 0.0)) continue;
+    bound_inside(scene, x, next, inside, h, NU + i, &low, &high);
     const real ahead = 0.5 * (p[i] * (low + high) + low - high); /* low, or -high for a joint that moves back */
     event_free = event_free && (p[i] == none || none < ahead);
   }
@@ -107,30 +110,30 @@ static real remain_event_free(const real* x, const real* next, const real* insid
 
 /* Lanes that are clear at the beginning of a tick. `p` receives tunable numbers and modes, `holds` whether a joint is held in
  * some lane, and `load` the loads if one is. */
-static real begins_event_free(const real* x, const real* u, const real* tunable, const real* place, real* p, real* load,
-                              int* holds) {
+static real begins_event_free(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* place,
+                              real* p, real* load, int* holds) {
   int any = 0;
   for (int i = 0; i < NP; ++i) p[i] = tunable[i];
-  real event_free = find_modes_of_lanes(x, place, p + NP);
+  real event_free = find_modes_of_lanes(scene, x, place, p + NP);
   for (int j = 0; j < LANES; ++j) any |= LANE(event_free, j) != 0.0;
-  *holds = any && holds_any(p + NP);
-  if (*holds) loads_at(x, u, p, load);
-  if (*holds && NX == 2 * NU) event_free = event_free && stays_held(load, p);
+  *holds = any && holds_any(scene, p + NP);
+  if (*holds) loads_at(scene, x, u, p, load);
+  if (*holds && NX == 2 * NU) event_free = event_free && stays_held(scene, load, p);
   return event_free;
 }
 
 /* Make the step, and find the lanes that stay clear in it; `after` receives where the contacts are after it. With internal
  * states, which may break a joint loose within the step, none does that holds one. */
-static real stays_event_free(const real* x, const real* u, const real* h, const real* place, const real* p, const real* load,
-                             int holds, step_of_lanes_t* made, real* after) {
-  make_steps(x, u, p, h, holds ? load : 0, made);
-  find_places(made->next, after);
-  real event_free = remain_event_free(x, made->next, made->inside, place, after, p + NP, *h);
+static real stays_event_free(const scene_t* scene, const real* x, const real* u, const real* h, const real* place,
+                             const real* p, const real* load, int holds, step_of_lanes_t* made, real* after) {
+  make_steps(scene, x, u, p, h, holds ? load : 0, made);
+  find_places(scene, made->next, after);
+  real event_free = remain_event_free(scene, x, made->next, made->inside, place, after, p + NP, *h);
   if (!holds) return event_free;
   if (NX > 2 * NU) return 0.0 * event_free;
-  event_free = event_free && varies_evenly(x, made->next, made->inside, *h);
-  if (NEAR_LOADS) return event_free && stays_held(made->near, p);
+  event_free = event_free && varies_evenly(scene, x, made->next, made->inside, *h);
+  if (scene->near_loads) return event_free && stays_held(scene, made->near, p);
   real found[LOADS + 1];
-  loads_at(made->next, u, p, found);
-  return event_free && stays_held(found, p);
+  loads_at(scene, made->next, u, p, found);
+  return event_free && stays_held(scene, found, p);
 }

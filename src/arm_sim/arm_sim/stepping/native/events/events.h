@@ -20,59 +20,59 @@
 
 #define CORRECTIONS 10   /* corrections of penetrations, or of contacts that set joints in motion */
 #define LEAST_PART 1e-6 /* fraction of such a correction below which it is not applied */
-#define MORE_STEPS (NB ? 100 : 0) /* further ones of a linkage, which may hop between its stops ever faster */
+#define MORE_STEPS (scene->constrained ? 100 : 0) /* further ones of a linkage, which may hop between its stops ever faster */
 #define END_HALVINGS 50 /* bisections to find where its joints end */
 #define TIME_STEPS 4 /* steps into which the rest of a time-stepped tick is divided */
 #define MOST_TRAVEL 1e6 /* longest motion of a joint in such a step [rad] or [m] */
 #define MOST_REBOUNDS 500 /* impacts with loss in one tick after which contacts no longer rebound */
 
-static int is_inside(const real* x, const segment_t* segment) {
-  geometry_t geometry;
+static int is_inside(const scene_t* scene, const real* x, const segment_t* segment) {
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
   int inside = 0;
-  find_geometry(x, segment, &geometry);
-  for (int k = 0; k < NC; ++k) inside |= geometry.place[3 * k] < -DEEP;
+  find_geometry(scene, x, segment, &geometry);
+  for (int k = 0; k < NC; ++k) inside |= geometry.place[3 * k] < -scene->deep;
   return inside;
 }
 
 /* Whether a joint moves against its sliding direction, as contacts that were brought to rest may cause. */
-static int turns_back(const real* x, const segment_t* segment) {
-  const double rounding = turning_rounding(x);
+static int turns_back(const scene_t* scene, const real* x, const segment_t* segment) {
+  const double rounding = turning_rounding(scene, x);
   int any = 0;
-  for (int i = 0; i < ND; ++i) any |= may_stick(i) && x[NU + i] * segment->p.direction[i] < -rounding;
+  for (int i = 0; i < ND; ++i) any |= may_stick(scene, i) && x[NU + i] * segment->p.direction[i] < -rounding;
   return any;
 }
 
 /* Choose the modes at x, after impacts, and correct x for them; `losses` are the impacts with loss in this tick, and `anchor`
  * receives the positions of sticking points.
  */
-static enum trouble begin_segment(real* x, segment_t* segment, double tick, long long* losses, report_t* report,
-                                  real* anchor) {
-  geometry_t geometry;
+static enum trouble begin_segment(const scene_t* scene, real* x, segment_t* segment, double tick, long long* losses,
+                                  report_t* report, real* anchor) {
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
   real before[NU];
   int hit = 0;
   for (int i = 0; i < NU; ++i) before[i] = x[NU + i];
-  const double lost = impact(x, segment, *losses < MOST_REBOUNDS, &geometry);
+  const double lost = impact(scene, x, segment, *losses < MOST_REBOUNDS, &geometry);
   for (int i = 0; i < NU; ++i) hit |= x[NU + i] != before[i]; /* an elastic impact loses no energy */
-  if (stop_rounding(x)) find_geometry(x, segment, &geometry);
+  if (stop_rounding(scene, x)) find_geometry(scene, x, segment, &geometry);
   for (int k = 0; k < NC; ++k) segment->contact[k].slow = 0;
-  if (lost < 0.0 || !solve_modes(x, segment, &geometry)) return UNDETERMINED;
-  if (find_slow(x, segment, tick)) {
-    if (!solve_modes(x, segment, &geometry)) return UNDETERMINED;
-    align(x, segment);
-    find_geometry(x, segment, &geometry);
+  if (lost < 0.0 || !solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
+  if (find_slow(scene, x, segment, tick)) {
+    if (!solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
+    align(scene, x, segment);
+    find_geometry(scene, x, segment, &geometry);
   }
   report->impact_loss += lost;
   report->impacts += hit;
   *losses += lost > 0.0;
-  find_anchors(&geometry, anchor);
+  find_anchors(scene, &geometry, anchor);
   for (int turn = 0; turn < CORRECTIONS; ++turn) {
-    if (is_off(x, segment, &geometry)) {
-      close_contacts(x, segment, anchor);
-      rest_touching(x, segment, anchor);
+    if (is_off(scene, x, segment, &geometry)) {
+      close_contacts(scene, x, segment, anchor);
+      rest_touching(scene, x, segment, anchor);
     }
-    if (!turns_back(x, segment)) break;
-    find_geometry(x, segment, &geometry);
-    if (!solve_modes(x, segment, &geometry)) return UNDETERMINED;
+    if (!turns_back(scene, x, segment)) break;
+    find_geometry(scene, x, segment, &geometry);
+    if (!solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
   }
   return NONE;
 }
@@ -80,33 +80,34 @@ static enum trouble begin_segment(real* x, segment_t* segment, double tick, long
 /* Correct penetrations of planes and stops, and stop joints that reversed although they should have come to rest. Velocities
  * into planes and stops are kept, since the impact that removes them accounts for their energy.
  */
-static void correct_penetrations(real* x, const segment_t* segment) {
-  segment_t caught = *segment;
-  geometry_t geometry;
-  __extension__ real anchor[2 * NC], v[NU];
+static void correct_penetrations(const scene_t* scene, real* x, const segment_t* segment) {
+  LOCAL(modes_t, modes, modes_of, P_LENGTH);
+  segment_t caught = with_modes(scene, segment, &modes);
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
+  real anchor[2 * NC + 1], v[NU];
   for (int i = 0; i < ND; ++i)
-    if (may_stick(i) && x[NU + i] * segment->p.direction[i] <= 0.0) x[NU + i] = 0.0;
+    if (may_stick(scene, i) && x[NU + i] * segment->p.direction[i] <= 0.0) x[NU + i] = 0.0;
   for (int i = 0; i < NU; ++i) v[i] = x[NU + i];
-  find_geometry(x, segment, &geometry);
-  find_anchors(&geometry, anchor);
+  find_geometry(scene, x, segment, &geometry);
+  find_anchors(scene, &geometry, anchor);
   for (int k = 0; k < NC; ++k)
     if (geometry.place[3 * k] < 0.0) caught.p.contact[k].closed = 1.0;
   for (int turn = 0; turn < CORRECTIONS; ++turn) {
-    stop_at_limits(x);
+    stop_at_limits(scene, x);
     for (int i = 0; i < ND; ++i)
-      if (at_stop(x, i)) caught.p.direction[i] = 0.0; /* a correction must not pass a stop */
-    close_contacts(x, &caught, anchor);
-    if (turn > 0 && !is_inside(x, segment)) break;
+      if (at_stop(scene, x, i)) caught.p.direction[i] = 0.0; /* a correction must not pass a stop */
+    close_contacts(scene, x, &caught, anchor);
+    if (turn > 0 && !is_inside(scene, x, segment)) break;
   }
   for (int i = 0; i < NU; ++i) x[NU + i] = v[i];
 }
 
 /* Limit the motion from x such that no point is inside a plane, where penetrations cannot be corrected. */
-static void limit_penetration(const real* x, const segment_t* segment, real* after) {
+static void limit_penetration(const scene_t* scene, const real* x, const segment_t* segment, real* after) {
   real end[NU];
   double part = 1.0;
   for (int i = 0; i < NU; ++i) end[i] = after[i];
-  while (is_inside(after, segment)) {
+  while (is_inside(scene, after, segment)) {
     part = part > LEAST_PART ? 0.5 * part : 0.0;
     for (int i = 0; i < NU; ++i) after[i] = x[i] + part * (end[i] - x[i]);
     if (part == 0.0) break;
@@ -114,201 +115,149 @@ static void limit_penetration(const real* x, const segment_t* segment, real* aft
 }
 
 /* Whether a step takes a joint farther than any joint goes: an unstable method made its speed grow. */
-static int exceeds_travel(const piece_t* piece) {
+static int exceeds_travel(const scene_t* scene, const piece_t* piece) {
   double farthest = 0.0;
   for (int i = 0; i < NU; ++i) farthest = fmax(farthest, fabs(piece->end[i] - piece->begin[i]));
   return farthest > MOST_TRAVEL;
 }
 
 /* Whether a joint is beyond its stop, or moves against its sliding direction. */
-static int passes_end(const real* x, const segment_t* segment) {
-  guard_values_t guards;
-  fill(&guards, -INFINITY);
-  evaluate_stop_guards(x, segment, 0.0, &guards);
-  return largest_among(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(x, segment));
+static int passes_end(const scene_t* scene, const real* x, const segment_t* segment) {
+  LOCAL(guard_values_t, guards, guard_values_of, GUARD_VALUES);
+  fill(scene, &guards, -INFINITY);
+  evaluate_stop_guards(scene, x, segment, 0.0, &guards);
+  return largest_among(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
 }
 
 /* Shorten a step that takes a joint beyond the end of its motion: its length, -1 if it cannot be computed. In a linkage the
  * joint cannot be stopped alone afterwards, since that would open the loops.
  */
-static double shorten(const segment_t* segment, double h, piece_t* piece) {
+static double shorten(const scene_t* scene, const segment_t* segment, double h, piece_t* piece) {
   double low = 0.0, high = h;
   real error[2];
-  if (!NB || !passes_end(piece->end, segment)) return h;
+  if (!scene->constrained || !passes_end(scene, piece->end, segment)) return h;
   for (int k = 0; k < END_HALVINGS; ++k) {
     const double middle = 0.5 * (low + high);
-    if (make_step(segment, middle, piece, error) && !passes_end(piece->end, segment)) low = middle;
+    if (make_step(scene, segment, middle, piece, error) && !passes_end(scene, piece->end, segment)) low = middle;
     else high = middle;
   }
-  memcpy(piece->end, piece->begin, sizeof piece->end);
-  return low == 0.0 || make_step(segment, low, piece, error) ? low : -1.0;
+  copy(piece->end, piece->begin, NX);
+  return low == 0.0 || make_step(scene, segment, low, piece, error) ? low : -1.0;
 }
 
 /* The rest of a tick in a few steps of fixed length, in place; of a linkage also shorter ones, to where joints end. */
-static enum trouble step_through(real* x, segment_t* segment, double left, report_t* report) {
+static enum trouble step_through(const scene_t* scene, real* x, segment_t* segment, double left, report_t* report) {
   long long losses = MOST_REBOUNDS;
   double rest = left;
   segment->step = left / TIME_STEPS;
-  for (int k = 0; k < TIME_STEPS + MORE_STEPS && (!NB || rest > 0.0); ++k) {
-    __extension__ real after[NX], anchor[2 * NC], error[2];
-    piece_t piece;
-    const enum trouble trouble = begin_segment(x, segment, left, &losses, report, anchor);
+  for (int k = 0; k < TIME_STEPS + MORE_STEPS && (!scene->constrained || rest > 0.0); ++k) {
+    real after[NX], anchor[2 * NC + 1], error[2];
+    LOCAL(piece_t, piece, piece_of, PIECE);
+    const enum trouble trouble = begin_segment(scene, x, segment, left, &losses, report, anchor);
     if (trouble != NONE) return trouble;
-    memcpy(piece.begin, x, sizeof piece.begin);
-    begin_piece(segment, &piece);
-    const double h = NB ? fmin(segment->step, rest) : segment->step;
-    if (!make_step(segment, h, &piece, error) || exceeds_travel(&piece)) return NUMBERS;
-    const double length = shorten(segment, h, &piece);
+    copy(piece.begin, x, NX);
+    begin_piece(scene, segment, &piece);
+    const double h = scene->constrained ? fmin(segment->step, rest) : segment->step;
+    if (!make_step(scene, segment, h, &piece, error) || exceeds_travel(scene, &piece)) return NUMBERS;
+    const double length = shorten(scene, segment, h, &piece);
     if (length < 0.0) return NUMBERS;
     rest -= length;
-    memcpy(after, piece.end, sizeof piece.end);
-    close_contacts(after, segment, anchor);
-    correct_penetrations(after, segment);
-    limit_penetration(x, segment, after);
+    copy(after, piece.end, NX);
+    close_contacts(scene, after, segment, anchor);
+    correct_penetrations(scene, after, segment);
+    limit_penetration(scene, x, segment, after);
     for (int i = 0; i < NX; ++i) x[i] = after[i];
   }
-  return NB && rest > LEAST_PART * left ? UNDETERMINED : NONE;
+  return scene->constrained && rest > LEAST_PART * left ? UNDETERMINED : NONE;
 }
 
 /* The next record of a traced tick, which begins at x; null if there is no room. */
-static record_t* next_record(trace_t* trace, const real* x) {
+static record_t* next_record(const scene_t* scene, trace_t* trace, const real* x) {
   if (!trace || trace->count++ >= trace->most) return 0;
   record_t* record = trace->records + trace->count - 1;
-  set_zero(record, sizeof *record);
-  record->event_free = 1.0;
-  for (int i = 0; i < NX; ++i) record->before[i] = x[i];
+  *record = record_of(scene, trace->numbers + (trace->count - 1) * RECORD);
+  record->event_free = 1;
+  copy(record->before, x, NX);
   return record;
 }
 
-static void record_begin(const segment_t* segment, const real* x) {
+static void record_begin(const scene_t* scene, const segment_t* segment, const real* x) {
   record_t* record = segment->record;
   if (!record) return;
-  record->p = segment->p;
-  for (int k = 0; k < NC; ++k) record->limit[k] = stick_limit(segment, k);
+  copy(record->p.tunable, segment->p.tunable, P_LENGTH);
+  for (int k = 0; k < NC; ++k) record->limit[k] = stick_limit(scene, segment, k);
   for (int i = 0; i < NX; ++i) record->begin[i] = x[i];
 }
 
-static void record_end(record_t* record, const real* x, double length, int event_free) {
+static void record_end(const scene_t* scene, record_t* record, const real* x, double length, int event_free) {
   if (!record) return;
   record->length = length;
   record->event_free = event_free;
   for (int i = 0; i < NX; ++i) record->end[i] = x[i];
 }
 
-static void record_projection(record_t* record, const real* x) {
+static void record_projection(const scene_t* scene, record_t* record, const real* x) {
   for (int i = 0; record && i < 2 * NU; ++i) record->off = fmax(record->off, fabs(x[i] - record->end[i]));
 }
 
-static enum trouble tick_with_events(const real* x, segment_t* segment, double h, report_t* report, trace_t* trace,
-                                     real* now) {
+static enum trouble tick_with_events(const scene_t* scene, const real* x, segment_t* segment, double h, report_t* report,
+                                     trace_t* trace, real* now) {
   long long losses = 0;
   double left = h;
   for (int i = 0; i < NX; ++i) now[i] = x[i];
-  if (is_inside(now, segment)) return INSIDE;
+  if (is_inside(scene, now, segment)) return INSIDE;
   segment->trace = trace;
-  while (segment->memory->work < most_work) {
-    __extension__ real after[NX], anchor[2 * NC];
+  while (segment->memory->work < scene->most_work) {
+    real after[NX], anchor[2 * NC + 1];
     int event_free;
-    segment->record = next_record(trace, now);
-    const enum trouble trouble = begin_segment(now, segment, h, &losses, report, anchor);
+    segment->record = next_record(scene, trace, now);
+    const enum trouble trouble = begin_segment(scene, now, segment, h, &losses, report, anchor);
     if (trouble != NONE) return trouble;
-    const double reach = fmin(left, find_reach(now, segment, h));
-    record_begin(segment, now);
-    if (NX == 2 * NU && is_held(now, segment)) { /* a drive with internal states may still break it loose */
+    const double reach = fmin(left, find_reach(scene, now, segment, h));
+    record_begin(scene, segment, now);
+    if (NX == 2 * NU && is_held(scene, now, segment)) { /* a drive with internal states may still break it loose */
       for (int i = NU; i < NX; ++i) now[i] = 0.0;
-      record_end(segment->record, now, left, 1);
+      record_end(scene, segment->record, now, left, 1);
       record_step(segment, left);
       return NONE;
     }
-    const double length = advance_segment(now, segment, reach, after, &event_free);
+    const double length = advance_segment(scene, now, segment, reach, after, &event_free);
     if (length < 0.0) return NUMBERS;
-    record_end(segment->record, after, length, event_free);
-    find_ended_modes(after, segment, event_free);
-    close_contacts(after, segment, anchor);
-    record_projection(segment->record, after);
-    if (!stop_joints(after, segment)) return NUMBERS;
-    stop_at_limits(after);
+    record_end(scene, segment->record, after, length, event_free);
+    find_ended_modes(scene, after, segment, event_free);
+    close_contacts(scene, after, segment, anchor);
+    record_projection(scene, segment->record, after);
+    if (!stop_joints(scene, after, segment)) return NUMBERS;
+    stop_at_limits(scene, after);
     for (int i = 0; i < NX; ++i) now[i] = after[i];
     if ((event_free && reach == left) || left - length <= 0.0) return NONE;
     left -= length;
   }
   ++report->time_stepped;
-  return step_through(now, segment, left, report);
+  return step_through(scene, now, segment, left, report);
 }
 
-/* A step of an arm away from its stops: 1 if it can be computed. */
-static int free_once(const real* x, const real* u, const real* p, double h, real* after, real* error) {
-  const real length = h;
-  WORKSPACE;
-  arg[0] = x;
-  arg[1] = u;
-  arg[2] = p;
-  arg[3] = &length;
-  res[0] = after;
-  res[1] = error;
-  res[2] = error + 1;
-  (ADAPTIVE ? free_attempt : free_step)(arg, res, iw, w, 0);
-  return within_reach(after);
-}
-
-/* Whether a joint may meet a stop in a motion, or a drive or cord switch: whether it moves by half of its distance. */
-static int meets_any(const real* x, const real* u, const real* after, double h) {
-  segment_t segment;
-  __extension__ real value[2][NK], size[NK];
+/* Whether no joint may meet a stop in a motion to `next`, and no drive or cord switch: whether each moves by less than half of its
+ * distance; and beforehand, whether none is so close to a stop that no step away from stops need be tried. */
+static int stays_free(const scene_t* scene, const real* x, const real* u, const real* next, double h) {
   int meets = 0;
-  if (NK) set_zero(&segment, sizeof segment);
+  for (int i = 0; i < NU; ++i)
+    meets |= meets_stop(scene, x[i], x[NU + i], next ? next[i] : x[i], next ? next[NU + i] : 0.0, h, 0.0, i);
+  if (!NK || !next || meets) return !meets;
+  LOCAL(segment_t, segment, segment_of, SEGMENT);
+  real value[2][NK + 1], size[NK + 1];
   segment.u = u;
-  find_switches(x, &segment, value[0], size);
-  find_switches(after, &segment, value[1], size);
+  find_switches(scene, x, &segment, value[0], size);
+  find_switches(scene, next, &segment, value[1], size);
   for (int k = 0; k < NK; ++k) {
     const double a = value[0][k], b = value[1][k];
     meets |= !(fabs(b - a) < 0.5 * fmin(fabs(a), fabs(b)) || (a == b && fabs(a) > SWITCH_ROUNDING * size[k]));
   }
-  for (int i = 0; i < NU; ++i) meets |= meets_stop(x[i], x[NU + i], after[i], after[NU + i], h, 0.0, i);
-  return meets;
-}
-
-/* Whether a joint is so close to a stop that no step away from stops need be tried. */
-static int starts_near(const real* x, double h) {
-  int near = 0;
-  for (int i = 0; i < NU; ++i) near |= meets_stop(x[i], x[NU + i], x[i], 0.0, h, 0.0, i);
-  return near;
-}
-
-/* A tick in which no joint meets a stop, without modes and under error control: 0 if one may. */
-static int free_tick_controlled(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
-  control_t found = *control;
-  substeps_t at = first_substep(h, control->step);
-  real next[NX], error[2];
-  memcpy(after, x, NX * sizeof *after);
-  for (long long k = 0; k < MOST_SUBSTEPS; ++k) {
-    const double trial = next_length(&at, h);
-    if (starts_near(after, trial)) return 0;
-    const int reached = free_once(after, u, p, trial, next, error);
-    const enum outcome outcome = control_step(&at, h, error[0] / control->tolerance, reached);
-    ++found.attempts;
-    if (outcome == STEP_TOO_SMALL) return 0;
-    if (outcome == REJECTED) continue;
-    if (meets_any(after, u, next, trial)) return 0;
-    memcpy(after, next, sizeof next);
-    found.error += error[1];
-    if (outcome != ENDED) continue;
-    found.step = at.step;
-    *control = found;
-    return 1;
-  }
-  return 0;
-}
-
-/* The same, in steps of fixed length or under error control. */
-static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
-  real error[2];
-  if (ADAPTIVE) return free_tick_controlled(x, u, p, h, control, after);
-  return !starts_near(x, h) && free_once(x, u, p, h, after, error) && !meets_any(x, u, after, h);
+  return !meets;
 }
 
 /* Whether every joint is held. */
-static int holds_all(const real* modes) {
+static int holds_all(const scene_t* scene, const real* modes) {
   int all = ND > 0;
   for (int i = 0; i < ND; ++i) all &= modes[i] == 0.0;
   return all;
@@ -316,120 +265,109 @@ static int holds_all(const real* modes) {
 
 /* A tick that clearly has no event, in which all joints slide or are held and no contact touches: 0 if it may have one. What
  * was computed at its beginning is kept then. */
-static int event_free_shortcut(const real* x, const real* u, const real* p, double h, memory_t* memory, real* after) {
-  real known[NP + MODES], place_after[PLACES + 1];
-  geometry_t geometry;
-  loads_t load;
-  step_of_lanes_t made;
+static int event_free_shortcut(const scene_t* scene, const real* x, const real* u, const real* p, double h, memory_t* memory,
+                               real* after) {
+  real known[P_LENGTH + 1], place_after[PLACES + 1];
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
+  LOCAL(loads_t, load, loads_of, LOADS);
+  LOCAL(step_of_lanes_t, made, step_of_lanes_of, STEP_OF_LANES);
   int holds;
-  const real *place = (const real*)&geometry, *known_load = (const real*)&load;
-  find_places(x, (real*)&geometry);
-  if (begins_event_free(x, u, p, place, known, (real*)&load, &holds) != 0.0 && !(holds && NX > 2 * NU)) {
-    const int still = holds && holds_all(known + NP);
-    const int event_free = still || stays_event_free(x, u, &h, place, known, known_load, holds, &made, place_after) != 0.0;
-    if (event_free) {
-      memcpy(after, still ? x : made.next, sizeof made.next);
-      rest_held(after);
+  find_places(scene, x, geometry.place);
+  if (begins_event_free(scene, x, u, p, geometry.place, known, load.load, &holds) != 0.0 && !(holds && NX > 2 * NU)) {
+    const int still = holds && holds_all(scene, known + NP);
+    if (still || stays_event_free(scene, x, u, &h, geometry.place, known, load.load, holds, &made, place_after) != 0.0) {
+      copy(after, still ? x : made.next, NX);
+      rest_held(scene, after);
       return 1;
     }
   }
-  if (NC) keep_geometry(x, memory, &geometry);
-  else if (holds) keep_loads(x, known + NP, memory, &load); /* in modes that contain no contacts, as the engine's */
+  if (NC) keep_geometry(scene, x, memory, &geometry);
+  else if (holds) keep_loads(scene, x, known + NP, memory, &load); /* in modes that contain no contacts, as the engine's */
   return 0;
 }
 
-static int tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report, real* after) {
-  memory_t memory;
-  segment_t segment;
+static int tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
+                report_t* report, real* after) {
+  LOCAL(memory_t, memory, memory_of, MEMORY);
   int done = 0;
-  forget_all(&memory);
-  if (FREE) done = free_tick(x, u, p, h, control, after);
-  if (SHORTCUT) done = event_free_shortcut(x, u, p, h, &memory, after);
+  if (scene->free) done = flow(scene, scene->free_step, scene->free_attempt, stays_free, x, u, p, h, control, after);
+  if (scene->shortcut) done = event_free_shortcut(scene, x, u, p, h, &memory, after);
   report->trouble = NONE;
   if (done) return 1;
-  begin_tick(&segment, u, &memory);
+  LOCAL(segment_t, segment, segment_of, SEGMENT);
+  segment.u = u;
+  segment.memory = &memory;
   segment.control = control;
-  for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
-  report->trouble = tick_with_events(x, &segment, h, report, 0, after);
+  copy(segment.p.tunable, p, NP);
+  report->trouble = tick_with_events(scene, x, &segment, h, report, 0, after);
   return report->trouble == NONE;
 }
 
 /* Whether a contact point is inside its plane. */
-static int is_penetrated(const real* x) {
-  memory_t memory;
-  segment_t segment;
-  forget_all(&memory);
-  begin_tick(&segment, 0, &memory);
-  return is_inside(x, &segment);
+static int is_penetrated(const scene_t* scene, const real* x) {
+  LOCAL_TICK(segment, 0);
+  return is_inside(scene, x, &segment);
 }
 
 /* Find the probable modes of a tick. */
-EXPORTED void predict(prediction_t* tick) {
-  memory_t memory;
-  segment_t segment;
-  geometry_t geometry;
-  forget_all(&memory);
-  begin_tick(&segment, tick->u, &memory);
-  memcpy(&segment.p, tick->p, sizeof segment.p);
-  memcpy(&geometry, tick->geometry, sizeof geometry);
-  guess_modes(tick->x, &segment, &geometry);
-  find_anchors(&geometry, tick->anchor);
-  memcpy(tick->p, &segment.p, sizeof segment.p);
-  tick->rests = anything_rests(tick->x, &segment);
+EXPORTED void predict(const void* of, prediction_t* tick) {
+  const scene_t* scene = (const scene_t*)of;
+  LOCAL_TICK(segment, tick->u);
+  geometry_t geometry = geometry_of(scene, tick->geometry);
+  copy(segment.p.tunable, tick->p, P_LENGTH);
+  guess_modes(scene, tick->x, &segment, &geometry);
+  find_anchors(scene, &geometry, tick->anchor);
+  copy(tick->p, segment.p.tunable, P_LENGTH);
+  tick->rests = anything_rests(scene, tick->x, &segment);
   tick->closes = tick->slides = 0;
   for (int k = 0; k < NC; ++k) {
     tick->closes |= segment.p.contact[k].closed != 0.0;
-    tick->slides |= friction[k] > 0.0 && is_sliding(segment.p.contact + k);
+    tick->slides |= scene->friction[k] > 0.0 && is_sliding(segment.p.contact + k);
   }
 }
 
 /* A predicted tick: NONE, or why it cannot be computed. */
-static enum trouble make_predicted(const prediction_t* tick, report_t* report, trace_t* trace, double* after) {
-  memory_t memory;
-  segment_t segment;
-  set_zero(report, sizeof *report);
-  forget_all(&memory);
-  begin_tick(&segment, tick->u, &memory);
+static enum trouble make_predicted(const scene_t* scene, const prediction_t* tick, report_t* report, trace_t* trace,
+                                   double* after) {
+  static const report_t nothing = {0.0, 0, 0, 0};
+  LOCAL_TICK(segment, tick->u);
+  *report = nothing;
   segment.predicted = tick;
-  memcpy(segment.p.tunable, tick->p, sizeof segment.p.tunable);
-  return tick_with_events(tick->x, &segment, tick->length, report, trace, after);
+  copy(segment.p.tunable, tick->p, NP);
+  return tick_with_events(scene, tick->x, &segment, tick->length, report, trace, after);
 }
 
 /* The predicted tick, whatever happens in it: 0 if it cannot be computed. */
-EXPORTED int predicted_tick(const prediction_t* tick, double* after) {
+EXPORTED int predicted_tick(const void* of, const prediction_t* tick, double* after) {
+  const scene_t* scene = (const scene_t*)of;
   report_t report;
-  return make_predicted(tick, &report, 0, after) == NONE;
+  return make_predicted(scene, tick, &report, 0, after) == NONE;
 }
 
 /* The predicted tick without events: 0 if there is one, or it cannot be computed. */
-EXPORTED int event_free_tick(const prediction_t* tick, event_free_t* found) {
+EXPORTED int event_free_tick(const void* of, const prediction_t* tick, event_free_t* found) {
+  const scene_t* scene = (const scene_t*)of;
   report_t report;
+  real numbers[RECORD];
   record_t record;
-  trace_t trace;
-  set_zero(&trace, sizeof trace);
-  trace.records = &record;
-  trace.most = 1;
-  if (make_predicted(tick, &report, &trace, found->after) != NONE) return 0;
-  if (trace.count != 1 || record.event_free == 0.0 || record.hit != 0.0 || report.time_stepped) return 0;
-  memcpy(found->p, &record.p, sizeof record.p);
-  memcpy(found->grip, record.limit, sizeof record.limit);
-  memcpy(found->begin, record.begin, sizeof record.begin);
-  memcpy(found->end, record.end, sizeof record.end);
-  return within_reach(found->after);
+  trace_t trace = {&record, numbers, 0, 1, 0, 0, 0, 0};
+  if (make_predicted(scene, tick, &report, &trace, found->after) != NONE) return 0;
+  if (trace.count != 1 || !record.event_free || record.hit || report.time_stepped) return 0;
+  copy(found->p, record.p.tunable, P_LENGTH);
+  copy(found->grip, record.limit, NC);
+  copy(found->begin, record.begin, NX);
+  copy(found->end, record.end, NX);
+  return within_reach(scene, found->after);
 }
 
 /* One traced tick: 0 if it cannot be computed. */
-EXPORTED int trace_tick(const real* x, const real* u, const real* p, double h, control_t* control, trace_t* trace,
-                        real* after) {
-  memory_t memory;
-  segment_t segment;
-  report_t report;
-  set_zero(&report, sizeof report);
-  forget_all(&memory);
-  begin_tick(&segment, u, &memory);
+EXPORTED int trace_tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
+                        trace_t* trace, real* after) {
+  report_t report = {0.0, 0, 0, 0};
+  LOCAL_TICK(segment, u);
   segment.control = control;
-  memcpy(segment.p.tunable, p, sizeof segment.p.tunable);
-  const enum trouble trouble = tick_with_events(x, &segment, h, &report, trace, after);
+  copy(segment.p.tunable, p, NP);
+  const enum trouble trouble = tick_with_events(scene, x, &segment, h, &report, trace, after);
   trace->time_stepped = report.time_stepped;
   return trouble == NONE;
 }

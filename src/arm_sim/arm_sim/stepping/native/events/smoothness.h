@@ -4,23 +4,23 @@
  */
 
 #pragma once
-#include "numbers.h"
+#include "scene.h"
 
 #define SMALL_PHASE 0.1      /* in [rad] */
 #define BEND 0.1             /* of an acceleration inside a step, relative to its sizes at both ends */
 #define SPEED_UNSURE 1e-12   /* rounding of a change of speed, relative to the speed */
 
 /* Phase of all waves in the joints' positions that passes in a step, in [rad]. */
-static inline real phase_of(const real* x, const real* next) {
+static inline real phase_of(const scene_t* scene, const real* x, const real* next) {
   real phase = 0.0;
-  for (int i = 0; i < NU; ++i) phase = phase + wave_number[i] * fabs(next[i] - x[i]);
+  for (int i = 0; i < NU; ++i) phase = phase + scene->wave_number[i] * fabs(next[i] - x[i]);
   return phase;
 }
 
 /* Whether forces change so evenly in a step of length h that they have no peak inside which is not close to their values at
  * its ends: hardly a wave passes, and accelerations bend little. They follow from the continuous output, in the middle, too. */
-static inline real varies_evenly(const real* x, const real* next, const real* inside, real h) {
-  real even = phase_of(x, next) <= SMALL_PHASE;
+static inline real varies_evenly(const scene_t* scene, const real* x, const real* next, const real* inside, real h) {
+  real even = phase_of(scene, x, next) <= SMALL_PHASE;
   for (int i = NU; i < 2 * NU; ++i) {
     const real a = inside[i], b = inside[NX + i], mean = (next[i] - x[i]) / h;
     even = even && fabs(3.0 * mean - 1.5 * (a + b)) <= BEND * (fabs(a) + fabs(b)) + SPEED_UNSURE * (1.0 + fabs(x[i])) / h;

@@ -5,16 +5,24 @@
  */
 
 #pragma once
+#include "lanes/prediction.h"
 #include "motion/stops.h"
 
-#ifdef __cplusplus
-#define EXPORTED extern "C" __attribute__((visibility("default")))
-#else
-#define EXPORTED __attribute__((visibility("default")))
-#endif
+#include <stdint.h>
 
-/* Whether the caller wants nothing more: the mark before those of the arms. */
-#define HALTED (((volatile const signed char*)met)[-1])
+/* Arms and their ticks. Python: Arms. */
+typedef struct {
+  const double* x0;  /* states at the beginning, NX for each arm */
+  const double* tau; /* commands: tick k of arm i at tau + i * tau_arm + k * tau_tick */
+  const double* p;   /* tunable numbers; arm i at p + i * p_arm */
+  long long tau_arm, tau_tick, p_arm;
+  double h; /* length of a tick */
+  long long ticks;
+  int8_t* met;            /* marks of arms, 0 at first; the one before them is set if the caller wants nothing more */
+  const engine_t* engine; /* in a scene with events, that of one arm */
+} arms_t;
+
+static int is_halted(const arms_t* arms) { return ((volatile const int8_t*)arms->met)[-1]; }
 
 /* Spare lanes of the last group repeat the last arm before `last`. */
 static void choose_arms(long long arm, long long last, long long* of_lane) {
@@ -27,6 +35,11 @@ static void read_arms(real* to, int count, const double* from, long long stride,
     for (int i = 0; i < count; ++i) LANE(to[i], j) = from[of_lane[j] * stride + i];
 }
 
+/* Load what acts in a tick. */
+static void read_commands(const arms_t* arms, long long tick, int count, const long long* of_lane, real* to) {
+  read_arms(to, count, arms->tau + tick * arms->tau_tick, arms->tau_arm, of_lane);
+}
+
 /* Store some numbers of each arm; those of lane j go to to + j * stride. */
 static inline void write_arms(double* to, long long stride, const real* from, int count) {
   for (int j = 0; j < LANES; ++j)
@@ -34,18 +47,21 @@ static inline void write_arms(double* to, long long stride, const real* from, in
 }
 
 /* Whether every number of a lane's state is finite and not too large. */
-static inline int within_reach(const real* x, int lane) {
+static inline int is_lane_within_reach(const scene_t* scene, const real* x, int lane) {
   int reached = 1;
   (void)lane; /* alone */
-  for (int i = 0; i < NX; ++i) reached &= __builtin_fabs(LANE(x[i], lane)) <= LARGEST;
+  for (int i = 0; i < NX; ++i) reached &= __builtin_fabs(LANE(x[i], lane)) <= scene->largest;
   return reached;
 }
 
-/* Whether the arm in a lane may meet a stop in a motion of that length from x to `next`. */
-static inline int meets_any_stop(const real* x, const real* next, double length, int lane) {
+/* Whether the arm in a lane may meet a stop in a motion of that length from x to `next`, or come near one if `near`. */
+static inline int meets_any_stop(const scene_t* scene, const real* x, const real* next, double length, int near, int lane) {
   int met = 0;
   (void)lane; /* alone */
-  for (int i = 0; STOPS && i < NU; ++i)
-    met |= meets_stop(LANE(x[i], lane), LANE(x[NU + i], lane), LANE(next[i], lane), LANE(next[NU + i], lane), length, 0.0, i);
+  for (int i = 0; scene->stops && i < NU; ++i) {
+    const double q = LANE(x[i], lane), v = LANE(x[NU + i], lane), end = LANE(next[i], lane), v_end = LANE(next[NU + i], lane);
+    const double margin = 1e-6 * length * (__builtin_fabs(v) + __builtin_fabs(v_end)) + 1e-9 * (1.0 + __builtin_fabs(q));
+    met |= meets_stop(scene, q, v, end, v_end, length, near ? margin : 0.0, i);
+  }
   return met;
 }

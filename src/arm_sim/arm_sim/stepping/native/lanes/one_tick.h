@@ -6,21 +6,21 @@
 #pragma once
 #include "lanes/lanes.h"
 
+#include "lanes/prediction.h"
 #if EVENTS
 #include "lanes/eventful_ticks.h"
-#define make_tick tick_of_lanes
-#else
-#include "lanes/prediction.h"
+#endif
 
 /* Tick of length h from x with inputs r and parameters `tunable`: the states after it, and the effective commands. */
-static void make_tick(const real* x, const real* r, const real* tunable, const real* h, int used, const engine_t* engine,
-                      real* next, real* acted) {
-  real w[SZ_W];
-  casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG] = {x, r, tunable, h};
-  real* res[SZ_RES] = {next, acted};
+static void make_tick(const scene_t* scene, const real* x, const real* r, const real* tunable, const real* h, int used,
+                      const engine_t* engine, real* next, real* acted) {
+#if EVENTS
+  if (scene->eventful) {
+    tick_of_lanes(scene, x, r, tunable, h, used, engine, next, acted);
+    return;
+  }
+#endif
   (void)used;
   (void)engine;
-  TICK(arg, res, iw, w, 0);
+  CALL(scene->tick, (x, r, tunable, h), (next, acted));
 }
-#endif

@@ -9,10 +9,10 @@
 
 /* Beginnings of ticks of length h from x under commands that act. Nothing is predicted, in no modes and for no end of the
  * tick; `place` receives where the contacts are. */
-static inline void begin_ticks(const real* x, const real* u, const real* tunable, const real* h, prediction_t* tick,
-                               real* place) {
-  const long long stride = sizeof(prediction_t) / sizeof(double);
-  find_places(x, place);
+static inline void begin_ticks(const scene_t* scene, const real* x, const real* u, const real* tunable, const real* h,
+                               prediction_t* tick, real* place) {
+  const long long stride = PREDICTION;
+  find_places(scene, x, place);
   write_arms(tick->x, stride, x, NX);
   write_arms(tick->u, stride, u, NU);
   write_arms(tick->p, stride, tunable, NP);
@@ -26,9 +26,10 @@ static inline void begin_ticks(const real* x, const real* u, const real* tunable
 }
 
 /* Steps from the beginnings of ticks, with their continuous output and where the contacts are after them. */
-static inline void write_steps(const real* next, const real* inside, const real* place, prediction_t* tick) {
-  const long long stride = sizeof(prediction_t) / sizeof(double);
+static inline void write_steps(const scene_t* scene, const real* next, const real* inside, const real* place,
+                               prediction_t* tick) {
+  const long long stride = PREDICTION;
   write_arms(tick->after, stride, next, NX);
-  write_arms(tick->inside.slope[0], stride, inside, 3 * NX);
+  write_arms(tick->inside, stride, inside, 3 * NX);
   write_arms(tick->geometry_after, stride, place, PLACES);
 }

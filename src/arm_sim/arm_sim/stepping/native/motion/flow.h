@@ -7,15 +7,6 @@
 
 #include <math.h>
 
-#define WORKSPACE \
-  real w[SZ_W]; \
-  casadi_int iw[SZ_IW]; \
-  const real* arg[SZ_ARG]; \
-  real* res[SZ_RES]
-#ifndef EXPORTED
-#define EXPORTED __attribute__((visibility("default")))
-#endif
-
 /* State of the error control between sub-steps. Python: SubstepControl. */
 typedef struct {
   double tolerance; /* largest scaled error of a sub-step */
@@ -24,56 +15,54 @@ typedef struct {
   long long attempts;
 } control_t;
 
-static int within_reach(const real* x) {
+static int within_reach(const scene_t* scene, const real* x) {
   int reached = 1;
-  for (int i = 0; i < NX; ++i) reached &= !BEYOND(x[i], LARGEST);
+  for (int i = 0; i < NX; ++i) reached &= !BEYOND(x[i], scene->largest);
   return reached;
 }
 
-/* Motion over h from x under u by sub-steps under error control. */
-static int flow_controlled(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
-  real next[NX], error, error_q, trial;
-  WORKSPACE;
+/* Whether equations without modes describe a motion of length h from x to `next`, or, where that is null, its beginning. */
+typedef int describes_t(const scene_t* scene, const real* x, const real* u, const real* next, double h);
+
+/* Motion over h from x under u by sub-steps under error control; `watch` may be null. */
+static int flow_controlled(const scene_t* scene, equation_t* attempt, describes_t* watch, const real* x, const real* u,
+                           const real* p, double h, control_t* c, real* after) {
+  control_t found = *c;
   substeps_t at = first_substep(h, c->step);
-  for (int i = 0; i < NX; ++i) after[i] = x[i];
-  for (long long k = 0; k < MOST_SUBSTEPS; ++k) {
+  real next[NX], error, error_q, trial;
+  copy(after, x, NX);
+  for (long long k = 0; k < scene->most_substeps; ++k) {
     trial = next_length(&at, h);
-    arg[0] = after;
-    arg[1] = u;
-    arg[2] = p;
-    arg[3] = &trial;
-    res[0] = next;
-    res[1] = &error;
-    res[2] = &error_q;
-    attempt(arg, res, iw, w, 0);
-    ++c->attempts;
-    const enum outcome outcome = control_step(&at, h, error / c->tolerance, within_reach(next));
+    if (watch && !watch(scene, after, u, 0, trial)) return 0;
+    CALL(attempt, (after, u, p, &trial), (next, &error, &error_q));
+    ++found.attempts;
+    const enum outcome outcome = control_step(scene, &at, h, error / c->tolerance, within_reach(scene, next));
     if (outcome == STEP_TOO_SMALL) break;
     if (outcome == REJECTED) continue;
-    for (int i = 0; i < NX; ++i) after[i] = next[i];
-    c->error += error_q;
-    if (outcome == ENDED) {
-      c->step = at.step;
-      return 1;
-    }
+    if (watch && !watch(scene, after, u, next, trial)) return 0;
+    copy(after, next, NX);
+    found.error += error_q;
+    if (outcome != ENDED) continue;
+    found.step = at.step;
+    *c = found;
+    return 1;
   }
+  if (!watch) *c = found; /* else the tick is made by other means */
   return 0;
 }
 
 /* The same by one step of fixed length. */
-static int flow_fixed(const real* x, const real* u, const real* p, double h, real* after) {
-  WORKSPACE;
+static int flow_fixed(const scene_t* scene, equation_t* step, describes_t* watch, const real* x, const real* u, const real* p,
+                      double h, real* after) {
   const real length = h;
-  arg[0] = x;
-  arg[1] = u;
-  arg[2] = p;
-  arg[3] = &length;
-  res[0] = after;
-  step(arg, res, iw, w, 0);
-  return within_reach(after);
+  if (watch && !watch(scene, x, u, 0, h)) return 0;
+  CALL(step, (x, u, p, &length), (after));
+  return within_reach(scene, after) && (!watch || watch(scene, x, u, after, h));
 }
 
-/* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. */
-static int flow(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
-  return ADAPTIVE ? flow_controlled(x, u, p, h, c, after) : flow_fixed(x, u, p, h, after);
+/* The same, by one step of fixed length or under error control. */
+static int flow(const scene_t* scene, equation_t* step, equation_t* attempt, describes_t* watch, const real* x, const real* u,
+                const real* p, double h, control_t* control, real* after) {
+  return scene->adaptive ? flow_controlled(scene, attempt, watch, x, u, p, h, control, after)
+                         : flow_fixed(scene, step, watch, x, u, p, h, after);
 }

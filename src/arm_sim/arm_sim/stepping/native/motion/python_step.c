@@ -71,8 +71,8 @@ static int read_numbers(PyObject* given, npy_intp count, double* to) {
 /* Take the tick without the interpreter lock, as events may make it long: 0 if it cannot be computed. */
 static int take(const step_t* tick) {
   PyThreadState* const state = PyEval_SaveThread();
-  const long long done = tick->roll(tick->x, tick->command, tick->stride, tick->p, tick->dt, tick->ticks, tick->trace,
-                                    tick->effort, tick->notes, tick->control, tick->report);
+  const long long done = tick->roll(tick->scene, tick->x, tick->command, tick->stride, tick->p, tick->dt, tick->ticks,
+                                    tick->trace, tick->effort, tick->notes, tick->control, tick->report);
   PyEval_RestoreThread(state);
   return done == tick->ticks;
 }

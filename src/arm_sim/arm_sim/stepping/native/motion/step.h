@@ -5,12 +5,13 @@
 #pragma once
 #include <stdint.h>
 
-typedef long long (*roll_t)(double*, const double*, long long, const double*, double, long long, double*, double*, double*,
-                            void*, void*);
+typedef long long (*roll_t)(const void*, double*, const double*, long long, const double*, double, long long, double*, double*,
+                            double*, void*, void*);
 
 /* The function `roll` of roll.c, and its arguments in their order. */
 typedef struct {
   roll_t roll;
+  const void* scene;
   double* x;
   double* command;
   int64_t stride;

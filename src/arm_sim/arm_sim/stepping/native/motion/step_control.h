@@ -35,8 +35,8 @@ static inline double next_length(substeps_t* at, double h) {
 }
 
 /* What to do after an attempt. size: its error, relative to the tolerance; reached: whether its end is finite. */
-static inline enum outcome control_step(substeps_t* at, double h, double size, int reached) {
-  double factor = size < 1e-10 ? 6.0 : 0.9 * pow(size, -1.0 / ORDER); /* NaN must shrink it */
+static inline enum outcome control_step(const scene_t* scene, substeps_t* at, double h, double size, int reached) {
+  double factor = size < 1e-10 ? 6.0 : 0.9 * pow(size, -1.0 / scene->order); /* NaN must shrink it */
   factor = !(factor > 0.2) || !reached ? 0.2 : factor > 6.0 ? 6.0 : factor;
   if (!(size <= 1.0) || !reached) {
     at->step = at->trial * factor;

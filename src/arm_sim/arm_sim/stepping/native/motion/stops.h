@@ -4,12 +4,13 @@
  */
 
 #pragma once
-#include "numbers.h"
+#include "scene.h"
 
 /* Whether a joint may meet a stop in a motion from q, v to q_end, v_end. The cubic with these ends goes no farther than half of
  * `way`; the rest is for its error. `margin` is added.
  */
-static inline int meets_stop(double q, double v, double q_end, double v_end, double length, double margin, int joint) {
+static inline int meets_stop(const scene_t* scene, double q, double v, double q_end, double v_end, double length,
+                             double margin, int joint) {
   const double way = 2.0 * __builtin_fabs(q_end - q) + length * (__builtin_fabs(v) + __builtin_fabs(v_end)) + margin;
-  return (q - way <= stop_place[0][joint]) | (q + way >= stop_place[1][joint]);
+  return (q - way <= scene->stop_place[0][joint]) | (q + way >= scene->stop_place[1][joint]);
 }

@@ -10,33 +10,33 @@
 #if EVENTS
 #include "events/events.h"
 #else
-/* Without events a tick is one smooth motion. */
-static int tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report, real* after) {
-  (void)report;
-  return flow(x, u, p, h, control, after);
-}
-
 /* Whether a contact point is inside its plane. */
-static int is_penetrated(const real* x) {
+static int is_penetrated(const scene_t* scene, const real* x) {
   (void)x;
   return 0;
 }
 #endif
+
+/* The motion of a tick: with events, or one smooth motion. */
+static int motion_of_tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
+                          report_t* report, real* after) {
+#if EVENTS
+  if (scene->eventful) return tick(scene, x, u, p, h, control, report, after);
+#endif
+  (void)report;
+  return flow(scene, scene->step, scene->attempt, 0, x, u, p, h, control, after);
+}
 
 /* Advance by a tick of length h from x, in place: 0 if it cannot be computed, then x is kept.
  *
  * acted:   receives the effective command, limits applied.
  * control: error control, or null.
  */
-static int actuated_tick(real* x, const real* command, const real* p, double h, control_t* control, report_t* report,
-                         real* acted) {
+static int actuated_tick(const scene_t* scene, real* x, const real* command, const real* p, double h, control_t* control,
+                         report_t* report, real* acted) {
   real next[NX];
-  WORKSPACE;
-  arg[0] = x;
-  arg[1] = command;
-  res[0] = acted;
-  actuate(arg, res, iw, w, 0);
-  if (!tick(x, acted, p, h, control, report, next)) return 0;
+  CALL(scene->actuate, (x, command), (acted));
+  if (!motion_of_tick(scene, x, acted, p, h, control, report, next)) return 0;
   for (int i = 0; i < NX; ++i) x[i] = next[i];
   return 1;
 }

@@ -7,8 +7,6 @@
  * with the scaling of Nesterov and Todd and a corrector (Andersen, Roos, Terlaky, "On implementing a primal-dual
  * interior-point method for conic quadratic optimization", Mathematical Programming 95, 2003), from a y inside the cones,
  * which no iterate leaves. The problems are small, and the normal equations dense.
- *
- * Required definitions: NU (joints), NC (contacts), NM (rows of bilateral constraints).
  */
 
 #pragma once
@@ -34,12 +32,6 @@ typedef struct {
   const int* size;
   const double *h, *G;
 } conic_t;
-
-static double dot(const double* a, const double* b, int n) {
-  double sum = 0.0;
-  for (int i = 0; i < n; ++i) sum += a[i] * b[i];
-  return sum;
-}
 
 /* Square of a vector in the cone's form, without cancellation near its edge: positive inside. */
 static double depth_in(const double* s, int n) {
@@ -157,7 +149,7 @@ static void find_change(const conic_t* at, const double* lambda, const double* d
 }
 
 /* Least last number of y, which begins inside the cones; at most `enough` is enough. z receives the dual solution. */
-static double least_last(const conic_t* at, double* y, double* z, double enough) {
+static double least_last(const scene_t* scene, const conic_t* at, double* y, double* z, double enough) {
   const int n = at->unknowns, m = at->rows;
   double s[MOST_ROWS], lambda[MOST_ROWS], axis[MOST_ROWS], ds[MOST_ROWS], dz[MOST_ROWS], change[MOST_ROWS];
   double left[MOST_UNKNOWNS], dy[MOST_UNKNOWNS], next[MOST_UNKNOWNS], factor[MOST_CONES];

@@ -14,12 +14,6 @@
 #define EPSILON 2.220446049250313e-16
 #define SWEEPS 60
 
-static double product_of(int count, const real* a, const real* b) {
-  double sum = 0.0;
-  for (int i = 0; i < count; ++i) sum += a[i] * b[i];
-  return sum;
-}
-
 static void rotate(int count, double c, double s, real* a, real* b) {
   for (int i = 0; i < count; ++i) {
     const double old = a[i];
@@ -30,7 +24,7 @@ static void rotate(int count, double c, double s, real* a, real* b) {
 
 /* Make two columns orthogonal: 1 if they were not. */
 static int make_orthogonal(int rows, int columns, real* a, real* b, real* va, real* vb) {
-  const double aa = product_of(rows, a, a), bb = product_of(rows, b, b), ab = product_of(rows, a, b);
+  const double aa = dot(a, a, rows), bb = dot(b, b, rows), ab = dot(a, b, rows);
   if (fabs(ab) <= EPSILON * sqrt(aa) * sqrt(bb)) return 0;
   const double zeta = (bb - aa) / (2.0 * ab), t = (zeta < 0.0 ? -1.0 : 1.0) / (fabs(zeta) + hypot(1.0, zeta));
   const double c = 1.0 / hypot(1.0, t), s = c * t;
@@ -50,13 +44,13 @@ static void solve_least(int rows, int columns, real* A, real* V, int count, cons
         any |= make_orthogonal(rows, columns, A + i * rows, A + j * rows, V + i * columns, V + j * columns);
   }
   for (int i = 0; i < columns * count; ++i) X[i] = 0.0;
-  for (int i = 0; i < columns; ++i) largest = fmax(largest, product_of(rows, A + i * rows, A + i * rows));
+  for (int i = 0; i < columns; ++i) largest = fmax(largest, dot(A + i * rows, A + i * rows, rows));
   const double rounding = EPSILON * (rows > columns ? rows : columns);
   for (int i = 0; i < columns; ++i) {
-    const double square = product_of(rows, A + i * rows, A + i * rows);
+    const double square = dot(A + i * rows, A + i * rows, rows);
     if (!(square > rounding * rounding * largest)) continue;
     for (int k = 0; k < count; ++k) {
-      const double share = product_of(rows, A + i * rows, B + k * rows) / square;
+      const double share = dot(A + i * rows, B + k * rows, rows) / square;
       for (int j = 0; j < columns; ++j) X[k * columns + j] += share * V[i * columns + j];
     }
   }

@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A scene for reading the files of this folder alone, as editors and checks of them do: two joints with dry friction and stops, a
+ * drive with a state, a bilateral constraint and two contacts, under error control. An exported library defines all this itself.
+ */
+#pragma once
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#define NX 5
+#define NU 2
+#define NP 3
+#define NC 2
+#define NM 1
+#define ND 2
+#define NQ 2
+#define NK 1
+#define NT 1
+#define SZ_W 256
+#include "scene.h"
+
+static const scene_t own_scene;
+equation_t project, torques, acting_torques, servo, kinked, effort_slopes;
+
+#define PERIOD 1e-3
+#define NZ 1
+#define START {0.0, 0.0, 0.0, 0.0, 0.0}
+#define OF_STATE {-1}
+#define TUNABLE {0.0, 0.0, -9.81}
+#define OPEN 1e-11
+#define AT_STOP 1e-9
+#define LOOPS 24
+#define DRIVEN 1

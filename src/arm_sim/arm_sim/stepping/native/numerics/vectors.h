@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Arrays of numbers.
+ */
+
+#pragma once
+#ifndef LANES
+#include "scalar.h"
+#endif
+#include <math.h>
+#include <string.h>
+
+static inline void copy(real* to, const real* from, int count) {
+  for (int i = 0; i < count; ++i) to[i] = from[i];
+}
+
+static inline void clear(real* numbers, int count) {
+  for (int i = 0; i < count; ++i) numbers[i] = 0.0;
+}
+
+/* Whether numbers are the same, bit for bit. */
+static inline int same(const double* a, const double* b, int count) {
+  int equal = 1;
+  for (int i = 0; equal && i < count; ++i) {
+    long long bits[2];
+    memcpy(bits, a + i, sizeof *a);
+    memcpy(bits + 1, b + i, sizeof *b);
+    equal = bits[0] == bits[1];
+  }
+  return equal;
+}
+
+static inline double dot(const double* a, const double* b, int count) {
+  double sum = 0.0;
+  for (int i = 0; i < count; ++i) sum += a[i] * b[i];
+  return sum;
+}
+
+/* The largest magnitude. */
+static inline double largest_of(const double* values, int count) {
+  double largest = 0.0;
+  for (int i = 0; i < count; ++i) {
+    const double size = values[i] < 0.0 ? -values[i] : values[i];
+    if (size > largest) largest = size;
+  }
+  return largest;
+}
