@@ -75,9 +75,9 @@ rcl_ret_t rcl_publish_serialized_message(const rcl_publisher_t* p, const rcl_ser
 }
 
 /* One tick of an arm that moves by its command. */
-static long long move(double* q, const double* u, long long stride, const double* p, double h, long long ticks,
-                      double* trace, double* effort, double* notes, void* control, void* report) {
-  (void)stride, (void)p, (void)h, (void)trace, (void)notes, (void)control, (void)report;
+static long long move(const void* scene, double* q, const double* u, long long stride, const double* p, double h,
+                      long long ticks, double* trace, double* effort, double* notes, void* control, void* report) {
+  (void)scene, (void)stride, (void)p, (void)h, (void)trace, (void)notes, (void)control, (void)report;
   for (int i = 0; i < JOINTS; ++i) {
     q[i] += u[i];
     effort[i] = u[i];

@@ -5,7 +5,6 @@ error.
 
 from __future__ import annotations
 
-import ctypes
 import logging
 import os
 import shutil
@@ -79,43 +78,6 @@ def test_nothing_but_entries_is_left_behind(cache: Path) -> None:
 def test_other_code_is_another_entry(cache: Path) -> None:
     assert (value(triple(3.0)), value(triple(4.0))) == (6.0, 8.0)
     assert len(entries(cache)) == 2
-
-
-def of_a_driver(factor: float, more: str = "") -> float:
-    """2 × 3 × factor, by a unit that calls the function and knows the factor by name alone."""
-    x = ca.SX.sym("x")
-    engine = f"""
-        #include "scalar.h"
-        extern const double factor;
-        int triple(const real** arg, real** res, long long* iw, real* w, int mem);
-        __attribute__((visibility("default"))) double driven(double x) {{
-          const real* arg[] = {{&x}};
-          real y, *res[] = {{&y}}, w[64];
-          long long iw[64];
-          triple(arg, res, iw, w, 0);
-          return factor * y{more};
-        }}
-    """
-    numbers = f"const double factor = {factor};\n"
-    kernel = Kernel([ca.Function("triple", [x], [3.0 * x])], "native", numbers, engine)
-    driven = kernel.library.driven  # type: ignore[union-attr]
-    driven.restype, driven.argtypes = ctypes.c_double, [ctypes.c_double]
-    return float(driven(2.0))
-
-
-def test_an_engine_is_compiled_once_for_several_kernels(cache: Path) -> None:
-    assert [of_a_driver(factor) for factor in (2.0, 5.0, 2.0)] == [12.0, 30.0, 12.0]
-    assert len(entries(cache)) == 2 and len(list(cache.glob("*.o"))) == 1
-    assert of_a_driver(2.0, "+ 1.0") == 13.0
-    assert len(list(cache.glob("*.o"))) == 2
-
-
-def test_a_damaged_engine_is_compiled_again(cache: Path) -> None:
-    of_a_driver(2.0)
-    (kept,) = cache.glob("*.o")
-    good = kept.read_bytes()
-    kept.write_bytes(good[:-40] + good[-39:] + b"0")
-    assert of_a_driver(5.0) == 30.0 and kept.read_bytes() == good
 
 
 @pytest.mark.parametrize("header", ["scalar.h", "sincos.h"])

@@ -15,8 +15,7 @@ typedef struct {
   int nx, nu, np; /* numbers of states, joints, tunable numbers */
   int nc, nm;     /* contacts, rows of bilateral constraints */
   int nd, nq;     /* joints with a direction of friction, and with compliant stops (all or none) */
-  int nk;         /* switches of drives and cords */
-  int nr;         /* numbers of a command */
+  int nk, nr;     /* switches of drives and cords; numbers of a command */
   int na, nstep, nt, nbegin, nend, ng; /* of derivatives: coefficients of limits and steps, varied numbers, coefficients of
                                           projections at both ends, guards */
   int sz_w;     /* work space of the generated functions */

@@ -404,7 +404,8 @@ static double find_crossing(const scene_t* scene, const search_t* search, const 
       double t[3] = {(k - 2) * step, (k - 1) * step, k * step}, f[3];
       for (int i = 0; i < 3; ++i) f[i] = sample[(k + 1 + i) % 3].contact[guard];
       const double bend = 2.0 * f[1] - f[0] - f[2];
-      if (!(fmax(f[1], fmax(f[0], f[2])) + PEAK_MARGIN * bend > 0.0) || isnan(vertex_of(t, f))) continue;
+      const double way = fmax(f[1], fmax(f[0], f[2])) + PEAK_MARGIN * bend > 0.0 ? vertex_of(t, f) : NAN;
+      if (way != way) continue;
       const double found = peak_of(scene, search, guard, t, f, guards);
       if (found > 0.0) return found;
     }
