@@ -10,7 +10,7 @@
 
 #include <stdint.h>
 
-/* Arms and their ticks. Python: Arms. */
+/* Arms and their ticks. Python: ArmTable. */
 typedef struct {
   const double* x0;  /* states at the beginning, NX for each arm */
   const double* tau; /* commands: tick k of arm i at tau + i * tau_arm + k * tau_tick */
