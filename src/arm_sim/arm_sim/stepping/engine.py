@@ -108,6 +108,7 @@ class Compiled:
         self.scene = ctypes.c_void_p(address_of(own))
 
 
+@cache
 def address_of(own: ctypes.CDLL, symbol: str = SYMBOL) -> int:
     """Address of a structure in a library of generated code."""
     return ctypes.addressof(ctypes.c_char.in_dll(own, symbol))

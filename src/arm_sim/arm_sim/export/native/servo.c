@@ -2,7 +2,7 @@
  *
  * The servos of an exported library. `library` stands for the library's name.
  *
- * Required definitions: sim.c with SERVO, and the generated `servo` (commands of the drives, by state, reference and tunable
+ * Required definitions: sim.c, and the generated `servo` (commands of the drives, by state, reference and tunable
  * numbers).
  */
 

@@ -5,8 +5,8 @@
  * Required definitions: library.h, tick.h and what it needs; PERIOD (length of a tick), NZ (internal states), START (the
  * scene's initial state), OF_STATE (for each internal state the number of the state that it begins with, -1: zero), TUNABLE
  * (nominal tunable numbers), OPEN (residual up to which loops are closed), AT_STOP (distance beyond a stop that is rounding,
- * relative to the position), TOLERANCE (of error control, or 0); with loops LOOPS (length of p in the generated `project`),
- * and with drives DRIVEN and the generated `torques`.
+ * relative to the position); with loops LOOPS (length of p in the generated `project`), and with drives DRIVEN and the
+ * generated `torques`.
  */
 
 #ifndef PERIOD /* read alone, as editors do */
