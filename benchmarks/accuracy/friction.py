@@ -24,7 +24,7 @@ except ImportError:  # only to compare with
 from arm_sim import Simulator
 from benchmarks.accuracy.motors import timed
 from benchmarks.accuracy.problems import ROOT
-from benchmarks.accuracy.sweep import Row, verdict
+from benchmarks.accuracy.sweep import Row
 from benchmarks.reporting.markdown import number, table
 
 J, FC, B, W0 = 0.1, 0.5, 0.2, 5.0  # [kg m²], [N m], [N m s/rad], [rad/s]
@@ -39,7 +39,6 @@ BRISTLES: dict[str, dict[str, Any]] = {
     "tolerance 1e-8": {"tolerance": 1e-8},
 }
 STEPS = {"Euler": (1e-3, 1e-4, 1e-5), "implicitfast": (1e-3, 1e-4, 1e-5), "RK4": (1e-3, 1e-4)}
-AUTOMATIC = "as a scene gets it"
 REFERENCE = ROOT / "test/reference"
 
 
@@ -49,14 +48,6 @@ def rows() -> Iterator[Row]:
         mujoco.set_mju_user_warning(lambda text: None)  # of motions that are lost; the table says
     yield from _dry()
     yield from _lugre()
-
-
-def gate(found: list[Row], dry: float, lugre: float) -> Iterator[Row]:
-    """What the tests allow."""
-    for row in found:
-        if row["engine"] == "this suite":
-            law, allowed = row["law"], dry if row["law"] == "dry" else lugre
-            yield verdict(f"{law} friction, {row['method']}, 1 ms", row["error"], allowed)
 
 
 def page(found: list[Row], law: str) -> str:

@@ -20,7 +20,7 @@ except ImportError:  # only to compare with
     mujoco = None
 
 from arm_sim import Simulator
-from benchmarks.accuracy.sweep import Row, verdict
+from benchmarks.accuracy.sweep import Row
 from benchmarks.reporting.markdown import number, table
 
 R, L, K, J, B, VOLTS = 1.0, 1e-3, 0.05, 5e-5, 1e-5, 12.0
@@ -34,7 +34,6 @@ OURS: dict[str, dict[str, Any]] = {
 }
 THEIRS = ("Euler", "implicitfast", "RK4")
 STEPS = (1e-3, 1e-4, 1e-5)  # [s]
-AUTOMATIC = "as a scene gets it"
 
 Play = Callable[[], Any]
 
@@ -55,14 +54,6 @@ def rows() -> Iterator[Row]:
             "engine": engine, "method": method, "step_s": step,
             "current": error[0], "speed": error[1], "second_s": times[key],
         }  # fmt: skip
-
-
-def gate(found: list[Row], allowed: float) -> Iterator[Row]:
-    """What the tests allow the method that a scene gets."""
-    for row in found:
-        if row["method"] == AUTOMATIC:
-            worst = max(row["current"], row["speed"])
-            yield verdict("DC motor, ticks of 1 ms, current and speed, relative", worst, allowed)
 
 
 def page(found: list[Row]) -> str:

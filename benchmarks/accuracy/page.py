@@ -41,13 +41,10 @@ def page(results: Results) -> str:
     text = TEMPLATE.read_text()
     for name, part in {
         "problems": _problems(results),
-        "at_1_ms": _at_1_ms(results),
+        "at_1_ms": at_1_ms(results),
         "orders": _orders(results),
-        "gates": _gates(results),
         "delivered": _delivered(results),
         "estimated": _estimated(results),
-        "shares": _spans(results),
-        "steps": _steps(results),
         "asked": _asked(results),
         "motors": motors.page(results["motors"]),
         "dry": friction.page(results["friction"], "dry"),
@@ -83,8 +80,8 @@ def _problems(results: Results) -> str:
     return table(["problem", "duration [s]", "truth", "method", "gate at 1 ms"], rows)
 
 
-def _at_1_ms(results: Results) -> str:
-    """Method by problem."""
+def at_1_ms(results: Results) -> str:
+    """Errors at 1 ms by problem and method."""
     found = {
         (r["problem"], r["method"]): r["error"] for r in results["fixed"] if r["step_s"] == 1e-3
     }
@@ -104,19 +101,6 @@ def _orders(results: Results) -> str:
         [name, *(found.get((name, method), "—") for method in methods)] for name in _names(results)
     ]
     return table(["problem", *methods], [stated, *rows])
-
-
-def _gates(results: Results) -> str:
-    rows = [
-        (
-            g["what"],
-            _error(g["measured"]),
-            number(g["allowed"], 1),
-            "yes" if g["kept"] else "**no**",
-        )
-        for g in results["gates"]
-    ]
-    return table(["what", "measured", "allowed", "kept"], rows)
 
 
 def _delivered(results: Results) -> str:
@@ -143,17 +127,6 @@ def _of(rows: list[dict[str, Any]], name: str) -> list[dict[str, Any]]:
     return [row for row in rows if row["problem"] == name]
 
 
-def _spans(results: Results) -> str:
-    """How often error control kept what it was asked for, over all problems and tolerances."""
-    rows = []
-    for method in CONTROLLED:
-        ratios = np.array([r["error"] / r["tolerance"] for r in _long_ticks(results, method)])
-        shares = [f"{np.mean(ratios <= bound):.0%}" for bound in (1.0, 10.0, 100.0)]
-        rows.append([method, *shares])
-    heads = ["method", "error ≤ tolerance", "≤ 10 tolerances", "≤ 100 tolerances"]
-    return table(heads, rows)
-
-
 def _long_ticks(results: Results, method: str) -> list[dict[str, Any]]:
     """Runs in which error control, not the tick, set the sub-steps, and rounding did not."""
     return [
@@ -163,26 +136,6 @@ def _long_ticks(results: Results, method: str) -> list[dict[str, Any]]:
         and r["error"]
         and r["tolerance"] >= ROUNDING
     ]
-
-
-def _steps(results: Results) -> str:
-    """A table of methods by steps for each problem."""
-    parts = []
-    for problem in results["about"]["problems"]:
-        name, steps = problem["name"], problem["steps_s"]
-        found = {
-            (r["method"], r["step_s"]): r["error"]
-            for r in results["fixed"]
-            if r["problem"] == name
-        }
-        rows = [
-            [method, *(_error(found[method, step]) for step in steps)]
-            for method in results["about"]["methods"]
-        ]
-        heads = [f"{step * 1e3:g} ms" for step in steps]
-        title = f"**{name}**, {problem['duration_s']:g} s"
-        parts.append(f"{title}\n\n{table([name, *heads], rows)}")
-    return "\n\n".join(parts)
 
 
 def _asked(results: Results) -> str:

@@ -33,7 +33,6 @@ class Problem:
         gate: Largest error that the tests allow ``gated`` at 1 ms.
         start: Positions and velocities; None for the scene's own.
         gated: Method that the gate speaks of.
-        tight: Largest error that the tests allow with a tolerance of 1e-9.
         steps: Fixed steps to try [s].
         ticks: Ticks for error control [s].
     """
@@ -46,7 +45,6 @@ class Problem:
     gate: float
     start: tuple[list[float], list[float]] | None = None
     gated: str = "rk4"
-    tight: float | None = None
     steps: tuple[float, ...] = STEPS
     ticks: tuple[float, ...] = TICKS
 
@@ -194,7 +192,7 @@ def _panda() -> Problem:
     scene = ROOT / "test/models/panda_free.yaml"
     expected = {float(t): numbers(motion[t]["q"]) for t in ("0.5", "1")}
     truth = "Taylor series, 26 digits"
-    return Problem("Panda", truth, scene, expected, np.copy, 5e-6, tight=1e-8)
+    return Problem("Panda", truth, scene, expected, np.copy, 5e-6)
 
 
 def _stiff_elbow(gate: float) -> Problem:

@@ -100,25 +100,6 @@ def orders(problem: Problem, rows: list[Row]) -> list[Row]:
     return found
 
 
-def gates(problem: Problem, found: dict[str, list[Row]]) -> Iterator[Row]:
-    """The runs that the tests hold to a gate."""
-    name, about = problem.name, f"{problem.duration:g} s"
-    for row in _of(found["fixed"], problem):
-        if (row["method"], row["step_s"]) == (problem.gated, 1e-3):
-            what = f"{name}, {problem.gated} at 1 ms, {about}"
-            yield verdict(what, row["error"], problem.gate)
-    for row in _of(found["controlled"], problem):
-        if problem.tight and row["method"] == "dop853" and row["tolerance"] == 1e-9:
-            what = f"{name}, tolerance 1e-9, ticks of {row['tick_s'] * 1e3:g} ms, {about}"
-            yield verdict(what, row["error"], problem.tight)
-
-
-def verdict(what: str, measured: float | None, allowed: float) -> Row:
-    """A figure and its gate."""
-    kept = bool(measured is not None and measured <= allowed)
-    return {"what": what, "measured": measured, "allowed": allowed, "kept": kept}
-
-
 def _of(rows: list[Row], problem: Problem) -> list[Row]:
     return [row for row in rows if row["problem"] == problem.name]
 
