@@ -18,7 +18,7 @@ from benchmarks.reporting.style import MARKS, STYLE
 from benchmarks.studies.bench import Record
 
 COLOURS = {
-    OURS: "#0b5fa5", "MuJoCo": "#d1495b", "Drake": "#3a7d44", "PyBullet": "#8a6d3b",
+    OURS: "#0b5fa5", "MuJoCo": "#d1495b", "Drake": "#3a7d44",
     "SciPy": "#7b5ea7", "Pinocchio": "#555555", "Exudyn": "#c98a1b",
     "Newton": "#4f9d9d",
 }  # fmt: skip

@@ -54,7 +54,7 @@ RUNNERS: dict[str, Callable[[Bench], Record]] = {
 }
 STUDIES = tuple(RUNNERS)
 PACKAGES = (
-    "mujoco", "drake", "pybullet", "exudyn", "newton", "mujoco-warp", "warp-lang", "dynibo",
+    "mujoco", "drake", "exudyn", "newton", "mujoco-warp", "warp-lang", "dynibo",
     "frax", "jax", "scipy", "pin", "casadi", "numpy",
 )  # fmt: skip
 

@@ -16,7 +16,6 @@ ADAPTERS = {
     "Drake": "drake",
     "Exudyn": "exudyn",
     "Newton": "newton",
-    "PyBullet": "pybullet",
     "SciPy": "scipy",
 }
 

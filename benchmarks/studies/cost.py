@@ -19,7 +19,7 @@ ROUNDS = 9  # short ones, from which the claims are computed
 STEPS = 500
 LINKS = (2, 3, 5, 7, 10, 15, 20, 30, 40, 50)
 QUICK_LINKS = (2, 7, 20)
-TOO_SLOW = ("Newton", "PyBullet")  # for chains of many links
+TOO_SLOW = ("Newton",)  # for chains of many links
 GROWTH = ("euler", "rk4", "Euler", "RK4")
 
 

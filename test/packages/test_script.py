@@ -119,7 +119,7 @@ def test_an_unknown_group_is_refused(clone: Path) -> None:
     done = arm(clone, "setup veiw")
     assert done.returncode == 1
     assert done.stderr == (
-        "arm: setup 'veiw': there is no such group; allowed: view, sweep, jax, fmu, pybullet\n"
+        "arm: setup 'veiw': there is no such group; allowed: view, sweep, jax, fmu\n"
     )
 
 
