@@ -49,15 +49,7 @@ def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
 
 
 def run(problems: list[Problem], console: Console) -> dict[str, Any]:
-    """Run everything.
-
-    Args:
-        problems: To run.
-        console: For the progress bar.
-
-    Returns:
-        The results, ready for JSON.
-    """
+    """Run everything."""
     found: dict[str, list[Any]] = {name: [] for name in KINDS}
     with Bar(console) as bar:
         for problem in problems:

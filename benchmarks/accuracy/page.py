@@ -23,11 +23,7 @@ Results = dict[str, Any]
 
 
 def write(results: Results, out: Path, docs: Path | None) -> Path:
-    """Write accuracy.json, accuracy.md and the figure; page and figure also into ``docs``.
-
-    Returns:
-        Path of the page in ``out``.
-    """
+    """Write accuracy.json, accuracy.md and the figure; page and figure also into ``docs``."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "accuracy.json").write_text(json.dumps(results, indent=1) + "\n")
     for folder in [out] if docs is None else [out, docs]:

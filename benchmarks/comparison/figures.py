@@ -26,15 +26,7 @@ SHADES = mpl.colormaps["Blues"]
 
 
 def draw(results: Record, out: Path) -> dict[str, str]:
-    """Draw what the results hold.
-
-    Args:
-        results: of the studies that ran.
-        out: folder.
-
-    Returns:
-        File names by ``study`` or ``study:detail``, in the order of the report.
-    """
+    """Draw what the results hold."""
     files: dict[str, str] = {}
     with mpl.rc_context(STYLE):
         for study, painter in PAINTERS.items():

@@ -20,15 +20,7 @@ _COLOURS = {MET: "[green]", MISSED: "[red]", OPEN: "[yellow]"}
 
 
 def write(results: Record, out: Path) -> Path:
-    """Write ``report.json``, ``report.md`` and the figures.
-
-    Args:
-        results: as ``suite.run`` returns them.
-        out: folder, created if it does not exist.
-
-    Returns:
-        Path of the Markdown report.
-    """
+    """Write ``report.json``, ``report.md`` and the figures."""
     save(results, out)
     pictures = figures.draw(results, out)
     path = out / "report.md"
@@ -37,26 +29,13 @@ def write(results: Record, out: Path) -> Path:
 
 
 def save(results: Record, out: Path) -> None:
-    """Write ``report.json`` only.
-
-    Args:
-        results: as ``suite.run`` returns them.
-        out: folder, made if need be.
-    """
+    """Write ``report.json`` only."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "report.json").write_text(json.dumps(results, indent=1) + "\n")
 
 
 def write_scoreboard(results: Record, out: Path) -> Path:
-    """Write ``scoreboard.md``.
-
-    Args:
-        results: as ``suite.run`` returns them.
-        out: folder.
-
-    Returns:
-        Path of the page.
-    """
+    """Write ``scoreboard.md``."""
     path = out / "scoreboard.md"
     path.write_text(scoreboard.page(results, sections.about(results)))
     return path
@@ -75,15 +54,7 @@ def summary(results: Record) -> Table:
 
 
 def write_page(results: Record, docs: Path) -> Path:
-    """Write performance.md: text from page.md, tables and figures from the results.
-
-    Args:
-        results: of all studies.
-        docs: folder of the documentation.
-
-    Returns:
-        Path of the page.
-    """
+    """Write performance.md: text from page.md, tables and figures from the results."""
     (docs / FIGURES).mkdir(parents=True, exist_ok=True)
     pictures = figures.draw(results, docs / FIGURES)
     path = docs / "performance.md"
@@ -92,12 +63,7 @@ def write_page(results: Record, docs: Path) -> Path:
 
 
 def page(results: Record, pictures: dict[str, str]) -> str:
-    """The page in Markdown; a place without a value is an error.
-
-    Args:
-        results: of all studies.
-        pictures: file names of the figures, by study.
-    """
+    """The page in Markdown; a place without a value is an error."""
     parts = {
         "about": sections.about(results),
         "claims": sections.claims(results),

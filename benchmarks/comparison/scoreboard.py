@@ -51,12 +51,7 @@ def lines(results: Record) -> list[Line]:
 
 
 def page(results: Record, about: str) -> str:
-    """The scoreboard as a page.
-
-    Args:
-        results: Of the studies.
-        about: Machine and versions.
-    """
+    """The scoreboard as a page."""
     found = lines(results)
     rows = [
         (line.task, duration(line.ours), line.who, _text(line.theirs), line.peer or "none",

@@ -23,12 +23,7 @@ off."""
 
 
 def markdown(results: Record, pictures: dict[str, str]) -> str:
-    """The whole report.
-
-    Args:
-        results: of all studies that ran.
-        pictures: file names of the figures, by study.
-    """
+    """The whole report."""
     parts = ["# Run time against error", about(results), METHOD, "## Claims", claims(results)]
     for name, (title, section) in SECTIONS.items():
         if name in results:

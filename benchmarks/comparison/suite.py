@@ -60,17 +60,7 @@ PACKAGES = (
 
 
 def run(quick: bool, only: Sequence[str], console: Console) -> Iterator[Record]:
-    """Run the chosen studies one by one.
-
-    Args:
-        quick: Panda only, few repeats.
-        only: names out of ``STUDIES``.
-        console: where the progress bar goes.
-
-    Yields:
-        After each study everything measured so far, as plain data: ``about``, one entry a study,
-        ``targets``, ``claims``.
-    """
+    """Run the chosen studies one by one."""
     # Steps that are too long for a scene are part of what is measured.
     logging.getLogger("arm_sim").setLevel(logging.ERROR)
     peers, missing = installed()

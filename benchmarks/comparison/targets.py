@@ -16,10 +16,6 @@ def cheapest(points: Iterable[Record], target: float) -> tuple[float, str] | Non
 
     Each method's points are joined by straight lines in log–log, so that the luck of where a
     step happens to lie plays no part.
-
-    Args:
-        points: of one robot, scenario and simulator.
-        target: error in q [rad].
     """
     curves: dict[str, list[tuple[float, float]]] = {}
     for p in points:

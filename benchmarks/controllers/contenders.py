@@ -27,27 +27,12 @@ CONTENDERS: dict[str, str | Maker] = {
 
 
 def contenders(own: Sequence[str] = ()) -> dict[str, str | Maker]:
-    """Titles of all controllers, with their names or constructors.
-
-    Args:
-        own: Further ones, as ``package.module:Class``.
-
-    Raises:
-        InvalidInput: If there is no such class.
-    """
+    """Titles of all controllers, with their names or constructors."""
     return CONTENDERS | {name.partition(":")[2]: load_controller(name) for name in own}
 
 
 def contender(title: str, arm: Arm, dt: float, limit: Array, name: str | Maker) -> AnyController:
-    """Make one of ``contenders``.
-
-    Args:
-        title: Its title.
-        arm: What it controls; the nominal model is what it knows.
-        dt: Time between calls in [s].
-        limit: The plant's torque limits in [N m], for what remembers, shape (n,).
-        name: Its name, or what makes it.
-    """
+    """Make one of ``contenders``."""
     feeds = name in ("operational_space", "cartesian_impedance")
     settings = Settings(
         dt=dt, bandwidth=OMEGA, frame=arm.frame, axes=arm.axes, friction=feeds, limit=limit,

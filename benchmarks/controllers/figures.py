@@ -19,15 +19,7 @@ _LEAST = 1e-3  # [mm] where the logarithmic axes begin
 
 
 def draw(results: Sequence[Result], folder: Path) -> list[Path]:
-    """Draw two figures for each arm.
-
-    Args:
-        results: What was measured.
-        folder: Where to write them; it is made if need be.
-
-    Returns:
-        The files.
-    """
+    """Draw two figures for each arm."""
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for arm in dict.fromkeys(r.arm for r in results):

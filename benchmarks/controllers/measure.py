@@ -67,13 +67,7 @@ class Result:
 def compare(
     arms: Sequence[Arm], competing: Mapping[str, str | Maker], advance: Callable[[str], None]
 ) -> list[Result]:
-    """Run everything.
-
-    Args:
-        arms: What is compared on.
-        competing: The controllers, see ``contenders``.
-        advance: Called with what was done after every run.
-    """
+    """Run everything."""
     results = []
     for result in _runs(arms, competing):
         results.append(result)
@@ -105,17 +99,7 @@ def run(
     controller: str,
     name: str | Maker | None = None,
 ) -> Result:
-    """Run one contender on one case.
-
-    Args:
-        arm: What it controls.
-        sim: Simulator of the plant.
-        plant: Its key.
-        task: One of ``TASKS``.
-        pace: One of ``PACES``.
-        controller: Title of a contender.
-        name: Its name, or what makes it; None for that of ``CONTENDERS``.
-    """
+    """Run one contender on one case."""
     limit = sim.model.effort_limit
     control = contender(controller, arm, sim.dt, limit, name or CONTENDERS[controller])
     sample, duration = arm.motion(task, pace)

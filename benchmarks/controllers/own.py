@@ -29,19 +29,7 @@ def arm_of(
     step: Sequence[float] | None = None,
     payload: float | None = None,
 ) -> Arm:
-    """Make an arm of a scene.
-
-    Args:
-        scene: Anything ``load_scene`` takes.
-        frame: Frame that carries the payload and draws the line; None for the last one that moves.
-        step: The line from the scene's start, in [m], shape (3,); None for the longest of some
-            directions that the arm can follow.
-        payload: Mass in the hand in [kg]; None for 5 % of what moves.
-
-    Raises:
-        InvalidInput: If the scene is no arm for this comparison, or an argument is not allowed.
-        SceneError: If the scene cannot be used.
-    """
+    """Make an arm of a scene."""
     dynamics = Dynamics(load_scene(scene))
     _refuse(dynamics, scene)
     moving = [f.name for f in dynamics.model.pin.frames if f.parentJoint > 0]

@@ -47,13 +47,7 @@ def motion() -> Excitation:
 
 
 def outcome(nominal: Scene, excitation: Excitation, seed: int) -> Outcome:
-    """Identify one robot, whose links are of other density than the nominal ones.
-
-    Args:
-        nominal: The scene that identification begins with.
-        excitation: The motion.
-        seed: Of the robot and of the noise.
-    """
+    """Identify one robot, whose links are of other density than the nominal ones."""
     model, rng = ArmModel(nominal), np.random.default_rng(seed)
     regressor, n = RigidRegressor(model), model.n
     theta = regressor.nominal * np.repeat(rng.uniform(0.8, 1.2, len(regressor.bodies)), EACH)

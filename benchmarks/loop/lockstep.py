@@ -30,18 +30,7 @@ SWING = 0.2  # [rad]
 def lockstep(
     scene: str, ticks: int, compiled_ticks: int, logs: Path, domain: int
 ) -> dict[str, Any]:
-    """Run everything twice.
-
-    Args:
-        scene: The arm.
-        ticks: Of the runs across processes and in one process.
-        compiled_ticks: Of the runs with the controller compiled in.
-        logs: Folder for logs of the controller.
-        domain: ROS domain.
-
-    Returns:
-        Ticks per second and digests of all states and torques.
-    """
+    """Run everything twice."""
     twice = [across(scene, ticks, logs, domain) for _ in range(2)]
     alone = [_alone(scene, ticks) for _ in range(2)]
     compiled = _compiled(scene, compiled_ticks)

@@ -16,12 +16,6 @@ def of_median(samples: Sequence[float]) -> tuple[float, float]:
     (David and Nagaraja, "Order Statistics", 3rd edition, section 7.1). The narrowest symmetric
     pair of order statistics that holds the median with ``CONFIDENCE`` is returned. Fewer than six
     samples cannot give 95 %: the interval is then unbounded.
-
-    Args:
-        samples: In any order.
-
-    Returns:
-        Its lower and upper end.
     """
     ordered, n = sorted(samples), len(samples)
     outside, rank = 0.0, 0  # probability that the median is below the rank-th smallest sample

@@ -88,14 +88,7 @@ def steady(prepare: Callable[[], object], call: Callable[[], object]) -> Job:
 def interleaved[Name: Hashable](
     jobs: Mapping[Name, Job], repeats: int, noise: Noise, advance: Callable[[], object]
 ) -> dict[Name, Cost]:
-    """Run every job once, then every job again, …, so that a slow minute hits all alike.
-
-    Args:
-        jobs: by name.
-        repeats: rounds.
-        noise: probed once a round.
-        advance: called after each job, outside every clock.
-    """
+    """Run every job once, then every job again, …, so that a slow minute hits all alike."""
     samples: dict[Name, list[float]] = {name: [] for name in jobs}
     for _ in range(repeats):
         noise.probe()

@@ -157,14 +157,7 @@ def evaluation(robot: Robot) -> Job:
 def fleet(
     method: str, step: float, steps: int, lanes: int | None = None
 ) -> Callable[[Robot, int], Callable[..., object]]:
-    """A maker of fleets with one integrator: ``Simulator.rollout`` on a number of threads.
-
-    Args:
-        method: integrator.
-        step: its length [s].
-        steps: how many in a call.
-        lanes: doubles in a vector, None for the widest that the processor has.
-    """
+    """A maker of fleets with one integrator: ``Simulator.rollout`` on a number of threads."""
 
     def build(robot: Robot, threads: int) -> Callable[..., object]:
         simulator = Simulator(robot.urdf, integrator=method, dt=step)

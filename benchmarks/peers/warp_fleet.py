@@ -31,14 +31,7 @@ class World(Protocol):
 def fleet_maker(
     world: Callable[[Robot, int, str, float], World], device: str, step: float, steps: int
 ) -> Callable[[Robot, int], WarpFleet]:
-    """A maker of fleets for the studies.
-
-    Args:
-        world: Makes a world of a robot, a number of arms, a device and the length of a step [s].
-        device: Of Warp: ``cpu`` or a graphics processor.
-        step: Length of a step [s].
-        steps: In a call.
-    """
+    """A maker of fleets for the studies."""
     return lambda robot, _threads: WarpFleet(
         lambda arms: world(robot, arms, device, step), device, robot.n, steps
     )

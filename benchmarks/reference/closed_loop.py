@@ -49,11 +49,7 @@ class Loop:
         return pin.rnea(self.robot.pin, self._data, q, v, a).copy()
 
     def run(self, trial: Trial) -> tuple[Vector, Vector]:
-        """Close the loop around a simulator.
-
-        Returns:
-            Positions (ticks + 1, n) [rad] and the torques that were held (ticks, n) [N m].
-        """
+        """Close the loop around a simulator."""
         trial.reset(self.robot.q0, np.zeros(self.robot.n))
         positions, torques = [self.robot.q0], []
         for k in range(self.ticks):

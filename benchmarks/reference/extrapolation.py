@@ -17,18 +17,7 @@ Vector = np.ndarray
 def integrate(
     f: Callable[[Vector], Vector], x: Vector, duration: float, steps: int, columns: int
 ) -> Vector:
-    """Solve x' = f(x) over ``duration`` with ``steps`` equal steps of order ``2 * columns``.
-
-    Args:
-        f: right-hand side, autonomous.
-        x: start, shape (m,); its type is kept.
-        duration: of the solution [s].
-        steps: how many macro steps.
-        columns: of the extrapolation table.
-
-    Returns:
-        The end, shape (m,).
-    """
+    """Solve x' = f(x) over ``duration`` with ``steps`` equal steps of order ``2 * columns``."""
     h = x.dtype.type(duration) / steps
     for _ in range(steps):
         x = _step(f, x, h, columns)

@@ -42,14 +42,7 @@ def single_coordinate(urdf: str) -> str:
 
 
 def chain_urdf(links: int, length: float = 0.2, mass: float = 1.0, radius: float = 0.03) -> str:
-    """A hanging chain of equal rods; each joint axis is turned by 90 deg against the one before.
-
-    Args:
-        links: number of rods, one revolute joint each.
-        length: of a rod [m].
-        mass: of a rod [kg].
-        radius: of a rod [m].
-    """
+    """A hanging chain of equal rods, whose joint axes alternate by 90°."""
     rod = pin.Inertia.FromCylinder(mass, radius, length)
     body = pin.Inertia(mass, np.array([0.0, 0.0, -length / 2]), rod.inertia)
     model = pin.Model()

@@ -23,12 +23,7 @@ ROUNDING = 1e-16  # nothing below it is drawn
 
 
 def draw(found: Sequence[Result], path: Path) -> None:
-    """Draw what was found.
-
-    Args:
-        found: all runs.
-        path: of the picture.
-    """
+    """Draw what was found."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context(STYLE):
         figure, axes = plt.subplots(1, 3, figsize=(15, 4.8), width_ratios=(1.1, 1, 1))

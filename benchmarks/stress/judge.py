@@ -101,14 +101,7 @@ class Truth:
 
 
 def examine(kind: str, seed: int, most_joints: int, share: float = 0.0) -> list[Result]:
-    """Run a case in all its ways.
-
-    Args:
-        kind: As for ``draw``.
-        seed: Of the case.
-        most_joints: As for ``draw``.
-        share: Of the cases in which the independent simulator is asked, too.
-    """
+    """Run a case in all its ways; a share of cases is given to the independent simulator, too."""
     blank = Result(kind, seed, "every method", 0.0, REFUSED)
     try:
         case = draw(kind, seed, most_joints)
@@ -137,14 +130,7 @@ def started(simulator: Simulator, case: Case) -> tuple[Vector, Vector]:
 def solve(
     model: ArmModel, case: Case, start: tuple[Vector, Vector], second: bool = False
 ) -> Truth | None:
-    """What a case really does; None if it cannot be computed, or no error of a run says anything.
-
-    Args:
-        model: Of its scene.
-        case: The case.
-        start: Positions and velocities.
-        second: Whether to ask the independent simulator.
-    """
+    """What a case really does; None if it cannot be computed, or errors grow too much."""
     q, v = start
     sim = Simulator(model, TRUTH.method, TRUTH.dt, TRUTH.tolerance)
     sign = np.where(np.arange(len(q)) % 2, 1.0, -1.0)

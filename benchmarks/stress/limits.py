@@ -111,14 +111,7 @@ class Forces:
             self._add(ray[:, None], (0.0, np.inf))
 
     def solved(self, cost: Array, B: Array, wanted: Array, slack: Array | None = None) -> Array:
-        """Least cost x of (reactions, more unknowns) with B x = wanted (or within a slack).
-
-        Args:
-            cost: Of each unknown.
-            B: Balance of forces, the reactions' columns first.
-            wanted: Its right-hand side.
-            slack: Multiples of the last unknown by which an equation may be off.
-        """
+        """Least cost x of (reactions, more unknowns) with B x = wanted (or within a slack)."""
         n, count = len(wanted), len(cost)
         bounds = self.bounds + [(0.0, MOST)] * (count - len(self.bounds))
         cuts: list[Array] = [cut for cone in self.cones for cut in self._first(*cone, count)]

@@ -26,17 +26,7 @@ PARTS = {
 
 
 def write(found: Sequence[Result], held: Sequence[Held], out: Path, docs: Path | None) -> Path:
-    """Write stability.json, stability.md and the figure; page and figure also into ``docs``.
-
-    Args:
-        found: All runs, in the order of their seeds.
-        held: Sets that hold together.
-        out: Folder.
-        docs: Folder of the documentation, if it is to be renewed.
-
-    Returns:
-        Path of the page in ``out``.
-    """
+    """Write stability.json, stability.md and the figure; page and figure also into ``docs``."""
     out.mkdir(parents=True, exist_ok=True)
     kept = {"runs": [asdict(r) for r in found], "held": [asdict(one) for one in held]}
     (out / "stability.json").write_text(json.dumps(kept, indent=1) + "\n")

@@ -87,14 +87,8 @@ class Case:
 def draw(kind: str, seed: int, most_joints: int = MOST_JOINTS) -> Case:
     """Draw a case.
 
-    Args:
-        kind: ``arms``: trees with hardships and friction, under constant commands. ``features``:
-            ordinary arms with many features, under changing commands.
-        seed: Any number that is not negative.
-        most_joints: Of a tree; few are drawn more often than many.
-
-    Raises:
-        ArmError: If the robot is refused.
+    ``arms`` are trees with hardships and friction under constant commands, ``features`` ordinary
+    arms with many features under changing commands.
     """
     rng = np.random.default_rng([seed, KINDS.index(kind)])
     hard = {name: kind == "arms" and rng.uniform() < p for name, p in HARDSHIPS.items()}
@@ -401,14 +395,7 @@ def _touch(rng: Draw, name: str, frame: str, point: Any, plane: Settings) -> Set
 
 
 def _free(name: str, moves: str, mass: float, lowest: str = "") -> list[str]:
-    """A body on rails along axes (small letters) that turns about axes (capitals).
-
-    Args:
-        name: Of the body, and with an axis of its joints.
-        moves: Axes, the rails first.
-        mass: In [kg].
-        lowest: Axis of the rail that has a stop at 0.
-    """
+    """A body on rails (small letters; ``lowest`` has a stop at 0) that turns (capitals)."""
     parts, parent = [], "base"
     for axis in moves:
         child = name if axis == moves[-1] else f"{name}_{axis}_part"

@@ -21,15 +21,7 @@ _processes.set_forkserver_preload(["benchmarks.stress.judge"])
 
 
 def survey(work: Sequence[Work], workers: int) -> Iterator[list[Result]]:
-    """Examine many cases side by side; compiled code goes to a folder that is removed at the end.
-
-    Args:
-        work: Arguments of ``examine`` of each case.
-        workers: Processes at a time.
-
-    Yields:
-        The results of a case, as they come; the same for the same work, in any order.
-    """
+    """Examine many cases side by side, with a cache of compiled code that is removed then."""
     with tempfile.TemporaryDirectory(prefix="stress-") as folder:
         pool = ThreadPoolExecutor(workers)
         try:

@@ -71,11 +71,7 @@ def by_rate(found: Sequence[Result]) -> str:
 
 
 def fixed(found: Sequence[Result]) -> list[Point]:
-    """Runs with fixed steps of arms without dry friction.
-
-    Returns:
-        Step times rate, the run, and that its motion is steady.
-    """
+    """Runs with fixed steps of arms without dry friction."""
     return [(r.dt * r.rate, r, True) for r in runs(found)
             if r.kind == "arms" and r.tolerance is None and r.rate > 0
             and "dry friction" not in r.traits]  # fmt: skip

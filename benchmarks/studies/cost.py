@@ -24,12 +24,7 @@ GROWTH = ("euler", "rk4", "Euler", "RK4")
 
 
 def run(bench: Bench, extra: dict[str, Callable[[Robot], Job]]) -> Record:
-    """Cost tables.
-
-    Args:
-        bench: the run.
-        extra: further ways to evaluate forward dynamics or to step, by label; seconds each.
-    """
+    """Cost tables."""
     rows: list[Record] = []
     for robot in bench.robots():
         jobs = _steps(bench, robot) | _evaluations(robot, extra)
