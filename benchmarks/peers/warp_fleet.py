@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many arms in one world of a simulator on Warp, on the processor or a graphics processor."""
+"""Many arms in one world of a simulator on Warp."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def fleet_maker(
 
 
 class WarpFleet:
-    """Worlds by their number of arms; on a graphics processor all steps are one recorded graph.
+    """Worlds by their number of arms.
 
     Args:
         make: Makes a world of so many arms.
@@ -49,38 +49,19 @@ class WarpFleet:
 
     def __init__(self, make: Callable[[int], World], device: str, n: int, steps: int) -> None:
         self.make, self.device, self.n, self.steps = make, device, n, steps
-        self.worlds: dict[int, tuple[World, warp.array, Callable[[], None]]] = {}
+        self.worlds: dict[int, tuple[World, warp.array]] = {}
 
     def __call__(self, q0: np.ndarray, v0: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Positions and velocities after every step, (steps, 2, arms, n)."""
-        world, states, roll = self._world(len(q0))
+        if len(q0) not in self.worlds:
+            shape = (self.steps, 2, len(q0) * self.n)
+            kept = warp.empty(shape, dtype=warp.float32, device=self.device)
+            self.worlds[len(q0)] = self.make(len(q0)), kept
+        world, states = self.worlds[len(q0)]
         world.reset(q0, v0)
         world.torque(tau)
-        roll()
+        for k in range(self.steps):
+            world.step()
+            for which, now in enumerate(world.states()):
+                warp.copy(states[k, which], now.flatten())
         return states.numpy().reshape(self.steps, 2, len(q0), self.n)
-
-    def run(self, arms: int) -> None:
-        """Go on with so many arms from where they are, and leave the states on the device."""
-        self._world(arms)[2]()
-        warp.synchronize_device(self.device)
-
-    def _world(self, arms: int) -> tuple[World, warp.array, Callable[[], None]]:
-        if arms in self.worlds:
-            return self.worlds[arms]
-        world, shape = self.make(arms), (self.steps, 2, arms * self.n)
-        kept = warp.empty(shape, dtype=warp.float32, device=self.device)
-
-        def roll() -> None:
-            for k in range(self.steps):
-                world.step()
-                for which, now in enumerate(world.states()):
-                    warp.copy(kept[k, which], now.flatten())
-
-        if warp.get_device(self.device).is_cuda:
-            roll()  # which compiles
-            with warp.ScopedCapture(self.device) as capture:
-                roll()
-            self.worlds[arms] = world, kept, lambda: warp.capture_launch(capture.graph)
-        else:
-            self.worlds[arms] = world, kept, roll
-        return self.worlds[arms]
