@@ -58,8 +58,8 @@ def test() -> int:
 
 
 def tests_of(path: Path) -> Path:
-    """``src/PACKAGE/PACKAGE/A/B/file`` is tested in ``test/PACKAGE/A/B``, or the nearest above."""
-    folder = Path("test", *path.parent.parts[2:])
+    """Of ``src/PACKAGE/PACKAGE/A/B/file``: ``test/PACKAGE/A/B``, or the nearest above."""
+    folder = Path("test", path.parts[1], *path.parts[3:-1])
     while not (ROOT / folder).is_dir():
         folder = folder.parent
     return folder
@@ -67,9 +67,7 @@ def tests_of(path: Path) -> Path:
 
 def in_c(count: str, seed: str) -> int:
     """Make mistakes in C, one by one; whether tests missed one."""
-    files = sorted(
-        path for path in (ROOT / "src").rglob("*") if path.suffix in (".c", ".h", ".hpp")
-    )
+    files = sorted(path for path in (ROOT / "src").rglob("*") if path.suffix in SUFFIXES)
     places = [
         (path, number, match.start(), match.end(), pattern)
         for path in files
