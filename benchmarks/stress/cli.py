@@ -23,11 +23,11 @@ from benchmarks.stress.tables import wrong
 
 ROOT = Path(__file__).parents[2]
 QUICK_JOINTS = 6
-SCENES, QUICK_SCENES = 100, 6
+SCENES, QUICK_SCENES = 40, 4
 EXAMPLES = """\b
 Examples:
-  ./arm stress                       1200 runs and 100 sets that hold, in an hour
-  ./arm stress --quick               arms of few joints, 72 runs; a few minutes
+  ./arm stress                       over two thousand runs, in an hour
+  ./arm stress --quick               arms of few joints, some 200 runs; some minutes
   ./arm stress --seed 1000           others
   ./arm stress --only features --seed 17 --scenes 1    one scene again, in all its ways
   ./arm stress --docs                also renews docs/laboratory/stability.md

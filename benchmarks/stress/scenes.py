@@ -24,7 +24,7 @@ Draw = np.random.Generator
 
 PIECE, PIECES = 2e-2, 20  # [s] a command holds, and how many there are
 TICKS = (2e-2, 5e-3, 1e-3, 2e-4)  # [s]; each divides a piece
-WAYS = 6  # of integrating each scene
+WAYS = 6  # of integrating a scene with features; arms are integrated in all
 TRIES = 20  # starts that are offered: the tip may begin inside a plane
 LONG_TO_COMPILE = 10  # joints: the implicit method's Jacobian takes too long with more
 
@@ -117,23 +117,28 @@ def draw(kind: str, seed: int, most_joints: int = MOST_JOINTS) -> Case:
         holding = bare.gravity(q) * (rng.uniform() < 0.8)
         command = holding + (tau - holding) * rng.uniform(-1, 1, (PIECES, n))
     starts = q + np.linspace(0.0, 0.5, TRIES)[:, None] * rng.uniform(-1, 1, (TRIES, n)) * units
-    return Case(kind, seed, scene, tuple(traits), starts, v, command, tuple(_ways(rng, n)))
+    return Case(kind, seed, scene, tuple(traits), starts, v, command, tuple(_ways(rng, kind, n)))
 
 
 KINDS = ("arms", "features")
 
 
-def _ways(rng: Draw, n: int) -> list[Way]:
-    """Some by fixed steps, some under error control, the scene's own choice."""
+def _ways(rng: Draw, kind: str, n: int) -> list[Way]:
+    """By fixed steps, under error control, and as the scene itself chooses."""
     names = [name for name in METHODS if name != "implicit" or n <= LONG_TO_COMPILE]
     able = [name for name in names if METHODS[name].adaptive]
     tick = lambda: float(rng.choice(TICKS))  # noqa: E731
-    fixed = [Way(str(rng.choice(names)), tick()) for _ in range(WAYS // 2)]
-    controlled = [
-        Way(str(rng.choice(able)), tick(), float(_log(rng, 1e-10, 1e-5)))
-        for _ in range(WAYS - WAYS // 2 - 1)
+    fixed = [(name, dt) for name in names for dt in TICKS]
+    controlled = [(name, dt) for name in able for dt in TICKS]
+    if kind == "features":
+        fixed = [(str(rng.choice(names)), tick()) for _ in range(WAYS // 2)]
+        controlled = [(str(rng.choice(able)), tick()) for _ in range(WAYS - WAYS // 2 - 1)]
+    tolerances = _log(rng, 1e-10, 1e-5, len(controlled))
+    return [
+        *(Way(*one) for one in fixed),
+        *(Way(*one, float(to)) for one, to in zip(controlled, tolerances, strict=True)),
+        Way(None, tick()),
     ]
-    return [*fixed, *controlled, Way(None, tick())]
 
 
 def _log(rng: Draw, low: float, high: float, size: Any = None) -> Any:
