@@ -92,7 +92,7 @@ int decay(const real* x, const real* u, double h, double largest, control_t* con
 }
 """
 _SCENE = """
-#include "motion/roll.c"
+#include "motion/arm.c"
 EXPORTED double impulse_at(const scene_t* scene, const real* x, const double* rebound, double* W,
                            double* B, double* before, double* impulse) {
   real still[NU];

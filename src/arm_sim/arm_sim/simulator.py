@@ -7,7 +7,7 @@ import logging
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import MethodType
 from typing import TYPE_CHECKING, Any, Concatenate, NoReturn
@@ -70,6 +70,7 @@ class _Derivative[**P, R]:
         return made if simulator is None else MethodType(made, simulator.arm.compiled.derivatives)
 
 
+@cache
 def _derivatives() -> type[Derivatives]:
     from arm_sim.derivatives import Derivatives
 

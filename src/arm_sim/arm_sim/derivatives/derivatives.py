@@ -120,6 +120,10 @@ class Derivatives:
                 a command at its limit, events at the same instant, a contact that is grazed.
             SimulationDiverged: If a tick cannot be computed.
         """
+        if type(ticks) is int and ticks == 1 and by is side is None:
+            found = self.linearizer().one(state, tau)
+            if found is not None:
+                return found
         x, command = self._point(state, tau, ticks)
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))

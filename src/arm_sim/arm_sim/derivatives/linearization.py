@@ -30,6 +30,7 @@ from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.events import Events, acting, diverged
 from arm_sim.derivatives.kinks import Kinks, sided
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
+from arm_sim.derivatives.python_linearize import Linearize, python_linearize, unanswered
 from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.methods import build_attempt
@@ -300,6 +301,15 @@ class Linearizer:
         if self.event_free and self.kinks.of_states and ticks > 1:
             return list(range(len(x)))
         return sorted({*alone, *self.kinks.arms(x, r)})
+
+    @cached_property
+    def one(self) -> Linearize:
+        """Derivatives of one tick for Python, see ``python_linearize``."""
+        fast = None if self._rate or self._tuned else self._compiled
+        if fast is None:
+            return unanswered
+        stepper = self._stepper
+        return python_linearize(fast, fast.engine, self._plant, stepper.p, self._choice.dt)
 
     def motion(self, x: Array, p: Array, side: int | None = None) -> Motion:
         """A motion from a state, to be differentiated tick by tick through its events.

@@ -16,7 +16,7 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import ROUNDED
 from arm_sim.derivatives.tangents import Tangents
 from arm_sim.export.amalgamated import ELSEWHERE, OWN, amalgamated
-from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes, kinked
+from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
@@ -95,7 +95,7 @@ def tick_of(
         more.append(servo_law(plant, choice.dt))
         files += ["servo.h", "servo.c"]
     if slopes:
-        more += [kinked(plant), effort_slopes(plant)]
+        more.append(effort_slopes(plant))
         of_ticks = derivatives_of_ticks(slopes, done)
         files += ["linearize.h", "linearize.c"]
     headers, sources = files[::2], files[1::2]

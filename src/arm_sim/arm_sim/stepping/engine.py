@@ -37,7 +37,7 @@ OF_LANES = (
     "derivatives/tangent_ticks.c",
 )  # fmt: skip
 OF_ONE_ARM = (
-    "motion/roll.c", *OF_LANES, "derivatives/tangent_step.c",
+    "motion/arm.c", *OF_LANES, "derivatives/tick_derivative.c", "derivatives/tangent_step.c",
     "derivatives/eventful_derivatives.c", "derivatives/event_free_gradient.c",
 )  # fmt: skip
 """Units of the library for one arm at a time, and of that for several side by side."""
@@ -74,7 +74,10 @@ def _library(where: compiler.Destination | None, width: int, units: tuple[str, .
     first, *others = (f'{head}\n#include "{unit}"\n' for unit in units)
     local, language = (*INCLUDED, *folders), "c" if width == 1 else "c++"
     with compiler.describing("engine"):
-        return compiler.build(first, language, _FLAGS, local, tuple(others)).library
+        made = compiler.build(first, language, _FLAGS, local, tuple(others)).library
+    if width == 1:
+        made.arm_ticks.restype = ctypes.c_longlong
+    return made
 
 
 def library(

@@ -12,7 +12,7 @@ from typing import Literal
 from arm_dynamics.codegen.python_call import python_function
 from arm_dynamics.exceptions import KernelError
 from arm_sim.state import State
-from arm_sim.stepping.roll import STEP, Roll
+from arm_sim.stepping.arm import ARM, Arm
 
 PythonStep = Callable[[object, int], State | Literal[False] | None]
 """Function of a command and the number of ticks before: it advances by a tick and returns the
@@ -28,21 +28,20 @@ def unanswered(*_: object) -> None:
     """No tick: it is left to Python."""
 
 
-def python_step(tick: Callable[[], int], n: int, nz: int) -> PythonStep:
+def python_step(arm: Arm | None, n: int, nz: int) -> PythonStep:
     """The function of an arm; ``unanswered`` where it cannot be compiled.
 
     Args:
-        tick: The tick that ``Stepper.bound`` returned.
+        arm: The arm; None on the virtual machine.
         n: Degrees of freedom.
         nz: Number of internal states.
     """
-    roll = Roll.of(tick)
-    if roll is None:
+    if arm is None:
         return unanswered
     try:
-        make = python_function(_SOURCE, _TAKES, STEP.folder)
+        make = python_function(_SOURCE, _TAKES, ARM.folder)
     except (KernelError, OSError) as error:
         _log.info("steps from Python are slower: %s", error)
         return unanswered
-    made: PythonStep = make(byref(roll), n, nz, State, tick)
+    made: PythonStep = make(byref(arm), n, nz, State, arm)
     return made
