@@ -28,7 +28,8 @@ static PyObject* linearize(PyObject* capsule, PyObject* const* given, Py_ssize_t
   const npy_intp n = state->joints, nz = state->internal, nx = 2 * n + nz, width = nx + n;
   double x[nx], r[n], after[nx], slopes[nx * width];
   if (count != 2 || !Py_IS_TYPE(given[0], state->type)) Py_RETURN_NONE;
-  if (!read_numbers(*field_of(state, given[0], Q), n, x) || !read_numbers(*field_of(state, given[0], V), n, x + n)) Py_RETURN_NONE;
+  if (!read_numbers(*field_of(state, given[0], Q), n, x) || !read_numbers(*field_of(state, given[0], V), n, x + n))
+    Py_RETURN_NONE;
   if (!read_numbers(*field_of(state, given[0], Z), nz, x + 2 * n) || !read_numbers(given[1], n, r)) Py_RETURN_NONE;
   PyThreadState* const thread = PyEval_SaveThread();
   const int found = of->differentiate(of->scene, of->tangents, of->engine, x, r, of->p, of->dt, after, slopes);
@@ -42,7 +43,8 @@ static PyObject* linearize(PyObject* capsule, PyObject* const* given, Py_ssize_t
 }
 
 /* The function for an arm; `kept` keeps its memory. */
-EXPORT PyObject* python_function(const linearize_t* of, Py_ssize_t joints, Py_ssize_t internal, PyObject* state, PyObject* kept) {
+EXPORT PyObject* python_function(const linearize_t* of, Py_ssize_t joints, Py_ssize_t internal, PyObject* state,
+                                 PyObject* kept) {
   static PyMethodDef method = {"linearize", (PyCFunction)(void (*)(void))linearize, METH_FASTCALL, NULL};
   if (!PyArray_API && _import_array() < 0) return NULL;
   linearized_t own = {.of = *of};

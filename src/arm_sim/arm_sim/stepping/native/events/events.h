@@ -14,7 +14,10 @@
  */
 
 #pragma once
+#include "contact/impact.h"
+#include "contact/sliding_direction.h"
 #include "events/event_free.h"
+#include "events/held.h"
 #include "events/segments.h"
 #include "motion/stops.h"
 
@@ -125,7 +128,11 @@ static int exceeds_travel(const scene_t* scene, const piece_t* piece) {
 static int passes_end(const scene_t* scene, const real* x, const segment_t* segment) {
   LOCAL(guard_values_t, guards, guard_values_of, GUARD_VALUES);
   fill(scene, &guards, -INFINITY);
-  evaluate_stop_guards(scene, x, segment, 0.0, &guards);
+  guarded_t at;
+  at.x = x;
+  at.segment = segment;
+  at.t = 0.0;
+  evaluate_stop_guards(scene, &at, &guards);
   return largest_among(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
 }
 

@@ -24,8 +24,8 @@ EXPORTED int arm_tick(arm_t* arm) {
  * commands: that of the first tick; that of the next is `stride` numbers further (0: constant).
  * trace, effort, notes: receive the state after every tick, the command that acted, limits applied, and the arm's notes.
  */
-EXPORTED long long arm_ticks(const arm_t* arm, long long ticks, double* commands, long long stride, double* trace, double* effort,
-                             double* notes) {
+EXPORTED long long arm_ticks(const arm_t* arm, long long ticks, double* commands, long long stride, double* trace,
+                             double* effort, double* notes) {
   const scene_t* scene = arm->scene;
   arm_t row = *arm;
   for (long long k = 0; k < ticks; ++k) {
