@@ -90,6 +90,7 @@ static double find_crossing(const scene_t* scene, const search_t* search, const 
     else evaluate_guards(scene, x, search->segment, search->ground, piece->from + k * step, 0, last);
     for (int guard = 0; k > 1 && guard < GUARD_VALUES; ++guard) {
       double t[3] = {(k - 2) * step, (k - 1) * step, k * step}, f[3];
+      if (sample[(k + 2) % 3].contact[guard] == -INFINITY) continue; /* there is no such guard in these modes */
       for (int i = 0; i < 3; ++i) f[i] = sample[(k + 1 + i) % 3].contact[guard];
       const double bend = 2.0 * f[1] - f[0] - f[2];
       const double way = fmax(f[1], fmax(f[0], f[2])) + PEAK_MARGIN * bend > 0.0 ? vertex_of(t, f) : NAN;
