@@ -30,19 +30,10 @@ EXPORT const char* fmi2GetTypesPlatform(void) { return "default"; }
 
 EXPORT const char* fmi2GetVersion(void) { return "2.0"; }
 
-EXPORT int fmi2SetDebugLogging(void* c, int on, size_t count, const char* const* categories) {
-  (void)c;
-  (void)on;
-  (void)count;
-  (void)categories;
-  return OK;
-}
+EXPORT int fmi2SetDebugLogging(void* c, int on, size_t count, const char* const* categories) { return OK; }
 
 EXPORT void* fmi2Instantiate(const char* name, int type, const char* token, const char* resources,
                              const callbacks_t* callbacks, int visible, int logging) {
-  (void)resources;
-  (void)visible;
-  (void)logging;
   instance_t* i = type == CO_SIMULATION ? new_instance(token) : NULL;
   if (!i) {
     if (callbacks && callbacks->logger)
@@ -63,10 +54,6 @@ EXPORT void fmi2FreeInstance(void* c) { free_instance(c); }
 
 EXPORT int fmi2SetupExperiment(void* c, int has_tolerance, double tolerance, double start, int has_stop, double stop) {
   instance_t* i = c;
-  (void)has_tolerance;
-  (void)tolerance;
-  (void)has_stop;
-  (void)stop;
   i->memory.start = start;
   return OK;
 }
@@ -75,10 +62,7 @@ EXPORT int fmi2EnterInitializationMode(void* c) { return begin(c); }
 
 EXPORT int fmi2ExitInitializationMode(void* c) { return end_initialization(c); }
 
-EXPORT int fmi2Terminate(void* c) {
-  (void)c;
-  return OK;
-}
+EXPORT int fmi2Terminate(void* c) { return OK; }
 
 EXPORT int fmi2Reset(void* c) {
   forget(c);
@@ -93,25 +77,15 @@ EXPORT int fmi2SetReal(void* c, const reference_t* references, size_t count, con
   return set_values(c, references, count, values);
 }
 
-EXPORT int fmi2DoStep(void* c, double point, double time, int final) {
-  (void) final;
-  return advance(c, point, time);
-}
+EXPORT int fmi2DoStep(void* c, double point, double time, int final) { return advance(c, point, time); }
 
 EXPORT int fmi2GetFMUstate(void* c, void** state) { return save(c, state); }
 
 EXPORT int fmi2SetFMUstate(void* c, void* state) { return restore(c, state, state_size()); }
 
-EXPORT int fmi2FreeFMUstate(void* c, void** state) {
-  (void)c;
-  return discard_state(state);
-}
+EXPORT int fmi2FreeFMUstate(void* c, void** state) { return discard_state(state); }
 
-EXPORT int fmi2SerializedFMUstateSize(void* c, void* state, size_t* size) {
-  (void)c;
-  (void)state;
-  return measure_state(size);
-}
+EXPORT int fmi2SerializedFMUstateSize(void* c, void* state, size_t* size) { return measure_state(size); }
 
 EXPORT int fmi2SerializeFMUstate(void* c, void* state, char* bytes, size_t size) { return serialize(c, state, bytes, size); }
 
@@ -120,8 +94,6 @@ EXPORT int fmi2DeSerializeFMUstate(void* c, const char* bytes, size_t size, void
 }
 
 EXPORT int fmi2GetStatus(void* c, int kind, int* value) {
-  (void)kind;
-  (void)value;
   return fail(c, "steps end before fmi2DoStep returns: there is no status");
 }
 
@@ -135,19 +107,11 @@ EXPORT int fmi2CancelStep(void* c) { return fail(c, "steps end before fmi2DoStep
 
 /* Variables of other types, and statuses of these types. */
 #define NO_VARIABLES(NAME, TYPE) \
-  EXPORT int fmi2Get##NAME(void* c, const reference_t* references, size_t count, TYPE* values) { \
-    (void)references; \
-    (void)values; \
-    return none(c, count); \
-  } \
+  EXPORT int fmi2Get##NAME(void* c, const reference_t* references, size_t count, TYPE* values) { return none(c, count); } \
   EXPORT int fmi2Set##NAME(void* c, const reference_t* references, size_t count, const TYPE* values) { \
-    (void)references; \
-    (void)values; \
     return none(c, count); \
   } \
   EXPORT int fmi2Get##NAME##Status(void* c, int kind, TYPE* value) { \
-    (void)kind; \
-    (void)value; \
     return fail(c, "the only status is the last successful time"); \
   }
 NO_VARIABLES(Integer, int)

@@ -19,26 +19,11 @@ static void complain(const instance_t* i, int status, const char* text) {
 
 EXPORT const char* fmi3GetVersion(void) { return "3.0"; }
 
-EXPORT int fmi3SetDebugLogging(void* c, bool on, size_t count, const char* const* categories) {
-  (void)c;
-  (void)on;
-  (void)count;
-  (void)categories;
-  return OK;
-}
+EXPORT int fmi3SetDebugLogging(void* c, bool on, size_t count, const char* const* categories) { return OK; }
 
 EXPORT void* fmi3InstantiateCoSimulation(const char* name, const char* token, const char* resources, bool visible,
                                          bool logging, bool events, bool early, const reference_t* required, size_t count,
                                          void* environment, log_t logger, void* update) {
-  (void)name;
-  (void)resources;
-  (void)visible;
-  (void)logging;
-  (void)events;
-  (void)early;
-  (void)required;
-  (void)count;
-  (void)update;
   instance_t* i = new_instance(token);
   if (!i) {
     if (logger) logger(environment, ERROR, "error", "out of memory, or the token is of another model description");
@@ -52,22 +37,12 @@ EXPORT void* fmi3InstantiateCoSimulation(const char* name, const char* token, co
 
 EXPORT void* fmi3InstantiateModelExchange(const char* name, const char* token, const char* resources, bool visible,
                                           bool logging, void* environment, log_t logger) {
-  (void)name;
-  (void)token;
-  (void)resources;
-  (void)visible;
-  (void)logging;
-  (void)environment;
-  (void)logger;
   return NULL;
 }
 
 EXPORT void* fmi3InstantiateScheduledExecution(const char* name, const char* token, const char* resources, bool visible,
                                                bool logging, void* environment, log_t logger, void* update, void* lock,
                                                void* unlock) {
-  (void)update;
-  (void)lock;
-  (void)unlock;
   return fmi3InstantiateModelExchange(name, token, resources, visible, logging, environment, logger);
 }
 
@@ -76,20 +51,13 @@ EXPORT void fmi3FreeInstance(void* c) { free_instance(c); }
 EXPORT int fmi3EnterInitializationMode(void* c, bool has_tolerance, double tolerance, double start, bool has_stop,
                                        double stop) {
   instance_t* i = c;
-  (void)has_tolerance;
-  (void)tolerance;
-  (void)has_stop;
-  (void)stop;
   i->memory.start = start;
   return begin(i);
 }
 
 EXPORT int fmi3ExitInitializationMode(void* c) { return end_initialization(c); }
 
-EXPORT int fmi3Terminate(void* c) {
-  (void)c;
-  return OK;
-}
+EXPORT int fmi3Terminate(void* c) { return OK; }
 
 EXPORT int fmi3Reset(void* c) {
   forget(c);
@@ -106,7 +74,6 @@ EXPORT int fmi3SetFloat64(void* c, const reference_t* references, size_t count, 
 
 EXPORT int fmi3DoStep(void* c, double point, double time, bool final, bool* events, bool* terminate, bool* early,
                       double* last) {
-  (void) final;
   const int found = advance(c, point, time);
   if (events) *events = false;
   if (terminate) *terminate = false;
@@ -119,16 +86,9 @@ EXPORT int fmi3GetFMUState(void* c, void** state) { return save(c, state); }
 
 EXPORT int fmi3SetFMUState(void* c, void* state) { return restore(c, state, state_size()); }
 
-EXPORT int fmi3FreeFMUState(void* c, void** state) {
-  (void)c;
-  return discard_state(state);
-}
+EXPORT int fmi3FreeFMUState(void* c, void** state) { return discard_state(state); }
 
-EXPORT int fmi3SerializedFMUStateSize(void* c, void* state, size_t* size) {
-  (void)c;
-  (void)state;
-  return measure_state(size);
-}
+EXPORT int fmi3SerializedFMUStateSize(void* c, void* state, size_t* size) { return measure_state(size); }
 
 EXPORT int fmi3SerializeFMUState(void* c, void* state, uint8_t* bytes, size_t size) {
   return serialize(c, state, bytes, size);
@@ -141,15 +101,9 @@ EXPORT int fmi3DeserializeFMUState(void* c, const uint8_t* bytes, size_t size, v
 /* Variables of other types. */
 #define NO_VARIABLES(NAME, TYPE) \
   EXPORT int fmi3Get##NAME(void* c, const reference_t* references, size_t count, TYPE* values, size_t size) { \
-    (void)references; \
-    (void)values; \
-    (void)size; \
     return none(c, count); \
   } \
   EXPORT int fmi3Set##NAME(void* c, const reference_t* references, size_t count, const TYPE* values, size_t size) { \
-    (void)references; \
-    (void)values; \
-    (void)size; \
     return none(c, count); \
   }
 NO_VARIABLES(Float32, float)
@@ -165,33 +119,17 @@ NO_VARIABLES(Boolean, bool)
 NO_VARIABLES(String, char*)
 
 EXPORT int fmi3GetBinary(void* c, const reference_t* references, size_t count, size_t* sizes, void* values, size_t size) {
-  (void)references;
-  (void)sizes;
-  (void)values;
-  (void)size;
   return none(c, count);
 }
 
 EXPORT int fmi3SetBinary(void* c, const reference_t* references, size_t count, const size_t* sizes, const void* values,
                          size_t size) {
-  (void)references;
-  (void)sizes;
-  (void)values;
-  (void)size;
   return none(c, count);
 }
 
-EXPORT int fmi3GetClock(void* c, const reference_t* references, size_t count, bool* values) {
-  (void)references;
-  (void)values;
-  return none(c, count);
-}
+EXPORT int fmi3GetClock(void* c, const reference_t* references, size_t count, bool* values) { return none(c, count); }
 
-EXPORT int fmi3SetClock(void* c, const reference_t* references, size_t count, const bool* values) {
-  (void)references;
-  (void)values;
-  return none(c, count);
-}
+EXPORT int fmi3SetClock(void* c, const reference_t* references, size_t count, const bool* values) { return none(c, count); }
 
 /* Functions of the standard that this unit does not provide, as its description says. */
 #define NOT_PROVIDED(NAME) \

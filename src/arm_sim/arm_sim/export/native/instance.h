@@ -28,6 +28,7 @@
 #define EXTERNAL 0
 #endif
 
+#pragma GCC diagnostic ignored "-Wunused-parameter" /* the standard says what functions take */
 #define EXPORT __attribute__((visibility("default")))
 #define NEAR 0.5   /* ticks by which a communication point may be beside the last tick: importers add up times */
 #define CLOSE 1e-3 /* ticks by which a step may differ from whole ones: differences of large times are rounded */
