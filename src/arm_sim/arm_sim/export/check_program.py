@@ -75,7 +75,8 @@ class _Checks:
     def run(self, tick: Tick) -> None:
         """Ticks under a few commands, each held for some time, from the scene's initial state."""
         motion = ran(tick.simulator, tick.differentiable)
-        name, n, ticks, most = self._name, tick.simulator.n, motion.ticks, _ROUNDING
+        name, n, most = self._name, tick.simulator.n, _ROUNDING
+        ticks = motion.held * len(motion.commands)
         self.tables += [
             _table("commands", motion.commands.ravel()),
             _table("last_q", motion.q),

@@ -115,11 +115,6 @@ class Motion:
     v: Array
     slopes: tuple[Array, Array] | None
 
-    @property
-    def ticks(self) -> int:
-        """Number of ticks."""
-        return self.held * len(self.commands)
-
 
 def ran(simulator: Simulator, derivatives: bool) -> Motion:
     """Move an arm that is at its initial state, under small random commands, and put it back."""

@@ -86,7 +86,8 @@ def fmi2_description(unit: Unit, sources: Sequence[str]) -> str:
     for k, variable in enumerate(unit.variables):
         scalar = _ADD(listed, "ScalarVariable", {
             "name": variable.name, "valueReference": str(k), "causality": variable.causality,
-            "variability": variable.variability, **_described(variable),
+            "variability": variable.variability,
+            **({"description": variable.about} if variable.about else {}),
         })  # fmt: skip
         _ADD(scalar, "Real", {**_given(variable), **_bounds(variable)})
     structure = _ADD(root, "ModelStructure")
@@ -130,10 +131,6 @@ def _experiment(root: Element, unit: Unit) -> None:
     _ADD(root, "DefaultExperiment", {
         "startTime": "0", "stopTime": repr(1000 * unit.period), "stepSize": repr(unit.period),
     })  # fmt: skip
-
-
-def _described(variable: Variable) -> dict[str, str]:
-    return {"description": variable.about} if variable.about else {}
 
 
 def _given(variable: Variable) -> dict[str, str]:
