@@ -74,10 +74,7 @@ def _library(where: compiler.Destination | None, width: int, units: tuple[str, .
     first, *others = (f'{head}\n#include "{unit}"\n' for unit in units)
     local, language = (*INCLUDED, *folders), "c" if width == 1 else "c++"
     with compiler.describing("engine"):
-        made = compiler.build(first, language, _FLAGS, local, tuple(others)).library
-    if width == 1:
-        made.arm_ticks.restype = ctypes.c_longlong
-    return made
+        return compiler.build(first, language, _FLAGS, local, tuple(others)).library
 
 
 def library(

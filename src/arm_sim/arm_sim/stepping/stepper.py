@@ -175,8 +175,10 @@ class Stepper:
         stride = command.shape[-1] if command.ndim == 2 else 0
         arm, outputs = self._arm(x, command, effort, notes), (trace, effort, notes)
         arm.keeps = *arm.keeps, trace
+        entry = self.compiled.engine.arm_ticks
+        entry.restype = ctypes.c_longlong
         return partial(
-            self.compiled.engine.arm_ticks, ctypes.byref(arm), ctypes.c_longlong(len(trace)),
+            entry, ctypes.byref(arm), ctypes.c_longlong(len(trace)),
             pointer(command), ctypes.c_longlong(stride), *map(pointer, outputs),
         )  # fmt: skip
 
