@@ -55,8 +55,9 @@ static void rest_touching(const scene_t* scene, real* x, const segment_t* segmen
   if (NC < 2) return;
   const double rounding = speed_rounding(scene, x);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  LOCAL(modes_t, modes, modes_of, P_LENGTH);
-  segment_t resting = with_modes(scene, segment, &modes);
+  LOCAL_MODES(modes, segment->p);
+  segment_t resting = *segment;
+  resting.p = modes;
   int any = 0;
   find_geometry(scene, x, segment, &geometry);
   for (int k = 0; k < NC; ++k) {

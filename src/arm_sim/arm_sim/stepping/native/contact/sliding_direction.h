@@ -101,8 +101,9 @@ static double find_reach(const scene_t* scene, const real* x, segment_t* segment
 static void align(const scene_t* scene, real* x, const segment_t* segment) {
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   real anchor[2 * NC + 1];
-  LOCAL(modes_t, modes, modes_of, P_LENGTH);
-  segment_t stopped = with_modes(scene, segment, &modes);
+  LOCAL_MODES(modes, segment->p);
+  segment_t stopped = *segment;
+  stopped.p = modes;
   int any = 0;
   find_geometry(scene, x, segment, &geometry);
   find_anchors(scene, &geometry, anchor);

@@ -84,8 +84,9 @@ static enum trouble begin_segment(const scene_t* scene, real* x, segment_t* segm
  * into planes and stops are kept, since the impact that removes them accounts for their energy.
  */
 static void correct_penetrations(const scene_t* scene, real* x, const segment_t* segment) {
-  LOCAL(modes_t, modes, modes_of, P_LENGTH);
-  segment_t caught = with_modes(scene, segment, &modes);
+  LOCAL_MODES(modes, segment->p);
+  segment_t caught = *segment;
+  caught.p = modes;
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   real anchor[2 * NC + 1], v[NU];
   for (int i = 0; i < ND; ++i)

@@ -136,14 +136,6 @@ static segment_t segment_of(const scene_t* scene, real* numbers) {
   return segment;
 }
 
-/* A segment with modes of its own, which begin as another's. */
-static segment_t with_modes(const scene_t* scene, const segment_t* segment, modes_t* modes) {
-  segment_t other = *segment;
-  copy(modes->tunable, segment->p.tunable, P_LENGTH);
-  other.p = *modes;
-  return other;
-}
-
 /* Declare the memory and the first segment of a tick, of which nothing is known yet but the command. */
 #define LOCAL_TICK(segment, command) \
   LOCAL(memory_t, memory, memory_of, MEMORY); \

@@ -28,6 +28,11 @@ static modes_t modes_of(const scene_t* scene, real* p) {
   return modes;
 }
 
+/* Declare modes that begin as others. */
+#define LOCAL_MODES(name, like) \
+  LOCAL(modes_t, name, modes_of, P_LENGTH); \
+  copy(name.tunable, (like).tunable, P_LENGTH)
+
 /* A segment of a tick, for derivatives. */
 typedef struct {
   real *before, *begin, *end; /* states before its impact, after it, and at the end of its motion */
