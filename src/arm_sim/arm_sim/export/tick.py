@@ -86,7 +86,7 @@ def tick_of(
         sizes(plant, choice, functions, members), f"#define EVENTS {int(plant.eventful)}",
         "#define EXPORTED static",
         scene_source(plant, choice, functions, smooth, "static const", members),
-        '#include "motion/tick.h"\n',
+        '#include "arm/tick.h"\n',
     ])  # fmt: skip
     engine = amalgamated(engine, done)
     more = [f for f in (plant.mechanics.project, plant.torques) if f is not None]

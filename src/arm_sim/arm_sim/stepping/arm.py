@@ -9,7 +9,7 @@ from typing import Any
 
 from arm_dynamics.codegen.header import Header
 
-ARM = Header(Path(__file__).with_name("native") / "motion/arm.h")
+ARM = Header(Path(__file__).with_name("native") / "arm/arm.h")
 
 
 class Arm(ctypes.Structure):

@@ -19,7 +19,7 @@ PythonStep = Callable[[object, int], State | Literal[False] | None]
 state, or False if it cannot be computed; None, and nothing is done, if the command is not an array
 or a list of n finite floats."""
 
-_SOURCE = Path(__file__).with_name("native") / "motion/python_step.c"
+_SOURCE = Path(__file__).with_name("native") / "arm/python_step.c"
 _TAKES = c_void_p, c_ssize_t, c_ssize_t, py_object, py_object
 _log = logging.getLogger(__name__)
 

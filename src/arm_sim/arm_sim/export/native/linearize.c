@@ -12,7 +12,7 @@
 
 #ifndef KINKED /* read alone, as editors do */
 #include "derivatives/tangents.h"
-#include "lanes/prediction.h"
+#include "modes/prediction.h"
 static const tangents_t slope_own_tangents;
 int slope_differentiate_tick(const scene_t* scene, const tangents_t* tangents, const engine_t* engine, const double* x,
                              const double* r, const double* p, double h, double* after, double* slopes);

@@ -74,6 +74,8 @@ typedef struct {
 #define SZ_W (scene->sz_w)
 #endif
 
+#define MC (3 * NC) /* forces of contacts */
+
 #ifndef EVENTS /* whether the engine of events is compiled at all */
 #define EVENTS 1
 #endif

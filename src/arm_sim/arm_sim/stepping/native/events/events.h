@@ -14,8 +14,8 @@
  */
 
 #pragma once
-#include "contact/impact.h"
-#include "contact/sliding_direction.h"
+#include "events/impact.h"
+#include "events/sliding_direction.h"
 #include "events/event_free.h"
 #include "events/held.h"
 #include "events/segments.h"

@@ -5,7 +5,7 @@
 
 #pragma once
 #include "contact/friction_cones.h"
-#include "events/segment_state.h"
+#include "modes/segment_state.h"
 
 #define REST_SPEED 1e-9          /* speed treated as rounding if all joints of an arm are held */
 #define INDEPENDENT 1e-10  /* part of a row that must be left by those before it, for it to count for the rank */

@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "contact/closing.h"
+#include "events/closing.h"
 #include "guards/guard_search.h"
 
 #define SUDDEN_STOP 1e-6   /* speed tolerated of a joint that is found to stop, relative to the fastest joint */

@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "events/modes.h"
+#include "modes/modes.h"
 #include "guards/guard.h"
 
 #define SLOWED 0.25         /* ratio of the speeds of a sliding contact at its ends */

@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "events/modes.h"
+#include "modes/modes.h"
 #include "guards/guard.h"
 
 static void evaluate_friction_guards(const scene_t* scene, const guarded_t* at, guard_values_t* guards) {

@@ -7,8 +7,8 @@
  */
 
 #pragma once
-#include "events/dense_step.h"
-#include "events/smoothness.h"
+#include "guards/dense_step.h"
+#include "guards/smoothness.h"
 
 #define TURNING_BACK 1e-13 /* relative speed in the wrong direction tolerated of a joint that begins to slide */
 #define SINKING 1e-12      /* speed up to which an open contact is not treated as approaching */

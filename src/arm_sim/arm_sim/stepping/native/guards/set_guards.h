@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "events/modes.h"
+#include "modes/modes.h"
 #include "guards/guard.h"
 
 /* Where reactions of the least norm are beyond a limit. */

@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "events/initial_modes.h"
+#include "modes/initial_modes.h"
 #include "guards/guard.h"
 
 static void evaluate_stop_guards(const scene_t* scene, const guarded_t* at, guard_values_t* guards) {

@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "events/segment_state.h"
+#include "modes/segment_state.h"
 
 #define PROJECTED 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
 

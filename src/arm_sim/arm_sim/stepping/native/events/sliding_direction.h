@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "contact/closing.h"
+#include "events/closing.h"
 
 #define MOST_PARTS 32      /* segments of a tick in which a contact that creeps in one direction is looked at */
 #define TURN_ERROR 1e-8    /* error of its velocity by a turn in a step of fixed length */

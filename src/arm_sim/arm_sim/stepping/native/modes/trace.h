@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "lanes/prediction.h"
+#include "modes/prediction.h"
 
 /* Entries of p for a contact, as numbers for the generated functions. Python: ContactMode; equations/contact.py: Mode. */
 typedef struct {

@@ -5,7 +5,7 @@
 
 #pragma once
 #include "contact/indeterminate.h"
-#include "events/segment_state.h"
+#include "modes/segment_state.h"
 
 #define EDGE 1e-9            /* relative distance from the friction cone within which a force is on its boundary */
 #define LEAST_SHARE 1e-6     /* share of a part in the motion of its set that is rounding, ... */

@@ -3,9 +3,9 @@
  * Ticks of an arm, one or many in one call.
  */
 
-#include "motion/arm.h"
+#include "arm/arm.h"
 
-#include "motion/tick.h"
+#include "arm/tick.h"
 
 EXPORTED int arm_tick(arm_t* arm) {
   const scene_t* scene = arm->scene;

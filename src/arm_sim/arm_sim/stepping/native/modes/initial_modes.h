@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "contact/held_sets.h"
+#include "modes/held_sets.h"
 
 #define REBOUND_ROUNDING (64 * 2.220446049250313e-16) /* of a gap that opens, as a multiple of the lengths that add up to it */
 #define LEAST_REBOUND 1e-9 /* speed of a rebound that is treated as rest */

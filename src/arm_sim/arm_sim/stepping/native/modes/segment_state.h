@@ -4,8 +4,8 @@
  */
 
 #pragma once
-#include "events/loads.h"
-#include "events/trace.h"
+#include "modes/loads.h"
+#include "modes/trace.h"
 #include "motion/flow.h"
 #include "motion/report.h"
 

@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "events/segment_state.h"
+#include "modes/segment_state.h"
 
 /* A step of the method in a segment, with its continuous output: derivatives at its ends, and the state in its middle. */
 typedef struct {

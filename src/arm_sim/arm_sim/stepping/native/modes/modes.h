@@ -15,7 +15,7 @@
 
 #pragma once
 #include "contact/friction_cones.h"
-#include "events/initial_modes.h"
+#include "modes/initial_modes.h"
 
 #define SLACK 1e-9           /* tolerated acceleration in the wrong direction, relative to the largest */
 #define MOST_SETS 729        /* sets of modes of joints that are tried as a last resort */
