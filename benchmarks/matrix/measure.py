@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from arm_sim import Recording, Simulator
-from arm_sim.runtime_changes import payload_change
+from arm_sim.simulation.runtime_changes import payload_change
 
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [path for path in (str(ROOT / "test"),) if path not in sys.path]

@@ -17,7 +17,7 @@ from arm_dynamics.scene import Payload, Scene
 from arm_sim import Simulator
 from arm_sim.ros.record.ticks import TickRecorder
 from arm_sim.ros.tick_engine import TickEngine
-from arm_sim.runtime_changes import payload_change
+from arm_sim.simulation.runtime_changes import payload_change
 
 FRICTION = {"coulomb": 0.4, "static": 0.6, "stribeck_velocity": 0.02, "viscous": 0.5}
 LOAD = [2e-3, 0.0, 0.0, 2e-3, 0.0, 2e-3]

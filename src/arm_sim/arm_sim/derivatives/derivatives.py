@@ -120,7 +120,7 @@ class Derivatives:
                 a command at its limit, events at the same instant, a contact that is grazed.
             SimulationDiverged: If a tick cannot be computed.
         """
-        if type(ticks) is int and ticks == 1 and by is side is None:
+        if type(ticks) is int and ticks == 1 and by is None and side is None:
             found = self.linearizer().one(state, tau)
             if found is not None:
                 return found

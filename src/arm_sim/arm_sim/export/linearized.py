@@ -11,9 +11,7 @@ from arm_sim.export.generated import prefixed
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 
-_UNITS = (
-    '#include "derivatives/tangent_ticks.c"\n#include "derivatives/tick_derivative.c"\n'
-)
+_UNITS = '#include "derivatives/tangent_ticks.c"\n#include "derivatives/tick_derivative.c"\n'
 PREFIX = "slope_"
 """Begins the names of this part of a library."""
 

@@ -21,7 +21,7 @@ from arm_sim.plant.actuation import actuation
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping.engine import braces, scene_source, sizes
 from arm_sim.stepping.rollout import Engine
 from arm_sim.stepping.stepper import tick_functions

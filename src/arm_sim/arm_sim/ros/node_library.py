@@ -30,6 +30,4 @@ def library(*others: Path) -> CDLL:
         KernelError: If they are not available.
     """
     files = (JOINT_STATE_SOURCE, *(file.with_suffix(".c") for file in _FILES), *others)
-    return code_of_nodes(
-        *files, headers=(JOINT_STATE, LOOP, RECORD, TICKS), folders=(ARM.folder,)
-    )
+    return code_of_nodes(*files, headers=(JOINT_STATE, LOOP, RECORD, TICKS), folders=(ARM.folder,))

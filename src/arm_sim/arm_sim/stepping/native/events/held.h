@@ -4,7 +4,6 @@
  */
 
 #pragma once
-#include "contact/friction_cones.h"
 #include "modes/segment_state.h"
 
 #define REST_SPEED 1e-9          /* speed treated as rounding if all joints of an arm are held */

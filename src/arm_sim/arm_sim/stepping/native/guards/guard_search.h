@@ -4,7 +4,6 @@
  */
 
 #pragma once
-#include "guards/event_location.h"
 #include "guards/guards.h"
 
 #define VIOLATION_ROUNDING 1e-15       /* violation treated as rounding */

@@ -27,6 +27,7 @@ static void evaluate_set_guards(const scene_t* scene, const guarded_t* at, guard
 }
 
 static int set_may_cross(const scene_t* scene, const search_t* search, const guard_values_t* end) {
-  (void)scene, (void)search;
+  (void)scene;
+  (void)search;
   return *end->together > -NEAR;
 }

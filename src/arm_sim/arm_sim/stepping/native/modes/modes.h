@@ -14,7 +14,6 @@
  */
 
 #pragma once
-#include "contact/friction_cones.h"
 #include "modes/initial_modes.h"
 
 #define SLACK 1e-9           /* tolerated acceleration in the wrong direction, relative to the largest */

@@ -4,6 +4,7 @@
  */
 
 #pragma once
+#include "contact/friction_cones.h"
 #include "modes/loads.h"
 #include "modes/trace.h"
 #include "motion/flow.h"

@@ -14,7 +14,6 @@ from arm_dynamics.actuation import StateKind
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.scene import Scene
-from arm_sim.compiled_scene import CompiledScene
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import Line, command_line, sensors_of
 from arm_sim.inputs import SaturationNotice, row, torque, whole
@@ -23,6 +22,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import BRAKES, FREE, SERVOS
 from arm_sim.recording.origin import Origin
 from arm_sim.servo import JointCommand
+from arm_sim.simulation.compiled_scene import CompiledScene
 from arm_sim.state import State, read_only_view
 from arm_sim.stepping.arm import Arm
 from arm_sim.stepping.contact_forces import trouble
