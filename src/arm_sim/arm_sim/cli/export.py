@@ -40,7 +40,8 @@ def _no_float(context: click.Context, option: click.Parameter, given: bool) -> N
               help="Also export pose and Jacobian of this frame; may be repeated.")  # fmt: skip
 @click.option("--derivatives", is_flag=True,
               help="Also export derivatives of the dynamics, and of the tick.")  # fmt: skip
-@click.option("--float", is_flag=True, hidden=True, expose_value=False, callback=_no_float)
+@click.option("--float", is_flag=True, hidden=True, expose_value=False, callback=_no_float,
+              help="Gone: code is in double precision.")  # fmt: skip
 def export(
     scene: str, out: Path, name: str | None, tick: bool, servo: bool, fmu: bool,
     frames: tuple[str, ...], derivatives: bool,

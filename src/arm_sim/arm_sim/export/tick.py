@@ -26,6 +26,7 @@ from arm_sim.stepping.engine import braces, scene_source, sizes
 from arm_sim.stepping.rollout import Engine
 from arm_sim.stepping.stepper import tick_functions
 
+_PERIOD = "/* Length of a tick in [s]. */\n#define LIBRARY_PERIOD"
 _INCLUDES = re.compile(r'^#include ["<][^"]*[">]\n', re.MULTILINE)
 _COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
 
@@ -105,7 +106,7 @@ def tick_of(
         (*functions, *more),
         bool(slopes),
         f"{engine}\n{_defines(simulator)}\n{of_ticks}{_plain(sources)}{_setter(numbers)}",
-        _plain(headers).removeprefix("\n"),
+        f"{_PERIOD} {choice.dt!r}\n{_plain(headers)}",
     )
 
 
