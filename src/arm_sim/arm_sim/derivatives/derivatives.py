@@ -121,9 +121,10 @@ class Derivatives:
             SimulationDiverged: If a tick cannot be computed.
         """
         if type(ticks) is int and ticks == 1 and by is None and side is None:
-            found = self.linearizer().one(state, tau)
-            if found is not None:
-                return found
+            slope = self.linearizer().one(state, tau)
+            if slope is not None:
+                nx = len(slope)
+                return slope[:, :nx], slope[:, nx:]
         x, command = self._point(state, tau, ticks)
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))

@@ -21,8 +21,8 @@ from arm_sim.stepping.engine import NATIVE, address_of
 from arm_sim.stepping.rollout import Engine
 from arm_sim.stepping.stepper import address
 
-Linearize = Callable[[object, object], tuple[Array, Array] | None]
-"""Function of a state and a command: derivatives by both, or None where this function does not
+Linearize = Callable[[object, object], Array | None]
+"""Function of a state and a command: derivatives by both side by side, or None where this function does not
 find them, and where the command is not an array or a list of n finite floats."""
 
 _FOLDER = NATIVE / "derivatives"

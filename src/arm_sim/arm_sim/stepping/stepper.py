@@ -214,28 +214,15 @@ class Stepper:
             where a tick cannot be computed.
         """
         self.restart()
-        after, lost = np.array(x, order="C"), np.zeros(len(x))
-        if self.compiled is None:
-            return self._each_by_call(after, command, p, ticks), lost
-        command, p = np.ascontiguousarray(command), np.ascontiguousarray(p)
-        n = self._plant.model.n
-        arm = self._arm(after, command, np.empty(n), np.empty(2))
-        for first, end in slices(len(x), self.few // ticks + 1):
-            self.compiled.engine.arm_each(
-                ctypes.byref(arm), ctypes.c_longlong(end - first), pointer(after[first:]),
-                pointer(command[first:]), pointer(p[first:]), ctypes.c_longlong(ticks),
-                pointer(lost[first:]),
-            )  # fmt: skip
+        after, lost = np.full_like(x, np.nan), np.full(len(x), np.nan)
+        now, held, notes = np.empty(x.shape[1]), np.empty(command.shape[1]), np.empty(2)
+        tick, _ = self.bound(now, held, np.empty(self._plant.model.n), notes)
+        for k in range(len(x)):
+            now[:], held[:], self.p[:] = x[k], command[k], p[k]
+            before, self.substep = self.report.impact_loss, 0.0
+            if all(tick() for _ in range(ticks)):
+                after[k], lost[k] = now, self.report.impact_loss - before
         return after, lost
-
-    def _each_by_call(self, x: Array, command: Array, p: Array, ticks: int) -> Array:
-        trace, effort = np.empty((ticks, x.shape[1])), np.empty((ticks, command.shape[1]))
-        for k, state in enumerate(x):
-            self.restart()
-            self.p[:] = p[k]
-            if self._by_call(state, command[k], trace, effort, np.empty((ticks, 2))) < ticks:
-                state[:] = np.nan
-        return x
 
     def restart(self) -> None:
         """Reset the report and the error control."""

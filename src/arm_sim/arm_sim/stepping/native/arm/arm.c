@@ -37,27 +37,3 @@ EXPORTED long long arm_ticks(const arm_t* arm, long long ticks, double* commands
   }
   return ticks;
 }
-
-/* Advance by some ticks from each of many states, in place and as after a restart; NaN where a tick cannot be computed.
- *
- * x, commands, p: NX, NU and NP numbers for each state, its command held.
- * lost:           receives the energies lost in impacts.
- */
-EXPORTED void arm_each(const arm_t* arm, long long states, double* x, double* commands, const double* p, long long ticks,
-                       double* lost) {
-  const scene_t* scene = arm->scene;
-  const report_t* report = arm->report;
-  control_t* control = arm->control;
-  arm_t own = *arm;
-  for (long long k = 0; k < states; ++k) {
-    const double before = report->impact_loss;
-    long long done = 0;
-    own.x = x + k * NX;
-    own.command = commands + k * NU;
-    own.p = p + k * NP;
-    if (control) control->step = 0.0;
-    while (done < ticks && arm_tick(&own)) ++done;
-    lost[k] = report->impact_loss - before;
-    for (int i = 0; i < NX && done < ticks; ++i) own.x[i] = lost[k] = NAN;
-  }
-}

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Derivatives of a tick as a Python function of a state and a command: it checks them, and returns new matrices.
+ * Derivatives of a tick as a Python function of a state and a command: it checks them, and returns a new matrix.
  */
 #include "entry.h"
 #include "linearize.h"
@@ -11,35 +11,27 @@ typedef struct {
   state_t state;
 } linearized_t;
 
-/* A new matrix from columns of another one, in rows of `width`. */
-static PyObject* matrix_of(const double* from, npy_intp rows, npy_intp columns, npy_intp width) {
-  PyObject* const matrix = PyArray_SimpleNew(2, ((npy_intp[]){rows, columns}), NPY_DOUBLE);
-  for (npy_intp i = 0; matrix && i < rows; ++i)
-    memcpy((double*)PyArray_DATA((PyArrayObject*)matrix) + i * columns, from + i * width, (size_t)columns * sizeof *from);
-  return matrix;
-}
-
-/* Derivatives by the state and by the command; None if there are none, or the arguments are not a state and plain numbers: this
+/* Derivatives by the state and by the command, side by side; None if there are none, or the arguments are not a state and plain numbers: this
  * is left to Python. */
 static PyObject* linearize(PyObject* capsule, PyObject* const* given, Py_ssize_t count) {
   const linearized_t* const own = PyCapsule_GetPointer(capsule, NULL);
   const linearize_t* const of = &own->of;
   const state_t* const state = &own->state;
-  const npy_intp n = state->joints, nz = state->internal, nx = 2 * n + nz, width = nx + n;
-  double x[nx], r[n], after[nx], slopes[nx * width];
+  const npy_intp n = state->joints, nz = state->internal, nx = 2 * n + nz;
+  double x[nx], r[n], after[nx];
   if (count != 2 || !Py_IS_TYPE(given[0], state->type)) Py_RETURN_NONE;
   if (!read_numbers(*field_of(state, given[0], Q), n, x) || !read_numbers(*field_of(state, given[0], V), n, x + n))
     Py_RETURN_NONE;
   if (!read_numbers(*field_of(state, given[0], Z), nz, x + 2 * n) || !read_numbers(given[1], n, r)) Py_RETURN_NONE;
+  PyObject* const slopes = PyArray_SimpleNew(2, ((npy_intp[]){nx, nx + n}), NPY_DOUBLE);
+  if (!slopes) return NULL;
+  double* const to = PyArray_DATA((PyArrayObject*)slopes);
   PyThreadState* const thread = PyEval_SaveThread();
-  const int found = of->differentiate(of->scene, of->tangents, of->engine, x, r, of->p, of->dt, after, slopes);
+  const int found = of->differentiate(of->scene, of->tangents, of->engine, x, r, of->p, of->dt, after, to);
   PyEval_RestoreThread(thread);
-  if (!found) Py_RETURN_NONE;
-  PyObject *const A = matrix_of(slopes, nx, nx, width), *const B = matrix_of(slopes + nx, nx, n, width);
-  PyObject* const both = A && B ? PyTuple_Pack(2, A, B) : NULL;
-  Py_XDECREF(A);
-  Py_XDECREF(B);
-  return both;
+  if (found) return slopes;
+  Py_DECREF(slopes);
+  Py_RETURN_NONE;
 }
 
 /* The function for an arm; `kept` keeps its memory. */
