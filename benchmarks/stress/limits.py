@@ -9,12 +9,12 @@ outside, until none is (Kelley, "The cutting-plane method for solving convex pro
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linprog
 
 from arm_dynamics.arrays import Array
-from benchmarks.break_away.sets import Cone, Set
 
 CUTS, OUTSIDE = 400, 1e-10
 EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
@@ -22,6 +22,55 @@ MOST = 1e4
 """Factor of the load beyond which a set is said to jam."""
 STILL = 1e-6
 """Acceleration that is rest, relative to the largest."""
+
+
+@dataclass(frozen=True)
+class Cone:
+    """A contact that touches.
+
+    Attributes:
+        columns: Generalized forces per normal force and per tangential force, shape (n, 2 or 3).
+        friction: Coefficient of sliding friction.
+        static: Coefficient of static friction.
+    """
+
+    columns: Array
+    friction: float
+    static: float
+
+
+@dataclass(frozen=True)
+class Set:
+    """Parts that hold together under a load, which grows in a direction.
+
+    At rest, weight + base + factor along + reactions of joints, constraints and contacts = 0.
+
+    Attributes:
+        weight: Generalized forces of gravity, shape (n,).
+        base: Load at the factor 0, shape (n,).
+        along: Load per unit of the factor, shape (n,).
+        dry: Friction of the joints, sliding and static, zero without, shape (2, n).
+        supports: Directions in which rigid stops bear joints: -1, 0 or 1, shape (n,).
+        rows: Rows of the constraints, shape (m, n).
+        cones: The contacts.
+    """
+
+    weight: Array
+    base: Array
+    along: Array
+    dry: Array
+    supports: Array
+    rows: Array
+    cones: tuple[Cone, ...]
+
+    @property
+    def indeterminate(self) -> bool:
+        """Whether some combination of the reactions moves nothing."""
+        held = np.eye(len(self.weight))[:, (self.dry[1] > 0.0) | (self.supports != 0.0)]
+        both = np.hstack([held, *(cone.columns for cone in self.cones)])
+        free = np.linalg.svd(np.vstack([self.rows, np.zeros_like(self.weight)]))
+        rank = int(np.sum(free[1] > 1e-9))
+        return both.shape[1] > np.linalg.matrix_rank(free[2][rank:] @ both, tol=1e-9)
 
 
 class Forces:
@@ -35,7 +84,7 @@ class Forces:
     """
 
     def __init__(self, of: Set, sliding: Array, along: Sequence[Array | None]) -> None:
-        n, self.columns, self.bounds = len(of.q), list[Array](), list[tuple[float, float]]()
+        n, self.columns, self.bounds = len(of.weight), list[Array](), list[tuple[float, float]]()
         self.cones: list[tuple[int, int, float]] = []
         for i in np.flatnonzero(~sliding):
             static, support = float(of.dry[1, i]), of.supports[i]
@@ -117,12 +166,14 @@ class Forces:
 
 def limit(of: Set) -> float:
     """Factor of the load at which the set gives way; NaN if it does not hold without, or jams."""
-    forces = Forces(of, np.zeros(len(of.q), dtype=bool), [None] * len(of.cones))
-    count = len(forces.columns)
+    forces = Forces(of, np.zeros(len(of.weight), dtype=bool), [None] * len(of.cones))
+    nothing = np.zeros(len(forces.columns))
     B = np.column_stack([*forces.columns, of.along])
-    cost = np.r_[np.zeros(count), -1.0]
-    factor = float(forces.solved(cost, B, -of.weight - of.base)[-1])
-    return factor if 1e-3 < factor < 0.99 * MOST else float("nan")
+    least, most = (
+        float(forces.solved(np.r_[nothing, cost], B, -of.weight - of.base)[-1])
+        for cost in (1.0, -1.0)
+    )
+    return most if least < 1e-9 and 1e-3 < most < 0.99 * MOST else float("nan")
 
 
 def lacking(of: Set, factor: float, M: Array, a: Array) -> float:
