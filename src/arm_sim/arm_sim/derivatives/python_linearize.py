@@ -6,7 +6,6 @@ from __future__ import annotations
 import ctypes
 import logging
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from arm_dynamics.arrays import Array
