@@ -39,10 +39,12 @@ __all__ = [
 __getattr__, __dir__ = on_demand(
     __name__,
     {
-        "simulation.closed_loop": ("ClosedLoop",), "simulation.contact_loads": ("contact_history",),
-        "exceptions": ("NotDifferentiable", "SimulationDiverged"), "simulation.plan": ("Plan",),
+        "simulation.closed_loop": ("ClosedLoop",), "simulation.plan": ("Plan",),
+        "simulation.contact_loads": ("contact_history",),
+        "exceptions": ("NotDifferentiable", "SimulationDiverged"),
         "plant.actuation": ("CompiledControl", "computed_torque"),
         "recording.recording": ("Recording",), "servo": ("JointCommand",),
-        "simulation.simulated_arm": ("SimulatedArm",), "simulation.simulator": ("Simulator",), "state": ("State",),
+        "simulation.simulated_arm": ("SimulatedArm",),
+        "simulation.simulator": ("Simulator",), "state": ("State",),
     },
 )  # fmt: skip

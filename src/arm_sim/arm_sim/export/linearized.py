@@ -17,7 +17,7 @@ PREFIX = "slope_"
 
 
 def derivatives_of_ticks(code: TangentCode, done: set[str]) -> str:
-    """C source of ``slope_differentiate_tick``, see ``tick_derivative.c``, for after the tick's engine.
+    """C of ``slope_differentiate_tick``, see ``tick_derivative.c``, for after the tick's engine.
 
     Args:
         code: The functions.
