@@ -35,13 +35,13 @@ static void find_effort_slopes(const struct library_sim* sim, const double* comm
 
 int library_sim_sensitivities(const library_sim* sim, const double* command, double* of_state, double* of_effort) {
   double slopes[NX * VARIED], after[NX];
-  const engine_t* engine = NULL;
-#if EVENTS
-  static const engine_t own = {&own_scene, predict, predicted_tick, event_free_tick};
-  engine = &own;
-#endif
   if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  if (!slope_differentiate_tick(scene, &slope_own_tangents, engine, sim->x, command, sim->p, PERIOD, after, slopes))
+#if EVENTS
+  static const engine_t engine = {&own_scene, predict, predicted_tick, event_free_tick};
+  if (!slope_differentiate_tick(scene, &slope_own_tangents, &engine, sim->x, command, sim->p, PERIOD, after, slopes))
+#else
+  if (!slope_differentiate_tick(scene, &slope_own_tangents, NULL, sim->x, command, sim->p, PERIOD, after, slopes))
+#endif
     return LIBRARY_NO_DERIVATIVE;
   for (int i = 0; i < NX * VARIED && of_state; ++i) of_state[i] = slopes[i];
   if (of_effort) find_effort_slopes(sim, command, after, slopes, of_effort);
