@@ -93,7 +93,7 @@ def tick_of(
         more.append(servo_law(plant, choice.dt))
         headers, sources = [*headers, "servo.h"], [*sources, "servo.c"]
     if slopes:
-        more += [kinked(plant), effort_slopes(plant)]
+        more += [kinked(plant), effort_slopes(plant, len(numbers))]
         of_ticks = derivatives_of_ticks(slopes, done)
         headers, sources = [*headers, "linearize.h"], [*sources, "linearize.c"]
     door = of_files(sources, done | {*headers})

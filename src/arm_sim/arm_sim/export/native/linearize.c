@@ -3,8 +3,8 @@
  * Derivatives of the tick of an exported library. `library` stands for the library's name.
  *
  * Required definitions: sim.c, tangent_ticks.c, all of whose names begin with slope_, and the generated `kinked` (state, command)
- * -> 1 where the tick begins in a kink, else 0, and `effort_slopes` (state, command, state after the tick) -> derivatives of
- * the torques by the state after the tick, the state and the command, row by row.
+ * -> 1 where the tick begins in a kink, else 0, and `effort_slopes` (state, command, state after the tick, its derivatives row
+ * by row) -> derivatives of the torques on the joints.
  */
 
 #include "sim.c"
@@ -21,19 +21,6 @@ void slope_carry_ticks(const scene_t* scene, const tangents_t* tangents, const a
 #endif
 
 enum { VARIED = NX + NU + NT };
-
-/* Derivatives of the torques on the joints, from those of the state after the tick. */
-static void find_effort_slopes(const struct library_sim* sim, const double* command, const double* after,
-                               const double* of_state, double* of_effort) {
-  double by_after[NU][NX], by_state[NU][NX], by_command[NU][NU];
-  CALL(effort_slopes, (sim->x, command, after), (by_after[0], by_state[0], by_command[0]));
-  for (int i = 0; i < NU; ++i)
-    for (int j = 0; j < VARIED; ++j) {
-      double sum = j < NX ? by_state[i][j] : j < NX + NU ? by_command[i][j - NX] : 0.0;
-      for (int k = 0; k < NX; ++k) sum += by_after[i][k] * of_state[k * VARIED + j];
-      of_effort[i * VARIED + j] = sum;
-    }
-}
 
 int library_sim_sensitivities(const library_sim* sim, const double* command, double* of_state, double* of_effort) {
   double unit[VARIED][VARIED], slopes[NX * VARIED], after[NX], kink;
@@ -53,7 +40,7 @@ int library_sim_sensitivities(const library_sim* sim, const double* command, dou
   slope_carry_ticks(scene, &slope_own_tangents, &arms, 0, 1, &columns);
   if (*met) return LIBRARY_NO_DERIVATIVE;
   for (int i = 0; i < NX * VARIED && of_state; ++i) of_state[i] = slopes[i];
-  if (of_effort) find_effort_slopes(sim, command, after, slopes, of_effort);
+  if (of_effort) CALL(effort_slopes, (sim->x, command, after, slopes), (of_effort));
   return LIBRARY_OK;
 }
 
