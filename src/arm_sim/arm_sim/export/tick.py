@@ -135,7 +135,6 @@ def _defines(simulator: Simulator) -> str:
         "AT_STOP": repr(ROUNDED),
         **({"LOOPS": str(project.size1_in(2))} if project else {}),
         **({"DRIVEN": "1"} if plant.torques else {}),
-        "KINKED": "1",
     }
     return "\n".join(f"#define {name} {value}" for name, value in values.items())
 

@@ -10,16 +10,6 @@
 #include "sim.c"
 #include "linearize.h"
 
-#ifndef KINKED /* read alone, as editors do */
-#include "derivatives/tangents.h"
-#include "lanes/lanes.h"
-#define slope_arms_t arms_t
-#define slope_columns_t columns_t
-static const tangents_t slope_own_tangents;
-void slope_carry_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first, long long last,
-                       const columns_t* to);
-#endif
-
 enum { VARIED = NX + NU + NT };
 
 int library_sim_sensitivities(const library_sim* sim, const double* command, double* of_state, double* of_effort) {
