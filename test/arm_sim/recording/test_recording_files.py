@@ -21,7 +21,7 @@ from arm_sim.recording.files import new_file, where
 from arm_sim.recording.files.bags import _append
 from arm_sim.recording.files.container import FileContents
 from arm_sim.recording.files.messages import JointStateWriter
-from arm_sim.runtime_changes import external_change
+from arm_sim.simulation.runtime_changes import external_change
 
 ROWS = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
 KINDS = ("run.mcap", "run")

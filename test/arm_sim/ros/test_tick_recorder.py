@@ -26,8 +26,8 @@ from arm_sim import Recording, Simulator
 from arm_sim.replay import replay
 from arm_sim.ros.record.chunks import COUNT, SIZE
 from arm_sim.ros.record.ticks import TickRecorder
-from arm_sim.runtime_changes import payload_change
 from arm_sim.servo import JointCommand
+from arm_sim.simulation.runtime_changes import payload_change
 
 
 @pytest.mark.parametrize("options", [{}, {"tolerance": 1e-8}], ids=["fixed", "error control"])

@@ -15,12 +15,12 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import ROUNDED
 from arm_sim.derivatives.tangents import Tangents
 from arm_sim.export.amalgamated import ELSEWHERE, amalgamated, of_files
-from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes, kinked
+from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping.engine import braces, scene_source, sizes
 from arm_sim.stepping.rollout import Engine
 from arm_sim.stepping.stepper import tick_functions
@@ -84,7 +84,7 @@ def tick_of(
         sizes(plant, choice, functions, members), f"#define EVENTS {int(plant.eventful)}",
         "#define EXPORTED static",
         scene_source(plant, choice, functions, smooth, "static const", members),
-        '#include "motion/tick.h"\n',
+        '#include "arm/tick.h"\n',
     ])  # fmt: skip
     engine = amalgamated(engine, done)
     more = [f for f in (plant.mechanics.project, plant.torques) if f is not None]
@@ -93,7 +93,7 @@ def tick_of(
         more.append(servo_law(plant, choice.dt))
         headers, sources = [*headers, "servo.h"], [*sources, "servo.c"]
     if slopes:
-        more += [kinked(plant), effort_slopes(plant, len(numbers))]
+        more.append(effort_slopes(plant, len(numbers)))
         of_ticks = derivatives_of_ticks(slopes, done)
         headers, sources = [*headers, "linearize.h"], [*sources, "linearize.c"]
     door = of_files(sources, done | {*headers})

@@ -16,15 +16,13 @@
 #define NT 1
 #define SZ_W 256
 #include "derivatives/tangents.h"
-#include "lanes/lanes.h"
+#include "modes/prediction.h"
 
 static const scene_t own_scene;
-#define slope_arms_t arms_t
-#define slope_columns_t columns_t
 static const tangents_t slope_own_tangents;
-void slope_carry_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first, long long last,
-                       const columns_t* to);
-equation_t project, torques, acting_torques, servo, kinked, effort_slopes;
+int slope_differentiate_tick(const scene_t* scene, const tangents_t* tangents, const engine_t* engine, const double* x,
+                             const double* r, const double* p, double h, double* after, double* slopes);
+equation_t project, torques, acting_torques, servo, effort_slopes;
 
 #define PERIOD 1e-3
 #define NZ 1

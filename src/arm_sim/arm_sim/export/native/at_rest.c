@@ -9,7 +9,7 @@
 #ifndef TUNABLE /* read alone, as editors do */
 #include "alone.h"
 #endif
-#include "events/modes.h"
+#include "modes/modes.h"
 
 static int is_resting(const double* v) {
   const scene_t* scene = &own_scene;

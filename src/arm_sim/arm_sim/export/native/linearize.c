@@ -2,9 +2,8 @@
  *
  * Derivatives of the tick of an exported library. `library` stands for the library's name.
  *
- * Required definitions: sim.c, tangent_ticks.c, all of whose names begin with slope_, and the generated `kinked` (state, command)
- * -> 1 where the tick begins in a kink, else 0, and `effort_slopes` (state, command, state after the tick, its derivatives row
- * by row) -> derivatives of the torques on the joints.
+ * Required definitions: sim.c, tick_derivative.c, all of whose names begin with slope_, and the generated `effort_slopes` (state,
+ * command, state after the tick, its derivatives row by row) -> derivatives of the torques on the joints, row by row.
  */
 
 #include "sim.c"
@@ -13,22 +12,15 @@
 enum { VARIED = NX + NU + NT };
 
 int library_sim_sensitivities(const library_sim* sim, const double* command, double* of_state, double* of_effort) {
-  double unit[VARIED][VARIED], slopes[NX * VARIED], after[NX], kink;
-  int8_t marks[2] = {0}, *met = marks + 1; /* the one before: not halted */
-  if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  CALL(kinked, (sim->x, command), (&kink));
-  if (kink != 0.0) return LIBRARY_NO_DERIVATIVE;
-  for (int i = 0; i < VARIED; ++i)
-    for (int j = 0; j < VARIED; ++j) unit[i][j] = i == j;
-  long long done;
-  slope_arms_t arms = {sim->x, command, sim->p, 0, 0, 0, PERIOD, 1, met, NULL};
-  const slope_columns_t columns = {unit[0], unit[NX], slopes, 0, 0, 0, 0, 0, VARIED, 1, EVENTS, &done, after};
+  double slopes[NX * VARIED], after[NX];
+  const engine_t* engine = NULL;
 #if EVENTS
-  const engine_t engine = {scene, predict, predicted_tick, event_free_tick};
-  arms.engine = &engine;
+  static const engine_t own = {&own_scene, predict, predicted_tick, event_free_tick};
+  engine = &own;
 #endif
-  slope_carry_ticks(scene, &slope_own_tangents, &arms, 0, 1, &columns);
-  if (*met) return LIBRARY_NO_DERIVATIVE;
+  if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
+  if (!slope_differentiate_tick(scene, &slope_own_tangents, engine, sim->x, command, sim->p, PERIOD, after, slopes))
+    return LIBRARY_NO_DERIVATIVE;
   for (int i = 0; i < NX * VARIED && of_state; ++i) of_state[i] = slopes[i];
   if (of_effort) CALL(effort_slopes, (sim->x, command, after, slopes), (of_effort));
   return LIBRARY_OK;

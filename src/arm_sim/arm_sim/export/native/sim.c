@@ -13,7 +13,7 @@
 #include "alone.h"
 #endif
 #include "library.h"
-#include "motion/tick.h"
+#include "arm/tick.h"
 
 /* The scene of this library. */
 static const scene_t* const scene = &own_scene;
