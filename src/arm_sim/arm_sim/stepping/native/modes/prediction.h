@@ -9,8 +9,6 @@
 #pragma once
 #include "scene.h"
 
-#define MC (3 * NC)
-
 /* Numbers of modes after the tunable ones; of loads, and of those without rates and slopes; of geometry; of inertia. */
 #define MODES (ND + NQ + NK + 5 * NC)
 #define P_LENGTH (NP + MODES)

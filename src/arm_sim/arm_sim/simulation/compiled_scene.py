@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from arm_dynamics import ArmModel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_sim.integrators.selection import Choice
-from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.witness import Witness
+from arm_sim.simulation.plan import Plan
 from arm_sim.stepping.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
 from arm_sim.stepping.trial import keeps_accuracy

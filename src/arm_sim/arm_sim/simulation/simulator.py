@@ -7,7 +7,7 @@ import logging
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import MethodType
 from typing import TYPE_CHECKING, Any, Concatenate, NoReturn
@@ -25,13 +25,11 @@ from arm_dynamics.exceptions import choices, not_copied
 from arm_dynamics.scene.constraint import label, switchable
 from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.trajectory.reference import Motion
-from arm_sim.compiled_scene import CompiledScene
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import delivered
 from arm_sim.inputs import answers, function_of_state, named, tick_count, torque, torque_table
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.long_runs import Progress
-from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed, placed, warn_of_degrees, warn_of_speeds
 from arm_sim.plant.plant import Plant
@@ -39,11 +37,13 @@ from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control as Again
 from arm_sim.servo import JointCommand
 from arm_sim.servo.stability import danger
-from arm_sim.simulated_arm import SimulatedArm
+from arm_sim.simulation.compiled_scene import CompiledScene
+from arm_sim.simulation.plan import Plan
+from arm_sim.simulation.simulated_arm import SimulatedArm
+from arm_sim.simulation.trace import Trace
 from arm_sim.state import State
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.trace import Trace
 
 if TYPE_CHECKING:
     from arm_dynamics.control.wrappers import AnyController
@@ -70,6 +70,7 @@ class _Derivative[**P, R]:
         return made if simulator is None else MethodType(made, simulator.arm.compiled.derivatives)
 
 
+@cache
 def _derivatives() -> type[Derivatives]:
     from arm_sim.derivatives import Derivatives
 

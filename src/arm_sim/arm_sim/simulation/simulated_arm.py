@@ -14,7 +14,6 @@ from arm_dynamics.actuation import StateKind
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.scene import Scene
-from arm_sim.compiled_scene import CompiledScene
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import Line, command_line, sensors_of
 from arm_sim.inputs import SaturationNotice, row, torque, whole
@@ -23,10 +22,11 @@ from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import BRAKES, FREE, SERVOS
 from arm_sim.recording.origin import Origin
 from arm_sim.servo import JointCommand
+from arm_sim.simulation.compiled_scene import CompiledScene
 from arm_sim.state import State, read_only_view
+from arm_sim.stepping.arm import Arm
 from arm_sim.stepping.contact_forces import trouble
 from arm_sim.stepping.python_step import PythonStep, python_step
-from arm_sim.stepping.roll import Roll
 from arm_sim.stepping.stepper import Stepper
 
 _put = object.__setattr__  # of what others cannot set
@@ -80,7 +80,7 @@ class SimulatedArm:
         self._put = Struct(f"{self.n}d").pack_into
         self.x, self.acted = read_only_view(self._x), read_only_view(self._effort[0])
         self.notes, self.compiled = read_only_view(self._notes[0]), compiled
-        self.pointers: Roll | None = None
+        self.pointers: Arm | None = None
         self._saturation = SaturationNotice(model)
         self.sensors = sensors_of(model.scene, self.joint_names, self.dt)
         self.line: Line[list[float] | JointCommand] | None = command_line(model.scene, self.dt)
@@ -88,10 +88,10 @@ class SimulatedArm:
 
     def _bind(self, compiled: CompiledScene) -> None:
         self._stepper = compiled.stepper
-        arrays = self._command, self._x[None].copy(), self._effort, self._notes
-        self._tick = self._stepper.bound(self._x, *arrays)
+        arrays = self._x, self._command, self._effort[0], self._notes[0]
+        self._tick, arm = self._stepper.bound(*arrays)
         _put(self, "compiled", compiled)
-        _put(self, "pointers", Roll.of(self._tick))
+        _put(self, "pointers", arm)
         self._step: PythonStep | None = None  # compiled when it is first used
 
     @property
@@ -158,7 +158,7 @@ class SimulatedArm:
     def step(self, tau: object) -> State:
         """Advance by a tick under a command as for ``Simulator.step``, checked and delayed."""
         if (step := self._step) is None:
-            step = self._step = python_step(self._tick, self.n, self.plant.nz)
+            step = self._step = python_step(self.pointers, self.n, self.plant.nz)
         try:
             state = step(tau, self._now.step_count) if self.line is None else None
         except BaseException:
@@ -254,13 +254,13 @@ class SimulatedArm:
     def roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array
     ) -> int:
-        """Advance by ticks of a stepper in one call, see ``Stepper.bound``.
+        """Advance by ticks of a stepper in one call, see ``Stepper.ticks``.
 
         If a signal breaks it off, what was done is registered.
         """
         start, done = self._x.copy(), -1
         try:
-            done = stepper.bound(self._x, command, trace, effort, notes)()
+            done = stepper.ticks(self._x, command, trace, effort, notes)()
         finally:
             if done < 0:  # the handler of a signal raised an exception when they were made
                 same = np.flatnonzero((trace == self._x).all(axis=1))

@@ -26,7 +26,7 @@ from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
 from arm_sim.plant.placing import warn_of_degrees
 from arm_sim.recording.recording import Recording
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
 
 _SETTINGS = {item.name for item in fields(Settings)}

@@ -12,7 +12,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_sim.recording.energy_account import EnergyAccount, relative_error
-from arm_sim.simulated_arm import SimulatedArm
+from arm_sim.simulation.simulated_arm import SimulatedArm
 
 
 class Account(NamedTuple):

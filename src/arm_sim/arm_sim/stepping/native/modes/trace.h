@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "lanes/prediction.h"
+#include "modes/prediction.h"
 
 /* Entries of p for a contact, as numbers for the generated functions. Python: ContactMode; equations/contact.py: Mode. */
 typedef struct {
@@ -27,6 +27,11 @@ static modes_t modes_of(const scene_t* scene, real* p) {
   modes_t modes = {p, p + NP, p + NP + ND, p + NP + ND + NQ, (contact_mode_t*)(p + NP + ND + NQ + NK)};
   return modes;
 }
+
+/* Declare modes that begin as others. */
+#define LOCAL_MODES(name, like) \
+  LOCAL(modes_t, name, modes_of, P_LENGTH); \
+  copy(name.tunable, (like).tunable, P_LENGTH)
 
 /* A segment of a tick, for derivatives. */
 typedef struct {

@@ -16,7 +16,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene.schema import validated
 from arm_sim.inputs import row
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 
 Change = Callable[[], None]
 """Applies a prepared change: fast, to be called between two ticks."""

@@ -18,7 +18,7 @@ from arm_sim.recording.contents import FREE
 from arm_sim.recording.physics import Physics
 from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control
-from arm_sim.simulated_arm import SimulatedArm
+from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.state import read_only_view
 from arm_sim.stepping.stepper import Stepper
 

@@ -10,7 +10,7 @@
  */
 
 #pragma once
-#include "events/modes.h"
+#include "modes/modes.h"
 
 #define REBOUND_HALVINGS 60 /* bisections to find the largest rebound that adds no energy */
 #define IMPACT_PIVOTS (3 * NU + (1 << (NU < 12 ? NU : 12))) /* changes of the stops that take part in an impact ... */

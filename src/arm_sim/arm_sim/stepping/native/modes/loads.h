@@ -4,7 +4,7 @@
  */
 
 #pragma once
-#include "lanes/prediction.h"
+#include "modes/prediction.h"
 
 /* The numbers of loads_t: all results but the torques of stops. */
 static void loads_at(const scene_t* scene, const real* x, const real* u, const real* p, real* found) {

@@ -9,7 +9,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
 from arm_sim.recording.recording import Recording
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping.contact_forces import contact_forces
 
 
