@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from arm_dynamics import ArmModel, load_scene
 from arm_sim import Recording, Simulator
 from benchmarks.stress import judge, scenes, survey
-from benchmarks.stress.cli import main
 from benchmarks.stress.holding import Held, measured, summary
 from benchmarks.stress.judge import (
     CRASHED,
@@ -170,8 +168,3 @@ def test_report(tmp_path: Path) -> None:
     assert "Held(family='body', seed=3" in summary(held) and summary(held) in text
     assert len(json.loads((tmp_path / "stability.json").read_text())["runs"]) == 10
     assert (tmp_path / "figures/stability.png").stat().st_size > 10_000
-
-
-def test_help_shows_examples() -> None:
-    shown = CliRunner().invoke(main, ["--help"])
-    assert shown.exit_code == 0 and "./arm stress --quick" in shown.output
