@@ -163,8 +163,11 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("springs", model.springs, _springs(model), "none"),
         _part("viscous friction", viscous.any(), _at(viscous), "no coefficient", "friction" in p),
         _part(
-            "dry friction", dry.any(), f"{_at(dry)}, solved by events",
-            "no Coulomb friction given", "coulomb" in p,
+            "dry friction",
+            dry.any(),
+            f"{_at(dry)}, solved by events",
+            "no Coulomb friction given",
+            "coulomb" in p,
         ),  # fmt: skip
         _part("contact", contacts, f"{contacts}, solved by events", "no point touches a plane"),
         *(_law_part(kind, plant.laws.laws) for kind in FRICTION),
