@@ -16,15 +16,11 @@ from arm_sim.servo import JointCommand
 
 BRAKE, SERVO, ZERO, HOLD, GRAVITY = "brake", "servo", "zero", "hold", "gravity"
 POLICIES = (BRAKE, SERVO, ZERO, HOLD, GRAVITY)
-_IN_FORCE = {
-    BRAKE: "brakes engaged", SERVO: "servos stop the arm", ZERO: "no effort",
-    HOLD: "last command held", GRAVITY: "gravity compensated",
-}  # fmt: skip
 
 
 def in_force(policy: str) -> str:
-    """What a policy does without commands, for messages."""
-    return f"{_IN_FORCE[policy]} (stale_policy: {policy})"
+    """What holds the arm without commands, for messages."""
+    return f"{'brakes engaged' if policy == BRAKE else 'fallback'} (stale_policy: {policy})"
 
 
 class Stop(Enum):

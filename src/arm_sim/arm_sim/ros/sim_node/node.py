@@ -187,10 +187,8 @@ class SimNode(Node):
 
     def _report_staleness(self) -> None:
         if self.engine.commands.stale:
-            self.get_logger().warning(
-                f"no command for {self.params.command_timeout:g} s: "
-                + in_force(self.params.stale_policy)
-            )
+            after, policy = self.params.command_timeout, in_force(self.params.stale_policy)
+            self.get_logger().warning(f"no command for {after:g} s: {policy}")
         else:
             self.get_logger().info("commands have resumed")
 
