@@ -23,12 +23,12 @@ Results = dict[str, Any]
 
 
 def write(results: Results, out: Path, docs: Path | None) -> Path:
-    """Write accuracy.json, accuracy.md and the figure; page and figure also into ``docs``."""
+    """Write accuracy.json, accuracy.md and the figure; the figure also into ``docs``."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "accuracy.json").write_text(json.dumps(results, indent=1) + "\n")
     for folder in [out] if docs is None else [out, docs]:
         draw(results, folder / "figures/accuracy.png")
-        (folder / "accuracy.md").write_text(page(results))
+    (out / "accuracy.md").write_text(page(results))
     return out / "accuracy.md"
 
 
