@@ -34,9 +34,9 @@ class Source:
 
     def take(self) -> tuple[int, Read] | None:
         """Arrival and content of the next message, if there is one."""
-        if (outcome := self._reader.take()) == NONE:
+        if self._reader.take() == NONE:
             return None
-        return self._reader.arrival, self._reader.taken(outcome)
+        return self._reader.arrival, self._reader.read(self._reader.raw)
 
     def close(self) -> None:
         """End the subscription."""

@@ -19,7 +19,7 @@ from arm_dynamics.exceptions import plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
-from arm_dynamics.ros.joint_state import FAILED, JointStateReader, Numbers, Read
+from arm_dynamics.ros.joint_state import FAILED, JointStateReader, Numbers
 from arm_sim.inputs import clipped
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
@@ -115,23 +115,14 @@ class Inputs:
         Returns whether no newer one is expected: after the answer to the newest state none is,
         unless there are other sources. A read without result takes as long as one with a message.
         """
-        ticks, arrival = self._engine.ticks, 0
-
-        def read() -> Read:
-            nonlocal arrival
-            if ticks.outcome == FAILED:
-                if (taken := self._again()) is None:
-                    raise InvalidInput("a message was lost")
-                raw, arrival = taken
-                self._show(JOINT_COMMANDS, raw)
-                return self.reader.read(raw)
-            self._show(JOINT_COMMANDS, self.reader.raw)
-            arrival = self.reader.arrival
-            return self.reader.taken(ticks.outcome)
-
-        stamp = self._accepted(read)
+        ticks, reader = self._engine.ticks, self.reader
+        taken = self._again() if ticks.outcome == FAILED else (reader.raw, reader.arrival)
+        if taken is None:
+            self._refuse(InvalidInput("a message was lost"))
+            return False
+        stamp = self.on_joint_commands(*taken)
         ticks.stamp = -1 if stamp is None else stamp
-        answers = stamp is not None and self.round_trip.answered(stamp, arrival)
+        answers = bool(stamp) and stamp == self.round_trip.newest
         return answers and self._engine.arbiter.alone
 
     def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
@@ -140,9 +131,7 @@ class Inputs:
         Returns:
             Its stamp in [ns], or None if it was refused.
         """
-        self._show(JOINT_COMMANDS, raw)
-        stamp = self._accepted(lambda: self.reader.read(raw))
-        if stamp is not None:
+        if (stamp := self._accepted(raw)) is not None:
             self.round_trip.answered(stamp, arrival)
         return stamp
 
@@ -150,12 +139,13 @@ class Inputs:
         if self.tap is not None:
             self.tap(topic, message)
 
-    def _accepted(self, read: Callable[[], Read]) -> int | None:
+    def _accepted(self, raw: bytes) -> int | None:
         """Make the content of a JointState the newest command; return its stamp unless refused."""
         slot = self._engine.commands
+        self._show(JOINT_COMMANDS, raw)
         try:
             self._catch_up()
-            stamp, numbers = read()
+            stamp, numbers = self.reader.read(raw)
             if self.rivals is not None:
                 self.rivals.check(stamp)
             if slot.empty:

@@ -29,8 +29,8 @@ from arm_dynamics.scene.urdf.joint_names import AGREES, Follower, JointNames
 Numbers = tuple[float, ...]
 Read = tuple[int, list[Numbers]]  # stamp in [ns], and n numbers for each of the fields
 
-_OUTCOMES = ("NONE", "KNOWN", "BEYOND", "OTHER", "FAILED")
-NONE, KNOWN, BEYOND, OTHER, FAILED = (HEADER.constants[name] for name in _OUTCOMES)
+_OUTCOMES = ("NONE", "KNOWN", "BEYOND", "FAILED")
+NONE, KNOWN, BEYOND, FAILED = (HEADER.constants[name] for name in _OUTCOMES)
 _KINDS = HEADER.constants["KINDS"]
 _FOLLOWER = np.dtype(HEADER.structure("follower_t"))
 
@@ -157,10 +157,6 @@ class JointStateReader:
     def arrival(self) -> int:
         """System time in [ns] at which it arrived."""
         return int(self._unpack(self._found)[1])
-
-    def taken(self, outcome: int) -> Read:
-        """Read the message that was received last, after ``take`` with that outcome."""
-        return self._learn(self.raw) if outcome == OTHER else self._accepted(outcome)
 
     def _accepted(self, outcome: int) -> Read:
         """The values that C has read with that outcome, if admitted."""
