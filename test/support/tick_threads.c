@@ -76,14 +76,12 @@ rcl_ret_t rcl_publish_serialized_message(const rcl_publisher_t* p, const rcl_ser
 }
 
 /* One tick of an arm that moves by its command. */
-static long long drive(const void* scene, double* q, const double* u, long long stride, const double* p, double h,
-                       long long ticks, double* trace, double* effort, double* notes, void* control, void* report) {
-  (void)scene, (void)stride, (void)p, (void)h, (void)trace, (void)notes, (void)control, (void)report;
+static int drive(arm_t* arm) {
   for (int i = 0; i < JOINTS; ++i) {
-    q[i] += u[i];
-    effort[i] = u[i];
+    arm->x[i] += arm->command[i];
+    arm->acted[i] = arm->command[i];
   }
-  return ticks;
+  return 1;
 }
 
 static int64_t is_over(void) { return __atomic_load_n(&ended, __ATOMIC_RELAXED); }
@@ -249,13 +247,13 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   const uint8_t* numbers = (uint8_t*)x;
   sink_t state = {
       .raw = state_raw, .size = MESSAGE, .fields = 1, .joints = JOINTS, .at = {HEAD}, .numbers = {numbers}};
-  step_t step = {.roll = drive, .x = x, .command = next_command, .dt = 1e-3, .ticks = 1, .effort = acted};
+  arm_t arm = {.tick = drive, .x = x, .command = next_command, .dt = 1e-3, .acted = acted};
   tick_t copy = {
       .raw = tick_raw, .size = MESSAGE, .stamp = 0, .hold = 8, .at = {HEAD}, .numbers = {numbers, numbers, numbers},
       .sizes = {8 * JOINTS}, .tick = 1, .state = 2};
   ticks_t ticks = {
       .ask = answer, .bell = &bell, .take = take, .source = &from, .reader = &reader, .at_once = 2, .leads = {1},
-      .arbiter = &arbiter, .slot = &slot, .step = &step, .x = x, .effort = acted,
+      .arbiter = &arbiter, .slot = &slot, .arm = &arm, .x = x, .effort = acted,
       .dt = 1e-3, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100,
       .joint_states = &state, .trail = kept_states, .acted = kept_efforts, .ticks = kept_ticks, .room = ROWS, .trip = &trip,
       .copy = &copy, .commands = 3};

@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.background import Background
-from arm_sim.compiled_scene import EXTERNAL
-from arm_sim.energy_meter import Account, EnergyMeter
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
@@ -25,9 +23,11 @@ from arm_sim.ros.commands.stopping import Servos, Stopping
 from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.ros.ticks import Ticks
-from arm_sim.runtime_changes import external_change
 from arm_sim.servo import JointCommand
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.compiled_scene import EXTERNAL
+from arm_sim.simulation.energy_meter import Account, EnergyMeter
+from arm_sim.simulation.runtime_changes import external_change
+from arm_sim.simulation.simulator import Simulator
 
 MAX_STEPS = 10_000  # of one call
 ROWS = 8192  # ticks stored for the energy account
@@ -125,7 +125,7 @@ class TickEngine:
 
     def _refresh(self) -> None:
         arm, ticks, stopping = self._arm, self.ticks, self.stopping
-        ticks.step = None if arm.pointers is None else addressof(arm.pointers)
+        ticks.arm = None if arm.pointers is None else addressof(arm.pointers)
         ticks.stopping, ticks.locked = stopping.acts, stopping.locked
         ticks.notices, ticks.senses = arm.notices_cuts, arm.sensors is not None
         ticks.prepares = self._pushed or self.commands.line is not None

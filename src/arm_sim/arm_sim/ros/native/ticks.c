@@ -83,24 +83,19 @@ void read_commands(ticks_t* t) {
 
 /* --- the arm --------------------------------------------------------------------------------------------------------- */
 
-/* A tick under the efforts of the newest command, or under none; 0: it cannot be computed. */
-static int roll_once(ticks_t* t) {
-  const step_t* s = t->step;
-  if (t->acts == EFFORTS) memcpy(s->command, t->slot->efforts, 8 * t->joints);
-  else memset(s->command, 0, 8 * t->joints);
-  return s->roll(s->scene, s->x, s->command, s->stride, s->p, s->dt, 1, s->trace, s->effort, s->notes, s->control, s->report)
-         == 1;
-}
-
 /* A tick under what acts; 0: it cannot be computed. */
 static int64_t move(ticks_t* t, int64_t acts) {
-  const int braked = acts == BRAKE && t->locked, is_free = t->step && !t->stopping && (acts == EFFORTS || acts == ZERO);
+  const int braked = acts == BRAKE && t->locked, is_free = t->arm && !t->stopping && (acts == EFFORTS || acts == ZERO);
   t->acts = acts;
   if (!braked && !is_free) return ask(t, MOVE);
-  if (is_free && !roll_once(t)) return 0;
+  if (is_free) {
+    if (acts == EFFORTS) memcpy(t->arm->command, t->slot->efforts, 8 * t->joints);
+    else memset(t->arm->command, 0, 8 * t->joints);
+    if (!t->arm->tick(t->arm)) return 0;
+  }
   ++t->step_count;
   t->hold = braked;
-  if (t->senses || (t->notices && is_free && memcmp(t->step->command, t->effort, 8 * t->joints))) ask(t, SENSE);
+  if (t->senses || (t->notices && is_free && memcmp(t->arm->command, t->effort, 8 * t->joints))) ask(t, SENSE);
   return 1;
 }
 

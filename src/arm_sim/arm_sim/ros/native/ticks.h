@@ -4,10 +4,10 @@
  * C cannot do it asks Python for, by one function. Python reads this header, see ticks.py.
  */
 #pragma once
+#include "arm.h"
 #include "joint_state.h"
 #include "loop.h"
 #include "record.h"
-#include "step.h"
 
 /* What Python is asked for, in the order of a tick. */
 enum {
@@ -84,7 +84,7 @@ typedef struct {
   int64_t was_stale;
   int64_t prepares; /* whether commands are delayed, or wrenches act */
   /* The arm. */
-  step_t* step; /* NULL: Python advances it */
+  arm_t* arm; /* NULL: Python advances it */
   const double *x, *effort;
   int64_t step_count, hold; /* ticks since the last reset, and what held the arm in the last one */
   double dt;

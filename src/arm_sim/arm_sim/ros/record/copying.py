@@ -8,7 +8,7 @@ from ctypes import Structure, addressof
 from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files.messages import TickWriter
 from arm_sim.ros.node_library import RECORD
-from arm_sim.simulated_arm import SimulatedArm
+from arm_sim.simulation.simulated_arm import SimulatedArm
 
 
 class _Tick(Structure):
