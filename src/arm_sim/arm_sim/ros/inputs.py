@@ -102,8 +102,8 @@ class Inputs:
         """Let C know whose messages it may accept."""
         ticks, leader = self._engine.ticks, self._engine.arbiter.leader
         watched = self.rivals is not None and bool(self.rivals.alarm.words)
-        ticks.guarded = watched or self._engine.commands.line is not None
-        if leader is not None and len(leader[1]) == self._model.n:
+        delayed = self._engine.commands.line is not None
+        if leader is not None and len(leader[1]) == self._model.n and not (watched or delayed):
             whole = self.reader.whole_from(leader[0])
             ticks.leads[: len(whole)] = whole
         else:

@@ -50,8 +50,7 @@ class Lockstep:
         self._glance = 0.5 * params.lockstep_retry
         self.asked_again = 0
         self.gone = False
-        self._waiting = Waiting(soon=_SOON)
-        library().await_answer(byref(self._waiting), -1)
+        self._waiting = Waiting(soon=_SOON, stamp=-1)
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
         inputs.read_from(self._subscription.handle.pointer, self._take)
         steady_timer(node, self._glance, self.look)
@@ -89,8 +88,8 @@ class Lockstep:
 
     def wait(self) -> None:
         """Wait for the answer to the state published last, or for nothing while paused."""
-        stamp = -1 if self._engine.paused else self._engine.stamp
-        library().await_answer(byref(self._waiting), stamp)
+        self._waiting.stamp = -1 if self._engine.paused else self._engine.stamp
+        self._waiting.asked = self._waiting.first = time.monotonic_ns()
 
     def look(self) -> None:
         """Publish the state again, or report the partner gone, when it is time."""

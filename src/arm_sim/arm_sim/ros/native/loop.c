@@ -126,11 +126,6 @@ void await_tick(due_t* d) {
   begin_tick(d, now);
 }
 
-void await_answer(waiting_t* w, int64_t stamp) {
-  w->stamp = stamp;
-  w->asked = w->first = time_of(CLOCK_MONOTONIC);
-}
-
 int64_t is_remembered(const stream_t* s, double now, int64_t patience) { return now - s->heard <= patience; }
 
 void hear(stream_t* s, double now, int64_t patience) {

@@ -104,9 +104,6 @@ typedef struct {
   int64_t end;          /* when other callbacks get their turn */
 } waiting_t;
 
-/* The state of this stamp has been published. */
-QUICK void await_answer(waiting_t* w, int64_t stamp);
-
 /* --- commands: arbiter.Arbiter, latest.LatestCommand; times and ages are in ticks --------------------------------- */
 
 /* A source of commands: time of the last command, and number of commands without a silence. */

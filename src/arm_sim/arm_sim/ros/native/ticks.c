@@ -45,7 +45,7 @@ static int has_space(ticks_t* t, int64_t size) {
 /* Whether the command that was read last need not be seen by Python, which has admitted its source. */
 static int is_admitted(ticks_t* t, int64_t outcome) {
   int64_t kind;
-  if (outcome != KNOWN || !t->arbiter->only || t->guarded) return 0;
+  if (outcome != KNOWN) return 0;
   memcpy(&kind, t->reader->found + 16, 8);
   if (!t->leads[kind]) return 0;
   return !t->copy || (t->reader->length <= ROOMY && has_space(t, ROOMY + 31));
@@ -195,14 +195,13 @@ void in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp) {
   t->share = 1.0;
   t->stamp = stamp;
   do {
-    if (t->stamp < 0) continue;
-    if (t->stamp != w->stamp) {
-      ++w->ignored;
-      continue;
-    }
+    const int64_t answers = t->stamp >= 0 && t->stamp == w->stamp;
+    w->ignored += !answers && t->stamp >= 0;
+    if (!answers) continue;
     do tick(t);
     while (!t->paused && !t->broken && t->step_count % t->every);
-    await_answer(w, t->paused ? -1 : simulated_time(t));
+    w->stamp = t->paused ? -1 : simulated_time(t);
+    w->asked = w->first = time_of(CLOCK_MONOTONIC);
   } while (w->stamp >= 0 && next_answer(t, w));
 }
 

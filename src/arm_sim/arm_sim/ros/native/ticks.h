@@ -70,14 +70,13 @@ typedef struct {
   int64_t broken;        /* nonzero: return to Python, as it has raised an exception, or a tick cannot be computed */
   int64_t paused, waits; /* whether time stands still, and whether it waits for the first command */
   double share;          /* part of a tick by which the next one makes commands older */
-  /* Commands: their source, and the kinds of messages whose source commands all joints alone, which Python has admitted.
+  /* Commands: their source, and the kinds of messages that Python need not see: their source commands all joints, alone.
    * Of a message that Python must process, the outcome of reading it; of the last one, the stamp, -1: it was refused. */
   take_t take;
   source_t* source;
   joint_state_t* reader;
   int64_t at_once; /* largest number of messages that are read before a tick */
   int64_t leads[KINDS];
-  int64_t guarded; /* whether Python must look at every message */
   int64_t outcome, stamp;
   arbiter_t* arbiter;
   slot_t* slot;
