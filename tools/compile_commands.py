@@ -5,8 +5,8 @@
     ./arm python tools/compile_commands.py --check    # compile each file by itself, write nothing
 
 Every file under ``native/`` is a unit or a header: it is understood by itself. Before those of an
-export, a file of ``test/support/exported`` is read, which stands for what a library defines. The exit
-status of ``--check`` is 1 if the compiler refuses a file or warns.
+export, a file of ``test/support/exported`` stands for what a library defines. The exit status of
+``--check`` is 1 if the compiler refuses a file or warns.
 """
 
 from __future__ import annotations

@@ -18,6 +18,12 @@ BRAKE, SERVO, ZERO, HOLD, GRAVITY = "brake", "servo", "zero", "hold", "gravity"
 POLICIES = (BRAKE, SERVO, ZERO, HOLD, GRAVITY)
 EFFORTS, JOINTS = TICKS.constants["EFFORTS"], TICKS.constants["JOINTS"]
 
+
+def in_force(policy: str) -> str:
+    """What holds the arm without commands, for messages."""
+    return f"{'brakes engaged' if policy == BRAKE else 'fallback'} (stale_policy: {policy})"
+
+
 type Command = Sequence[float] | JointCommand
 """Efforts of n joints, or a command for each joint."""
 
