@@ -54,6 +54,7 @@ SAYS = {
         "long_runs": "Ctrl-C, memory",
     },
     "arm_dynamics": {
+        "terms": "the table of terms, what follows from it",
         "client": "services of running nodes as functions",
         "ros": "dynamics and controller nodes; what all nodes share",
         "control": "torque(state, reference); wrappers; by name",

@@ -68,7 +68,6 @@ def pinocchio_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     def refused(*_: object) -> None:
         raise AssertionError("asked of Pinocchio")
 
-    monkeypatch.setattr(Dynamics, "_by_code", refused)
     monkeypatch.setattr("arm_dynamics.dynamics.dynamics.vectors", refused)
     yield
 

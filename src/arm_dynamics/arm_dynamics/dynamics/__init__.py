@@ -6,7 +6,7 @@ Pinocchio computes single points; large batches run as generated code that is ve
 
 from arm_dynamics.dynamics.constrained import Constrained
 from arm_dynamics.dynamics.dynamics import Dynamics, Term
-from arm_dynamics.dynamics.rigid import MANY
-from arm_dynamics.dynamics.verify import check_constrained, check_forward
+from arm_dynamics.terms.answers import MANY
+from arm_dynamics.terms.verify import check_constrained, check_forward
 
 __all__ = ["Constrained", "Dynamics", "MANY", "Term", "check_constrained", "check_forward"]
