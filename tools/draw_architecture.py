@@ -70,12 +70,10 @@ SAYS = {
         "attributes": "what may be set of an object",
         "writing": "files that replace others",
         "cdr": "messages as bytes",
-        "exceptions": "ArmError and its kinds",
-        "lazy": "imports at first use",
-        "logs": "who hears them",
-        "starting": "Ctrl-C during imports",
+        "exceptions": "ArmError and its kinds", "lazy": "imports at first use",
+        "logs": "who hears them", "starting": "Ctrl-C during imports",
     },
-}
+}  # fmt: skip
 KNOWS_ROS = {"cli", "ros", "client"}
 
 

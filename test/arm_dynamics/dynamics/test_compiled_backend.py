@@ -18,34 +18,13 @@ from arm_dynamics import Dynamics, Term, load_scene
 from arm_dynamics.codegen import compiler
 from arm_dynamics.dynamics import MANY
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
+from models.asked import CALLS, LAWS
 from models.random_tree import random_tree
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 TERMS = (Term.ALL, Term.INERTIA, Term.CORIOLIS, Term.GRAVITY, Term.INERTIA | Term.GRAVITY, 0)
 ROWS = 20  # compared with single calls
 Call = Callable[[Dynamics, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-CALLS: dict[str, Call] = {
-    "inverse": lambda d, q, v, x: d.inverse(q, v, x), "forward": lambda d, q, v,
-    x: d.forward(q, v, x), "mass_matrix": lambda d, q, v, x: d.mass_matrix(q),
-    "coriolis_matrix": lambda d, q, v, x: d.coriolis_matrix(q, v), "gravity": lambda d, q, v,
-    x: d.gravity(q), "energies": lambda d, q, v, x: np.stack(d.energy(q, v), axis=-1),
-}  # fmt: skip
-CURVE = {"at": [-1.0, 0.0, 2.0], "factor": [1.0, 2.0, 0.5]}
-LAWS = {
-    "viscous": {"friction": {"viscous": {"positive": 0.6, "negative": 0.3}}},
-    "dry": {"friction": {"coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.4}},
-    "dry by position": {"friction": {"coulomb": 0.5, "position": CURVE}},
-    "dry by load": {"friction": {"coulomb": 0.2, "load": {"at": [0, 20], "factor": [1, 2]}}},
-    "bristles": {"friction": {"coulomb": 0.5, "static": 0.6, "viscous": 30.0,
-                              "stribeck_velocity": 0.1,
-                              "lugre": {"sigma0": 1e4, "sigma1": 100}}},
-    "armature": {"armature": 0.4},
-    "geared motor": {"actuator": {"resistance": 1.0, "torque_constant": 0.05, "gear_ratio": 50,
-                                  "rotor_inertia": 5e-5, "efficiency": 0.8}},
-    "flexible gear": {"actuator": {"resistance": 1.0, "torque_constant": 0.05, "gear_ratio": 50,
-                                   "rotor_inertia": 5e-5},
-                      "transmission": {"stiffness": 500.0, "damping": 0.3}},
-}  # fmt: skip
 
 
 def states(dyn: Dynamics, rows: int, rng: np.random.Generator) -> list[np.ndarray]:

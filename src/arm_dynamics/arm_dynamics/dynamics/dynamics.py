@@ -28,25 +28,10 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import check_frame
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
 from arm_dynamics.scene.load import SceneSource
+from arm_dynamics.terms import table
 from arm_dynamics.terms.answers import MANY, Answers
 from arm_dynamics.terms.compiled import calls
-from arm_dynamics.terms.table import (
-    CORIOLIS_MATRIX,
-    ENERGY,
-    FIXED,
-    FORWARD,
-    FRICTION,
-    GRAVITY,
-    INVERSE,
-    JACOBIAN,
-    JACOBIAN_DERIVATIVE,
-    MASS_MATRIX,
-    POSE,
-    SPRING,
-    TERMS,
-    WITHOUT_FRICTION,
-    Entry,
-)
+from arm_dynamics.terms.table import FIXED, FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, Entry
 
 
 class Term(IntFlag):
@@ -77,24 +62,23 @@ def _asked(entry: Entry) -> Callable[..., Array]:
     """The method of an entry."""
     names = "self", *entry.of, *entry.which
     signature = Signature([Parameter(x, Parameter.POSITIONAL_OR_KEYWORD) for x in names])
+    count = len(names) - 1
 
     def plain(self: Dynamics, *given: Any, **named: Any) -> Array:
-        call: PythonCall = self._calls[entry]
-        if (found := call(*given)) is not None:
-            return found
-        if named or len(given) != len(entry.of):
+        if named or len(given) != count:
             given = signature.bind(self, *given, **named).args[1:]
-        return self._answer(entry, given, call=call)
+        call: PythonCall = self._calls[entry]
+        found = call(*given)
+        return self._answer(entry, given, (), call) if found is None else found
 
     def of_frame(self: Dynamics, *given: Any, **named: Any) -> Array:
-        if named or len(given) != len(entry.of) + 1:
+        if named or len(given) != count:
             given = signature.bind(self, *given, **named).args[1:]
         vectors, frame = given[:-1], given[-1]
         of_names: dict[Any, PythonCall] = self._calls[entry]
         call = of_names.get(frame, unanswered) if type(frame) is str else unanswered
-        if (found := call(*vectors)) is not None:
-            return found
-        return self._answer(entry, vectors, (frame,), call)
+        found = call(*vectors)
+        return self._answer(entry, vectors, (frame,), call) if found is None else found
 
     method = of_frame if entry.which else plain
     shape = ", ".join(map(str, entry.shape))
@@ -273,7 +257,7 @@ class Dynamics:
 
         Warns once of angles that are probably degrees, and of an arm without mass.
         """
-        if not self._silent and entry in (INVERSE, GRAVITY):
+        if not self._silent and entry in (INVERSE, table.GRAVITY):
             self._silent = True
             _log.warning("robot '%s': %s", self.model.pin.name, MASSLESS)
         checked = vectors(self.joint_names, **dict(zip(entry.of, given, strict=False)))
@@ -366,14 +350,14 @@ class Dynamics:
 
     def _check_regular(self) -> None:
         if not self._regular:
-            M = self._terms(MASS_MATRIX, some_positions(self.n))
+            M = self._terms(table.MASS_MATRIX, some_positions(self.n))
             check_regular(M, self.joint_names)
             self._regular = True
 
     def _begun(self, q: Array, v: Array, tau: Array) -> Array:
         """Accelerations of points at which joints with dry friction are at rest, shape (k, n)."""
         bias = self._terms(INVERSE, q, v, 0.0 * v, WITHOUT_FRICTION, self._external)
-        none, M = np.zeros((len(q), 0, self.n)), self._terms(MASS_MATRIX, q)
+        none, M = np.zeros((len(q), 0, self.n)), self._terms(table.MASS_MATRIX, q)
         return self._at_rest.motion(Points(q, v, tau, M, bias, none, none[..., 0], 0))[0]
 
     @cached_property
@@ -402,12 +386,12 @@ class Dynamics:
         (q,) = vectors(self.joint_names, q=q)
         return finite_answer(contact_torque(self.model, q, wrench, frame))
 
-    mass_matrix = _asked(MASS_MATRIX)
-    coriolis_matrix = _asked(CORIOLIS_MATRIX)
-    gravity = _asked(GRAVITY)
-    pose = _asked(POSE)
-    jacobian = _asked(JACOBIAN)
-    jacobian_derivative = _asked(JACOBIAN_DERIVATIVE)
+    mass_matrix = _asked(table.MASS_MATRIX)
+    coriolis_matrix = _asked(table.CORIOLIS_MATRIX)
+    gravity = _asked(table.GRAVITY)
+    pose = _asked(table.POSE)
+    jacobian = _asked(table.JACOBIAN)
+    jacobian_derivative = _asked(table.JACOBIAN_DERIVATIVE)
 
     def spring(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Torques S(q, v) that balance springs and their dampers in [N m] or [N], shape of ``q``.
@@ -419,10 +403,10 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
-        call: PythonCall = self._calls[SPRING]
+        call: PythonCall = self._calls[table.SPRING]
         state = q, self._still if v is None else v
         found = call(*state)
-        return self._answer(SPRING, state, (), call) if found is None else found
+        return self._answer(table.SPRING, state, (), call) if found is None else found
 
     def friction(
         self,
@@ -447,11 +431,12 @@ class Dynamics:
         """
         if q is None and self.steady_friction.by_position:
             raise InvalidInput("friction depends on the position in this scene: q is expected")
-        if direction is None and q is None and load is None:
-            call: PythonCall = self._calls[FRICTION]
-            if (found := call(self._still, v)) is not None:
+        if direction is None and load is None:
+            call: PythonCall = self._calls[table.FRICTION]
+            state = self._still if q is None else q, v
+            if (found := call(*state)) is not None:
                 return found
-            return self._answer(FRICTION, (self._still, v), (), call, self._friction)
+            return self._answer(table.FRICTION, state, (), call, self._friction)
         v, direction, q, load = vectors(
             self.joint_names,
             v=v,
@@ -470,9 +455,9 @@ class Dynamics:
 
         The kinetic energy includes that of the armature, the potential energy that of springs.
         """
-        both = (call := self._calls[ENERGY])(q, v)
+        both = (call := self._calls[table.ENERGY])(q, v)
         if both is None:
-            both = self._answer(ENERGY, (q, v), (), call)
+            both = self._answer(table.ENERGY, (q, v), (), call)
         kinetic, potential = both.T if both.ndim == 2 else both.tolist()
         return kinetic, potential
 

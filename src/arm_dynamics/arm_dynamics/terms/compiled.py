@@ -26,7 +26,7 @@ from arm_dynamics.exceptions import ArmError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.terms.arm import Expressions, Numbers
 from arm_dynamics.terms.table import FIXED, FORWARD, SIZES, Entry
-from arm_dynamics.terms.verify import CHECK_STATES, compare
+from arm_dynamics.terms.verify import verify
 
 CHUNK = 8192
 """Points that are computed in one call; between calls Python handles signals."""
@@ -220,44 +220,3 @@ def _each(call: PythonCall, shape: tuple[int, ...], names: list[str]) -> Callabl
         return np.array([np.full(shape, np.nan) if y is None else y for y in made])
 
     return values
-
-
-def verify(
-    numbers: Numbers,
-    asked: Asked,
-    values: Callable[[Mapping[str, Array]], Array],
-    given: Sequence[str],
-) -> float:
-    """Compare code of a term with Pinocchio, at deterministic random states.
-
-    Args:
-        numbers: The arm, with numbers.
-        asked: The entry.
-        values: From the arguments by name, for all states, to the results.
-        given: Names of the arguments; others have the values of ``FIXED``.
-
-    Returns:
-        The largest error, see ``compare``.
-
-    Raises:
-        KernelError: If it differs.
-    """
-    (entry, which), n, rng = asked, numbers.rigid.robot.n, np.random.default_rng(0)
-    states = {}
-    for x, size in SIZES.items():
-        shape = CHECK_STATES, size or n
-        states[x] = rng.uniform(-np.pi, np.pi, shape)
-        if x in FIXED:
-            states[x] = np.heaviside(states[x], 0.0) if x in given else np.full(shape, FIXED[x])
-    with np.errstate(all="ignore"):  # numbers that are not finite are rejected
-        made = values(states).reshape(CHECK_STATES, *entry.dimensions(n))
-        rows = zip(*(states[x] for x in entry.of), strict=True)
-        found = [
-            entry.compared(numbers, y, entry.formula, *row, *which)
-            for y, row in zip(made, rows, strict=True)
-        ]
-    difference, scale = (np.array(part) for part in zip(*found, strict=True))
-    parts = [(difference, scale)]
-    if entry.fields or entry.name == "constraint_rows":  # each column by its own size
-        parts = [(difference[..., i], scale[..., i]) for i in range(difference.shape[-1])]
-    return compare(entry.title(*which), *parts)

@@ -115,14 +115,18 @@ def _forward(arm: Arm, q: Any, v: Any, tau: Any, external: Any = None) -> Any:
     return arm.rigid.forward(q, v, free - arm.rigid.spring(q, v) if arm.sprung else free)
 
 
-def _summands(arm: Arm, q: Any, v: Any, a: Any, *torques: Any) -> Any:
-    """Size of the summands of the torques of a motion.
+def torque_size(M: Any, a: Any, *torques: Any) -> Any:
+    """Size of the summands of the torques of a motion, shape (…, n).
 
     Accelerations are compared by the torques that they require: unlike a difference of
     accelerations, one of torques does not grow with M⁻¹.
     """
-    still = abs(_inverse(arm, q, v, 0.0 * a))
-    return abs(arm.rigid.mass(q)) @ abs(a) + sum(map(abs, torques), still)
+    heavy = (abs(M) @ abs(a)[..., None])[..., 0]
+    return heavy + sum(map(abs, torques))
+
+
+def _summands(arm: Arm, q: Any, v: Any, a: Any, *torques: Any) -> Any:
+    return torque_size(arm.rigid.mass(q), a, _inverse(arm, q, v, 0.0 * a), *torques)
 
 
 def _in_torques(arm: Arm, a: Any, _: Any, q: Any, v: Any, tau: Any, external: Any) -> Any:
