@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from enum import IntFlag
@@ -49,7 +48,8 @@ class Term(IntFlag):
 
 
 _log = logging.getLogger(__name__)
-_FLOAT = np.dtype(float)
+_FLOAT, _ALL = np.dtype(float), Term.ALL
+LARGE = 1e50  # vectors up to which no term overflows
 LOOKS = 100
 """Calls whose angles are looked at: a person makes few, a loop many."""
 
@@ -124,6 +124,7 @@ class Dynamics:
         self.steady_friction = SteadyFriction.of(self.model)
         self.command_map = CommandMap(self.model)
         self._terms = Answers(self.model, self.steady_friction)
+        self._numbers = self._terms.numbers
         self._at_rest = AtRest(self.steady_friction)
         self._external, self._still = np.zeros(self.n), np.zeros(self.n)
         self._active: Collection[str] | None = None
@@ -227,8 +228,8 @@ class Dynamics:
         """
         quick = quick and call is unanswered and self._silent and not self._looks
         if quick and self._are_plain(given):
-            made: Array = entry.formula(self._terms.numbers, *given, *which)
-            if math.isfinite(np.vdot(made, made)):
+            made: Array = entry.formula(self._numbers, *given, *which)
+            if made.ndim == 2 or -LARGE < sum(made.tolist()) < LARGE:
                 return made
         for frame in which:
             check_frame(self.model, frame, self.model.frame_names)
@@ -246,11 +247,12 @@ class Dynamics:
     def _are_plain(self, given: Sequence[Any]) -> bool:
         """Whether they are arrays of n finite numbers, which need no conversion."""
         shape = self._still.shape
-        return all(
-            type(x) is np.ndarray and x.dtype is _FLOAT and x.shape == shape
-            and math.isfinite(sum(x.tolist()))
-            for x in given
-        )  # fmt: skip
+        for x in given:
+            if type(x) is not np.ndarray or x.dtype is not _FLOAT or x.shape != shape:
+                return False
+            if not -LARGE < sum(x.tolist()) < LARGE:
+                return False
+        return True
 
     def _checked(self, entry: Entry, given: Sequence[Any]) -> list[Array]:
         """Vectors of the joints, or batches of one length, the first of them positions.
@@ -289,12 +291,11 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
-        call: PythonCall = self._calls[INVERSE]
-        if terms is Term.ALL and (found := call(q, v, a)) is not None:
-            return found
-        whole = terms is Term.ALL or (type(terms) is int and terms == Term.ALL)
+        whole = terms is _ALL or (type(terms) is int and terms == _ALL)
         if whole and self._alone:
-            return self._answer(INVERSE, (q, v, a), (), call)
+            call: PythonCall = self._calls[INVERSE]
+            found = call(q, v, a)
+            return self._answer(INVERSE, (q, v, a), (), call) if found is None else found
         chosen = _chosen(terms)
         external = self._external if whole else self._still
         state = self._checked(INVERSE, (q, v, a))

@@ -6,6 +6,7 @@ Arguments are not validated here: controllers call these functions at every tick
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -36,13 +37,15 @@ class RigidTerms:
         # Not model.createData(), which makes a copy and takes three times as long.
         self._data = pin.Data(robot.pin)
         self._springs, self._armature = SpringTerms(robot), np.array(robot.pin.armature)
+        self._direct = robot.coordinates_are_joints
         self._sprung, self._driven = bool(self._springs.springs), bool(self._armature.any())
         self._frames = dict[str, FrameMotion]()
 
     def inverse(self, q: Array, v: Array, a: Array, weight: float = 1.0) -> Array:
         """M a + C v + G in [N m] or [N], shape (n,); ``weight``: 0 for no gravity."""
-        robot = self.robot
-        model = self._pin if weight else self._weightless
+        robot, model = self.robot, self._pin if weight else self._weightless
+        if self._direct:
+            return np.array(pin.rnea(model, self._data, q, v, a))
         full = robot.configuration(q), robot.spread(v), robot.spread(a)
         return np.array(robot.gather(pin.rnea(model, self._data, *full)))
 
@@ -68,7 +71,7 @@ class RigidTerms:
         # In the axes of each body: in those of the world, far from whose origin the bodies are,
         # ten to a hundred times as much is lost to rounding.
         a: Array = pin.aba(self._pin, self._data, *full, tau, pin.Convention.LOCAL)
-        if not np.isfinite(a).all():
+        if not math.isfinite(np.vdot(a, a)) and not np.isfinite(a).all():
             raise self._unsolvable(q)
         return a.copy()
 
@@ -80,9 +83,9 @@ class RigidTerms:
 
     def gravity(self, q: Array) -> Array:
         """G in [N m] or [N], shape (n,)."""
-        full = self.robot.configuration(q)
+        full = q if self._direct else self.robot.configuration(q)
         tau = pin.computeGeneralizedGravity(self._pin, self._data, full)
-        return np.array(self.robot.gather(tau))
+        return tau.copy() if self._direct else np.array(self.robot.gather(tau))
 
     def spring(self, q: Array, v: Array) -> Array:
         """S in [N m] or [N], shape (n,)."""
@@ -94,7 +97,7 @@ class RigidTerms:
 
     def mass(self, q: Array) -> Array:
         """M in [kg m²] or [kg], shape (n, n)."""
-        full = self.robot.configuration(q)
+        full = q if self._direct else self.robot.configuration(q)
         return self._square(pin.crba(self._pin, self._data, full))
 
     def mobility(self, q: Array) -> Array:
@@ -118,7 +121,7 @@ class RigidTerms:
 
         The potential energy is that of gravity and springs.
         """
-        full, v = self.robot.configuration(q), self.robot.spread(v)
+        full, v = (q, v) if self._direct else (self.robot.configuration(q), self.robot.spread(v))
         kinetic = pin.computeKineticEnergy(self._driveless, self._data, full, v)
         potential = pin.computePotentialEnergy(self._pin, self._data, full)
         if self._driven:  # Pinocchio 4.1 omits that of some axes

@@ -68,10 +68,10 @@ class Numbers:
         given = [ca.SX.sym(name, self._model.n) for name in ("v", "q", "tau")]
         torque = ca.densify(law(Expressions(self._model, self._friction), *given))
         call = Kernel([ca.Function("torque", given, [torque], {"cse": True})], "vm").call("torque")
-        (places, (made,), run) = call.inputs, call.outputs, call.run
+        ((at, there, load), (made,), run) = call.inputs, call.outputs, call.run
 
         def evaluate(v: Array, q: Array, tau: Array) -> Array:
-            places[0][:], places[1][:], places[2][:] = v, q, tau
+            at[:], there[:], load[:] = v, q, tau
             run()
             return made.copy()
 

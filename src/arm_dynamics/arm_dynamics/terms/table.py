@@ -82,6 +82,11 @@ class Entry:
         """Name of the method of ``Dynamics``."""
         return self.method or self.name
 
+    @property
+    def parts(self) -> dict[str, tuple[str | int, ...]]:
+        """Shapes of what services name of the result."""
+        return dict.fromkeys(self.fields, self.shape[1:]) or {self.name: self.shape}
+
     def dimensions(self, n: int) -> tuple[int, ...]:
         """Shape of the result for n joints, -1 for any number."""
         sizes = {"n": n, "n + 1": n + 1, "m": -1}
@@ -230,6 +235,12 @@ TERMS = [
 """All entries."""
 OF_SERVICE = MASS_MATRIX, CORIOLIS_MATRIX, GRAVITY, FRICTION, SPRING, ENERGY
 """Those of the service ``dynamics_terms``, in the order of its response."""
+TASK_SPACE: dict[str, tuple[str | int, ...]] = {
+    "pose": (7,), "jacobian": ("m", "n"), "twist": ("m",), "bias": ("m",), "inertia": ("m", "m"),
+    "coriolis": ("m",), "gravity": ("m",), "spring": ("m",), "inverse": ("n", "m"),
+    "null_space": ("n", "n"), "manipulability": (), "condition": (), "damped": (),
+}  # fmt: skip
+"""Terms of the task space by the names of the service, with shapes in joints n and axes m."""
 
 CONSTRAINT_ROWS = Entry(
     "constraint_rows", ("q", "v"), ("m", "n + 1"), "A", "",

@@ -21,8 +21,8 @@ from arm_dynamics.ros.dynamics.batch import Batch
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_POSES, MAX_TERMS_POINTS
 from arm_dynamics.task_space.inertia import quaternions
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, Solution
-from arm_dynamics.task_space.task_space import TaskSpace, TaskTerms
-from arm_dynamics.terms.table import OF_SERVICE
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.terms.table import OF_SERVICE, TASK_SPACE
 
 
 def _batch(dynamics: Dynamics, request: Any, most: int) -> Batch:
@@ -53,9 +53,9 @@ def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
     v = batch.read("velocity", request.velocity)
     for entry in OF_SERVICE:
         made = asked(dynamics, entry, {"q": batch.q, "v": v})
-        parts = dict(zip(entry.fields, made, strict=True)) if entry.fields else {entry.name: made}
-        for name, values in parts.items():
-            setattr(response, name, batch.written(values, entry.shape[bool(entry.fields) :]))
+        parts = zip(entry.parts.items(), made if entry.fields else [made], strict=True)
+        for (name, shape), values in parts:
+            setattr(response, name, batch.written(values, shape))
     response.joint_names = batch.joint_names
 
 
@@ -127,35 +127,22 @@ def task_space(dynamics: Dynamics, request: Any, response: Any) -> None:
     task = TaskSpace(dynamics, request.frame, request.reference, axes)
     felt = task.effective_mass(batch.q, request.direction) if len(request.direction) else None
     terms = task.terms(batch.q, v)
-    found = _terms(batch, terms)
+    pose = np.hstack([terms.position, quaternions(terms.rotation)])
+    named = {"pose": pose, "twist": terms.velocity}
+    written = {
+        name: batch.written(named.get(name, getattr(terms, name, None)), shape)
+        for name, shape in TASK_SPACE.items()
+        if name not in ("condition", "damped")
+    }
     if felt is not None:
-        found["effective_mass"] = felt.mass
-    written = {name: to_array(finite_answer(values)) for name, values in found.items()}
+        written["effective_mass"] = batch.written(felt.mass, ())
+        response.effective_mass_bounded = felt.damped.tolist()
     for name, values in written.items():
         setattr(response, name, values)
-    if felt is not None:
-        response.effective_mass_bounded = felt.damped.tolist()
     response.condition = to_array(terms.condition)  # infinite at a singularity
     response.damped = terms.damped.tolist()
     response.axes = list(task.axes)
     response.joint_names = batch.joint_names
-
-
-def _terms(batch: Batch, terms: TaskTerms) -> dict[str, Array]:
-    """Terms by the names of the response."""
-    return {
-        "pose": np.hstack([terms.position, quaternions(terms.rotation)]),
-        "jacobian": batch.by_joint(terms.jacobian, ("m", "n")),
-        "twist": terms.velocity,
-        "bias": terms.bias,
-        "inertia": terms.inertia,
-        "coriolis": terms.coriolis,
-        "gravity": terms.gravity,
-        "spring": terms.spring,
-        "inverse": batch.by_joint(terms.inverse, ("n", "m")),
-        "null_space": batch.by_joint(terms.null_space, ("n", "n")),
-        "manipulability": terms.manipulability,
-    }
 
 
 def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
