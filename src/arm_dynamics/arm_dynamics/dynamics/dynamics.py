@@ -30,7 +30,7 @@ from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.terms import table
 from arm_dynamics.terms.answers import MANY, Answers
 from arm_dynamics.terms.compiled import calls
-from arm_dynamics.terms.table import FIXED, FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, Entry
+from arm_dynamics.terms.table import FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, Entry
 
 
 class Term(IntFlag):
@@ -60,7 +60,7 @@ def unanswered(*_: object) -> None:
 
 def _asked(entry: Entry) -> Callable[..., Array]:
     """The method of an entry."""
-    names = "self", *entry.of, *entry.which
+    names = "self", *entry.asks
     signature = Signature([Parameter(x, Parameter.POSITIONAL_OR_KEYWORD) for x in names])
     count = len(names) - 1
 
@@ -470,8 +470,8 @@ for _entry in TERMS:
 
 def asked(dynamics: Dynamics, entry: Entry, given: Mapping[str, Array], *which: Any) -> Any:
     """What the method of an entry answers, for arguments by name."""
-    vectors = {x: given[x] for x in entry.of if x not in FIXED}
-    return getattr(dynamics, entry.asked)(**vectors, **dict(zip(entry.which, which, strict=True)))
+    known = {**given, **dict(zip(entry.which, which, strict=True))}
+    return getattr(dynamics, entry.asked)(**{x: known[x] for x in entry.asks})
 
 
 def _chosen(terms: Term | int) -> Array:

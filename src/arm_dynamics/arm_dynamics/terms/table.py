@@ -83,6 +83,11 @@ class Entry:
         return self.method or self.name
 
     @property
+    def asks(self) -> tuple[str, ...]:
+        """Names of what is given for it."""
+        return *(x for x in self.of if x not in FIXED), *self.which
+
+    @property
     def parts(self) -> dict[str, tuple[str | int, ...]]:
         """Shapes of what services name of the result."""
         return dict.fromkeys(self.fields, self.shape[1:]) or {self.name: self.shape}

@@ -124,7 +124,7 @@ def _other_parts(
 
     from arm_dynamics.control import make_controller, preparation
     from arm_dynamics.terms.answers import MANY
-    from arm_dynamics.terms.table import FIXED, FRICTION, TERMS
+    from arm_dynamics.terms.table import FRICTION, TERMS
 
     if simulator.arm.compiled.energy_account.may_make_ticks_again:
         yield "energy account", simulator.arm.compiled.energy_account.prepare
@@ -137,7 +137,7 @@ def _other_parts(
     still = np.zeros_like(q)
     for entry in TERMS:
         if not entry.which and entry is not FRICTION:  # which takes no code
-            given = [q if x == "q" else still for x in entry.of if x not in FIXED]
+            given = [q if x == "q" else still for x in entry.asks]
             yield f"batches of {entry.title()}", partial(getattr(dynamics, entry.asked), *given)
     yield "rollouts", lambda: simulator.rollout(q[:1], still[:1], still[:1], 1)
 
