@@ -16,7 +16,7 @@ from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.terms.verify import compare
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.export.terms import Term
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 
 Point = tuple[Array, Array, Array]
 """q, v, and a or tau."""
@@ -96,11 +96,6 @@ class Motion:
     q: Array
     v: Array
     slopes: tuple[Array, Array] | None
-
-    @property
-    def ticks(self) -> int:
-        """Number of ticks."""
-        return self.held * len(self.commands)
 
 
 def ran(simulator: Simulator, derivatives: bool) -> Motion:
