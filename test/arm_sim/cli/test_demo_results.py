@@ -123,7 +123,7 @@ def test_the_table_has_the_numbers_in_readable_units() -> None:
     lines = [" ".join(line.split()) for line in console.export_text().splitlines()]
     for line in (
         "two_link, 2 joints",
-        "ticks 1990 3 late by more than a tick, 1 dropped",
+        "control cycles 1990 3 deadlines missed, 1 skipped",
         "rate 995.00 Hz 1000 Hz expected",
         "lateness 1 µs median; p99 2 µs, max 3 µs",
         "command round trip 40 µs median; p99 50 µs, max 60 µs",
@@ -132,7 +132,7 @@ def test_the_table_has_the_numbers_in_readable_units() -> None:
         "torque queries 3 within 0.2 N m of the command",
         "tracking error RMS 2.0e-03 rad 1.1e-01 degrees",
         "tracking error max 4.0e-03 rad 2.3e-01 degrees",
-        "energy balance 2.0e-06 J off at most; the drives moved 7 J",
+        "energy balance 2.0e-06 J residual at most; actuator work 7 J",
     ):
         assert line in lines
     sliding = replace(told(seen()), unit="m")
