@@ -17,7 +17,7 @@ from pictures import written
 from rich.console import Console
 
 import models
-from arm_sim.cli.demo.course import _follow, _progress, _report
+from arm_sim.cli.demo.course import _follow, _report
 from arm_sim.cli.demo.figure import draw
 from arm_sim.cli.demo.observer import _FIELDS, Observer, Seen
 from arm_sim.cli.demo.processes import DemoFailed
@@ -103,18 +103,6 @@ def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> 
     assert position.lines[2].is_dashed() and not position.lines[0].is_dashed()
     assert torque.get_xlim() == (0.0, 3.0) and torque.get_xlabel() == "time [s]"
     assert [text.get_text() for text in figure.legends[0].texts] == ["shoulder", "elbow"]
-
-
-def test_a_figure_reaches_to_the_last_sample_and_has_a_suitable_prefix(tmp_path: Path) -> None:
-    observed = seen(error=np.full((201, 2), 2e-8))
-    with written() as figures:
-        draw(tmp_path / "demo.png", observed, ("a", "b"), ("prismatic", "revolute"), 1.5, "Robot")
-    (figure,) = figures
-    _, error, torque = figure.axes
-    assert torque.get_xlim() == (0.0, 2.0)
-    assert error.get_ylabel() == "error [nrad, nm]"
-    np.testing.assert_allclose(error.lines[0].get_ydata(), 20.0)
-    assert [text.get_text() for text in figure.legends[0].texts] == ["a", "b"]
 
 
 def test_the_table_has_the_numbers_in_readable_units() -> None:
@@ -242,20 +230,6 @@ def test_a_motion_is_waited_for_half_as_long_again_and_ten_seconds() -> None:
     neither: Any = Watched(False, 0.0)
     with pytest.raises(DemoFailed, match="did not follow .*\n.*the log of controller"):
         _follow(motion, neither, neither)
-
-
-def test_without_a_terminal_progress_is_lines_of_text(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [10.0]
-    monkeypatch.setattr("time.monotonic", lambda: now[0])
-    screen = io.StringIO()
-    with _progress(Console(file=screen)) as (say, go_on):
-        say("starting")
-        for passed in (1.0, 1.0, 1.0, 1.0):
-            now[0] += passed
-            go_on(0.5)
-        say("stopping")
-        go_on(0.9)
-    assert screen.getvalue().splitlines() == ["starting …", "  2 s", "  4 s", "stopping …"]
 
 
 def test_a_report_is_written_before_it_is_complained_of(
