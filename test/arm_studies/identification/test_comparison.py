@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from click import ClickException
 from click.testing import CliRunner, Result
 from pictures import written
 
@@ -21,7 +19,6 @@ from arm_dynamics import InvalidInput, load_scene
 from arm_dynamics.control import ComputedTorque
 from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import Recording, Simulator
-from arm_studies.cli.comparison_figure import draw
 from arm_studies.cli.main import main
 from arm_studies.identification import JointRecord, compare
 
@@ -166,19 +163,6 @@ def test_before_and_after_stand_side_by_side(tmp_path: Path) -> None:
     assert set(after["free_run"]["error"]) == {"shoulder", "elbow"}
 
 
-def test_the_axes_of_errors_are_as_high_as_the_torques_either_way(tmp_path: Path) -> None:
-    made = compare(NOMINAL, record())
-    for sign in (1.0, -1.0):
-        turned = replace(made, measured=sign * made.measured, computed=sign * made.computed)
-        with written() as figures:
-            draw([turned], ["two_link"], tmp_path / "one.png")
-        for i, axis in enumerate(figures[0].axes[1::2]):
-            most = np.nanmax(abs(made.measured[:, i]))
-            assert axis.get_ylim() == (-most, most)
-    with pytest.raises(ClickException, match=r"one\.txt'"):
-        draw([made], ["two_link"], tmp_path / "one.txt")
-
-
 def test_joints_may_have_other_names(tmp_path: Path) -> None:
     good = record()
     odd = JointRecord.of(("one", "two"), good.time, good.q, good.effort)
@@ -186,9 +170,3 @@ def test_joints_may_have_other_names(tmp_path: Path) -> None:
     assert found.whole < 1e-3
     done = typed("two_link", str(run().save(tmp_path / "a.npz")), "--map", "shoulder")
     assert done.exit_code == 2 and "JOINT=NAME is expected" in done.output
-
-
-def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("x\n1\n")
-    done = typed("two_link", str(tmp_path / "a.csv"))
-    assert done.exit_code == 1 and "a.csv" in done.output + str(done.exception)

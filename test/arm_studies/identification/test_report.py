@@ -131,18 +131,3 @@ def test_figures_show_torques_residuals_and_the_law_of_friction(
     expected = 0.4 * v + 0.6 * np.sign(v)
     np.testing.assert_allclose(law, expected, rtol=0.02, atol=0.02)
     assert np.isnan(law).sum() == 1 and np.nanmax(v) == np.nanmax(abs(shown.v[:, 0]))
-
-
-def test_a_figure_of_five_joints_has_two_rows(found: Identification, tmp_path: Path) -> None:
-    shown = found.torques
-    wide = {
-        name: np.resize(getattr(shown, name), (len(shown.time), 5))
-        for name in ("measured", "predicted", "nominal", "v", "friction")
-    }
-    more = replace(
-        found, joint_names=tuple("abcde"), friction=5 * (None,), torques=replace(shown, **wide)
-    )
-    with written() as figures:
-        draw_friction(more, tmp_path / "friction.png")
-    visible = [axis.get_visible() for axis in figures[0].axes]
-    assert visible == 5 * [True] + 3 * [False]
