@@ -107,15 +107,6 @@ def lines(sim: Simulator, word: str) -> list[str]:
     return [line for line in str(sim.plan).splitlines() if line.startswith(word)]
 
 
-def test_words_for_people(whole: Simulator) -> None:
-    text = str(whole.plan)
-    for word in (
-        "rk4", "operations", "gravity", "friction", "locked", "payload",
-        str(whole.plan.operations),
-    ):  # fmt: skip
-        assert word in text, f"{word} not in:\n{text}"
-
-
 @pytest.mark.parametrize(
     ("changes", "part"),
     [({"gravity": [0, 0, 0]}, "gravity"), ({"joints": {"*": STILL}}, "viscous")],
@@ -126,14 +117,6 @@ def test_says_what_is_skipped(whole: Simulator, changes: dict[str, Any], part: s
     sim = simulator(**changes)
     assert any(part in line for line in lines(sim, "skipped"))
     assert not any(part in line for line in lines(sim, "computed"))
-
-
-@pytest.mark.parametrize("name", ["z1", "planar_3r", "puma560"])
-def test_dry_friction_is_not_passed_over_in_silence(name: str) -> None:
-    assert models.dynamics(name).model.has_dry_friction
-    assert any(
-        word in str(models.simulator(name).plan).lower() for word in ("dry friction", "coulomb")
-    )
 
 
 def test_measured_time_is_positive_and_harmless(whole: Simulator) -> None:

@@ -170,16 +170,3 @@ def test_the_command_shows_which_poses_are_out_of_reach(arm: Typist) -> None:
     assert (said["success"], said["reached"]) == (False, [True, False])
     assert "pose 1 misses" in said["message"]
     assert_close(poses(said["position"][0]), home, REACHED)
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ((*FIND, "paw", "--pose", "0 0 0 0 0 0 1"), "refused: frame 'paw' does not exist"),
-    ],
-)
-def test_refusals(arm: Typist, words: tuple[str, ...], said: str) -> None:
-    result = arm(*words)
-    assert result.exit_code == 1
-    assert said in result.output
-    assert "Traceback" not in result.output

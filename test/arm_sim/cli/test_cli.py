@@ -210,22 +210,6 @@ def test_describe_shows_joints_physics_and_cost() -> None:
         assert re.search(words, said), words
 
 
-def test_describe_shows_fewer_operations_for_less_physics(tmp_path: Path) -> None:
-    urdf = "package://example-robot-data/robots/panda_description/urdf/panda.urdf"
-    fingers = ["panda_finger_joint1", "panda_finger_joint2"]
-    less = {
-        "gravity": f"robot: {{urdf: {urdf}, lock: {fingers}}}\ngravity: [0, 0, 0]",
-        "friction": f"robot: {{urdf: {urdf}, lock: {fingers}}}\n"
-        "joints: {'*': {friction: {viscous: 0}}}",
-        "joints": f"robot: {{urdf: {urdf}, lock: {[*fingers, 'panda_joint7']}}}",
-    }
-    full = operations(PANDA)
-    for name, text in less.items():
-        file = tmp_path / f"{name}.yaml"
-        file.write_text(f"{text}\nsim: {{integrator: rk4}}")
-        assert operations(str(file)) < full, name
-
-
 def test_describe_takes_urdf_paths_and_packages() -> None:
     assert "2 joints" in run("describe", str(models.FOLDER / "gantry.urdf")).output
     robots = "package://example-robot-data/robots"

@@ -72,7 +72,7 @@ def test_the_velocity_of_the_stream_is_what_keeps_it_near(rng: np.random.Generat
     [
         ("panda", 0.0), ("two_link", 0.0), ("motor_pendulum", 0.0), ("slider_crank", 1e-12),
         ("slider_crank_motor", 5e-5), ("flexible_arm", 2e-4), ("spring_balanced_arm", 0.0),
-        ("panda_table", 0.0), ("panda_lugre_table", 1e-6),
+        ("panda_table", 0.0), pytest.param("panda_lugre_table", 1e-6, marks=pytest.mark.nightly),
     ],
 )  # fmt: skip
 def test_holds_without_droop_and_then_stands_to_the_bit(name: str, droop: float) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Page, needed, opened
-from samples import sampled
 
 from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
@@ -94,29 +93,6 @@ _CUT = """() => [...document.querySelectorAll('input')].filter(
   box => box.offsetParent && box.scrollWidth > box.clientWidth).map(box => box.value)"""
 
 
-@pytest.mark.parametrize("size", sampled([[420, 800], [1400, 900]], 1))
-def test_a_page_has_the_name_of_the_robot_a_legend_and_boxes_that_hold_their_numbers(
-    size: list[int],
-) -> None:
-    sim = Simulator("panda_table")
-    with show(sim, port=0) as view, opened(view.url, "/panda/panda_joint7", size=size) as page:
-        assert page.handle.title() == "panda"
-        assert page.handle.get_by_text("panda", exact=True).count() == 1  # the heading
-        for what in ("friction cone: inside, the contact sticks", "pull of the mouse"):
-            assert page.handle.get_by_text(what).is_visible()
-        page.handle.get_by_text("Push panda").dispatch_event("click")
-        forces = page.handle.get_by_label("force y [N]")
-        page.until(forces.is_visible, "the forces")
-        forces.fill("-1250")
-        wide = sim.model.q0 - [2.8124999, 0.0, 0.1111, 0.0, 0.1234, 0.0, 2.7777]
-        view.source.loop.order(lambda: (view.source.rigs[0].place(wide), view.source.draw()))
-        first = page.handle.locator("input[type=text][value='-2.812']")
-        page.until(first.count, "its sliders")
-        assert page.handle.evaluate(_CUT) == []
-        first.evaluate("box => box.style.width = '2em'")
-        assert page.handle.evaluate(_CUT) == ["-2.812"]  # the test would see it
-
-
 class Touch:
     """A finger on a page, with the methods of playwright's mouse."""
 
@@ -146,7 +122,8 @@ class Touch:
         self._session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
 
-@pytest.mark.parametrize("by", sampled(["mouse", "touch"], 1))
+@pytest.mark.nightly  # test_stage.py drags a link without a browser
+@pytest.mark.parametrize("by", ["mouse", "touch"])
 def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
     panda.reset()
     alone = Dynamics(panda.model)  # which nothing pushes
@@ -189,6 +166,7 @@ def long_film(panda: Simulator) -> Film:
     return Film("arm", panda.model, time, q)
 
 
+@pytest.mark.nightly  # test_view.py plays without a browser
 def test_ten_minutes_are_scrubbed_played_and_repeated(long_film: Film, panda: Simulator) -> None:
     with show(long_film, port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
         player = view.source

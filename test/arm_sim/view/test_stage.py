@@ -21,12 +21,10 @@ from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.shapes import METAL, PIVOT, RAIL, Mesh, visuals_of
 from arm_sim.view.stage import (
     KEPT,
-    WHOLE,
     DrawnArm,
     _cones,
     _glb,
     lay_ground,
-    legend,
 )
 
 pytestmark = pytest.mark.group("view")
@@ -212,31 +210,6 @@ def test_an_arm_without_a_base_has_pivots_and_is_above_the_ground_wherever_it_mo
     turns = np.stack(np.meshgrid(*[np.linspace(-3.0, 3.0, 13)] * model.n), axis=-1)
     reached = [actor.marker.extent(q) for q in turns.reshape(-1, model.n)]
     assert floor(server, actor, monkeypatch) < np.concatenate(reached)[:, 2].min()
-
-
-def test_a_legend_says_what_is_drawn_and_nothing_else(server: Any) -> None:
-    def texts(scene: str) -> list[str]:
-        return [text for _, _, text in DrawnArm(server, Simulator(scene).model, scene).legend()]
-
-    assert texts("double_pendulum") == ["pivot or rail, fixed to the world", "path of the hand"]
-    assert texts("panda_table") == [
-        "point of contact", "plane of contact", "force of the contact on the arm",
-        "friction cone: inside, the contact sticks", "joint at its end stop", "path of the hand",
-    ]  # fmt: skip
-    assert texts("four_bar") == [
-        "pivot or rail, fixed to the world",
-        "force of a constraint",
-        "path of the hand",
-    ]
-    assert "spring" in texts("spring_balanced_arm")
-    carried = {"robot": {"urdf": str(models.SCENES / "two_link.urdf")},
-               "payloads": [{"frame": "forearm", "mass": 1.0}]}  # fmt: skip
-    actor = DrawnArm(server, ArmModel(load_scene(carried)), "carried")
-    actor.show_path(np.eye(3))
-    rows = {text: colour for _, colour, text in actor.legend()}
-    assert rows["payload"] == (237, 140, 38) and rows["whole path of the hand"] == WHOLE
-    for colour in ("rgb(237, 140, 38)", "payload", "rgb(150, 150, 150)"):
-        assert colour in legend(actor.legend())
 
 
 def test_a_mesh_has_its_scale_and_a_colour_if_its_file_has_none(tmp_path: Path) -> None:

@@ -77,6 +77,22 @@ def test_a_film_goes_from_the_begin_to_the_end_at_its_speed(playing: View, tmp_p
         playing.film(tmp_path / "d.avi")
 
 
+def test_it_plays_pauses_and_begins_again(playing: View) -> None:
+    player = playing.source
+    assert isinstance(player, Player)
+    player.loop.stop()  # the beats below are the only ones
+    seen = []
+    for change in (
+        lambda: player._beat(0.5), player.play, lambda: player._beat(0.5),
+        lambda: player._beat(1.6), lambda: setattr(player._loop, "value", False),
+        lambda: player._beat(2.5), lambda: player._beat(0.5), player.play,
+    ):  # fmt: skip
+        change()
+        seen.append((player.time, player._playing))
+    assert seen == [(0.0, False), (0.0, True), (0.5, True), (0.0, True), (0.0, True),
+                    (2.0, False), (2.0, False), (0.0, True)]  # fmt: skip
+
+
 def test_a_simulation_has_no_film(tmp_path: Path) -> None:
     with show(models.simulator("two_link"), port=0) as view:
         for call in (lambda: view.film(tmp_path / "a.gif"), lambda: view._seek(1.0)):

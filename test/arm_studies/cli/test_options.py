@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 import pytest
+import yaml
 from click.testing import CliRunner
 
 from arm_dynamics import ArmError
@@ -32,6 +33,11 @@ def commands(group: click.Group, path: tuple[str, ...] = ()) -> dict[str, click.
 
 
 COMMANDS = commands(main)
+
+
+STATED: dict[str, str] = yaml.safe_load(
+    Path(__file__).with_name("options.yaml").read_text(encoding="utf-8")
+)
 
 
 def refusal(*words: str) -> str:
@@ -71,12 +77,16 @@ def test_each_option_is_refused_by_name(command: str) -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_has_an_example_and_every_option(command: str) -> None:
-    told = CliRunner().invoke(main, [*command.split(), "--help"], terminal_width=400)
-    assert told.exit_code == 0, told.output
-    assert re.search(rf"\n +Examples?:\n +\./arm {command.split()[0]}", told.output)
-    options = (x for x in COMMANDS[command].params if isinstance(x, click.Option) and not x.hidden)
-    assert all(f" {option.opts[-1]}" in told.output for option in options)
+def test_help_has_an_example_and_every_option_with_its_default_and_range(command: str) -> None:
+    context = click.Context(COMMANDS[command], info_name=command)
+    told = COMMANDS[command].get_help(context)
+    assert re.search(rf"\n +Examples?:\n +\./arm {command.split()[0]}", told)
+    for option in COMMANDS[command].params:
+        if isinstance(option, click.Option) and not option.hidden:
+            (_, about), long = option.get_help_record(context) or ("", ""), option.opts[-1]
+            extra = re.search(r"\[([^][]*)\]$", about.removesuffix("[required]"))
+            stated = STATED.get(f"{command} {long}", STATED.get(long, ""))
+            assert f" {long}" in told and (extra[1] if extra else "") == stated, long
 
 
 class Stop(ArmError):
