@@ -14,20 +14,19 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from benchmarks.reporting.style import MARKS, STYLE
-from benchmarks.stress.survey import Found
-from benchmarks.stress.tables import Point, fixed, runs
-from benchmarks.stress.verdict import SURVIVED, Result
+from benchmarks.stress.judge import SURVIVED, Result
+from benchmarks.stress.tables import Point, fixed, names_of, runs
 
 HALF_DECADES = 10.0 ** np.arange(-4.0, 2.1, 0.5)
 FEWEST = 4  # runs that make a point
 ROUNDING = 1e-16  # nothing below it is drawn
 
 
-def draw(found: Sequence[Found], path: Path) -> None:
+def draw(found: Sequence[Result], path: Path) -> None:
     """Draw what was found.
 
     Args:
-        found: of all arms.
+        found: all runs.
         path: of the picture.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -41,7 +40,7 @@ def draw(found: Sequence[Found], path: Path) -> None:
 
 
 def _heat_map(axis: Any, results: Sequence[Result]) -> None:
-    names = list(dict.fromkeys(r.name for r in results))
+    names = names_of(results)
     steps = sorted({r.dt for r in results}, reverse=True)
     share = np.array([[_survival([r for r in results if (r.name, r.dt) == (name, dt)])
                        for dt in steps] for name in names])  # fmt: skip
@@ -55,7 +54,7 @@ def _heat_map(axis: Any, results: Sequence[Result]) -> None:
 
 
 def _curves(shares: Any, errors: Any, points: Sequence[Point]) -> None:
-    names = list(dict.fromkeys(r.name for _, r, _ in points))
+    names = names_of([r for _, r, _ in points])
     colours = mpl.colormaps["turbo"](np.linspace(0.05, 0.95, len(names)))
     for k, name in enumerate(names):
         style = {"marker": MARKS[k % len(MARKS)], "markersize": 4, "color": colours[k]}

@@ -85,9 +85,9 @@ class Helpers(ctypes.Structure):
 
 
 class Trace(ctypes.Structure):
-    """A traced tick: ``trace_t`` of ``native/events/trace.h``."""
+    """A traced tick: ``trace_t`` of ``native/modes/trace.h``."""
 
-    _fields_ = Header(NATIVE / "events/trace.h", only="trace_t").fields("trace_t")
+    _fields_ = Header(NATIVE / "modes/trace.h", only="trace_t").fields("trace_t")
 
 
 STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 7, ctypes.c_longlong, ADDRESS, ADDRESS)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Guards: functions of the state whose zeros are the instants of events.
 
-The engine (``segments.h``) monitors them to find the instants; here they are expressions, for
+The engine (``native/guards``) monitors them to find the instants; here they are expressions, for
 derivatives (``guard_derivatives.h``). Each belongs to a mode of a joint or contact.
 """
 

@@ -98,13 +98,14 @@ def readme(library: Library) -> str:
         f"Made by arm_sim {__version__} from `{SCENE_FILE}` and `{URDF_FILE}`, which say the rest "
         "about the scene.\n"
     )
+    made = ", ".join(f"{name} {version}" for name, version in versions().items())
     parts = (
         intro,
         _joints(model),
         _functions(library),
         *([_ticks(model, tick)] if tick else []),
         _BUILD + _BITS,
-        _made_by(),
+        f"## Versions\n\narm_sim {__version__}, {made}.\n",
         _LICENCE,
     )
     return "\n".join(parts).replace("@NAME@", library.name).replace("@URDF@", URDF_FILE)
@@ -156,8 +157,3 @@ def _ticks(model: ArmModel, tick: Tick) -> str:
     if not rows:
         return said
     return f"{said}\n| parameter of `@NAME@_sim_set` | in the scene |\n|---|---|\n{''.join(rows)}"
-
-
-def _made_by() -> str:
-    made = ", ".join(f"{name} {version}" for name, version in versions().items())
-    return f"## Versions\n\narm_sim {__version__}, {made}.\n"

@@ -16,16 +16,17 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import ROUNDED
 from arm_sim.derivatives.tangents import Tangents
 from arm_sim.export.amalgamated import ELSEWHERE, OWN, amalgamated
-from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes, kinked
+from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping.engine import braces, scene_source, sizes
 from arm_sim.stepping.rollout import Engine
 from arm_sim.stepping.stepper import tick_functions
 
+_PERIOD = "/* Length of a tick in [s]. */\n#define LIBRARY_PERIOD"
 _INCLUDES = re.compile(r'^#include ["<][^"]*[">]\n', re.MULTILINE)
 _COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
 
@@ -86,7 +87,7 @@ def tick_of(
         sizes(plant, choice, functions, members), f"#define EVENTS {int(plant.eventful)}",
         "#define EXPORTED static",
         scene_source(plant, choice, functions, smooth, "static const", members),
-        '#include "motion/tick.h"\n',
+        '#include "arm/tick.h"\n',
     ])  # fmt: skip
     engine = amalgamated(engine, done)
     more = [f for f in (plant.mechanics.project, plant.torques) if f is not None]
@@ -95,7 +96,7 @@ def tick_of(
         more.append(servo_law(plant, choice.dt))
         files += ["servo.h", "servo.c"]
     if slopes:
-        more += [kinked(plant), effort_slopes(plant)]
+        more.append(effort_slopes(plant))
         of_ticks = derivatives_of_ticks(slopes, done)
         files += ["linearize.h", "linearize.c"]
     headers, sources = files[::2], files[1::2]
@@ -105,7 +106,7 @@ def tick_of(
         (*functions, *more),
         bool(slopes),
         f"{engine}\n{_defines(simulator)}\n{of_ticks}{_plain(sources)}{_setter(numbers)}",
-        _plain(headers).removeprefix("\n"),
+        f"{_PERIOD} {choice.dt!r}\n{_plain(headers)}",
     )
 
 

@@ -37,7 +37,7 @@ OF_LANES = (
     "derivatives/tangent_ticks.c",
 )  # fmt: skip
 OF_ONE_ARM = (
-    "motion/roll.c", *OF_LANES, "derivatives/tangent_step.c",
+    "arm/arm.c", *OF_LANES, "derivatives/tick_derivative.c", "derivatives/tangent_step.c",
     "derivatives/eventful_derivatives.c", "derivatives/event_free_gradient.c",
 )  # fmt: skip
 """Units of the library for one arm at a time, and of that for several side by side."""

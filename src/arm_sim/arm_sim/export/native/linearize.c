@@ -2,9 +2,9 @@
  *
  * Derivatives of the tick of an exported library. `library` stands for the library's name.
  *
- * Required definitions: sim.c, tangent_ticks.c, all of whose names begin with slope_, and the generated `kinked` (state, command)
- * -> 1 where the tick begins in a kink, else 0, and `effort_slopes` (state, command, state after the tick) -> derivatives of
- * the torques by the state after the tick, the state and the command, row by row.
+ * Required definitions: sim.c, tick_derivative.c, all of whose names begin with slope_, and the generated `effort_slopes` (state,
+ * command, state after the tick) -> derivatives of the torques by the state after the tick, the state and the command, row by
+ * row.
  */
 
 #include "sim.c"
@@ -12,12 +12,10 @@
 
 #ifndef KINKED /* read alone, as editors do */
 #include "derivatives/tangents.h"
-#include "lanes/lanes.h"
-#define slope_arms_t arms_t
-#define slope_columns_t columns_t
+#include "modes/prediction.h"
 static const tangents_t slope_own_tangents;
-void slope_carry_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first, long long last,
-                       const columns_t* to);
+int slope_differentiate_tick(const scene_t* scene, const tangents_t* tangents, const engine_t* engine, const double* x,
+                             const double* r, const double* p, double h, double* after, double* slopes);
 #endif
 
 enum { VARIED = NX + NU + NT };
@@ -36,22 +34,15 @@ static void find_effort_slopes(const struct library_sim* sim, const double* comm
 }
 
 int library_sim_sensitivities(const library_sim* sim, const double* command, double* of_state, double* of_effort) {
-  double unit[VARIED][VARIED], slopes[NX * VARIED], after[NX], kink;
-  int8_t marks[2] = {0}, *met = marks + 1; /* the one before: not halted */
-  if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  CALL(kinked, (sim->x, command), (&kink));
-  if (kink != 0.0) return LIBRARY_NO_DERIVATIVE;
-  for (int i = 0; i < VARIED; ++i)
-    for (int j = 0; j < VARIED; ++j) unit[i][j] = i == j;
-  long long done;
-  slope_arms_t arms = {sim->x, command, sim->p, 0, 0, 0, PERIOD, 1, met, NULL};
-  const slope_columns_t columns = {unit[0], unit[NX], slopes, 0, 0, 0, 0, 0, VARIED, 1, EVENTS, &done, after};
+  double slopes[NX * VARIED], after[NX];
+  const engine_t* engine = NULL;
 #if EVENTS
-  const engine_t engine = {scene, predict, predicted_tick, event_free_tick};
-  arms.engine = &engine;
+  static const engine_t own = {&own_scene, predict, predicted_tick, event_free_tick};
+  engine = &own;
 #endif
-  slope_carry_ticks(scene, &slope_own_tangents, &arms, 0, 1, &columns);
-  if (*met) return LIBRARY_NO_DERIVATIVE;
+  if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
+  if (!slope_differentiate_tick(scene, &slope_own_tangents, engine, sim->x, command, sim->p, PERIOD, after, slopes))
+    return LIBRARY_NO_DERIVATIVE;
   for (int i = 0; i < NX * VARIED && of_state; ++i) of_state[i] = slopes[i];
   if (of_effort) find_effort_slopes(sim, command, after, slopes, of_effort);
   return LIBRARY_OK;

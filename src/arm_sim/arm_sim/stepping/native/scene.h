@@ -51,7 +51,7 @@ typedef struct {
   equation_t *rhs, *actuate, *loads, *bilateral, *pressures, *switches, *strike, *statics;
   equation_t *contact_geometry, *contact_inertia, *contact_close;
   equation_t *acting, *mode_margin, *mode_margin_in_motion, *guards, *guard_gradient, *motion, *doubts, *settled;
-  equation_t *impact_laws, *across, *at_rest, *closing, *rest_begin, *rest_end, *begin_adjoint, *end_adjoint;
+  equation_t *impact_laws, *across, *at_rest, *closing, *kinked, *rest_begin, *rest_end, *begin_adjoint, *end_adjoint;
   equation_t *adjoint, *limit_adjoint, *advance, *moving_advance;
 } scene_t;
 
@@ -73,6 +73,8 @@ typedef struct {
 #define NG (scene->ng)
 #define SZ_W (scene->sz_w)
 #endif
+
+#define MC (3 * NC) /* forces of contacts */
 
 #ifndef EVENTS /* whether the engine of events is compiled at all */
 #define EVENTS 1
