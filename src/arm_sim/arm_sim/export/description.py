@@ -27,8 +27,6 @@ cc -O1 -ffp-contract=off -c @NAME@.c
 
 The functions allocate nothing, keep nothing between calls and may run in several threads at once.
 Arrays belong to the caller; results must not overlap arguments.
-
-`size` prints how long the code is, `-fstack-usage` (GCC) how much stack each function takes.
 """
 _BITS = """
 The results have the same bits at all levels of optimization, for all x86-64 and 64-bit ARM

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from arm_dynamics import ArmModel
-from arm_sim.export.amalgamated import amalgamated
+from arm_sim.export.amalgamated import of_files
 from arm_sim.export.at_rest import PREFIX, at_rest
 from arm_sim.export.conditions import decided
 from arm_sim.export.generated import static_functions, without_unused
@@ -77,7 +77,7 @@ def header(library: Library) -> str:
         comment("Order of all vectors.")
         + f"extern const char* const {name}_joint_names[{capitals}_JOINTS];\n",
         *(comment(term.about) + f"{_signature(library, term)};\n" for term in library.terms),
-        *([named(name, tick.declarations)] if tick else []),
+        *([named(name, _STANDARD.sub("", tick.declarations))] if tick else []),
         "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
     ]
     return "\n".join(parts)
@@ -93,7 +93,7 @@ def source(library: Library) -> str:
     moves = any(term.name == "forward_dynamics" for term in library.terms)
     resting = at_rest(library.model) if moves else ""
     parts = [
-        amalgamated('#include "scalar.h"\n', set()) + _TYPES,
+        of_files(["scalar.h"]) + _TYPES,
         generated,
         resting,
         f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",

@@ -28,14 +28,18 @@ def derivatives_of_ticks(code: TangentCode, done: set[str]) -> str:
     return prefixed(text, PREFIX)
 
 
-def effort_slopes(plant: Plant) -> ca.Function:
-    """Derivatives of torques on the joints by the state after a tick, the state, the command.
+def effort_slopes(plant: Plant, tunable: int) -> ca.Function:
+    """Derivatives of torques on the joints by state, command and tunable numbers.
 
-    Transposed, as function of the state, the command and the state after the tick.
+    As function of the state, the command, the state after the tick and its derivatives; the latter
+    and the result are transposed, as C stores them by rows.
     """
-    n = plant.model.n
-    x, r, after = (ca.SX.sym(*each) for each in (("x", plant.nx), ("r", n), ("y", plant.nx)))
+    n, nx = plant.model.n, plant.nx
+    x, r, after = (ca.SX.sym(*each) for each in (("x", nx), ("r", n), ("y", nx)))
+    of_after = ca.SX.sym("slopes", nx + n + tunable, nx)
     u = actuation(plant)(x, r)
     effort = plant.torques(after, u)[0] if plant.torques else u
-    parts = [ca.densify(ca.jacobian(effort, by).T) for by in (after, x, r)]
-    return ca.Function("effort_slopes", [x, r, after], parts, {"cse": True})
+    by_after, by_state, by_command = (ca.jacobian(effort, by).T for by in (after, x, r))
+    kept = ca.vertcat(by_state, by_command, ca.SX(tunable, n))
+    slopes = ca.densify(ca.mtimes(of_after, by_after) + kept)
+    return ca.Function("effort_slopes", [x, r, after, of_after], [slopes], {"cse": True})

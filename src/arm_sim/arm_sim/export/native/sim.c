@@ -102,11 +102,10 @@ int library_sim_step(library_sim* sim, const double* command) {
 void library_sim_state(const library_sim* sim, double* q, double* v, double* effort) {
   for (int i = 0; i < NU && q; ++i) q[i] = sim->x[i];
   for (int i = 0; i < NU && v; ++i) v[i] = sim->x[NU + i];
-  if (!effort) return;
 #ifdef DRIVEN
-  CALL(torques, (sim->x, sim->effort), (effort, NULL));
+  if (effort) CALL(torques, (sim->x, sim->effort), (effort, NULL));
 #else
-  for (int i = 0; i < NU; ++i) effort[i] = sim->effort[i];
+  for (int i = 0; i < NU && effort; ++i) effort[i] = sim->effort[i];
 #endif
 }
 

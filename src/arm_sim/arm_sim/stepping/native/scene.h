@@ -81,8 +81,7 @@ typedef struct {
 #endif
 
 /* Call a generated function: CALL(equation, (arguments), (results)); results that are not asked for are null. */
-#define MOST_ARGUMENTS 128 /* or results, ... */
-#define MOST_INTEGERS 8 /* ... and of its work space */
+enum most { MOST_ARGUMENTS = 128 /* or results */, MOST_INTEGERS = 8 /* of its work space */ };
 #define LIST(...) __VA_ARGS__
 #define CALL(equation, given, found) \
   do { \
