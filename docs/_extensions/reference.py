@@ -30,9 +30,10 @@ def directive(markdown: Callable[..., str]) -> type[SphinxDirective]:
 
 
 def package(name: str) -> str:
-    """What a package says of itself, and its public names."""
+    """What a package says of itself, a summary of its public names, and these names."""
     words = (import_module(name).__doc__ or "").replace("``", "`")
-    return f"{words}\n```{{eval-rst}}\n{public_names.directives(name)}\n```\n"
+    names = f"```{{eval-rst}}\n{public_names.directives(name)}\n```\n"
+    return f"{words}\n\n{public_names.summary(name)}\n\n{names}"
 
 
 def parts(package: str, names: str) -> str:

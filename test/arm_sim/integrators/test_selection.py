@@ -191,7 +191,7 @@ def test_what_varies_with_the_position_gets_error_control() -> None:
     table = {"coulomb": 1.0, "position": {"at": [0.0, 1.0], "factor": [1.0, 2.0]}}
     for joint, cause in (
         ({"actuator": waves}, "cogging"), ({"friction": table}, "friction varies"),
-        ({"actuator": motor, "transmission": bent}, "drives with states"),
+        ({"actuator": motor, "transmission": bent}, "drives with internal states"),
     ):  # fmt: skip
         found = chosen({**rotor(0.1), "joints": {"axle": joint}})
         assert (found.method.name, found.tolerance) == ("dop853", CONTROLLED)

@@ -403,7 +403,7 @@ def test_stale_commands_show(ros: Ros) -> None:
     ticks(node, 10)
     found = finding(node, "commands")
     assert found.level == DiagnosticStatus.WARN
-    assert "the policy 'zero' acts" in found.message
+    assert "fallback (stale_policy: zero)" in found.message
     node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 2)
     assert finding(node, "commands").level == DiagnosticStatus.OK

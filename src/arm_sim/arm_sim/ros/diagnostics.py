@@ -13,6 +13,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth, Lateness
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
+from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.ordinary import OrdinaryTicks
@@ -111,7 +112,7 @@ class SimDiagnostics:
         slot = self.engine.commands
         stopped = self.growth.of("stale", slot.stale_count)
         if slot.stale:
-            found.complain(WARN, f"commands stopped: the policy '{self.engine.stale_policy}' acts")
+            found.complain(WARN, f"commands stopped: {in_force(self.engine.stale_policy)}")
         elif stopped:
             found.complain(WARN, "commands stopped, and have resumed")
         self.growth.warn(

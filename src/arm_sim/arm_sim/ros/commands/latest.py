@@ -18,6 +18,11 @@ BRAKE, SERVO, ZERO, HOLD, GRAVITY = "brake", "servo", "zero", "hold", "gravity"
 POLICIES = (BRAKE, SERVO, ZERO, HOLD, GRAVITY)
 
 
+def in_force(policy: str) -> str:
+    """What holds the arm without commands, for messages."""
+    return f"{'brakes engaged' if policy == BRAKE else 'fallback'} (stale_policy: {policy})"
+
+
 class Stop(Enum):
     """The arm is stopped and then held."""
 

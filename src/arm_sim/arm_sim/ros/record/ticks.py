@@ -17,6 +17,7 @@ from arm_dynamics.arrays import Array
 from arm_sim.recording.files import TickFile, complete, new_file
 from arm_sim.recording.files.messages import Change, TickWriter, log_message
 from arm_sim.recording.files.ticks import UNCHANGED, tunable_names
+from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.record.chunks import HEAD, Chunk, ChunkThread
 from arm_sim.ros.record.copying import TickCopy
 from arm_sim.ros.tick_engine import TickEngine
@@ -201,7 +202,7 @@ class TickRecorder:
 
     def _staleness(self) -> None:
         stale, policy = self._engine.commands.stale, self._engine.stale_policy
-        self.note(f"no command: the policy '{policy}' acts" if stale else "commands have resumed")
+        self.note(f"no command: {in_force(policy)}" if stale else "commands have resumed")
 
     def _tuned(self) -> None:
         """Record tuning since the last tick, the state after which is in the file."""

@@ -14,6 +14,7 @@ from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.privileges import MiddlewareThreads
 from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
+from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
@@ -186,10 +187,8 @@ class SimNode(Node):
 
     def _report_staleness(self) -> None:
         if self.engine.commands.stale:
-            self.get_logger().warning(
-                f"no command for {self.params.command_timeout:g} s: "
-                f"the policy '{self.params.stale_policy}' acts"
-            )
+            after, policy = self.params.command_timeout, in_force(self.params.stale_policy)
+            self.get_logger().warning(f"no command for {after:g} s: {policy}")
         else:
             self.get_logger().info("commands have resumed")
 
@@ -218,7 +217,7 @@ class SimNode(Node):
         if self.params.tick_source == CLOCK:
             loop, round_trip = self.loop.report(), self.inputs.round_trip.percentiles()
             self.get_logger().info(
-                f"{loop.ticks} ticks, {loop.rate:.2f} per second, {loop.missed} late by more than "
-                f"a tick, {loop.dropped} dropped; lateness {loop.lateness}; "
+                f"{loop.ticks} ticks, {loop.rate:.2f} per second, {loop.missed} deadlines "
+                f"missed, {loop.dropped} dropped; lateness {loop.lateness}; "
                 f"{round_trip.count} answers, round trip {round_trip}"
             )
