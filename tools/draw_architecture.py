@@ -46,6 +46,7 @@ SAYS = {
         "long_runs": "Ctrl-C, memory",
     },
     "arm_dynamics": {
+        "terms": "the table of terms, what follows from it",
         "client": "services of running nodes as functions",
         "ros": "dynamics and controller nodes; what all nodes share",
         "control": "torque(state, reference); wrappers; by name",
@@ -61,12 +62,10 @@ SAYS = {
         "attributes": "what may be set of an object",
         "writing": "files that replace others",
         "cdr": "messages as bytes",
-        "exceptions": "ArmError and its kinds",
-        "lazy": "imports at first use",
-        "logs": "who hears them",
-        "starting": "Ctrl-C during imports",
+        "exceptions": "ArmError and its kinds", "lazy": "imports at first use",
+        "logs": "who hears them", "starting": "Ctrl-C during imports",
     },
-}
+}  # fmt: skip
 KNOWS_ROS = {"cli", "ros", "client"}
 
 
