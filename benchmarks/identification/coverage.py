@@ -32,6 +32,7 @@ from arm_sim import Recording, Simulator
 from arm_studies.identification import JointRecord, identify
 from arm_studies.identification.regression.base_parameters import base_parameters
 from arm_studies.identification.regression.regressor import RigidRegressor
+from arm_studies.identification.regression.rows import HELD_OUT
 from benchmarks.identification.lagrange import LagrangeArm, Link
 from benchmarks.reporting.markdown import table
 
@@ -133,6 +134,16 @@ def recorded(arm: LagrangeArm, duration: float) -> tuple[Array, Array, Array]:
     v, acceleration = (c * w) @ a - (s * w) @ b, -(s * w**2) @ a - (c * w**2) @ b
     q = s @ a + c @ b
     return t, q, arm.torque(q, v, acceleration)
+
+
+def disturbed(arm: LagrangeArm, seed: int, more: float) -> JointRecord:
+    """A recording with a fraction more of friction in the first joint, except where held out."""
+    t, q, tau = recorded(arm, DURATION)
+    noise = np.random.default_rng(seed).standard_normal(tau.shape)
+    effort = tau + NOISE * np.sqrt((tau**2).mean(axis=0)) * noise
+    way = np.sign(np.gradient(q[:, 0], t)) * (t < (1.0 - HELD_OUT) * DURATION)
+    effort[:, 0] += more * arm.coulomb[0] * way
+    return JointRecord.of(arm.names, t, RESOLUTION * np.round(q / RESOLUTION), effort)
 
 
 @dataclass(frozen=True)

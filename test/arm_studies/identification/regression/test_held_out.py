@@ -5,29 +5,10 @@ import numpy as np
 import pytest
 
 from arm_dynamics.exceptions import InvalidInput
-from arm_studies.identification import JointRecord, identify
-from arm_studies.identification.regression.rows import HELD_OUT
-from benchmarks.identification.coverage import (
-    ARMS,
-    DURATION,
-    NOISE,
-    RESOLUTION,
-    recorded,
-    true_arm,
-)
-from benchmarks.identification.lagrange import LagrangeArm
+from arm_studies.identification import identify
+from benchmarks.identification.coverage import ARMS, disturbed, true_arm
 
 ARM = true_arm(ARMS["two links"])
-
-
-def disturbed(arm: LagrangeArm, seed: int, more: float) -> JointRecord:
-    """A recording with a fraction more of friction in the first joint, except where held out."""
-    t, q, tau = recorded(arm, DURATION)
-    noise = np.random.default_rng(seed).standard_normal(tau.shape)
-    effort = tau + NOISE * np.sqrt((tau**2).mean(axis=0)) * noise
-    way = np.sign(np.gradient(q[:, 0], t)) * (t < (1.0 - HELD_OUT) * DURATION)
-    effort[:, 0] += more * arm.coulomb[0] * way
-    return JointRecord.of(arm.names, t, RESOLUTION * np.round(q / RESOLUTION), effort)
 
 
 def test_an_exact_scene_passes_whatever_the_noise():
