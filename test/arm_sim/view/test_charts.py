@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from arm_sim.recording.figure import thinned
-from arm_sim.view.charts import COLOURS, POINTS, Chart, Charts, _columns, legend, with_curves
+from arm_sim.view.charts import COLORS, POINTS, Chart, Charts, _columns, legend, with_curves
 
 PAGE = "<html><head></head><body><div></div></body></html>"
 
@@ -101,7 +101,7 @@ def test_what_is_not_finite_is_a_gap_and_a_name_ends_no_script() -> None:
 def test_colours_of_a_legend_begin_again() -> None:
     names = [f"joint {i}" for i in range(12)]
     found = re.findall(r"color:(#\w+)", legend(names, np.zeros(12)))
-    assert found == [*COLOURS, *COLOURS[:2]]
+    assert found == [*COLORS, *COLORS[:5]]
 
 
 @pytest.mark.group("view")

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from click import ClickException
 from click.testing import CliRunner, Result
 from pictures import written
 
@@ -148,9 +147,8 @@ def test_before_and_after_stand_side_by_side(tmp_path: Path) -> None:
         left_over = [line.get_ydata() for line in right.lines]
         np.testing.assert_allclose(left_over, drawn[0] - np.array(drawn[1:]), atol=1e-6)
         assert right.get_ylim()[1] == -right.get_ylim()[0] == np.nanmax(abs(drawn[0]))
-        shares = [f"{100.0 * each.relative[i]:.1f} %" for each in made]
-        names = [line.get_label() for line in right.lines]
-        assert names == [f"two_link: {shares[0]}", f"better: {shares[1]}"]
+        shares = [f"{each.relative[i]:.1%}" for each in made]
+        assert right.get_title("right") == f"two_link {shares[0]}, better {shares[1]}"
     assert [line.get_label() for line in axes[0, 0].lines] == ["measured", "two_link", "better"]
     done = typed("two_link", str(path), str(better), "--json")
     before, after = json.loads(done.stdout)["scenes"]
@@ -175,7 +173,7 @@ def test_the_axes_of_errors_are_as_high_as_the_torques_either_way(tmp_path: Path
         for i, axis in enumerate(figures[0].axes[1::2]):
             most = np.nanmax(abs(made.measured[:, i]))
             assert axis.get_ylim() == (-most, most)
-    with pytest.raises(ClickException, match=r"one\.txt'"):
+    with pytest.raises(InvalidInput, match=r"one\.txt'"):
         draw([made], ["two_link"], tmp_path / "one.txt")
 
 

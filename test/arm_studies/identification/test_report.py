@@ -104,7 +104,7 @@ def test_figures_show_torques_residuals_and_the_law_of_friction(
     shown = found.torques
     axes = np.reshape(figures[0].axes, (2, 2))
     for j, (left, right) in enumerate(axes):
-        nominal, measured, predicted = (line.get_ydata() for line in left.lines)
+        measured, predicted, nominal = (line.get_ydata() for line in left.lines)
         for drawn, column in (
             (nominal, shown.nominal), (measured, shown.measured), (predicted, shown.predicted),
         ):  # fmt: skip
@@ -118,11 +118,12 @@ def test_figures_show_torques_residuals_and_the_law_of_friction(
         expected = shown.time[[first, last]] - shown.time[0]
         np.testing.assert_allclose(times, expected, atol=1e-6)
     names = [line.get_label() for line in axes[0, 0].lines]
-    assert names == ["nominal", "measured", "predicted"]
-    assert axes[0, 1].get_title() == f"error {found.torque_error['shoulder']:.1%} on held-out data"
-    assert axes[1, 1].get_title() == "unknown error on held-out data"
+    assert names == ["measured", "identified", "nominal"]
+    error = f"{found.torque_error['shoulder']:.1%} on held-out data"
+    assert axes[0, 1].get_title("right") == error
+    assert axes[1, 1].get_title("right") == "unknown on held-out data"
     shoulder, elbow = figures[1].axes
-    assert (shoulder.get_title(), elbow.get_title()) == ("shoulder", "elbow")
+    assert [at.get_title("left") for at in figures[1].axes] == ["shoulder", "elbow"]
     np.testing.assert_array_equal(
         elbow.lines[0].get_xydata().T, [shown.v[:, 1], shown.friction[:, 1]]
     )
