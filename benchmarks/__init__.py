@@ -2,7 +2,6 @@
 """Everything that is measured, in folders by subject; each can be run by itself.
 
 ``comparison`` (``./arm bench``) sets run time against error, here and in other simulators, and is
-made of ``studies``; ``accuracy``, ``stress``, ``loop``, ``soak``, ``latency`` and ``regression``
-have commands of their own. Below them are ``reference``, ``peers``, ``robots``, ``measurement``
-and ``reporting``, which know none of those above.
+made of ``studies``; all others have commands of their own. Below them are ``reference``,
+``peers``, ``robots``, ``measurement`` and ``reporting``, which know none of those above.
 """

@@ -1,250 +1,154 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Show whether two revisions of the suite behave identically.
+"""After a refactoring: does this tree do what a revision did, to the bit?
 
-    ./arm python tools/same_behaviour.py                  # this working tree against HEAD
-    ./arm python tools/same_behaviour.py v1 --only c,states --scenes panda z1
-    ./arm python tools/same_behaviour.py v1 --record /tmp/v1      # for later comparisons
-    ./arm python tools/same_behaviour.py --against /tmp/v1
+    ./arm python tools/same_behaviour.py HEAD~3
+    ./arm python tools/same_behaviour.py HEAD~3 panda ur10    # these scenes alone
 
-Compared to the bit: the C code that is generated for the shipped scenes by every method (``c``),
-the handwritten C that is compiled with it (``drivers``), short runs (``states``), terms of the
-equation of motion and derivatives (``terms``), what commands print (``help``, ``describe``), what
-nodes offer (``ros``) and publish (``messages``). The messages of arm_msgs are those that are built
-now, for both. The exit status is 1 if anything differs.
+Both write what they compile, compute and print into folders of texts, which are then compared by
+``git diff``. Only names that users know are asked for, so one script serves both trees.
 """
 
-from __future__ import annotations
-
-import argparse
-import difflib
-import gzip
-import json
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-RECORDER = Path(__file__).with_name("record_behaviour.py")
 SCENES = Path("src/arm_sim/arm_sim/scenes")
-RECORDS = "records.json"
-PACKAGES = ("src/arm_studies", "src/arm_sim", "src/arm_dynamics")
-JOBS = {
-    "help": ("help",),
-    "nodes": ("ros", "messages"),
-    "code": ("c", "drivers"),
-    "describe": ("describe",),
-    "motion": ("states", "terms"),
-}
-OF_A_SCENE = ("code", "motion", "describe")
-GROUPS = tuple(group for groups in JOBS.values() for group in groups)
+PACKAGES = ("arm_dynamics", "arm_sim", "arm_studies")
+FIXED = ("euler", "semi_implicit_euler", "midpoint", "heun", "rk4", "nystrom4")
+ADAPTIVE = ("dopri5", "dop853", "implicit", "auto")
+METHODS = [(name, None) for name in FIXED + ADAPTIVE] + [(name, 1e-8) for name in ADAPTIVE]
+COMMANDS = ("", "sim", "dynamics", "controller", "describe", "build", "call")
+TERMS = (
+    "inverse", "forward", "mass_matrix", "coriolis_matrix", "gravity", "energy",
+    "constrained_forward",
+)  # fmt: skip
+TICKS = 200
+# Called as "KEEPER COMPILER ARGUMENT...": keeps the source by its digest, and compiles it.
+KEEPER = """#!/bin/sh
+for argument; do
+    case $argument in
+    *.c | *.cpp) cp "$argument" "$KEPT/$(sha256sum "$argument" | cut -c -16).c" ;;
+    esac
+done
+exec "$@" -O0
+"""
 
 
-def main() -> int:
-    """Compare, or only record; return the exit status."""
-    options = arguments()
-    groups = [g for g in GROUPS if g in options.only and g not in options.ignore]
-    with tempfile.TemporaryDirectory(prefix="behaviour-") as name:
-        scratch = Path(name)
-        if options.record:
-            with revision(options.revision, scratch / "tree") as tree:
-                take(tree, options.record, groups, options.scenes, options.jobs)
-            return 0
-        before = options.against
-        if before is None:
-            before = scratch / "before"
-            with revision(options.revision, scratch / "tree") as tree:
-                take(tree, before, groups, options.scenes, options.jobs)
-        after = scratch / "after"
-        take(ROOT, after, groups, options.scenes, options.jobs)
-        return compare(before, after, groups, options.scenes, options.lines)
+def record(out: Path, scenes: list[Path]) -> None:
+    """Write what the tree that is imported does."""
+    compiled = out / "compiled"
+    compiled.mkdir(parents=True)
+    keeper = out.with_name("keeper")
+    keeper.write_text(KEEPER)
+    keeper.chmod(0o700)
+    os.environ |= {"KEPT": str(compiled), "CC": f"{keeper} cc", "CXX": f"{keeper} c++"}
+    for words in COMMANDS:
+        (out / f"help {words}.txt").write_text(said(*words.split(), "--help"))
+    for scene in scenes:
+        for name, answer in answers(scene):
+            try:
+                text = numbers(answer())
+            except Exception as error:  # what fails must fail alike
+                text = f"{type(error).__name__}\n"
+            (out / f"{scene.stem}, {name}.txt").write_text(text)
 
 
-def arguments() -> argparse.Namespace:
-    """What was asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("revision", nargs="?", default="HEAD", help="what to compare with")
-    parser.add_argument("--scenes", nargs="+", metavar="SCENE", help="only these shipped scenes")
-    parser.add_argument("--only", type=listed, default=GROUPS, metavar="GROUP,...")
-    parser.add_argument("--ignore", type=listed, default=(), metavar="GROUP,...")
-    parser.add_argument("--record", type=Path, metavar="FOLDER", help="record REVISION, and stop")
-    parser.add_argument("--against", type=Path, metavar="FOLDER", help="compare with a record")
-    parser.add_argument("--jobs", type=int, default=1, help="processes at once")
-    parser.add_argument("--lines", type=int, default=30, help="of a difference to show")
-    return parser.parse_args()
+def answers(scene: Path) -> Iterator[tuple[str, Callable[[], Any]]]:
+    """What is computed for a scene, by name."""
+    for method, tolerance in METHODS:
+        label = method if tolerance is None else f"{method} to {tolerance:g}"
+        yield label, lambda way=(method, tolerance): motion(scene, *way)
+    for term in TERMS:
+        for points in ((), (300,)):  # one at a time, and enough for the code of batches
+            yield f"{term} {points}", lambda way=(term, points): of_states(scene, *way)
 
 
-def listed(text: str) -> tuple[str, ...]:
-    """Names of groups with commas between them."""
-    names = tuple(text.split(","))
-    if unknown := [name for name in names if name not in GROUPS]:
-        allowed = ", ".join(GROUPS)
-        raise argparse.ArgumentTypeError(f"{', '.join(unknown)}; allowed: {allowed}")
-    return names
+def motion(scene: Path, method: str, tolerance: float | None) -> list[Any]:
+    """States and energies under random torques, rollouts, the derivatives of a tick."""
+    from arm_sim import Simulator
 
-
-@contextmanager
-def revision(name: str, folder: Path) -> Iterator[Path]:
-    """A checkout of a revision, removed in the end."""
-    git = ["git", "-C", str(ROOT), "worktree"]
-    subprocess.run([*git, "add", "--quiet", "--detach", str(folder), name], check=True)
+    sim, rng = Simulator(scene, method, tolerance=tolerance), np.random.default_rng(20)
+    size = 1.0 + abs(sim.dynamics.gravity(sim.state.q))
+    tau = size * rng.uniform(-1, 1, (TICKS, sim.n))
+    q, v = (start + 1e-3 * rng.uniform(-1, 1, (9, sim.n)) for start in (sim.state.q, sim.state.v))
+    run = sim.run(TICKS * sim.dt, tau)
+    found = [run.q, run.v, run.z, run.command, run.error, run.kinetic, run.potential, run.lost]
+    if tolerance is None:
+        found.append(sim.rollout(q, v, np.tile(tau[:20], (9, 1, 1)), 20, lanes=8))
     try:
-        yield folder
-    finally:
-        subprocess.run([*git, "remove", "--force", str(folder)], check=True)
+        return [*found, *sim.linearize(sim.state, tau[0])]
+    except Exception as error:
+        return [*found, type(error).__name__]
 
 
-# --- recording ---------------------------------------------------------------------------------
+def of_states(scene: Path, term: str, points: tuple[int, ...]) -> Any:
+    """A term of the dynamics at random states."""
+    from arm_dynamics import Dynamics, load_scene
+
+    dynamics = Dynamics(load_scene(scene))
+    states = np.random.default_rng(20).uniform(-2, 2, (3, *points, dynamics.n))
+    count = {"mass_matrix": 1, "gravity": 1, "coriolis_matrix": 2, "energy": 2}.get(term, 3)
+    return getattr(dynamics, term)(*states[:count])
 
 
-def take(
-    tree: Path, folder: Path, groups: Sequence[str], scenes: Sequence[str] | None, jobs: int
-) -> None:
-    """Record what a tree does.
-
-    Args:
-        tree: A checkout.
-        folder: Receives ``records.json``, digests by name, and ``texts``; adds to what is there.
-        groups: Groups to record.
-        scenes: Names of shipped scenes, None for all.
-        jobs: Processes at once.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    shipped = scenes or sorted(path.stem for path in (tree / SCENES).glob("*.yaml"))
-    work = [
-        (job, scene)
-        for job, made in JOBS.items()
-        if set(made) & set(groups)
-        for scene in (shipped if job in OF_A_SCENE else ["all"])
-    ]
-    with tempfile.TemporaryDirectory(prefix="cache-") as cache, ThreadPoolExecutor(jobs) as pool:
-        digests = load(folder) if (folder / RECORDS).exists() else {}
-        for part in pool.map(lambda item: record(tree, folder, Path(cache), *item), work):
-            digests |= {name: digest for name, digest in part.items() if group_of(name) in groups}
-            (folder / RECORDS).write_text(json.dumps(digests, indent=1, sort_keys=True))
+def numbers(answer: Any) -> str:
+    """Text that tells any two different numbers apart."""
+    if isinstance(answer, tuple | list):
+        return "".join(map(numbers, answer))
+    if isinstance(answer, str):
+        return f"{answer}\n"
+    array = np.asarray(answer, dtype=float)
+    rows = array.reshape(len(array), -1) if array.ndim and array.size else array.reshape(-1, 1)
+    return "\n".join([f"{array.shape}", *(" ".join(map(repr, row)) for row in rows.tolist()), ""])
 
 
-def record(tree: Path, folder: Path, cache: Path, job: str, scene: str) -> dict[str, str]:
-    """One job in a process of its own; a failure is recorded as such."""
-    command = [sys.executable, "-P", str(RECORDER), job, str(tree / SCENES), scene, str(folder)]
-    done = subprocess.run(
-        command,
-        env=surroundings(tree, cache),
-        cwd=cache,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        check=False,
-    )
-    if done.returncode != 0:
-        raise RuntimeError(f"{job} of {scene} could not be recorded in {tree}:\n{done.stderr}")
-    part = folder / f"{job}-{scene}.json"
-    digests: dict[str, str] = json.loads(part.read_text())
-    part.unlink()
-    return digests
+def said(*words: str) -> str:
+    """What a command prints."""
+    command = [sys.executable, "-P", "-m", "arm_sim.cli", *words]
+    environment = os.environ | {"COLUMNS": "200", "NO_COLOR": "1"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    return done.stdout + done.stderr
 
 
-def surroundings(tree: Path, cache: Path) -> dict[str, str]:
-    """The environment of ``./arm``, with the packages of a tree in place of this one's."""
-    ours = {str(ROOT / package) for package in PACKAGES}
-    kept = [p for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p and p not in ours]
-    return {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([*(str(tree / package) for package in PACKAGES), *kept]),
+def recorded(tree: Path, out: Path, scenes: list[str]) -> None:
+    """Run this script on a tree, with nothing in its cache."""
+    ours = {str(ROOT / "src" / package) for package in PACKAGES}
+    kept = [p for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p not in ours]
+    theirs = [str(tree / "src" / package) for package in PACKAGES]
+    environment = {
+        "PYTHONPATH": os.pathsep.join(theirs + kept), "XDG_CACHE_HOME": str(out) + "-cache",
         "PYTHONDONTWRITEBYTECODE": "1",
-        "XDG_CACHE_HOME": str(cache),
-        "ROS_LOG_DIR": str(cache / "log"),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
+    }  # fmt: skip
+    paths = [str(path) for path in sorted((tree / SCENES).glob("*.yaml"))
+             if not scenes or path.stem in scenes]  # fmt: skip
+    command = [sys.executable, "-P", __file__, "--record", str(out), *paths]
+    subprocess.run(command, env=os.environ | environment, cwd=out.parent, check=True)
 
 
-# --- comparing ---------------------------------------------------------------------------------
-
-
-def compare(
-    before: Path, after: Path, groups: Sequence[str], scenes: Sequence[str] | None, lines: int
-) -> int:
-    """Print how two records differ.
-
-    Returns:
-        1 if they do, else 0.
-    """
-    old, new = (chosen(load(folder), groups, scenes) for folder in (before, after))
-    print(f"{'group':10} {'records':>8} {'equal':>8} {'differ':>8} {'gone':>6} {'new':>6} raised")
-    for group in groups:
-        a, b = ({n: d for n, d in x.items() if group_of(n) == group} for x in (old, new))
-        both = a.keys() & b.keys()
-        equal = sum(a[name] == b[name] for name in both)
-        counts = len(a | b), equal, len(both) - equal, len(a) - len(both), len(b) - len(both)
-        errors = sum(text(after, d).startswith("raised ") for d in b.values())
-        print("{:10} {:8} {:8} {:8} {:6} {:6} {:6}".format(group, *counts, errors))
-    differing = [name for name in sorted(old | new) if old.get(name) != new.get(name)]
-    show(differing, before, after, old, new, lines)
-    return 1 if differing else 0
-
-
-def load(folder: Path) -> dict[str, str]:
-    """Digests by name."""
-    digests: dict[str, str] = json.loads((folder / RECORDS).read_text())
-    return digests
-
-
-def chosen(
-    records: dict[str, str], groups: Sequence[str], scenes: Iterable[str] | None
-) -> dict[str, str]:
-    """Those of some groups and scenes; what belongs to no scene belongs to all."""
-    allowed = None if scenes is None else set(scenes)
-    return {
-        name: digest
-        for name, digest in records.items()
-        if group_of(name) in groups
-        and (allowed is None or name.count("/") < 2 or name.split("/")[1] in allowed)
-    }
-
-
-def group_of(name: str) -> str:
-    """The group of a record."""
-    return name.partition("/")[0]
-
-
-def text(folder: Path, digest: str | None) -> str:
-    """The text of a record, empty for one that is not there."""
-    if digest is None:
-        return ""
-    return gzip.decompress((folder / "texts" / f"{digest}.gz").read_bytes()).decode()
-
-
-def show(
-    names: Sequence[str],
-    before: Path,
-    after: Path,
-    old: dict[str, str],
-    new: dict[str, str],
-    lines: int,
-) -> None:
-    """Print every name that differs, and the beginnings of differences, each of them once."""
-    shown: set[tuple[str | None, str | None]] = set()
-    for name in names:
-        pair = old.get(name), new.get(name)
-        print(
-            f"\n{name}: {'gone' if pair[1] is None else 'new' if pair[0] is None else 'differs'}"
-        )
-        if pair in shown or None in pair:
-            continue
-        shown.add(pair)
-        sides = text(before, pair[0]).splitlines(), text(after, pair[1]).splitlines()
-        for number, line in enumerate(difflib.unified_diff(*sides, "before", "after", "", "", 2)):
-            if number >= lines:
-                print("    ...")
-                break
-            print("   ", line.rstrip("\n")[:200])
+def main(revision: str, *scenes: str) -> int:
+    """Compare this tree with a revision; 1 if they differ."""
+    git = ["git", "-C", str(ROOT), "worktree"]
+    with tempfile.TemporaryDirectory() as name:
+        older, before, after = (Path(name, part) for part in ("tree", "before", "after"))
+        subprocess.run([*git, "add", "--quiet", "--detach", str(older), revision], check=True)
+        try:
+            recorded(older, before, list(scenes))
+            recorded(ROOT, after, list(scenes))
+        finally:
+            subprocess.run([*git, "remove", "--force", str(older)], check=True)
+        compare = ["git", "diff", "--no-index", "--stat", "--patch", "before", "after"]
+        return subprocess.run(compare, cwd=name, check=False).returncode
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    if sys.argv[1:2] == ["--record"]:
+        record(Path(sys.argv[2]), [Path(scene) for scene in sys.argv[3:]])
+    else:
+        sys.exit(main(*sys.argv[1:]))

@@ -15,7 +15,7 @@ from arm_dynamics.control.custom import Maker
 from arm_dynamics.trajectory import Reference
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.recording.recording import Recording
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from benchmarks.controllers.cases import JUMP, PACES, PLANTS, STAY, TASKS, Arm
 from benchmarks.controllers.contenders import CONTENDERS, contender
 

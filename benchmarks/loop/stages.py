@@ -71,7 +71,7 @@ def closed_loop(
         client = stack.enter_context(ArmClient(timeout=30.0, domain=domain))
         client.model_info()
         # Whoever joins may hold everybody up for a third of a second: not while this is measured.
-        watcher = stack.enter_context(closing(Watcher(domain, tracking=False)))
+        watcher = stack.enter_context(closing(Watcher(domain)))
         time.sleep(WARM)
         bare = stack.enter_context(Baseline("thread", seconds))
         ids = processes.ids
@@ -92,7 +92,7 @@ def closed_loop(
         "priority": priority,
         "share": share,
         "thread": beside,
-        "told": watcher.latest["sim: loop"].values,
+        "told": watcher.latest["sim: loop"],
         **found,
     }
 

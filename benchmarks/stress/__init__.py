@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hard arms on purpose: does anything fail without saying so?
+"""Random scenes at their worst: does anything fail without saying so?
 
-``python -m benchmarks.stress --help`` from the project root, or ``./arm stress``.
+``./arm stress``. ``scenes`` draws all of them; ``judge`` compares motions with what they should
+be, ``holding`` the loads at which parts let go with the linear programs of ``limits``.
 """

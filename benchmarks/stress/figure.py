@@ -10,20 +10,19 @@ import numpy as np
 
 from arm_sim.figures import WIDTH, figure
 from benchmarks.reporting.style import MARKS, METHODS
-from benchmarks.stress.survey import Found
+from benchmarks.stress.judge import SURVIVED, Result
 from benchmarks.stress.tables import Point, fixed
-from benchmarks.stress.verdict import SURVIVED, Result
 
 HALF_DECADES = 10.0 ** np.arange(-4.0, 2.1, 0.5)
 FEWEST = 4  # runs that make a point
 ROUNDING = 1e-16  # nothing below it is drawn
 
 
-def draw(found: Sequence[Found], path: Path) -> None:
+def draw(found: Sequence[Result], path: Path) -> None:
     """Draw what was found with fixed steps and without dry friction.
 
     Args:
-        found: of all arms.
+        found: all runs.
         path: of the picture.
     """
     points = fixed(found)

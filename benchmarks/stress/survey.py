@@ -1,110 +1,65 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many arms, every method, every step, on every core."""
+"""Many cases on all cores, each in its own process: that one hangs or crashes is a result."""
 
 from __future__ import annotations
 
+import logging
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 
-from arm_dynamics import ArmError, ArmModel, load_scene
-from arm_sim.integrators.methods import METHODS
-from benchmarks.stress.arms import MOST_JOINTS, Arm, draw
-from benchmarks.stress.motion import HORIZON, TICK, Motion, solve
-from benchmarks.stress.verdict import NAN, REFUSED, Result, Setting, attempt
+from benchmarks.stress.judge import CRASHED, HUNG, Result, examine
 
-STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # [s]
-TOLERANCES = (1e-6, 1e-9)
-REFERENCE = "reference"
-LONG_TO_COMPILE = {"implicit": 10}  # joints: with more of them its Jacobian takes too long
+PATIENCE = 1800.0  # [s] for what a case has to compile and for its runs
+Work = tuple[str, int, int, float]
+
+_processes = get_context("forkserver")
+_processes.set_forkserver_preload(["benchmarks.stress.judge"])
 
 
-@dataclass(frozen=True)
-class Plan:
-    """What to try on each arm.
-
-    Attributes:
-        steps: lengths of a tick [s].
-        tolerances: of error control.
-        most_joints: of an arm.
-        horizon: how long to follow it [s].
-        backend: of the simulator.
-    """
-
-    steps: tuple[float, ...] = STEPS
-    tolerances: tuple[float, ...] = TOLERANCES
-    most_joints: int = MOST_JOINTS
-    horizon: float = HORIZON
-    backend: str = "auto"
-
-    def settings(self, joints: int = 1) -> list[Setting]:
-        """Every method with fixed steps, and with error control where it has it."""
-        names = [name for name in METHODS if joints <= LONG_TO_COMPILE.get(name, MOST_JOINTS)]
-        fixed = [Setting(name, dt) for name in names for dt in self.steps]
-        able = [name for name in names if METHODS[name].adaptive]
-        return fixed + [Setting(name, dt, t) for name in able for t in self.tolerances
-                        for dt in self.steps]  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Found:
-    """Everything that was found about one arm.
-
-    Attributes:
-        seed: of the arm.
-        arm: the arm; None if it was refused.
-        motion: what it really does.
-        results: of all settings.
-    """
-
-    seed: int
-    arm: Arm | None
-    motion: Motion
-    results: tuple[Result, ...]
-
-
-def examine(seed: int, plan: Plan) -> Found:
-    """Try every setting on the arm of a seed."""
-    try:
-        arm = draw(seed, plan.most_joints)
-        model = ArmModel(load_scene(arm.scene))
-        motion = solve(arm, model, plan.backend, plan.horizon)
-    except ArmError as error:
-        refused = Result(seed, "every method", 0.0, REFUSED, message=str(error))
-        return Found(seed, None, Motion(0.0, message=str(error)), (refused,))
-    results = [attempt(arm, model, motion, way, plan.backend) for way in plan.settings(arm.n)]
-    if not motion.finite:
-        results.append(Result(seed, REFERENCE, TICK, NAN, message=motion.message))
-    return Found(seed, arm, motion, tuple(results))
-
-
-def survey(seeds: Sequence[int], plan: Plan, workers: int) -> Iterator[Found]:
-    """Examine many arms side by side; compiled code goes to a folder that is removed at the end.
+def survey(work: Sequence[Work], workers: int) -> Iterator[list[Result]]:
+    """Examine many cases side by side; compiled code goes to a folder that is removed at the end.
 
     Args:
-        seeds: of the arms.
-        plan: what to try.
-        workers: processes.
+        work: Arguments of ``examine`` of each case.
+        workers: Processes at a time.
 
     Yields:
-        What was found, as it comes; the same for the same seeds and plan, in any order.
+        The results of a case, as they come; the same for the same work, in any order.
     """
     with tempfile.TemporaryDirectory(prefix="stress-") as folder:
-        pool = ProcessPoolExecutor(
-            workers, get_context("spawn"), initializer=_settle, initargs=(folder,)
-        )
-        with pool:
-            jobs = [pool.submit(examine, seed, plan) for seed in seeds]
-            try:
-                for job in as_completed(jobs):
-                    yield job.result()
-            finally:
-                pool.shutdown(cancel_futures=True)
+        pool = ThreadPoolExecutor(workers)
+        try:
+            for job in as_completed([pool.submit(apart, each, folder) for each in work]):
+                yield job.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
-def _settle(folder: str) -> None:
-    """Prepare a worker process."""
+def apart(work: Work, folder: str) -> list[Result]:
+    """What a case's process sends, or what became of it."""
+    here, there = _processes.Pipe(duplex=False)
+    process = _processes.Process(target=_case, args=(there, work, folder))
+    process.start()
+    there.close()
+    kind, seed, *_ = work
+    lost = Result(kind, seed, "every method", 0.0, HUNG, message=f"nothing within {PATIENCE:g} s")
+    try:
+        if here.poll(PATIENCE):
+            results: list[Result] = here.recv()
+            return results
+        return [lost]
+    except EOFError:
+        return [Result(kind, seed, "every method", 0.0, CRASHED)]
+    finally:
+        process.kill()
+        process.join()
+
+
+def _case(there: Connection, work: Work, folder: str) -> None:
     os.environ["XDG_CACHE_HOME"] = folder
+    logging.disable(logging.WARNING)  # what is not trusted is counted
+    there.send(examine(*work))

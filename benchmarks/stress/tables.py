@@ -3,182 +3,144 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from benchmarks.reporting.markdown import table
-from benchmarks.stress.survey import REFERENCE, Found
-from benchmarks.stress.verdict import FORBIDDEN, OUTCOMES, SURVIVED, Result
+from benchmarks.reporting.markdown import number, table
+from benchmarks.stress.judge import (
+    CRASHED,
+    FORBIDDEN,
+    HUNG,
+    OUTCOMES,
+    REFUSED,
+    SHOWN,
+    SURVIVED,
+    UNSTEADY,
+    Result,
+)
 
 DECADES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)  # ends of the intervals of step times rate
-FRICTION = ("no friction", "viscous friction", "dry friction")
-ROUNDING = 1e-9  # an error below it says nothing of an estimate
 Point = tuple[float, Result, bool]
 
 
-def runs(found: Sequence[Found], steady: bool = False) -> list[Result]:
-    """All runs of all arms that were not refused, or only of those with a steady motion."""
-    return [result for one in found if one.arm and (one.motion.steady or not steady)
-            for result in one.results if result.name != REFERENCE]  # fmt: skip
+def runs(found: Sequence[Result]) -> list[Result]:
+    """All runs whose true motion is known, of scenes that were not refused."""
+    return [r for r in found if r.outcome not in (UNSTEADY, REFUSED, HUNG, CRASHED)]
 
 
-def survival(found: Sequence[Found]) -> str:
+def outcomes(found: Sequence[Result]) -> str:
+    """What became of the runs of each kind and method."""
+    rows = []
+    for kind in dict.fromkeys(r.kind for r in found):
+        mine = [r for r in found if r.kind == kind]
+        for name in names_of(mine):
+            rows.append(_row(f"{kind}, {name}", [r for r in mine if r.name == name]))
+        rows.append(_row(f"**{kind}, all**", mine))
+    return table(["", "runs", *OUTCOMES, "false alarms"], rows)
+
+
+def _row(name: str, mine: Sequence[Result]) -> list[object]:
+    number_of = [sum(r.outcome == outcome for r in mine) for outcome in OUTCOMES]
+    return [name, len(mine), *number_of, sum(r.false_alarm for r in mine)]
+
+
+def survival(found: Sequence[Result]) -> str:
     """How often each method survives at each step."""
-    return _by_step(runs(found), lambda some: _percent(_survived(some), some))
+    return _by_step(runs(found), _percent)
 
 
-def errors(found: Sequence[Found]) -> str:
+def errors(found: Sequence[Result]) -> str:
     """How wrong each method is at each step where it survives: median and worst."""
-    steady = runs(found, steady=True)
-    return _by_step(steady, lambda some: _spread(r.error for r in _survived(some)))
+    survived = [r for r in runs(found) if r.outcome == SURVIVED]
+    return _by_step(survived, lambda some: _spread(r.error for r in some))
 
 
-def energies(found: Sequence[Found]) -> str:
-    """Energy from nowhere where a method survives: median and worst."""
-    return _by_step(runs(found), lambda some: _spread(r.energy for r in _survived(some)))
-
-
-def outcomes(found: Sequence[Found]) -> str:
-    """What became of the runs of each method."""
-    everything = runs(found)
-    rows = []
-    for name in _names(everything):
-        mine = [r for r in everything if r.name == name]
-        number_of = [sum(r.outcome == outcome for r in mine) for outcome in OUTCOMES]
-        rows.append([name, len(mine), *number_of, sum(r.false_alarm for r in mine)])
-    total = [sum(int(row[k]) for row in rows) for k in range(1, len(OUTCOMES) + 3)]
-    return table(["method", "runs", *OUTCOMES, "false alarms"], [*rows, ["**all**", *total]])
-
-
-def by_rate(found: Sequence[Found]) -> str:
+def by_rate(found: Sequence[Result]) -> str:
     """Survival and error against step times rate, fixed steps."""
-    points = fixed(found)
-    rows = []
-    for name in _names([r for _, r, _ in points]):
-        mine = [point for point in points if point[1].name == name]
-        rows.append([name, *(_in_decade(mine, k) for k in range(len(DECADES) + 1))])
+    points, rows = fixed(found), []
+    for name in names_of([r for _, r, _ in points]):
+        mine = [(x, r) for x, r, _ in points if r.name == name]
+        ends = zip((0.0, *DECADES), (*DECADES, np.inf), strict=True)
+        some = [[r for x, r in mine if low <= x < high] for low, high in ends]
+        good = [[r.error for r in part if r.outcome == SURVIVED] for part in some]
+        cells = zip(some, good, strict=True)
+        rows.append([name, *(f"{_percent(part)}; {_spread(right)}" for part, right in cells)])
     head = [f"< {DECADES[0]:g}", *(f"to {end:g}" for end in DECADES[1:]), f"> {DECADES[-1]:g}"]
     return table(["method", *head], rows)
 
 
-def fixed(found: Sequence[Found]) -> list[Point]:
+def fixed(found: Sequence[Result]) -> list[Point]:
     """Runs with fixed steps of arms without dry friction.
 
     Returns:
-        Step times rate, the run, and whether the motion is steady.
+        Step times rate, the run, and that its motion is steady.
     """
-    arms = [one for one in found if one.arm and not one.arm.dry and one.motion.rate > 0]
-    return [(r.dt * one.motion.rate, r, one.motion.steady) for one in arms for r in one.results
-            if " " not in r.name and r.name != REFERENCE]  # fmt: skip
+    return [(r.dt * r.rate, r, True) for r in runs(found)
+            if r.kind == "arms" and r.tolerance is None and r.rate > 0
+            and "dry friction" not in r.traits]  # fmt: skip
 
 
-def by_friction(found: Sequence[Found]) -> str:
-    """Survival with each kind of friction."""
-    rows = []
-    for name in _names(runs(found)):
-        row = [name]
-        for kind in FRICTION:
-            mine = [r for r in runs([one for one in found if one.arm and kind in one.arm.traits])
-                    if r.name == name]  # fmt: skip
-            false = sum(r.false_alarm for r in mine)
-            row.append(_percent(_survived(mine), mine) + (f", {false} false" if false else ""))
-        rows.append(row)
-    return table(["method", *FRICTION], rows)
+def delivered(found: Sequence[Result]) -> str:
+    """Error over the tolerance asked for, and over the error that the recording states."""
+    controlled, rows = [r for r in runs(found) if r.tolerance and r.error is not None], []
+    for name in names_of(controlled):
+        mine = [r for r in controlled if r.name == name]
+        asked = [r.error / r.tolerance for r in mine if r.error and r.tolerance]
+        stated = [r.error / r.stated for r in mine if r.error and r.stated]
+        rows.append([name, len(mine), _spread(asked), _spread(stated)])
+    return table(["method", "runs", "error / tolerance", "error / stated error"], rows)
 
 
-def delivered(found: Sequence[Found]) -> str:
-    """Error over the tolerance asked for, and over the error that the simulator states."""
-    rows = []
-    steady = [r for r in runs(found, steady=True) if r.claimed is not None]
-    for name in _names(steady):
-        mine = [(r.error, r.claimed) for r in steady if r.name == name and r.error is not None]
-        asked = [error / float(name.split()[1]) for error, _ in mine]
-        stated = [error / claimed for error, claimed in mine if claimed and error > ROUNDING]
-        rows.append([name, len(mine), _spread(asked), len(stated), _spread(stated)])
-    above = f"of them with an error above {ROUNDING:g}"
-    return table(["method", "runs", "error / tolerance", above, "error / stated error"], rows)
-
-
-def wrong(found: Sequence[Found]) -> str:
+def wrong(found: Sequence[Result]) -> str:
     """What must not be: each by name, with the seed that repeats it."""
-    bad = [(one, r) for one in found for r in one.results if r.outcome in FORBIDDEN]
-    lines = [
-        f"- **{r.outcome}**: seed {r.seed}, {r.name}, tick {r.dt:g} s; "
-        + (", ".join(one.arm.traits) if one.arm else r.message)
-        for one, r in bad
-    ]
-    return "\n".join(lines) or "No silent NaN and no undetected blow-up."
+    bad = [f"- {line(r)}" for r in found if r.outcome in FORBIDDEN]
+    return "\n".join(bad) or "No run hung or crashed, and every error was told of."
 
 
-def refused(found: Sequence[Found]) -> str:
-    """Arms that were refused at once."""
-    lines = [f"- seed {one.seed}: {one.motion.message}" for one in found if not one.arm]
-    return "\n".join(lines) or "No arm was refused."
+def line(r: Result) -> str:
+    """One run in words."""
+    error = "" if r.error is None else f", off by {number(r.error, 2)}"
+    within = "" if r.tolerance is None else f" to {r.tolerance:.1g}"
+    return (
+        f"**{r.outcome}**: {r.kind}, seed {r.seed}, {r.name}{within}, tick {r.dt:g} s, "
+        f"{', '.join(r.traits)}{error}" + f"; {r.message}" * bool(r.message)
+    )
 
 
-def counts(found: Sequence[Found]) -> dict[str, str]:
+def counts(found: Sequence[Result]) -> dict[str, str]:
     """Numbers for the text."""
-    everything = runs(found)
-    arms = [one.arm for one in found if one.arm]
-    motions = [one.motion for one in found if one.motion.q is not None]
-    known = [motion for motion in motions if motion.known]
-    count = Counter(r.outcome for r in everything)
+    apart = [r.apart for r in found if r.apart is not None]
     return {
-        "arms": str(len(found)),
-        "runs": str(len(everything)),
-        "joints": f"{min(arm.n for arm in arms)} to {max(arm.n for arm in arms)}",
-        **{name.replace(" ", "_"): str(count[name]) for name in OUTCOMES},
-        "false_alarms": str(sum(r.false_alarm for r in everything)),
-        "steady": str(sum(motion.steady for motion in motions)),
-        "sensitive": str(sum(not motion.steady for motion in motions)),
-        "impossible": str(len(arms) - len(motions)),
-        "doubt": _spread(motion.doubt for motion in known),
-        "reference_balance": _spread(motion.balance for motion in motions),
-        "rates": f"{min(m.rate for m in motions):.2g} to {max(m.rate for m in motions):.2g}",
+        "runs": str(len(found)),
+        "cases": str(len({(r.kind, r.seed) for r in found})),
+        "seed": str(min(r.seed for r in found)),
+        "shown": str(sum(r.outcome == SHOWN for r in found)),
+        "twice": str(len({(r.kind, r.seed) for r in found if r.apart is not None})),
+        "apart": number(max(apart, default=None), 1),
     }
+
+
+def names_of(results: Sequence[Result]) -> list[str]:
+    """Methods, those with error control last."""
+    return sorted({r.name for r in results}, key=lambda name: (" " in name, name))
 
 
 def _by_step(results: Sequence[Result], cell: Callable[[Sequence[Result]], str]) -> str:
     steps = sorted({r.dt for r in results}, reverse=True)
     rows = [
         [name, *(cell([r for r in results if (r.name, r.dt) == (name, dt)]) for dt in steps)]
-        for name in _names(results)
+        for name in names_of(results)
     ]
     return table(["method", *(f"{dt:g} s" for dt in steps)], rows)
 
 
-def _in_decade(mine: list[Point], k: int) -> str:
-    low = DECADES[k - 1] if k else 0.0
-    high = DECADES[k] if k < len(DECADES) else np.inf
-    some = [(r, steady) for x, r, steady in mine if low <= x < high]
-    good = _survived([r for r, steady in some if steady])
-    share = _percent(_survived([r for r, _ in some]), [r for r, _ in some])
-    return f"{share}; {_spread(r.error for r in good)}"
-
-
-def _names(results: Sequence[Result]) -> list[str]:
-    return list(dict.fromkeys(r.name for r in results))
-
-
-def _survived(some: Sequence[Result]) -> list[Result]:
-    return [r for r in some if r.outcome == SURVIVED]
-
-
-def _percent(part: Sequence[Result], whole: Sequence[Result]) -> str:
-    return f"{len(part) / len(whole):.0%}" if whole else "—"
+def _percent(some: Sequence[Result]) -> str:
+    good = sum(r.outcome == SURVIVED for r in some)
+    return f"{good / len(some):.0%}" if some else "—"
 
 
 def _spread(values: Iterable[float | None]) -> str:
     """Median and worst."""
     known = [value for value in values if value is not None]
-    return f"{_rough(np.median(known))}, {_rough(max(known))}" if known else "—"
-
-
-def _rough(value: float | np.floating) -> str:
-    if value == 0:
-        return "0"
-    if 0.01 <= value < 1000:
-        return f"{value:.2g}" if value < 10 else f"{value:.0f}"
-    return f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
+    return f"{number(float(np.median(known)), 2)}, {number(max(known), 2)}" if known else "—"

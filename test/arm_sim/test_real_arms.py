@@ -9,7 +9,7 @@ import pytest
 import models
 from arm_dynamics import Term
 from arm_dynamics.trajectory import Waypoint
-from arm_sim.closed_loop import ClosedLoop
+from arm_sim.simulation.closed_loop import ClosedLoop
 
 # Gaz et al., supplementary material: A [N m], o [rad/s], alpha [s/rad] of
 # A / (1 + exp(-alpha (v + o))) - A / (1 + exp(-alpha o)).

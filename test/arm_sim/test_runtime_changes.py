@@ -14,7 +14,7 @@ from arm_dynamics import ArmError, Dynamics, InvalidInput, SceneError, load_scen
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.external_wrench import ExternalWrenches
-from arm_sim.runtime_changes import external_change, friction_change, payload_change
+from arm_sim.simulation.runtime_changes import external_change, friction_change, payload_change
 from tolerances import ALGEBRA, BACKENDS, assert_close
 
 LOAD = {"frame": "tip", "mass": 0.5, "com": [0.0, 0.0, 0.05],

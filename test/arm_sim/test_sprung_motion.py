@@ -14,7 +14,7 @@ from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_sim import Simulator
 from arm_sim.integrators.selection import choose, fastest_rate
 from arm_sim.plant import Plant
-from arm_sim.runtime_changes import payload_change
+from arm_sim.simulation.runtime_changes import payload_change
 from models.sprung import slope
 from tolerances import (
     BACKENDS,

@@ -1,193 +1,173 @@
 # SPDX-License-Identifier: Apache-2.0
-"""On a few random arms nothing fails silently; and the stress test would notice it."""
+"""Random scenes are drawn as promised, and the stress test would notice a fault."""
 
 from __future__ import annotations
 
 import json
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from scipy.integrate import solve_ivp
 
 from arm_dynamics import ArmModel, load_scene
 from arm_sim import Recording, Simulator
-from arm_sim.integrators.methods import METHODS
-from benchmarks.stress import verdict
-from benchmarks.stress.arms import HARDSHIPS, Arm, draw
-from benchmarks.stress.balances import energy_balance, impulse_balance
+from benchmarks.stress import judge, scenes, survey
 from benchmarks.stress.cli import main
-from benchmarks.stress.motion import HORIZON, solve
-from benchmarks.stress.page import page, plain, write
-from benchmarks.stress.survey import Found, Plan, examine, survey
-from benchmarks.stress.verdict import (
-    ENERGY,
+from benchmarks.stress.holding import Held, measured, summary
+from benchmarks.stress.judge import (
+    CRASHED,
     FORBIDDEN,
-    IMPULSE,
+    HUNG,
     NAN,
+    REFUSED,
     SHOWN,
-    STOPPED,
     SURVIVED,
     UNDETECTED,
     Result,
-    Setting,
-    attempt,
+    Truth,
+    examine,
 )
+from benchmarks.stress.page import write
+from benchmarks.stress.scenes import FAMILIES, HARDSHIPS, PIECE, PIECES, Case, Way, draw
+from models.rotor import rotor
 
-SMALL = Plan((1e-2, 1e-3), (1e-6,), most_joints=3, horizon=0.1, backend="vm")
-ABSURD = (7,)  # torques that no method can follow; without a compiler giving up takes long
-SEEDS = sorted({*range(12)} - {*ABSURD})
-EASY = [seed for seed in SEEDS if not draw(seed, SMALL.most_joints).dry][:3]
-DRY = [seed for seed in SEEDS if draw(seed, SMALL.most_joints).dry][:1]  # needs a compiler
-ROUGH = replace(SMALL, steps=(1e-2,))
-COMPILED = replace(ROUGH, backend="auto")
-ONE_STEP = replace(SMALL, steps=(1e-3,), backend="auto")
-QUIET = Setting("euler", 1e-2)  # throws a light link about; the heavy one's energy hides it
-AGREE = 1e-8  # the reference against SciPy on Pinocchio
-
-
-@pytest.fixture(scope="module")
-def found() -> list[Found]:
-    easy = [examine(seed, SMALL) for seed in EASY]
-    dry = [examine(seed, ONE_STEP) for seed in DRY]
-    return easy + dry + [examine(seed, COMPILED) for seed in ABSURD]
-
-
-def test_nothing_fails_silently(found: list[Found]) -> None:
-    bad = [(r.seed, r.name, r.dt, r.outcome) for one in found for r in one.results
-           if r.outcome in FORBIDDEN]  # fmt: skip
-    assert bad == []
-
-
-def test_every_method_is_tried_and_most_survive(found: list[Found]) -> None:
-    assert {s.method for s in SMALL.settings()} == set(METHODS)
-    assert {s.tolerance for s in SMALL.settings()} == {None, 1e-6}
-    count = Counter(r.outcome for one in found if one.seed not in ABSURD for r in one.results)
-    assert count.total() == len(EASY) * len(SMALL.settings()) + len(ONE_STEP.settings())
-    assert count[SURVIVED] > 0.8 * count.total()
-    stopped = [r for one in found if one.seed in ABSURD for r in one.results]
-    assert sum(r.outcome == STOPPED for r in stopped) > 0.8 * len(stopped)
-    assert all("cannot be computed" in r.message for r in stopped if r.outcome == STOPPED)
-
-
-def test_error_control_delivers(found: list[Found]) -> None:
-    """On motions that do not magnify errors, ten times the tolerance of a sub-step at most."""
-    errors = [r.error for one in found if one.motion.sensitivity < 100
-              for r in one.results if r.claimed is not None]  # fmt: skip
-    assert len(errors) > 15
-    assert max(error for error in errors if error is not None) < 1e-5
-
-
-def test_the_same_for_a_seed_in_any_process() -> None:
-    [apart] = survey(EASY[:1], ROUGH, workers=1)
-    here = [examine(seed, ROUGH) for seed in EASY[:2]]
-    once, again, other = (plain([one], ROUGH, 3) for one in (apart, *here))
-    assert once == again != other
+BLANK = Result("features", 0, "rk4", 1e-3, REFUSED)
 
 
 def test_arms_are_as_hard_as_promised() -> None:
-    arms = [draw(seed) for seed in range(150)]
-    joints, traits = [arm.n for arm in arms], {t for arm in arms for t in arm.traits}
-    assert min(joints) == 1 and max(joints) == 30
+    arms = [draw("arms", seed) for seed in range(100)]
+    joints, traits = [len(arm.v) for arm in arms], {t for arm in arms for t in arm.traits}
+    assert min(joints) == 1 and max(joints) > 25
     assert {*HARDSHIPS, "no friction", "viscous friction", "dry friction"} <= traits
-    masses = [[body.mass for body in list(model.pin.inertias)[1:]] for model in map(_model, arms)]
+    inertias = (ArmModel(load_scene(arm.scene)).pin.inertias for arm in arms)
+    masses = [[body.mass for body in list(of)[1:]] for of in inertias]
     assert max(max(of) / min(of) for of in masses) > 3e5
     assert max(abs(arm.v).max() for arm in arms) > 50.0
 
 
-def test_reference_agrees_with_another_program() -> None:
-    arm = draw(42, most_joints=3)
-    model = _model(arm)
-    motion = solve(arm, model, "vm")
-    dynamics = Simulator(model, "euler", backend="vm").dynamics
-
-    def rhs(_t: float, x: np.ndarray) -> np.ndarray:
-        q, v = np.split(x, 2)
-        return np.concatenate([v, dynamics.forward(q, v, arm.tau)])
-
-    start = np.concatenate([arm.q, arm.v])
-    end = solve_ivp(rhs, (0.0, HORIZON), start, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-    assert motion.q is not None and motion.known
-    np.testing.assert_allclose(motion.q[-1], end[: arm.n], atol=AGREE)
-    assert motion.travel > 0.01
+def test_features_and_ways_are_all_drawn() -> None:
+    cases = [draw("features", seed) for seed in range(60)]
+    assert {len(case.v) for case in cases} == {1, 2, 3, 7}
+    assert {t for case in cases for t in case.traits} >= {
+        "dry friction", "friction by position", "bristles", "viscous", "rigid stop",
+        "compliant stop", "current limit", "lossy gear", "flexible drive", "backlash", "spring",
+        "contact", "cord", "rod", "payload",
+    }  # fmt: skip
+    ways = [way for case in cases for way in case.ways]
+    assert {way.dt for way in ways} == {*scenes.TICKS}
+    assert {way.method for way in ways} == {None, *scenes.METHODS}
+    assert all(len(case.commands(1e-3)) == 1e3 * PIECE * PIECES for case in cases)
 
 
-def test_balances_of_a_true_motion_are_zero() -> None:
-    run = _run(draw(42, 3), Setting("rk4", 1e-4))
-    assert energy_balance(run) < 1e-6
-    assert impulse_balance(run) < 1e-6
+def test_a_seed_is_a_case() -> None:
+    once, again, other = draw("features", 7), draw("features", 7), draw("features", 8)
+    assert once.scene == again.scene != other.scene and once.ways == again.ways
+    np.testing.assert_array_equal(once.command, again.command)
 
 
-def test_energy_from_nowhere_is_noticed() -> None:
-    run = _run(draw(42, 3), Setting("rk4", 1e-3))
-    faster = np.linspace(1.0, 2.0, len(run))[:, None] * run.v
-    assert energy_balance(replace(run, v=faster)) > ENERGY
+def test_a_light_case_survives_in_a_process_of_its_own(tmp_path: Path) -> None:
+    results = survey.apart(("arms", 2, 3, 0.0), str(tmp_path))
+    assert [r.outcome for r in results] == [SURVIVED] * scenes.WAYS
 
 
-def test_a_light_link_is_too_light_for_the_energy_balance() -> None:
-    """Its impulse balance gives it away, so the run is not taken for sound."""
-    result = _quiet_blow_up()
-    assert result.speed is not None and result.speed > 10.0
-    assert result.energy is not None and result.energy < ENERGY
-    assert result.impulse is not None and result.impulse > IMPULSE
-    assert result.outcome == SHOWN and not result.false_alarm
+def test_two_truths_agree() -> None:
+    """Of a chain with friction, stops and a payload, by the independent simulator."""
+    results = examine("features", 0, 3, share=1.0)
+    assert not {r.outcome for r in results} & {*FORBIDDEN}
+    assert 0.0 < max(r.apart or 0.0 for r in results) < 1e-11
 
 
-def test_a_blow_up_that_no_balance_shows_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("energy_balance", "impulse_balance"):
-        monkeypatch.setattr(verdict, name, lambda run: 0.0)
-    assert _quiet_blow_up().outcome == UNDETECTED
+def test_the_independent_simulator_gets_the_commands_of_the_pieces() -> None:
+    command = np.repeat([[1.0], [-1.0]], PIECES // 2, axis=0)
+    still = np.zeros(1)
+    case = Case("features", 0, rotor(0.5), (), still[None], still, command, ())
+    q = judge.independent(case, (still, still))
+    assert q is not None
+    half = PIECE * PIECES / 2
+    np.testing.assert_allclose(q[[PIECES // 2, -1], 0], [half**2, 2 * half**2], rtol=1e-12)
 
 
-def test_a_silent_nan_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    arm = draw(3, 3)
-    model = _model(arm)
-    motion = solve(arm, model, "vm")
-    honest = Simulator.run
-
-    def broken(self: Simulator, *arguments: object) -> Recording:
-        run = honest(self, *arguments)
-        return replace(run, v=np.where(np.arange(len(run))[:, None] == 5, np.nan, run.v))
-
-    monkeypatch.setattr(Simulator, "run", broken)
-    assert attempt(arm, model, motion, Setting("rk4", 1e-2), "vm").outcome == NAN
-    assert not solve(arm, model, "vm").finite
+@pytest.fixture(scope="module")
+def run() -> Recording:
+    sim = Simulator("pendulum", "rk4", 1e-3, backend="vm")
+    return sim.run(PIECE * PIECES)
 
 
-def test_report(found: list[Found], tmp_path: Path) -> None:
-    text = write(found, SMALL, 0, tmp_path, None).read_text()
-    assert "{{" not in text
-    assert f"{len(found)} random arms" in text
-    saved = json.loads((tmp_path / "stability.json").read_text())
-    assert [arm["seed"] for arm in saved["arms"]] == [*EASY, *DRY, *ABSURD]
+def truth_of(run: Recording, **other: Any) -> Truth:
+    rows = slice(None, None, round(PIECE / 1e-3))
+    return Truth(run.q[rows], run.v[rows], **other)
+
+
+@pytest.mark.parametrize(
+    ("doubt", "error", "outcome"),
+    [("", 0.0, SURVIVED), ("", 1e-3, UNDETECTED), ("said", 1e-3, SURVIVED), ("said", 1.0, SHOWN)],
+)
+def test_errors_have_to_be_told_of(
+    run: Recording, doubt: str, error: float, outcome: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Recording, "doubt", doubt)
+    truth = truth_of(run)
+    far = replace(truth, q=truth.q + error * np.linspace(0, 1, PIECES + 1)[:, None])
+    assert judge.judged(BLANK, replace(run), far).outcome == outcome
+
+
+def test_a_doubt_without_a_cause_is_a_false_alarm(
+    run: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not judge.judged(BLANK, replace(run), truth_of(run)).false_alarm
+    monkeypatch.setattr(Recording, "doubt", "said")
+    assert judge.judged(BLANK, replace(run), truth_of(run)).false_alarm
+
+
+def test_an_error_that_both_truths_do_not_share_counts(run: Recording) -> None:
+    truth = truth_of(run, second=truth_of(run).q + 1e-4)
+    assert judge.judged(BLANK, run, truth).error == pytest.approx(1e-4, rel=0.9)
+
+
+def test_a_silent_nan_is_found(run: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = replace(run, v=np.where(np.arange(len(run))[:, None] == 5, np.nan, run.v))
+    monkeypatch.setattr(Simulator, "run", lambda *arguments: broken)
+    scene = load_scene("pendulum")
+    start = run.q[0], run.v[0]
+    case = Case("features", 0, {}, (), run.q[:1], run.v[0], np.zeros((PIECES, 1)), ())
+    way = Way("rk4", 1e-3)
+    result = judge.attempt(BLANK, ArmModel(scene), case, start, truth_of(run), way)
+    assert result.outcome == NAN
+
+
+def test_a_case_that_does_not_end_is_a_result(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(survey, "PATIENCE", 0.0)
+    [result] = survey.apart(("arms", 2, 3, 0.0), str(tmp_path))
+    assert result.outcome == HUNG and result.seed == 2
+
+
+def test_a_process_that_dies_is_a_result() -> None:
+    [result] = survey.apart(("arms", 2, 3, 0.0), None)  # type: ignore[arg-type]  no folder
+    assert result.outcome == CRASHED
+
+
+@pytest.mark.parametrize("seed", range(len(FAMILIES)))
+def test_sets_let_go_where_a_linear_program_says(seed: int) -> None:
+    found = next(measured(seed))
+    assert found.good, found
+
+
+def test_report(tmp_path: Path) -> None:
+    survived = replace(BLANK, outcome=SURVIVED, kind="arms", rate=1.0, error=1e-9, stated=1e-8)
+    bad = replace(BLANK, outcome=UNDETECTED, error=0.3, tolerance=1e-6)
+    held = [Held("body", 3, 1.0, 1e-3, None, 0.0)]
+    text = write([survived] * 9 + [bad], held, tmp_path, None).read_text()
+    assert "{{" not in text and "**undetected**: features, seed 0, rk4 to 1e-06" in text
+    assert "Held(family='body', seed=3" in summary(held) and summary(held) in text
+    assert len(json.loads((tmp_path / "stability.json").read_text())["runs"]) == 10
     assert (tmp_path / "figures/stability.png").stat().st_size > 10_000
-
-
-def test_report_names_what_must_not_be(found: list[Found]) -> None:
-    results = (replace(found[0].results[0], outcome=UNDETECTED), *found[0].results[1:])
-    text = page([replace(found[0], results=results), *found[1:]], 0)
-    assert "**undetected**: seed 0, euler" in text
 
 
 def test_help_shows_examples() -> None:
     shown = CliRunner().invoke(main, ["--help"])
     assert shown.exit_code == 0 and "./arm stress --quick" in shown.output
-
-
-def _model(arm: Arm) -> ArmModel:
-    return ArmModel(load_scene(arm.scene))
-
-
-def _quiet_blow_up() -> Result:
-    arm = draw(39, most_joints=3)
-    model = _model(arm)
-    return attempt(arm, model, solve(arm, model, "vm"), QUIET, "vm")
-
-
-def _run(arm: Arm, setting: Setting) -> Recording:
-    simulator = Simulator(_model(arm), setting.method, setting.dt, backend="vm")
-    simulator.reset(arm.q, arm.v)
-    return simulator.run(HORIZON, arm.tau)

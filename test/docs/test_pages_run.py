@@ -39,7 +39,7 @@ GIVEN: dict[str, tuple[str, ...]] = {
         "held.csv", "run.csv", "off.csv", "knocked.csv", "small.csv", "wide.csv",
     ),
     "how-to/python-client": ("arm sim panda", "arm dynamics panda"),
-    "how-to/recordings": ("other.npz", "cut.mcap"),
+    "how-to/recordings": ("other.mcap", "cut.mcap"),
     "how-to/shell": ("arm dynamics panda",),
     "how-to/stand-in": (OTHER,),
     "how-to/view": (*PANDA, "my_arm.urdf", "run.mcap", "bags/my_robot"),

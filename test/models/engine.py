@@ -63,7 +63,7 @@ int solve_cone(const double* W, const double* c, double mu, const double* given,
 }
 """
 _SEARCH = """
-#include "events/event_location.h"
+#include "guards/event_location.h"
 double locate(void (*values_at)(const void*, double, double*), int count, double h,
               const double* at_h, double nothing, double* room) {
   return first_positive(values_at, 0, count, h, at_h, nothing, room);
@@ -92,7 +92,7 @@ int decay(const real* x, const real* u, double h, double largest, control_t* con
 }
 """
 _SCENE = """
-#include "motion/roll.c"
+#include "arm/arm.c"
 EXPORTED double impulse_at(const scene_t* scene, const real* x, const double* rebound, double* W,
                            double* B, double* before, double* impulse) {
   real still[NU];

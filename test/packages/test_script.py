@@ -54,7 +54,7 @@ def files(folder: Path) -> set[Path]:
 
 ASK = (
     "view --help", "sweep -h", "demo --view --help", "sim panda --help", "docs --help",
-    "bench --help", "bench loop --help", "soak --help", "compare-controllers -h", "stress --help",
+    "bench --help", "bench loop --help", "compare-controllers -h", "stress --help",
     "python --help", "test -h", "completion bash",
 )  # fmt: skip
 

@@ -1,46 +1,51 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A few sets of features of every seed's own choice, against independent solutions.
-
-All of them: ``./arm python -m benchmarks.matrix``.
-"""
+"""Every pair of features in one scene, and many at once, against independent solutions."""
 
 from __future__ import annotations
 
 import json
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from arm_sim.runtime_changes import payload_change
 
-from benchmarks.matrix import cli, measure, page
+from arm_sim import Simulator
 from models import features
 from reference import make_features_together as solutions
 from reference.independent import simulate
+from support.samples import sampled
 
+TOLERANCE = 1e-11  # of error control
+POSITION = 1e-7  # [rad] that a position may be off
+ACCOUNT = 1e-8  # part of the energy that moved that may be missing
+MATTERS = 1e-3  # [rad] that a feature must change
+DT = 1e-3  # [s]
 QUICK = tuple(f for f in features.ALL if f not in ("lugre", "voltage", "harmonic", "flexible"))
 
 
 @cache
 def known() -> dict[str, Any]:
-    return measure.reference()
+    found: dict[str, Any] = json.loads(solutions.FILE.read_text())
+    return found
 
 
-def verified(arm: str, chosen: tuple[str, ...]) -> None:
-    print("features:", arm, *chosen)
-    found = measure.measured(arm, chosen, known())
-    assert found["position"] <= measure.POSITION
-    assert found["account"] <= measure.ACCOUNT
-
-
-@pytest.mark.parametrize(("arm", "place"), [("planar", 0), ("planar", 1), ("panda", 0)])
-def test_two_features(arm: str, place: int, rng: np.random.Generator) -> None:
-    verified(arm, features.sets(2)[rng.integers(len(features.sets(2)))])
-
-
-def test_many_features(rng: np.random.Generator) -> None:
-    verified("planar", features.many(12)[rng.integers(12)])
+@pytest.mark.parametrize(("arm", "chosen"), sampled(solutions.jobs([*features.ARMS]), 4))
+def test_features_together(arm: str, chosen: tuple[str, ...]) -> None:
+    """A second of a set under its command, under error control."""
+    scene = features.scene(arm, chosen)
+    sim = Simulator(scene, dt=DT, integrator="dop853", tolerance=TOLERANCE)
+    if "payload" in chosen:
+        load = features.LOAD
+        payload_change(sim, 0, load["mass"], load["com"], load["inertia"])()
+    command = features.command(arm, scene)
+    run = sim.run(1.0, [command.get(name, 0.0) for name in sim.joint_names])
+    ticks = np.rint(np.array(known()["time"]) / DT).astype(int)
+    moved = max(np.ptp(run.kinetic), np.ptp(run.potential), run.lost[-1])
+    wanted = known()[arm][solutions.label(chosen)]["q"]
+    np.testing.assert_allclose(run.q[ticks], wanted, rtol=0.0, atol=POSITION)
+    assert abs(run.balance).max() <= ACCOUNT * moved
 
 
 def test_a_solution_is_found_again(rng: np.random.Generator) -> None:
@@ -67,33 +72,12 @@ def test_every_feature_of_a_pair_matters(arm: str) -> None:
     """It changes positions; contacts close and stops are hit, and dry friction holds at least once
     in all solutions but one.
     """
-    for pair in features.sets(2):
-        changes = measure.effect(arm, pair, known())
-        assert min(changes.values()) > page.MATTERS, (pair, changes)
-    events = {pair: known()[arm][solutions.label(pair)]["events"] for pair in features.sets(2)}
+    motions = {pair: known()[arm][solutions.label(pair)] for pair in features.sets(2)}
+    for pair, motion in motions.items():
+        for rest in pair:
+            change = np.subtract(motion["q"], known()[arm][rest]["q"])
+            assert abs(change).max() > MATTERS, pair
     for feature, kind in {"contact": "impact", "end stop": "hit"}.items():
-        assert all(found.get(kind) for pair, found in events.items() if feature in pair)
-    holds = [bool(found.get("sticks")) for pair, found in events.items() if "coulomb" in pair]
+        assert all(m["events"].get(kind) for pair, m in motions.items() if feature in pair)
+    holds = [bool(m["events"].get("sticks")) for pair, m in motions.items() if "coulomb" in pair]
     assert holds.count(False) <= 1
-
-
-def test_what_is_off_fails_or_does_not_matter_is_said() -> None:
-    good = {"position": 0.0, "account": 0.0, "moved": 1.0, "events": {}}
-    results = {"planar": {"coulomb, contact": good, "viscous": good | {"position": 2e-7}}}
-    assert "planar: viscous" in cli.complaints(results, known())[0]
-    assert "fails" in page._cell({"failed": "x"}, "position")
-    same = {"q": [[0.0]]}
-    idle = {
-        "planar": {solutions.label(s): same for s in [(), *features.sets(1), *features.sets(2)]}
-    }
-    lines = cli.complaints({"planar": {}}, idle)
-    assert len(lines) == 2 * len(features.sets(2)) and "does not matter" in lines[0]
-
-
-def test_page(tmp_path: Path) -> None:
-    good = {"position": 1e-9, "account": 1e-12, "moved": 1.0, "events": {"sticks": 3}}
-    results = {"planar": {"coulomb, contact": good, "viscous": {"failed": "x"}}, "elapsed_s": 60.0}
-    results["planar"][solutions.label(features.many(1)[0])] = good
-    text = page.write(results, tmp_path, None).read_text()
-    assert "{{" not in text and "**fails**" in text and "sticks 3×" in text
-    assert json.loads((tmp_path / "features-together.json").read_text()) == results

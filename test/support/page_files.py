@@ -196,7 +196,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "run.mcap": simulated,
     "held.mcap": partial(simulated, holding=1.2),
     "cut.mcap": cut_off,
-    "other.npz": partial(simulated, duration=1.0),
+    "other.mcap": partial(simulated, duration=1.0),
     "other_run.mcap": partial(simulated, scene=ROBOT, seed=2),
     "bag_of_my_robot": partial(bag, scene="panda"),
     "bags/my_robot": partial(bag, scene="ur10"),

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 import models
 from arm_sim import Simulator
 from arm_sim.ros.tick_engine import TickEngine
-from arm_sim.runtime_changes import payload_change
+from arm_sim.simulation.runtime_changes import payload_change
 
 CONTACT = {
     "type": "contact", "frame": "forearm", "point": [0.5, 0.0, 0.0],

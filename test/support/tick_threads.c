@@ -75,14 +75,12 @@ rcl_ret_t rcl_publish_serialized_message(const rcl_publisher_t* p, const rcl_ser
 }
 
 /* One tick of an arm that moves by its command. */
-static long long move(const void* scene, double* q, const double* u, long long stride, const double* p, double h,
-                      long long ticks, double* trace, double* effort, double* notes, void* control, void* report) {
-  (void)scene, (void)stride, (void)p, (void)h, (void)trace, (void)notes, (void)control, (void)report;
+static int move(arm_t* arm) {
   for (int i = 0; i < JOINTS; ++i) {
-    q[i] += u[i];
-    effort[i] = u[i];
+    arm->x[i] += arm->command[i];
+    arm->acted[i] = arm->command[i];
   }
-  return ticks;
+  return 1;
 }
 
 static int64_t is_over(void) { return __atomic_load_n(&ended, __ATOMIC_RELAXED); }
@@ -229,13 +227,13 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   const uint8_t* numbers = (uint8_t*)x;
   sink_t state = {
       .raw = state_raw, .size = MESSAGE, .fields = 1, .joints = JOINTS, .at = {HEAD}, .numbers = {numbers}};
-  step_t step = {.roll = move, .x = x, .command = next_command, .dt = 1e-3, .ticks = 1, .effort = acted};
+  arm_t arm = {.tick = move, .x = x, .command = next_command, .dt = 1e-3, .acted = acted};
   tick_t copy = {
       .raw = tick_raw, .size = MESSAGE, .stamp = 0, .hold = 8, .at = {HEAD}, .numbers = {numbers, numbers, numbers},
       .sizes = {8 * JOINTS}, .tick = 1, .state = 2};
   ticks_t ticks = {
       .bell = &bell, .source = &from, .reader = &reader, .at_once = 2, .leads = {1}, .patience = 1000, .stream = &stream, .timeout = NEWS,
-      .newest = newest, .step = &step, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100, .state = &state,
+      .newest = newest, .step = &arm, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100, .state = &state,
       .trail = kept_states, .acted = kept_efforts, .room = ROWS,
       .trip = &trip, .chunk = chunks, .copy = &copy, .commands = 3};
   due_t due = {.deadline = time_of(CLOCK_MONOTONIC), .period = period, .give_up = 1000 * GIGA, .lateness = &lateness};

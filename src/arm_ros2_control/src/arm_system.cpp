@@ -203,17 +203,12 @@ bool ArmSystem::follow(std::size_t i) {
   return true;
 }
 
-/// Whether a servo has something to track.
-bool ArmSystem::is_tracking() const {
-  const auto given = [](double x) { return !std::isnan(x); };
-  return std::any_of(reference_[kPosition].begin(), reference_[kPosition].end(), given)
-         || std::any_of(reference_[kVelocity].begin(), reference_[kVelocity].end(), given);
-}
-
 ArmSystem::return_type ArmSystem::write(const rclcpp::Time&, const rclcpp::Duration&) {
-  for (std::size_t i = 0; i < joints_.size(); ++i)
+  bool tracking = false; // whether a servo has something to track
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
     if (!follow(i)) return return_type::ERROR;
-  const bool tracking = is_tracking();
+    tracking |= !std::isnan(reference_[kPosition][i]) || !std::isnan(reference_[kVelocity][i]);
+  }
   for (std::size_t i = 0; i < joints_.size() && !tracking; ++i)
     command_[i] = std::isnan(reference_[kEffort][i]) ? 0.0 : reference_[kEffort][i];
   for (int tick = 0; tick < ticks_; ++tick) {

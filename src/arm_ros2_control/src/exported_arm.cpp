@@ -3,7 +3,6 @@
 
 #include <dlfcn.h>
 
-#include <limits>
 #include <new>
 #include <stdexcept>
 
@@ -47,7 +46,7 @@ ExportedArm::ExportedArm(const std::string& path) : path_(path), name_(name_of(p
   find(size, "sim_size");
   find(count, "sim_joints");
   find(period, "sim_period");
-  find(range, "sim_range", false);
+  find(range, "sim_range");
   find(names, "joint_names");
   find(init_, "sim_init");
   find(step_, "sim_step");
@@ -57,9 +56,9 @@ ExportedArm::ExportedArm(const std::string& path) : path_(path), name_(name_of(p
   find(computed_torque_, "computed_torque", false);
   joints_.assign(names, names + count());
   period_ = period();
-  lower_.assign(joints_.size(), -std::numeric_limits<double>::infinity());
-  upper_.assign(joints_.size(), std::numeric_limits<double>::infinity());
-  if (range) range(lower_.data(), upper_.data());
+  lower_.resize(joints_.size());
+  upper_.resize(joints_.size());
+  range(lower_.data(), upper_.data());
   memory_.reset(static_cast<Simulation*>(::operator new(size(), kAligned)));
 }
 

@@ -20,8 +20,8 @@ from arm_sim.recording.files.ticks import EXTERNAL, tunable_names
 from arm_sim.recording.origin import versions
 from arm_sim.recording.physics import Physics
 from arm_sim.recording.recording import Recording
-from arm_sim.runtime_changes import external_change
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.runtime_changes import external_change
+from arm_sim.simulation.simulator import Simulator
 
 _PARTS = ("position", "velocity")
 

@@ -457,7 +457,7 @@ def test_commands_that_run_a_motion_say_whether_it_can_be_trusted(
     method: str, trusted: bool, tmp_path: Path
 ) -> None:
     """Euler's method is wrong at any length of tick."""
-    path = tmp_path / "run.npz"
+    path = tmp_path / "run.mcap"
     motion = Simulator("two_link", method).run(0.2)
     motion.save(path)
     assert motion.trusted is trusted
@@ -471,7 +471,7 @@ def test_commands_that_run_a_motion_say_whether_it_can_be_trusted(
 
 
 def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
-    path, out = tmp_path / "run.npz", tmp_path / "again.npz"
+    path, out = tmp_path / "run.mcap", tmp_path / "again.mcap"
     first = Simulator("two_link").run(0.1)
     first.save(path)
     said = run("replay", str(path), "--out", str(out))
@@ -503,17 +503,17 @@ def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
         (("--topics", "--scene", "panda"), "--topics plays the recording unchanged"),
         (("--topics", "--integrator", "rk4"), "--topics plays the recording unchanged"),
         (("--topics", "--tolerance", "1"), "--topics plays the recording unchanged"),
-        (("--topics", "--out", "a.npz"), "--topics plays the recording unchanged"),
+        (("--topics", "--out", "a.mcap"), "--topics plays the recording unchanged"),
         (("--topics", "--json"), "--topics plays the recording unchanged"),
         (("--topic", "/a"), "--topic is allowed with --topics only"),
-        (("--check", "--out", "a.npz"), "--check judges the recording as it is"),
+        (("--check", "--out", "a.mcap"), "--check judges the recording as it is"),
         (("--rate", "0"), "--rate is allowed with --topics only"),
     ],
 )
 def test_options_of_playing_and_replaying_are_told_apart(
     words: tuple[str, ...], said: str, tmp_path: Path
 ) -> None:
-    done = run("replay", str(tmp_path / "run.npz"), *words)
+    done = run("replay", str(tmp_path / "run.mcap"), *words)
     assert done.exit_code == 2 and said in " ".join(done.output.split())
 
 

@@ -50,7 +50,7 @@ def prepare(folder: Path) -> None:
     """What a user has: a robot, a scene and a recording."""
     (folder / "two_link.urdf").write_text(URDF)
     (folder / "scene.yaml").write_text(ROBOT)
-    Simulator("scene.yaml", backend="vm").run(0.01).save("run.npz")
+    Simulator("scene.yaml", backend="vm").run(0.01).save("run.mcap")
 
 
 @pytest.fixture(scope="module")

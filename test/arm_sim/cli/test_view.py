@@ -66,9 +66,8 @@ def test_an_arm_without_mass_is_shown(
 
 def test_a_recording_is_shown_as_it_was(shown: dict[str, Any], tmp_path: Path) -> None:
     run = Simulator("two_link").run(0.1)
-    for name in ("run.mcap", "run.npz"):
-        sources.shown([str(run.save(tmp_path / name))], *HERE)
-        np.testing.assert_array_equal(shown["what"][0].q, run.q)
+    sources.shown([str(run.save(tmp_path / "run.mcap"))], *HERE)
+    np.testing.assert_array_equal(shown["what"][0].q, run.q)
 
 
 def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path: Path) -> None:
@@ -101,8 +100,8 @@ def test_sizes_of_pictures_have_limits(text: str, size: tuple[int, int] | None) 
         ([], 2, "a scene, a recording, or --live"),
         (["pandaa"], 1, "did you mean 'panda'?"),
         (["panda", "--size", "big"], 2, "'big'; allowed: 16x16 to 4096x4096"),
-        (["panda", "run.npz"], 1, "'run.npz' is a recording and 'panda' is not"),
-        (["no.npz"], 1, "no.npz"),
+        (["panda", "run.mcap"], 1, "'run.mcap' is a recording and 'panda' is not"),
+        (["no.mcap"], 1, "no.mcap"),
         (
             ["two_link", "--png", "/no/such/folder/a.png"],
             1,

@@ -12,9 +12,9 @@ from numpy.polynomial import Polynomial
 import models
 from arm_dynamics import Dynamics
 from arm_sim import Simulator, State
-from arm_sim.energy_meter import EnergyMeter
 from arm_sim.recording.energy_account import dissipated_work
-from arm_sim.runtime_changes import external_change, payload_change
+from arm_sim.simulation.energy_meter import EnergyMeter
+from arm_sim.simulation.runtime_changes import external_change, payload_change
 from models.rotor import rotor
 from tolerances import PINOCCHIO, assert_close
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import sqlite3
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,10 +21,11 @@ from arm_sim.recording.files import new_file, where
 from arm_sim.recording.files.bags import _append
 from arm_sim.recording.files.container import FileContents
 from arm_sim.recording.files.messages import JointStateWriter
-from arm_sim.runtime_changes import external_change
+from arm_sim.simulation.runtime_changes import external_change
 
 ROWS = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
-KINDS = ("run.npz", "run.mcap", "run")
+KINDS = ("run.mcap", "run")
+ARCHIVES = Path(__file__).with_name("archives")  # written before, when recordings were saved so
 
 
 def changed_run() -> Recording:
@@ -135,7 +135,7 @@ def test_a_direction_that_is_not_of_length_one_to_the_bit_stays(tmp_path: Path) 
     link = models.dynamics("two_link").model.frame_names[-1]
     scene["constraints"] = [{"type": "contact", "frame": link, "plane": plane}]
     run = Simulator(scene).run(0.002)
-    assert Recording.load(run.save(tmp_path / "run.npz")).scene == run.scene
+    assert Recording.load(run.save(tmp_path / "run.mcap")).scene == run.scene
 
 
 def test_other_readers_find_types_and_times(recording: Recording, tmp_path: Path) -> None:
@@ -190,7 +190,6 @@ def test_a_damaged_chunk_is_a_gap(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("run.npz", b"PK\x03\x04 no archive", "damaged"),
         ("run.npz", b"", "damaged"),
         ("run.mcap", b"", "not an MCAP"),
         ("run.mcap", b"\x89MCAP0\r\n", "no joint states"),
@@ -212,32 +211,36 @@ def test_what_is_no_recording_is_refused(
         Recording.load(tmp_path / name)
 
 
-def test_an_archive_of_something_else_is_refused_by_what_it_holds(tmp_path: Path) -> None:
-    np.savez(tmp_path / "other.npz", weights=np.zeros(3))
-    with pytest.raises(InvalidInput, match="weights"):
-        Recording.load(tmp_path / "other.npz")
+def test_an_archive_of_before_is_read_and_converted(tmp_path: Path) -> None:
+    run = Recording.load(ARCHIVES / "simulated.npz")
+    again = Recording.load(run.save(tmp_path / "run.mcap"))
+    assert run.scene is not None and run.scene.sensors is not None and run.scene == again.scene
+    assert [jump.row for jump in run.jumps] == [jump.row for jump in again.jumps] == [5, 10, 15]
+    assert run.hold is not None and run.hold[:4].tolist() == [0, 1, 1, 2]
+    np.testing.assert_array_equal(again.measured.v, run.measured.v)
+    for part in (*ROWS, "hold", "balance"):
+        np.testing.assert_array_equal(getattr(again, part), getattr(run, part))
+    of_robot = Recording.load(ARCHIVES / "robot.npz")
+    assert of_robot.events[0].text == "file: said by the driver"
+    again = Recording.load(of_robot.save(tmp_path / "robot.csv"))
+    np.testing.assert_array_equal(again.q[:, 0], np.cos(0.02 * np.arange(10)))
+    assert np.isnan(again.v).all()
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"q": np.zeros((7, 2))}, r"its arrays have \{'time': 51, 'q': 7, .* equal numbers"),
-        ({"v": np.zeros((51, 3))}, r"v has shape \(51, 3\); 2 columns are expected"),
-        ({"command": np.zeros((51, 1))}, r"command has shape \(51, 1\)"),
-        ({"format": "0"}, r"the recording is of format '0'; this version reads 1"),
-        ({"about": np.array("{}")}, r"and is not a recording: KeyError\('format'\)"),
+        ({"q": np.zeros((7, 2))}, r"its arrays have \{'time': 21, 'q': 7, .* equal numbers"),
+        ({"v": np.zeros((21, 3))}, r"v has shape \(21, 3\); 2 columns are expected"),
+        ({"about": np.array("{}")}, r"and is not a recording: KeyError\('joint_names'\)"),
     ],
 )
 def test_an_archive_that_does_not_fit_together_is_refused(
     changes: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
-    path = Simulator("two_link").run(0.05).save(tmp_path / "run.npz")
-    with np.load(path) as archive:
-        arrays = dict(archive)
-    if "format" in changes:
-        about = json.loads(str(arrays["about"])) | changes
-        changes = {"about": np.array(json.dumps(about))}
-    np.savez(path, **arrays | changes)
+    path = tmp_path / "run.npz"
+    with np.load(ARCHIVES / "simulated.npz") as archive:
+        np.savez(path, **{**archive, **changes})
     with pytest.raises(InvalidInput, match=said):
         Recording.load(path)
 
@@ -257,16 +260,17 @@ def test_what_does_not_exist_is_an_error_of_ours(tmp_path: Path) -> None:
 
 
 def test_a_name_that_cannot_be_written_is_refused(recording: Recording, tmp_path: Path) -> None:
-    with pytest.raises(InvalidInput, match=r"\.npz, \.mcap"):
-        recording.save(tmp_path / "run.txt")
+    for name in ("run.npz", "run.txt"):
+        with pytest.raises(InvalidInput, match=r"allowed: \.mcap, and a folder's name"):
+            recording.save(tmp_path / name)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()
     with pytest.raises(InvalidInput, match=r"thesis\.tex"):
         recording.save(tmp_path / "mine")
-    for path in (tmp_path / "nowhere" / name for name in ("run.npz", "run.mcap")):
-        for kind in (ArmError, FileNotFoundError):
-            with pytest.raises(kind, match="there is no folder '.*nowhere'"):
-                recording.save(path)
+    path = tmp_path / "nowhere" / "run.mcap"
+    for kind in (ArmError, FileNotFoundError):
+        with pytest.raises(kind, match="there is no folder '.*nowhere'"):
+            recording.save(path)
     with pytest.raises(FileNotFoundError, match="there is no folder '.*nowhere'"):
         where(path)  # for nodes, before anything is recorded
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine"]
@@ -382,10 +386,11 @@ def test_with_a_scene_it_has_energies(robot_bag: Path) -> None:
 
 def test_a_measured_recording_is_kept(robot_bag: Path, tmp_path: Path) -> None:
     run = Recording.load(robot_bag)
-    again = Recording.load(run.save(tmp_path / "robot.npz"))
-    assert again.of_robot
-    np.testing.assert_array_equal(again.command, run.command)
-    with pytest.raises(InvalidInput, match="npz"):
+    again = Recording.load(run.save(tmp_path / "robot.csv"))
+    assert again.of_robot and again.joint_names == run.joint_names
+    for part in ("time", "q", "v", "command"):
+        np.testing.assert_array_equal(getattr(again, part), getattr(run, part))
+    with pytest.raises(InvalidInput, match=r"only joint states are known; allowed: \.csv"):
         run.save(tmp_path / "robot.mcap")
 
 

@@ -114,10 +114,10 @@ def test_joints_that_are_not_there_are_named(run: Recording) -> None:
 
 
 def test_the_command_says_where_the_figure_is(run: Recording, tmp_path: Path) -> None:
-    path, out = run.save(tmp_path / "run.npz"), tmp_path / "figure.png"
+    path, out = run.save(tmp_path / "run.mcap"), tmp_path / "figure.png"
     told = CliRunner().invoke(main, ["plot", str(path), str(path), "--out", str(out)])
     assert told.exit_code == 0 and str(out) in told.output and out.stat().st_size > 10_000
-    told = CliRunner().invoke(main, ["plot", str(tmp_path / "none.npz")])
+    told = CliRunner().invoke(main, ["plot", str(tmp_path / "none.mcap")])
     assert told.exit_code == 1 and "no recording" in told.output
 
 

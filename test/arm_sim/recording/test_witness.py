@@ -215,10 +215,9 @@ def test_the_scene_says_how_accurate_a_motion_is_to_be() -> None:
             Simulator(scene | {"sim": {"accuracy": wrong}})
 
 
-@pytest.mark.parametrize("suffix", [".mcap", ".npz"])
-def test_a_recording_in_a_file_is_judged_alike(tmp_path: Path, suffix: str) -> None:
+def test_a_recording_in_a_file_is_judged_alike(tmp_path: Path) -> None:
     motion = run(rotor(0.1, viscous=2.0, coulomb=0.5), 0.2, integrator="heun", dt=2e-3)
-    loaded = Recording.load(motion.save(tmp_path / f"run{suffix}"))
+    loaded = Recording.load(motion.save(tmp_path / "run.mcap"))
     assert loaded.second_run.how == WHOLE
     np.testing.assert_array_equal(loaded.error, motion.error)
     np.testing.assert_array_equal(loaded.local_error, motion.local_error)

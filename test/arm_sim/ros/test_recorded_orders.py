@@ -19,9 +19,9 @@ from sim_by_hand import Waiting, by_hand, command, ticks
 import models
 from arm_dynamics.ros import interfaces
 from arm_sim import Recording
-from arm_sim.energy_meter import Account
 from arm_sim.replay import replay
 from arm_sim.ros.commands.latest import POLICIES
+from arm_sim.simulation.energy_meter import Account
 from models import features
 
 pytestmark = pytest.mark.ros

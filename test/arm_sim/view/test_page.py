@@ -334,7 +334,7 @@ def test_beside_a_page_without_a_server_a_cursor_follows_the_player(
 
 
 def test_the_file_of_a_recording_is_shown_and_a_closed_page_refuses(tmp_path: Path) -> None:
-    path = Simulator("two_link", backend="vm").run(0.01).save(tmp_path / "run.npz")
+    path = Simulator("two_link", backend="vm").run(0.01).save(tmp_path / "run.mcap")
     with show(path, port=0) as page:  # a film, which plays
         assert isinstance(page.source, Player)
     for write in (page.picture, page.film, page.page):

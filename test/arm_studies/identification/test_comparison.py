@@ -118,7 +118,7 @@ def typed(*words: str) -> Result:
 
 
 def test_before_and_after_stand_side_by_side(tmp_path: Path) -> None:
-    path, better = run().save(tmp_path / "run.npz"), tmp_path / "better.yaml"
+    path, better = run().save(tmp_path / "run.mcap"), tmp_path / "better.yaml"
     better.write_text(yaml.safe_dump(json.loads(json.dumps(HEAVY))))
     figure = tmp_path / "both.png"
     with written() as figures:
@@ -182,7 +182,7 @@ def test_joints_may_have_other_names(tmp_path: Path) -> None:
     odd = JointRecord.of(("one", "two"), good.time, good.q, good.effort)
     found = compare(HEAVY, odd, names={"shoulder": "one", "elbow": "two"})
     assert found.whole < 1e-3
-    done = typed("two_link", str(run().save(tmp_path / "a.npz")), "--map", "shoulder")
+    done = typed("two_link", str(run().save(tmp_path / "a.mcap")), "--map", "shoulder")
     assert done.exit_code == 2 and "JOINT=NAME is expected" in done.output
 
 

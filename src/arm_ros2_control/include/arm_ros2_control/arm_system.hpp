@@ -64,7 +64,6 @@ private:
   void find_interfaces();
   void begin();
   bool follow(std::size_t i);
-  bool is_tracking() const;
 
   std::unique_ptr<ExportedArm> arm_;
   std::vector<Joint> joints_;

@@ -11,6 +11,11 @@ from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import examples
 
 
+def _no_float(context: click.Context, option: click.Parameter, given: bool) -> None:
+    if given:
+        raise click.UsageError("--float is gone, all code is in double precision: leave it out")
+
+
 @click.command(
     epilog=examples(
         "./arm export panda --out panda_c",
@@ -35,6 +40,8 @@ from arm_sim.cli.output import examples
               help="Also export pose and Jacobian of this frame; may be repeated.")  # fmt: skip
 @click.option("--derivatives", is_flag=True,
               help="Also export derivatives of the dynamics, and of the tick.")  # fmt: skip
+@click.option("--float", is_flag=True, hidden=True, expose_value=False, callback=_no_float,
+              help="Gone: code is in double precision.")  # fmt: skip
 def export(
     scene: str, out: Path, name: str | None, tick: bool, servo: bool, fmu: bool,
     frames: tuple[str, ...], derivatives: bool,

@@ -27,7 +27,7 @@ FIGURES = (".png", ".pdf", ".svg", ".jpg")
 @click.command(
     epilog=examples(
         "./arm plot run.mcap",
-        "./arm plot run.mcap other.npz --joint panda_joint2 --joint panda_joint4 --out both.pdf",
+        "./arm plot run.mcap other.mcap --joint panda_joint2 --joint panda_joint4 --out both.pdf",
         "./arm plot rosbag2_of_my_robot --scene ur10",
     )
 )
@@ -47,7 +47,7 @@ def plot(
     """Draw a RECORDING: positions, velocities, torques and the energy account.
 
     OTHERs are drawn over it, dashed. A recording is a file written by the sim node's parameter
-    record or by Recording.save (.mcap, .npz), a bag of a robot (.mcap, .db3 or a folder), or a
+    record or by Recording.save (.mcap), a bag of a robot (.mcap, .db3 or a folder), or a
     .csv table.
     """
     from matplotlib import pyplot
@@ -157,7 +157,7 @@ def _repair(cut: Path, out: Path) -> None:
 @click.command(
     epilog=examples(
         "./arm replay run.mcap",
-        "./arm replay run.mcap --integrator dop853 --tolerance 1e-10 --out exact.npz",
+        "./arm replay run.mcap --integrator dop853 --tolerance 1e-10 --out exact.mcap",
         "./arm replay --topics rosbag2_of_my_robot --rate 0.5",
     )
 )

@@ -120,6 +120,11 @@ class Derivatives:
                 a command at its limit, events at the same instant, a contact that is grazed.
             SimulationDiverged: If a tick cannot be computed.
         """
+        if type(ticks) is int and ticks == 1 and by is None and side is None:
+            slope = self.linearizer().one(state, tau)
+            if slope is not None:
+                nx = len(slope)
+                return slope[:, :nx], slope[:, nx:]
         x, command = self._point(state, tau, ticks)
         places = self._places(by)
         linearizer = self.linearizer(tuple(chain(*places.values())))

@@ -14,11 +14,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from arm_sim.derivatives.guards import clearance
+from arm_sim.derivatives.guards import clearance, starts_to_slide
 from arm_sim.derivatives.kinks import Kinks
 from arm_sim.derivatives.rest_projection import RestProjection
 from arm_sim.derivatives.resting import may_go_on
-from arm_sim.derivatives.sliding_direction import starts_to_slide
 from arm_sim.plant.plant import Plant
 
 

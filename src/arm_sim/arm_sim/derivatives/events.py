@@ -19,12 +19,11 @@ from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
-from arm_sim.derivatives.guards import guard_functions, guard_names
+from arm_sim.derivatives.guards import guard_functions, guard_names, mobility_across
 from arm_sim.derivatives.impact import impact_function
 from arm_sim.derivatives.one_sided import TickPoint
 from arm_sim.derivatives.rest_projection import RestProjection
 from arm_sim.derivatives.resting import resting_functions
-from arm_sim.derivatives.sliding_direction import mobility_across
 from arm_sim.derivatives.tangents import TANGENTS, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
@@ -85,9 +84,9 @@ class Helpers(ctypes.Structure):
 
 
 class Trace(ctypes.Structure):
-    """A traced tick: ``trace_t`` of ``native/events/trace.h``."""
+    """A traced tick: ``trace_t`` of ``native/modes/trace.h``."""
 
-    _fields_ = Header(NATIVE / "events/trace.h", only="trace_t").fields("trace_t")
+    _fields_ = Header(NATIVE / "modes/trace.h", only="trace_t").fields("trace_t")
 
 
 STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 7, ctypes.c_longlong, ADDRESS, ADDRESS)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Guards: functions of the state whose zeros are the instants of events.
 
-The engine (``segments.h``) monitors them to find the instants; here they are expressions, for
+The engine (``native/guards``) monitors them to find the instants; here they are expressions, for
 derivatives (``guard_derivatives.h``). Each belongs to a mode of a joint or contact.
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.equations.contact import MODE
+from arm_dynamics.equations.contact import MODE, Mode
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.symbols import dense_function
 
@@ -245,3 +245,32 @@ def _stop_guards(plant: Plant, x: ca.MX, push: ca.MX, pressed: ca.MX) -> list[Gu
 def _either(condition: ca.MX, one: Guard, other: Guard) -> Guard:
     value, size = (ca.if_else(condition, a, b) for a, b in zip(one, other, strict=True))
     return value, size
+
+
+# Mobility across the direction of sliding, relative to the whole, that is rounding.
+NO_TURN = 1e-12
+
+
+def starts_to_slide(plant: Plant, p: ca.SX) -> ca.SX:
+    """Whether a contact starts to slide under the modes in p, 1 or 0: it keeps its direction."""
+    mode, starts = Mode.of(plant.layout.parts(p)[-1]), ca.SX(0)
+    for k, point in enumerate(plant.points):
+        if point.friction > 0.0:
+            starts = ca.logic_or(starts, mode.closed[k] * (1 - mode.sticks[k]) * mode.fixed[k])
+    return starts
+
+
+def mobility_across(plant: Plant) -> ca.Function:
+    """``across`` (x, u, p) -> a number for each contact of a scene.
+
+    It is positive where forces can move the contact across its direction of sliding.
+    """
+    inertia, across = plant.events["contact_inertia"], list[ca.MX]()
+    x, u, p = inertia.mx_in()
+    W = inertia(x, u, p)[0]
+    for k in range(len(plant.points)):
+        own = slice(3 * k, 3 * k + 3)
+        along = p[p.shape[0] - 5 * (len(plant.points) - k) + 2 :][:2]
+        way = ca.vertcat(0, -along[1], along[0])
+        across.append(ca.bilin(W[own, own], way, way) - NO_TURN * ca.trace(W[own, own]))
+    return expanded("across", [x, u, p], [ca.vertcat(*across)])

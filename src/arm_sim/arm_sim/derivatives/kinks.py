@@ -33,7 +33,7 @@ class Kinks:
     """
 
     def __init__(self, plant: Plant) -> None:
-        self._model, self._n = plant.model, plant.model.n
+        self._plant, self._model, self._n = plant, plant.model, plant.model.n
         self._limits = _limits(plant)
         self._weight: ca.Function | None = None
         if gravity_compensated(plant.model.scene):
@@ -127,8 +127,13 @@ class Kinks:
             bent = ca.logic_or(bent, ca.logic_and(v[joint] == 0, x[place] != 0))
         return bent
 
-    def begins_kinked(self, x: ca.SX, r: ca.SX) -> ca.SX:
-        """Whether ``reason`` finds one: 1 if so, else 0."""
+    @property
+    def kinked(self) -> ca.Function:
+        """(x, r) -> 1 where ``reason`` finds a kink, else 0."""
+        x, r = ca.SX.sym("x", self._plant.nx), ca.SX.sym("r", self._n)
+        return ca.Function("kinked", [x, r], [self._begins_kinked(x, r)], {"cse": True})
+
+    def _begins_kinked(self, x: ca.SX, r: ca.SX) -> ca.SX:
         found = self.rests_bent(x)
         if self._weight is not None:
             r = r + self._weight(x[: self._n])

@@ -30,6 +30,7 @@ from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.events import Events, acting, diverged
 from arm_sim.derivatives.kinks import Kinks, sided
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
+from arm_sim.derivatives.python_linearize import Linearize, python_linearize
 from arm_sim.derivatives.tangents import Arms, Tangents
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.methods import build_attempt
@@ -39,6 +40,7 @@ from arm_sim.integrators.stability import misses
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
+from arm_sim.stepping.python_step import unanswered
 from arm_sim.stepping.rollout import Engine, alike, natural_width, repeated, widths
 from arm_sim.stepping.stepper import Stepper
 
@@ -300,6 +302,14 @@ class Linearizer:
         if self.event_free and self.kinks.of_states and ticks > 1:
             return list(range(len(x)))
         return sorted({*alone, *self.kinks.arms(x, r)})
+
+    @cached_property
+    def one(self) -> Linearize:
+        """Derivatives of one tick for Python, see ``python_linearize``."""
+        fast = None if self._rate or self._tuned else self._compiled
+        if fast is None:
+            return unanswered
+        return python_linearize(fast, self._plant, self._stepper.p, self._choice.dt)
 
     def motion(self, x: Array, p: Array, side: int | None = None) -> Motion:
         """A motion from a state, to be differentiated tick by tick through its events.

@@ -24,6 +24,7 @@ from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_sim.derivatives.event_free_ticks import EventFreeTick
+from arm_sim.derivatives.kinks import Kinks
 from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.tangents import build_tangent
 from arm_sim.plant.actuation import actuation
@@ -132,7 +133,7 @@ class Tangents:
             differentiated.
 
     Attributes:
-        plant: The equations.
+        plant, engine: As given.
     """
 
     @one_at_a_time
@@ -144,7 +145,7 @@ class Tangents:
         tuned: Sequence[int] = (),
         engine: Engine | None = None,
     ) -> None:
-        self.plant, self._backend, self._engine = plant, backend, engine
+        self.plant, self._backend, self.engine = plant, backend, engine
         self._choice = choice
         self._event_free = EventFreeTick.of(plant, tuned) if engine and backend != "vm" else None
         self.library = cache(self._built)
@@ -291,9 +292,9 @@ class Tangents:
         built = ((self.library(width), width) for width in self._widths(lanes))
         code, width = next((code, width) for code, width in built if code is not None)
         tangents, carry_ticks = address_of(code.own, TANGENTS), code.engine.carry_ticks
-        done = np.zeros(0 if self._engine is None else len(after), np.int64)
+        done = np.zeros(0 if self.engine is None else len(after), np.int64)
         table.met, columns.begins = marks.place, begins
-        table.engine = None if self._engine is None else ctypes.addressof(self._engine)
+        table.engine = None if self.engine is None else ctypes.addressof(self.engine)
         columns.done, columns.after = done.ctypes.data, address(after)
 
         def work(first: int, last: int) -> None:
@@ -332,7 +333,8 @@ class Tangents:
     @property
     def code(self) -> TangentCode:
         """What the compiled code is made of."""
-        functions, columns = [self._step.advance, self._acting], [self._step.carry, self._limit]
+        functions = [self._step.advance, self._acting, Kinks(self.plant).kinked]
+        columns = [self._step.carry, self._limit]
         steps, event_free = [step for step in (self._step, self._moving) if step], self._event_free
         if self._moving:
             functions.append(self._moving.advance)

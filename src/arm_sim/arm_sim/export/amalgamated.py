@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from arm_dynamics.codegen import compiler
@@ -13,11 +14,19 @@ OWN = Path(__file__).parent / "native"
 ELSEWHERE = frozenset({"scalar.h", "alone.h"})
 """Files that stand in another place of a library, or only serve to read others."""
 _FOLDERS = (OWN, NATIVE, compiler.NATIVE)
+_FIRST_COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
 _INCLUDE = re.compile(r'^#include "(?:[\w.]*/)*(\w+\.[ch])"\n', re.MULTILINE)
+
+
+def of_files(files: Sequence[str], done: Iterable[str] = ()) -> str:
+    """C of files one after another, see ``amalgamated``."""
+    return amalgamated("".join(f'#include "{file}"\n' for file in files), {*done})
 
 
 def amalgamated(text: str, done: set[str]) -> str:
     """C with the files that it includes in their places, each once; what they export is static.
+
+    First comments of this package's own files, which say what they need, are left out.
 
     Args:
         text: The source.
@@ -30,6 +39,6 @@ def amalgamated(text: str, done: set[str]) -> str:
         done.add(file)
         path = next(path for folder in _FOLDERS for path in folder.rglob(file))
         own = path.read_text(encoding="utf-8").replace("\nEXPORTED ", "\nstatic ")
-        return amalgamated(own, done)
+        return amalgamated(_FIRST_COMMENT.sub("", own) if path.parent == OWN else own, done)
 
     return _INCLUDE.sub(included, text.replace("#pragma once\n", ""))

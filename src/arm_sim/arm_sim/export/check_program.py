@@ -5,17 +5,15 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 
 from arm_dynamics.arrays import Array
-from arm_sim.export.conditions import decided
+from arm_sim.export.amalgamated import of_files
 from arm_sim.export.expected import Expected, Motion, Point, ran
 from arm_sim.export.generated import without_unused
 from arm_sim.export.library import Library, comment
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 
-_NATIVE = Path(__file__).parent / "native"
 _ROUNDING = 1e-12
 
 
@@ -34,10 +32,9 @@ def check_program(library: Library, expected: Expected, points: Sequence[Point])
             checks.compare(k, term, expected.of(term, *point))
     if library.tick:
         checks.run(library.tick)
-    head = (_NATIVE / "check.h").read_text(encoding="utf-8").replace("#pragma once\n", "")
     program = [
         comment(library.about) + f'#include "{library.name}.h"\n',
-        decided(head),
+        of_files(["check.h"]),
         *checks.tables,
         "\nint main(void) {\n  int wrong = 0;",
         *checks.calls,
@@ -75,7 +72,8 @@ class _Checks:
     def run(self, tick: Tick) -> None:
         """Ticks under a few commands, each held for some time, from the scene's initial state."""
         motion = ran(tick.simulator, tick.differentiable)
-        name, n, ticks, most = self._name, tick.simulator.n, motion.ticks, _ROUNDING
+        name, n, most = self._name, tick.simulator.n, _ROUNDING
+        ticks = motion.held * len(motion.commands)
         self.tables += [
             _table("commands", motion.commands.ravel()),
             _table("last_q", motion.q),

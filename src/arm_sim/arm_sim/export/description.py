@@ -27,8 +27,6 @@ cc -O1 -ffp-contract=off -c @NAME@.c
 
 The functions allocate nothing, keep nothing between calls and may run in several threads at once.
 Arrays belong to the caller; results must not overlap arguments.
-
-`size` prints how long the code is, `-fstack-usage` (GCC) how much stack each function takes.
 """
 _BITS = """
 The results have the same bits at all levels of optimization, for all x86-64 and 64-bit ARM
@@ -98,13 +96,14 @@ def readme(library: Library) -> str:
         f"Made by arm_sim {__version__} from `{SCENE_FILE}` and `{URDF_FILE}`, which say the rest "
         "about the scene.\n"
     )
+    made = ", ".join(f"{name} {version}" for name, version in versions().items())
     parts = (
         intro,
         _joints(model),
         _functions(library),
         *([_ticks(model, tick)] if tick else []),
         _BUILD + _BITS,
-        _made_by(),
+        f"## Versions\n\narm_sim {__version__}, {made}.\n",
         _LICENCE,
     )
     return "\n".join(parts).replace("@NAME@", library.name).replace("@URDF@", URDF_FILE)
@@ -156,8 +155,3 @@ def _ticks(model: ArmModel, tick: Tick) -> str:
     if not rows:
         return said
     return f"{said}\n| parameter of `@NAME@_sim_set` | in the scene |\n|---|---|\n{''.join(rows)}"
-
-
-def _made_by() -> str:
-    made = ", ".join(f"{name} {version}" for name, version in versions().items())
-    return f"## Versions\n\narm_sim {__version__}, {made}.\n"

@@ -16,7 +16,7 @@ from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import FrameMotion
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.export.terms import Term
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 
 Answer = Callable[[Dynamics, Array, Array, Array], Array]
 Point = tuple[Array, Array, Array]
@@ -114,11 +114,6 @@ class Motion:
     q: Array
     v: Array
     slopes: tuple[Array, Array] | None
-
-    @property
-    def ticks(self) -> int:
-        """Number of ticks."""
-        return self.held * len(self.commands)
 
 
 def ran(simulator: Simulator, derivatives: bool) -> Motion:

@@ -15,6 +15,7 @@ from arm_dynamics.model.pinocchio_terms import check_moving
 from arm_dynamics.scene import scene_text
 from arm_dynamics.scene.load import SceneSource, naming
 from arm_sim.export import library
+from arm_sim.export.amalgamated import OWN
 from arm_sim.export.check_program import check_program
 from arm_sim.export.description import about, readme
 from arm_sim.export.expected import Expected, states
@@ -25,7 +26,6 @@ from arm_sim.export.terms import DERIVATIVES, TERMS, chosen, terms_of
 from arm_sim.export.tick import Tick, tick_of
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE
 
-_NATIVE = Path(__file__).parent / "native"
 _log = logging.getLogger(__name__)
 
 
@@ -134,7 +134,7 @@ def _files(
         **code,
         **(units(name, tick, code, frames) if fmu and tick else {}),
         f"test_{name}.c": check_program(made, expected, points),
-        "CMakeLists.txt": (_NATIVE / "CMakeLists.txt")
+        "CMakeLists.txt": (OWN / "CMakeLists.txt")
         .read_text(encoding="utf-8")
         .replace("@NAME@", name),
         "README.md": readme(made),

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from arm_dynamics import ArmModel
-from arm_sim.export.amalgamated import amalgamated
+from arm_sim.export.amalgamated import of_files
 from arm_sim.export.at_rest import PREFIX, at_rest
 from arm_sim.export.conditions import decided
 from arm_sim.export.generated import static_functions, without_unused
@@ -17,6 +17,7 @@ from arm_sim.export.names import c_string
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 
+_TYPES = "#define casadi_real real\n#define casadi_int long long\n"
 _STANDARD = re.compile(r"^#include <[^>\n]+>\n", re.MULTILINE)
 _COLUMNS = 100
 _PRAGMAS = """\
@@ -76,7 +77,7 @@ def header(library: Library) -> str:
         comment("Order of all vectors.")
         + f"extern const char* const {name}_joint_names[{capitals}_JOINTS];\n",
         *(comment(term.about) + f"{_signature(library, term)};\n" for term in library.terms),
-        *(_of_tick(name, tick) if tick else []),
+        *([named(name, _STANDARD.sub("", tick.declarations))] if tick else []),
         "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
     ]
     return "\n".join(parts)
@@ -92,7 +93,7 @@ def source(library: Library) -> str:
     moves = any(term.name == "forward_dynamics" for term in library.terms)
     resting = at_rest(library.model) if moves else ""
     parts = [
-        elementary(),
+        of_files(["scalar.h"]) + _TYPES,
         generated,
         resting,
         f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",
@@ -103,12 +104,6 @@ def source(library: Library) -> str:
     standard = "".join(sorted(set(_STANDARD.findall(code))))
     head = f'{comment(library.about)}#include "{name}.h"\n\n{standard}\n{_PRAGMAS}\n'
     return head + _STANDARD.sub("", code) + _END
-
-
-def _of_tick(name: str, tick: Tick) -> list[str]:
-    """Declarations of the tick."""
-    period = f"#define {name.upper()}_PERIOD {tick.simulator.dt!r}\n"
-    return [comment("Length of a tick in [s].") + period, named(name, tick.declarations)]
 
 
 def named(name: str, text: str) -> str:
@@ -127,12 +122,6 @@ def comment(text: str) -> str:
     if len(lines) == 1:
         return f"/* {lines[0]} */\n"
     return "/* " + "\n".join(lines).replace("\n", "\n * ").replace(" * \n", " *\n") + "\n */\n"
-
-
-def elementary() -> str:
-    """The elementary functions that generated code calls, and the types of its numbers."""
-    types = "#define casadi_real real\n#define casadi_int long long\n"
-    return amalgamated('#include "scalar.h"\n', set()) + types
 
 
 def _signature(library: Library, term: Term) -> str:

@@ -5,43 +5,41 @@ from __future__ import annotations
 
 import casadi as ca
 
-from arm_sim.derivatives.kinks import Kinks
 from arm_sim.derivatives.tangents import TangentCode, tangents_source
 from arm_sim.export.amalgamated import amalgamated
 from arm_sim.export.generated import prefixed
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 
+_UNITS = '#include "derivatives/tangent_ticks.c"\n#include "derivatives/tick_derivative.c"\n'
 PREFIX = "slope_"
 """Begins the names of this part of a library."""
 
 
 def derivatives_of_ticks(code: TangentCode, done: set[str]) -> str:
-    """C source of ``slope_carry_ticks``, see ``tangent_ticks.c``, for after the tick's engine.
+    """C of ``slope_differentiate_tick``, see ``tick_derivative.c``, for after the tick's engine.
 
     Args:
         code: The functions.
         done: Files of which that engine is made.
     """
     written = tangents_source(code.columns, "static const")
-    text = amalgamated(f'{written}#include "derivatives/tangent_ticks.c"\n', done)
+    text = amalgamated(f"{written}{_UNITS}", done)
     return prefixed(text, PREFIX)
 
 
-def kinked(plant: Plant) -> ca.Function:
-    """(x, command) -> 1 where a tick begins in a kink, else 0."""
-    x, r = ca.SX.sym("x", plant.nx), ca.SX.sym("r", plant.model.n)
-    return ca.Function("kinked", [x, r], [Kinks(plant).begins_kinked(x, r)], {"cse": True})
+def effort_slopes(plant: Plant, tunable: int) -> ca.Function:
+    """Derivatives of torques on the joints by state, command and tunable numbers.
 
-
-def effort_slopes(plant: Plant) -> ca.Function:
-    """Derivatives of torques on the joints by the state after a tick, the state, the command.
-
-    Transposed, as function of the state, the command and the state after the tick.
+    As function of the state, the command, the state after the tick and its derivatives; the latter
+    and the result are transposed, as C stores them by rows.
     """
-    n = plant.model.n
-    x, r, after = (ca.SX.sym(*each) for each in (("x", plant.nx), ("r", n), ("y", plant.nx)))
+    n, nx = plant.model.n, plant.nx
+    x, r, after = (ca.SX.sym(*each) for each in (("x", nx), ("r", n), ("y", nx)))
+    of_after = ca.SX.sym("slopes", nx + n + tunable, nx)
     u = actuation(plant)(x, r)
     effort = plant.torques(after, u)[0] if plant.torques else u
-    parts = [ca.densify(ca.jacobian(effort, by).T) for by in (after, x, r)]
-    return ca.Function("effort_slopes", [x, r, after], parts, {"cse": True})
+    by_after, by_state, by_command = (ca.jacobian(effort, by).T for by in (after, x, r))
+    kept = ca.vertcat(by_state, by_command, ca.SX(tunable, n))
+    slopes = ca.densify(ca.mtimes(of_after, by_after) + kept)
+    return ca.Function("effort_slopes", [x, r, after, of_after], [slopes], {"cse": True})

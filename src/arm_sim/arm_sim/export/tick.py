@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,19 +14,18 @@ from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import ROUNDED
 from arm_sim.derivatives.tangents import Tangents
-from arm_sim.export.amalgamated import ELSEWHERE, OWN, amalgamated
-from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes, kinked
+from arm_sim.export.amalgamated import ELSEWHERE, amalgamated, of_files
+from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.placing import OPEN
 from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping.engine import braces, scene_source, sizes
 from arm_sim.stepping.rollout import Engine
 from arm_sim.stepping.stepper import tick_functions
 
-_INCLUDES = re.compile(r'^#include ["<][^"]*[">]\n', re.MULTILINE)
-_COMMENT = re.compile(r"\A/\*.*?\*/\n", re.DOTALL)
+_PERIOD = "/* Length of a tick in [s]. */\n#define LIBRARY_PERIOD"
 
 
 @dataclass(frozen=True)
@@ -86,33 +84,27 @@ def tick_of(
         sizes(plant, choice, functions, members), f"#define EVENTS {int(plant.eventful)}",
         "#define EXPORTED static",
         scene_source(plant, choice, functions, smooth, "static const", members),
-        '#include "motion/tick.h"\n',
+        '#include "arm/tick.h"\n',
     ])  # fmt: skip
     engine = amalgamated(engine, done)
     more = [f for f in (plant.mechanics.project, plant.torques) if f is not None]
-    files, of_ticks = ["library.h", "sim.c"], ""
+    headers, sources, of_ticks = ["library.h"], ["sim.c"], ""
     if servo:
         more.append(servo_law(plant, choice.dt))
-        files += ["servo.h", "servo.c"]
+        headers, sources = [*headers, "servo.h"], [*sources, "servo.c"]
     if slopes:
-        more += [kinked(plant), effort_slopes(plant)]
+        more.append(effort_slopes(plant, len(numbers)))
         of_ticks = derivatives_of_ticks(slopes, done)
-        files += ["linearize.h", "linearize.c"]
-    headers, sources = files[::2], files[1::2]
+        headers, sources = [*headers, "linearize.h"], [*sources, "linearize.c"]
+    door = of_files(sources, done | {*headers})
     return Tick(
         simulator,
         tuple(number.name for number in numbers),
         (*functions, *more),
         bool(slopes),
-        f"{engine}\n{_defines(simulator)}\n{of_ticks}{_plain(sources)}{_setter(numbers)}",
-        _plain(headers).removeprefix("\n"),
+        f"{engine}\n{_defines(simulator)}\n{of_ticks}{door}{_setter(numbers)}",
+        f"{_PERIOD} {choice.dt!r}\n{of_files(headers)}",
     )
-
-
-def _plain(files: Sequence[str]) -> str:
-    """Files of the door without their first comments and what they include."""
-    texts = (_COMMENT.sub("", (OWN / file).read_text(encoding="utf-8")) for file in files)
-    return "".join(_INCLUDES.sub("", text).replace("#pragma once\n", "") for text in texts)
 
 
 def _refuse(model: ArmModel) -> None:
@@ -143,7 +135,6 @@ def _defines(simulator: Simulator) -> str:
         "AT_STOP": repr(ROUNDED),
         **({"LOOPS": str(project.size1_in(2))} if project else {}),
         **({"DRIVEN": "1"} if plant.torques else {}),
-        "KINKED": "1",
     }
     return "\n".join(f"#define {name} {value}" for name, value in values.items())
 

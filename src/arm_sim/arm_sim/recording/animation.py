@@ -32,8 +32,8 @@ def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: fl
     spread = np.nanmax(points, axis=(0, 1)) - np.nanmin(points, axis=(0, 1))
     plane = np.sort(np.argsort(spread, kind="stable")[1:])
     film = animation(
-        time, [points[..., plane]], trail=points[:, -2, plane], speed=speed, frames=len(time),
-        axes="".join("xyz"[i] for i in plane),
+        time, [(points[..., plane], {"label": "arm"})], speed=speed, frames=len(time),
+        trail=(points[:, -2, plane], {"label": "path"}), axes="".join("xyz"[i] for i in plane),
     )  # fmt: skip
     if path is not None:
         warn_if_replaced(path)

@@ -183,7 +183,7 @@ def _controlled(
 ) -> int:
     """The same under a controller that answers to each state, from a row of the motion."""
     command, trace = np.empty(nu), np.empty((FINER, len(state)))
-    tick = stepper.bound(state, command, trace, np.empty((FINER, nu)), np.empty((FINER, 2)))
+    tick = stepper.ticks(state, command, trace, np.empty((FINER, nu)), np.empty((FINER, 2)))
     for k in range(len(out)):
         command[:] = control(state, row + k)
         if tick() < FINER:

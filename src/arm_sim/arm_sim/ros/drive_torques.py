@@ -7,7 +7,7 @@ from ctypes import addressof
 
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_sim.simulated_arm import SimulatedArm
+from arm_sim.simulation.simulated_arm import SimulatedArm
 
 
 class DriveTorques:

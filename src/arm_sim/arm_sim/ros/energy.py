@@ -13,9 +13,9 @@ from rclpy.node import Node
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.interfaces import Topic
-from arm_sim.energy_meter import Account
 from arm_sim.ros.interfaces import ENERGY
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.simulation.energy_meter import Account
 
 _UNHEARD = 1.0  # [s] between evaluations that only diagnostics read
 

@@ -12,14 +12,14 @@ from arm_dynamics.codegen.kernel import ENTRY
 from arm_dynamics.ros.common.rcl_code import code_of_nodes
 from arm_dynamics.ros.joint_state import HEADER as JOINT_STATE
 from arm_dynamics.ros.joint_state import SOURCE as JOINT_STATE_SOURCE
-from arm_sim.stepping.roll import STEP
+from arm_sim.stepping.arm import ARM
 
 _HERE = Path(__file__).parent
 _FILES = tuple(
     _HERE / name for name in ("native/loop", "record/native/record", "ordinary/native/ticks")
 )
 LOOP, RECORD = (Header(file.with_suffix(".h"), ENTRY) for file in _FILES[:2])
-TICKS = Header(_FILES[2].with_suffix(".h"), JOINT_STATE, LOOP, RECORD, STEP)
+TICKS = Header(_FILES[2].with_suffix(".h"), JOINT_STATE, LOOP, RECORD, ARM)
 
 
 @cache
@@ -30,6 +30,4 @@ def library(*others: Path) -> CDLL:
         KernelError: If they are not available.
     """
     files = (JOINT_STATE_SOURCE, *(file.with_suffix(".c") for file in _FILES), *others)
-    return code_of_nodes(
-        *files, headers=(JOINT_STATE, LOOP, RECORD, TICKS), folders=(STEP.folder,)
-    )
+    return code_of_nodes(*files, headers=(JOINT_STATE, LOOP, RECORD, TICKS), folders=(ARM.folder,))

@@ -17,7 +17,7 @@ from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.interfaces import Service
 from arm_dynamics.scene.urdf.joint_names import Named
 from arm_sim.ros.tick_engine import TickEngine
-from arm_sim.runtime_changes import friction_change, payload_change
+from arm_sim.simulation.runtime_changes import friction_change, payload_change
 
 Action = Callable[[], Any]
 _REACH = 1.0  # [rad] or [m]: largest motion of a joint in a tick

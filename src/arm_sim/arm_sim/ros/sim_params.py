@@ -12,7 +12,7 @@ from arm_sim.ros.commands.latest import BRAKE, POLICIES
 from arm_sim.ros.robot.robot_params import RobotParams
 from arm_sim.ros.timing.realtime_loop import CATCH_UP, OVERRUN
 from arm_sim.ros.timing.stamps import AUTO, CHOICES, ROS, SIM
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 
 LOCKSTEP, CLOCK, HAND = "lockstep", "clock", "hand"
 _ONLY_WITH = {

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.background import Background
-from arm_sim.compiled_scene import EXTERNAL
-from arm_sim.energy_meter import Account, EnergyMeter
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
@@ -20,9 +18,11 @@ from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand, Stop
 from arm_sim.ros.commands.stopping import Servos, Stopping
 from arm_sim.ros.tick_queue import TickQueue
-from arm_sim.runtime_changes import external_change
 from arm_sim.servo import JointCommand
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.compiled_scene import EXTERNAL
+from arm_sim.simulation.energy_meter import Account, EnergyMeter
+from arm_sim.simulation.runtime_changes import external_change
+from arm_sim.simulation.simulator import Simulator
 
 MAX_STEPS = 10_000  # of one call
 _SILENCE = 1.0  # [s] after which a silent source is gone; a busy machine may delay one

@@ -37,7 +37,7 @@ OF_LANES = (
     "derivatives/tangent_ticks.c",
 )  # fmt: skip
 OF_ONE_ARM = (
-    "motion/roll.c", *OF_LANES, "derivatives/tangent_step.c",
+    "arm/arm.c", *OF_LANES, "derivatives/tick_derivative.c", "derivatives/tangent_step.c",
     "derivatives/eventful_derivatives.c", "derivatives/event_free_gradient.c",
 )  # fmt: skip
 """Units of the library for one arm at a time, and of that for several side by side."""
@@ -58,11 +58,10 @@ COSTS = {
     "strike_cost": "strike", "statics_cost": "statics",
 }  # fmt: skip
 """Costs of functions by their names in C."""
-MOST_ARGUMENTS, MOST_INTEGERS = 128, 8
-"""Arguments or results of a generated function, and integers of its work space, at most."""
 SYMBOL = "own_scene"
 """Name of the structure in generated code."""
-_SCENE = Header(NATIVE / "scene.h", only="scene_t").fields("scene_t")
+_HEADER = Header(NATIVE / "scene.h", only="scene_t most")
+_SCENE, _MOST = _HEADER.fields("scene_t"), _HEADER.constants
 SIZES = tuple(name for name, kind in _SCENE[: [n for n, _ in _SCENE].index("adaptive")])
 """Members that lengths of arrays depend on; their names in capitals are macros."""
 
@@ -176,8 +175,8 @@ def _members(
         "eventful": plant.eventful,
     }  # fmt: skip
     most = max(max(function.sz_arg(), function.sz_res()) for function in functions)
-    assert most <= MOST_ARGUMENTS, f"a function with {most} arguments or results"
-    assert max(function.sz_iw() for function in functions) <= MOST_INTEGERS
+    assert most <= _MOST["MOST_ARGUMENTS"], f"a function with {most} arguments or results"
+    assert max(function.sz_iw() for function in functions) <= _MOST["MOST_INTEGERS"]
     numbers = {
         "sz_w": max(function.sz_w() for function in functions) + 1,
         "nm": 0 if statics is None else statics.size1_out(3), "nr": plant.model.n,

@@ -7,42 +7,48 @@ import logging
 from collections.abc import Callable
 from ctypes import byref, c_ssize_t, c_void_p, py_object
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from arm_dynamics.codegen.python_call import python_function
 from arm_dynamics.exceptions import KernelError
 from arm_sim.state import State
-from arm_sim.stepping.roll import STEP, Roll
+from arm_sim.stepping.arm import ARM, Arm
+from arm_sim.stepping.engine import NATIVE
 
 PythonStep = Callable[[object, int], State | Literal[False] | None]
 """Function of a command and the number of ticks before: it advances by a tick and returns the
 state, or False if it cannot be computed; None, and nothing is done, if the command is not an array
 or a list of n finite floats."""
 
-_SOURCE = Path(__file__).with_name("native") / "motion/python_step.c"
 _TAKES = c_void_p, c_ssize_t, c_ssize_t, py_object, py_object
 _log = logging.getLogger(__name__)
 
 
 def unanswered(*_: object) -> None:
-    """No tick: it is left to Python."""
+    """No result: it is left to Python."""
 
 
-def python_step(tick: Callable[[], int], n: int, nz: int) -> PythonStep:
-    """The function of an arm; ``unanswered`` where it cannot be compiled.
+def of_states(source: Path, given: Any, n: int, nz: int, kept: object) -> Any:
+    """A Python function of a file of ``native/``; ``unanswered`` where it cannot be compiled.
 
     Args:
-        tick: The tick that ``Stepper.bound`` returned.
+        source: The file, whose ``python_function`` takes a pointer and what is below.
+        given: What the pointer points at.
         n: Degrees of freedom.
         nz: Number of internal states.
+        kept: What must live as long as the function.
     """
-    roll = Roll.of(tick)
-    if roll is None:
-        return unanswered
     try:
-        make = python_function(_SOURCE, _TAKES, STEP.folder)
+        make = python_function(source, _TAKES, source.parent, ARM.folder)
     except (KernelError, OSError) as error:
-        _log.info("steps from Python are slower: %s", error)
+        _log.info("calls from Python are slower: %s", error)
         return unanswered
-    made: PythonStep = make(byref(roll), n, nz, State, tick)
-    return made
+    return make(byref(given), n, nz, State, kept)
+
+
+def python_step(arm: Arm | None, n: int, nz: int) -> PythonStep:
+    """The tick of an arm with n joints and nz internal states; None on the virtual machine."""
+    if arm is None:
+        return unanswered
+    step: PythonStep = of_states(NATIVE / "arm/python_step.c", arm, n, nz, arm)
+    return step

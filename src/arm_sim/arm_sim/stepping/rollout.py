@@ -76,7 +76,7 @@ class Batch:
 class Engine(ctypes.Structure):
     """Functions of the compiled engine of one arm: ``engine_t`` of ``prediction.h``."""
 
-    _fields_ = Header(NATIVE / "lanes/prediction.h", only="engine_t").fields("engine_t")
+    _fields_ = Header(NATIVE / "modes/prediction.h", only="engine_t").fields("engine_t")
 
     @classmethod
     def of(cls, stepper: Stepper) -> Engine:

@@ -35,6 +35,7 @@ from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.slopes import scaled_jacobian
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
+from arm_sim.stepping.arm import Arm
 from arm_sim.stepping.engine import INCLUDED, Compiled, library, scene_source
 from arm_sim.stepping.events import EventReport, Modes, Trouble
 
@@ -119,41 +120,73 @@ class Stepper:
         return twin
 
     def bound(
-        self, x: Array, command: Array, trace: Array, effort: Array, notes: Array
-    ) -> Callable[[], int]:
-        """Return a function that advances by k ticks and can be called repeatedly.
+        self, x: Array, command: Array, acted: Array, notes: Array
+    ) -> tuple[Callable[[], int], Arm | None]:
+        """A function that advances by a tick and can be called repeatedly.
 
         It avoids looking up array addresses, which takes longer than a tick. Arrays must be
         contiguous.
 
         Args:
-            x: State of shape (nx,), overwritten by the last good one.
-            command: Command, constant or a row for each tick: torques of shape (n,), or references
-                of a compiled controller.
-            trace: Receives the state after each tick, shape (k, nx).
-            effort: Receives the torque that acted in each tick, shape (k, n).
-            notes: Receives the estimated error of q after each tick, zero without estimate, and
-                the number of ticks time-stepped since the last restart, shape (k, 2).
+            x: State of shape (nx,), kept if the tick cannot be computed.
+            command: Torques, shape (n,), or the reference of a compiled controller.
+            acted: Receives the torque that acted, shape (n,).
+            notes: Receives the estimated error of q, zero without estimate, and the number of
+                ticks time-stepped since the last restart, shape (2,).
 
         Returns:
-            Function that advances by k ticks, or fewer if the state becomes non-finite, and
-            returns the number of good ticks.
+            The function, which returns the number of good ticks, 0 or 1; and the same for other
+            compiled code, None on the virtual machine.
+        """
+        if self.compiled is None:
+            trace = np.empty((1, len(x)))
+            return partial(self._by_call, x, command, trace, acted[None], notes[None]), None
+        arm = self._arm(x, command, acted, notes)
+        return partial(self.compiled.engine.arm_tick, ctypes.byref(arm)), arm
+
+    def _arm(self, *arrays: Array) -> Arm:
+        assert self.compiled is not None
+        control = None if self._control is None else ctypes.addressof(self._control)
+        tick = ctypes.cast(self.compiled.engine.arm_tick, ctypes.c_void_p).value
+        arm = Arm(
+            tick, self.compiled.scene.value, *map(address, arrays), address(self.p),
+            self._choice.dt, control, ctypes.addressof(self.report),
+        )  # fmt: skip
+        arm.keeps = arrays, self
+        return arm
+
+    def ticks(
+        self, x: Array, command: Array, trace: Array, effort: Array, notes: Array
+    ) -> Callable[[], int]:
+        """A function that advances by k ticks and can be called repeatedly, as ``bound``.
+
+        Args:
+            x: State of shape (nx,), overwritten by the last good one.
+            command: As for ``bound``, or a row for each tick.
+            trace: Receives the state after each tick, shape (k, nx).
+            effort: Receives the torque that acted in each tick, shape (k, n).
+            notes: Receives the notes after each tick, shape (k, 2).
+
+        Returns:
+            Function that returns the number of good ticks.
         """
         if self.compiled is None:
             return partial(self._by_call, x, command, trace, effort, notes)
-        stride = ctypes.c_longlong(command.shape[-1] if command.ndim == 2 else 0)
-        control = None if self._control is None else ctypes.byref(self._control)
-        return _engine_function(
-            self.compiled, "roll", pointer(x), pointer(command), stride, pointer(self.p),
-            ctypes.c_double(self._choice.dt), ctypes.c_longlong(len(trace)), pointer(trace),
-            pointer(effort), pointer(notes), control, ctypes.byref(self.report),
+        stride = command.shape[-1] if command.ndim == 2 else 0
+        arm, outputs = self._arm(x, command, effort, notes), (trace, effort, notes)
+        arm.keeps = *arm.keeps, trace
+        entry = self.compiled.engine.arm_ticks
+        entry.restype = ctypes.c_longlong
+        return partial(
+            entry, ctypes.byref(arm), ctypes.c_longlong(len(trace)),
+            pointer(command), ctypes.c_longlong(stride), *map(pointer, outputs),
         )  # fmt: skip
 
     def roll(
         self, x: Array, command: Array, trace: Array, effort: Array, notes: Array,
         halted: Callable[[], bool] = bool,
     ) -> int:  # fmt: skip
-        """Advance once, see ``bound``, in slices; return the number of good ticks.
+        """Advance once, see ``ticks``, in slices; return the number of good ticks.
 
         It ends early when ``halted`` returns true.
         """
@@ -162,7 +195,7 @@ class Stepper:
                 return first
             rows = slice(first, end)
             part = command[rows] if command.ndim == 2 else command
-            done = self.bound(x, part, trace[rows], effort[rows], notes[rows])()
+            done = self.ticks(x, part, trace[rows], effort[rows], notes[rows])()
             if done < end - first:
                 return first + done
         return len(trace)
@@ -181,30 +214,15 @@ class Stepper:
             where a tick cannot be computed.
         """
         self.restart()
-        after, lost = np.array(x, order="C"), np.zeros(len(x))
-        if self.compiled is None:
-            return self._each_by_call(after, command, p, ticks), lost
-        control = None if self._control is None else ctypes.byref(self._control)
-        roll = self.compiled.engine.roll_each
-        roll.restype = None
-        command, p = np.ascontiguousarray(command), np.ascontiguousarray(p)
-        for first, end in slices(len(x), self.few // ticks + 1):
-            roll(
-                self.compiled.scene, pointer(after[first:]), pointer(command[first:]),
-                pointer(p[first:]), ctypes.c_longlong(end - first),
-                ctypes.c_double(self._choice.dt), ctypes.c_longlong(ticks), pointer(lost[first:]),
-                control, ctypes.byref(self.report),
-            )  # fmt: skip
+        after, lost = np.full_like(x, np.nan), np.full(len(x), np.nan)
+        now, held, notes = np.empty(x.shape[1]), np.empty(command.shape[1]), np.empty(2)
+        tick, _ = self.bound(now, held, np.empty(self._plant.model.n), notes)
+        for k in range(len(x)):
+            now[:], held[:], self.p[:] = x[k], command[k], p[k]
+            before, self.substep = self.report.impact_loss, 0.0
+            if all(tick() for _ in range(ticks)):
+                after[k], lost[k] = now, self.report.impact_loss - before
         return after, lost
-
-    def _each_by_call(self, x: Array, command: Array, p: Array, ticks: int) -> Array:
-        trace, effort = np.empty((ticks, x.shape[1])), np.empty((ticks, command.shape[1]))
-        for k, state in enumerate(x):
-            self.restart()
-            self.p[:] = p[k]
-            if self._by_call(state, command[k], trace, effort, np.empty((ticks, 2))) < ticks:
-                state[:] = np.nan
-        return x
 
     def restart(self) -> None:
         """Reset the report and the error control."""
@@ -376,18 +394,6 @@ def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function
     if choice.tolerance is None:
         return build_step(method, plant.rhs, n, *more, dense, loads)
     return build_attempt(method, plant.rhs, n, plant.laws.scale, *more, dense, loads)
-
-
-def _engine_function(compiled: Compiled, name: str, *given: Any) -> Callable[[], int]:
-    """A function of the engine with its arguments; returns the number of good ticks."""
-    entry = getattr(compiled.engine, name)
-    entry.restype = ctypes.c_longlong
-    arguments = compiled.scene, *given
-    # Otherwise ctypes would create these objects in every call, half of its cost.
-    ready = (type(a).from_param(a.value) if hasattr(a, "value") else a for a in arguments)
-    call = partial(entry, *ready)
-    vars(call)["arguments"] = arguments  # which keep their arrays
-    return call
 
 
 def _set_switches(modes: Modes, kernel: Kernel, x: Array, u: Array) -> None:

@@ -17,7 +17,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.external_wrench import ExternalWrenches
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
 from arm_sim.view.charts import Chart, Charts, Samples, gathered
 from arm_sim.view.draw_loop import DrawLoop

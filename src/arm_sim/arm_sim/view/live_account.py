@@ -11,8 +11,8 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ArmError
-from arm_sim.energy_meter import EnergyMeter
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.energy_meter import EnergyMeter
+from arm_sim.simulation.simulator import Simulator
 
 _log = logging.getLogger(__name__)
 

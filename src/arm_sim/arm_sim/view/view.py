@@ -22,7 +22,7 @@ from arm_dynamics.writing import warn_if_replaced
 from arm_sim.exceptions import ViewError
 from arm_sim.recording import Recording
 from arm_sim.recording.files import SUFFIXES
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.view import pictures
 from arm_sim.view.access import titled
 from arm_sim.view.charts import with_curves

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from arm_dynamics.attributes import sealed
 from arm_dynamics.exceptions import InvalidInput, missing
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_studies.autodiff.motion import Motion
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.plant.placing import inside_stops
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping.rollout import Batch
 
 # The libraries call from threads of their own; each call takes all cores.

@@ -13,7 +13,7 @@ from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
 from arm_dynamics.arrays import Array, positive, read_only
 from arm_dynamics.attributes import frozen
 from arm_sim.recording.recording import Recording
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_studies.identification.data import JointRecord, MeasuredMotion
 from arm_studies.identification.names import mapped
 from arm_studies.identification.preparation import prepare

@@ -11,7 +11,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_sim.plant.plant import Plant
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping import Stepper
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollout import (

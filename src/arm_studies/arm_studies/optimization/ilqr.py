@@ -22,7 +22,7 @@ from arm_dynamics.arrays import Array, positive, real_array
 from arm_dynamics.attributes import frozen, sealed
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.inputs import whole
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_studies.optimization.backward import Policy, backward, library_of
 from arm_studies.optimization.cost import Cost
 from arm_studies.optimization.forward import Course, Forward

@@ -29,7 +29,7 @@ from arm_dynamics.trajectory.waypoints import quintic
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.inputs import tick_count
 from arm_sim.plant.actuation import CompiledControl
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 from arm_sim.state import State
 from arm_sim.stepping.rollout import Batch, Rollouts
 from arm_sim.stepping.stepper import Stepper

@@ -131,8 +131,8 @@ def test_of_several_topics_the_one_that_is_read_is_told(
     assert notes(run) == [
         "joint states are those of /left/joint_states; also recorded: /right/joint_states"
     ]
-    run.save(tmp_path / "left.npz")
-    assert "left.npz' does not contain what else was in" in caplog.text
+    run.save(tmp_path / "left.csv")
+    assert "left.csv' does not contain what else was in" in caplog.text
     assert "/right/joint_states (./arm record --repair copies a file whole)" in caplog.text
 
 

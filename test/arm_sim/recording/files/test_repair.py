@@ -171,8 +171,8 @@ def test_what_saving_leaves_of_a_bag_is_named(
     of_others(folder / "bag_1.mcap")
     loaded = Recording.load(folder)
     assert len(loaded) == 51 and loaded.left == ("/camera", "/telemetry")
-    loaded.save(tmp_path / "run.npz")
+    loaded.save(tmp_path / "run.mcap")
     assert "in the recording's file: /camera, /telemetry (./arm record --repair" in caplog.text
     caplog.clear()
-    Recording.load(tmp_path / "run.npz").save(tmp_path / "run.mcap")
+    Recording.load(tmp_path / "run.mcap").save(tmp_path / "again.mcap")
     assert not caplog.text

@@ -8,8 +8,8 @@
  * vectors of them), AS_BITS(x) and AS_REAL(b), which reinterpret one as the other.
  *
  * Argument reduction: Cody and Waite, Software Manual for the Elementary Functions, 1980: pi/2 in two parts, the first
- * of 33 bits, so that k * PIO2_HIGH is exact for |k| < 2^20. Polynomials: minimax by Remez exchange with 60 digits
- * (tools/sincos_coefficients.py), relative error 3.4e-18 for sine and 4.7e-20 for cosine on [-pi/4, pi/4].
+ * of 33 bits, so that k * PIO2_HIGH is exact for |k| < 2^20. Polynomials: minimax by Remez exchange with 60 digits,
+ * relative error 3.4e-18 for sine and 4.7e-20 for cosine on [-pi/4, pi/4].
  */
 #ifndef LANES /* read alone, as editors do */
 #include "scalar.h"

@@ -14,6 +14,7 @@ from pathlib import Path
 from arm_dynamics import KernelError
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.exceptions import CompilerMissing
+from arm_sim.export.amalgamated import OWN, amalgamated
 from arm_sim.export.fmu.model_description import (
     Unit,
     build_description,
@@ -25,7 +26,6 @@ from arm_sim.export.library import named
 from arm_sim.export.names import of_frames
 from arm_sim.export.tick import Tick
 
-NATIVE = Path(__file__).parents[1] / "native"
 _FLAGS = ("-std=gnu11", "-O1", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC")
 _DATE = (1980, 1, 1, 0, 0, 0)  # of all files: the same scene gives the same bytes
 _PLATFORM = {"2": "linux64", "3": f"{os.uname().machine}-linux"}
@@ -103,10 +103,7 @@ def _wrapper(unit: Unit, file: str, token: str) -> str:
         values["JACOBIANS"] = ", ".join(jacobians)
         values["EXTERNAL"] = str(parameters.index("external[0]"))
     defined = "".join(f"#define {key} {value}\n" for key, value in values.items())
-    common = (NATIVE / "instance.h").read_text(encoding="utf-8")
-    for line in ("#pragma once\n", '#include "library.h"\n'):
-        common = common.replace(line, "")
-    text = (NATIVE / file).read_text(encoding="utf-8").replace('#include "instance.h"\n', common)
+    text = amalgamated((OWN / file).read_text(encoding="utf-8"), {"library.h"})
     return f'{defined}#include "{unit.name}.h"\n\n{named(unit.name, text)}'
 
 

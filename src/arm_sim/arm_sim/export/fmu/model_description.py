@@ -46,33 +46,24 @@ class Unit:
 
 def fmi3_description(unit: Unit) -> str:
     """The description by FMI 3.0 (section 2.4)."""
-    root = _root(unit, {"fmiVersion": "3.0", "instantiationToken": unit.token("3")})
-    _ADD(root, "CoSimulation", {
-        "modelIdentifier": unit.name, "canHandleVariableCommunicationStepSize": "true",
+    root, _ = _begun(unit, {"fmiVersion": "3.0", "instantiationToken": unit.token("3")}, {
         "fixedInternalStepSize": repr(unit.period),
         "canGetAndSetFMUState": "true", "canSerializeFMUState": "true",
         **({"providesDirectionalDerivatives": "true"} if unit.slopes else {}),
     })  # fmt: skip
-    _units(root, unit)
-    _experiment(root, unit)
     listed = _ADD(root, "ModelVariables")
     for k, variable in enumerate(unit.variables):
-        _ADD(listed, "Float64", {
-            "name": variable.name, "valueReference": str(k), "causality": variable.causality,
-            "variability": variable.variability, **_given(variable), **_bounds(variable),
-        })  # fmt: skip
+        _ADD(listed, "Float64", {**_about(k, variable), **_numbers(variable)})
     structure = _ADD(root, "ModelStructure")
     for tag in ("Output", "InitialUnknown"):
-        for k in _of(unit, "output"):
+        for k in _outputs(unit):
             _ADD(structure, tag, {"valueReference": str(k)})
     return _text(root)
 
 
 def fmi2_description(unit: Unit, sources: Sequence[str]) -> str:
     """The description by FMI 2.0 (section 2.2), with the files in the folder ``sources``."""
-    root = _root(unit, {"fmiVersion": "2.0", "guid": unit.token("2")})
-    simulation = _ADD(root, "CoSimulation", {
-        "modelIdentifier": unit.name, "canHandleVariableCommunicationStepSize": "true",
+    root, simulation = _begun(unit, {"fmiVersion": "2.0", "guid": unit.token("2")}, {
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
         **({"providesDirectionalDerivative": "true"} if unit.slopes else {}),
@@ -80,19 +71,13 @@ def fmi2_description(unit: Unit, sources: Sequence[str]) -> str:
     files = _ADD(simulation, "SourceFiles")
     for name in sources:
         _ADD(files, "File", {"name": name})
-    _units(root, unit)
-    _experiment(root, unit)
     listed = _ADD(root, "ModelVariables")
     for k, variable in enumerate(unit.variables):
-        scalar = _ADD(listed, "ScalarVariable", {
-            "name": variable.name, "valueReference": str(k), "causality": variable.causality,
-            "variability": variable.variability, **_described(variable),
-        })  # fmt: skip
-        _ADD(scalar, "Real", {**_given(variable), **_bounds(variable)})
+        _ADD(_ADD(listed, "ScalarVariable", _about(k, variable)), "Real", _numbers(variable))
     structure = _ADD(root, "ModelStructure")
     for tag in ("Outputs", "InitialUnknowns"):
         unknowns = _ADD(structure, tag)
-        for k in _of(unit, "output"):
+        for k in _outputs(unit):
             _ADD(unknowns, "Unknown", {"index": str(k + 1)})
     return _text(root)
 
@@ -110,45 +95,47 @@ def build_description(unit: Unit, sources: Sequence[str]) -> str:
     return _text(root)
 
 
-def _root(unit: Unit, versions: dict[str, str]) -> Element:
-    return Element("fmiModelDescription", {
+def _begun(
+    unit: Unit, versions: dict[str, str], abilities: dict[str, str]
+) -> tuple[Element, Element]:
+    """What both descriptions begin with, and its part on co-simulation."""
+    root = Element("fmiModelDescription", {
         **versions, "modelName": unit.name, "description": unit.about,
         "generationTool": f"arm_sim {__version__}", "variableNamingConvention": "flat",
         "license": "Apache-2.0",
     })  # fmt: skip
-
-
-def _units(root: Element, unit: Unit) -> None:
-    used = {variable.unit for variable in unit.variables if variable.unit}
+    simulation = _ADD(root, "CoSimulation", {
+        "modelIdentifier": unit.name, "canHandleVariableCommunicationStepSize": "true",
+        **abilities,
+    })  # fmt: skip
     definitions = _ADD(root, "UnitDefinitions")
-    for name in sorted(used):
+    for name in sorted({variable.unit for variable in unit.variables if variable.unit}):
         exponents = {base: str(power) for base, power in UNITS[name].items()}
         _ADD(_ADD(definitions, "Unit", {"name": name}), "BaseUnit", exponents)
-
-
-def _experiment(root: Element, unit: Unit) -> None:
     _ADD(root, "DefaultExperiment", {
         "startTime": "0", "stopTime": repr(1000 * unit.period), "stepSize": repr(unit.period),
     })  # fmt: skip
+    return root, simulation
 
 
-def _described(variable: Variable) -> dict[str, str]:
-    return {"description": variable.about} if variable.about else {}
+def _about(reference: int, variable: Variable) -> dict[str, str]:
+    about = {"description": variable.about} if variable.about else {}
+    return {
+        "name": variable.name, "valueReference": str(reference), "causality": variable.causality,
+        "variability": variable.variability, **about,
+    }  # fmt: skip
 
 
-def _given(variable: Variable) -> dict[str, str]:
-    """Unit, and default."""
+def _numbers(variable: Variable) -> dict[str, str]:
+    """Unit, default, and limits."""
     unit = {"unit": variable.unit} if variable.unit else {}
-    return unit if variable.start is None else {**unit, "start": repr(variable.start)}
+    values = {"start": variable.start, "min": variable.least, "max": variable.most}
+    given = {key: value for key, value in values.items() if value is not None}
+    return unit | {key: repr(value) for key, value in given.items() if math.isfinite(value)}
 
 
-def _bounds(variable: Variable) -> dict[str, str]:
-    bounds = {"min": variable.least, "max": variable.most}
-    return {key: repr(value) for key, value in bounds.items() if math.isfinite(value)}
-
-
-def _of(unit: Unit, causality: str) -> list[int]:
-    return [k for k, variable in enumerate(unit.variables) if variable.causality == causality]
+def _outputs(unit: Unit) -> list[int]:
+    return [k for k, variable in enumerate(unit.variables) if variable.causality == "output"]
 
 
 def _text(root: Element) -> str:

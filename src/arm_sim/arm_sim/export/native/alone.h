@@ -15,10 +15,14 @@
 #define NK 1
 #define NT 1
 #define SZ_W 256
-#include "scene.h"
+#include "derivatives/tangents.h"
+#include "modes/prediction.h"
 
 static const scene_t own_scene;
-equation_t project, torques, acting_torques, servo, kinked, effort_slopes;
+static const tangents_t slope_own_tangents;
+int slope_differentiate_tick(const scene_t* scene, const tangents_t* tangents, const engine_t* engine, const double* x,
+                             const double* r, const double* p, double h, double* after, double* slopes);
+equation_t project, torques, acting_torques, servo, effort_slopes;
 
 #define PERIOD 1e-3
 #define NZ 1

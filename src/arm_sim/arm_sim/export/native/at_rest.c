@@ -9,7 +9,7 @@
 #ifndef TUNABLE /* read alone, as editors do */
 #include "alone.h"
 #endif
-#include "events/modes.h"
+#include "modes/modes.h"
 
 static int is_resting(const double* v) {
   const scene_t* scene = &own_scene;
@@ -22,13 +22,10 @@ static int is_resting(const double* v) {
 static void begin_motion(const double* q, const double* v, const double* tau, double* a) {
   static const double nominal[NP + 1] = TUNABLE;
   const scene_t* scene = &own_scene;
-  double x[NX], torque[NU], u[NU], slope[NX], p[P_LENGTH];
-  for (int i = 0; i < NU; ++i) {
-    x[i] = (double)q[i];
-    x[NU + i] = (double)v[i];
-    torque[i] = (double)tau[i];
-  }
-  CALL(acting_torques, (x, x + NU, torque), (u));
+  double x[NX], u[NU], slope[NX], p[P_LENGTH];
+  copy(x, q, NU);
+  copy(x + NU, v, NU);
+  CALL(acting_torques, (q, v, tau), (u));
   clear(p, P_LENGTH);
   copy(p, nominal, NP);
   const int found = find_modes(scene, x, u, p) == NONE;

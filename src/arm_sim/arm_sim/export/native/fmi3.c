@@ -3,97 +3,29 @@
  * A functional mock-up unit for co-simulation by FMI 3.0 ("Functional Mock-up Interface Specification", version 3.0.2,
  * section 4). `library` stands for the name of the exported library.
  */
+#define FMI(name) fmi3##name
+#define LOG(i, status, text) (i)->logger((i)->environment, status, "error", text)
+typedef void (*log_t)(void* environment, int status, const char* category, const char* text);
 #include "instance.h"
 
 #include <stdbool.h>
 
-typedef unsigned int reference_t;
-typedef void (*log_t)(void* environment, int status, const char* category, const char* text);
-
-/* Call the importer's logger through the pointer that it has given. */
-static void complain(const instance_t* i, int status, const char* text) {
-  log_t logger;
-  memcpy(&logger, &i->logger, sizeof logger);
-  if (logger) logger(i->environment, status, "error", text);
-}
-
 EXPORT const char* fmi3GetVersion(void) { return "3.0"; }
-
-EXPORT int fmi3SetDebugLogging(void* c, bool on, size_t count, const char* const* categories) {
-  (void)c;
-  (void)on;
-  (void)count;
-  (void)categories;
-  return OK;
-}
 
 EXPORT void* fmi3InstantiateCoSimulation(const char* name, const char* token, const char* resources, bool visible,
                                          bool logging, bool events, bool early, const reference_t* required, size_t count,
                                          void* environment, log_t logger, void* update) {
-  (void)name;
-  (void)resources;
-  (void)visible;
-  (void)logging;
-  (void)events;
-  (void)early;
-  (void)required;
-  (void)count;
-  (void)update;
-  instance_t* i = new_instance(token);
-  if (!i) {
-    if (logger) logger(environment, ERROR, "error", "out of memory, or the token is of another model description");
-    return NULL;
-  }
-  i->complain = complain;
-  i->environment = environment;
-  memcpy(&i->logger, &logger, sizeof logger);
-  return i;
+  return new_instance(token, environment, logger);
 }
 
-EXPORT void* fmi3InstantiateModelExchange(const char* name, const char* token, const char* resources, bool visible,
-                                          bool logging, void* environment, log_t logger) {
-  (void)name;
-  (void)token;
-  (void)resources;
-  (void)visible;
-  (void)logging;
-  (void)environment;
-  (void)logger;
-  return NULL;
-}
+EXPORT void* fmi3InstantiateModelExchange(void) { return NULL; }
 
-EXPORT void* fmi3InstantiateScheduledExecution(const char* name, const char* token, const char* resources, bool visible,
-                                               bool logging, void* environment, log_t logger, void* update, void* lock,
-                                               void* unlock) {
-  (void)update;
-  (void)lock;
-  (void)unlock;
-  return fmi3InstantiateModelExchange(name, token, resources, visible, logging, environment, logger);
-}
-
-EXPORT void fmi3FreeInstance(void* c) { free_instance(c); }
+EXPORT void* fmi3InstantiateScheduledExecution(void) { return NULL; }
 
 EXPORT int fmi3EnterInitializationMode(void* c, bool has_tolerance, double tolerance, double start, bool has_stop,
                                        double stop) {
-  instance_t* i = c;
-  (void)has_tolerance;
-  (void)tolerance;
-  (void)has_stop;
-  (void)stop;
-  i->memory.start = start;
-  return begin(i);
-}
-
-EXPORT int fmi3ExitInitializationMode(void* c) { return end_initialization(c); }
-
-EXPORT int fmi3Terminate(void* c) {
-  (void)c;
-  return OK;
-}
-
-EXPORT int fmi3Reset(void* c) {
-  forget(c);
-  return OK;
+  ((instance_t*)c)->memory->start = start;
+  return begin(c);
 }
 
 EXPORT int fmi3GetFloat64(void* c, const reference_t* references, size_t count, double* values, size_t size) {
@@ -106,7 +38,6 @@ EXPORT int fmi3SetFloat64(void* c, const reference_t* references, size_t count, 
 
 EXPORT int fmi3DoStep(void* c, double point, double time, bool final, bool* events, bool* terminate, bool* early,
                       double* last) {
-  (void) final;
   const int found = advance(c, point, time);
   if (events) *events = false;
   if (terminate) *terminate = false;
@@ -115,87 +46,26 @@ EXPORT int fmi3DoStep(void* c, double point, double time, bool final, bool* even
   return found;
 }
 
-EXPORT int fmi3GetFMUState(void* c, void** state) { return save(c, state); }
-
-EXPORT int fmi3SetFMUState(void* c, void* state) { return restore(c, state, state_size()); }
-
-EXPORT int fmi3FreeFMUState(void* c, void** state) {
-  (void)c;
-  return discard_state(state);
+#ifdef SLOPES
+EXPORT int fmi3GetDirectionalDerivative(void* c, const reference_t* unknowns, size_t count, const reference_t* knowns,
+                                        size_t varied, const double* seeds, size_t given, double* found, size_t wanted) {
+  if (given != varied || wanted != count) return fail(c, "as many numbers as references are expected");
+  return find_derivative(c, unknowns, count, knowns, varied, seeds, found);
 }
-
-EXPORT int fmi3SerializedFMUStateSize(void* c, void* state, size_t* size) {
-  (void)c;
-  (void)state;
-  return measure_state(size);
-}
-
-EXPORT int fmi3SerializeFMUState(void* c, void* state, uint8_t* bytes, size_t size) {
-  return serialize(c, state, bytes, size);
-}
-
-EXPORT int fmi3DeserializeFMUState(void* c, const uint8_t* bytes, size_t size, void** state) {
-  return deserialize(c, bytes, size, state);
-}
-
-/* Variables of other types. */
-#define NO_VARIABLES(NAME, TYPE) \
-  EXPORT int fmi3Get##NAME(void* c, const reference_t* references, size_t count, TYPE* values, size_t size) { \
-    (void)references; \
-    (void)values; \
-    (void)size; \
-    return none(c, count); \
-  } \
-  EXPORT int fmi3Set##NAME(void* c, const reference_t* references, size_t count, const TYPE* values, size_t size) { \
-    (void)references; \
-    (void)values; \
-    (void)size; \
-    return none(c, count); \
-  }
-NO_VARIABLES(Float32, float)
-NO_VARIABLES(Int8, int8_t)
-NO_VARIABLES(UInt8, uint8_t)
-NO_VARIABLES(Int16, int16_t)
-NO_VARIABLES(UInt16, uint16_t)
-NO_VARIABLES(Int32, int32_t)
-NO_VARIABLES(UInt32, uint32_t)
-NO_VARIABLES(Int64, int64_t)
-NO_VARIABLES(UInt64, uint64_t)
-NO_VARIABLES(Boolean, bool)
-NO_VARIABLES(String, char*)
-
-EXPORT int fmi3GetBinary(void* c, const reference_t* references, size_t count, size_t* sizes, void* values, size_t size) {
-  (void)references;
-  (void)sizes;
-  (void)values;
-  (void)size;
-  return none(c, count);
-}
-
-EXPORT int fmi3SetBinary(void* c, const reference_t* references, size_t count, const size_t* sizes, const void* values,
-                         size_t size) {
-  (void)references;
-  (void)sizes;
-  (void)values;
-  (void)size;
-  return none(c, count);
-}
-
-EXPORT int fmi3GetClock(void* c, const reference_t* references, size_t count, bool* values) {
-  (void)references;
-  (void)values;
-  return none(c, count);
-}
-
-EXPORT int fmi3SetClock(void* c, const reference_t* references, size_t count, const bool* values) {
-  (void)references;
-  (void)values;
-  return none(c, count);
-}
-
-/* Functions of the standard that this unit does not provide, as its description says. */
-#define NOT_PROVIDED(NAME) \
-  EXPORT int fmi3##NAME(void* c) { return fail(c, "this unit does not provide fmi3" #NAME); }
+#endif
+NO_VARIABLES(Float32)
+NO_VARIABLES(Int8)
+NO_VARIABLES(UInt8)
+NO_VARIABLES(Int16)
+NO_VARIABLES(UInt16)
+NO_VARIABLES(Int32)
+NO_VARIABLES(UInt32)
+NO_VARIABLES(Int64)
+NO_VARIABLES(UInt64)
+NO_VARIABLES(Boolean)
+NO_VARIABLES(String)
+NO_VARIABLES(Binary)
+NO_VARIABLES(Clock)
 NOT_PROVIDED(ActivateModelPartition)
 NOT_PROVIDED(CompletedIntegratorStep)
 NOT_PROVIDED(EnterConfigurationMode)
@@ -207,15 +77,6 @@ NOT_PROVIDED(ExitConfigurationMode)
 NOT_PROVIDED(GetAdjointDerivative)
 NOT_PROVIDED(GetContinuousStateDerivatives)
 NOT_PROVIDED(GetContinuousStates)
-#ifdef SLOPES
-EXPORT int fmi3GetDirectionalDerivative(void* c, const reference_t* unknowns, size_t count, const reference_t* knowns,
-                                        size_t varied, const double* seeds, size_t given, double* found, size_t wanted) {
-  if (given != varied || wanted != count) return fail(c, "as many numbers as references are expected");
-  return find_derivative(c, unknowns, count, knowns, varied, seeds, found);
-}
-#else
-NOT_PROVIDED(GetDirectionalDerivative)
-#endif
 NOT_PROVIDED(GetEventIndicators)
 NOT_PROVIDED(GetIntervalDecimal)
 NOT_PROVIDED(GetIntervalFraction)

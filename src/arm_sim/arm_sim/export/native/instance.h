@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * An instance of a functional mock-up unit: what FMI 2.0 and FMI 3.0 have in common. `library` stands for the name of the
- * exported library.
+ * A functional mock-up unit: what FMI 2.0 and FMI 3.0 have in common. `library` stands for the name of the exported
+ * library.
  *
- * Required definitions: JOINTS, PARAMETERS (how many), NAMES (of the parameters), PERIOD (length of a tick in [s]), DEFAULTS
+ * Required definitions: FMI(name) (a function's name in the standard), log_t (the importer's logger), LOG(instance, status,
+ * text) (a call of it); JOINTS, PARAMETERS (how many), NAMES (of the parameters), PERIOD (length of a tick in [s]), DEFAULTS
  * (of all variables), TOKEN (text that identifies the model description), FRAMES (how many take wrenches), and where there
  * are any JACOBIANS (their functions) and EXTERNAL (number of the parameter that is the first external torque).
  */
@@ -16,7 +17,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#ifndef JOINTS /* read alone */
+#ifndef FMI /* read alone */
+typedef void (*log_t)(void* environment, const char* text);
+#define FMI(name) fmi##name
+#define LOG(i, status, text) (i)->logger((i)->environment, text)
+#endif
+#ifndef JOINTS /* likewise */
 #define JOINTS 1
 #define PARAMETERS 1
 #define NAMES "payload[0]"
@@ -28,7 +34,9 @@
 #define EXTERNAL 0
 #endif
 
+#pragma GCC diagnostic ignored "-Wunused-parameter" /* the standard says what functions take */
 #define EXPORT __attribute__((visibility("default")))
+#define ALIGNED(size) (((size) + 63) / 64 * 64)
 #define NEAR 0.5   /* ticks by which a communication point may be beside the last tick: importers add up times */
 #define CLOSE 1e-3 /* ticks by which a step may differ from whole ones: differences of large times are rounded */
 
@@ -48,6 +56,8 @@ enum {
 
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 
+typedef unsigned int reference_t;
+
 /* What is saved and restored, besides the simulations. */
 typedef struct {
   double values[VARIABLES], start;
@@ -56,20 +66,19 @@ typedef struct {
   int64_t last;         /* ... and its number of ticks, 0 if there was none */
 } memory_t;
 
-typedef struct instance {
-  memory_t memory;
+typedef struct {
+  void* place;                         /* of all that follows in memory, not aligned */
+  memory_t* memory;                    /* and behind it the simulations: */
   library_sim *sim, *before, *scratch; /* now, at the beginning of the last step, and during its repetition */
-  void* place;                         /* of the simulations, not aligned */
-  void (*complain)(const struct instance* instance, int status, const char* text);
-  void *environment, *logger; /* of the importer */
-  const char* name;
+  void* environment;                   /* of the importer */
+  log_t logger;
 } instance_t;
 
 static const double defaults[VARIABLES] = DEFAULTS;
 
 /* Report why a call has a status. */
 static int report(const instance_t* i, int status, const char* text) {
-  i->complain(i, status, text);
+  if (i->logger) LOG(i, status, text);
   return status;
 }
 
@@ -78,41 +87,48 @@ static int fail(const instance_t* i, const char* text) { return report(i, ERROR,
 /* ERROR with its text for a code of the library. */
 static int outcome(const instance_t* i, int code) { return code == LIBRARY_OK ? OK : fail(i, library_error_text(code)); }
 
-static void forget(instance_t* i) {
-  memset(&i->memory, 0, sizeof i->memory);
-  memcpy(i->memory.values, defaults, sizeof defaults);
+EXPORT int FMI(Reset)(void* c) {
+  memory_t* memory = ((instance_t*)c)->memory;
+  memset(memory, 0, sizeof *memory);
+  memcpy(memory->values, defaults, sizeof defaults);
+  return OK;
 }
 
-/* An instance, or NULL: out of memory, or another model description. */
-static instance_t* new_instance(const char* token) {
-  instance_t* i = token && !strcmp(token, TOKEN) ? calloc(1, sizeof *i) : NULL;
-  if (!i) return NULL;
-  const size_t size = (library_sim_size() + 63) / 64 * 64;
-  i->place = malloc(3 * size + 64);
-  if (!i->place) {
+/* An instance, or NULL, which the importer is told. */
+static instance_t* new_instance(const char* token, void* environment, log_t logger) {
+  const size_t size = ALIGNED(library_sim_size()), first = ALIGNED(sizeof(memory_t));
+  const instance_t none = {.environment = environment, .logger = logger};
+  instance_t* i = token && !strcmp(token, TOKEN) ? malloc(sizeof *i) : NULL;
+  void* place = i ? calloc(1, 64 + first + 3 * size) : NULL;
+  if (!place) {
     free(i);
+    fail(&none, "out of memory, no co-simulation, or the token (GUID) is of another model description");
     return NULL;
   }
-  i->sim = (library_sim*)(((uintptr_t)i->place + 63) & ~(uintptr_t)63);
-  i->before = (library_sim*)((char*)i->sim + size);
-  i->scratch = (library_sim*)((char*)i->before + size);
-  memset(i->sim, 0, 3 * size);
-  forget(i);
+  char* begin = (char*)ALIGNED((uintptr_t)place);
+  *i = (instance_t){place,
+                    (memory_t*)begin,
+                    (library_sim*)(begin + first),
+                    (library_sim*)(begin + first + size),
+                    (library_sim*)(begin + first + 2 * size),
+                    environment,
+                    logger};
+  FMI(Reset)(i);
   return i;
 }
 
-static void free_instance(instance_t* i) {
-  if (!i) return;
-  free(i->place);
+EXPORT void FMI(FreeInstance)(void* c) {
+  instance_t* i = c;
+  if (i) free(i->place);
   free(i);
 }
 
 /* End of the last tick in [s]. */
-static double reached(const instance_t* i) { return i->memory.start + (double)i->memory.ticks * PERIOD; }
+static double reached(const instance_t* i) { return i->memory->start + (double)i->memory->ticks * PERIOD; }
 
 /* Read the variables that the simulation computes. */
 static void read_outputs(instance_t* i) {
-  double* values = i->memory.values;
+  double* values = i->memory->values;
   library_sim_state(i->sim, values + POSITION, values + VELOCITY, values + EFFORT);
   values[TIME] = reached(i);
 }
@@ -124,45 +140,45 @@ static int set_parameter(instance_t* i, int k, double value) {
 
 /* Begin, or begin again, with the starting values; what is not given is that of the scene. */
 static int begin(instance_t* i) {
-  const double *values = i->memory.values, *q = values + START_POSITION, *v = values + START_VELOCITY;
+  const double *values = i->memory->values, *q = values + START_POSITION, *v = values + START_VELOCITY;
   const int moved = memcmp(q, defaults + START_POSITION, sizeof(double) * JOINTS) != 0;
   const int pushed = memcmp(v, defaults + START_VELOCITY, sizeof(double) * JOINTS) != 0;
   int code = library_sim_init(i->sim, moved ? q : NULL, pushed ? v : NULL);
   for (int k = 0; k < PARAMETERS && code == LIBRARY_OK; ++k)
     if (values[PARAMETER + k] != defaults[PARAMETER + k]) code = set_parameter(i, k, values[PARAMETER + k]);
-  i->memory.ticks = i->memory.last = 0;
+  i->memory->ticks = i->memory->last = 0;
   if (code == LIBRARY_OK) read_outputs(i);
   return outcome(i, code);
 }
 
 /* Read variables. */
-static int get_values(instance_t* i, const unsigned int* references, size_t count, double* values) {
-  if (!i->memory.begun && count && begin(i) != OK) return ERROR;
+static int get_values(instance_t* i, const reference_t* references, size_t count, double* values) {
+  if (!i->memory->begun && count && begin(i) != OK) return ERROR;
   for (size_t k = 0; k < count; ++k) {
     if (references[k] >= VARIABLES) return fail(i, "there is no variable with this value reference");
-    values[k] = i->memory.values[references[k]];
+    values[k] = i->memory->values[references[k]];
   }
   return OK;
 }
 
 /* Set a variable. */
-static int set_value(instance_t* i, unsigned int reference, double value) {
+static int set_value(instance_t* i, reference_t reference, double value) {
   const int is_parameter = reference >= PARAMETER;
   if (reference >= VARIABLES) return fail(i, "there is no variable with this value reference");
   if (reference == TIME || (reference >= POSITION && reference < START_POSITION))
     return fail(i, "this variable is computed; inputs and parameters may be set");
-  if (i->memory.begun && reference >= START_POSITION && !is_parameter)
+  if (i->memory->begun && reference >= START_POSITION && !is_parameter)
     return fail(i, "starting values may be set until initialization is over");
   if (!isfinite(value)) return outcome(i, LIBRARY_NOT_FINITE);
-  if (i->memory.begun && is_parameter) {
+  if (i->memory->begun && is_parameter) {
     const int code = set_parameter(i, (int)reference - PARAMETER, value);
     if (code != LIBRARY_OK) return outcome(i, code);
   }
-  i->memory.values[reference] = value;
+  i->memory->values[reference] = value;
   return OK;
 }
 
-static int set_values(instance_t* i, const unsigned int* references, size_t count, const double* values) {
+static int set_values(instance_t* i, const reference_t* references, size_t count, const double* values) {
   int found = OK;
   for (size_t k = 0; k < count && found == OK; ++k) found = set_value(i, references[k], values[k]);
   return found;
@@ -174,11 +190,11 @@ static int push(instance_t* i) {
 #if FRAMES
   static void (*const jacobians[FRAMES])(const double* q, double* J) = {JACOBIANS};
   double J[6][JOINTS], torque[JOINTS];
-  memcpy(torque, i->memory.values + PARAMETER + EXTERNAL, sizeof torque);
+  memcpy(torque, i->memory->values + PARAMETER + EXTERNAL, sizeof torque);
   for (int f = 0; f < FRAMES; ++f) {
-    jacobians[f](i->memory.values + POSITION, J[0]);
+    jacobians[f](i->memory->values + POSITION, J[0]);
     for (int row = 0; row < 6; ++row)
-      for (int k = 0; k < JOINTS; ++k) torque[k] += J[row][k] * i->memory.values[WRENCH + 6 * f + row];
+      for (int k = 0; k < JOINTS; ++k) torque[k] += J[row][k] * i->memory->values[WRENCH + 6 * f + row];
   }
   for (int k = 0; k < JOINTS && code == LIBRARY_OK; ++k) code = set_parameter(i, EXTERNAL + k, torque[k]);
 #endif
@@ -189,23 +205,23 @@ static int push(instance_t* i) {
 static int advance(instance_t* i, double point, double time) {
   const double beside = (point - reached(i)) / PERIOD, ticks = floor(time / PERIOD + 0.5);
   char text[200];
-  if (!i->memory.begun) return fail(i, "initialization is not over");
+  if (!i->memory->begun) return fail(i, "initialization is not over");
   if (!(fabs(beside) < NEAR) || !(fabs(time / PERIOD - ticks) <= CLOSE) || ticks < 1.0) {
     snprintf(text, sizeof text, "a step from %g s by %g s; allowed: from %g s, where the last one ended, by ticks of %g s",
              point, time, reached(i), PERIOD);
     return fail(i, text);
   }
   memcpy(i->before, i->sim, library_sim_size());
-  memcpy(i->memory.held, i->memory.values + COMMAND, sizeof i->memory.held);
-  i->memory.last = 0;
-  for (const int64_t goal = i->memory.ticks + (int64_t)ticks; i->memory.ticks < goal;) {
+  memcpy(i->memory->held, i->memory->values + COMMAND, sizeof i->memory->held);
+  i->memory->last = 0;
+  for (const int64_t goal = i->memory->ticks + (int64_t)ticks; i->memory->ticks < goal;) {
     if (push(i) != OK) return ERROR;
-    const int code = library_sim_step(i->sim, i->memory.values + COMMAND);
+    const int code = library_sim_step(i->sim, i->memory->values + COMMAND);
     if (code != LIBRARY_OK) return outcome(i, code);
-    ++i->memory.ticks;
+    ++i->memory->ticks;
     read_outputs(i);
   }
-  i->memory.last = (int64_t)ticks;
+  i->memory->last = (int64_t)ticks;
   return OK;
 }
 
@@ -225,9 +241,9 @@ static void multiply(const double* rows, int count, const double* column, double
 static int differentiate_step(instance_t* i, double* column, double* outputs) {
   double of_state[LIBRARY_STATES * VARIED], of_effort[JOINTS * VARIED], state[LIBRARY_STATES];
   memcpy(i->scratch, i->before, library_sim_size());
-  for (int64_t k = 0; k < i->memory.last; ++k) {
-    int code = library_sim_sensitivities(i->scratch, i->memory.held, of_state, of_effort);
-    if (code == LIBRARY_OK) code = library_sim_step(i->scratch, i->memory.held);
+  for (int64_t k = 0; k < i->memory->last; ++k) {
+    int code = library_sim_sensitivities(i->scratch, i->memory->held, of_state, of_effort);
+    if (code == LIBRARY_OK) code = library_sim_step(i->scratch, i->memory->held);
     if (code != LIBRARY_OK) return report(i, DISCARD, library_error_text(code));
     multiply(of_state, LIBRARY_STATES, column, state);
     multiply(of_effort, JOINTS, column, outputs + 2 * JOINTS);
@@ -239,19 +255,19 @@ static int differentiate_step(instance_t* i, double* column, double* outputs) {
 
 /* Derivatives of outputs at the end of the last step by the inputs held in it, by parameters, and before the first step by
  * the starting values, times seeds. */
-static int find_derivative(instance_t* i, const unsigned int* unknowns, size_t count, const unsigned int* knowns,
-                           size_t varied, const double* seeds, double* found) {
+static int find_derivative(instance_t* i, const reference_t* unknowns, size_t count, const reference_t* knowns, size_t varied,
+                           const double* seeds, double* found) {
   double column[VARIED] = {0.0}, outputs[3 * JOINTS] = {0.0};
   for (size_t k = 0; k < count; ++k)
     if (unknowns[k] < POSITION || unknowns[k] >= START_POSITION) return fail(i, "derivatives are those of outputs");
   for (size_t k = 0; k < varied; ++k) {
-    const unsigned int at = knowns[k];
+    const reference_t at = knowns[k];
     if (at >= COMMAND && at < WRENCH) column[LIBRARY_STATES + at - COMMAND] += seeds[k];
     else if (at >= PARAMETER && at < VARIABLES) column[LIBRARY_STATES + JOINTS + at - PARAMETER] += seeds[k];
-    else if (at >= START_POSITION && at < PARAMETER && !i->memory.begun) outputs[at - START_POSITION] += seeds[k];
+    else if (at >= START_POSITION && at < PARAMETER && !i->memory->begun) outputs[at - START_POSITION] += seeds[k];
     else if (at != TIME) return fail(i, "derivatives are those by inputs and parameters, and by time, which are zero");
   }
-  if (i->memory.last) {
+  if (i->memory->last) {
     const int status = differentiate_step(i, column, outputs);
     if (status != OK) return status;
   }
@@ -260,67 +276,68 @@ static int find_derivative(instance_t* i, const unsigned int* unknowns, size_t c
 }
 #endif
 
-static size_t state_size(void) { return sizeof(memory_t) + 2 * library_sim_size(); }
+/* Bytes of what is saved: the memory, and the simulations now and at the beginning of the last step. */
+static size_t state_size(void) { return ALIGNED(sizeof(memory_t)) + 2 * ALIGNED(library_sim_size()); }
 
-static void write_state(const instance_t* i, void* state) {
-  memcpy(state, &i->memory, sizeof i->memory);
-  memcpy((char*)state + sizeof i->memory, i->sim, library_sim_size());
-  memcpy((char*)state + sizeof i->memory + library_sim_size(), i->before, library_sim_size());
-}
-
-static void read_state(instance_t* i, const void* state) {
-  memcpy(&i->memory, state, sizeof i->memory);
-  memcpy(i->sim, (const char*)state + sizeof i->memory, library_sim_size());
-  memcpy(i->before, (const char*)state + sizeof i->memory + library_sim_size(), library_sim_size());
-}
-
-/* Save the state, in new memory unless `*state` is of an earlier call. */
-static int save(const instance_t* i, void** state) {
+/* Copy a state, into new memory unless `*state` is of an earlier call. */
+static int copy_state(const instance_t* i, const void* from, void** state) {
   if (!*state) *state = malloc(state_size());
   if (!*state) return fail(i, "out of memory");
-  write_state(i, *state);
+  memcpy(*state, from, state_size());
   return OK;
 }
 
-static int restore(instance_t* i, const void* state, size_t size) {
-  if (!state || size != state_size()) return fail(i, "this is no state of this unit");
-  read_state(i, state);
+EXPORT int FMI(GetFMUState)(void* c, void** state) { return copy_state(c, ((instance_t*)c)->memory, state); }
+
+EXPORT int FMI(SetFMUState)(void* c, const void* state) {
+  if (!state) return fail(c, "this is no state of this unit");
+  memcpy(((instance_t*)c)->memory, state, state_size());
   return OK;
 }
 
-/* End the initialization. */
-static int end_initialization(instance_t* i) {
-  const int found = begin(i);
-  i->memory.begun = found == OK;
-  return found;
-}
-
-static int discard_state(void** state) {
+EXPORT int FMI(FreeFMUState)(void* c, void** state) {
   free(*state);
   *state = NULL;
   return OK;
 }
 
-static int measure_state(size_t* size) {
+EXPORT int FMI(SerializedFMUStateSize)(void* c, const void* state, size_t* size) {
   *size = state_size();
   return OK;
 }
 
-/* Write a saved state as bytes. */
-static int serialize(const instance_t* i, const void* state, void* bytes, size_t size) {
-  if (size < state_size()) return fail(i, "there is too little room for the state");
+EXPORT int FMI(SerializeFMUState)(void* c, const void* state, void* bytes, size_t size) {
+  if (size < state_size()) return fail(c, "there is too little room for the state");
   memcpy(bytes, state, state_size());
   return OK;
 }
 
-/* Read a saved state from bytes, into new memory unless `*state` is of an earlier call. */
-static int deserialize(const instance_t* i, const void* bytes, size_t size, void** state) {
-  if (size != state_size()) return fail(i, "these bytes are no state of this unit");
-  if (!*state) *state = malloc(size);
-  if (!*state) return fail(i, "out of memory");
-  memcpy(*state, bytes, size);
-  return OK;
+EXPORT int FMI(DeserializeFMUState)(void* c, const void* bytes, size_t size, void** state) {
+  return size == state_size() ? copy_state(c, bytes, state) : fail(c, "these bytes are no state of this unit");
 }
 
-/* Variables of other types than numbers, of which there are none. */
+EXPORT int FMI(ExitInitializationMode)(void* c) {
+  instance_t* i = c;
+  const int found = begin(i);
+  i->memory->begun = found == OK;
+  return found;
+}
+
+/* What follows only answers, and declares no arguments that it does not look at. */
+EXPORT int FMI(SetDebugLogging)(void* c) { return OK; }
+
+EXPORT int FMI(Terminate)(void* c) { return OK; }
+
+/* Variables of a type other than numbers, of which there are none. */
+#define NO_VARIABLES(TYPE) \
+  EXPORT int FMI(Get##TYPE)(void* c, const reference_t* references, size_t count) { return none(c, count); } \
+  EXPORT int FMI(Set##TYPE)(void* c, const reference_t* references, size_t count) { return none(c, count); }
+
 static int none(const instance_t* i, size_t count) { return count ? fail(i, "there is no variable of this type") : OK; }
+
+/* A function of the standard that this unit does not provide, as its description says. */
+#define NOT_PROVIDED(NAME) \
+  EXPORT int FMI(NAME)(void* c) { return fail(c, "this unit does not provide " #NAME); }
+#ifndef SLOPES
+NOT_PROVIDED(GetDirectionalDerivative)
+#endif

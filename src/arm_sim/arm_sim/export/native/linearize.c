@@ -2,58 +2,28 @@
  *
  * Derivatives of the tick of an exported library. `library` stands for the library's name.
  *
- * Required definitions: sim.c, tangent_ticks.c, all of whose names begin with slope_, and the generated `kinked` (state, command)
- * -> 1 where the tick begins in a kink, else 0, and `effort_slopes` (state, command, state after the tick) -> derivatives of
- * the torques by the state after the tick, the state and the command, row by row.
+ * Required definitions: sim.c, tick_derivative.c, all of whose names begin with slope_, and the generated `effort_slopes` (state,
+ * command, state after the tick, its derivatives row by row) -> derivatives of the torques on the joints, row by row.
  */
 
 #include "sim.c"
 #include "linearize.h"
 
-#ifndef KINKED /* read alone, as editors do */
-#include "derivatives/tangents.h"
-#include "lanes/lanes.h"
-#define slope_arms_t arms_t
-#define slope_columns_t columns_t
-static const tangents_t slope_own_tangents;
-void slope_carry_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first, long long last,
-                       const columns_t* to);
-#endif
-
 enum { VARIED = NX + NU + NT };
-
-/* Derivatives of the torques on the joints, from those of the state after the tick. */
-static void find_effort_slopes(const struct library_sim* sim, const double* command, const double* after,
-                               const double* of_state, double* of_effort) {
-  double by_after[NU][NX], by_state[NU][NX], by_command[NU][NU];
-  CALL(effort_slopes, (sim->x, command, after), (by_after[0], by_state[0], by_command[0]));
-  for (int i = 0; i < NU; ++i)
-    for (int j = 0; j < VARIED; ++j) {
-      double sum = j < NX ? by_state[i][j] : j < NX + NU ? by_command[i][j - NX] : 0.0;
-      for (int k = 0; k < NX; ++k) sum += by_after[i][k] * of_state[k * VARIED + j];
-      of_effort[i * VARIED + j] = sum;
-    }
-}
+#if EVENTS
+static const engine_t own_engine = {&own_scene, predict, predicted_tick, event_free_tick};
+#define ENGINE (&own_engine)
+#else /* without the type of engines */
+#define ENGINE NULL
+#endif
 
 int library_sim_sensitivities(const library_sim* sim, const double* command, double* of_state, double* of_effort) {
-  double unit[VARIED][VARIED], slopes[NX * VARIED], after[NX], kink;
-  int8_t marks[2] = {0}, *met = marks + 1; /* the one before: not halted */
+  double slopes[NX * VARIED], after[NX];
   if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  CALL(kinked, (sim->x, command), (&kink));
-  if (kink != 0.0) return LIBRARY_NO_DERIVATIVE;
-  for (int i = 0; i < VARIED; ++i)
-    for (int j = 0; j < VARIED; ++j) unit[i][j] = i == j;
-  long long done;
-  slope_arms_t arms = {sim->x, command, sim->p, 0, 0, 0, PERIOD, 1, met, NULL};
-  const slope_columns_t columns = {unit[0], unit[NX], slopes, 0, 0, 0, 0, 0, VARIED, 1, EVENTS, &done, after};
-#if EVENTS
-  const engine_t engine = {scene, predict, predicted_tick, event_free_tick};
-  arms.engine = &engine;
-#endif
-  slope_carry_ticks(scene, &slope_own_tangents, &arms, 0, 1, &columns);
-  if (*met) return LIBRARY_NO_DERIVATIVE;
+  if (!slope_differentiate_tick(scene, &slope_own_tangents, ENGINE, sim->x, command, sim->p, PERIOD, after, slopes))
+    return LIBRARY_NO_DERIVATIVE;
   for (int i = 0; i < NX * VARIED && of_state; ++i) of_state[i] = slopes[i];
-  if (of_effort) find_effort_slopes(sim, command, after, slopes, of_effort);
+  if (of_effort) CALL(effort_slopes, (sim->x, command, after, slopes), (of_effort));
   return LIBRARY_OK;
 }
 

@@ -13,7 +13,7 @@
 #include "alone.h"
 #endif
 #include "library.h"
-#include "motion/tick.h"
+#include "arm/tick.h"
 
 /* The scene of this library. */
 static const scene_t* const scene = &own_scene;
@@ -33,10 +33,9 @@ int library_sim_joints(void) { return NU; }
 double library_sim_period(void) { return PERIOD; }
 
 void library_sim_range(double* lower, double* upper) {
-  for (int i = 0; i < NU; ++i) lower[i] = -INFINITY, upper[i] = INFINITY;
-  for (int i = 0; scene->rigid && i < NU; ++i) {
-    if (scene->rigid_stop[0][i] > -1e308) lower[i] = scene->rigid_stop[0][i];
-    if (scene->rigid_stop[1][i] < 1e308) upper[i] = scene->rigid_stop[1][i];
+  for (int i = 0; i < NU; ++i) {
+    lower[i] = scene->rigid && scene->rigid_stop[0][i] > -1e308 ? scene->rigid_stop[0][i] : -INFINITY;
+    upper[i] = scene->rigid && scene->rigid_stop[1][i] < 1e308 ? scene->rigid_stop[1][i] : INFINITY;
   }
 }
 
@@ -49,10 +48,10 @@ static int all_finite(const double* values, int count) {
 /* Move joints that are beyond a rigid stop by rounding to the stop: 0 if one is farther. */
 static int is_inside_stops(double* x) {
   for (int i = 0; scene->rigid && i < NU; ++i) {
-    const double beyond = fmax(scene->rigid_stop[0][i] - x[i], x[i] - scene->rigid_stop[1][i]);
-    if (beyond > AT_STOP * fmax(1.0, fabs(x[i]))) return 0;
+    const double nearest = fmin(fmax(x[i], scene->rigid_stop[0][i]), scene->rigid_stop[1][i]);
+    if (fabs(x[i] - nearest) > AT_STOP * fmax(1.0, fabs(x[i]))) return 0;
+    x[i] = nearest;
   }
-  for (int i = 0; scene->rigid && i < NU; ++i) x[i] = fmin(fmax(x[i], scene->rigid_stop[0][i]), scene->rigid_stop[1][i]);
   return 1;
 }
 
@@ -90,17 +89,12 @@ int library_sim_init(library_sim* sim, const double* q, const double* v) {
   return LIBRARY_OK;
 }
 
-/* Why the last tick could not be computed. */
-static int trouble_of(const struct library_sim* sim) {
-  if (sim->report.trouble == UNDETERMINED) return LIBRARY_UNDETERMINED;
-  if (sim->report.trouble == INSIDE) return LIBRARY_INSIDE_PLANE;
-  return LIBRARY_DIVERGED;
-}
-
 int library_sim_step(library_sim* sim, const double* command) {
+  static const int code_of[] = {LIBRARY_DIVERGED, LIBRARY_DIVERGED, LIBRARY_UNDETERMINED, LIBRARY_INSIDE_PLANE};
   double acted[NU];
   if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  if (!actuated_tick(scene, sim->x, command, sim->p, PERIOD, &sim->control, &sim->report, acted)) return trouble_of(sim);
+  if (!actuated_tick(scene, sim->x, command, sim->p, PERIOD, &sim->control, &sim->report, acted))
+    return code_of[sim->report.trouble]; /* which smooth ticks do not set */
   for (int i = 0; i < NU; ++i) sim->effort[i] = acted[i];
   return LIBRARY_OK;
 }
@@ -108,11 +102,10 @@ int library_sim_step(library_sim* sim, const double* command) {
 void library_sim_state(const library_sim* sim, double* q, double* v, double* effort) {
   for (int i = 0; i < NU && q; ++i) q[i] = sim->x[i];
   for (int i = 0; i < NU && v; ++i) v[i] = sim->x[NU + i];
-  if (!effort) return;
 #ifdef DRIVEN
-  CALL(torques, (sim->x, sim->effort), (effort, NULL));
+  if (effort) CALL(torques, (sim->x, sim->effort), (effort, NULL));
 #else
-  for (int i = 0; i < NU; ++i) effort[i] = sim->effort[i];
+  for (int i = 0; i < NU && effort; ++i) effort[i] = sim->effort[i];
 #endif
 }
 

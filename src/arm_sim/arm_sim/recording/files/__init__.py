@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of recordings: the suite's own (MCAP and NumPy), bags of robots, and tables.
+"""Files of recordings: the suite's own (MCAP, and NumPy's of before), bags of robots, tables.
 
 Depends on the contents of a recording, but not on ROS: messages are serialized here. Public are
 ``save`` and ``load``, and the writers used by the recorder of a running system.
@@ -60,16 +60,24 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
             "'%s' does not contain what else was in the recording's file: %s (./arm record "
             "--repair copies a file whole)", path, known_names(contents.left),
         )  # fmt: skip
-    if path.suffix == ".npz":
-        _check_folder(path)
-        with replacing(path) as part:
-            npz.write(contents, part)
-        return path
-    file, folder = where(path, ".npz, .mcap")
+    if contents.of_robot:
+        return _save_table(contents, path, efforts())
+    file, folder = where(path)
     with replacing(file) as part:
         mcap = ticks.write(contents, efforts(), part).mcap
         mcap.close()
     complete(mcap, file, folder)
+    return path
+
+
+def _save_table(contents: Contents, path: Path, efforts: Array) -> Path:
+    if path.suffix != ".csv":
+        raise InvalidInput(
+            f"'{path}' is to be of a robot, of which only joint states are known; allowed: .csv"
+        )
+    _check_folder(path)
+    with replacing(path) as part:
+        measured.to_table(contents, efforts, part)
     return path
 
 
@@ -78,12 +86,8 @@ def _check_folder(path: Path) -> None:
         raise NoRecording(f"'{path}': there is no folder '{path.parent}'")
 
 
-def where(path: Path, suffixes: str = ".mcap") -> tuple[Path, Path | None]:
+def where(path: Path) -> tuple[Path, Path | None]:
     """The MCAP file of a path, and the bag's folder, which is created, if the path is one.
-
-    Args:
-        path: The path.
-        suffixes: What the caller allows besides folders.
 
     Raises:
         InvalidInput: If it is neither.
@@ -95,7 +99,7 @@ def where(path: Path, suffixes: str = ".mcap") -> tuple[Path, Path | None]:
         return path, None
     if path.suffix:
         raise InvalidInput(
-            f"'{path}' ends in '{path.suffix}'; allowed: {suffixes}, and a folder's name"
+            f"'{path}' ends in '{path.suffix}'; allowed: .mcap, and a folder's name"
         )
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -232,8 +236,7 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
         return measured.from_table(path)
     if path.suffix not in BAGS and not path.is_dir():
         raise InvalidInput(
-            f"'{path}' ends in '{path.suffix}'; allowed: .npz, .mcap, .db3, .csv, and a bag's "
-            "folder"
+            f"'{path}' ends in '{path.suffix}'; allowed: .mcap, .db3, .csv, and a bag's folder"
         )
     ours, kinds = (TICK, CHANGE, LOG), (TICK, CHANGE, LOG, JOINT_STATE)
     found = read_bag(path, lambda name, kind: kind in (kinds if topic else ours))

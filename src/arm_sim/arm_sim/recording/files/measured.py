@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import takewhile
@@ -183,6 +184,14 @@ def from_table(path: Path) -> Contents:
     unused = [name or "without a name" for i, name in enumerate(table.names) if i not in used]
     notes = [f"columns that are not used: {known_names(unused)}"] if unused else []
     return made(time, header.joints, parts, [*table.notes, *notes])
+
+
+def to_table(contents: Contents, efforts: Array, path: Path) -> None:
+    """Write joint states as a table that ``from_table`` reads."""
+    header = ["time", *(f"{part}.{joint}" for part in PARTS for joint in contents.joint_names)]
+    rows = np.column_stack([contents.time, contents.q, contents.v, efforts])
+    with path.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([header, *rows.tolist()])
 
 
 def _messages(

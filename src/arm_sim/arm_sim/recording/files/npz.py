@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings as NumPy archives: every array by its name, and the rest as text."""
+"""Recordings as NumPy archives, which were written before: arrays by name, the rest as text."""
 
 from __future__ import annotations
 
@@ -17,37 +17,12 @@ from arm_sim.recording.changes import Jump
 from arm_sim.recording.contents import Contents, Event
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE, Origin
 
-FORMAT = "1"
 _ROWS = {
     "time": "time", "q": "q", "v": "v", "z": "z", "command": "command", "local_error": "error",
     "time_stepped": "time_stepped", "p": "p",
 }  # fmt: skip
 """Names in files of the arrays with a row for each state."""
 _FILES = (SCENE_FILE, URDF_FILE)
-
-
-def write(contents: Contents, path: Path) -> None:
-    """Write a recording of any kind."""
-    arrays: dict[str, Any] = {key: getattr(contents, name) for name, key in _ROWS.items()}
-    jumps, origin = contents.jumps, contents.origin
-    if jumps:
-        arrays["jump_x"] = np.array([jump.x for jump in jumps])
-        arrays["jump_p"] = np.array([jump.p for jump in jumps])
-    if contents.hold is not None:
-        arrays["hold"] = contents.hold
-    if (told := contents.measured) is not None:
-        arrays["measured"] = np.hstack([told.q, told.v, told.effort])
-    about = {
-        "format": FORMAT, "joint_names": contents.joint_names, "held": contents.held,
-        "events": [[event.time, event.text] for event in contents.events],
-        "jumps": [[jump.row, jump.tunable, jump.substep] for jump in jumps],
-        "gaps": contents.gaps, "substep": contents.substep, "of_robot": contents.of_robot,
-        "origin": None if origin is None else origin.about(),
-    }  # fmt: skip
-    arrays |= {} if origin is None else origin.texts()
-    arrays["about"] = np.array(json.dumps(about))
-    with path.open("wb") as file:
-        np.savez_compressed(file, **arrays)
 
 
 def read(path: Path) -> Contents:
@@ -76,10 +51,6 @@ def read(path: Path) -> Contents:
 
 def _contents(arrays: dict[str, Any]) -> Contents:
     about = json.loads(str(arrays["about"]))
-    if about["format"] != FORMAT:
-        raise InvalidInput(
-            f"the recording is of format {about['format']!r}; this version reads {FORMAT}"
-        )
     rows = {name: read_only(arrays[key]) for name, key in _ROWS.items()}
     _check(rows, len(about["joint_names"]))
     texts = {name: str(arrays[name]) for name in _FILES if name in arrays}

@@ -113,10 +113,8 @@ def write(contents: Contents, efforts: Array, path: Path) -> TickFile:
         InvalidInput: If it is not of a simulated scene.
         OSError: If it cannot be written.
     """
-    if contents.origin is None or contents.of_robot:
-        raise InvalidInput(
-            "the recording is not of a simulated scene, which .mcap requires; allowed: .npz"
-        )
+    if contents.origin is None:
+        raise InvalidInput("the recording is not of a simulated scene")
     file = TickFile(path, contents.origin, contents.joint_names)
     pieces, changes, rows = _Pieces(), dict(_changes(contents)), _rows(contents, efforts, file)
     first = _nanoseconds(contents.time[0])

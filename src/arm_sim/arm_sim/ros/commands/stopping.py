@@ -6,7 +6,7 @@ from __future__ import annotations
 from arm_dynamics.ros.common.background import Background
 from arm_sim.ros.commands.latest import Stop
 from arm_sim.servo import JointCommand
-from arm_sim.simulated_arm import SimulatedArm
+from arm_sim.simulation.simulated_arm import SimulatedArm
 
 # Joints slower than this, in [rad/s] or [m/s], are held at once.
 SLOW = 1e-3

@@ -13,7 +13,7 @@ from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files.messages import TickWriter
 from arm_sim.ros.node_library import RECORD, library
 from arm_sim.ros.record.chunks import HEAD, Chunk
-from arm_sim.simulated_arm import SimulatedArm
+from arm_sim.simulation.simulated_arm import SimulatedArm
 
 State = tuple[int, bytearray]
 """Stamp in [ns] of a published joint state, and its bytes."""

@@ -12,7 +12,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
 from arm_sim.ros.standard.names import Pattern
 from arm_sim.ros.standard.results import NOT_FOUND, UNSUPPORTED, Unmet, clipped
-from arm_sim.simulator import Simulator
+from arm_sim.simulation.simulator import Simulator
 
 OBJECT, ROBOT = 0, 1  # EntityCategory.msg
 _ANY, _ALL = 0, 1  # TagsFilter.msg

@@ -51,7 +51,7 @@ typedef struct {
   equation_t *rhs, *actuate, *loads, *bilateral, *pressures, *switches, *strike, *statics;
   equation_t *contact_geometry, *contact_inertia, *contact_close;
   equation_t *acting, *mode_margin, *mode_margin_in_motion, *guards, *guard_gradient, *motion, *doubts, *settled;
-  equation_t *impact_laws, *across, *at_rest, *closing, *rest_begin, *rest_end, *begin_adjoint, *end_adjoint;
+  equation_t *impact_laws, *across, *at_rest, *closing, *kinked, *rest_begin, *rest_end, *begin_adjoint, *end_adjoint;
   equation_t *adjoint, *limit_adjoint, *advance, *moving_advance;
 } scene_t;
 
@@ -74,13 +74,14 @@ typedef struct {
 #define SZ_W (scene->sz_w)
 #endif
 
+#define MC (3 * NC) /* forces of contacts */
+
 #ifndef EVENTS /* whether the engine of events is compiled at all */
 #define EVENTS 1
 #endif
 
 /* Call a generated function: CALL(equation, (arguments), (results)); results that are not asked for are null. */
-#define MOST_ARGUMENTS 128 /* or results, ... */
-#define MOST_INTEGERS 8 /* ... and of its work space */
+enum most { MOST_ARGUMENTS = 128 /* or results */, MOST_INTEGERS = 8 /* of its work space */ };
 #define LIST(...) __VA_ARGS__
 #define CALL(equation, given, found) \
   do { \

@@ -97,6 +97,13 @@ static int least(const double H[NU][NU], const double* g, const double* low, con
   return count;
 }
 
+/* Add A B to C; A has `row` numbers from a row to the next, `step` from a column to the next. */
+static void add_product(int rows, int inner, int columns, const double* A, int row, int step, const double* B, double* C) {
+  for (int i = 0; i < rows; ++i)
+    for (int j = 0; j < inner; ++j)
+      for (int c = 0; c < columns; ++c) C[i * columns + c] += A[i * row + j * step] * B[j * columns + c];
+}
+
 /* The policy du = k + K dx that improves a trajectory.
  *
  * slopes:     A and B of each node side by side, nodes * NX * (NX + NU).
@@ -126,14 +133,9 @@ EXPORTED long long backward(long long nodes, const double* slopes, const double*
     memset(Q, 0, sizeof Q);
     memcpy(q, lx + node * NX, NX * sizeof(double));
     memcpy(q + NX, lu + node * NU, NU * sizeof(double));
-    for (int i = 0; i < NX; ++i)
-      for (int j = 0; j < NX; ++j)
-        for (int c = 0; c < NS; ++c) W[i][c] += V[i][j] * S[j][c];
-    for (int j = 0; j < NX; ++j)
-      for (int i = 0; i < NS; ++i)
-        for (int c = 0; c < NS; ++c) Q[i][c] += S[j][i] * W[j][c];
-    for (int j = 0; j < NX; ++j)
-      for (int c = 0; c < NS; ++c) q[c] += S[j][c] * v[j];
+    add_product(NX, NX, NS, V[0], NX, 1, S[0], W[0]);
+    add_product(NS, NX, NS, S[0], 1, NS, W[0], Q[0]);
+    add_product(NS, NX, 1, S[0], 1, NS, v, q);
     for (int i = 0; i < NX; ++i)
       for (int c = 0; c < NX; ++c) Q[i][c] += cxx[i * NX + c];
     for (int i = 0; i < NU; ++i)
@@ -150,24 +152,21 @@ EXPORTED long long backward(long long nodes, const double* slopes, const double*
       for (int c = 0; c < NX; ++c) rows[i][c] = -Q[NX + at[i]][c];
     solve(L, count, NX, rows[0]);
     for (int i = 0; i < count; ++i) memcpy(Kn[at[i]], rows[i], sizeof rows[i]);
+    /* The cost-to-go under the policy. */
+    for (int i = 0; i < NU; ++i) memcpy(T[i], Q[NX + i], sizeof T[i]);
+    memset(t, 0, sizeof t);
+    add_product(NU, NU, NX, Q[NX] + NX, NS, 1, Kn[0], T[0]);
+    add_product(NU, NU, 1, Q[NX] + NX, NS, 1, kn, t);
     for (int i = 0; i < NU; ++i) {
-      double bent = 0.0;
-      for (int c = 0; c < NX; ++c) T[i][c] = Q[NX + i][c];
-      for (int j = 0; j < NU; ++j) {
-        bent += Q[NX + i][NX + j] * kn[j];
-        for (int c = 0; c < NX; ++c) T[i][c] += Q[NX + i][NX + j] * Kn[j][c];
-      }
-      *promised += kn[i] * (q[NX + i] + 0.5 * bent);
-      t[i] = bent + q[NX + i];
+      *promised += kn[i] * (q[NX + i] + 0.5 * t[i]);
+      t[i] += q[NX + i];
     }
-    for (int i = 0; i < NX; ++i) {
-      v[i] = q[i];
-      for (int c = 0; c < NX; ++c) V[i][c] = Q[i][c];
-      for (int j = 0; j < NU; ++j) {
-        v[i] += Kn[j][i] * t[j] + Q[NX + j][i] * kn[j];
-        for (int c = 0; c < NX; ++c) V[i][c] += Kn[j][i] * T[j][c] + Q[NX + j][i] * Kn[j][c];
-      }
-    }
+    for (int i = 0; i < NX; ++i) memcpy(V[i], Q[i], sizeof V[i]);
+    memcpy(v, q, sizeof v);
+    add_product(NX, NU, NX, Kn[0], 1, NX, T[0], V[0]);
+    add_product(NX, NU, NX, Q[NX], 1, NS, Kn[0], V[0]);
+    add_product(NX, NU, 1, Kn[0], 1, NX, t, v);
+    add_product(NX, NU, 1, Q[NX], 1, NS, kn, v);
     for (int i = 0; i < NX; ++i)
       for (int c = 0; c < i; ++c) V[i][c] = V[c][i] = 0.5 * (V[i][c] + V[c][i]);
   }

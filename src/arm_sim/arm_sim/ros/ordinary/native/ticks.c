@@ -53,7 +53,7 @@ static void keep(ticks_t* t) {
   if (!t->room) return;
   const int64_t row = t->kept % t->room;
   memcpy(t->trail + row * t->states, t->step->x, 8 * t->states);
-  memcpy(t->acted + row * t->joints, t->step->effort, 8 * t->joints);
+  memcpy(t->acted + row * t->joints, t->step->acted, 8 * t->joints);
   __atomic_store_n(&t->kept, t->kept + 1, __ATOMIC_RELEASE);
 }
 
@@ -61,7 +61,7 @@ static void keep(ticks_t* t) {
 static void update(ticks_t* t) {
   entry_t* f = t->drives;
   memcpy((double*)f->arguments[0], t->step->x, 8 * t->states);
-  memcpy((double*)f->arguments[1], t->step->effort, 8 * t->joints);
+  memcpy((double*)f->arguments[1], t->step->acted, 8 * t->joints);
   f->function(f->arguments, f->results, f->integers, f->reals, 0);
 }
 
@@ -96,17 +96,15 @@ static int ready(const ticks_t* t) {
 
 /* Execute a tick with the newest command. */
 static int tick(ticks_t* t) {
-  step_t* s = t->step;
+  arm_t* arm = t->step;
   if (is_stale(t->age, t->share, t->timeout)) return LEFT;
-  memcpy(s->command, t->newest, 8 * t->joints);
-  if (s->roll(s->scene, s->x, s->command, s->stride, s->p, s->dt, 1, s->trace, s->effort, s->notes, s->control, s->report)
-      != 1)
-    return LEFT;
+  memcpy(arm->command, t->newest, 8 * t->joints);
+  if (!arm->tick(arm)) return LEFT;
   t->age += t->share;
   t->now += t->share;
   ++t->ticks;
   keep(t);
-  const int cut = t->notice && memcmp(s->command, s->effort, 8 * t->joints);
+  const int cut = t->notice && memcmp(arm->command, arm->acted, 8 * t->joints);
   return cut || t->ticks % t->seldom == 0 || !tell(t) ? MADE : DONE;
 }
 

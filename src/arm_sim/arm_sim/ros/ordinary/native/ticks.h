@@ -3,10 +3,10 @@
  * Ordinary ticks. Python reads this header, see ticks.py for the callers.
  */
 #pragma once
+#include "arm.h"
 #include "joint_state.h"
 #include "loop.h"
 #include "record.h"
-#include "step.h"
 
 /* Reason for returning: Python must execute the next tick; a tick was executed and Python must publish it; no tick is
  * left to Python, which must decide whether to continue; an answer has arrived, and Python must execute its tick. */
@@ -30,7 +30,7 @@ typedef struct {
   int64_t fresh;   /* whether the command is newer than the one known to Python */
   int64_t pending; /* outcome of a message that was taken and that Python must process; NONE: none */
   /* The arm. */
-  step_t* step;
+  arm_t* step;
   int64_t joints, states;
   int64_t ticks; /* since the last reset */
   int64_t notice; /* whether clipped commands must be reported */

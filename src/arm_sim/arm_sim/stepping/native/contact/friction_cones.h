@@ -20,7 +20,7 @@
  */
 
 #pragma once
-#include "lanes/prediction.h"
+#include "scene.h"
 
 #include <math.h>
 

@@ -280,6 +280,13 @@ static double own_excess(const part_t* part) {
   return part->sticks ? hypot(r[1], r[2]) - part->fraction * r[0] : fmax(part->least - r[0], r[0] - part->most);
 }
 
+/* Whether the own reaction of a part of a set is beyond its limits. */
+static int is_beyond(const scene_t* scene, const part_t* parts, const stresses_t* stresses, int number) {
+  int any = 0;
+  for (int i = 0; i < PARTS; ++i) any |= stresses->set[i] == number && own_excess(parts + i) > 0.0;
+  return any;
+}
+
 /* Find what holds together, and whether it does, where reactions of the least norm are beyond a limit; else, or if
  * `always`, everywhere. */
 static void find_indeterminate(const scene_t* scene, const statics_t* statics, const part_t* parts, int always,
@@ -291,10 +298,8 @@ static void find_indeterminate(const scene_t* scene, const statics_t* statics, c
   clear(found->set, INDETERMINATE);
   for (int i = 0; i < PARTS; ++i) found->set[i] = set[i];
   for (int number = 1; number <= stresses.sets; ++number) {
-    int beyond = always;
-    for (int i = 0; i < PARTS; ++i) beyond |= stresses.set[i] == number && own_excess(parts + i) > 0.0;
-    if (beyond) found->excess[number] = find_excess(scene, parts, &stresses, number, found, y);
-    else found->excess[number] = MOST_ROOM;
+    const int beyond = always || is_beyond(scene, parts, &stresses, number);
+    found->excess[number] = beyond ? find_excess(scene, parts, &stresses, number, found, y) : MOST_ROOM;
   }
 }
 
@@ -309,9 +314,8 @@ static void find_nearest(const scene_t* scene, const statics_t* statics, const p
   find_stresses(scene, statics, parts, &stresses);
   for (int number = 1; number <= stresses.sets; ++number) {
     double h[MOST_ROWS], G[MOST_ROWS * MOST_UNKNOWNS], z[MOST_ROWS];
-    int beyond = 0;
-    for (int i = 0; i < PARTS; ++i) beyond |= stresses.set[i] == number && own_excess(parts + i) > 0.0;
-    if (!beyond || find_excess(scene, parts, &stresses, number, &found, y) > HOLDS) continue;
+    if (!is_beyond(scene, parts, &stresses, number)) continue;
+    if (find_excess(scene, parts, &stresses, number, &found, y) > HOLDS) continue;
     double unit[PARTS], amount[SHARES];
     int size[MOST_CONES], of_part[MOST_CONES], side[MOST_CONES];
     const double* of_stress[SHARES];

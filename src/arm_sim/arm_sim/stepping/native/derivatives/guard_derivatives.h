@@ -66,8 +66,7 @@ static int are_different(const real* a, const real* b, int count) {
 static void find_sides(const scene_t* scene, int number, const real* x, const tick_t* tick, const record_t* segment,
                        real slope[2][NX], real by[2][NX * (NX + NU)]) {
   for (int holds = 0; holds < 2; ++holds) {
-    LOCAL(modes_t, p, modes_of, P_LENGTH);
-    copy(p.tunable, segment->p.tunable, P_LENGTH);
+    LOCAL_MODES(p, segment->p);
     p.switches[number] = holds;
     CALL(scene->motion, (x, tick->u, p.tunable), (slope[holds], by[holds]));
   }

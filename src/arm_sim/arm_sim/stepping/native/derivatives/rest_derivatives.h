@@ -32,9 +32,8 @@ static void project_onto_loops(const scene_t* scene, const real* x, const tick_t
 static void find_way(const scene_t* scene, int joint, const real* x, const tick_t* tick, const record_t* segment, real* way) {
   for (int i = 0; i < NU; ++i) way[i] = i == joint;
   if (NC && any_closed(scene, segment)) {
-    LOCAL(modes_t, loose, modes_of, P_LENGTH);
+    LOCAL_MODES(loose, segment->p);
     real settling[NU * NU];
-    copy(loose.tunable, segment->p.tunable, P_LENGTH);
     for (int i = 0; i < ND; ++i)
       if (is_held(scene, segment, i) && scene->static_level[i] > 0.0) loose.direction[i] = 1.0;
     CALL(scene->settled, (x, loose.tunable), (settling));
@@ -66,8 +65,7 @@ static int find_gains(const scene_t* scene, int joint, const real* x, const tick
   for (int side = 0; side < 2; ++side) {
     const double sign = side ? -1.0 : 1.0;
     if (is_blocked(scene, x, way, sign)) continue;
-    LOCAL(modes_t, pushed, modes_of, P_LENGTH);
-    copy(pushed.tunable, segment->p.tunable, P_LENGTH);
+    LOCAL_MODES(pushed, segment->p);
     for (int i = 0; i < ND; ++i)
       if (is_held(scene, segment, i) && scene->static_level[i] > 0.0 && fabs(way[i]) > SHARE * largest)
         pushed.direction[i] = sign * way[i] > 0.0 ? 1.0 : -1.0;

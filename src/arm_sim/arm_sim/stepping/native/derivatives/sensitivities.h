@@ -7,9 +7,9 @@
  */
 
 #pragma once
-#include "lanes/prediction.h"
+#include "modes/prediction.h"
 #include "scene.h"
-#include "events/trace.h"
+#include "modes/trace.h"
 
 #include <math.h>
 #include <string.h>

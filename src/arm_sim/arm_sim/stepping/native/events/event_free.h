@@ -6,8 +6,8 @@
  */
 
 #pragma once
-#include "events/loads.h"
-#include "events/smoothness.h"
+#include "modes/loads.h"
+#include "guards/smoothness.h"
 
 /* A step of all lanes, with its continuous output and the loads at its stage at the end. */
 typedef struct {

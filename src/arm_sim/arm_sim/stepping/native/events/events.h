@@ -14,7 +14,10 @@
  */
 
 #pragma once
+#include "events/impact.h"
+#include "events/sliding_direction.h"
 #include "events/event_free.h"
+#include "events/held.h"
 #include "events/segments.h"
 #include "motion/stops.h"
 
@@ -81,8 +84,9 @@ static enum trouble begin_segment(const scene_t* scene, real* x, segment_t* segm
  * into planes and stops are kept, since the impact that removes them accounts for their energy.
  */
 static void correct_penetrations(const scene_t* scene, real* x, const segment_t* segment) {
-  LOCAL(modes_t, modes, modes_of, P_LENGTH);
-  segment_t caught = with_modes(scene, segment, &modes);
+  LOCAL_MODES(modes, segment->p);
+  segment_t caught = *segment;
+  caught.p = modes;
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   real anchor[2 * NC + 1], v[NU];
   for (int i = 0; i < ND; ++i)
@@ -125,7 +129,11 @@ static int exceeds_travel(const scene_t* scene, const piece_t* piece) {
 static int passes_end(const scene_t* scene, const real* x, const segment_t* segment) {
   LOCAL(guard_values_t, guards, guard_values_of, GUARD_VALUES);
   fill(scene, &guards, -INFINITY);
-  evaluate_stop_guards(scene, x, segment, 0.0, &guards);
+  guarded_t at;
+  at.x = x;
+  at.segment = segment;
+  at.t = 0.0;
+  evaluate_stop_guards(scene, &at, &guards);
   return largest_among(guards.stop, 2 * NU) > 0.0 || (ND && turns_back(scene, x, segment));
 }
 

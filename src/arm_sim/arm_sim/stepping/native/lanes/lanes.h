@@ -5,7 +5,7 @@
  */
 
 #pragma once
-#include "lanes/prediction.h"
+#include "modes/prediction.h"
 #include "motion/stops.h"
 
 #include <stdint.h>

@@ -6,7 +6,7 @@
 #pragma once
 #include "lanes/lanes.h"
 
-#include "lanes/prediction.h"
+#include "modes/prediction.h"
 #if EVENTS
 #include "lanes/eventful_ticks.h"
 #endif

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene ready to run: equations, compiled ticks, and derived objects on demand."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from arm_dynamics import ArmModel
+from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
+from arm_sim.integrators.selection import Choice
+from arm_sim.plant.actuation import CompiledControl
+from arm_sim.plant.plant import Plant
+from arm_sim.plant.present import PresentDynamics
+from arm_sim.recording.energy_account import EnergyAccount
+from arm_sim.recording.witness import Witness
+from arm_sim.simulation.plan import Plan
+from arm_sim.stepping.rollout import Rollouts
+from arm_sim.stepping.stepper import Stepper
+from arm_sim.stepping.trial import keeps_accuracy
+
+if TYPE_CHECKING:
+    from arm_sim.derivatives import Derivatives
+    from arm_sim.servo import Rest, Servo
+
+EXTERNAL = "external"
+
+
+class CompiledScene:
+    """Everything built from one plant and one choice of method; immutable, replaced as a whole.
+
+    Args:
+        plant: The equation of motion.
+        choice: Method, tick and tolerance.
+        backend: As for ``Kernel``.
+    """
+
+    @one_at_a_time
+    def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
+        self.plant, self.choice, self.backend = plant, choice, backend
+        self.stepper = Stepper(plant, choice, backend)
+        self._controlled: tuple[CompiledControl, Stepper] | None = None
+
+    @classmethod
+    def chosen(cls, plant: Plant, choice: Choice, backend: str) -> CompiledScene:
+        """By a choice, or by what replaces it where steps of fixed length are too inaccurate."""
+        made = cls(plant, choice, backend)
+        if choice.instead is None or keeps_accuracy(plant, made.stepper, choice):
+            return made
+        return cls(plant, choice.instead, backend)
+
+    def pushable(self) -> CompiledScene:
+        """Copy with external joint torques, the quantity ``external``.
+
+        Scenes without them compute nothing for them; the equations are rebuilt here.
+        """
+        scene = self.plant.model.scene
+        if EXTERNAL in scene.tunable:
+            return self
+        model = ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, EXTERNAL)}))
+        return CompiledScene(Plant(model), self.choice, self.backend)
+
+    def restart(self) -> None:
+        """Reset the state of the stepper."""
+        self.stepper.restart()
+        self._controlled = None
+        if self.has_servo:
+            self.servo.restart()
+
+    def controlled(self, control: CompiledControl) -> Stepper:
+        """The stepper that has ``control`` compiled in; the last one is kept."""
+        if self._controlled is None or self._controlled[0] is not control:
+            stepper = Stepper(self.plant, self.choice, self.backend, control)
+            self._controlled = control, stepper
+        self._controlled[1].p[:] = self.stepper.p
+        return self._controlled[1]
+
+    @property
+    def has_servo(self) -> bool:
+        """Whether ``servo`` is built already."""
+        return "servo" in vars(self)
+
+    @built_once
+    def servo(self) -> Servo:
+        """The servos, for position and velocity commands; built on first use."""
+        from arm_sim.servo import Servo
+
+        return Servo(self.plant, self.choice.dt, self.backend)
+
+    @built_once
+    def rest(self) -> Rest:
+        """Whether the servos hold the arm at rest."""
+        from arm_sim.servo import Rest
+
+        return Rest(self.plant, self.choice.dt)
+
+    @cached_property
+    def present(self) -> PresentDynamics:
+        """Numeric dynamics with the current tunable quantities, by Pinocchio."""
+        return PresentDynamics(self.plant)
+
+    @cached_property
+    def energy_account(self) -> EnergyAccount:
+        """Computes the energy account of motions, with dynamics of its own, in any thread."""
+        own = PresentDynamics(self.plant)
+        return EnergyAccount(self.plant, own, self.choice, self.backend)
+
+    @cached_property
+    def witness(self) -> Witness:
+        """Repeats motions by other means, to estimate their error."""
+        return Witness(self.plant, self.choice, self.backend)
+
+    @built_once
+    def plan(self) -> Plan:
+        """The parts that a tick computes and skips, with reasons."""
+        return Plan(self.plant, self.choice, self.stepper)
+
+    @built_once
+    def rollouts(self) -> Rollouts:
+        """Many arms at once."""
+        return Rollouts(self.plant, self.choice, self.stepper, self.backend)
+
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """Derivatives of ticks and rollouts."""
+        from arm_sim.derivatives import Derivatives
+
+        rollouts = lambda: self.rollouts  # noqa: E731 - built when they are needed
+        return Derivatives(self.plant, self.choice, self.stepper, rollouts, self.backend)

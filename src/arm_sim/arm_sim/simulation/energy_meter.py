@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The energy account of a running simulation, kept while it has readers."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from threading import Lock
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_sim.recording.energy_account import EnergyAccount, relative_error
+from arm_sim.simulation.simulated_arm import SimulatedArm
+
+
+class Account(NamedTuple):
+    """Energies in [J], see ``arm_msgs/Energy``, and the number of ticks after which they hold."""
+
+    kinetic: float
+    potential: float
+    total: float
+    input: float
+    dissipated: float
+    changed: float
+    balance: float
+    step: int
+
+
+class _Moment(NamedTuple):
+    """A state between two ticks."""
+
+    account: EnergyAccount
+    x: Array
+    p: Array
+    step: int
+
+    @classmethod
+    def of(cls, arm: SimulatedArm) -> _Moment:
+        """The current one of an arm."""
+        x, p = arm.x.copy(), arm.parameters.copy()
+        return cls(arm.compiled.energy_account, x, p, arm.step_count)
+
+    def energies(self) -> Array:
+        """Kinetic, potential and stored energy in [J], shape (3,)."""
+        return np.asarray(self.account.energies(self.x[None], self.p[None])[0])
+
+
+class _Ticks(NamedTuple):
+    """Ticks: states after them, effective commands, and tunable quantities."""
+
+    account: EnergyAccount
+    x: Array
+    u: Array
+    p: Array
+    step: int
+
+
+class _Jump(NamedTuple):
+    """A change of payload, friction, gravity or state."""
+
+    before: _Moment
+    after: _Moment
+
+
+class EnergyMeter:
+    """Notes every tick and change, and evaluates the account on request.
+
+    Ticks and changes are noted by the ticking thread, which computes nothing for it. Other threads
+    may evaluate the account at any time.
+
+    Attributes:
+        error: Largest unexplained energy so far, relative to the energy that moved.
+    """
+
+    def __init__(self, arm: SimulatedArm) -> None:
+        """Open the account at the arm's current state."""
+        self._arm, self.error = arm, 0.0
+        self._noted, self._evaluating = deque[_Ticks | _Jump](), Lock()
+        self._start: Array | None = None
+        self._here = _Moment.of(arm)  # up to which the account is evaluated
+        self._flows, self._changed, self._most = np.zeros(2), 0.0, np.zeros(3)
+
+    def note(self, moved: bool = True) -> None:
+        """Record the last tick; if the arm did not move, only that it is over."""
+        arm, ticks = self._arm, slice(int(moved))
+        x, u = arm.x[None][ticks], arm.acted[None][ticks]
+        self.note_all(x, u, arm.step_count)
+
+    def note_all(self, x: Array, u: Array, step: int) -> None:
+        """Record ticks.
+
+        Args:
+            x: States after them, shape (k, nx).
+            u: Effective commands, shape (k, n).
+            step: Number of ticks since the last reset, these included.
+        """
+        arm = self._arm
+        p = arm.parameters.copy()
+        self._noted.append(_Ticks(arm.compiled.energy_account, x.copy(), u.copy(), p, step))
+
+    def change(self, action: Callable[[], Any]) -> None:
+        """Run an action that changes payload, friction, gravity or state; record its energy."""
+        before = _Moment.of(self._arm)
+        action()
+        self._noted.append(_Jump(before, _Moment.of(self._arm)))
+
+    def account(self) -> Account:
+        """The energies since the account was opened."""
+        with self._evaluating:
+            if self._start is None:
+                self._start = self._here.energies()
+            self._add_up()
+            energies, (supplied, lost) = self._here.energies(), self._flows.tolist()
+            total = float(sum(energies))
+            balance = total - float(sum(self._start)) - supplied - self._changed + lost
+            self._most = np.maximum(self._most, abs(energies - self._start))
+            moved = self._most.sum() + abs(supplied) + lost + abs(self._changed)
+            self.error = relative_error(balance, moved, max(abs(total), abs(energies[1])))
+            kinetic, potential, _ = energies.tolist()
+            step = self._here.step
+            return Account(kinetic, potential, total, supplied, lost, self._changed, balance, step)
+
+    def _add_up(self) -> None:
+        """Evaluate what was noted; ticks between two changes at once."""
+        ticks = list[_Ticks]()
+        for _ in range(len(self._noted)):
+            noted = self._noted.popleft()
+            if isinstance(noted, _Ticks):
+                ticks.append(noted)
+                continue
+            self._add_ticks(ticks)
+            ticks, self._here = [], noted.after
+            self._changed += float(sum(noted.after.energies()) - sum(noted.before.energies()))
+        self._add_ticks(ticks)
+
+    def _add_ticks(self, ticks: Sequence[_Ticks]) -> None:
+        """Add work and heat of ticks of the same scene."""
+        if not ticks:
+            return
+        last = ticks[-1]
+        x = np.concatenate([self._here.x[None], *(part.x for part in ticks)])
+        u = np.concatenate([part.u for part in ticks])
+        p = np.repeat([part.p for part in ticks], [len(part.x) for part in ticks], axis=0)
+        self._flows += last.account.flows(x[:-1], x[1:], u, p).sum(axis=0)
+        self._here = _Moment(last.account, x[-1], last.p, last.step)

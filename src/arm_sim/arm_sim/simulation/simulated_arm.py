@@ -1,0 +1,376 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm of a simulator, for loops: its state, and what advances or changes it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from struct import Struct
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.actuation import StateKind
+from arm_dynamics.arrays import Array
+from arm_dynamics.attributes import sealed
+from arm_dynamics.scene import Scene
+from arm_sim.exceptions import SimulationDiverged
+from arm_sim.imperfections import Line, command_line, sensors_of
+from arm_sim.inputs import SaturationNotice, row, torque, whole
+from arm_sim.plant.placing import constraint_hint, holding
+from arm_sim.plant.plant import Plant
+from arm_sim.recording.contents import BRAKES, FREE, SERVOS
+from arm_sim.recording.origin import Origin
+from arm_sim.servo import JointCommand
+from arm_sim.simulation.compiled_scene import CompiledScene
+from arm_sim.state import State, read_only_view
+from arm_sim.stepping.arm import Arm
+from arm_sim.stepping.contact_forces import trouble
+from arm_sim.stepping.python_step import PythonStep, python_step
+from arm_sim.stepping.stepper import Stepper
+
+_put = object.__setattr__  # of what others cannot set
+
+
+class _Now:
+    """What changes with every tick, beside the state itself."""
+
+    __slots__ = ("hold", "state", "step_count")
+
+    def __init__(self) -> None:
+        self.step_count, self.hold = 0, FREE
+        self.state: State | None = None
+
+
+@sealed
+class SimulatedArm:
+    """A simulated arm that other code advances: ``Simulator.arm``.
+
+    Args:
+        compiled: The scene.
+        source: Its name or path; empty if it is not from a file.
+
+    Attributes:
+        n: Degrees of freedom.
+        joint_names: Order of every vector.
+        dt: Length of a tick in [s].
+        source: As given.
+        compiled: Equations and compiled ticks, see ``use``.
+        x: The current state (q, v, z), shape (nx,): a read-only view that ticks change.
+        acted: The effective command of the last tick, limits applied, shape (n,), likewise.
+        notes: Current estimated error and number of time-stepped ticks, see ``State``, likewise.
+        pointers: The tick for other compiled code, see ``passed``; None if the scene runs on the
+            virtual machine. Replaced by ``use``.
+        sensors: The scene's sensors; None if it has none.
+        line: Commands in transit; None if they act at once.
+    """
+
+    _instead = {
+        "q v z state": "place(x)", "step_count hold time": "restore(x, p, step)",
+        "compiled": "use(compiled)", "sensors line": "imperfect(scene)",
+    }  # fmt: skip
+
+    def __init__(self, compiled: CompiledScene, source: str) -> None:
+        model, self.dt, self.source = compiled.plant.model, compiled.choice.dt, source
+        self._now = _Now()
+        self.n, self.joint_names = model.n, model.joint_names
+        self._x, self._command = np.zeros(compiled.plant.nx), np.zeros(self.n)
+        self._q, self._v = self._x[: self.n], self._x[self.n : 2 * self.n]
+        self._effort, self._notes = np.zeros((1, self.n)), np.zeros((1, 2))
+        self._put = Struct(f"{self.n}d").pack_into
+        self.x, self.acted = read_only_view(self._x), read_only_view(self._effort[0])
+        self.notes, self.compiled = read_only_view(self._notes[0]), compiled
+        self.pointers: Arm | None = None
+        self._saturation = SaturationNotice(model)
+        self.sensors = sensors_of(model.scene, self.joint_names, self.dt)
+        self.line: Line[list[float] | JointCommand] | None = command_line(model.scene, self.dt)
+        self._bind(compiled)
+
+    def _bind(self, compiled: CompiledScene) -> None:
+        self._stepper = compiled.stepper
+        arrays = self._x, self._command, self._effort[0], self._notes[0]
+        self._tick, arm = self._stepper.bound(*arrays)
+        _put(self, "compiled", compiled)
+        _put(self, "pointers", arm)
+        self._step: PythonStep | None = None  # compiled when it is first used
+
+    @property
+    def step_count(self) -> int:
+        """Ticks since the last reset."""
+        return self._now.step_count
+
+    @property
+    def hold(self) -> int:
+        """What held the arm in the last tick, see ``Recording``; ``FREE`` after a reset."""
+        return self._now.hold
+
+    @property
+    def plant(self) -> Plant:
+        """The equation of motion."""
+        return self.compiled.plant
+
+    @property
+    def state(self) -> State:
+        """The current state; read-only arrays that later ticks do not change."""
+        if (state := self._now.state) is None:
+            notes = self._notes.tolist()[0]
+            state = State.of(self._x, self.n, self._now.step_count, self.dt, *notes)
+            self._now.state = state
+        return state
+
+    @property
+    def measured(self) -> State:
+        """The state as measured by the sensors; without sensors, and of z, the exact one."""
+        state, n = self.state, self.n
+        if self.sensors is None:
+            return state
+        measured = read_only_view(self.sensors.measured.copy())
+        return replace(state, q=measured[:n], v=measured[n : 2 * n])
+
+    @property
+    def effort(self) -> Array:
+        """Torque that acted in the last tick in [N m] or [N], shape (n,)."""
+        return self.plant.joint_torque(self._x, self.acted.copy())
+
+    @property
+    def parameters(self) -> Array:
+        """Current tunable quantities, in the order of the plant's, shape (np,)."""
+        return self._stepper.p.copy()
+
+    @property
+    def held_constraints(self) -> tuple[str, ...]:
+        """Names of the active constraints."""
+        return holding(self.plant, self._stepper.p)
+
+    @property
+    def substep(self) -> float:
+        """Sub-step that error control tries next in [s]; 0 if it is not known yet."""
+        return self._stepper.substep
+
+    @property
+    def origin(self) -> Origin:
+        """Scene, method and versions, to be stored with a recording."""
+        choice, scene = self.compiled.choice, self.plant.model.scene
+        return Origin(scene, choice.method.name, choice.dt, choice.tolerance, self.source)
+
+    # --- ticks ---------------------------------------------------------------------------------
+
+    def step(self, tau: object) -> State:
+        """Advance by a tick under a command as for ``Simulator.step``, checked and delayed."""
+        if (step := self._step) is None:
+            step = self._step = python_step(self.pointers, self.n, self.plant.nz)
+        try:
+            state = step(tau, self._now.step_count) if self.line is None else None
+        except BaseException:
+            self._catch_up()
+            raise
+        if state is None:
+            self._step_by_python(tau)
+            return self.state
+        if state is False:
+            raise self.diverged()
+        self._passed(state.step, state)
+        return state
+
+    def _catch_up(self) -> None:
+        """Register a tick at the end of which the handler of a signal raised an exception."""
+        state, x = self._now.state, self._x.tobytes()
+        if state is not None and x != np.concatenate([state.q, state.v, state.z]).tobytes():
+            self._passed(self.step_count + 1, None)
+
+    def _step_by_python(self, tau: object) -> None:
+        if isinstance(tau, JointCommand):
+            next(tau.rows(1, self.n, self.dt))  # which checks the shape
+            acts = self.arrived(tau)
+        else:
+            acts = self.arrived(torque(tau, self.joint_names))
+        if isinstance(acts, JointCommand):
+            self.follow(acts)
+        else:
+            self.advance(acts)
+
+    def arrived[C: (list[float], JointCommand)](
+        self, command: C, ahead: int = 0
+    ) -> C | list[float] | JointCommand:
+        """The effective command when ``command`` is sent, some ticks after the current one."""
+        if self.line is None:
+            return command
+        return self.line.carry(self.step_count + ahead, command) or [0.0] * self.n
+
+    def advance(self, tau: Sequence[float]) -> None:
+        """Advance by a tick under n finite numbers, for a loop that reads ``x``.
+
+        They act immediately: a loop that calls this implements delays of commands itself.
+
+        Raises:
+            SimulationDiverged: If the tick cannot be computed; the state is kept.
+        """
+        self._put(self._command, 0, *tau)
+        self._advance()
+
+    def follow(self, command: JointCommand) -> None:
+        """The same under a command of shape (n,).
+
+        The same object means the same command; another one, the next command of a stream. A joint
+        that a servo holds at a position stays exactly at rest there.
+        """
+        servo, x, n = self.compiled.servo, self._x, self.n
+        self._command[:] = servo.command(command, x, self._stepper.p, self.step_count)
+        rest = self.compiled.rest
+        held = self.hold == SERVOS and rest.knows(x, self._stepper.p)
+        before = x.copy() if servo.at_rest and rest.slow(x) else None
+        if before is None or not (held or self._balances(command)):
+            self._advance(servo=True)
+            return
+        self._advance(servo=True)
+        if rest.stays(before, x) if held else rest.slow(x):
+            x[:n], x[n : 2 * n] = before[:n], 0.0
+            self._now.hold = SERVOS
+
+    def _balances(self, command: JointCommand) -> bool:
+        """Whether the servos would hold the arm at rest where it is."""
+        servo, rest, stepper = self.compiled.servo, self.compiled.rest, self._stepper
+        still = rest.stopped(self._x)
+        asked = servo.command(command, still, stepper.p, self.step_count)
+        return rest.balanced(still, asked, stepper.p, stepper.slope)
+
+    def _advance(self, servo: bool = False) -> None:
+        if self._tick() != 1:
+            raise self.diverged()
+        self._passed(self.step_count + 1, None, servo)
+
+    def _passed(self, count: int, state: State | None, servo: bool = False) -> None:
+        """Register ticks up to the ``count``-th, and the state after them if that is known."""
+        now = self._now
+        now.step_count, now.state, now.hold = count, state, FREE
+        self._saturation.look(self._command, self._effort, servo)
+        if self.sensors is not None:
+            self.sensors.look(self.step_count, self._q, self._v, self._driving)
+
+    def passed(self, ticks: int) -> None:
+        """Register ticks that other code executed by ``pointers``, as ``advance`` would have."""
+        self._passed(self.step_count + ticks, None)
+
+    def roll(
+        self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array
+    ) -> int:
+        """Advance by ticks of a stepper in one call, see ``Stepper.ticks``.
+
+        If a signal breaks it off, what was done is registered.
+        """
+        start, done = self._x.copy(), -1
+        try:
+            done = stepper.ticks(self._x, command, trace, effort, notes)()
+        finally:
+            if done < 0:  # the handler of a signal raised an exception when they were made
+                same = np.flatnonzero((trace == self._x).all(axis=1))
+                done = int(same[-1]) + 1 if len(same) else 0
+                self._x[:] = trace[done - 1] if done else start
+            if done:
+                now = self._now
+                now.step_count, now.state, now.hold = now.step_count + done, None, FREE
+                self._effort[0], self._notes[0] = effort[done - 1], notes[done - 1]
+                if stepper is self._stepper:  # else the command is a controller's reference
+                    self._saturation.look(
+                        command[:done] if command.ndim == 2 else command, effort[:done]
+                    )
+        return done
+
+    def lock(self) -> None:
+        """Close the brakes: joints and motors stop at once, and drives are switched off."""
+        self._x[self.n : 2 * self.n] = 0.0
+        states = self.plant.laws.states
+        for k, state in enumerate(states, 2 * self.n):
+            if state.kind in (StateKind.MOTOR_VELOCITY, StateKind.CURRENT):
+                self._x[k] = 0.0
+        self._effort[:], self._now.state = 0.0, None
+
+    def stand(self) -> None:
+        """Advance by a tick in which closed brakes hold every joint, see ``lock``."""
+        now = self._now
+        now.step_count, now.state, now.hold = now.step_count + 1, None, BRAKES
+        if self.sensors is not None:
+            self.sensors.look(self.step_count, self._q, self._v, self._driving)
+
+    @property
+    def notices_cuts(self) -> bool:
+        """Whether no command has been clipped at its limit yet, which would be logged."""
+        return not self._saturation.logged
+
+    @property
+    def _driving(self) -> Array:
+        return self._effort[0] if self.plant.torques is None else self.effort
+
+    def diverged(self) -> SimulationDiverged:
+        """The error that the next tick cannot be computed."""
+        state, choice = self.state, self.compiled.choice
+        hint = constraint_hint(self.plant, state.q, state.v, self.held_constraints)
+        return SimulationDiverged(
+            f"tick {state.step + 1} (t = {state.time:.6g} s) cannot be computed with "
+            f"{choice.method.name}{choice.remark}; the state before it is kept: largest |v| = "
+            f"{abs(state.v).max():.3g}{hint}{trouble(self._stepper)}"
+        )
+
+    # --- changes between ticks -----------------------------------------------------------------
+
+    def place(self, x: Array) -> None:
+        """Set the state, shape (nx,), without changing the time."""
+        self._x[:], self._now.state = x, None
+        self._restart_sensors()
+        if self.compiled.has_servo:
+            self.compiled.servo.restart()
+
+    def restore(self, x: Array, p: Array, step: int, substep: float = 0.0) -> None:
+        """Continue from a recorded state, bit for bit, without projecting it onto constraints.
+
+        Args:
+            x: The state (q, v, z), shape (nx,).
+            p: Tunable quantities, shape (np,).
+            step: Ticks since the last reset.
+            substep: Value of ``substep``.
+
+        Raises:
+            InvalidInput: If a shape or value is not allowed; nothing changes.
+        """
+        x, p = row("x", x, self.plant.nx), row("p", p, len(self._stepper.p))
+        whole("step", step, 0)
+        self.compiled.restart()
+        self._x[:], self._stepper.p[:], self._stepper.substep = x, p, substep
+        self._effort[:], self._notes[:] = 0.0, 0.0
+        self._now.step_count, self._now.state, self._now.hold = step, None, FREE
+        self._restart_imperfections()
+
+    def imperfect(self, scene: Scene) -> None:
+        """Use the sensors and commands of another scene with the same joints, and restart them.
+
+        Raises:
+            SceneError: If a filter's cut-off frequency is too high for this rate.
+        """
+        sensors = sensors_of(scene, self.joint_names, self.dt)
+        _put(self, "sensors", sensors)
+        _put(self, "line", command_line(scene, self.dt))
+        self._restart_imperfections()
+
+    def use(self, compiled: CompiledScene, **parameters: Any) -> None:
+        """Continue with another compiled scene of the same states.
+
+        Tunable quantities keep their values, except those given by name.
+
+        Raises:
+            InvalidInput: If a quantity is not tunable; nothing changes.
+        """
+        tuned, p = self.plant.parameters, self._stepper.p
+        values = {name: tuned.of(name, p) for name in tuned.names} | parameters
+        merged = compiled.plant.parameters.merged(values, compiled.stepper.p)
+        compiled.stepper.p[:] = merged
+        self._bind(compiled)
+
+    def _restart_imperfections(self) -> None:
+        """Restart without commands in transit, and with settled sensors."""
+        if self.line is not None:
+            self.line.restart()
+        self._restart_sensors()
+
+    def _restart_sensors(self) -> None:
+        if self.sensors is not None:
+            self.sensors.restart(self.step_count, self._q, self._v, self._driving)

@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The compiled tick as a Python function of a command: it checks the command, and returns a new state.
+ */
+#include "arm.h"
+#include "entry.h"
+#include "python_state.h"
+
+/* An arm, and its states. */
+typedef struct {
+  arm_t* arm;
+  state_t state;
+} stepped_t;
+
+/* A new array of numbers, to be read only. */
+static PyObject* copy_of(const double* x, npy_intp count) {
+  PyArrayObject* const array = (PyArrayObject*)PyArray_SimpleNew(1, &count, NPY_DOUBLE);
+  if (!array) return NULL;
+  memcpy(PyArray_DATA(array), x, (size_t)count * sizeof *x);
+  PyArray_CLEARFLAGS(array, NPY_ARRAY_WRITEABLE);
+  return (PyObject*)array;
+}
+
+/* The state after the last tick, which was the `count`-th. */
+static PyObject* state_of(const stepped_t* of, long long count) {
+  const double *x = of->arm->x, *notes = of->arm->notes;
+  const npy_intp joints = of->state.joints;
+  PyObject* const state = of->state.type->tp_alloc(of->state.type, 0);
+  if (!state) return NULL;
+  PyObject* const value[FIELDS] = {
+      PyFloat_FromDouble((double)count * of->arm->dt),
+      PyLong_FromLongLong(count),
+      copy_of(x, joints),
+      copy_of(x + joints, joints),
+      copy_of(x + 2 * joints, of->state.internal),
+      PyFloat_FromDouble(notes[0]),
+      PyLong_FromDouble(notes[1]),
+  };
+  int whole = 1;
+  for (int i = 0; i < FIELDS; ++i) {
+    *field_of(&of->state, state, i) = value[i];
+    whole &= value[i] != NULL;
+  }
+  if (whole) return state;
+  Py_DECREF(state);
+  return NULL;
+}
+
+/* Advance without the interpreter lock, as events may make a tick long: 0 if it cannot be computed. */
+static int tick(arm_t* arm) {
+  PyThreadState* const state = PyEval_SaveThread();
+  const int done = arm->tick(arm);
+  PyEval_RestoreThread(state);
+  return done;
+}
+
+/* Advance by the tick after some others under a command, and return the state; False if it cannot be computed, and None if
+ * the command is not plain numbers, which is left to Python. */
+static PyObject* advance(PyObject* capsule, PyObject* const* given, Py_ssize_t count) {
+  const stepped_t* const of = PyCapsule_GetPointer(capsule, NULL);
+  const int plain = count == 2 && read_numbers(given[0], of->state.joints, of->arm->command);
+  const long long before = plain ? PyLong_AsLongLong(given[1]) : -1;
+  if (before < 0) { /* or too large for this type */
+    PyErr_Clear();
+    Py_RETURN_NONE;
+  }
+  if (!tick(of->arm)) Py_RETURN_FALSE;
+  return state_of(of, before + 1);
+}
+
+/* The function for a tick of an arm; `kept` keeps its memory. */
+EXPORT PyObject* python_function(arm_t* arm, Py_ssize_t joints, Py_ssize_t internal, PyObject* state, PyObject* kept) {
+  static PyMethodDef method = {"advance", (PyCFunction)(void (*)(void))advance, METH_FASTCALL, NULL};
+  if (!PyArray_API && _import_array() < 0) return NULL;
+  stepped_t of = {.arm = arm};
+  if (!find_fields(state, joints, internal, &of.state)) return NULL;
+  return bound_function(&method, &of, sizeof of, kept);
+}

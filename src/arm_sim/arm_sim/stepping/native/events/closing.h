@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Projection of positions and velocities onto closed contacts, and onto the anchors of sticking ones.
+ */
+
+#pragma once
+#include "modes/segment_state.h"
+
+#define PROJECTED 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
+
+/* Whether a closed contact has a gap or a velocity to be corrected. */
+static int is_off(const scene_t* scene, const real* x, const segment_t* segment, const geometry_t* geometry) {
+  const double limit = speed_rounding(scene, x) / 10.0;
+  for (int k = 0; k < NC; ++k) {
+    const contact_mode_t* mode = segment->p.contact + k;
+    const real* s = geometry->speed + 3 * k;
+    if (mode->closed == 0.0) continue;
+    if (fabs(geometry->place[3 * k]) > GAP_ROUNDING * geometry->size[k] || fabs(s[0]) > limit) return 1;
+    if (mode->sticks != 0.0 && (fabs(s[1]) > limit || fabs(s[2]) > limit)) return 1;
+  }
+  return 0;
+}
+
+/* Positions and velocities with closed contacts: one step of the projection. */
+static void find_closed(const scene_t* scene, const real* x, const segment_t* segment, const real* anchor, real* after) {
+  const prediction_t* known = segment->predicted;
+  if (NC && is_predicted(scene, segment) && known->closes && same(x, known->after, 2 * NU)
+      && same(anchor, known->anchor, 2 * NC)) {
+    copy(after, known->closed, 2 * NU);
+    return;
+  }
+  CALL(scene->contact_close, (x, segment->p.tunable, anchor), (after));
+}
+
+/* Project positions and velocities onto the closed contacts, and onto the anchors of sticking ones. */
+static void close_contacts(const scene_t* scene, real* x, const segment_t* segment, const real* anchor) {
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed != 0.0;
+  if (!any) return;
+  real after[2 * NU];
+  for (int turn = 0; turn < 2; ++turn) {
+    find_closed(scene, x, segment, anchor, after);
+    double way = 0.0;
+    for (int i = 0; i < NU; ++i) way = fmax(way, fabs(after[i] - x[i]));
+    for (int i = 0; i < 2 * NU; ++i) x[i] = after[i];
+    if (way < PROJECTED) break;
+  }
+}
+
+/* Bring all touching points to rest where closing some contacts has moved others into their planes.
+ *
+ * The impact that stopped the former has opened the latter, but below the threshold: a body that rocks so little is at rest.
+ */
+static void rest_touching(const scene_t* scene, real* x, const segment_t* segment, const real* anchor) {
+  if (NC < 2) return;
+  const double rounding = speed_rounding(scene, x);
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
+  LOCAL_MODES(modes, segment->p);
+  segment_t resting = *segment;
+  resting.p = modes;
+  int any = 0;
+  find_geometry(scene, x, segment, &geometry);
+  for (int k = 0; k < NC; ++k) {
+    if (segment->contact[k].touching == 0.0) continue;
+    any |= segment->p.contact[k].closed == 0.0 && geometry.speed[3 * k] < -rounding;
+    resting.p.contact[k].closed = 1.0;
+  }
+  if (any) close_contacts(scene, x, &resting, anchor);
+}
+
+/* Position of each point in its plane's tangents. */
+static void find_anchors(const scene_t* scene, const geometry_t* geometry, real* anchor) {
+  for (int i = 0; i < 2 * NC; ++i) anchor[i] = geometry->place[3 * (i / 2) + 1 + i % 2];
+}

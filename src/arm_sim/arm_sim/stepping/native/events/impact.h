@@ -1,0 +1,256 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Impacts: velocities that jump where a contact point meets its plane, or a joint its stop.
+ *
+ * Newton's restitution for the normal direction, Coulomb's law for the tangential impulse and the velocity after (Moreau,
+ * "Unilateral contact and dry friction in finite freedom dynamics", CISM 302, 1988). Both together may add energy (Kane,
+ * Levinson, Dynamics, Theory and Applications, 1985); then the rebound is the largest that does not. A rebound for which no
+ * impulse is found is treated as adding energy. The stops that take part in an impact are found by pivoting, like modes: a
+ * stop that would have to pull does not take part, one that its joint would pass does.
+ */
+
+#pragma once
+#include "modes/modes.h"
+
+#define REBOUND_HALVINGS 60 /* bisections to find the largest rebound that adds no energy */
+#define IMPACT_PIVOTS (3 * NU + (1 << (NU < 12 ? NU : 12))) /* changes of the stops that take part in an impact ... */
+#define IMPACT_WORST_FIRST (3 * NU)                         /* ... and before the first violation is chosen */
+#define MISSED 1e-6   /* relative error of the velocities after an impulse: a jammed contact cannot rebound */
+#define PULLING 1e-12 /* tolerated pulling impulse of a stop, relative to the largest */
+
+/* An impact: desired velocities after it, and its result. */
+typedef struct {
+  double* rebound; /* desired velocities of contacts ... */
+  double* leaves;  /* ... and of joints that hit their stops; other joints at stops remain there */
+  double* impulse; /* impulses of contacts */
+  real* after;     /* velocities */
+  int touching;    /* whether a contact takes part */
+  double gain;     /* energy, INFINITY if no impulse was found */
+} jump_t;
+#define JUMP (NC + MC + 2 * NU)
+
+static jump_t jump_of(const scene_t* scene, double* numbers) {
+  jump_t jump = {numbers, numbers + NC, numbers + NC + NU, numbers + NC + NU + MC, 0, 0.0};
+  clear(numbers, JUMP);
+  return jump;
+}
+
+/* Impulses of contacts that meet with `before` under the mobility of the other parts: the energy they add. */
+static double find_impulse(const scene_t* scene, const inertia_t* inertia, const real* before, double part,
+                           const contact_t* contact, jump_t* jump) {
+  double c[MC + 1], gain = 0.0;
+  answer_t answers[NC + 1];
+  LOCAL(cones_t, cones, cones_of, CONES);
+  cones.W = inertia->W;
+  cones.c = c;
+  cones.friction = cones.holding = scene->friction;
+  for (int i = 0; i < MC; ++i) c[i] = before[i];
+  for (int k = 0; k < NC; ++k) {
+    c[3 * k] -= part * jump->rebound[k];
+    cones.allowed[k] = contact[k].touching;
+    cones.slides[k] = 0;
+  }
+  if (!several(scene, &cones, answers)) return INFINITY;
+  for (int k = 0; k < NC; ++k) {
+    if (answers[k].state == UNSOLVABLE) return INFINITY;
+    for (int i = 0; i < 3; ++i) jump->impulse[3 * k + i] = answers[k].force[i];
+  }
+  const double largest = largest_of(c, MC);
+  for (int i = 0; i < MC; ++i) {
+    double change = 0.0;
+    for (int j = 0; j < MC; ++j) change += AT(inertia->W, MC, i, j) * jump->impulse[j];
+    gain += jump->impulse[i] * (before[i] + 0.5 * change);
+    const enum contact_state state = answers[i / 3].state;
+    const int wanted = state == STICKS || (state == SLIDES && i % 3 == 0);
+    if (wanted && fabs(c[i] + change) > MISSED * largest) return INFINITY;
+  }
+  return gain;
+}
+
+/* Velocities after an impact in which joints without direction change by `change`, and the impulses of their stops. */
+static void apply_impact_map(const scene_t* scene, const real* x, const segment_t* segment, const real* change,
+                             const double* impulse, real* after, real* held) {
+  CALL(scene->strike, (x, segment->p.tunable, change, impulse), (after, held));
+  segment->memory->work += scene->strike_cost;
+}
+
+/* The joint at a stop with the largest, or just the first, violation in the impact; -1 if there is none. */
+static int find_infeasible_stop(const scene_t* scene, const real* x, const segment_t* segment, const real* after,
+                                const real* held, int first) {
+  const double fastest = 1.0 + largest_of(x + NU, NU), hardest = largest_of(held, NU);
+  double most = 0.0;
+  int worst = -1;
+  for (int i = 0; i < NU; ++i) {
+    const int side = at_stop(scene, x, i);
+    if (!side) continue;
+    const double excess = segment->p.direction[i] == 0.0 ? side * held[i] / fmax(hardest, 1e-300) - PULLING
+                                                         : side * after[i] / fastest - SPEED_ROUNDING;
+    if (!(excess > most)) continue;
+    most = excess;
+    worst = i;
+    if (first) return worst;
+  }
+  return worst;
+}
+
+/* Find which contacts and stops take part in an impact with a fraction of the full rebound, and its result. */
+static void solve_impact_with_stops(const scene_t* scene, const real* x, segment_t* segment, double part, jump_t* jump) {
+  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
+  real met[2 * NU], change[NU], held[NU];
+  jump->gain = INFINITY;
+  for (int i = 0; i < NU; ++i) segment->p.direction[i] = at_stop(scene, x, i) * x[NU + i] > 0.0 ? 0.0 : 1.0;
+  for (int k = 0; k < IMPACT_PIVOTS; ++k) {
+    for (int i = 0; i < NU; ++i) change[i] = segment->p.direction[i] == 0.0 ? part * jump->leaves[i] - x[NU + i] : 0.0;
+    for (int i = 0; i < MC; ++i) jump->impulse[i] = 0.0;
+    apply_impact_map(scene, x, segment, change, jump->impulse, jump->after, held);
+    if (jump->touching) {
+      for (int i = 0; i < NU; ++i) {
+        met[i] = x[i];
+        met[NU + i] = jump->after[i];
+      }
+      find_inertia(scene, x, segment, &inertia);
+      find_geometry(scene, met, segment, &geometry);
+      if (find_impulse(scene, &inertia, geometry.speed, part, segment->contact, jump) == INFINITY) return;
+      apply_impact_map(scene, x, segment, change, jump->impulse, jump->after, held);
+    }
+    const int wrong = find_infeasible_stop(scene, x, segment, jump->after, held, k >= IMPACT_WORST_FIRST);
+    if (wrong >= 0) {
+      segment->p.direction[wrong] = 1.0 - segment->p.direction[wrong];
+      continue;
+    }
+    find_geometry(scene, x, segment, &geometry);
+    jump->gain = 0.0;
+    for (int i = 0; i < NU; ++i) {
+      if (segment->p.direction[i] == 0.0) jump->after[i] = part * jump->leaves[i];
+      jump->gain += 0.5 * held[i] * (x[NU + i] + jump->after[i]);
+      met[i] = x[i];
+      met[NU + i] = jump->after[i];
+    }
+    for (int i = 0; i < MC; ++i) jump->gain += 0.5 * jump->impulse[i] * geometry.speed[i];
+    find_geometry(scene, met, segment, &geometry);
+    for (int i = 0; i < MC; ++i) jump->gain += 0.5 * jump->impulse[i] * geometry.speed[i];
+    return;
+  }
+}
+
+/* Velocities of joints after they hit their stops: 1 if one hits, 2 if one rebounds. */
+static int find_stop_rebounds(const scene_t* scene, const real* x, segment_t* segment, int rebounds, double rounding,
+                              double* leaves) {
+  int hits = 0, known = 0;
+  real slope[NX];
+  for (int i = 0; i < NU; ++i) {
+    const int side = at_stop(scene, x, i);
+    const double speed = side * x[NU + i];
+    leaves[i] = 0.0;
+    if (!(speed > rounding)) continue;
+    hits |= 1;
+    const double rebound = rebounds ? scene->rebound_of[side > 0][i] * speed : 0.0;
+    if (rebound <= LEAST_REBOUND) continue;
+    if (!known) find_slope(scene, x, segment, slope);
+    known = 1;
+    if (rebound <= rounding_rebound_of_joint(x[i], slope[NU + i])) continue;
+    leaves[i] = -side * rebound;
+    hits |= 2;
+  }
+  return hits;
+}
+
+/* The same where no joint has a rigid stop. */
+static void solve_impact_of_contacts(const scene_t* scene, const real* x, segment_t* segment, double part, jump_t* jump) {
+  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
+  find_inertia(scene, x, segment, &inertia);
+  find_geometry(scene, x, segment, &geometry);
+  jump->gain = find_impulse(scene, &inertia, geometry.speed, part, segment->contact, jump);
+  if (jump->gain == INFINITY) return;
+  for (int i = 0; i < NU; ++i) {
+    jump->after[i] = x[NU + i];
+    for (int j = 0; j < MC; ++j) jump->after[i] += AT(inertia.B, NU, i, j) * jump->impulse[j];
+  }
+}
+
+static void solve_impact(const scene_t* scene, const real* x, segment_t* segment, double part, jump_t* jump) {
+  if (scene->rigid) solve_impact_with_stops(scene, x, segment, part, jump);
+  else solve_impact_of_contacts(scene, x, segment, part, jump);
+}
+
+/* Joints set at rest on their stops after a blow take their loops with them. */
+static void rest_linked(const scene_t* scene, real* x, segment_t* segment, jump_t* jump) {
+  real change[NU], held[NU], after[NU];
+  int any = 0;
+  if (!(scene->constrained && scene->rigid)) return;
+  for (int i = 0; i < NU; ++i) {
+    change[i] = x[NU + i] - jump->after[i];
+    any |= change[i] != 0.0;
+    segment->p.direction[i] = at_stop(scene, x, i) && x[NU + i] == 0.0 ? 0.0 : 1.0;
+  }
+  if (!any) return;
+  for (int i = 0; i < MC; ++i) jump->impulse[i] = 0.0;
+  for (int i = 0; i < NU; ++i) x[NU + i] = jump->after[i];
+  apply_impact_map(scene, x, segment, change, jump->impulse, after, held);
+  for (int i = 0; i < NU; ++i) x[NU + i] = segment->p.direction[i] == 0.0 ? 0.0 : after[i];
+}
+
+/* Record an impact with a fraction of the full rebound in a traced tick. */
+static void record_impact(const scene_t* scene, record_t* record, const segment_t* segment, const jump_t* jump, double part) {
+  if (!record) return;
+  record->hit = 1;
+  record->part = part;
+  for (int i = 0; i < ND; ++i) record->meets[i] = segment->p.direction[i];
+  for (int i = 0; i < NU; ++i) record->leaves[i] = jump->leaves[i];
+  for (int k = 0; k < NC; ++k) record->rebound[k] = jump->rebound[k];
+  for (int i = 0; i < MC; ++i) record->impulse[i] = jump->impulse[i];
+}
+
+/* Change the velocities where a touching contact approaches, or a joint hits its stop: energy lost, or -1 if no impulse
+ * is found.
+ *
+ * A contact that is just opening takes part too, since the impact may push it back, and so does a joint at rest at its stop.
+ * A rebound within the rounding of the gap is ignored, and without `rebounds` all are: the contact closes. `geometry` is
+ * that of x, before and after.
+ */
+static double impact(const scene_t* scene, real* x, segment_t* segment, int rebounds, geometry_t* geometry) {
+  for (int k = 0; k < NC; ++k) segment->p.contact[k].closed = segment->p.contact[k].sticks = 0.0;
+  for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
+  if (!NC && !scene->rigid) return 0.0;
+  LOCAL(jump_t, jump, jump_of, JUMP);
+  double least_rebound[NC + 1], part = 1.0;
+  int any = 0, any_rebound = 0;
+  find_geometry(scene, x, segment, geometry);
+  find_closed_gaps(scene, segment, geometry);
+  const double rounding = speed_rounding(scene, x);
+  const int stops = find_stop_rebounds(scene, x, segment, rebounds, rounding, jump.leaves);
+  for (int k = 0; k < NC; ++k) {
+    any |= segment->contact[k].touching != 0.0 && geometry->speed[3 * k] < -rounding;
+    jump.touching |= segment->contact[k].touching != 0.0;
+  }
+  if (!any && !stops) return 0.0;
+  any_rebound = stops & 2;
+  if (any) find_rounding_rebounds(scene, x, segment, geometry, least_rebound);
+  for (int k = 0; k < NC; ++k) {
+    const int hits = segment->contact[k].touching != 0.0 && geometry->speed[3 * k] < -rounding;
+    jump.rebound[k] = hits ? -scene->restitution[k] * geometry->speed[3 * k] : 0.0;
+    if (!hits || jump.rebound[k] <= least_rebound[k] || !rebounds) jump.rebound[k] = 0.0;
+    any_rebound |= jump.rebound[k] > 0.0;
+  }
+  solve_impact(scene, x, segment, 1.0, &jump);
+  if (jump.gain > 0.0 && any_rebound) {
+    double low = 0.0, high = 1.0;
+    for (int k = 0; k < REBOUND_HALVINGS; ++k) {
+      const double middle = 0.5 * (low + high);
+      solve_impact(scene, x, segment, middle, &jump);
+      if (jump.gain > 0.0) high = middle;
+      else low = middle;
+    }
+    solve_impact(scene, x, segment, low, &jump);
+    part = low;
+  }
+  if (jump.gain == INFINITY) return -1.0;
+  record_impact(scene, segment->record, segment, &jump, part);
+  for (int i = 0; i < NU; ++i) x[NU + i] = jump.after[i];
+  rest_on_stops(scene, x, segment);
+  rest_linked(scene, x, segment, &jump);
+  find_geometry(scene, x, segment, geometry);
+  return jump.gain < 0.0 ? -jump.gain : 0.0;
+}

@@ -1,0 +1,119 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * How friction turns the velocity of a sliding contact: which contacts creep, and over what length they can be followed.
+ */
+
+#pragma once
+#include "events/closing.h"
+
+#define MOST_PARTS 32      /* segments of a tick in which a contact that creeps in one direction is looked at */
+#define TURN_ERROR 1e-8    /* error of its velocity by a turn in a step of fixed length */
+#define RESTING_DRIFT \
+  (0.5 * scene->slowest) /* speed of a contact across its direction when it comes to rest, which is rest ... */
+/* ... and while it slides, that need not be followed */
+#define DRIFT(segment) (scene->adaptive ? 10.0 * (segment)->control->tolerance : TURN_ERROR)
+
+/* Rate at which friction rotates the velocity of each sliding contact towards its direction; 0 if none slides. */
+static int find_rates(const scene_t* scene, const real* x, const segment_t* segment, loads_t* found, geometry_t* geometry,
+                      double* rate) {
+  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+  int any = 0;
+  for (int k = 0; k < NC; ++k) {
+    rate[k] = 0.0;
+    any |= scene->friction[k] > 0.0 && is_sliding(segment->p.contact + k);
+  }
+  if (!any) return 0;
+  find_loads(scene, x, segment, found);
+  find_geometry(scene, x, segment, geometry);
+  find_inertia(scene, x, segment, &inertia);
+  for (int k = 0; k < NC; ++k) {
+    const int n = 3 * k;
+    const contact_mode_t* mode = segment->p.contact + k;
+    if (!(scene->friction[k] > 0.0 && is_sliding(mode))) continue;
+    const double a = -mode->along[1], b = mode->along[0], size = hypot(geometry->speed[n + 1], geometry->speed[n + 2]);
+    double mobility = a * a * AT(inertia.W, MC, n + 1, n + 1) + b * b * AT(inertia.W, MC, n + 2, n + 2);
+    mobility += 2.0 * a * b * AT(inertia.W, MC, n + 1, n + 2);
+    rate[k] = scene->friction[k] * found->force[n] * mobility / fmax(size, scene->slowest);
+  }
+  return 1;
+}
+
+/* Find how each contact turns at the beginning of a segment, unless that is known. */
+static void find_turning(const scene_t* scene, const real* x, segment_t* segment) {
+  if (segment->turns || !NC) return;
+  double rate[NC + 1];
+  LOCAL(loads_t, found, loads_of, LOADS);
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
+  segment->turns = 1;
+  for (int k = 0; k < NC; ++k) segment->turning[k].rate = 0.0;
+  if (!find_rates(scene, x, segment, &found, &geometry, rate)) return;
+  for (int k = 0; k < NC; ++k) {
+    const real *s = geometry.speed + 3 * k + 1, *a = found.rate + 3 * k + 1, *along = segment->p.contact[k].along;
+    const double ahead = along[0] * a[0] + along[1] * a[1], across = fabs(along[0] * a[1] - along[1] * a[0]);
+    turning_t* of = segment->turning + k;
+    if (!(rate[k] > 0.0)) continue;
+    of->slows = fmax(-ahead, 0.0) / fmax(hypot(s[0], s[1]), scene->slowest);
+    of->rate = rate[k] + of->slows;
+    of->drift = across / rate[k];
+    of->turn = across;
+  }
+}
+
+/* Contacts that are treated as at rest though they creep: 1 if there are any.
+ *
+ * Friction rotates the velocity of a contact towards its direction at the rate mu lambda w / s, with w the transverse
+ * acceleration per force and s its speed. Of one that speeds up this direction is that in which it would start from rest;
+ * where an explicit method could not keep up, a contact that has reached it is given it, and in a time-stepped tick any.
+ */
+static int find_slow(const scene_t* scene, const real* x, segment_t* segment, double tick) {
+  int any = 0;
+  find_turning(scene, x, segment);
+  for (int k = 0; k < NC; ++k) {
+    const turning_t* of = segment->turning + k;
+    const int settled = of->slows == 0.0 && of->drift <= DRIFT(segment);
+    segment->contact[k].slow = of->rate > MOST_PARTS / tick && (settled || segment->step > 0.0);
+    any |= segment->contact[k].slow != 0.0;
+  }
+  return any;
+}
+
+/* Longest segment over which sliding can be followed: with fixed steps, a part of the time in which friction turns a contact
+ * that a method of order 4 resolves. A contact that moves on a straight line keeps its direction where this is shorter than
+ * a part of the tick.
+ */
+static double find_reach(const scene_t* scene, const real* x, segment_t* segment, double tick) {
+  double reach = tick;
+  find_turning(scene, x, segment);
+  for (int k = 0; k < NC; ++k) {
+    const turning_t* of = segment->turning + k;
+    const double part = tick / MOST_PARTS, least = of->slows * part > 1.0 ? RESTING_DRIFT * of->slows : DRIFT(segment) / part;
+    double length = 1.0 / of->rate;
+    if (!(of->rate > 0.0)) continue;
+    if (of->turn <= least && length < part) segment->p.contact[k].fixed = 1.0;
+    if (segment->p.contact[k].fixed != 0.0) length = fmax(length, part);
+    else if (!scene->adaptive) length *= fmin(1.0, pow(120.0 * TURN_ERROR / of->drift, 0.2));
+    reach = fmin(reach, length);
+  }
+  return reach;
+}
+
+/* Stop slow contacts that move against the direction in which they would start. */
+static void align(const scene_t* scene, real* x, const segment_t* segment) {
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
+  real anchor[2 * NC + 1];
+  LOCAL_MODES(modes, segment->p);
+  segment_t stopped = *segment;
+  stopped.p = modes;
+  int any = 0;
+  find_geometry(scene, x, segment, &geometry);
+  find_anchors(scene, &geometry, anchor);
+  for (int k = 0; k < NC; ++k) {
+    const real* s = geometry.speed + 3 * k + 1;
+    contact_mode_t* mode = stopped.p.contact + k;
+    if (segment->contact[k].slow == 0.0 || mode->closed == 0.0 || mode->along[0] * s[0] + mode->along[1] * s[1] > 0.0)
+      continue;
+    mode->sticks = 1.0;
+    any = 1;
+  }
+  if (any) close_contacts(scene, x, &stopped, anchor);
+}

@@ -1,0 +1,70 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A step of the method in a segment, with its dense output.
+ */
+
+#pragma once
+#include "modes/segment_state.h"
+
+/* A step of the method in a segment, with its continuous output: derivatives at its ends, and the state in its middle. */
+typedef struct {
+  real *begin, *end, *inside;
+  loads_t near;  /* load and force alone, where the method has a stage at the end ... */
+  int nears;     /* ... and this is set */
+  double from;   /* its beginning since that of the segment */
+  double length;
+} piece_t;
+#define PIECE (5 * NX + NEARS)
+
+static piece_t piece_of(const scene_t* scene, real* numbers) {
+  real* near = numbers + 5 * NX;
+  piece_t piece = {numbers, numbers + NX, numbers + 2 * NX, {near, near + NU, 0, 0, 0}, 0, 0.0, 0.0};
+  return piece;
+}
+
+/* The slope at the beginning of a piece, with which its steps begin; where nothing is held they find it themselves. */
+static void begin_piece(const scene_t* scene, const segment_t* segment, piece_t* piece) {
+  if (scene->moving && all_moves(scene, segment->p.direction)) return;
+  find_slope(scene, piece->begin, segment, piece->inside);
+}
+
+/* Make a step of length h from the beginning of a piece: 1 if every number stayed finite. `error` receives the scaled error
+ * and that of q, with an estimate. The step may be predicted.
+ */
+static int make_step(const scene_t* scene, const segment_t* segment, double h, piece_t* piece, real* error) {
+  const prediction_t* known = segment->predicted;
+  const real length = h;
+  const int moves = scene->moving && all_moves(scene, segment->p.direction);
+  real *inside = piece->inside, *slope = inside + NX, *middle = slope + NX;
+  piece->length = h;
+  if (is_predicted(scene, segment) && h == known->length && same(piece->begin, known->x, NX)) {
+    copy(piece->end, known->after, NX);
+    copy(piece->inside, known->inside, 3 * NX);
+    copy(piece->near.load, known->near, NEARS);
+    piece->nears = known->nears != 0;
+    return within_reach(scene, piece->end);
+  }
+  piece->nears = !moves && scene->near_loads && STEADY;
+  if (moves && scene->adaptive)
+    CALL(scene->moving_attempt, (piece->begin, segment->u, segment->p.tunable, &length),
+         (piece->end, error, error + 1, inside, slope, middle));
+  else if (moves)
+    CALL(scene->moving_step, (piece->begin, segment->u, segment->p.tunable, &length), (piece->end, inside, slope, middle));
+  else if (scene->adaptive)
+    CALL(scene->attempt, (piece->begin, segment->u, segment->p.tunable, &length, inside),
+         (piece->end, error, error + 1, slope, middle, piece->near.load, piece->near.force));
+  else
+    CALL(scene->step, (piece->begin, segment->u, segment->p.tunable, &length, inside),
+         (piece->end, slope, middle, piece->near.load, piece->near.force));
+  return within_reach(scene, piece->end);
+}
+
+/* The state at a fraction of a piece: the polynomial of degree 4 through its ends, their slopes and the middle. */
+static void state_inside(const scene_t* scene, const piece_t* piece, double part, real* x) {
+  const double h = piece->length, rest = 1.0 - part, a = rest * rest * (1.0 + 2.0 * part), bump = part * part * rest * rest;
+  for (int i = 0; i < NX; ++i) {
+    const double x0 = piece->begin[i], x1 = piece->end[i], f0 = piece->inside[i], f1 = piece->inside[NX + i];
+    const double bend = piece->inside[2 * NX + i] - 0.5 * (x0 + x1) - 0.125 * h * (f0 - f1);
+    x[i] = a * x0 + (1.0 - a) * x1 + h * part * rest * (rest * f0 - part * f1) + 16.0 * bump * bend;
+  }
+}

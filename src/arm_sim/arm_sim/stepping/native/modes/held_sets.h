@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What holds together where statics does not determine the reactions, in the modes of a segment; release of a set that gives way.
+ */
+
+#pragma once
+#include "contact/indeterminate.h"
+#include "modes/segment_state.h"
+
+#define EDGE 1e-9            /* relative distance from the friction cone within which a force is on its boundary */
+#define LEAST_SHARE 1e-6     /* share of a part in the motion of its set that is rounding, ... */
+#define OPENS 1e-3           /* ... and part of a contact's that is sliding if it does not only open */
+
+static void find_statics(const scene_t* scene, const real* x, const segment_t* segment, statics_t* found) {
+  segment->memory->work += scene->statics_cost;
+  CALL(scene->statics, (x, segment->u, segment->p.tunable), (found->push, found->reaction, found->capacity, found->drift));
+}
+
+/* What is held, with its reactions of the least norm and its limits. */
+static void find_parts(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* found,
+                       const statics_t* balance, part_t* parts) {
+  for (int i = 0; i < NU; ++i) {
+    const int side = ND ? at_stop(scene, x, i) : 0;
+    parts[i] = loose;
+    parts[i].held = ND && segment->p.direction[i] == 0.0;
+    parts[i].force[0] = balance->reaction[i];
+    parts[i].least = side < 0 ? -INFINITY : -balance->capacity[NU + i];
+    parts[i].most = side > 0 ? INFINITY : balance->capacity[i];
+  }
+  for (int k = 0; k < NC; ++k) {
+    const contact_mode_t* mode = segment->p.contact + k;
+    part_t* part = parts + NU + k;
+    *part = loose;
+    part->held = mode->closed != 0.0;
+    part->most = INFINITY;
+    part->fraction = stick_limit(scene, segment, k);
+    part->sticks = part->held && mode->sticks != 0.0;
+    for (int i = 0; i < 3; ++i) part->force[i] = found->force[3 * k + i];
+  }
+}
+
+/* Which parts hold together, and whether they do. */
+static void find_sets_held(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* found,
+                           indeterminate_t* together) {
+  LOCAL(statics_t, balance, statics_of, STATICS);
+  part_t parts[PARTS];
+  find_statics(scene, x, segment, &balance);
+  find_parts(scene, x, segment, found, &balance, parts);
+  find_indeterminate(scene, &balance, parts, segment->yields, together);
+}
+
+/* By how much a set exceeds its limits: not positive if it holds. */
+static double set_excess(const segment_t* segment, const indeterminate_t* together, int number) {
+  return together->excess[number] - (segment->yields ? -EDGE : HOLDS);
+}
+
+/* Release parts of a set in the motion in which it gives way: joints at stops, or all others; 0 if there are none. */
+static int release(const scene_t* scene, const real* x, segment_t* segment, const indeterminate_t* together, int number,
+                   int at_stops) {
+  int any = 0;
+  for (int i = 0; i < PARTS; ++i) {
+    const double *way = together->way + 2 * i, size = hypot(way[0], way[1]);
+    const int stopped = i < NU && at_stop(scene, x, i) != 0;
+    if (together->set[i] != number || together->share[i] <= LEAST_SHARE || stopped != at_stops) continue;
+    any = 1;
+    if (i < NU) {
+      segment->p.direction[i] = sign_of(way[0]);
+      segment->turned[i] = 0;
+      continue;
+    }
+    contact_mode_t* mode = segment->p.contact + i - NU;
+    if (mode->sticks == 0.0 || size < OPENS * together->share[i]) mode->closed = 0.0;
+    if (mode->closed == 0.0) continue;
+    mode->sticks = 0.0;
+    for (int j = 0; j < 2; ++j) mode->along[j] = way[j] / size;
+  }
+  return any;
+}
+
+/* Release a set. In its motion contacts that slide rise by their friction coefficient, which they do not do in fact: that
+ * must not lift joints off their stops. */
+static void let_go(const scene_t* scene, const real* x, segment_t* segment, const indeterminate_t* together, int number) {
+  if (!release(scene, x, segment, together, number, 0)) release(scene, x, segment, together, number, 1);
+}

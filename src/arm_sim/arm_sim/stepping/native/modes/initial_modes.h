@@ -1,0 +1,184 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The modes with which pivoting begins: what touches and presses, and what moves slides.
+ */
+
+#pragma once
+#include "modes/held_sets.h"
+
+#define REBOUND_ROUNDING (64 * 2.220446049250313e-16) /* of a gap that opens, as a multiple of the lengths that add up to it */
+#define LEAST_REBOUND 1e-9 /* speed of a rebound that is treated as rest */
+#define CERTAIN_REBOUND 1e-4 /* speed above which a rebound is certainly not a hop within rounding */
+#define CARRYING 1e-10 /* acceleration of a constraint that is rounding, relative to the square of the speed */
+
+/* Torques of compliant stops (at least the penetration), by which contact is detected, on both sides of all joints. */
+static void find_pressures(const scene_t* scene, const real* x, double met[2][NU], double push[2][NU]) {
+  real found[2 * NU];
+  CALL(scene->pressures, (x), (found));
+  for (int i = 0; i < NQ; ++i)
+    for (int side = 0; side < 2; ++side) {
+      push[side][i] = found[NU * side + i];
+      met[side][i] = fmin(push[side][i], side ? x[i] - scene->soft_stop[1][i] : scene->soft_stop[0][i] - x[i]);
+    }
+}
+
+/* Joints in contact with compliant stops: those that press against them, or are about to. */
+static void find_pressed(const scene_t* scene, const real* x, segment_t* segment) {
+  double met[2][NU], push[2][NU];
+  if (!NQ) return;
+  find_pressures(scene, x, met, push);
+  for (int i = 0; i < NQ; ++i) {
+    const real speed = x[NU + i];
+    const int lower = met[0][i] > 0.0 || (met[0][i] == 0.0 && speed < 0.0);
+    const int upper = met[1][i] > 0.0 || (met[1][i] == 0.0 && speed > 0.0);
+    segment->p.pressed[i] = upper - lower;
+  }
+}
+
+/* Set joints with dry friction or at stops at rest if the arm's constraints hold them up to rounding: 1 if any moved. */
+static int stop_rounding(const scene_t* scene, real* x) {
+  const double limit = speed_rounding(scene, x);
+  int any = 0;
+  for (int i = 0; i < ND; ++i) {
+    const int side = at_stop(scene, x, i), kept = side ? side * x[NU + i] > 0.0 || scene->constrained + NC > 0
+                                                       : may_stick(scene, i) && scene->constrained + NC > 0;
+    if (!kept || x[NU + i] == 0.0 || fabs(x[NU + i]) > limit) continue;
+    x[NU + i] = 0.0;
+    any = 1;
+  }
+  return any;
+}
+
+/* Speed of a hop off a stop within the rounding of the joint's position, under an acceleration. */
+static double rounding_rebound_of_joint(double q, double fall) {
+  return LEAST_REBOUND + sqrt(2.0 * fabs(fall) * REBOUND_ROUNDING * (1.0 + fabs(q)));
+}
+
+/* Set joints at rest that an impact elsewhere moves off their stops by such a hop; otherwise two alternating ones would
+ * never stop. */
+static void rest_on_stops(const scene_t* scene, real* x, const segment_t* segment) {
+  real slope[NX];
+  int known = 0;
+  for (int i = 0; i < NU; ++i) {
+    const double leaving = -at_stop(scene, x, i) * x[NU + i];
+    if (!(leaving > 0.0 && leaving < CERTAIN_REBOUND)) continue;
+    if (!known) find_slope(scene, x, segment, slope);
+    known = 1;
+    if (leaving <= rounding_rebound_of_joint(x[i], slope[NU + i])) x[NU + i] = 0.0;
+  }
+}
+
+/* Speeds of hops within the rounding of the gap, or shorter than a step. */
+static void find_rounding_rebounds(const scene_t* scene, const real* x, const segment_t* segment, const geometry_t* geometry,
+                                   double* least_rebound) {
+  LOCAL(inertia_t, inertia, inertia_of, INERTIA);
+  double fall = 0.0;
+  find_inertia(scene, x, segment, &inertia);
+  for (int k = 0; k < NC; ++k) fall = fmax(fall, fabs(inertia.free[3 * k]));
+  for (int k = 0; k < NC; ++k)
+    least_rebound[k] = LEAST_REBOUND + sqrt(2.0 * fall * REBOUND_ROUNDING * geometry->size[k]) + 0.5 * fall * segment->step;
+}
+
+/* Contacts whose gap is closed to rounding. */
+static void find_closed_gaps(const scene_t* scene, segment_t* segment, const geometry_t* geometry) {
+  for (int k = 0; k < NC; ++k) segment->contact[k].touching = geometry->place[3 * k] <= 4 * GAP_ROUNDING * geometry->size[k];
+}
+
+/* Contacts whose gap is closed to rounding and does not open. */
+static void find_touching(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
+  contact_t* contact = segment->contact;
+  double least_rebound[NC + 1];
+  int opens = 0;
+  find_closed_gaps(scene, segment, geometry);
+  for (int k = 0; k < NC; ++k) opens |= contact[k].touching != 0.0 && geometry->speed[3 * k] > speed_rounding(scene, x);
+  if (!opens) return;
+  find_rounding_rebounds(scene, x, segment, geometry, least_rebound);
+  for (int k = 0; k < NC; ++k) contact[k].touching = contact[k].touching != 0.0 && geometry->speed[3 * k] <= least_rebound[k];
+}
+
+/* The end of a contact's last mode determines the initial guess. */
+static void guess_from_ended(contact_mode_t* mode, const contact_t* contact) {
+  if (contact->touching == 0.0 || contact->ended == STICKS) return;
+  if (contact->ended == APART) mode->closed = 0.0;
+  if (contact->ended == SLIDES && contact->slides != 0.0) return;
+  mode->sticks = 0.0;
+  mode->along[0] = contact->ended == SLIDES ? contact->slips[0] : 1.0;
+  mode->along[1] = contact->ended == SLIDES ? contact->slips[1] : 0.0;
+}
+
+/* Initial guess: moving joints slide and those at rest stick; touching contacts are closed and those at rest stick. */
+static void guess_from_velocities(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
+  for (int i = 0; i < ND; ++i) {
+    segment->p.direction[i] = rests(scene, x, i) ? 0.0 : may_stick(scene, i) ? sign_of(x[NU + i]) : 1.0;
+    segment->turned[i] = 0;
+  }
+  find_pressed(scene, x, segment);
+  real value[NK + 1], size[NK + 1];
+  find_switches(scene, x, segment, value, size);
+  for (int k = 0; k < NK; ++k) segment->p.switches[k] = value[k] >= 0.0;
+  find_touching(scene, x, segment, geometry);
+  for (int k = 0; k < NC; ++k) {
+    contact_t* contact = segment->contact + k;
+    const real* s = geometry->speed + 3 * k + 1;
+    const double size = hypot(s[0], s[1]);
+    const int still = scene->holding[k] > 0.0 && (size <= scene->slowest || contact->slow != 0.0),
+              turns = scene->friction[k] > 0.0 && !still;
+    contact->slides = !still;
+    contact->given[0] = turns ? s[0] / size : 1.0;
+    contact->given[1] = turns ? s[1] / size : 0.0;
+    contact_mode_t* mode = segment->p.contact + k;
+    mode->closed = contact->touching;
+    mode->sticks = contact->touching != 0.0 && still;
+    for (int i = 0; i < 2; ++i) mode->along[i] = contact->given[i];
+    mode->fixed = still;
+    guess_from_ended(mode, contact);
+  }
+}
+
+/* Joints at rest that loops in motion take along: with all of them held, the constraints could not be satisfied. */
+static int find_carried(const scene_t* scene, const real* x, const segment_t* segment, int* carried) {
+  LOCAL(statics_t, balance, statics_of, STATICS);
+  double T[NM * (NU + 1) + 1];
+  int basic[NM + 1], column[NU], moving = 0, count = 0, any = 0;
+  const double fastest = largest_of(x + NU, NU);
+  for (int i = 0; i < NU; ++i) {
+    carried[i] = 0;
+    moving += !rests(scene, x, i);
+  }
+  if (moving == NU) return 0;
+  find_statics(scene, x, segment, &balance);
+  for (int i = 0; i < NU; ++i) column[i] = rests(scene, x, i) ? moving + i - count : count++;
+  for (int k = 0; k < NM; ++k) {
+    const double largest = largest_of(balance.push + NU * k, NU), size = largest > 0.0 ? largest : 1.0;
+    for (int i = 0; i < NU; ++i) T[(NU + 1) * k + column[i]] = balance.push[i + NU * k] / size;
+    T[(NU + 1) * k + NU] = balance.drift[k] / size;
+    basic[k] = -1;
+  }
+  eliminate(NM, NU + 1, T, 0, moving, basic);
+  for (int k = 0; k < NM; ++k) {
+    const double* row = T + (NU + 1) * k;
+    if (basic[k] >= 0 || fabs(row[NU]) <= CARRYING * fastest * fastest) continue;
+    for (int i = 0; i < NU; ++i) carried[i] |= rests(scene, x, i) && fabs(row[column[i]]) > CARRYING;
+  }
+  for (int i = 0; i < NU; ++i) any |= carried[i];
+  return any;
+}
+
+/* In a moving loop, a joint that passes through rest may be driven by the loop: begin with its direction. */
+static void guess_turning(const scene_t* scene, const real* x, segment_t* segment) {
+  real slope[NX];
+  int carried[NU];
+  if (!(scene->constrained && ND) || !find_carried(scene, x, segment, carried)) return;
+  for (int i = 0; i < ND; ++i)
+    if (carried[i]) segment->p.direction[i] = 1.0;
+  find_slope(scene, x, segment, slope);
+  for (int i = 0; i < ND; ++i) {
+    const double way = sign_of(slope[NU + i]);
+    if (carried[i]) segment->p.direction[i] = way * at_stop(scene, x, i) > 0.0 ? 0.0 : way;
+  }
+}
+
+static void guess_modes(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
+  guess_from_velocities(scene, x, segment, geometry);
+  if (scene->constrained && largest_of(x + NU, NU) > 0.0) guess_turning(scene, x, segment);
+}

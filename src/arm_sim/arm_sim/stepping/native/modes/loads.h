@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Loads and slopes at a state of LANES arms, in modes.
+ */
+
+#pragma once
+#include "modes/prediction.h"
+
+/* The numbers of loads_t: all results but the torques of stops. */
+static void loads_at(const scene_t* scene, const real* x, const real* u, const real* p, real* found) {
+  CALL(scene->loads, (x, u, p), (found, found + NU, found + NU + MC, found + NU + 2 * MC, 0, found + LOADS - NX));
+}
+
+static void slope_at(const scene_t* scene, const real* x, const real* u, const real* p, real* slope) {
+  CALL(scene->rhs, (x, u, p), (slope));
+}

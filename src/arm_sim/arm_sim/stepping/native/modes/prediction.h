@@ -1,0 +1,118 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What a tick with events will ask for if no event occurs, computed beforehand for several arms at a time.
+ *
+ * The engine of one arm looks its questions up here and computes those that are not answered, such as all that follow from
+ * an event. Answers are those of the same functions for the same bits: the motion does not depend on what is predicted.
+ */
+
+#pragma once
+#include "scene.h"
+
+/* Numbers of modes after the tunable ones; of loads, and of those without rates and slopes; of geometry; of inertia. */
+#define MODES (ND + NQ + NK + 5 * NC)
+#define P_LENGTH (NP + MODES)
+#define LOADS (NU + 7 * NC + NX)
+#define NEARS (NU + 3 * NC)
+#define PLACES (7 * NC)
+#define INERTIA (9 * NC * NC + 3 * NC * NU + 3 * NC)
+
+/* Where the contacts are. */
+static inline void find_places(const scene_t* scene, const real* x, real* found) {
+  if (NC) CALL(scene->contact_geometry, (x), (found, found + MC, found + 2 * MC));
+}
+
+/* Whether every joint slides and every contact is apart, in modes after the tunable numbers. */
+static inline int all_moves(const scene_t* scene, const double* modes) {
+  int moves = 1;
+  for (int i = 0; i < ND; ++i) moves &= modes[i] != 0.0;
+  for (int k = 0; k < NC; ++k) moves &= modes[ND + NQ + NK + 5 * k] == 0.0; /* closed, of five */
+  return moves;
+}
+
+/* Whether loads at a step's stage at its end tell of those at its end: under error control they are the same, and without
+ * internal states they do not swing within a step. */
+#define STEADY (scene->adaptive || NX == 2 * NU)
+
+#define NEAR 0.1 /* distance to a limit at which it may be reached within a step, relative to the limit */
+
+/* Bounds of a cubic by its Bernstein coefficients, from its ends and its slopes there. */
+static inline void bound_cubic(real begin, real slope, real end, real end_slope, real h, real* low, real* high) {
+  const real third = h / 3.0, b = begin + third * slope, c = end - third * end_slope;
+  *low = fmin(fmin(begin, end), fmin(b, c));
+  *high = fmax(fmax(begin, end), fmax(b, c));
+}
+
+/* Bounds of a number of the state inside a step of length h with its continuous output: those of the cubic through its ends,
+ * widened by twice the distance of the cubic from the middle. */
+static inline void bound_inside(const scene_t* scene, const real* x, const real* next, const real* inside, real h, int i,
+                                real* low, real* high) {
+  const real third = h / 3.0, a = third * inside[i], b = third * inside[NX + i];
+  const real bend = 2.0 * fabs(inside[2 * NX + i] - 0.5 * (x[i] + next[i]) - 0.375 * (a - b));
+  bound_cubic(x[i], inside[i], next[i], inside[NX + i], h, low, high);
+  *low -= bend;
+  *high += bend;
+}
+
+/* A predicted tick: what is given and known of it. The arrays are one after another, and `inside` is the continuous output of the
+ * step from the beginning to the end: derivatives there, and the state in the middle. */
+typedef struct {
+  double *x, *u, *p;         /* beginning of a tick, its command, and its probable modes */
+  double length;             /* of the tick */
+  double *geometry, *anchor; /* at its beginning */
+  int rests, slides, closes; /* whether loads, the inertia, and closed contacts will be asked for */
+  double *loads, *inertia;   /* at the beginning ... */
+  double *after, *geometry_after; /* ... and at the end, ... */
+  double *closed, *inside; /* ... which is this with closed contacts; the step */
+  int nears;                 /* whether this is known: ... */
+  double* near;              /* ... loads and forces at its stage at the end */
+} prediction_t;
+#define PREDICTION (5 * NX + 3 * NU + NP + MODES + 2 * PLACES + 2 * NC + LOADS + INERTIA + NEARS)
+
+static inline prediction_t prediction_of(const scene_t* scene, double* numbers) {
+  prediction_t tick;
+  tick.x = numbers;
+  tick.u = tick.x + NX;
+  tick.p = tick.u + NU;
+  tick.geometry = tick.p + NP + MODES;
+  tick.anchor = tick.geometry + PLACES;
+  tick.loads = tick.anchor + 2 * NC;
+  tick.inertia = tick.loads + LOADS;
+  tick.after = tick.inertia + INERTIA;
+  tick.geometry_after = tick.after + NX;
+  tick.closed = tick.geometry_after + PLACES;
+  tick.inside = tick.closed + 2 * NU;
+  tick.near = tick.inside + 3 * NX;
+  tick.length = 0.0;
+  tick.rests = tick.slides = tick.closes = tick.nears = 0;
+  return tick;
+}
+
+/* Predictions for arms in lanes, one behind the other in an array. */
+#define LOCAL_PREDICTIONS(name) \
+  double name##_room[LANES * PREDICTION]; \
+  prediction_t name[LANES]; \
+  for (int lane = 0; lane < LANES; ++lane) name[lane] = prediction_of(scene, name##_room + lane * PREDICTION)
+
+/* A tick without events, for derivatives: one smooth motion. */
+typedef struct {
+  double *p, *grip;            /* its modes, and the fraction of its normal force up to which a contact sticks */
+  double *begin, *end, *after; /* the motion's ends, and the state after the tick, with closed contacts */
+} event_free_t;
+#define EVENT_FREE (NP + MODES + NC + 3 * NX)
+
+static inline event_free_t event_free_of(const scene_t* scene, double* numbers) {
+  event_free_t tick = {numbers, numbers + NP + MODES, numbers + NP + MODES + NC, 0, 0};
+  tick.end = tick.begin + NX;
+  tick.after = tick.end + NX;
+  return tick;
+}
+
+/* The engine of one arm: find the modes and the anchors of a tick from its beginning, and what will be asked for; make the tick,
+ * return 0 if it cannot be computed; make a tick without events, return 0 if there is one. Python: Engine. */
+typedef struct {
+  const void* scene; /* of one arm: the first argument of each */
+  void (*predict)(const void* scene, prediction_t* tick);
+  int (*predicted_tick)(const void* scene, const prediction_t* tick, double* after);
+  int (*event_free_tick)(const void* scene, const prediction_t* tick, event_free_t* found);
+} engine_t;
