@@ -14,9 +14,9 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parent))
-project = "arm dynamics"
-author = copyright = "the contributors of arm dynamics"
-html_title = "Robot arm dynamics for ROS 2"
+project = "Arm dynamics"
+author = copyright = "the contributors of Arm dynamics"
+html_title = "Arm dynamics"
 
 extensions = [
     "myst_parser",
@@ -54,12 +54,13 @@ html_theme = "pydata_sphinx_theme"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_theme_options = {
-    "logo": {"text": "arm dynamics"},
+    "logo": {"text": "Arm dynamics"},
     "header_links_before_dropdown": 9,
     "show_prev_next": True,
     "navigation_with_keys": True,
     "secondary_sidebar_items": ["page-toc"],
 }
+html_sidebars = {"start": [], "index": []}  # they have no pages below them
 html_show_sourcelink = False
 copybutton_prompt_text = r"\$ |>>> "
 copybutton_prompt_is_regexp = True

@@ -4,9 +4,9 @@
     ./arm python tools/compile_commands.py            # beside README.md
     ./arm python tools/compile_commands.py --check    # compile each file by itself, write nothing
 
-Every file under ``native/`` is a unit or a header: it is understood by itself. Where a scene fixes
-numbers and functions, ``stepping/native/scene.h`` stands for a scene with everything. The exit
-status of ``--check`` is 1 if the compiler refuses a file or warns.
+Every file under ``native/`` is a unit or a header: it is understood by itself. Before those of an
+export, a file of ``test/support/exported`` stands for what a library defines. The exit status of
+``--check`` is 1 if the compiler refuses a file or warns.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
+EXPORTED = ROOT / "test/support/exported"
+UNIT = {"fmi2.c", "fmi3.c", "instance.h"}
 # Headers are read by themselves too: their functions are used elsewhere, and #pragma once is seen.
 WARNINGS = ("-Wall", "-Wextra", "-Wno-unused-function")
 LANGUAGE = {".c": ("c", "-std=gnu11"), ".h": ("c", "-std=gnu11"), ".hpp": ("c++", "-std=gnu++17")}
@@ -49,17 +51,10 @@ def command(file: Path, where: list[str]) -> list[str]:
     language, standard = LANGUAGE[file.suffix]
     compiler = "c++" if language == "c++" else "cc"
     plain = ("-Wno-psabi",) if language == "c++" else ()
-    return [
-        compiler,
-        "-x",
-        language,
-        standard,
-        *WARNINGS,
-        *plain,
-        *where,
-        "-fsyntax-only",
-        str(file),
-    ]
+    defined = EXPORTED / ("unit.h" if file.name in UNIT else "scene.h")
+    before = ("-include", str(defined)) if "export" in file.parts else ()
+    flags = language, standard, *WARNINGS, *plain, *where, *before
+    return [compiler, "-x", *flags, "-fsyntax-only", str(file)]
 
 
 def checked(file: Path, where: list[str]) -> str:

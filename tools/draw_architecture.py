@@ -27,18 +27,10 @@ SAYS = {
     "arm_sim": {
         "cli": "./arm describe, build, call, demo, sim …",
         "ros": "the sim node",
-        "closed_loop": "arm and controller",
         "replay": "runs a recording again",
-        "runtime_changes": "payload, friction, push",
         "export": "a scene as a C library",
-        "contact_loads": "contacts of a run",
-        "simulator": "step, run, rollout, linearize: for users",
-        "trace": "what a run records",
-        "energy_meter": "energies while it runs",
-        "simulated_arm": "state, ticks, brakes, sensors: for loops",
-        "compiled_scene": "one plant, one method, their compiled ticks",
+        "simulation": "step, run, rollout, linearize: for users; arm, plan, closed loop",
         "recording": "states; energy account",
-        "plan": "computed, skipped",
         "derivatives": "of ticks, across events",
         "stepping": "ticks: smooth motion, events (the engine in C)",
         "integrators": "steps, which method to take",
@@ -54,6 +46,7 @@ SAYS = {
         "long_runs": "Ctrl-C, memory",
     },
     "arm_dynamics": {
+        "terms": "the table of terms, what follows from it",
         "client": "services of running nodes as functions",
         "ros": "dynamics and controller nodes; what all nodes share",
         "control": "torque(state, reference); wrappers; by name",
@@ -69,12 +62,10 @@ SAYS = {
         "attributes": "what may be set of an object",
         "writing": "files that replace others",
         "cdr": "messages as bytes",
-        "exceptions": "ArmError and its kinds",
-        "lazy": "imports at first use",
-        "logs": "who hears them",
-        "starting": "Ctrl-C during imports",
+        "exceptions": "ArmError and its kinds", "lazy": "imports at first use",
+        "logs": "who hears them", "starting": "Ctrl-C during imports",
     },
-}
+}  # fmt: skip
 KNOWS_ROS = {"cli", "ros", "client"}
 
 

@@ -26,7 +26,7 @@ EXAMPLES = """\b
 Examples:
   ./arm python -m benchmarks.accuracy                   every problem; a minute or two
   ./arm python -m benchmarks.accuracy --only Panda      one problem and the checks
-  ./arm python -m benchmarks.accuracy --docs            also renew docs/laboratory/accuracy.md
+  ./arm python -m benchmarks.accuracy --docs            also renew its figure in docs/laboratory
 """
 
 KINDS = ("fixed", "controlled", "scipy", "orders", "gates")
@@ -41,7 +41,7 @@ KINDS = ("fixed", "controlled", "scipy", "orders", "gates")
     show_default="benchmarks/results",
     help="Folder for accuracy.md, accuracy.json and figures/accuracy.png.",
 )
-@click.option("--docs", is_flag=True, help="Also update the page in docs/laboratory.")
+@click.option("--docs", is_flag=True, help="Also renew the figure in docs/laboratory.")
 def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
     """Measure the error of every method, step and tolerance on motions that are known.
 

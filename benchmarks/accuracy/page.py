@@ -23,7 +23,7 @@ Results = dict[str, Any]
 
 
 def write(results: Results, out: Path, docs: Path | None) -> Path:
-    """Write accuracy.json, accuracy.md and the figure; page and figure also into ``docs``.
+    """Write accuracy.json, accuracy.md and the figure; the figure also into ``docs``.
 
     Returns:
         Path of the page in ``out``.
@@ -32,7 +32,7 @@ def write(results: Results, out: Path, docs: Path | None) -> Path:
     (out / "accuracy.json").write_text(json.dumps(results, indent=1) + "\n")
     for folder in [out] if docs is None else [out, docs]:
         draw(results, folder / "figures/accuracy.png")
-        (folder / "accuracy.md").write_text(page(results))
+    (out / "accuracy.md").write_text(page(results))
     return out / "accuracy.md"
 
 

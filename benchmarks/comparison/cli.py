@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from benchmarks.comparison import suite
-from benchmarks.comparison.report import save, summary, write, write_page, write_scoreboard
+from benchmarks.comparison import figures, suite
+from benchmarks.comparison.report import save, summary, write, write_scoreboard
 from benchmarks.studies.bench import Record
 
 ROOT = Path(__file__).parents[2]
@@ -22,7 +22,7 @@ Examples:
   ./arm bench --only cost --only rollouts
   ./arm bench --out /tmp/report        somewhere else than benchmarks/results
   ./arm bench --scoreboard             also this suite beside its peers, task by task, in a page
-  ./arm bench --docs                   also renew docs/laboratory/performance.md
+  ./arm bench --docs                   also renew the figures in docs/laboratory
   ./arm bench --again benchmarks/results/report.json --docs    the same without measuring
 """
 
@@ -43,7 +43,7 @@ Examples:
     help="Folder for report.md, report.json and the figures.",
 )
 @click.option("--scoreboard", is_flag=True, help="Also write scoreboard.md, task by task.")
-@click.option("--docs", is_flag=True, help="Also update the page in docs/laboratory.")
+@click.option("--docs", is_flag=True, help="Also renew the figures in docs/laboratory.")
 @click.option(
     "--again",
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
@@ -76,9 +76,7 @@ def main(
     if scoreboard:
         console.print(f"scoreboard: {write_scoreboard(results, out)}")
     if docs:
-        console.print(f"page: {write_page(results, ROOT / 'docs/laboratory')}")
-        if scoreboard:
-            write_scoreboard(results, ROOT / "docs/laboratory")
+        figures.draw(results, ROOT / "docs/laboratory/figures")
 
 
 def _earlier(path: Path, docs: bool) -> Record:

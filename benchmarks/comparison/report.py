@@ -1,21 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The results as JSON, as Markdown with figures, and as ``docs/laboratory/performance.md``."""
+"""The results as JSON, as Markdown with figures, and for the terminal."""
 
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 from rich.table import Table
 
 from benchmarks.comparison import figures, scoreboard, sections
 from benchmarks.comparison.claims import MET, MISSED, OPEN
-from benchmarks.reporting.markdown import quantity, wrapped
+from benchmarks.reporting.markdown import quantity
 from benchmarks.studies.bench import Record
 
-TEMPLATE = Path(__file__).with_name("page.md")
-FIGURES = "figures/"
 _COLOURS = {MET: "[green]", MISSED: "[red]", OPEN: "[yellow]"}
 
 
@@ -72,40 +69,3 @@ def summary(results: Record) -> Table:
             quantity(claim["limit"], claim["unit"]), verdict,
         )  # fmt: skip
     return table
-
-
-def write_page(results: Record, docs: Path) -> Path:
-    """Write performance.md: text from page.md, tables and figures from the results.
-
-    Args:
-        results: of all studies.
-        docs: folder of the documentation.
-
-    Returns:
-        Path of the page.
-    """
-    (docs / FIGURES).mkdir(parents=True, exist_ok=True)
-    pictures = figures.draw(results, docs / FIGURES)
-    path = docs / "performance.md"
-    path.write_text(page(results, pictures))
-    return path
-
-
-def page(results: Record, pictures: dict[str, str]) -> str:
-    """The page in Markdown; a place without a value is an error.
-
-    Args:
-        results: of all studies.
-        pictures: file names of the figures, by study.
-    """
-    parts = {
-        "about": sections.about(results),
-        "claims": sections.claims(results),
-        "method": sections.METHOD,
-        "targets": sections.targets(results),
-        "truths": sections.truths(results),
-    }
-    for study, (_, section) in sections.SECTIONS.items():
-        parts[study] = section(results)
-        parts[f"{study}_figures"] = sections.figures(pictures, study, FIGURES)
-    return wrapped(re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], TEMPLATE.read_text()))

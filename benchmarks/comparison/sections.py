@@ -34,6 +34,7 @@ def markdown(results: Record, pictures: dict[str, str]) -> str:
         if name in results:
             parts += [f"## {title}", section(results), figures(pictures, name)]
     if "work_precision" in results:
+        parts += ["## Time to a given error", targets(results), truths(results)]
         parts += ["## Every point of run time against error", points(results)]
     return "\n\n".join(part for part in parts if part) + "\n"
 

@@ -24,7 +24,7 @@ Examples:
   ./arm bench loop --quick             under a minute
   ./arm bench loop --seconds 600       ten minutes of closed loop
   ./arm bench loop --priority 50       sim and controller with real-time priority, where allowed
-  ./arm bench loop --docs              also renew docs/laboratory/performance-loop.md
+  ./arm bench loop --docs              also renew its figure in docs/laboratory
 """
 
 
@@ -40,7 +40,7 @@ Examples:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False),
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
               help="Folder for loop.md, loop.json and figures/loop.png.")  # fmt: skip
-@click.option("--docs", is_flag=True, help="Also update the page in docs/laboratory.")
+@click.option("--docs", is_flag=True, help="Also renew the figure in docs/laboratory.")
 def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: bool) -> None:
     """Measure the loop over ROS on a Panda, next to bare rclpy and a bare thread in the same run.
 

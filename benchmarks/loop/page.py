@@ -10,7 +10,6 @@ from typing import Any
 from benchmarks.loop.figure import draw
 from benchmarks.reporting.markdown import table, wrapped
 
-BEGIN, END = "<!-- loop: begin -->", "<!-- loop: end -->"
 KINDS = ("inverse", "forward", "terms")
 Record = dict[str, Any]
 
@@ -135,16 +134,13 @@ def _batches(r: Record) -> list[tuple[str, ...]]:
 
 
 def write(r: Record, out: Path, docs: Path | None) -> Path:
-    """Write loop.json, loop.md and the figure; with ``docs`` renew performance-loop.md."""
+    """Write loop.json, loop.md and the figure; the figure also into ``docs``."""
     (out / "figures").mkdir(parents=True, exist_ok=True)
     (out / "loop.json").write_text(json.dumps(r, indent=1) + "\n")
     for folder in [out] if docs is None else [out, docs]:
         draw(r, folder / "figures/loop.png")
     path = out / "loop.md"
     path.write_text("# The loop over ROS\n\n" + page(r, "figures/loop.png"))
-    if docs is not None:
-        target = docs / "performance-loop.md"
-        target.write_text("# The loop over ROS\n\n" + page(r, "figures/loop.png"))
     return path
 
 

@@ -30,7 +30,7 @@ Examples:
   ./arm stress --quick               arms of few joints, 72 runs; a few minutes
   ./arm stress --seed 1000           others
   ./arm stress --only features --seed 17 --scenes 1    one scene again, in all its ways
-  ./arm stress --docs                also renews docs/laboratory/stability.md
+  ./arm stress --docs                also renews its figure in docs/laboratory
 """
 
 
@@ -56,7 +56,7 @@ Examples:
     "--out", type=click.Path(path_type=Path, file_okay=False), default=ROOT / "benchmarks/results",
     show_default="benchmarks/results", help="Folder for stability.md and its figure and data.",
 )  # fmt: skip
-@click.option("--docs", is_flag=True, help="Also update the page in docs/laboratory.")
+@click.option("--docs", is_flag=True, help="Also renew the figure in docs/laboratory.")
 def main(
     wanted: int | None, only: str | None, seed: int, quick: bool, share: float, workers: int,
     out: Path, docs: bool,

@@ -26,7 +26,7 @@ PARTS = {
 
 
 def write(found: Sequence[Result], held: Sequence[Held], out: Path, docs: Path | None) -> Path:
-    """Write stability.json, stability.md and the figure; page and figure also into ``docs``.
+    """Write stability.json, stability.md and the figure; the figure also into ``docs``.
 
     Args:
         found: All runs, in the order of their seeds.
@@ -42,7 +42,7 @@ def write(found: Sequence[Result], held: Sequence[Held], out: Path, docs: Path |
     (out / "stability.json").write_text(json.dumps(kept, indent=1) + "\n")
     for folder in [out] if docs is None else [out, docs]:
         draw(found, folder / "figures/stability.png")
-        (folder / "stability.md").write_text(page(found, held))
+    (out / "stability.md").write_text(page(found, held))
     return out / "stability.md"
 
 

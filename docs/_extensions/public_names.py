@@ -97,6 +97,17 @@ def is_constant(thing: Any) -> bool:
     return not (inspect.isclass(thing) or inspect.isroutine(thing))
 
 
+def summary(package: str) -> str:
+    """A table of the names of a package with the first sentence about each, in Markdown."""
+    module, rows = importlib.import_module(package), ["| name | |", "|---|---|"]
+    for name in packages()[package]:
+        thing = getattr(module, name)
+        about = constant_words(package, name) if is_constant(thing) else inspect.getdoc(thing)
+        first = (about or "").partition("\n")[0].replace("``", "`").replace("|", "\\|")
+        rows.append(f"| {{py:obj}}`{name} <{home(package, name)}.{name}>` | {first} |")
+    return "\n".join(rows) if len(rows) > 2 else ""
+
+
 def directives(package: str) -> str:
     """Directives of autodoc for the names of a package, in reStructuredText."""
     module = importlib.import_module(package)

@@ -12,6 +12,8 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from arm_dynamics.terms import TERMS
+
 from . import commands, interfaces, lectures, node_parameters, public_names, scene_keys
 
 
@@ -30,9 +32,10 @@ def directive(markdown: Callable[..., str]) -> type[SphinxDirective]:
 
 
 def package(name: str) -> str:
-    """What a package says of itself, and its public names."""
+    """What a package says of itself, a summary of its public names, and these names."""
     words = (import_module(name).__doc__ or "").replace("``", "`")
-    return f"{words}\n```{{eval-rst}}\n{public_names.directives(name)}\n```\n"
+    names = f"```{{eval-rst}}\n{public_names.directives(name)}\n```\n"
+    return f"{words}\n\n{public_names.summary(name)}\n\n{names}"
 
 
 def parts(package: str, names: str) -> str:
@@ -41,6 +44,17 @@ def parts(package: str, names: str) -> str:
         f"## `{name}`\n\n```{{eval-rst}}\n.. automodule:: {package}.{name}\n   :members:\n```\n"
         for name in names.split()
     )
+
+
+def terms() -> str:
+    """The table of terms."""
+    rows = (
+        f"| `{entry.asked}` | `{entry.name}` | {', '.join(entry.asks)} "
+        f"| {' × '.join(map(str, entry.shape))} | {entry.unit} | {entry.about} |"
+        for entry in TERMS
+    )
+    heads = "in `Dynamics`", "in C, services and commands", "of", "shape", "unit", ""
+    return "\n".join([f"| {' | '.join(heads)} |", "|" + "---|" * len(heads), *rows])
 
 
 def without_foreign_words(
@@ -96,6 +110,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("interfaces", directive(interfaces.markdown))
     app.add_directive("lectures", directive(lectures.markdown))
     app.add_directive("package", directive(package))
+    app.add_directive("terms", directive(terms))
     app.add_directive("parts", directive(parts))
     app.connect("autodoc-skip-member", without_foreign_words)
     app.connect("autodoc-process-docstring", without_constructors)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator
-from copy import copy
 from dataclasses import replace
 from enum import Enum
 from importlib import import_module
@@ -84,15 +83,10 @@ def said(what: object, name: str) -> str:
     ("what", "name", "message"),
     [
         (Arm(1.0), "length", "Arm.length cannot be set; build another Arm(length)"),
-        (Arm(1.0), "reach", "Arm.reach cannot be set; build another Arm(length)"),
         (Arm(1.0), "lenght", "Arm has no attribute 'lenght'; did you mean 'length'?"),
         (Arm(1.0), "weight", "Arm has no attribute 'weight'; build a heavier one"),
-        (Arm(1.0), "colour", "Arm has no attribute 'colour'; build another Arm(length)"),
-        (Hand(), "fingers", "Hand.fingers cannot be set; build another Hand()"),
         (Hand(), "mass", "Hand has no attribute 'mass'; build a heavier one"),
-        (copy(Arm(1.0)), "length", "Arm.length cannot be set; build another Arm(length)"),
         (Place(1.0), "x", "Place.x cannot be set; dataclasses.replace changes a copy: x, y"),
-        (Place(1.0), "z", "Place has no attribute 'z'; dataclasses.replace changes a copy: x, y"),
     ],
 )
 def test_the_error_says_what_to_do_instead(what: object, name: str, message: str) -> None:

@@ -140,14 +140,6 @@ def test_derivatives_along_the_constraints(name: str, rng: np.random.Generator) 
     assert B.shape == (2 * n, n)
 
 
-def test_a_scene_without_constraints_has_none_of_it() -> None:
-    sim = models.simulator("two_link")
-    assert sim.arm.plant.mechanics.project is None
-    assert [part.on for part in sim.plan.parts if part.name == "constraints"] == [False]
-    assert sim.arm.plant.parameters.names == []
-    assert sim.multipliers().shape == (0,)
-
-
 def test_mimic_joints_in_a_loop() -> None:
     """A gripper whose jaws follow each other, hung on a rod from the ceiling."""
     urdf = str(models.FOLDER / "gripper.urdf")

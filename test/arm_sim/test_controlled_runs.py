@@ -84,17 +84,6 @@ def test_one_of_ones_own_leads_a_closed_loop_along_trajectories() -> None:
     np.testing.assert_array_equal(other.run(1.5).q, done.q)
 
 
-def test_what_cannot_be_a_controller_is_refused() -> None:
-    sim = models.simulator("two_link", dt=1e-3)
-    with pytest.raises(InvalidInput, match="control is the class Springs"):
-        sim.run(0.1, own_controllers.Springs)
-    way = quintic([Waypoint(0.0, np.zeros(2)), Waypoint(1.0, np.ones(2))])
-    with pytest.raises(InvalidInput, match="a reference is for a controller"):
-        sim.run(0.1, np.zeros(2), way)
-    with pytest.raises(InvalidInput, match="controller = 'own_controllers:None_'"):
-        ClosedLoop("two_link", "own_controllers:None_")
-
-
 def test_a_failed_one_reports_it_in_a_closed_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = ClosedLoop("two_link", own_controllers.Fails, dt=1e-3)
     pair.run(0.01)
@@ -102,12 +91,6 @@ def test_a_failed_one_reports_it_in_a_closed_loop(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(ControllerFailed, match="controller Fails returned"):
         pair.run(0.01)
     assert pair.simulator.arm.step_count == 10
-
-
-def test_waypoints_in_degrees_are_told(caplog: pytest.LogCaptureFixture) -> None:
-    pair = ClosedLoop("double_pendulum")
-    pair.follow([Waypoint(200.0, [45.0, 0.0])])
-    assert "position 45 is 7.16 turns; angles are in rad" in caplog.text
 
 
 def test_a_controller_for_another_arm_or_other_ticks_is_told(

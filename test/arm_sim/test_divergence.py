@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmError
 from arm_sim import SimulationDiverged, Simulator
 
 # Friction so stiff that explicit steps of 10 ms grow without bound.
@@ -30,10 +29,6 @@ def diverging(backend: str = "auto", scene: dict[str, Any] = STIFF) -> Simulator
 
 def finite(sim: Simulator) -> bool:
     return bool(np.isfinite(sim.state.q).all() and np.isfinite(sim.state.v).all())
-
-
-def test_is_of_the_family() -> None:
-    assert issubclass(SimulationDiverged, ArmError)
 
 
 @ARMS
@@ -69,21 +64,6 @@ def test_run_and_step_agree_on_where_it_ends() -> None:
         rolled.run(10.0)
     assert stepped.state.step == rolled.state.step
     np.testing.assert_array_equal(stepped.state.v, rolled.state.v)
-
-
-def test_simulator_can_be_used_again() -> None:
-    sim = diverging()
-    with pytest.raises(SimulationDiverged):
-        sim.run(10.0)
-    sim.reset(v=[0.0, 0.0, 0.0])
-    assert np.isfinite(sim.step(np.zeros(3)).q).all()
-
-
-def test_says_where_and_what_may_help() -> None:
-    sim = diverging()
-    with pytest.raises(SimulationDiverged) as caught:
-        sim.run(10.0)
-    assert all(word in str(caught.value) for word in ("tick", "euler", "0.01"))
 
 
 def test_adaptive_steps_that_cannot_meet_the_tolerance() -> None:

@@ -19,9 +19,7 @@ from arm_sim.figures import (
     WIDTH,
     animation,
     figure,
-    joint_words,
     legend_outside,
-    most_moved,
     use_style,
 )
 
@@ -51,14 +49,6 @@ def test_every_frame_shows_the_motion_at_its_time() -> None:
         assert clock.get_text() == f"{TIME[k]:.2f} s"
 
 
-def test_everything_is_inside_the_picture() -> None:
-    animation(TIME, [ROD])
-    axes = plt.gca()
-    assert axes.get_xlim()[0] < TIP[:, 0].min() and axes.get_ylim()[1] > TIP[:, 1].max()
-    scale = axes.transData.transform([[0.0, 0.0], [1.0, 1.0]])
-    assert np.ptp(scale[:, 0]) == pytest.approx(np.ptp(scale[:, 1]))  # a circle is round
-
-
 def test_labels_are_shown_below_the_axes_and_inside_the_picture() -> None:
     long = "a label that takes half of the picture"
     animation(TIME, [(ROD, {"label": long}), (ROD, {"label": "b"})], trail=(TIP, {"label": long}))
@@ -67,15 +57,6 @@ def test_labels_are_shown_below_the_axes_and_inside_the_picture() -> None:
     assert [text.get_text() for text in legend.texts] == [long, "b"]  # each once
     box, axes = legend.get_window_extent(), plt.gca().get_tightbbox()
     assert box.y1 <= axes.y0 + 1.0 and 0.0 <= box.x0 and box.x1 <= figure.bbox.width
-
-
-@pytest.mark.parametrize("size", [(4.4, 4.4), (6.4, 2.6), (5.5, 5.0)])
-def test_the_clock_is_inside_the_picture(size: tuple[float, float]) -> None:
-    film = animation(TIME, [ROD], size=size)
-    *_, clock = film._func(0)
-    figure = plt.gcf()
-    box = clock.get_window_extent(figure.canvas.get_renderer())
-    assert figure.bbox.y0 <= box.y0 and box.y1 <= figure.bbox.y1
 
 
 @pytest.mark.parametrize("shape", [(400, 2, 2), (401, 2, 3), (2,)])
@@ -101,11 +82,6 @@ def test_a_legend_outside_has_each_label_once_and_covers_no_axes(below: bool) ->
         assert legend.y0 >= max(box.y1 for box in boxes) - 1.0
 
 
-def test_of_many_joints_the_seven_that_move_most_are_drawn() -> None:
-    q = np.linspace(-1.0, 1.0, 5)[:, None] * [3.0, 0.0, 5.0, 4.0, 1.0, 9.0, 8.0, 7.0, 6.0]
-    assert most_moved(q) == [0, 2, 3, 5, 6, 7, 8] and most_moved(q[:, :3]) == [0, 1, 2]
-
-
 def test_letters_are_readable_and_a_page_shows_figures_as_wide_as_they_are(tmp_path: Path) -> None:
     assert min(STYLE[key] for key in STYLE if key.endswith(("font.size", "labelsize"))) >= 8.0
     with written() as figures, figure("wide", columns=3, folder=tmp_path) as axes:
@@ -113,19 +89,3 @@ def test_letters_are_readable_and_a_page_shows_figures_as_wide_as_they_are(tmp_p
             axis.plot([0.0, 1.0], label="one")
     assert figures[0].get_figwidth() <= WIDTH and len(figures[0].legends[0].texts) == 1
     assert [line.get_color() for axis in axes for line in axis.lines] == 3 * [COLORS[0]]
-
-
-def test_names_of_joints_in_words() -> None:
-    assert joint_words(("panda_joint1", "panda_joint2")) == ["joint1", "joint2"]
-    assert joint_words(("shoulder_pan_joint", "wrist_1_joint")) == ["shoulder pan", "wrist 1"]
-    assert joint_words(("arm", "arm_elbow")) == ["arm", "arm elbow"]
-
-
-def test_a_figure_is_written_where_it_says(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with figure("four", 2, 2, (3.0, 2.0), tmp_path / "figures") as axes:
-        assert axes.shape == (2, 2)
-    assert capsys.readouterr().out == f"figure: {tmp_path}/figures/four.png\n"
-    height, width, _ = plt.imread(tmp_path / "figures/four.png").shape
-    assert height / width == pytest.approx(2.0 / 3.0, rel=0.01)

@@ -51,12 +51,6 @@ def test_fewer_operations(whole: Simulator, changes: dict[str, Any]) -> None:
     assert plan.evaluation < whole.plan.evaluation
 
 
-def test_no_effort_limit_saves_the_cut(whole: Simulator) -> None:
-    free = simulator(joints={"*": {"limits": {"effort": float("inf")}}})
-    assert free.plan.operations < whole.plan.operations
-    assert free.plan.evaluation == whole.plan.evaluation
-
-
 NOTHING: dict[str, dict[str, Any]] = {
     "armature of zero": {"joints": {"*": {"armature": 0.0}}},
     "payload of zero": {"payloads": [{"frame": "panda_link7", "mass": 0.0}]},
@@ -69,23 +63,6 @@ NOTHING: dict[str, dict[str, Any]] = {
 def test_what_says_nothing_costs_nothing(whole: Simulator, changes: dict[str, Any]) -> None:
     """Not one operation more."""
     assert simulator(**changes).plan.operations == whole.plan.operations
-
-
-def test_default_spelled_out_is_the_very_same_code(whole: Simulator) -> None:
-    assert code(
-        simulator(gravity=[0, 0, -9.81], joints={"*": {"armature": 0.0}}, payloads=[])
-    ) == code(whole)
-
-
-def test_a_payload_is_folded_into_its_link(whole: Simulator) -> None:
-    """Numbers change, the work hardly does: the flange has a full tensor already."""
-    loaded = simulator(payloads=[{"frame": "panda_link7", "mass": 1.0, "com": [0.0, 0.0, 0.1]}])
-    assert loaded.plan.evaluation <= whole.plan.evaluation * 1.02
-
-
-def test_armature_costs_one_addition_a_joint(whole: Simulator) -> None:
-    with_drive = simulator(joints={"*": {"armature": 0.1}})
-    assert whole.plan.evaluation <= with_drive.plan.evaluation <= whole.plan.evaluation + 2 * 7
 
 
 def test_order_of_work_by_method(whole: Simulator) -> None:
@@ -130,15 +107,6 @@ def lines(sim: Simulator, word: str) -> list[str]:
     return [line for line in str(sim.plan).splitlines() if line.startswith(word)]
 
 
-def test_words_for_people(whole: Simulator) -> None:
-    text = str(whole.plan)
-    for word in (
-        "rk4", "operations", "gravity", "friction", "locked", "payload",
-        str(whole.plan.operations),
-    ):  # fmt: skip
-        assert word in text, f"{word} not in:\n{text}"
-
-
 @pytest.mark.parametrize(
     ("changes", "part"),
     [({"gravity": [0, 0, 0]}, "gravity"), ({"joints": {"*": STILL}}, "viscous")],
@@ -149,14 +117,6 @@ def test_says_what_is_skipped(whole: Simulator, changes: dict[str, Any], part: s
     sim = simulator(**changes)
     assert any(part in line for line in lines(sim, "skipped"))
     assert not any(part in line for line in lines(sim, "computed"))
-
-
-@pytest.mark.parametrize("name", ["z1", "planar_3r", "puma560"])
-def test_dry_friction_is_not_passed_over_in_silence(name: str) -> None:
-    assert models.dynamics(name).model.has_dry_friction
-    assert any(
-        word in str(models.simulator(name).plan).lower() for word in ("dry friction", "coulomb")
-    )
 
 
 def test_measured_time_is_positive_and_harmless(whole: Simulator) -> None:

@@ -125,12 +125,8 @@ def test_a_push_stays_through_other_changes() -> None:
     [
         (lambda s: payload_change(s, 1, 1.0, [0] * 3, [0] * 6), InvalidInput, "has 1, counted"),
         (lambda s: payload_change(s, 0, -1.0, [0] * 3, [0] * 6), SceneError, "mass"),
-        (lambda s: payload_change(s, 0, np.nan, [0] * 3, [0] * 6), SceneError, "mass"),
-        (lambda s: payload_change(s, 0, 1.0, [0] * 2, [0] * 6), SceneError, "com"),
         (lambda s: friction_change(s, [-1.0] * 2), InvalidInput, "at least 0 is expected"),
-        (lambda s: friction_change(s, [np.inf] * 2), InvalidInput, "finite"),
         (lambda s: friction_change(s, [1.0]), InvalidInput, "shape"),
-        (lambda s: friction_change(s, [0.5, -0.5]), InvalidInput, "at least 0 is expected"),
         (lambda s: payload_change(s, -1, 1.0, [0] * 3, [0] * 6), InvalidInput, "has 1, counted"),
     ],
 )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_sim import Simulator, State
+from arm_sim import Simulator
 
 NAME = "planar_3r"
 LIMITS = np.array([80.0, 40.0, 20.0])
@@ -72,17 +72,6 @@ def test_state_is_a_value(sim: Simulator) -> None:
     np.testing.assert_array_equal(state.q, kept[0])
     np.testing.assert_array_equal(state.v, kept[1])
     assert sim.state is not state
-
-
-def test_step_returns_the_state(sim: Simulator) -> None:
-    assert sim.step(np.zeros(3)) is sim.state
-    assert isinstance(sim.state, State)
-
-
-def test_effort_is_a_copy(sim: Simulator) -> None:
-    sim.step([1.0, 2.0, 3.0])
-    sim.effort[:] = 99.0
-    np.testing.assert_array_equal(sim.effort, [1.0, 2.0, 3.0])
 
 
 def test_callers_torque_is_not_touched_or_kept(sim: Simulator) -> None:

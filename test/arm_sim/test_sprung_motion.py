@@ -308,10 +308,3 @@ def test_no_springs_no_code() -> None:
     bare = work()
     assert work(springs=[], joints={"*": {"spring": {"stiffness": 0.0}}}) == bare
     assert work(springs=[TO_WORLD]) > bare
-
-
-def test_plan_says_so() -> None:
-    joints = {"elbow": {"spring": {"stiffness": 3.0}}}
-    with_springs = Simulator({"robot": TWO_LINK, "joints": joints, "springs": [BETWEEN, CORD]})
-    assert "computed    springs: 1 of joints, 2 between points" in str(with_springs.plan)
-    assert "skipped     springs: none" in str(models.simulator("two_link").plan)

@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 
 import models
 from arm_dynamics import InvalidInput, SceneError
-from arm_dynamics.model.stops import Range, stops_of
 from arm_sim import SimulationDiverged, Simulator
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
@@ -232,17 +231,6 @@ def test_every_joint_meets_either_stop_at_its_instant() -> None:
         assert_close(state.v, np.full(3, -0.5 * side), CLOSED_FORM)
 
 
-@pytest.mark.parametrize("joint", [0, 1])
-@pytest.mark.parametrize("side", [0, 1])
-def test_one_stop_of_one_joint_is_a_stop(joint: int, side: int) -> None:
-    names, ends = ("one", "two"), np.array([[-np.inf] * 2, [np.inf] * 2])
-    ends[side, joint] = 0.5
-    ranges = [Range(name, *ends[:, i], None, i, 1.0, 0.0) for i, name in enumerate(names)]
-    stops = stops_of(ranges, names)
-    assert stops
-    np.testing.assert_array_equal(stops.place, ends)
-
-
 def test_what_a_follower_may_do_stops_its_leader() -> None:
     urdf = (models.FOLDER / "gripper.urdf").read_text()
     sim = Simulator({"robot": {"urdf": urdf}})
@@ -315,12 +303,6 @@ def test_positions_beyond_a_stop_are_refused() -> None:
         Simulator(rail() | {"initial": {"position": {"rail": 2.1}}})
 
 
-def test_many_arms_beyond_their_stops_by_rounding_start_there() -> None:
-    q0 = np.array([[-0.9e-9], [0.3], [2.0 + 0.9e-9]])
-    starts = Simulator(rail()).rollout(q0, np.zeros((3, 1)), [0.0], 0)
-    np.testing.assert_array_equal(starts[:, 0, 0], [0.0, 0.3, 2.0])
-
-
 @pytest.mark.parametrize("place", [1e4, -1e4])
 def test_a_locked_joint_is_not_put_beyond_its_limits(place: float) -> None:
     urdf = (models.FOLDER / "gantry.urdf").read_text()
@@ -334,20 +316,6 @@ def test_a_start_at_zero_beyond_the_range_is_at_the_nearer_stop() -> None:
     scene = rail(lower=0.2)
     del scene["initial"]
     assert Simulator(scene).state.q.tolist() == [0.2]
-
-
-@pytest.mark.parametrize(
-    ("stop", "said"),
-    [
-        ({"damping": 1.0}, "needs its stiffness"),
-        ({"stiffness": 1.0, "restitution": 0.1}, "rigid, with restitution, or compliant"),
-        ({"restitution": 1.5}, "at most 1"),
-        ({"stiffness": 0.0}, "more than 0"),
-    ],
-)
-def test_impossible_stops_are_refused(stop: dict[str, float], said: str) -> None:
-    with pytest.raises(SceneError, match=said):
-        Simulator(rail(stop))
 
 
 @pytest.mark.parametrize("method", [{}, {"tolerance": 1e-9}], ids=["fixed", "controlled"])
@@ -409,17 +377,6 @@ def test_what_flies_from_stop_to_stop_by_an_unstable_method_has_diverged(method:
     with pytest.raises(SimulationDiverged, match="cannot be computed"):
         sim.run(0.1)
     assert 0.0 < sim.state.q[0] < 2.0 and sim.state.v[0] != 0.0
-
-
-def test_rest_at_a_stop_is_rest() -> None:
-    limits = {"limits": {"lower": -0.5, "upper": 0.5}}
-    sim = Simulator(two_link({f"joint{i}": limits for i in (1, 2, 3)}))
-    sim.run(20.0)
-    q = sim.state.q.copy()
-    assert (abs(q) == 0.5).any()
-    sim.run(1.0, None)
-    if not sim.state.v.any():
-        assert sim.state.q.tolist() == q.tolist()
 
 
 def test_of_several_joints_beyond_their_stops_the_farthest_is_named() -> None:

@@ -176,11 +176,3 @@ def test_a_table_that_rises_steeply_at_rest_is_followed_by_default() -> None:
     creep.reset()
     assert_close(run.v[-1], creep.run(0.05, [2.0]).v[-1], SPRING)
     assert 0.0 < run.v[-1, 0] < 1e-4 and run.trusted
-
-
-def test_the_plan_says_what_tables_there_are() -> None:
-    plan = str(Simulator(arm()).plan)
-    assert "computed    friction by speed: 2 joints, 3 rows of speeds" in plan
-    assert "computed    springs: 1 of joints" in plan
-    assert "skipped     viscous friction" in plan
-    assert "skipped     friction by speed: no table" in str(Simulator("pendulum").plan)

@@ -14,7 +14,8 @@ import pytest
 
 from benchmarks.comparison import claims, targets
 from benchmarks.comparison.claims import MET, MISSED, MISSING, OPEN
-from benchmarks.comparison.report import page, summary, write
+from benchmarks.comparison.report import summary, write
+from benchmarks.comparison.sections import markdown
 from benchmarks.comparison.suite import judged
 from benchmarks.measurement.intervals import of_median
 from benchmarks.measurement.timing import Cost, Noise, interleaved
@@ -187,10 +188,9 @@ def test_energy_error_of_euler_grows(bench: Bench) -> None:
     assert 0 < rows[0] < rows[1]
 
 
-def test_page_has_a_value_for_every_place(bench: Bench) -> None:
-    found = page(judged(full_results(bench)), {"cost:joints": "joints.png"})
-    assert "{{" not in found
-    assert "![joints](figures/joints.png)" in found
+def test_report_has_figures_and_verdicts(bench: Bench) -> None:
+    found = markdown(judged(full_results(bench)), {"cost:joints": "joints.png"})
+    assert "![joints](joints.png)" in found
     assert (
         "| RK4 step of Panda ÷ MuJoCo's Euler step | 0.50 | 0.50 to 0.50 | 0.75 | met |" in found
     )

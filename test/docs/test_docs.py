@@ -111,18 +111,6 @@ def test_files_that_equations_stand_in_exist() -> None:
         assert any((package / file).is_file() for package in packages), file
 
 
-FOLLOWING = (ROOT / "docs/how-to/follow-joint-trajectory.md").read_text()
-
-
-def test_rules_are_shown_by_tests_that_exist() -> None:
-    of_node = ROOT / "test/arm_dynamics/ros/test_trajectory_action.py"
-    of_core = ROOT / "test/arm_dynamics/trajectory"
-    marked = [of_node.with_name("test_tolerances.py"), *sorted(of_core.glob("test_*.py"))]
-    for name in set(re.findall(r"`(test_\w+)`", FOLLOWING)):
-        places = marked if f"†`{name}`" in FOLLOWING else [of_node]
-        assert any(f"def {name}(" in place.read_text() for place in places), name
-
-
 COMMANDS = re.compile(r"\./arm ([a-z][a-z-]*)(?: ([\w./:-]+))?|scene:=([\w./:-]+)")
 TAKE_A_SCENE = {"sim", "dynamics", "controller", "describe", "build", "export", "urdf", "view"}
 

@@ -28,6 +28,7 @@ OTHER = "arm sim panda --ros-args -r __node:=robot_state_publisher -r joint_stat
 # What a reader has when a page begins: files by name, and nodes that run.
 GIVEN: dict[str, tuple[str, ...]] = {
     "README": PANDA,
+    "docs/start": ("my_arm.urdf",),
     "how-to/own-controller": ("my_package/my_module.py", "my_arm.urdf"),
     "how-to/compare": ("run.mcap", "bag_of_my_robot", "better.yaml"),
     "how-to/compiled-scenes": ("my_scene.yaml",),

@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/project/extending.md").read_text()
 WALKS = dict(re.findall(r"\n## ([^\n]+)\n(.*?)(?=\n## |\Z)", PAGE, re.DOTALL))
 MOST_FILES = {
+    "A term": 3,
     "A friction law with a state": 4,
     "An integrator": 2,
     "A controller": 2,
@@ -79,6 +80,39 @@ def test_other_files_that_walks_name_exist() -> None:
     assert len(named) > 5
     real = [name for name in named if not re.search(r"\b(?:NAME|SECTION)\b|_NAME", name)]
     assert [name for name in real if not (ROOT / name).exists()] == []
+
+
+def test_a_term_is_asked_of_everything_that_follows_from_the_table(tmp_path: Path) -> None:
+    run(
+        applied("A term", tmp_path),
+        """
+import numpy as np, pinocchio as pin
+from pathlib import Path
+from arm_dynamics import Dynamics
+from arm_dynamics.terms import TERMS, compiled
+from arm_dynamics.terms.arm import Numbers
+from arm_sim.export import export
+
+dyn = Dynamics("arm_sim/arm_sim/scenes/two_link.urdf")
+q = np.random.default_rng(0).normal(size=(300, 2))
+right = [pin.centerOfMass(dyn.model.pin, dyn.model.pin.createData(), x).copy() for x in q]
+np.testing.assert_allclose(dyn.centre_of_mass(q), right, atol=1e-14)
+np.testing.assert_allclose(dyn.centre_of_mass(q=q[0]), right[0], atol=1e-14)
+np.testing.assert_allclose(dyn.compiled().centre_of_mass(q[0]), right[0], atol=1e-14)
+export("arm_sim/arm_sim/scenes/two_link.urdf", "out", name="two", tick=False)
+assert "void two_centre_of_mass(const double* q, double* c);" in Path("out/two.h").read_text()
+assert "centre_of_mass" in Path("out/test_two.c").read_text()
+(entry,) = (entry for entry in TERMS if entry.name == "centre_of_mass")
+numbers = Numbers(dyn.model, dyn.steady_friction)
+wrong = lambda given: [numbers.rigid.centre_of_mass(x) + 1e-6 for x in given["q"]]
+try:
+    compiled.verify(numbers, (entry, ()), lambda given: np.array(wrong(given)), ["q"])
+except Exception as error:
+    assert "generated centre of mass differs from Pinocchio" in str(error)
+else:
+    raise AssertionError("wrong code was taken")
+""",
+    )
 
 
 def test_friction_law_works_everywhere(tmp_path: Path) -> None:

@@ -52,11 +52,7 @@ def files(folder: Path) -> set[Path]:
     return set(folder.rglob("*"))
 
 
-ASK = (
-    "view --help", "sweep -h", "demo --view --help", "sim panda --help", "docs --help",
-    "bench --help", "bench loop --help", "compare-controllers -h", "stress --help",
-    "python --help", "test -h", "completion bash",
-)  # fmt: skip
+ASK = ("view --help", "demo --view --help", "bench loop --help", "test -h", "completion bash")
 
 
 @pytest.mark.parametrize("line", ASK)
@@ -123,7 +119,7 @@ def test_an_unknown_group_is_refused(clone: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("word", ["demos", "vew", "s.m", "--veiw"])
+@pytest.mark.parametrize("word", ["demos", "--veiw"])
 def test_an_unknown_command_installs_nothing(word: str, clone: Path, older: Path) -> None:
     (clone / ".venv").rename(clone / "kept")
     before = files(clone)

@@ -17,7 +17,6 @@ from samples import sampled
 
 DOCKERFILE = (ROOT / "Dockerfile").read_text()
 WORKFLOW: dict[Any, Any] = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())
-INSTRUCTIONS = {"FROM", "RUN", "WORKDIR", "COPY", "ENTRYPOINT", "CMD"}
 OF_ROOT = ("apt-get ", "rosdep ")
 
 
@@ -82,26 +81,6 @@ def test_the_workspace_is_made_as_its_page_says() -> None:
     assert f"\ncolcon build\n{line}\n" in (ROOT / "docs/how-to/install.md").read_text()
     wanted = {Requirement(word.strip('"')).name for word in line.split()[4:]}
     assert wanted == {"casadi", "example-robot-data", "mcap", "pydantic", "numpy"}
-
-
-def test_stages_are_complete() -> None:
-    found = stages()
-    assert list(found) == ["library", "ros"]
-    for instructions in found.values():
-        names = [name for name, _ in instructions]
-        assert set(names) == INSTRUCTIONS and names[0] == "FROM"
-        (copy,) = (rest for name, rest in instructions if name == "COPY")
-        assert copy == ". ."  # all that is not in .dockerignore
-    ignored = (ROOT / ".dockerignore").read_text().split()
-    assert {".venv", ".venv-*", "build", "install", "log"} <= set(ignored)
-
-
-def test_jobs_are_complete() -> None:
-    assert WORKFLOW[True].keys() == {"push", "pull_request"}  # YAML 1.1 reads "on" as true
-    for job in WORKFLOW["jobs"].values():
-        assert job["runs-on"] == "ubuntu-24.04"
-        assert job["steps"][0] == {"uses": "actions/checkout@v4"}
-        assert all(re.fullmatch(r"\S+@v\d+", s["uses"]) for s in job["steps"] if "uses" in s)
 
 
 @pytest.mark.parametrize("file", re.findall(r"(?:\./arm|\.ci/run)\b", DOCKERFILE + str(WORKFLOW)))

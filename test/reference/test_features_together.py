@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from arm_sim.runtime_changes import payload_change
 
 from arm_sim import Simulator
+from arm_sim.simulation.runtime_changes import payload_change
 from models import features
 from reference import make_features_together as solutions
 from reference.independent import simulate

@@ -3,16 +3,15 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Any
 
 import numpy as np
 from harness import Ros
+from polled import offered
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 import models
-from arm_dynamics.ros.joint_state.reader import Read
 from arm_sim.ros.sim_node import SimNode
 
 NAMES = list(models.dynamics("two_link").joint_names)
@@ -30,15 +29,7 @@ class Waiting:
 
     def __init__(self, node: SimNode) -> None:
         node.inputs.close()
-        self.messages: deque[bytes] = deque()
-        self._read = node.inputs.reader.read
-        node.inputs.source = self
-
-    def take(self) -> tuple[int, Read] | None:
-        return (0, self._read(self.messages.popleft())) if self.messages else None
-
-    def close(self) -> None:
-        pass
+        self.messages = offered(node.inputs, node.engine)
 
 
 def command(**fields: Any) -> bytes:

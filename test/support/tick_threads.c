@@ -4,7 +4,7 @@
  * done here in the same order and under the same locks; in place of the middleware there is a wire. Compiled after the
  * code of the node.
  *
- *   ticking   RealtimeLoop with OrdinaryTicks and TickEngine.tick    ordering   a service: TickQueue.run
+ *   ticking   RealtimeLoop, and the answers to its questions         ordering   a service: TickQueue.run
  *   leading   a controller that answers states                       looking    SimDiagnostics, EnergyTopic
  *   writing   ChunkThread
  */
@@ -21,7 +21,7 @@
 typedef pthread_mutex_t lock_t;
 
 typedef struct {
-  int64_t orders, ticks, in_c, recorded, written, counted, looks, noted; /* what was done; found by the test */
+  int64_t orders, ticks, recorded, written, counted, looks, noted; /* what was done; found by the test */
 } done_t;
 
 /* The wire: bytes of commands on their way to the sim, and the newest stamp on its way to the controller. */
@@ -40,6 +40,7 @@ static int64_t bell, ended, lateness_bins[FINE + COARSE], trip_bins[FINE + COARS
 static int64_t stamps[SENT], times[SENT];
 static double x[JOINTS], acted[JOINTS], newest[JOINTS], next_command[JOINTS];
 static double kept_states[ROWS * JOINTS], kept_efforts[ROWS * JOINTS];
+static int64_t kept_ticks[ROWS];
 static uint8_t state_raw[MESSAGE], tick_raw[MESSAGE], chunk_raw[2][CHUNK], found[24 + 8 * JOINTS];
 static int64_t places[2][CHUNK / 31];
 static chunk_t chunks[2];
@@ -75,7 +76,7 @@ rcl_ret_t rcl_publish_serialized_message(const rcl_publisher_t* p, const rcl_ser
 }
 
 /* One tick of an arm that moves by its command. */
-static int move(arm_t* arm) {
+static int drive(arm_t* arm) {
   for (int i = 0; i < JOINTS; ++i) {
     arm->x[i] += arm->command[i];
     arm->acted[i] = arm->command[i];
@@ -127,7 +128,7 @@ static int64_t count_of(const histogram_t* h) {
   return sum + 0 * __atomic_load_n(&h->longest, __ATOMIC_RELAXED);
 }
 
-/* OrdinaryTicks._note; counts ticks whose efforts belong together. */
+/* TickEngine._note; counts ticks whose efforts belong together. */
 static void note(ticks_t* t) {
   pthread_mutex_lock(&noting);
   const int64_t kept = __atomic_load_n(&t->kept, __ATOMIC_ACQUIRE);
@@ -173,27 +174,11 @@ static void* writing(void* nothing) {
   return nothing;
 }
 
-/* OrdinaryTicks: lends a chunk, and executes ticks until one is not ordinary. */
-static int64_t ordinary(ticks_t* t, due_t* due) {
-  const int64_t before = t->ticks;
-  pthread_mutex_lock(&recording);
-  if (t->chunk->at > CHUNK / 2 && full < 0) {
-    full = t->chunk - chunks;
-    t->chunk = chunks + !full;
-    pthread_cond_signal(&filled);
-  }
-  t->fresh = t->pending = t->recorded = 0;
-  const int64_t why = by_the_clock(t, due);
-  note(t);
-  if (why == MADE) tell(t); /* which Python does as well */
-  done.recorded += t->recorded;
-  pthread_mutex_unlock(&recording);
-  done.in_c += t->ticks - before;
-  return why;
-}
+static ticks_t* shared; /* whose questions are answered */
+static due_t* clocked;
 
-/* TickEngine.tick, in which everything that waits is done. */
-static void by_python(ticks_t* t) {
+/* TickQueue.serve. */
+static void serve(void) {
   __atomic_store_n(&bell, 0, __ATOMIC_RELAXED);
   pthread_mutex_lock(&queue);
   const int64_t orders = ordered - fulfilled;
@@ -202,10 +187,43 @@ static void by_python(ticks_t* t) {
   pthread_cond_broadcast(&served);
   pthread_mutex_unlock(&queue);
   done.orders += orders;
-  t->age = 0;
-  ++t->ticks;
-  ++t->now;
-  send(t->state, llrint(1e9 * (t->ticks * t->step->dt)));
+}
+
+/* TickRecorder: passes a full chunk on, and takes another one; the lock is given back for a moment, as at the end of a call
+ * of C. */
+static void make_space(ticks_t* t) {
+  pthread_mutex_lock(&recording);
+  if (!t->chunk) t->chunk = chunks;
+  if (t->chunk->at) {
+    while (full >= 0 && !is_over()) {
+      pthread_mutex_unlock(&recording);
+      sched_yield();
+      pthread_mutex_lock(&recording);
+    }
+    if (is_over()) { /* nobody takes it any more */
+      clocked->ended = 1;
+      t->chunk->size = CHUNK;
+    } else {
+      full = t->chunk - chunks;
+      t->chunk = chunks + !full;
+      pthread_cond_signal(&filled);
+    }
+  }
+  pthread_mutex_unlock(&recording);
+}
+
+/* Ticks.answer. */
+static int64_t answer(int64_t what) {
+  if (what == SERVE) serve();
+  if (what == TICKED) note(shared);
+  if (what == SPACE) make_space(shared);
+  return what == SPACE;
+}
+
+static void* ticking(void* of) {
+  const loop_t* loop = of;
+  by_the_clock(loop->ticks, loop->due);
+  return NULL;
 }
 
 /* Run all threads until `count` orders are fulfilled, with ticks of `period` in [ns]. */
@@ -216,10 +234,12 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   full = -1;
   memset(lateness_bins, 0, sizeof lateness_bins);
   memset(&done, 0, sizeof done);
-  for (int i = 0; i < 2; ++i) chunks[i] = (chunk_t){.raw = chunk_raw[i], .places = places[i], .size = CHUNK, .oldest = GIGA};
+  for (int i = 0; i < 2; ++i) chunks[i] = (chunk_t){.raw = chunk_raw[i], .places = places[i], .size = CHUNK - CHUNK / 4, .oldest = GIGA};
   histogram_t lateness = {.bins = lateness_bins}, trips = {.bins = trip_bins};
   trip_t trip = {.stamps = stamps, .times = times, .trips = &trips};
   stream_t stream = {0};
+  arbiter_t arbiter = {.patience = 1000, .only = &stream};
+  slot_t slot = {.timeout = NEWS, .policy = ZERO, .efforts = newest};
   joint_state_t reader = {
       .kinds = {{.fixed = any, .expected = any, .size = MESSAGE, .at = {HEAD}, .place = joints}},
       .fields = 1, .joints = JOINTS, .found = found};
@@ -227,33 +247,40 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
   const uint8_t* numbers = (uint8_t*)x;
   sink_t state = {
       .raw = state_raw, .size = MESSAGE, .fields = 1, .joints = JOINTS, .at = {HEAD}, .numbers = {numbers}};
-  arm_t arm = {.tick = move, .x = x, .command = next_command, .dt = 1e-3, .acted = acted};
+  arm_t arm = {.tick = drive, .x = x, .command = next_command, .dt = 1e-3, .acted = acted};
   tick_t copy = {
       .raw = tick_raw, .size = MESSAGE, .stamp = 0, .hold = 8, .at = {HEAD}, .numbers = {numbers, numbers, numbers},
       .sizes = {8 * JOINTS}, .tick = 1, .state = 2};
   ticks_t ticks = {
-      .bell = &bell, .source = &from, .reader = &reader, .at_once = 2, .leads = {1}, .patience = 1000, .stream = &stream, .timeout = NEWS,
-      .newest = newest, .step = &arm, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100, .state = &state,
-      .trail = kept_states, .acted = kept_efforts, .room = ROWS,
-      .trip = &trip, .chunk = chunks, .copy = &copy, .commands = 3};
+      .ask = answer, .bell = &bell, .take = take, .source = &from, .reader = &reader, .at_once = 2, .leads = {1},
+      .arbiter = &arbiter, .slot = &slot, .arm = &arm, .x = x, .effort = acted,
+      .dt = 1e-3, .joints = JOINTS, .states = JOINTS, .every = 1, .seldom = 100,
+      .joint_states = &state, .trail = kept_states, .acted = kept_efforts, .ticks = kept_ticks, .room = ROWS, .trip = &trip,
+      .copy = &copy, .commands = 3};
+  shared = &ticks;
   due_t due = {.deadline = time_of(CLOCK_MONOTONIC), .period = period, .give_up = 1000 * GIGA, .lateness = &lateness};
   loop_t loop = {&ticks, &due};
-  pthread_t threads[4];
+  clocked = &due;
+  pthread_t threads[5];
   pthread_create(threads, NULL, leading, NULL);
   pthread_create(threads + 1, NULL, writing, NULL);
   pthread_create(threads + 2, NULL, looking, &loop);
   pthread_create(threads + 3, NULL, ordering, &count);
-  while (!is_over())
-    if (ordinary(&ticks, &due) == LEFT) by_python(&ticks);
+  pthread_create(threads + 4, NULL, ticking, &loop);
+  pthread_join(threads[3], NULL);
+  __atomic_store_n(&due.ended, 1, __ATOMIC_RELEASE);
+  pthread_join(threads[4], NULL);
   pthread_mutex_lock(&wire);
   pthread_cond_broadcast(&moved);
   pthread_mutex_unlock(&wire);
   pthread_mutex_lock(&recording);
   pthread_cond_broadcast(&filled);
   pthread_mutex_unlock(&recording);
-  for (int i = 0; i < 4; ++i) pthread_join(threads[i], NULL);
+  for (int i = 0; i < 3; ++i) pthread_join(threads[i], NULL);
+  note(&ticks);
   for (int64_t k = 0; k < ticks.chunk->count; ++k) done.written += ticks.chunk->raw[ticks.chunk->places[k] + 9] == 1;
-  done.ticks = ticks.ticks;
+  done.ticks = ticks.step_count;
+  done.recorded = ticks.recorded;
   done.counted = count_of(&lateness);
   *found_out = done;
 }

@@ -179,7 +179,7 @@ for k, (name, run) in enumerate(runs.items()):
 # PD comes to rest where its springs carry the weight, :math:`K_p e = G(q)`. With the weight added
 # it rests at the goal, but not with the weight as printed. The gains of computed torque make the
 # error of each joint :math:`e_0 (1 + \omega t)\,e^{-\omega t}`, but for the torque that is held
-# for a tick.
+# for a control cycle.
 
 rest = runs["PD"].q[-1]
 assert np.abs(kp * (goal - rest) - sim.dynamics.gravity(rest)).max() < 0.02

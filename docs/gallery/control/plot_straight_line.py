@@ -192,7 +192,7 @@ assert worst["feed-forward"] < 0.1 * worst["PID"]
 # ---------------------------
 # "What if we want the robot to take P to the final position faster?" PID makes all of its torque
 # out of errors, that for the weight too, and the more torque a pace asks for, the farther off it
-# is. With a model only what is wrong in it is left, and that a torque is held for a tick.
+# is. With a model only what is wrong in it is left, and that a torque is held for a control cycle.
 
 times = np.array([0.6, 0.8, 1.1, 1.5])
 table = {

@@ -47,8 +47,8 @@ use_style()
 print((files("arm_sim") / "scenes/lectures/cart_pendulum.yaml").read_text())
 
 # %%
-# Falling, beside an independent solution
-# ---------------------------------------
+# Falling, and an independent solution
+# ----------------------------------------
 # The equations above, solved by SciPy, and the simulator, which knows nothing but the robot
 # description.
 
@@ -82,8 +82,8 @@ assert np.ptp(centre) <= 1e-10
 # %%
 # A balancing controller
 # ----------------------
-# About the upright position the motion from tick to tick is nearly linear,
-# :math:`x_{k+1} = A x_k + B F_k`; the simulator gives the exact derivatives of its tick. The force
+# About the upright position the motion from step to step is nearly linear,
+# :math:`x_{k+1} = A x_k + B F_k`; the simulator gives the exact derivatives of its step. The force
 # :math:`F = -K x` that minimizes :math:`\sum x^T Q x + R F^2` follows from a Riccati equation
 # (the linear quadratic regulator). The weights ask for 0.1 m, 0.1 rad and 10 N.
 
@@ -108,7 +108,7 @@ print(f"from 0.5 rad: {abs(run.q[-1, 1]):.1e} rad after 3 s; up to {abs(run.comm
 assert abs(run.q[-1, 1]) < 2e-3
 
 # %%
-# The independent solution is led by the same gains, and holds each force for a tick as well.
+# The independent solution is led by the same gains, and holds each force for a step as well.
 
 x, other = np.array([0.0, 0.5, 0.0, 0.0]), []
 for _ in run.time:

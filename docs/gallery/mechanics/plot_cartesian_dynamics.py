@@ -107,7 +107,7 @@ assert abs(printed - computed.inertia[0, 0]) > 1.0
 # -----------------------------------
 # A constant force pulls the hand back along the second link, the weight being carried,
 # :math:`f = G_x - (2\,\mathrm{N}, 0)`. The simulator gets it as joint torques
-# :math:`\tau = J^T f`, held for a tick of 5 ms. The reference integrates the equation in Cartesian
+# :math:`\tau = J^T f`, held for a step of 5 ms. The reference integrates the equation in Cartesian
 # space: its state is the angles, and the velocity :math:`w` of the hand in the axes of the link.
 
 PULL = np.array([-2.0, 0.0])  # [N]

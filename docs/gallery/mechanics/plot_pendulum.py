@@ -84,7 +84,7 @@ periods = []
 for amplitude in amplitudes:
     sim.reset(q=[amplitude])
     swing = sim.run(3.0)
-    after = int(np.argmax(swing.q[:, 0] < 0.0))  # the first tick below
+    after = int(np.argmax(swing.q[:, 0] < 0.0))  # the first step below
     before = after - 1
     share = swing.q[before, 0] / (swing.q[before, 0] - swing.q[after, 0])
     periods.append(4.0 * (before + share) * sim.dt)

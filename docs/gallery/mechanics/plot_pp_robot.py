@@ -57,8 +57,8 @@ assert np.abs(dyn.coriolis_matrix([0.2, 0.1], [1.0, -2.0])).max() <= 1e-12
 # The run and the closed form
 # ---------------------------
 # The hand is to draw a circle of radius :math:`r`. Inverse dynamics of the circle gives the
-# forces, which are sinusoids of time. A computer holds each of them for a tick :math:`h`, so
-# between two ticks the acceleration is constant, and the exact solution is a sum over ticks.
+# forces, which are sinusoids of time. A computer holds each of them for a time step :math:`h`, so
+# in each step the acceleration is constant, and the exact solution is a sum over steps.
 
 r, turn, h = 0.3, 2.0 * np.pi, sim.dt
 ticks = h * np.arange(1000)
@@ -82,7 +82,7 @@ print(f"largest difference: {error:.1e} m")
 assert error <= 1e-8
 
 # %%
-# The drawn curve is not quite the circle: a force that is held for a tick lags half a tick behind
+# The drawn curve is not quite the circle: a force that is held for a step lags half a step behind
 # on average.
 
 off = np.abs(np.hypot(*run.q.T) - r).max()
@@ -120,5 +120,5 @@ motion = animation(
 # ---------
 # 1. How fast may the hand go round if each drive has 100 N? *Hint:* the amplitudes of the forces
 #    grow with the square of the speed; only one of the drives carries a weight.
-# 2. Advance the forces by half a tick, ``ticks + h / 2``. How much closer to the circle does the
+# 2. Advance the forces by half a step, ``ticks + h / 2``. How much closer to the circle does the
 #    hand stay, and why? *Hint:* print ``off`` for both.

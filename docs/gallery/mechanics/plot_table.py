@@ -89,7 +89,7 @@ assert np.ptp(run.q[at_rest], axis=0).max() == 0.0  # to the bit
 # ------------------------
 # At rest nothing moves. While the hand slides the table exerts
 # :math:`J^T (-\mu N, N)` with the :math:`N` for which the tip keeps its height, a linear equation;
-# afterwards it exerts nothing. Each torque is that of the run, held for a tick.
+# afterwards it exerts nothing. Each torque is that of the run, held for a time step.
 
 
 def normal_force(q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> float:

@@ -209,7 +209,7 @@ right.legend()
 # %%
 # In motion
 # ---------
-# Slowed down six times. What is not drawn at the end is the sling, which has let go.
+# Slowed down six times. What is not drawn at the end is the sling, which has been released.
 
 after = flight.q[1:180]
 q = np.vstack([throw.q, after])
@@ -239,7 +239,7 @@ motion = animation(
 # %%
 # Questions
 # ---------
-# 1. At which angle of the sling must it let go for the farthest throw? *Hint:* repeat the throw
+# 1. At which angle must the sling be released for the farthest throw? *Hint:* repeat the throw
 #    for angles from 120 to 170 degrees; the best is not the one of the greatest speed.
 # 2. How far would the stone fly at best if it got all the energy of the weight? *Hint:* a point
 #    mass with the energy :math:`E` reaches :math:`2E/(m_2 g)`. The ratio is the trebuchet's range

@@ -94,7 +94,7 @@ right.legend()
 # %%
 # In motion
 # ---------
-# Beside the particle one that falls without friction.
+# Next to the particle one that falls without friction.
 
 free = np.maximum(-0.5 * g * run.time**2, run.q[-1, 0])
 pair = [

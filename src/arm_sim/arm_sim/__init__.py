@@ -14,11 +14,7 @@ if TYPE_CHECKING:
     from arm_sim.plant.actuation import CompiledControl, computed_torque
     from arm_sim.recording.recording import Recording
     from arm_sim.servo import JointCommand
-    from arm_sim.simulation.closed_loop import ClosedLoop
-    from arm_sim.simulation.contact_loads import contact_history
-    from arm_sim.simulation.plan import Plan
-    from arm_sim.simulation.simulated_arm import SimulatedArm
-    from arm_sim.simulation.simulator import Simulator
+    from arm_sim.simulation import ClosedLoop, Plan, SimulatedArm, Simulator, contact_history
     from arm_sim.state import State
 
 __version__ = "0.1.0"
@@ -39,12 +35,9 @@ __all__ = [
 __getattr__, __dir__ = on_demand(
     __name__,
     {
-        "simulation.closed_loop": ("ClosedLoop",), "simulation.plan": ("Plan",),
-        "simulation.contact_loads": ("contact_history",),
         "exceptions": ("NotDifferentiable", "SimulationDiverged"),
         "plant.actuation": ("CompiledControl", "computed_torque"),
-        "recording.recording": ("Recording",), "servo": ("JointCommand",),
-        "simulation.simulated_arm": ("SimulatedArm",),
-        "simulation.simulator": ("Simulator",), "state": ("State",),
+        "recording.recording": ("Recording",), "servo": ("JointCommand",), "state": ("State",),
+        "simulation": ("ClosedLoop", "Plan", "SimulatedArm", "Simulator", "contact_history"),
     },
 )  # fmt: skip

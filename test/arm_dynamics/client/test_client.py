@@ -112,11 +112,8 @@ def test_a_batch_beyond_the_limit_is_refused_and_the_node_goes_on(arm: ArmClient
     [
         ([0.0], Refused, "1 numbers; allowed: a multiple of 2"),
         ([0.0, np.nan], Refused, "'elbow' at point 0 is nan"),
-        ([0.0] * 4, InvalidInput, r"shape \(4,\)"),
         ([[[0.0, 0.0]]], InvalidInput, r"shape \(1, 1, 2\)"),
         ("here", InvalidInput, "numbers of one shape"),
-        ([0.0, 1.0j], InvalidInput, "real numbers of one shape"),
-        ([[0.0], [0.0, 1.0]], InvalidInput, "numbers of one shape"),
     ],
 )
 def test_bad_input_gets_one_clear_error(
@@ -197,20 +194,6 @@ def test_an_answer_to_a_question_that_was_interrupted_is_passed_over(
         assert arm.model_info().total_mass == before + 2.0
 
 
-def test_a_request_is_repeated_when_the_node_restarts(ros: Ros) -> None:
-    """The reply to the first request to a node may be lost, also after another node's replies."""
-    silent: list[int] = []
-
-    service = ros.peer.create_service(ModelInfo, "dynamics/model_info", agree)
-    send = service.send_response
-    service.send_response = lambda *reply: silent.pop() if silent else send(*reply)
-    with served(ros), ArmClient(timeout=30.0, domain=ros.domain) as arm:
-        arm.model_info()
-        silent.append(1)
-        assert arm.model_info().joint_names == ()
-    assert silent == []
-
-
 def test_who_comes_in_place_of_a_killed_node_is_asked_at_once(ros: Ros) -> None:
     """A killed node is listed for a while; only the timeout limits how long a client waits."""
     patience = 20.0  # [s], a third of the timeout
@@ -247,8 +230,8 @@ def test_nobody_there(ros: Ros) -> None:
 def test_nobody_answers(ros: Ros) -> None:
     """The service exists, but its node does not spin; the client waits for its timeout only."""
     ros.peer.create_service(ModelInfo, "dynamics/model_info", lambda request, response: response)
-    with ArmClient(timeout=5.0, domain=ros.domain) as arm:
-        with pytest.raises(NoAnswer, match="did not answer within 5 s"):
+    with ArmClient(timeout=2.0, domain=ros.domain) as arm:
+        with pytest.raises(NoAnswer, match="did not answer within 2 s"):
             arm.model_info()
 
 
@@ -303,7 +286,7 @@ def test_what_must_not_happen_twice_is_asked_once(
     ros: Ros, kind: Any, name: str, order: Callable[[ArmClient], object]
 ) -> None:
     service = Lossy(ros, kind, name, lost=1)
-    with served(ros), ArmClient(timeout=5.0, domain=ros.domain) as arm:
+    with served(ros), ArmClient(timeout=2.0, domain=ros.domain) as arm:
         with pytest.raises(NoAnswer, match="may have been carried out nevertheless"):
             order(arm)
     assert len(service.asked) == 1

@@ -17,9 +17,10 @@ from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import is_building, one_at_a_time
 from arm_dynamics.control import compiled_law, make_controller, preparation
-from arm_dynamics.dynamics.point_answers import INVERSE, compiled_answer
-from arm_dynamics.dynamics.rigid import MANY
+from arm_dynamics.dynamics import MANY
+from arm_dynamics.ros.dynamics import code_of
 from arm_dynamics.task_space import compiled as task_space
+from arm_dynamics.terms.table import INVERSE
 from arm_sim import Simulator
 
 ARM = Dynamics("double_pendulum")
@@ -30,7 +31,7 @@ SIM = Simulator("double_pendulum")
 BUILDS: dict[str, Callable[[], object]] = {
     "simulator": lambda: Simulator("double_pendulum"),
     "controller": lambda: preparation(make_controller("computed_torque", Dynamics(ARM.model)))(),
-    "service": lambda: compiled_answer(INVERSE, ARM),
+    "service": lambda: code_of((INVERSE,), ARM),
     "batches": lambda: ARM.inverse(*np.zeros((3, MANY, 2))),
     "task space": lambda: task_space.build(ARM.model, "lower", ("x",)),
     "commands": lambda: CommandMap(COMPENSATED.model), "servo": lambda: SIM.arm.compiled.servo,

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 
 import casadi as ca
@@ -14,7 +13,7 @@ import pytest
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.codegen import Kernel, generate
 from arm_dynamics.codegen import kernel as kernels
-from arm_dynamics.codegen.split_functions import divided, units
+from arm_dynamics.codegen.split_functions import divided
 from arm_sim.plant.plant import Plant
 from benchmarks.robots.urdf import chain_urdf
 
@@ -53,32 +52,6 @@ def test_pieces_compiled_apart_give_the_same_bits(
     pieces = in_pieces(rhs, monkeypatch, PIECE).call("rhs")
     for x in np.random.default_rng(1).normal(size=(20, 10)):
         np.testing.assert_array_equal(pieces(x, x[:5], [])[0], whole(x, x[:5], [])[0])
-
-
-def test_files_share_the_pieces_out(rhs: ca.Function) -> None:
-    source = divided(generate([rhs]), 0, PIECE)
-    files = units(source, 3)
-    bodies = [len(re.findall(r"noinline\)\) void \w+\([^)]*\) \{", file)) for file in files]
-    assert len(files) == 3 and min(bodies) > 0
-    assert sum(bodies) == len(re.findall(r"noinline", source))
-    assert units(source, 1) == [source]
-    assert units(generate([rhs]), 3) == [generate([rhs])]
-
-
-def test_pieces_are_short(rhs: ca.Function) -> None:
-    source = divided(generate([rhs]), 0, PIECE)
-    lengths = [
-        sum(not re.match(r" +(casadi_real|\w+=live|live)", line) for line in body.splitlines())
-        for body in re.findall(r"noinline\)\) void \w+\([^)]*\) \{\n(.*?)\n\}", source, re.DOTALL)
-    ]
-    assert len(lengths) > 3
-    assert max(lengths) <= PIECE
-
-
-def test_short_functions_stay_as_they_are(rhs: ca.Function) -> None:
-    source = generate([rhs])
-    assert "noinline" not in source
-    assert divided(source) == source
 
 
 def test_what_is_no_list_of_assignments_stays_as_it_is() -> None:

@@ -164,10 +164,7 @@ def test_it_is_wrapped_as_ours_are(dynamics: Dynamics) -> None:
     [
         ("no_such_module:Class", "importing 'no_such_module' failed with ModuleNotFoundError"),
         ("own_controllers:Spring", "has no class 'Spring'; it has .*Springs"),
-        ("own_controllers:NUMBER", "has no class 'NUMBER'"),
         ("own_controllers:", "expected the form package.module:Class"),
-        (":Springs", "expected the form package.module:Class"),
-        ("a/b:Springs", "expected the form package.module:Class"),
         ("own_controllers:Springs()", "expected the form package.module:Class"),
     ],
 )
@@ -338,7 +335,6 @@ def test_a_memory_that_is_changed_in_place_is_reset(dynamics: Dynamics) -> None:
     ("what", "value", "said"),
     [
         ("tuning", (20.0,), r"tuning = \(20.0,\); a tuple of arrays is expected"),
-        ("tuning", np.full(2, 20.0), "tuning = array.*; a tuple of arrays is expected"),
         ("memory", ([0.0, 0.0],), "memory = .*; a tuple of arrays is expected"),
         ("key", ([1],), "key of controller Wrong raised TypeError: unhashable type: 'list'"),
     ],

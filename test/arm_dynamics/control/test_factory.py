@@ -175,22 +175,13 @@ def test_made_by_name_they_hold_any_arm(name: str, robot_name: str) -> None:
     ("given", "said"),
     [
         ({"bandwidth": 1e308}, "bandwidth = 1e.308; allowed: 0 to 3141.59"),
-        ({"bandwidth": 400.0, "dt": 0.01}, "bandwidth = 400.0; allowed: 0 to 314.159"),
-        ({"bandwidth": [20.0, np.nan]}, "bandwidth is .*; allowed: finite numbers"),
-        ({"bandwidth": [20.0, 3142.0]}, r"bandwidth = \[20.0, 3142.0\]; allowed: 0 to 3141.59"),
         ({"stiffness": [50.0, -1.0]}, r"stiffness = \[50.0, -1.0\]; allowed: 0 to 1e.06"),
         ({"bandwidth": True}, "bandwidth = True: real numbers are expected"),
-        ({"damping_ratio": 1e6}, "damping_ratio = 1000000.0; allowed: 0 to 100"),
-        ({"damping_ratio": -1}, "damping_ratio = -1; allowed: 0 to 100"),
-        ({"damping_ratio": [1, -1]}, r"damping_ratio = \[1, -1\]; allowed: 0 to 100"),
         ({"damping_ratio": [1, 101]}, r"damping_ratio = \[1, 101\]; allowed: 0 to 100"),
-        ({"damping_ratio": [[1]]}, r"damping_ratio = \[\[1\]\]; allowed: 0 to 100"),
         ({"observer": np.inf}, "observer is inf"),
         ({"force": -2e4}, "force = .*; allowed: 0 to 10000"),
         ({"direction": (0, 0, 0)}, "force_direction = .*; a nonzero vector of shape .3,."),
-        ({"direction": (0, 1)}, "force_direction has shape"),
         ({"axes": "x q"}, "task_axes: selection = 'x q'; allowed: pose"),
-        ({"axes": ""}, "task_axes: selection"),
         ({"dt": 0.0}, "control_period is 0.0; a positive number is expected"),
     ],
 )
@@ -231,16 +222,6 @@ def test_gains_in_task_space_are_bounded_by_the_control_rate(name: str) -> None:
     for gains in bad:
         with pytest.raises(InvalidInput, match="at 500 states per second .* at most 375 rad/s"):
             make_controller(name, models.dynamics("two_link"), Settings(**gains, **about))
-
-
-def test_a_misspelt_name_is_guessed() -> None:
-    dyn = models.dynamics("two_link")
-    with pytest.raises(InvalidInput, match=r"did you mean 'computed_torque'\?"):
-        make_controller("computed_torqe", dyn)
-    with pytest.raises(
-        InvalidInput, match=r"frame 'tipp' does not exist; .*; did you mean 'tip'\?"
-    ):
-        make_controller("operational_space", dyn, Settings(frame="tipp"))
 
 
 @pytest.mark.parametrize("name", NAMES)

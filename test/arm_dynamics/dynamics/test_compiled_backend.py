@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from itertools import cycle, product
 
@@ -15,46 +14,17 @@ import pytest
 from samples import always, sampled
 
 import models
-from arm_dynamics import ArmModel, Dynamics, KernelError, Term, load_scene
+from arm_dynamics import Dynamics, Term, load_scene
 from arm_dynamics.codegen import compiler
 from arm_dynamics.dynamics import MANY
-from arm_dynamics.dynamics import compiled_terms as batch_terms
-from arm_dynamics.dynamics.compiled_backend import check, compiled
-from arm_dynamics.dynamics.compiled_terms import BatchTerm
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
-from arm_dynamics.model import RigidTerms
+from models.asked import CALLS, LAWS
 from models.random_tree import random_tree
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 TERMS = (Term.ALL, Term.INERTIA, Term.CORIOLIS, Term.GRAVITY, Term.INERTIA | Term.GRAVITY, 0)
 ROWS = 20  # compared with single calls
 Call = Callable[[Dynamics, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-CALLS: dict[str, Call] = {
-    "inverse": lambda d, q, v, x: d.inverse(q, v, x), "forward": lambda d, q, v,
-    x: d.forward(q, v, x), "mass_matrix": lambda d, q, v, x: d.mass_matrix(q),
-    "coriolis_matrix": lambda d, q, v, x: d.coriolis_matrix(q, v), "gravity": lambda d, q, v,
-    x: d.gravity(q), "energies": lambda d, q, v, x: np.stack(d.energy(q, v), axis=-1),
-}  # fmt: skip
-BATCH_TERMS = (
-    batch_terms.INVERSE, batch_terms.FORWARD, batch_terms.MASS_MATRIX, batch_terms.CORIOLIS_MATRIX,
-    batch_terms.GRAVITY, batch_terms.ENERGIES,
-)  # fmt: skip
-CURVE = {"at": [-1.0, 0.0, 2.0], "factor": [1.0, 2.0, 0.5]}
-LAWS = {
-    "viscous": {"friction": {"viscous": {"positive": 0.6, "negative": 0.3}}},
-    "dry": {"friction": {"coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.4}},
-    "dry by position": {"friction": {"coulomb": 0.5, "position": CURVE}},
-    "dry by load": {"friction": {"coulomb": 0.2, "load": {"at": [0, 20], "factor": [1, 2]}}},
-    "bristles": {"friction": {"coulomb": 0.5, "static": 0.6, "viscous": 30.0,
-                              "stribeck_velocity": 0.1,
-                              "lugre": {"sigma0": 1e4, "sigma1": 100}}},
-    "armature": {"armature": 0.4},
-    "geared motor": {"actuator": {"resistance": 1.0, "torque_constant": 0.05, "gear_ratio": 50,
-                                  "rotor_inertia": 5e-5, "efficiency": 0.8}},
-    "flexible gear": {"actuator": {"resistance": 1.0, "torque_constant": 0.05, "gear_ratio": 50,
-                                   "rotor_inertia": 5e-5},
-                      "transmission": {"stiffness": 500.0, "damping": 0.3}},
-}  # fmt: skip
 
 
 def states(dyn: Dynamics, rows: int, rng: np.random.Generator) -> list[np.ndarray]:
@@ -247,28 +217,3 @@ def test_on_a_full_disk_pinocchio_answers(
 
     monkeypatch.setattr(compiler, "build", full)
     same_as_pinocchio(Dynamics(models.scene("two_link")), rng)
-
-
-@pytest.mark.parametrize("term", BATCH_TERMS, ids=lambda term: term.title)
-def test_code_that_differs_from_pinocchio_is_refused(
-    term: BatchTerm, caplog: pytest.LogCaptureFixture
-) -> None:
-    model = models.dynamics("two_link").model
-    points = RigidTerms(model)
-    right = compiled(term, points)
-    assert right is not None
-    assert check(term, points, right) < ALGEBRA
-    with pytest.raises(KernelError, match=rf"generated {term.title} differs from Pinocchio by "):
-        check(term, points, lambda *x: right(*x) * (1 + 1e-6))
-    with pytest.raises(KernelError, match="differs from Pinocchio by nan"):
-        check(term, points, lambda *x: np.where(np.arange(2) == 1, np.nan, right(*x)))
-    wrong = replace(term, expression=lambda model: term.expression(_heavier(model)))
-    with caplog.at_level(logging.WARNING):
-        assert compiled(wrong, points) is None
-    assert "batches are computed by Pinocchio, which is slower" in caplog.text
-
-
-def _heavier(model: ArmModel) -> ArmModel:
-    """The same arm with a small payload that the reference does not have."""
-    load = {"frame": model.frame_names[-1], "mass": 1e-6, "com": [0.0, 0.0, 0.0]}
-    return ArmModel(load_scene({"robot": {"urdf": model.scene.robot.urdf}, "payloads": [load]}))

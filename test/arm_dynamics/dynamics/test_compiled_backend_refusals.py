@@ -11,7 +11,9 @@ import pytest
 import models
 from arm_dynamics import ArmError, Dynamics, InvalidInput, ModelError
 from arm_dynamics.dynamics import MANY
+from models.asked import CALLS as EVERY
 
+CALLS = {what: EVERY[what] for what in ("inverse", "forward", "coriolis_matrix", "energy")}
 Words = Callable[[Dynamics, np.ndarray, np.ndarray, np.ndarray], object]
 
 
@@ -61,14 +63,6 @@ def test_an_acceleration_that_overflows(rng: np.random.Generator) -> None:
     kind, words = said(lambda: dyn.forward(q, v, tau))
     assert (kind, words) == said(lambda: dyn.forward(q[5], v[5], tau[5]))
     assert kind is InvalidInput and "overflows" in words
-
-
-CALLS: dict[str, Words] = {
-    "inverse": lambda d, q, v, x: d.inverse(q, v, x),
-    "forward": lambda d, q, v, x: d.forward(q, v, x),
-    "coriolis_matrix": lambda d, q, v, x: d.coriolis_matrix(v, q),
-    "energy": lambda d, q, v, x: d.energy(v, q),
-}
 
 
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)

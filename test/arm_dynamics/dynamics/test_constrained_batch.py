@@ -10,11 +10,8 @@ import pytest
 from samples import always, sampled
 
 import models
-from arm_dynamics import Dynamics, KernelError
+from arm_dynamics import Dynamics
 from arm_dynamics.dynamics import MANY
-from arm_dynamics.dynamics import compiled_terms as batch_terms
-from arm_dynamics.dynamics.compiled_backend import check, compiled
-from arm_dynamics.model import RigidTerms
 from models.linkages import body, inline, scene
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
@@ -118,14 +115,3 @@ def test_friction_by_position_and_load(
     a, lam = dyn.constrained_forward(q, v, tau)
     assert_close(dyn.constrained_inverse(q, v, a, lam), tau, INVERSE_PAIR)
     assert abs(dyn.friction(v, q=q, load=tau) - dyn.friction(v, q=0 * q)).max() > 1e-3
-
-
-def test_rows_that_differ_from_pinocchio_are_refused() -> None:
-    dyn = models.dynamics("four_bar")
-    points, term = RigidTerms(dyn.model), batch_terms.constraint_rows(("loop",))
-    right = compiled(term, points)
-    assert right is not None
-    assert check(term, points, right) < ALGEBRA
-    for wrong in (1.0 + 1e-6, np.r_[np.ones(dyn.n), 1.0 + 1e-6]):
-        with pytest.raises(KernelError, match="rows of constraints loop differs from Pinocchio"):
-            check(term, points, lambda *x, wrong=wrong: right(*x) * wrong)

@@ -69,14 +69,6 @@ def test_many_states_are_compiled_and_pinocchios(
         assert_close(made[k], expected(robot, what, q[k], v[k], frame), ALGEBRA)
 
 
-def test_rows_of_a_small_batch_are_single_states(rng: np.random.Generator) -> None:
-    dyn = models.dynamics("panda")
-    q, v = rng.normal(size=(2, 4, dyn.n))
-    for call in CALLS.values():
-        alone = [call(dyn, *state, "panda_hand") for state in zip(q, v, strict=True)]
-        np.testing.assert_array_equal(call(dyn, q, v, "panda_hand"), alone)
-
-
 def test_a_step_of_the_joints_moves_the_frame(robot: str, rng: np.random.Generator) -> None:
     """J by the poses alone, and J̇ by J."""
     dyn, frame = models.dynamics(robot), tips(robot)[-1]

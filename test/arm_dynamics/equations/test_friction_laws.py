@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 import models
-from arm_dynamics import Dynamics, InvalidInput, SceneError
+from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.equations.interpolation import Curve
 from arm_sim import Simulator
 from models.rotor import rotor
@@ -149,49 +149,6 @@ def test_the_direction_decides_where_a_joint_stands_still() -> None:
     fall = np.exp(-0.01)
     wanted = [0.6 + 0.3 * fall + 0.005, -(0.4 + 0.1 * fall) + 0.005]
     assert_close(both.ravel(), wanted, ALGEBRA)
-
-
-REFUSED: dict[str, tuple[dict[str, Any], str]] = {
-    "negative": ({"viscous": -0.1}, r"friction\.viscous' = -0\.1: .*at least 0 is expected"),
-    "one side negative": ({"coulomb": {"positive": 1.0, "negative": -1.0}}, "coulomb.negative"),
-    "one side only": ({"viscous": {"positive": 1.0}}, "viscous.negative"),
-    "static below coulomb": ({"coulomb": 1.0, "static": 0.9}, "at least coulomb"),
-    "static below on one side": ({"coulomb": SIDES, "static": 0.5}, "at least coulomb"),
-    "zero Stribeck speed": ({"stribeck_velocity": 0.0}, "stribeck_velocity"),
-    "NaN": ({"viscous": float("nan")}, "finite"),
-    "NaN in LuGre": ({"coulomb": 1.0, "lugre": {"sigma0": float("nan")}}, "finite"),
-    "table that turns back": ({"position": {"at": [0, 0], "factor": [1, 1]}}, "must increase"),
-    "table of two lengths": ({"position": {"at": [0, 1], "factor": [1, 1, 1]}}, "2 points"),
-    "table of a zero": ({"position": {"at": [0, 1], "factor": [1, 0]}}, "more than 0"),
-    "table that locks": ({"coulomb": 9.0, "load": BY_LOAD}, "could be self-locking"),
-    "table that locks on one side": (
-        {"coulomb": {"positive": 1.0, "negative": 9.0}, "load": BY_LOAD},
-        "could be self-locking",
-    ),
-    "period too short": ({"position": {"at": [0, 7], "factor": [1, 2], "period": 6}}, "longer"),
-    "no Coulomb level": ({"lugre": {"sigma0": 1e5}}, "coulomb above zero"),
-    "no Stribeck speed": (
-        {"coulomb": 1.0, "static": 1.5, "lugre": {"sigma0": 1e5}},
-        "needs a 'stribeck_velocity'",
-    ),
-    "LuGre not passive": (
-        {"viscous": 0.4, "coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
-         "lugre": {"sigma0": 1e5, "sigma1": 316}},
-        r"viscous >= sigma1 \(static - coulomb\) / coulomb = 158 is expected, got 0\.4",
-    ),
-    "LuGre that fades too late": (
-        {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
-         "lugre": {"sigma0": 1e5, "sigma1": 316, "sigma1_velocity": 0.1}},
-        r"sigma1_velocity <= 4 sqrt\(2 e\) coulomb / sigma1 = 0\.02951, got 0\.1",
-    ),
-    "unknown key": ({"lugre": {"sigma2": 1.0, "sigma0": 1.0}}, "sigma0, sigma1, sigma1_velocity"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", REFUSED.values(), ids=REFUSED)
-def test_refusals(case: tuple[dict[str, Any], str]) -> None:
-    with pytest.raises(SceneError, match=case[1]):
-        Dynamics(rotor(J, **case[0]))
 
 
 def test_position_is_wanted_where_friction_depends_on_it() -> None:

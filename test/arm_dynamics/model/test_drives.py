@@ -34,10 +34,6 @@ def test_friction_of_the_scene_replaces_what_it_names() -> None:
     np.testing.assert_allclose(dyn.friction([1.0, 1.0, 1.0]), [0.0, 5.2, 0.15], rtol=1e-14)
 
 
-def test_no_friction_at_rest() -> None:
-    np.testing.assert_array_equal(Dynamics(URDF).friction(np.zeros(3)), np.zeros(3))
-
-
 def test_friction_opposes_motion_and_is_odd_but_for_the_puma(
     robot: str, rng: np.random.Generator
 ) -> None:
@@ -69,10 +65,3 @@ def test_armature_enters_torque_and_kinetic_energy_only(rng: np.random.Generator
     assert_close(dyn.coriolis_matrix(q, v), bare.coriolis_matrix(q, v), PINOCCHIO)
     assert_close(dyn.gravity(q), bare.gravity(q), PINOCCHIO)
     assert_close(dyn.energy(q, v)[0], bare.energy(q, v)[0] + 0.2 * v @ v, PINOCCHIO)
-
-
-def test_forward_dynamics_with_armature(rng: np.random.Generator) -> None:
-    dyn = with_joints(**{"*": {"armature": 0.4}})
-    q, v, tau = models.random_state(rng, 3)
-    wanted = np.linalg.solve(dyn.mass_matrix(q), tau - dyn.inverse(q, v, np.zeros(3)))
-    assert_close(dyn.forward(q, v, tau), wanted, PINOCCHIO)

@@ -156,16 +156,6 @@ def test_what_is_said_to_be_a_link_or_a_joint_must_be_one() -> None:
             FrameMotion(Dynamics(DISTINCT).model, frame, "world")
 
 
-def test_a_name_that_looks_like_it_is_a_name() -> None:
-    urdf = DISTINCT.replace('"tool"', '"joint:elbow"')
-    model = Dynamics(urdf).model
-    expected = FrameMotion(Dynamics(DISTINCT).model, "tool", "world").placement(
-        np.array([0.1, 0.2])
-    )
-    own = FrameMotion(model, "joint:elbow", "world").placement(np.array([0.1, 0.2]))
-    np.testing.assert_array_equal(own[0], expected[0])
-
-
 @alike
 def test_the_joint_can_be_locked(urdf: str) -> None:
     first, held = Dynamics(urdf).joint_names

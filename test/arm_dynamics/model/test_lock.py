@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import Dynamics, SceneError, load_scene
+from arm_dynamics import Dynamics, load_scene
 from models.oracle import Oracle
 from tolerances import PINOCCHIO, assert_close
 
@@ -55,8 +55,3 @@ def test_locked_elbow_makes_a_compound_pendulum() -> None:
 def test_friction_of_a_locked_joint_is_gone() -> None:
     dyn = Dynamics(locked("planar_3r", ["joint2"], {}))
     np.testing.assert_allclose(dyn.friction([1.0, -2.0]), [0.7 + 0.3, -0.2 - 0.05], rtol=1e-14)
-
-
-def test_a_follower_cannot_be_locked_alone() -> None:
-    with pytest.raises(SceneError, match=r"right_slide.*left_slide"):
-        locked("gripper", ["right_slide"], {})

@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 import models
-from arm_dynamics import Dynamics, SceneError, load_scene
+from arm_dynamics import Dynamics
 from tolerances import CLOSED_FORM, assert_close
 
 GRIPPER = models.FOLDER / "gripper.urdf"
@@ -24,11 +23,6 @@ RACK = """<robot name="rack">
   <link name="b"><inertial><mass value="0.6"/>
     <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
 </robot>"""
-
-
-def test_followers_are_not_in_q() -> None:
-    assert models.dynamics("gripper").joint_names == ("swing", "left_slide")
-    assert models.dynamics("finger").joint_names == ("spread", "knuckle")
 
 
 def test_rack_by_hand() -> None:
@@ -74,9 +68,3 @@ def test_panda_with_its_fingers_free() -> None:
     assert dyn.n == 8
     assert dyn.joint_names[-1] == "panda_finger_joint1"
     assert_close(dyn.friction(np.ones(8))[-1], 0.3 + 0.3, CLOSED_FORM)
-
-
-@pytest.mark.parametrize("key", ["position", "velocity"])
-def test_a_follower_has_no_initial_state_of_its_own(key: str) -> None:
-    with pytest.raises(SceneError, match=r"right_slide.*left_slide"):
-        load_scene({"robot": {"urdf": str(GRIPPER)}, "initial": {key: {"right_slide": 0.1}}})

@@ -6,7 +6,6 @@ from __future__ import annotations
 import re
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import models
@@ -90,29 +89,6 @@ def test_vectors_are_read_only(robot: str) -> None:
     for array in vectors(model):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
-
-
-def test_vectors_have_one_entry_per_joint(robot: str) -> None:
-    model = models.dynamics(robot).model
-    for array in vectors(model):
-        assert len(array) == model.n
-
-
-def test_holds_pinocchios_model() -> None:
-    model = models.dynamics("panda").model
-    assert isinstance(model.pin, pin.Model)
-    assert list(model.pin.names)[1:] == list(model.joint_names)
-
-
-def test_real_robots_have_the_joints_they_are_sold_with() -> None:
-    assert [models.dynamics(name).n for name in ("panda", "ur10", "kinova", "z1", "puma560")] == [
-        7, 6, 6, 6, 6,
-    ]  # fmt: skip
-
-
-def test_dynamics_takes_a_model_that_is_built() -> None:
-    model = ArmModel(load_scene(SCARA))
-    assert Dynamics(model).model is model
 
 
 def test_a_joint_that_goes_round_beside_one_that_does_not() -> None:

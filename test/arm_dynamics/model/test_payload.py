@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import Dynamics, SceneError, load_scene
+from arm_dynamics import Dynamics, load_scene
 from models.oracle import Oracle
 from tolerances import CLOSED_FORM, PINOCCHIO, assert_close
 
@@ -72,14 +72,6 @@ def test_weight_of_a_point_mass_by_hand() -> None:
     dyn = Dynamics({"robot": {"urdf": urdf}, "payloads": [{"frame": "tip", "mass": 3.0}]})
     gain = dyn.gravity([0.0, 0.0]) - Dynamics(urdf).gravity([0.0, 0.0])
     assert_close(gain, [3 * 9.81 * 0.9, 3 * 9.81 * 0.4], CLOSED_FORM)
-
-
-def test_on_the_base_it_would_change_nothing() -> None:
-    with pytest.raises(SceneError, match="'payloads.0.frame' = 'base': no joint moves that frame"):
-        loaded("base")
-    locked = {"robot": {"urdf": str(URDF), "lock": ["first"]}}
-    with pytest.raises(SceneError, match="no joint moves that frame"):
-        Dynamics({**locked, "payloads": [{"frame": "first", "mass": 1.0}]})
 
 
 def test_mass_of_zero_changes_nothing(rng: np.random.Generator) -> None:

@@ -188,7 +188,7 @@ def test_what_cannot_be_compiled_is_tried_once(
     ros: Ros, ask: Ask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[Any] = []
-    monkeypatch.setattr(compiled_services, "compiled_answer", lambda what, _: tried.append(what))
+    monkeypatch.setattr(compiled_services, "code_of", lambda what, _: tried.append(what))
     node = ros.add(DynamicsNode, models.scene("two_link"))
     assert node._compiled is not None
     builder = node._compiled._builder

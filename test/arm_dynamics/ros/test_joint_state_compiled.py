@@ -15,9 +15,8 @@ from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.direct import Newest
-from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES
-from arm_dynamics.ros.joint_state import JointStateReader, JointStateSink, JointStateSource
-from arm_dynamics.ros.joint_state.reader import FAILED, Read
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
+from arm_dynamics.ros.joint_state import NONE, JointStateReader, JointStateSink, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 
 pytestmark = pytest.mark.ros
@@ -26,7 +25,26 @@ JOINTS = ["base", "elbow"]
 PATIENCE = 60.0  # [s]
 
 
-def next_of(source: JointStateSource) -> tuple[int, Read]:
+class Source:
+    """Messages of a topic, received in C."""
+
+    def __init__(self, node: Node, topic: Topic, reader: JointStateReader) -> None:
+        self._newest, self._reader = Newest(node, topic), reader
+        reader.open(self._newest.pointer)
+
+    def take(self) -> tuple[int, Read] | None:
+        """Arrival and content of the next message, if there is one."""
+        if self._reader.take() == NONE:
+            return None
+        return self._reader.arrival, self._reader.read(self._reader.raw)
+
+    def close(self) -> None:
+        """End the subscription."""
+        self._reader.close()
+        self._newest.close()
+
+
+def next_of(source: Source) -> tuple[int, Read]:
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
         if (taken := source.take()) is not None:
@@ -49,7 +67,7 @@ def test_what_is_published_arrives(ros: Ros) -> None:
     writer = JointStateWriter(JOINTS, frame_id="here")
     sink = JointStateSink(node, JOINT_STATES, writer, arrays)
     reader = JointStateReader(JOINTS, ("position", "effort"), partial=False, extra=False)
-    source, bytes_of = JointStateSource(node, JOINT_STATES, reader), Newest(node, JOINT_STATES)
+    source, bytes_of = Source(node, JOINT_STATES, reader), Newest(node, JOINT_STATES)
     matched(node, JOINT_STATES.name)
     assert source.take() is None
     for stamp in (0, 999_999_999, 12_345_678_901_234, -1):
@@ -78,7 +96,7 @@ def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> No
     node = ros.add(Node, "both")
     publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
     reader = JointStateReader(JOINTS, ("effort",), partial=False, extra=False)
-    source = JointStateSource(node, JOINT_COMMANDS, reader)
+    source = Source(node, JOINT_COMMANDS, reader)
     matched(node, JOINT_COMMANDS.name)
     for _ in range(2):
         publisher.publish(JointState(name=JOINTS, effort=[1.0, 2.0]))
@@ -91,27 +109,6 @@ def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> No
     assert source.take() is None
 
 
-def test_what_c_cannot_receive_python_does(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also for those who listen, as a recording does."""
-    node, heard = ros.add(Node, "both"), list[bytes]()
-    publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
-    reader = JointStateReader(JOINTS, ("effort",), partial=False, extra=False)
-    source = JointStateSource(node, JOINT_COMMANDS, reader)
-    source.tap = heard.append
-    matched(node, JOINT_COMMANDS.name)
-    for fails in True, False:
-        with monkeypatch.context() as patch:
-            if fails:
-                patch.setattr(reader, "next", lambda: FAILED)
-            assert source.take() is None
-            publisher.publish(JointState(name=JOINTS, effort=[1.0, 2.0]))
-            arrival, (_, values) = next_of(source)
-        assert values == [(1.0, 2.0)]
-        assert abs(time.time_ns() - arrival) < 30e9
-    assert [list(deserialize_message(raw, JointState).effort) for raw in heard] == [[1.0, 2.0]] * 2
-    source.close()
-
-
 class Message(ctypes.Structure):
     """``rcutils_uint8_array_t``."""
 
@@ -121,7 +118,7 @@ class Message(ctypes.Structure):
     )  # fmt: skip
 
 
-class Source(ctypes.Structure):
+class Memory(ctypes.Structure):
     """``source_t`` of joint_state.c."""
 
     _fields_ = (("subscription", ctypes.c_void_p), ("message", Message))
@@ -131,7 +128,7 @@ def test_memory_of_a_giant_message_is_given_back(ros: Ros) -> None:
     node = ros.add(Node, "both")
     publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
     reader = JointStateReader(JOINTS, ("effort",), partial=False, extra=False)
-    source = JointStateSource(node, JOINT_COMMANDS, reader)
+    source = Source(node, JOINT_COMMANDS, reader)
     matched(node, JOINT_COMMANDS.name)
     room = []
     for frame_id in ("", "", "x" * 200_000, "", ""):
@@ -139,7 +136,7 @@ def test_memory_of_a_giant_message_is_given_back(ros: Ros) -> None:
         message.header.frame_id = frame_id
         publisher.publish(message)
         assert next_of(source)[1][1] == [(1.0, 2.0)]
-        room.append(Source.from_address(reader._memory.value).message.capacity)
+        room.append(Memory.from_address(reader._memory.value).message.capacity)
     source.close()
     assert room[2] >= 200_000
     assert max(room[:2] + room[3:]) < 1000

@@ -17,28 +17,15 @@ from arm_dynamics.scene.lines import line_of
 PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
 
 SAID = {
-    "number for a list": ({"gravity": -9.81}, "'gravity' = -9.81: a list is expected"),
-    "list for a mapping": (
-        {"initial": {"position": [0, 1]}},
-        r"'initial.position' = \[0, 1\]: a mapping from names to values is expected",
-    ),
     "number for a part": (
         {"joints": {"elbow": {"friction": 0.5}}},
         "'joints.elbow.friction' = 0.5: a mapping with some of viscous, coulomb, .* is expected",
     ),
-    "part for a list": ({"payloads": {"frame": "x"}}, "'payloads' = .*: a list is expected$"),
     "name for a list": (
         {"robot": {**PLAIN["robot"], "lock": "elbow"}},
         r"'robot.lock' = 'elbow': a list is expected, such as \[elbow\]",
     ),
     "text for a list": ({"gravity": "[0,0 -9.81]"}, r"such as \[0, 0, -9.81\]$"),
-    "nothing for a list": ({"payloads": None}, "'payloads' = None: a list is expected$"),
-    "nothing for names": (
-        {"joints": None},
-        "'joints' = None: a mapping from names to values is expected$",
-    ),
-    "list for names": ({"links": ["x"]}, "'links' = .*: a mapping from names to values"),
-    "number for text": ({"sim": {"integrator": 3}}, "'sim.integrator' = 3: text is expected"),
     "number for a name": (
         {"robot": {**PLAIN["robot"], "lock": [1]}},
         "'robot.lock.0' = 1: text is expected; in quotes it is text",
@@ -48,24 +35,11 @@ SAID = {
         "'joints.elbow.limits.stop' = 'yes': true or false is expected\n"
         "scene: 'joints.elbow.limits.stop' = 'yes': a mapping with some of restitution, .*",
     ),
-    "number of one of two kinds": (
-        {"joints": {"elbow": {"limits": {"stop": {"restitution": 2}}}}},
-        "^scene: 'joints.elbow.limits.stop.restitution' = 2: at most 1 is expected$",
-    ),
     "keys of one of two kinds": (
         {"joints": {"elbow": {"limits": {"stop": {"damping": 2}}}}},
         "^scene: 'joints.elbow.limits.stop' = {'damping': 2}: damping belongs to a compliant .*$",
     ),
     "nothing": ({"robot": {}}, "'robot.urdf' is missing; it is required"),
-    "key": (
-        {"gravty": 1},
-        r"unknown key 'gravty' = 1; allowed here: .*; did you mean 'gravity'\?",
-    ),
-    "key inside": (
-        {"joints": {"elbow": {"friction": {"viscus": 1}}}},
-        r"unknown key 'joints.elbow.friction.viscus' = 1; .*; did you mean 'viscous'\?",
-    ),
-    "joint": ({"joints": {"elbw": {}}}, r"'elbw', which does not exist; .*did you mean 'elbow'\?"),
     "frame": (
         {"payloads": [{"frame": "forarm", "mass": 1}]},
         r"'forarm' does not exist; allowed: .*; did you mean 'forearm'\?",

@@ -13,7 +13,7 @@ from arm_dynamics import ArmError, ArmModel, SceneError, load_scene
 from arm_dynamics.scene.lines import parsed
 
 URDF = str(models.FOLDER / "planar_3r.urdf")
-NAN, INF = float("nan"), float("inf")
+INF = float("inf")
 
 
 def payload(**changes: Any) -> dict[str, Any]:
@@ -30,32 +30,16 @@ def sprung(**spring: Any) -> dict[str, Any]:
 
 # What stands beside `robot` in the scene, and words that the error must contain.
 BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
-    "unknown key": ({"gravitty": [0, 0, -9.81]}, ("gravitty", "gravity")),
-    "unknown key of a joint": ({"joints": {"joint1": {"damping": 1}}}, ("damping", "friction")),
-    "unknown friction": (
-        {"joints": {"joint1": {"friction": {"vicious": 1}}}},
-        ("vicious", "viscous"),
-    ),
-    "unknown key of a payload": (payload(weight=1), ("weight", "mass")),
-    "unknown key of sim": ({"sim": {"step": 1}}, ("step", "dt")),
-    "unknown joint": ({"joints": {"elbow": {"armature": 1}}}, ("elbow", "joint1")),
     "unknown initial position": ({"initial": {"position": {"q9": 1}}}, ("q9", "joint1")),
-    "unknown initial velocity": ({"initial": {"velocity": {"q9": 1}}}, ("q9", "joint1")),
-    "unknown key of a spring": (sprung(length=1), ("length", "rest_length")),
     "spring that does nothing": (sprung(rest_length=1), ("springs.0", "stiffness", "force")),
     "cord that is never taut": (
         sprung(damping=1, tension_only=True),
         ("springs.0", "tension_only", "taut"),
     ),
-    "negative stiffness": (sprung(stiffness=-1), ("springs.0.stiffness", "-1")),
-    "negative damping": (sprung(stiffness=1, damping=-1), ("springs.0.damping", "-1")),
-    "negative rest length": (sprung(stiffness=1, rest_length=-1), ("rest_length", "-1")),
-    "force NaN": (sprung(force=NAN), ("springs.0.force", "nan")),
     "spring to nowhere": (
         sprung(stiffness=1, frames=["link3", "hand"]),
         ("springs.0.frames", "hand", "world"),
     ),
-    "spring with one end": (sprung(stiffness=1, frames=["link3"]), ("springs.0.frames",)),
     "spring from a frame to itself": (
         sprung(stiffness=1, frames=["link3", "link3"]),
         ("springs.0.frames", "different"),
@@ -69,51 +53,9 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         },
         ("two springs", "spring_0"),
     ),
-    "unknown key of a joint's spring": (
-        {"joints": {"joint1": {"spring": {"k": 1}}}},
-        ("joints.joint1.spring.k", "stiffness"),
-    ),
-    "negative stiffness of a joint": (
-        {"joints": {"joint1": {"spring": {"stiffness": -1}}}},
-        ("joints.joint1.spring.stiffness", "-1"),
-    ),
-    "spring of an unknown joint": (
-        {"joints": {"elbow": {"spring": {"stiffness": 1}}}},
-        ("elbow", "joint1"),
-    ),
     "unknown frame": (payload(frame="hand"), ("hand", "link3")),
     "gravity of two": ({"gravity": [0, -9.81]}, ("gravity",)),
-    "gravity of four": ({"gravity": [0, 0, 0, -9.81]}, ("gravity",)),
-    "gravity a number": ({"gravity": -9.81}, ("gravity", "-9.81")),
-    "gravity NaN": ({"gravity": [0, 0, NAN]}, ("gravity", "nan", "finite")),
     "gravity infinite": ({"gravity": [0, INF, 0]}, ("gravity", "inf", "finite")),
-    "gravity of words": ({"gravity": ["a", "b", "c"]}, ("gravity", "'a'")),
-    "gravity nothing": ({"gravity": None}, ("gravity",)),
-    "negative friction": (
-        {"joints": {"joint1": {"friction": {"viscous": -1}}}},
-        ("viscous", "-1"),
-    ),
-    "negative Coulomb": ({"joints": {"*": {"friction": {"coulomb": -0.5}}}}, ("coulomb", "-0.5")),
-    "friction NaN": ({"joints": {"*": {"friction": {"coulomb": NAN}}}}, ("coulomb", "nan")),
-    "friction a truth value": (
-        {"joints": {"*": {"friction": {"viscous": True}}}},
-        ("viscous", "True"),
-    ),
-    "friction a number": ({"joints": {"*": {"friction": 0.5}}}, ("friction", "0.5")),
-    "negative armature": ({"joints": {"joint1": {"armature": -2}}}, ("armature", "-2")),
-    "negative effort limit": (
-        {"joints": {"joint1": {"limits": {"effort": -3}}}},
-        ("effort", "-3"),
-    ),
-    "effort limit NaN": ({"joints": {"joint1": {"limits": {"effort": NAN}}}}, ("effort", "nan")),
-    "negative speed limit": (
-        {"joints": {"joint1": {"limits": {"velocity": -1e-300}}}},
-        ("joint1.limits.velocity", "-1e-300", "at least 0 is expected"),
-    ),
-    "effort limit a truth value": (
-        {"joints": {"joint1": {"limits": {"effort": True}}}},
-        ("effort", "not true or false"),
-    ),
     "limits the wrong way round": (
         {"joints": {"*": {"limits": {"lower": 0.5, "upper": 0.25}}}},
         ("joints.*.limits", "lower = 0.5 is not below upper = 0.25"),
@@ -122,17 +64,9 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         {"joints": {"*": {"limits": {"lower": 0.5, "upper": 0.5}}}},
         ("joints.*.limits", "robot.lock holds a joint where it is"),
     ),
-    "limit of a position infinite": (
-        {"joints": {"*": {"limits": {"lower": -INF}}}},
-        ("lower", "-inf", "finite"),
-    ),
     "inertia a little negative": (
         payload(inertia=[-1.01e-10, 0, 0, 1, 0, 1]),
         ("inertia", "must not be negative in any direction", "-1.01"),
-    ),
-    "a small inertia that is a little negative": (
-        payload(inertia=[-1.01e-12, 0, 0, 1e-3, 0, 1e-3]),
-        ("inertia", "negative"),
     ),
     "an inertia that is great in one direction and a little negative in another": (
         payload(inertia=[-1.01e-8, 0, 0, 1, 0, 100]),
@@ -151,13 +85,7 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         tied(type="rolling", radius=1, axle=[0, 0, 0]),
         ("axle", "not be zero"),
     ),
-    "negative mass": (payload(mass=-1.2), ("mass", "-1.2")),
-    "mass infinite": (payload(mass=INF), ("mass", "inf")),
     "no mass": ({"payloads": [{"frame": "link3"}]}, ("mass",)),
-    "com of two": (payload(com=[0, 0]), ("com",)),
-    "com NaN": (payload(com=[0, 0, NAN]), ("com", "nan")),
-    "inertia of three": (payload(inertia=[1, 1, 1]), ("inertia",)),
-    "inertia negative": (payload(inertia=[-1, 0, 0, 1, 0, 1]), ("inertia", "negative")),
     "inertia of no body": (
         payload(inertia=[1, 0, 0, 1, 0, 2.1]),
         ("payloads.0.inertia", "principal moments 1, 1, 2.1", "sum of the other two"),
@@ -167,7 +95,6 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("payloads.0.inertia", "mass = 0", "more than zero"),
     ),
     "inertia indefinite": (payload(inertia=[1, 5, 0, 1, 0, 1]), ("inertia", "negative")),
-    "payloads a mapping": ({"payloads": {"frame": "link3", "mass": 1}}, ("payloads",)),
     "no payload to tune": ({"tunable": ["payload"]}, ("tunable", "there are no 'payloads'")),
     "two kinds of stops, one of them for all joints": (
         {
@@ -182,15 +109,6 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         {"joints": {"*": {"servo": {"bandwidth": 50}}, "joint1": {"servo": {"stiffness": 9}}}},
         ("joints.joint1.servo", "50", "9", "not both"),
     ),
-    "joints a list": ({"joints": ["joint1"]}, ("joints",)),
-    "initial NaN": ({"initial": {"position": {"joint1": NAN}}}, ("joint1", "nan")),
-    "initial a list": ({"initial": {"position": [0, 0, 0]}}, ("position",)),
-    "dt zero": ({"sim": {"dt": 0}}, ("dt", "0")),
-    "dt negative": ({"sim": {"dt": -1e-3}}, ("dt", "-0.001")),
-    "dt NaN": ({"sim": {"dt": NAN}}, ("dt", "nan")),
-    "tolerance zero": ({"sim": {"tolerance": 0}}, ("tolerance", "0")),
-    "tolerance NaN": ({"sim": {"tolerance": NAN}}, ("tolerance", "nan")),
-    "tolerance infinite": ({"sim": {"tolerance": INF}}, ("tolerance", "inf")),
 }
 
 # The whole scene, where it is the robot or the form that is wrong.
@@ -265,36 +183,6 @@ def test_what_is_just_allowed(part: dict[str, Any]) -> None:
     assert load_scene({"robot": {"urdf": URDF}, **part})
 
 
-OWN_KEYS = {
-    "point": "name, switchable, active, frames, points, type",
-    "line": "name, switchable, active, frames, points, type, direction",
-    "distance": "name, switchable, active, frames, points, type, distance",
-    "coupling": "name, switchable, active, type, joints, ratio, offset",
-    "contact": "type, frame, point, radius, plane, friction, static_friction, restitution, name",
-}
-
-
-@pytest.mark.parametrize(("kind", "allowed"), OWN_KEYS.items())
-def test_an_unknown_key_of_a_constraint_is_answered_with_those_of_its_type(
-    kind: str, allowed: str
-) -> None:
-    said = rf"'constraints\.0\.{kind}\.slack' = 1; allowed here: {allowed}"
-    with pytest.raises(SceneError, match=f"unknown key {said}$"):
-        load_scene({"robot": {"urdf": URDF}, "constraints": [{"type": kind, "slack": 1}]})
-
-
-def test_an_unknown_key_of_a_part_is_answered_with_those_of_that_part() -> None:
-    refuses(
-        {"robot": {"urdf": URDF}, "joints": {"*": {"limits": {"speed": 1}}}},
-        ("'joints.*.limits.speed' = 1; allowed here: effort, velocity, lower, upper",),
-    )
-    touching = {"type": "contact", "frame": "link3", "plane": {"height": 1}}
-    refuses(
-        {"robot": {"urdf": URDF}, "constraints": [touching]},
-        ("plane.height' = 1; allowed here: frame, point, normal",),
-    )
-
-
 @pytest.mark.parametrize(("text", "said"), BAD_YAML.values(), ids=BAD_YAML)
 def test_bad_yaml_names_the_file_and_the_line(text: str, said: str, tmp_path: Path) -> None:
     path = tmp_path / "bad.yaml"
@@ -337,11 +225,6 @@ def test_locking_everything() -> None:
     scene = load_scene({"robot": {"urdf": URDF, "lock": ["joint1", "joint2", "joint3"]}})
     with pytest.raises(SceneError, match="no joint"):
         ArmModel(scene)
-
-
-def test_every_complaint_at_once() -> None:
-    """Two mistakes are reported together, not one after the other."""
-    refuses({"robot": {"urdf": URDF}, "gravity": [0, 0], "sim": {"dt": -1}}, ("gravity", "dt"))
 
 
 def refuses(source: Any, words: tuple[str, ...]) -> None:

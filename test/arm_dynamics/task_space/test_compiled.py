@@ -72,12 +72,6 @@ def test_at_a_singularity_it_answers_damped_as_the_task_space(q: np.ndarray) -> 
     assert np.isfinite(now.inertia).all()
 
 
-def test_more_axes_than_joints_are_damped() -> None:
-    task = TaskSpace(models.dynamics("two_link"), "tip")
-    now = TaskKernel(task.model, task.frame, AXES, THRESHOLD).state(np.ones(2), np.ones(2))
-    assert_close(now.inertia, task.terms(np.ones(2)).inertia, 1e-6)
-
-
 def test_a_frame_is_built_once_for_a_model(monkeypatch: pytest.MonkeyPatch) -> None:
     model = ArmModel(models.scene("two_link"))
     first = TaskKernel(model, "tip", ("x", "y"), 1e-4)
@@ -121,18 +115,6 @@ def test_few_axes(axes: tuple[str, ...], rng: np.random.Generator) -> None:
         assert_close(now.J, terms.jacobian, ALGEBRA)
         assert now.B.shape == (model.n, len(axes))
         assert_close(now.inertia, terms.inertia, 1e-6)
-
-
-def test_one_joint_without_mass_among_others_is_enough() -> None:
-    urdf = """<robot name="cross"><link name="base"/><link name="beam"><inertial>
-      <mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-      <link name="cart"/>
-      <joint name="x" type="prismatic"><parent link="base"/><child link="beam"/>
-      <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-      <joint name="y" type="prismatic"><parent link="beam"/><child link="cart"/>
-      <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
-    with pytest.raises(ModelError, match="a joint that carries frame 'cart' moves no mass"):
-        TaskKernel(ArmModel(load_scene(urdf)), "cart", ("x", "y"), THRESHOLD)
 
 
 @pytest.mark.parametrize(("off", "used"), [(9e-11, True), (1.1e-10, False)])

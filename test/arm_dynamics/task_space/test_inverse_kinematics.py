@@ -108,12 +108,8 @@ def test_a_rotation_may_be_off_by_rounding(by: float) -> None:
     ("rotation", "off", "det"),
     [
         (sheared(1.001e-6), "1e-06", "1"),
-        (sheared(-1.001e-6), "1e-06", "1"),
         (0.5 * np.eye(3), "0.75", "0.125"),
-        (2.0 * np.eye(3), "3", "8"),
         (np.diag([1.0, 1.0, -1.0]), "0", "-1"),
-        (np.zeros((3, 3)), "1", "0"),
-        (np.ones((3, 3)), "3", "0"),
     ],
 )
 def test_what_is_no_rotation_is_refused_with_how_far_it_is_off(
@@ -128,11 +124,7 @@ def test_what_is_no_rotation_is_refused_with_how_far_it_is_off(
     ("position", "rotation", "said"),
     [
         (np.zeros((2, 3)), np.eye(3), r"pose has shapes \(2, 3\) and \(3, 3\); \(3,\) and"),
-        (np.zeros(3), np.zeros(3), r"pose has shapes \(3,\) and \(3,\)"),
-        (np.zeros(3), np.eye(4)[:, :3], r"pose has shapes \(3,\) and \(4, 3\)"),
-        (np.zeros((3, 3)), np.eye(3)[:2], r"pose has shapes \(3, 3\) and \(2, 3\)"),
         (np.zeros(2), np.eye(3), r"pose.position has shape \(2,\)"),
-        (np.zeros(3), np.eye(2), r"pose.rotation has shape \(2, 2\)"),
         (np.zeros(3), np.full((3, 3), np.inf), r"pose.rotation\[0, 0\] = inf"),
     ],
 )
@@ -145,8 +137,6 @@ def test_bad_poses_and_seeds_are_refused() -> None:
     solver = InverseKinematics(task_of("panda"))
     with pytest.raises(InvalidInput, match="is not a rotation"):
         solver.solve(Pose(np.zeros(3), 2.0 * np.eye(3)))
-    with pytest.raises(InvalidInput, match="is not a rotation"):
-        solver.solve(Pose(np.zeros(3), np.diag([1.0, 1.0, -1.0])))
     with pytest.raises(InvalidInput, match=r"pose.position\[0\] = nan"):
         solver.solve(Pose(np.full(3, np.nan), np.eye(3)))
     with pytest.raises(InvalidInput, match=r"seed has shape \(3,\)"):
@@ -253,10 +243,3 @@ def test_infeasible_requests_are_refused() -> None:
         timed(line(start, far), 0.0, 1.0)
     with pytest.raises(InvalidInput, match="profile = 'cubic'"):
         timed(line(start, far), 1.0, 1.0, "cubic")
-
-
-def test_positions_that_were_found_are_not_changed_by_accident() -> None:
-    task = task_of("ur10")
-    found = InverseKinematics(task).solve(task.pose(models.dynamics("ur10").model.q0))
-    with pytest.raises(ValueError, match="read-only"):
-        found.q[0] = 0.0

@@ -126,11 +126,6 @@ def test_points_that_are_over_are_left_out(follower: Follower) -> None:
     assert_close(follower.reference(3 * SECOND).q, [1.0, 1.0], ALGEBRA)
 
 
-def test_positions_are_no_waypoints(follower: Follower) -> None:
-    with pytest.raises(InvalidInput, match=r"waypoint 1 is \[1.0, 2.0\]; allowed: a list of way"):
-        follower.follow([[1.0, 2.0]], 0)  # type: ignore[list-item]
-
-
 def test_trajectory_of_the_past_is_refused(follower: Follower) -> None:
     with pytest.raises(InvalidInput, match="none of 1 waypoints lies in the future"):
         follower.follow([Waypoint(1.0, [5.0, 5.0])], now=2 * SECOND, start=0)

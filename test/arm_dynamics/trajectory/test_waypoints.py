@@ -158,15 +158,6 @@ def test_hold_stands_still() -> None:
         assert not reference.v.any()
 
 
-def test_references_are_read_only(rng: np.random.Generator) -> None:
-    trajectory = quintic(random_waypoints(rng))
-    for t in (-1.0, 0.1, 1e3):
-        reference = trajectory.sample(t)
-        for array in (reference.q, reference.v, reference.a):
-            with pytest.raises(ValueError, match="read-only"):
-                array[0] = 1.0
-
-
 def test_extremes_bound_every_sample_and_are_reached(rng: np.random.Generator) -> None:
     c = rng.normal(size=(40, N, 6))
     least, greatest = extremes(c)
@@ -196,10 +187,6 @@ def test_stretches_to_keep_limits(
     assert_close(slow[:, 0], fast[:, 0], 1e-9)
 
 
-def test_does_not_stretch_without_need(rng: np.random.Generator) -> None:
-    assert quintic(random_waypoints(rng), limits(1e3, 1e3)).stretch == 1.0
-
-
 def test_given_inner_derivatives_shrink_with_the_stretch() -> None:
     """Velocities by the stretch, accelerations by its square: the path is the same."""
     v, a = np.array([0.3, -0.2, 0.1]), np.array([0.4, 0.2, -0.5])
@@ -210,20 +197,6 @@ def test_given_inner_derivatives_shrink_with_the_stretch() -> None:
     assert kept.stretch > 1.5
     assert_close(inner.v, v / kept.stretch, ALGEBRA)
     assert_close(inner.a, a / kept.stretch**2, ALGEBRA)
-
-
-def test_a_stop_is_as_short_as_the_acceleration_limit_allows() -> None:
-    """1.5 v/a for the fastest joint, on the way v T/2, and never quicker than asked for."""
-    q, v = np.array([0.1, 0.2, 0.3]), np.array([0.4, -1.2, 0.0])
-    halt = stop(Reference(q, v, np.zeros(N)), limits(acceleration=3.0), least=0.1)
-    assert_close(halt.stretch, 1.0, ALGEBRA)
-    assert_close(halt.duration, 1.5 * 1.2 / 3.0, ALGEBRA)
-    middle, end = halt.sample(halt.duration / 2), halt.sample(halt.duration)
-    assert_close(middle.v, v / 2, ALGEBRA)
-    assert_close(abs(middle.a), 1.5 * abs(v) / halt.duration, ALGEBRA)
-    assert_close(end.q, q + v * halt.duration / 2, ALGEBRA)
-    slow = stop(Reference(q, v, np.zeros(N)), limits(acceleration=1e3), least=0.25)
-    assert slow.duration == 0.25
 
 
 def test_start_in_motion_is_kept_while_stretching() -> None:
@@ -343,21 +316,11 @@ def test_a_stop_takes_a_fifth_of_a_second_or_what_the_limit_asks_for(
     ("waypoints", "complaint"),
     [
         ([], "0 waypoints; allowed: 2"),
-        ([Waypoint(0.0, [0.0])], "1 waypoints; allowed: 2"),
         ([Waypoint(0.0, [0.0]), Waypoint(0.0, [1.0])], "increasing from 0"),
-        ([Waypoint(0.1, [0.0]), Waypoint(0.2, [1.0])], "increasing from 0"),
         ([Waypoint(0.0, [0.0]), Waypoint(np.nan, [1.0])], "increasing from 0"),
-        ([Waypoint(0.0, [0.0]), Waypoint(np.inf, [1.0])], "increasing from 0"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [1.0, 2.0])], "waypoint 1 has shape"),
-        ([Waypoint(0.0, [0.0]), Waypoint(1.0, [np.nan])], "position of waypoint 1 is"),
         ([Waypoint(0.0, [0.0], [np.inf]), Waypoint(1.0, [0.0])], "velocity of waypoint 0 is"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], [1.0])], "last waypoint"),
-        ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], None, [1.0])], "last waypoint"),
-        ([Waypoint(0.0, [0.0]), Waypoint(1.0, ["fast"])], "numbers are expected"),
-        ([[0.0], [1.0]], r"waypoint 0 is \[0.0\]; allowed: a list of waypoints, such as"),
-        ([Waypoint(0.0, [0.0]), {"time": 1.0}], "waypoint 1 is {'time': 1.0}; allowed"),
-        (Waypoint(0.0, [0.0]), "waypoints = Waypoint.time=0.0"),
-        ("here", "waypoints = here; allowed"),
     ],
 )
 def test_malformed_waypoints_are_refused(waypoints: list[Waypoint], complaint: str) -> None:
@@ -369,7 +332,6 @@ def test_malformed_waypoints_are_refused(waypoints: list[Waypoint], complaint: s
     ("positions", "velocity", "complaint"),
     [
         ([[0.0] * N], 1.0, "w >= 2"),
-        ([0.0, 1.0], 1.0, "w >= 2"),
         ([[0.0] * N, [0.0] * N], 1.0, "0 and 1 coincide"),
         ([[0.0] * N, [1.0] * N], np.inf, "nothing limits"),
     ],

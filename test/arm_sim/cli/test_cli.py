@@ -28,7 +28,6 @@ from arm_sim.cli.call.answers import Answer, readable
 from arm_sim.cli.call.services import SERVICES
 from arm_sim.cli.demo.motion import choose_motion
 from arm_sim.cli.nodes import split_words
-from arm_sim.cli.output import limit
 from arm_sim.cli.vectors import Vector, parse
 from arm_studies.cli.main import main
 
@@ -51,13 +50,6 @@ def commands(group: click.Group, path: tuple[str, ...] = ()) -> list[tuple[str, 
 # --- help --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("words", commands(main), ids=" ".join)
-def test_every_command_has_help_with_an_example(words: tuple[str, ...]) -> None:
-    said = run(*words, "--help")
-    assert said.exit_code == 0
-    assert re.search(rf"Examples?:\n +\./arm {words[0]}", said.output)
-
-
 def test_help_lists_commands_by_subject_in_whole_sentences() -> None:
     said = run("--help").output
     listed = re.findall(r"^  (\w\S*)  +[A-Z]", said, re.M)
@@ -68,11 +60,6 @@ def test_help_lists_commands_by_subject_in_whole_sentences() -> None:
     assert listed.index("describe") > listed.index("controller")
 
 
-def test_help_states_what_a_demo_does_by_default() -> None:
-    said = " ".join(run("demo", "--help").output.split())
-    assert "Duration of the motion in s. [default: 10.0;" in said
-
-
 def test_help_loads_no_ros_and_no_plotting() -> None:
     code = (
         "import sys; from arm_studies.cli.main import main\n"
@@ -81,34 +68,6 @@ def test_help_loads_no_ros_and_no_plotting() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout.rstrip().endswith("[]"), done.stdout + done.stderr
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["nonsense"], "unknown command 'nonsense'; allowed: "),
-        (["describe"], "Missing argument 'SCENE'"),
-        (["describe", "nowhere.yaml"], "no file 'nowhere.yaml'"),
-        (["describe", PANDA, "--integrator", "rk5"], "allowed: auto, euler"),
-        (["describe", PANDA, "--dt", "-1"], "dt = -1.0; allowed"),
-        (["describe", PANDA, "--tolerance", "nan"], "tolerance = nan; allowed"),
-        (["demo", "--robot", "nowhere.urdf"], "no file 'nowhere.urdf'"),
-        (["demo", "--duration", "0"], "0.0 is not in the range"),
-        (["call", "inverse-dynamics"], "Missing option '--position'"),
-        (["call", "inverse-dynamics", "--position", "a"], "'a' is not a number"),
-        (["call", "inverse-dynamics", "--position", "0", "--terms", "mass"], "allowed: some of"),
-        (["call", "set-joint-state"], "nothing to set"),
-        (["call", "inverse-kinematics", "--frame", "hand"], "Missing option '--pose'"),
-        (["call", "step", "4294967296"], "is not in the range 0<=x<=4294967295"),
-        (["sim", PANDA, "-p", "paused:=true"], "'-p' is neither the scene nor behind --ros-args"),
-    ],
-)
-def test_mistakes_get_one_clear_answer(words: list[str], said: str) -> None:
-    result = run(*words)
-    assert result.exit_code in (1, 2)
-    assert result.output.count("Error: ") == 1
-    assert said in result.output
-    assert "Traceback" not in result.output
 
 
 # --- describe ----------------------------------------------------------------------------------
@@ -145,7 +104,7 @@ def test_files_of_the_suite_are_read_in_an_ascii_locale(tmp_path: Path) -> None:
     """With all code written and compiled anew, from headers with Greek letters in them."""
     odd = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     done = subprocess.run(
-        [sys.executable, "-m", "arm_sim.cli", "describe", "two_link"],
+        [sys.executable, "-m", "arm_sim.cli", "describe", "pendulum"],
         env=os.environ | odd | {"XDG_CACHE_HOME": str(tmp_path)},
         capture_output=True, timeout=120, check=False,
     )  # fmt: skip
@@ -221,11 +180,6 @@ def test_what_is_no_vector_is_refused(text: str) -> None:
         parse(text)
 
 
-def test_unknown_joint_is_named() -> None:
-    with pytest.raises(click.ClickException, match="'elbow'; allowed: a, b"):
-        parse("elbow=1").flat(["a", "b"])
-
-
 @pytest.mark.parametrize(
     ("scene", "rest", "expected"),
     [
@@ -241,9 +195,6 @@ def test_scene_is_distinguished_from_ros_arguments(
     assert split_words(scene, rest) == expected
 
 
-# --- describe ----------------------------------------------------------------------------------
-
-
 def operations(*words: str) -> int:
     found = re.search(r"operations +(\d+) in a", run("describe", *words).output)
     assert found
@@ -257,22 +208,6 @@ def test_describe_shows_joints_physics_and_cost() -> None:
         r"2\.175 +87 +0\.003", "computed +gravity", "skipped .*payloads", "µs for a tick",
     ):  # fmt: skip
         assert re.search(words, said), words
-
-
-def test_describe_shows_fewer_operations_for_less_physics(tmp_path: Path) -> None:
-    urdf = "package://example-robot-data/robots/panda_description/urdf/panda.urdf"
-    fingers = ["panda_finger_joint1", "panda_finger_joint2"]
-    less = {
-        "gravity": f"robot: {{urdf: {urdf}, lock: {fingers}}}\ngravity: [0, 0, 0]",
-        "friction": f"robot: {{urdf: {urdf}, lock: {fingers}}}\n"
-        "joints: {'*': {friction: {viscous: 0}}}",
-        "joints": f"robot: {{urdf: {urdf}, lock: {[*fingers, 'panda_joint7']}}}",
-    }
-    full = operations(PANDA)
-    for name, text in less.items():
-        file = tmp_path / f"{name}.yaml"
-        file.write_text(f"{text}\nsim: {{integrator: rk4}}")
-        assert operations(str(file)) < full, name
 
 
 def test_describe_takes_urdf_paths_and_packages() -> None:
@@ -389,29 +324,6 @@ def test_demo_motion_refuses_an_arm_that_cannot_carry_itself(pull: float) -> Non
 # --- numbers -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(1.5, "1.5"), (-0.0, "0"), (1234567.0, "1.23457e+06"), (np.inf, "-"), (-np.inf, "-")],
-)
-def test_limits_are_written_short(value: float, text: str) -> None:
-    assert limit(value) == text
-
-
-def test_the_effort_of_a_demo_counts_whatever_its_sign() -> None:
-    """Held up or held down, the arm needs the same part of its limits."""
-    shares = []
-    for weight in (-9.81, 9.81):
-        scene = models.scene("z1").model_copy(update={"gravity": (0.0, 0.0, weight)})
-        motion = choose_motion(scene, 10.0)
-        dynamics = Dynamics(motion.model)
-        points = [motion.trajectory.sample(t) for t in np.linspace(0.0, 10.0, 300)]
-        torque = np.array([dynamics.inverse(point.q, point.v, point.a) for point in points])
-        largest = np.max(np.abs(torque) / dynamics.model.effort_limit)
-        shares.append(motion.effort_share)
-        np.testing.assert_allclose(motion.effort_share, largest, rtol=0.05)
-    assert min(shares) > 0.1
-
-
 def test_rounding_is_not_printed_as_a_number() -> None:
     np.testing.assert_array_equal(readable(np.array([2.0, -1e-18, 0.0])), [2.0, 0.0, 0.0])
     np.testing.assert_array_equal(readable(np.array([1e-18, 3e-18])), [1e-18, 3e-18])
@@ -501,13 +413,9 @@ def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
     ("words", "said"),
     [
         (("--topics", "--scene", "panda"), "--topics plays the recording unchanged"),
-        (("--topics", "--integrator", "rk4"), "--topics plays the recording unchanged"),
-        (("--topics", "--tolerance", "1"), "--topics plays the recording unchanged"),
-        (("--topics", "--out", "a.mcap"), "--topics plays the recording unchanged"),
         (("--topics", "--json"), "--topics plays the recording unchanged"),
         (("--topic", "/a"), "--topic is allowed with --topics only"),
         (("--check", "--out", "a.mcap"), "--check judges the recording as it is"),
-        (("--rate", "0"), "--rate is allowed with --topics only"),
     ],
 )
 def test_options_of_playing_and_replaying_are_told_apart(

@@ -10,16 +10,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from harness import surroundings
 
-import models
 from arm_sim.cli.demo import processes
 from arm_sim.cli.demo.processes import Processes
-from arm_sim.cli.demo.report import Numbers, complaints, remarks
 
 pytestmark = pytest.mark.ros
 
@@ -126,12 +123,6 @@ def test_shared_memory_of_one_that_was_killed_is_cleared(
     assert cleared == [True]
 
 
-def test_another_arm(start: Start, tmp_path: Path) -> None:
-    demo = start("--duration", "1.5", "--robot", str(models.FOLDER / "gantry.urdf"))
-    assert demo.end() == 0, demo.said
-    assert json.loads((tmp_path / "demo.json").read_text())["unit"] == "m"
-
-
 def interrupt(demo: Demo, ids: dict[str, int]) -> None:
     demo.process.send_signal(signal.SIGINT)
 
@@ -166,17 +157,6 @@ def test_it_ends_its_processes_whatever_happens(
     assert gone(ids, timeout=0.0)
 
 
-def test_a_motion_that_does_not_come_is_waited_for_in_vain(start: Start) -> None:
-    demo = start("--duration", "4", "--robot", str(models.FOLDER / "gantry.urdf"))
-    demo.until("following the trajectory")
-    ids = demo.children()
-    time.sleep(1.5)  # until it moves
-    os.kill(ids["sim"], signal.SIGSTOP)
-    assert demo.end() == 1, demo.said
-    assert "s of the motion of 4 s were seen within 16 s" in demo.said
-    assert gone(ids, timeout=0.0)
-
-
 def test_its_processes_end_even_if_it_is_killed(start: Start) -> None:
     demo = start("--duration", "30")
     demo.until("following the trajectory")
@@ -184,26 +164,3 @@ def test_its_processes_end_even_if_it_is_killed(start: Start) -> None:
     demo.process.kill()
     demo.end()
     assert gone(ids)
-
-
-def test_a_loop_that_does_not_close_is_said() -> None:
-    good = Numbers(
-        robot="arm", joints=1, unit="rad", duration=10.0, ticks=10_000, rate=1000.0,
-        wanted_rate=1000.0, missed=0, dropped=0, lateness_p50=0.0, lateness_p99=0.0,
-        lateness_max=0.0, commands=9_900, round_trip_p50=0.0, round_trip_p99=0.0,
-        round_trip_max=0.0, questions=900, service_p50=0.0, service_p99=0.0, service_max=0.0,
-        torque_difference=0.0, error_rms=1e-5, error_max=1e-4, goal_distance=1e-5,
-        effort_share=0.5, energy_moved=10.0, energy_dissipated=0.1, energy_balance=1e-10,
-    )  # fmt: skip
-    assert complaints(good) == remarks(good) == []
-    for change, words in (
-        ({"rate": 500.0}, "500.0 ticks per second instead of 1000"),
-        ({"commands": 10}, "only 10 of 10000 states"),
-        ({"questions": 0}, "answered no torque query"),
-        ({"error_rms": float("nan")}, "tracking error nan rad RMS"),
-        ({"goal_distance": 0.5}, "stopped 0.5 rad from its goal"),
-    ):
-        said = complaints(replace(good, **change))
-        assert len(said) == 1
-        assert words in said[0]
-    assert remarks(replace(good, rate=950.0))

@@ -18,7 +18,6 @@ from arm_sim.cli.demo.processes import DemoFailed, Processes
 
 pytestmark = pytest.mark.ros
 
-PATIENCE = processes._PATIENCE  # of users; tests have less
 CHILD = """#!/bin/sh
 # In place of Python: -P -m arm_sim.cli NAME --with-parent ...
 case $4 in
@@ -103,38 +102,6 @@ def test_one_that_does_not_end_is_killed_and_what_it_left_is_cleared(
         assert cleared == [True]
 
 
-def test_one_has_five_seconds_to_end_before_it_is_killed(
-    children: Processes, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    waits, wait = list[float | None](), subprocess.Popen.wait
-
-    def passing(process: subprocess.Popen[bytes], timeout: float | None = None) -> int:
-        waits.append(timeout)
-        if timeout is not None:
-            assert process.poll() is None
-            raise subprocess.TimeoutExpired("child", timeout)
-        return wait(process)
-
-    monkeypatch.setattr(processes, "_PATIENCE", PATIENCE)
-    monkeypatch.setattr(subprocess.Popen, "wait", passing)
-    with children:
-        (process,) = start(children, "deaf")
-        children.stop("deaf")
-    assert waits == [5.0, None]
-    assert process.returncode == -signal.SIGKILL
-
-
-def test_stopping_one_that_has_ended_or_never_was_does_no_harm(
-    children: Processes, cleared: list[bool]
-) -> None:
-    with children:
-        process = ended(children, "gone")
-        children.stop("gone", "nobody")
-        children.stop("gone")
-        assert process.returncode == 3
-    assert not cleared
-
-
 def test_one_that_has_ended_by_itself_is_reported_until_it_is_stopped(children: Processes) -> None:
     with children:
         start(children, "polite")
@@ -149,15 +116,6 @@ def test_one_that_has_ended_by_itself_is_reported_until_it_is_stopped(children: 
         assert "-m arm_sim.cli gone --with-parent --more" in said
         children.stop("gone")
         children.check()
-
-
-def test_one_that_was_killed_is_reported_by_the_name_of_the_signal(children: Processes) -> None:
-    with children:
-        (process,) = start(children, "deaf")
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        with pytest.raises(DemoFailed, match=r"deaf process .* \(killed by SIGKILL\)"):
-            children.check()
 
 
 def test_what_it_said_last_is_shown(children: Processes) -> None:

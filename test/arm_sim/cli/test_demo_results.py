@@ -17,11 +17,11 @@ from pictures import written
 from rich.console import Console
 
 import models
-from arm_sim.cli.demo.course import _follow, _progress, _report
+from arm_sim.cli.demo.course import _follow, _report
 from arm_sim.cli.demo.figure import draw
 from arm_sim.cli.demo.observer import _FIELDS, Observer, Seen
 from arm_sim.cli.demo.processes import DemoFailed
-from arm_sim.cli.demo.report import cause, complaints, numbers, remarks, result_table
+from arm_sim.cli.demo.report import complaints, numbers, remarks
 
 TIME = np.linspace(0.0, 2.0, 201)
 NAMES = ("left_shoulder", "left_elbow")
@@ -105,41 +105,6 @@ def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> 
     assert [text.get_text() for text in figure.legends[0].texts][:2] == ["shoulder", "elbow"]
 
 
-def test_a_figure_reaches_to_the_last_sample_and_has_a_suitable_prefix(tmp_path: Path) -> None:
-    observed = seen(error=np.full((201, 2), 2e-8))
-    with written() as figures:
-        draw(tmp_path / "demo.png", observed, ("a", "b"), ("prismatic", "revolute"), 1.5, "Robot")
-    (figure,) = figures
-    _, error, torque = figure.axes
-    assert torque.get_xlim() == (0.0, 2.0)
-    assert error.get_ylabel() == "tracking error [rad, m]"
-    assert error.yaxis.get_major_formatter()(2e-8) == "20 n"
-    assert [text.get_text() for text in figure.legends[0].texts][:2] == ["a", "b"]
-
-
-def test_the_table_has_the_numbers_in_readable_units() -> None:
-    console = Console(width=120, record=True, file=io.StringIO())
-    console.print(result_table(told(seen())))
-    lines = [" ".join(line.split()) for line in console.export_text().splitlines()]
-    for line in (
-        "two_link, 2 joints",
-        "ticks 1990 3 late by more than a tick, 1 dropped",
-        "rate 995.00 Hz 1000 Hz expected",
-        "lateness 1 µs median; p99 2 µs, max 3 µs",
-        "command round trip 40 µs median; p99 50 µs, max 60 µs",
-        "commands 1980 of 1990 states answered",
-        "service latency 2000 µs median; p99 2980 µs, max 3000 µs",
-        "torque queries 3 within 0.2 N m of the command",
-        "tracking error RMS 2.0e-03 rad 1.1e-01 degrees",
-        "tracking error max 4.0e-03 rad 2.3e-01 degrees",
-        "energy balance 2.0e-06 J off at most; the drives moved 7 J",
-    ):
-        assert line in lines
-    sliding = replace(told(seen()), unit="m")
-    console.print(result_table(sliding))
-    assert "degrees" not in console.export_text()
-
-
 @pytest.mark.parametrize(
     ("changed", "complaint"),
     [
@@ -160,19 +125,6 @@ def test_a_loop_is_closed_within_limits(changed: dict[str, Any], complaint: str 
     found = complaints(replace(good, **changed))
     assert found == [] if complaint is None else len(found) == 1 and complaint in found[0]
     assert bool(remarks(replace(good, **changed))) == (replace(good, **changed).rate < 990.0)
-
-
-def test_a_busy_machine_is_named_with_what_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
-    monkeypatch.setattr(os, "getloadavg", lambda: (2.0, 0.0, 0.0))
-    n = told(seen())
-    assert cause(n) == "the loop was not closed"
-    assert cause(replace(n, missed=41)) == (
-        "this machine was too busy: load 2.0 on 2 cores; 41 of 1990 ticks were late by more than "
-        "a tick, round trips took up to 0 ms"
-    )
-    monkeypatch.setattr(os, "getloadavg", lambda: (12.3, 0.0, 0.0))
-    assert cause(n).startswith("this machine was too busy: load 12.3 on 2 cores; 3 of 1990")
 
 
 def test_what_was_observed_is_in_the_time_of_the_motion() -> None:
@@ -242,20 +194,6 @@ def test_a_motion_is_waited_for_half_as_long_again_and_ten_seconds() -> None:
     neither: Any = Watched(False, 0.0)
     with pytest.raises(DemoFailed, match="did not follow .*\n.*the log of controller"):
         _follow(motion, neither, neither)
-
-
-def test_without_a_terminal_progress_is_lines_of_text(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [10.0]
-    monkeypatch.setattr("time.monotonic", lambda: now[0])
-    screen = io.StringIO()
-    with _progress(Console(file=screen)) as (say, go_on):
-        say("starting")
-        for passed in (1.0, 1.0, 1.0, 1.0):
-            now[0] += passed
-            go_on(0.5)
-        say("stopping")
-        go_on(0.9)
-    assert screen.getvalue().splitlines() == ["starting …", "  2 s", "  4 s", "stopping …"]
 
 
 def test_a_report_is_written_before_it_is_complained_of(

@@ -41,21 +41,6 @@ def test_what_takes_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not any(isinstance(thread, threading.Timer) for thread in threading.enumerate())
 
 
-def test_what_is_quick_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(output, "PATIENCE", 60.0)
-    screen = Screen()
-    with redirect_stderr(screen), output.waiting("building an arm"):
-        pass
-    assert screen.getvalue().strip() == ""
-    assert not any(isinstance(thread, threading.Timer) for thread in threading.enumerate())
-
-
-def test_a_pipe_gets_no_bar(capfd: pytest.CaptureFixture[str]) -> None:
-    with output.waiting("building an arm"):
-        pass
-    assert capfd.readouterr().err == ""
-
-
 def test_a_pipe_gets_lines_of_what_surely_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(output, "PATIENCE", 0.01)
     pipe, doing = io.StringIO(), ["drawing picture 1"]
@@ -126,13 +111,3 @@ def test_tables_align_words_left_and_numbers_right_and_are_never_cut() -> None:
     assert first == " [a]                  1  no"
     assert second == " longer :name:  1234567  none at all"
     assert [line for line in printed(made, 10) if "1234567" in line] == [second]
-
-
-def test_facts_are_names_and_values() -> None:
-    lines = printed(output.facts([("mass", "2 kg"), ("[frame]", "[tip]")]), 40)
-    assert lines == [" mass     2 kg", " [frame]  [tip]"]
-
-
-def test_examples_are_one_or_several() -> None:
-    assert output.examples("a") == "\b\nExample:\n  a"
-    assert output.examples("a", "b") == "\b\nExamples:\n  a\n  b"

@@ -59,17 +59,6 @@ def test_the_controller_decides_about_joints_without_a_reference() -> None:
     assert goal.unhurried(there, here) == goal.unhurried({"right": 1.0}, here) == goal.LEAST
 
 
-@pytest.mark.parametrize("word", ["elbow", "elbow=", "=1", "elbow=nan", "elbow=inf", "elbow=1,2"])
-def test_invalid_goals_are_refused(word: str) -> None:
-    with pytest.raises(click.UsageError, match=re.escape(f"'{word}' is not a joint goal")):
-        goal.parse([word])
-
-
-def test_a_joint_is_named_once() -> None:
-    with pytest.raises(click.UsageError, match="joint 'elbow' is named twice"):
-        goal.parse(["elbow=1", "elbow+=1"])
-
-
 def test_no_joint_hurries_when_no_duration_is_given() -> None:
     """A quintic from rest to rest is fastest in its middle, at 15/8 of its mean speed."""
     seconds = goal.unhurried({"a": 2.0, "b": 0.0}, {"a": -1.0, "b": 0.5})
@@ -78,30 +67,6 @@ def test_no_joint_hurries_when_no_duration_is_given() -> None:
 
 
 # --- usage -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["go"], "joint goals (JOINT=POSITION)"),
-        (["go", "elbow=1", "--pose", "0 0 0 0 0 0 1"], "joint goals (JOINT=POSITION)"),
-        (["go", "elbow=1", "--frame", "tip"], "--frame is allowed with --pose only"),
-        (["go", "--trajectory", "a.yaml", "elbow=1"], "joint goals (JOINT=POSITION)"),
-        (["go", "--pose", "0 0 0 1"], "7 numbers are expected"),
-        (["go", "--pose", "0 0 0 0 0 0 1", "--duration", "2"], "--duration is for goals"),
-        (["go", "elbow=1", "--duration", "0"], "not in the range"),
-        (["go", "elbow=1", "--tolerance", "-1"], "not in the range"),
-        (["set", "controller", "bandwidth"], "'bandwidth' has no value"),
-        (["set", "controller", "bandwidth", "1", "bandwidth", "2"], "named twice"),
-        (["set", "controller"], "Missing argument"),
-    ],
-)
-def test_wrong_words_are_refused_before_anybody_is_asked(
-    words: Sequence[str], said: str, capfd: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(list(words))
-    assert end.value.code == 2 and said in capfd.readouterr().err
 
 
 # --- with nodes --------------------------------------------------------------------------------

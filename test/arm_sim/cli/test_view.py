@@ -93,35 +93,6 @@ def test_sizes_of_pictures_have_limits(text: str, size: tuple[int, int] | None) 
         Size().convert(text, None, None)
 
 
-@pytest.mark.group("view")
-@pytest.mark.parametrize(
-    ("words", "status", "said"),
-    [
-        ([], 2, "a scene, a recording, or --live"),
-        (["pandaa"], 1, "did you mean 'panda'?"),
-        (["panda", "--size", "big"], 2, "'big'; allowed: 16x16 to 4096x4096"),
-        (["panda", "run.mcap"], 1, "'run.mcap' is a recording and 'panda' is not"),
-        (["no.mcap"], 1, "no.mcap"),
-        (
-            ["two_link", "--png", "/no/such/folder/a.png"],
-            1,
-            "there is no folder '/no/such/folder'",
-        ),
-        (["robot.csv", "--scene", "panda"], 1, "another robot than the scene"),
-    ],
-)
-def test_what_cannot_be_shown_is_reported(
-    words: list[str], status: int, said: str, capfd: pytest.CaptureFixture[str],
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "robot.csv").write_text("time,position.elbow\n0,0.1\n0.5,0.3\n")
-    with pytest.raises(SystemExit) as end:
-        main(["view", *words])
-    assert end.value.code == status
-    assert said in capfd.readouterr().err
-
-
 class Pages:
     """A page that notes what it is asked for."""
 

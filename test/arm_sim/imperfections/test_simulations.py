@@ -159,7 +159,7 @@ def test_the_plan_says_what_is_on() -> None:
     assert "computed    delay and loss of commands: 1 to 2 ms late; 5 % lost" in plan
     plan = str(simulator().plan)
     assert "skipped     sensors: measurements are exact and immediate" in plan
-    assert "skipped     delay and loss of commands: commands act immediately" in plan
+    assert "skipped     delay and loss of commands: they act immediately" in plan
 
 
 def test_a_compiled_controller_cannot_take_sensor_readings() -> None:

@@ -58,10 +58,6 @@ def test_bristles_answer_as_a_spring_or_as_they_bend(J: float, v0: float, rate: 
     assert_close(law_rate(model(bristles(J, v0)))[0] / rate, 1.0, 1e-9)
 
 
-def test_without_bristles_none_answers() -> None:
-    assert law_rate(model(rotor(0.1, coulomb=1.0))) == (0.0, "")
-
-
 def test_the_stronger_direction_of_friction_decides() -> None:
     """b = 0.4 forwards and 0.1 backwards: the rate is 0.4/J."""
     for law in ({"positive": 0.4, "negative": 0.1}, {"positive": 0.1, "negative": 0.4}):
@@ -195,7 +191,7 @@ def test_what_varies_with_the_position_gets_error_control() -> None:
     table = {"coulomb": 1.0, "position": {"at": [0.0, 1.0], "factor": [1.0, 2.0]}}
     for joint, cause in (
         ({"actuator": waves}, "cogging"), ({"friction": table}, "friction varies"),
-        ({"actuator": motor, "transmission": bent}, "drives with states"),
+        ({"actuator": motor, "transmission": bent}, "drives with internal states"),
     ):  # fmt: skip
         found = chosen({**rotor(0.1), "joints": {"axle": joint}})
         assert (found.method.name, found.tolerance) == ("dop853", CONTROLLED)
@@ -264,12 +260,6 @@ def test_the_callers_word_comes_before_the_scenes() -> None:
             chosen(scene, **bad)
     for tolerance in (1e-14, 1e-1):
         assert chosen(scene, tolerance=tolerance).tolerance == tolerance
-
-
-def test_what_is_said_when_a_tick_cannot_be_computed() -> None:
-    scene = models.scene("gantry")
-    assert "smaller dt" in chosen(scene, "rk4").remark
-    assert "1e-05 (a larger one" in chosen(scene, tolerance=1e-5).remark
 
 
 def test_a_tick_that_is_long_for_an_arm_is_reported(caplog: pytest.LogCaptureFixture) -> None:

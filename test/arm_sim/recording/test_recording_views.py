@@ -94,11 +94,6 @@ def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
         assert np.nanmin(np.linalg.norm(points - end, axis=1)) < 1e-9
 
 
-def test_films_that_cannot_be_are_refused(run: Recording) -> None:
-    with pytest.raises(InvalidInput, match=r"'a\.avi': unknown format of films; allowed: \.gif"):
-        run.animate("a.avi")
-
-
 def test_a_second_recording_is_laid_over_the_first_dashed(run: Recording) -> None:
     figure = run.plot(run, joints=run.joint_names[:1])
     drawn = [line for line in figure.axes[1].lines if len(line.get_xdata()) > 2]

@@ -125,7 +125,7 @@ def test_a_function_of_the_state_is_called_again() -> None:
     """A chaotic arm with a weak damper: each window is right, and the motion is not."""
     sim = Simulator(MAGNIFYING)
     sim.reset(q=[3.0, 3.0], v=[0.0, 1.0])
-    motion = sim.run(60.0, lambda state: -1e-4 * state.v)
+    motion = sim.run(30.0, lambda state: -1e-4 * state.v)
     assert motion.second_run.how == CLOSED
     assert not motion.trusted and "magnifies errors" in motion.doubt
 
@@ -164,7 +164,7 @@ def test_a_compiled_controller_is_evaluated_again() -> None:
 def test_a_motion_that_magnifies_errors_is_told_as_that() -> None:
     sim = Simulator(MAGNIFYING)
     sim.reset(q=[3.0, 3.0], v=[0.0, 1.0])
-    motion = sim.run(60.0)
+    motion = sim.run(30.0)
     assert not motion.trusted and "magnifies errors" in motion.doubt
     beyond = (motion.error[:, :2] > 1e-4).any(axis=1)
     assert beyond[-1] and not beyond[:2000].any()

@@ -15,7 +15,7 @@ BOTH, FIRST, SECOND = frozenset({0, 1}), frozenset({0}), frozenset({1})
 
 def streaming(source: str, joints: frozenset[int], arbiter: Arbiter) -> None:
     for _ in range(10):
-        arbiter.tick()
+        arbiter.now += 1
         arbiter.admit(source, joints)
 
 
@@ -43,11 +43,11 @@ def test_a_silent_source_loses_them() -> None:
     arbiter = Arbiter(5)
     streaming("left", BOTH, arbiter)
     for _ in range(5):
-        arbiter.tick()
+        arbiter.now += 1
     assert arbiter.sources == ("left",)
     with pytest.raises(InvalidInput, match="'right' is refused"):
         arbiter.admit("right", BOTH)
-    arbiter.tick()
+    arbiter.now += 1
     assert arbiter.sources == ()
     streaming("right", BOTH, arbiter)
     with pytest.raises(InvalidInput, match="'left' is refused"):
@@ -70,9 +70,9 @@ def test_a_refusal_is_reported_as_long_as_its_source_is_remembered() -> None:
     with pytest.raises(InvalidInput):
         arbiter.admit("right", BOTH)
     for _ in range(5):
-        arbiter.tick()
+        arbiter.now += 1
         assert arbiter.conflict
-    arbiter.tick()
+    arbiter.now += 1
     assert not arbiter.conflict
 
 
@@ -81,7 +81,7 @@ def test_commands_with_long_silences_between_them_make_no_stream() -> None:
     for _ in range(20):
         arbiter.admit("now and then", BOTH)
         for _ in range(6):
-            arbiter.tick()
+            arbiter.now += 1
     arbiter.admit("now and then", BOTH)
     arbiter.admit("other", BOTH)
 
@@ -103,7 +103,7 @@ def test_alone_is_a_source_beside_which_none_is_remembered() -> None:
     arbiter.admit("right", SECOND)
     assert not arbiter.alone
     for _ in range(6):
-        arbiter.tick()
+        arbiter.now += 1
     arbiter.admit("left", FIRST)
     assert arbiter.alone
 
@@ -134,20 +134,20 @@ def test_a_new_refusal_prolongs_a_conflict() -> None:
     streaming("left", BOTH, arbiter)
     for _ in range(2):
         for _ in range(4):
-            arbiter.tick()
+            arbiter.now += 1
         arbiter.admit("left", BOTH)
         with pytest.raises(InvalidInput):
             arbiter.admit("right", BOTH)
     for _ in range(5):
-        arbiter.tick()
+        arbiter.now += 1
     assert arbiter.conflict
-    arbiter.tick()
+    arbiter.now += 1
     assert not arbiter.conflict
 
 
 def test_single_commands_own_nothing() -> None:
     arbiter = Arbiter(100)
     for source in ("a", "b", "c", "a"):
-        arbiter.tick()
+        arbiter.now += 1
         arbiter.admit(source, BOTH)
     assert not arbiter.conflict

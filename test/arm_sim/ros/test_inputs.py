@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
+from polled import offered
 from pushes import pushed
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -21,6 +20,7 @@ from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.joint_state import reader
 from arm_dynamics.ros.joint_state.serialization import parsed
 from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_engine import TickEngine
 
 pytestmark = pytest.mark.ros
@@ -48,21 +48,9 @@ class Log:
         self.warnings.append(text)
 
 
-class Waiting:
-    """Messages that have come since the last tick, in place of the middleware."""
-
-    def __init__(self, inputs: Inputs, messages: Iterable[bytes]) -> None:
-        self.messages, self._inputs, self.closed, self.looks = deque(messages), inputs, 0, 0
-        inputs.source = self
-
-    def take(self) -> Any:
-        self.looks += 1
-        arrival = 100 + self.looks
-        read = self._inputs.reader.read
-        return (arrival, read(self.messages.popleft())) if self.messages else None
-
-    def close(self) -> None:
-        self.closed += 1
+def read(engine: TickEngine) -> None:
+    """Read what waits, as before a tick."""
+    engine._run(library().read_commands)
 
 
 @pytest.fixture
@@ -264,28 +252,27 @@ def test_of_what_waits_the_newest_that_is_admitted_acts(
     bad = command(source="leader", joint1=NAN)
     other = command(source="other", joint1=9.0)
     good = [command(source="leader", joint1=x) for x in (2.0, 3.0)]
-    waiting = Waiting(inputs, [bad, good[0], other, good[1], bad, other])
-    engine.read_commands()
-    assert not waiting.messages
+    waiting = offered(inputs, engine, [bad, good[0], other, good[1], bad, other])
+    read(engine)
+    assert not waiting
     assert acting(engine)[0] == 3.0
     assert inputs.refused == 4
 
 
 def test_as_many_as_the_topic_holds_are_read_at_once(inputs: Inputs, engine: TickEngine) -> None:
-    waiting = Waiting(inputs, [command(joint1=float(k)) for k in range(1, 41)])
-    engine.read_commands()
+    waiting = offered(inputs, engine, [command(joint1=float(k)) for k in range(1, 41)])
+    read(engine)
     assert acting(engine)[0] == 16.0
-    engine.read_commands()
+    read(engine)
     assert acting(engine)[0] == 32.0
-    assert len(waiting.messages) == 8
+    assert len(waiting) == 8
 
 
 def test_where_nothing_waits_the_command_stays(inputs: Inputs, engine: TickEngine) -> None:
     inputs.on_joint_commands(command(joint1=1.0))
-    engine.read_commands()
-    waiting = Waiting(inputs, [])
-    engine.read_commands()
-    assert waiting.looks == 1
+    read(engine)
+    offered(inputs, engine)
+    read(engine)
     assert acting(engine)[0] == 1.0
 
 
@@ -306,36 +293,35 @@ def test_behind_the_answer_to_the_newest_state_of_a_lone_source_none_is_sought(
     inputs.round_trip.sent(sent)
     if not alone:
         engine.arbiter.admit("other", frozenset({6}))
-    Waiting(inputs, [command(stamp, "one", joint1=1.0), command(3, "one", joint1=2.0)])
-    engine.read_commands()
+    offered(inputs, engine, [command(stamp, "one", joint1=1.0), command(3, "one", joint1=2.0)])
+    read(engine)
     assert acting(engine)[0] == acts
 
 
 @pytest.mark.parametrize("waits", [True, False])
 def test_answers_are_timed_from_state_to_arrival(
-    inputs: Inputs, engine: TickEngine, waits: bool, monkeypatch: pytest.MonkeyPatch
+    inputs: Inputs, engine: TickEngine, waits: bool
 ) -> None:
-    answered = list[tuple[int, int]]()
-    monkeypatch.setattr(inputs.round_trip, "answered", lambda *given: answered.append(given))
+    trip = inputs.round_trip
+    for stamp in 5, 6, 7:
+        trip.sent(stamp)
+    arrival, late = int(trip._times[0]), 10**6
     if waits:
-        Waiting(inputs, [command(5, joint1=1.0), command(6, joint1=NAN)])
-        engine.read_commands()
+        offered(inputs, engine, [command(5, joint1=1.0), command(6, joint1=NAN)], arrival + late)
+        read(engine)
     else:
-        inputs.on_joint_commands(command(5, joint1=1.0), 101)
-        inputs.on_joint_commands(command(6, joint1=NAN), 102)
-        inputs.on_joint_commands(command(7, joint1=1.0))
-    assert answered == [(5, 101)] + [(7, 0)] * (not waits)
+        inputs.on_joint_commands(command(5, joint1=1.0), arrival + late)
+        inputs.on_joint_commands(command(6, joint1=NAN), arrival + 2 * late)
+    assert trip.percentiles().count == 1 and trip.awaits(6) and not trip.awaits(5)
+    assert trip.percentiles().max == pytest.approx(1e-9 * late)
 
 
-def test_close_ends_the_subscription_once(inputs: Inputs, engine: TickEngine) -> None:
+def test_after_it_is_closed_nothing_is_read(inputs: Inputs, engine: TickEngine) -> None:
+    waiting = offered(inputs, engine, [command(joint1=1.0)])
     inputs.close()
-    waiting = Waiting(inputs, [command(joint1=1.0)])
     inputs.close()
-    inputs.close()
-    assert waiting.closed == 1
-    assert inputs.source is None
-    engine.read_commands()
-    assert acting(engine) == ZERO
+    read(engine)
+    assert waiting and acting(engine) == ZERO
 
 
 def test_counters_are_reset(inputs: Inputs) -> None:

@@ -70,7 +70,7 @@ def watched(sim: SimNode) -> list[np.ndarray]:
 
     def note() -> None:
         states.append(np.concatenate([sim.simulator.state.q, sim.simulator.state.v]))
-        sim.engine.paused = sim.simulator.arm.step_count >= TICKS
+        sim.engine.ticks.paused = sim.simulator.arm.step_count >= TICKS
 
     sim.engine.on_tick.append(note)
     return states
@@ -224,13 +224,13 @@ def test_privileges_that_are_not_granted_are_reported(
     assert capfd.readouterr().err.count("not granted: no processors of its own") == 1
 
 
-def test_a_failure_stops_time_and_is_said(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_stops_time_and_is_said(ros: Ros) -> None:
     sim = lockstep(ros)
 
     def fail(*_: Any) -> None:
         raise ZeroDivisionError("by surprise")
 
-    monkeypatch.setattr(sim.engine.commands, "take", fail)
+    sim.engine.on_tick.append(fail)
     answer(sim, 0)
     assert sim.engine.paused
     assert "by surprise" in sim.engine.failure

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests and commands in any sequence: a sim with ticks in C equals one in Python.
+"""Requests and commands in any sequence: a sim by the clock equals one by hand.
 
 ``--fuzz N`` makes the test N times as long; ``tools/sanitize.py`` runs it under sanitizers.
 """
@@ -55,11 +55,9 @@ def library(monkeypatch: pytest.MonkeyPatch) -> CDLL:
     """The native code of the nodes, whose messages come by ``wire.c``."""
     made = node_library.library(WIRE)
     made.left_on_wire.argtypes, made.left_on_wire.restype = [c_void_p], c_int64
-    for user in (
-        "arm_dynamics.ros.joint_state.reader.library",
-        "arm_sim.ros.ordinary.ticks.library",
-    ):
-        monkeypatch.setattr(user, lambda: made)
+    for user in ("tick_engine", "outputs", "commands.latest"):
+        monkeypatch.setattr(f"arm_sim.ros.{user}.library", lambda: made)
+    monkeypatch.setattr("arm_dynamics.ros.joint_state.reader.library", lambda: made)
     return made
 
 
@@ -72,40 +70,34 @@ class Sim:
         )
         self._library, self.path, self.told = library, path, list[str]()
         self.node.inputs._warn = self.told.append
-        self.lateness, self.left = Histogram(), 0  # ticks that C left to Python
+        self.lateness = Histogram()
         self._due = Due(give_up=10**12, lateness=addressof(self.lateness))
-        assert self.node.ordinary.refusal == ""
-        source: Any = self.node.inputs.source
-        self._to = source._newest.pointer
+        newest: Any = self.node.inputs._newest
+        self._to = newest.pointer
 
     def hears(self, messages: list[bytes]) -> None:
-        """Let these come from now on; the last one rings, so that C leaves."""
+        """Let these come from now on; the last one ends ticks by the clock."""
         self._raw = b"".join(messages)
         self._ends = np.cumsum([len(message) for message in messages], dtype=np.int64)
-        raw = np.frombuffer(self._raw or b"\0", np.uint8)
-        bell, state = (
-            addressof(self.node.engine.queue.bell),
-            address(self.node._outputs.states.raw),
-        )
+        raw, place = np.frombuffer(self._raw or b"\0", np.uint8), addressof(self._due)
         wire = Wire(
-            self._to, raw.ctypes.data, self._ends.ctypes.data, len(messages), 0, bell, state
-        )
+            self._to, raw.ctypes.data, self._ends.ctypes.data, len(messages), 0,
+            place + Due.ended.offset, address(self.node._outputs.states.raw),
+        )  # fmt: skip
         self._library.put_on_wire(byref(wire))
 
     def lives(self) -> int:
-        """Make ticks, in C where it can, until all has come or time stands still; their number."""
-        node, made = self.node, 0
-        while self._library.left_on_wire(self._to) and not (made and node.engine.paused):
-            before = node.simulator.arm.step_count
-            if not node.ordinary.by_the_clock(self._due):
-                self.left += 1
-                node.tick()
-                made += node.engine.paused
-            made += node.simulator.arm.step_count - before
-        return made
+        """Make ticks by the clock until all has come, or time stands still; their number."""
+        engine, before = self.node.engine, self.lateness.percentiles().count
+        stop = lambda: setattr(self._due, "ended", 1)  # noqa: E731
+        engine.on_idle.append(stop)
+        self._due.ended = 0
+        engine.run(self._library.by_the_clock, byref(self._due))
+        engine.on_idle.remove(stop)
+        return self.lateness.percentiles().count - before
 
     def ticks(self, count: int) -> None:
-        """As many ticks in Python."""
+        """As many ticks by hand."""
         for _ in range(count):
             self.node.tick()
 
@@ -207,7 +199,7 @@ def test_orders_and_commands_in_any_sequence(
     if heard:
         ros.listen(Energy, "sim/energy")
         outputs = [sim.node._outputs for sim in (fast, slow)]
-        ros.spin_until(lambda: all(each.seldom == outputs[0].energy.every for each in outputs))
+        ros.spin_until(lambda: all(each.energy.heard for each in outputs))
     for _ in range(200 * fuzz):
         stamp = fast.node.engine.stamp
         messages = [command(rng, stamp) for _ in range(rng.integers(1, PATIENCE))]
@@ -218,8 +210,6 @@ def test_orders_and_commands_in_any_sequence(
         wanted = order(rng)
         assert wanted(fast) == wanted(slow)
         assert fast.everything == slow.everything
-    begun, in_c = fast.lateness.percentiles().count, fast.node.ordinary.count
-    assert begun - fast.left == in_c > 700 * fuzz and slow.node.ordinary.count == 0
     for sim in fast, slow:
         assert sim.node.recorder is not None and sim.node.recorder.lost == 0
         sim.node.recorder.close()

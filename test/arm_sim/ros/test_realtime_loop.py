@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from polled import each
 
 import models
 from arm_sim import Simulator
@@ -29,9 +30,8 @@ def run(loop: RealtimeLoop, ticks: int) -> None:
 
 def test_ticks_at_its_rate() -> None:
     ticks: list[tuple[int, int]] = []
-    loop = RealtimeLoop(
-        lambda: ticks.append((loop.current.value, time.monotonic_ns())), 1e-3, give_up=60.0
-    )
+    note = lambda: ticks.append((loop.current.value, time.monotonic_ns()))  # noqa: E731
+    loop = RealtimeLoop(each(note), 1e-3, give_up=60.0)
     began = time.monotonic_ns()
     run(loop, 200)
     report, (due, at) = loop.report(), np.array(ticks).T
@@ -69,7 +69,7 @@ def late_once(
         if len(began) == count:
             loop.stop()
 
-    loop = RealtimeLoop(tick, 1e-3 * period, clock=clock, **options)
+    loop = RealtimeLoop(each(tick, clock), 1e-3 * period, clock=clock, **options)
     loop.start()
     while len(began) < count:
         time.sleep(1e-3)
@@ -93,7 +93,7 @@ def test_time_passes_in_part_while_it_catches_up() -> None:
     shares = list[float]()
 
     def note(loop: RealtimeLoop) -> None:
-        shares.append(loop.share)
+        shares.append(loop._due.share)
 
     late_once(2, 50, 60, closest=0.25, note=note)
     caught_up = 11 + 30  # of 48 ms, each makes up for 1.5 ms, until one is late by less than 2 ms
@@ -114,6 +114,7 @@ def test_a_partner_may_be_as_late_as_always_while_the_loop_catches_up() -> None:
         if clock.now - commanded[-1] >= 60_000_000 and step.arm.step_count < 3000:
             commanded.append(clock.now)
             engine.commands.put([0.1, 0.1])
+        engine.ticks.share = loop._due.share
         engine.tick()
         clock.sleep(0.5 if step.arm.step_count == 1000 else 20e-6)
         if step.arm.step_count == 3000:
@@ -121,8 +122,7 @@ def test_a_partner_may_be_as_late_as_always_while_the_loop_catches_up() -> None:
         if engine.commands.stale or step.arm.step_count == 4000:
             loop.stop()
 
-    loop, told = RealtimeLoop(tick, 1e-3, clock=clock), list[int]()
-    engine.share = lambda: loop.share
+    loop, told = RealtimeLoop(each(tick, clock), 1e-3, clock=clock), list[int]()
     loop.start()
     while not (engine.commands.stale or step.arm.step_count == 4000):
         time.sleep(1e-3)
@@ -161,7 +161,7 @@ def test_a_tick_late_by_less_than_a_period_leaves_nothing_out(overrun: str) -> N
 
 
 def test_stop_waits_for_the_last_tick() -> None:
-    loop = RealtimeLoop(lambda: time.sleep(0.02), 1e-3)
+    loop = RealtimeLoop(each(lambda: time.sleep(0.02)), 1e-3)
     run(loop, 2)
     ticks = loop.report().ticks
     time.sleep(0.05)
@@ -170,7 +170,7 @@ def test_stop_waits_for_the_last_tick() -> None:
 
 
 def test_the_report_stays_as_it_was_when_the_loop_was_stopped() -> None:
-    loop = RealtimeLoop(lambda: None, 1e-3)
+    loop = RealtimeLoop(each(lambda: None), 1e-3)
     run(loop, 1)
     report = loop.report()
     loop.stop()
@@ -179,8 +179,8 @@ def test_the_report_stays_as_it_was_when_the_loop_was_stopped() -> None:
 
 
 def test_stop_without_start_and_from_within() -> None:
-    RealtimeLoop(lambda: None, 1e-3).stop()
-    loop = RealtimeLoop(lambda: loop.stop(), 1e-3)
+    RealtimeLoop(each(lambda: None), 1e-3).stop()
+    loop = RealtimeLoop(each(lambda: loop.stop()), 1e-3)
     run(loop, 1)
     assert loop.report().ticks == 1
 
@@ -212,7 +212,7 @@ def test_as_fast_as_it_goes() -> None:
     def tick() -> None:
         count[0] += 1
 
-    loop = RealtimeLoop(tick, 0.0)
+    loop = RealtimeLoop(each(tick), 0.0)
     run(loop, 1000)
     assert loop.report().ticks == count[0]
     assert loop.report().missed == 0
@@ -287,8 +287,7 @@ def test_an_answer_acts_until_the_next_one_comes() -> None:
 
 def test_prepares_in_its_own_thread() -> None:
     names: list[str] = []
-    loop = RealtimeLoop(
-        lambda: None, 1e-3, prepare=lambda: names.append(threading.current_thread().name)
-    )
+    prepare = lambda: names.append(threading.current_thread().name)  # noqa: E731
+    loop = RealtimeLoop(each(lambda: None), 1e-3, prepare=prepare)
     run(loop, 1)
     assert names == ["realtime_loop"]

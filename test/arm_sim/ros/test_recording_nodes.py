@@ -59,7 +59,6 @@ def test_a_node_records_its_inputs_outputs_and_changes(ros: Ros, tmp_path: Path)
     path = tmp_path / "run.mcap"
     node = by_hand(ros, record=str(path), stale_policy="zero")
     waiting = Waiting(node)
-    node.inputs.listen(node.inputs.tap)
     ticks(node, 20)
     raw = command(name=NAMES, effort=[1.5, -0.5])
     waiting.messages.append(raw)

@@ -125,7 +125,7 @@ def test_beside_a_rival_only_answers_to_its_states_move_a_sim(
         ros.spin_once()
         return True
 
-    ros.spin_until(lambda: states and answer() and made.ordinary.count)  # ticks are made in C
+    ros.spin_until(lambda: states and answer() and not made.engine.commands.empty)
     driver(NAMES).speaks.set()
     ros.spin_until(lambda: made.rivals.alarm.words)
     assert "two nodes publish /joint_states: this sim, and '/driver'" in capfd.readouterr().err

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from harness import Ros
+from polled import each
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -131,7 +132,7 @@ def test_stamps_are_even_while_a_loop_that_is_stopped_again_and_again_catches_up
         if len(stamps) == 4000:
             loop.stop()
 
-    loop = RealtimeLoop(tick, 1e-3, clock=clock)
+    loop = RealtimeLoop(each(tick, clock), 1e-3, clock=clock)
     source.follow(loop.current)
     loop.start()
     while len(stamps) < 4000:

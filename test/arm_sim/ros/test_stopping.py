@@ -17,7 +17,7 @@ import models
 from arm_dynamics.exceptions import CompilerMissing
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
-from arm_sim.ros.commands.latest import Stop
+from arm_sim.ros.commands.latest import BRAKE, SERVO
 from arm_sim.ros.commands.stopping import LONGEST, SLOW, Servos, Stopping
 from arm_sim.ros.sim_node import SimNode
 
@@ -136,13 +136,13 @@ def test_a_push_soon_after_it_stood_is_not_taken_for_its_motion(speed: list[floa
     arm = SimpleNamespace(n=2, x=np.array([0.3, -0.2, *speed]), step_count=0, dt=1e-3)
     stopping = Stopping(arm, SimpleNamespace(ready=True))
     stopping.release()
-    slowing = stopping.command(Stop.SERVO)
+    slowing = stopping.command(SERVO)
     assert slowing is not None and slowing.velocity.tolist() == [0.0, 0.0]
     arm.x, arm.step_count = np.array([0.4, -0.1, 0.0, 0.0]), 1
-    held = stopping.command(Stop.SERVO)
+    held = stopping.command(SERVO)
     assert held is not None and held.position.tolist() == [0.4, -0.1]
     arm.x, arm.step_count = np.array([0.5, 0.0, *speed]), 2
-    assert stopping.command(Stop.SERVO) is held
+    assert stopping.command(SERVO) is held
 
 
 def test_each_stop_may_take_its_own_time() -> None:
@@ -153,7 +153,7 @@ def test_each_stop_may_take_its_own_time() -> None:
         stopping.release()
         slowed = []
         for arm.step_count in range(begin, begin + 6):
-            slowed.append(stopping.command(Stop.BRAKES) is not None)
+            slowed.append(stopping.command(BRAKE) is not None)
         assert slowed == [True] * 4 + [False] * 2  # a second
 
 
@@ -188,7 +188,7 @@ def test_joints_below_a_millirad_per_second_are_held_at_once(
     arm.x[2 + joint] = speed
     stopping = Stopping(arm, SimpleNamespace(ready=True))
     stopping.release()
-    assert (stopping.command(Stop.BRAKES) is not None) == slows
+    assert (stopping.command(BRAKE) is not None) == slows
 
 
 def test_energy_taken_by_brakes_is_reported_as_a_change(ros: Ros) -> None:

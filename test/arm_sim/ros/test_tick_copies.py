@@ -8,10 +8,12 @@ import pytest
 from recorded_engine import engine_of, run, scene
 
 from arm_dynamics.cdr import GIGA, TIME
+from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files import MESSAGE
 from arm_sim.recording.files.messages import TickWriter
+from arm_sim.ros.node_library import library
 from arm_sim.ros.record.chunks import HEAD, PERIOD_NS, SIZE, Chunk
-from arm_sim.ros.record.copying import State, TickCopy
+from arm_sim.ros.record.copying import TickCopy
 
 TICK, STATE = 7, 300
 TIMES = (1_700_000_000_000_000_001, 1_700_000_000_001_000_002)
@@ -19,7 +21,9 @@ OPCODE = 5
 
 
 @pytest.mark.parametrize("state", [None, (3_999_999_999, bytearray(range(213)))])
-def test_a_tick_follows_the_joint_state_published_for_it(state: State | None) -> None:
+def test_a_tick_follows_the_joint_state_published_for_it(
+    state: tuple[int, bytearray] | None,
+) -> None:
     engine = engine_of(scene())
     run(engine, 20)
     simulator, chunk = engine.simulator, Chunk(SIZE)
@@ -28,7 +32,11 @@ def test_a_tick_follows_the_joint_state_published_for_it(state: State | None) ->
     wanted = list[tuple[int, int, int, bytes]]()
     for now, hold in zip(TIMES, (0, 2), strict=True):
         stamp = 2**40 + now % 10
-        copy(chunk, now, stamp, hold, state)
+        told = (0, bytearray(1)) if state is None else state
+        size = 0 if state is None else len(told[1])
+        library().record(
+            chunk.address, copy.place, now, stamp, hold, address(told[1]), size, told[0]
+        )
         if state is not None:
             wanted.append((STATE, now, state[0], bytes(state[1])))
         wanted.append((TICK, now, stamp, bytes(writer.raw)))

@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from polled import polled
 
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import SimulationDiverged, Simulator
 from arm_sim.ros import tick_engine
+from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_engine import MAX_STEPS, TickEngine
 from arm_sim.ros.tick_queue import TickQueue
 
@@ -69,7 +71,7 @@ def held_up(made: TickEngine, ticks: int) -> None:
         if (now := made.simulator.arm.step_count) % (ticks + 1) == 0:
             made.commands.put((float(now + next(looks)), 0.5))
 
-    made.read_commands = read
+    polled(made, read)
     made.arriving = lambda: made.simulator.arm.step_count % (ticks + 1) != 0
 
 
@@ -120,7 +122,8 @@ def test_what_arrives_while_the_middleware_is_looked_at_is_read() -> None:
         while waiting:
             made.commands.put(waiting.pop(0))
 
-    made.arriving, made.read_commands = look, read
+    made.arriving = look
+    polled(made, read)
     assert [acting(made) for _ in range(4)] == [[*TAU]] * 3 + [[0.25, 0.5]]
     assert made.commands.stale_count == made.commands.extended == 0
 
@@ -182,10 +185,10 @@ def test_time_waits_for_the_first_command_if_configured() -> None:
 
 def test_commands_are_read_before_the_tick_in_which_they_act() -> None:
     made = engine()
-    made.read_commands = lambda: made.commands.put(TAU)
+    polled(made, lambda: made.commands.put(TAU))
     assert acting(made) == [*TAU]
     made.pause(True)
-    made.read_commands = lambda: made.commands.put((9.0, 9.0))
+    polled(made, lambda: made.commands.put((9.0, 9.0)))
     made.tick()
     made.step(1)
     assert made.simulator.effort.tolist() == [9.0, 9.0]
@@ -265,8 +268,8 @@ def test_divergence_pauses_with_the_last_good_state_until_it_is_released() -> No
 
 def test_releasing_time_forgets_the_failure_and_stopping_it_does_not() -> None:
     made = engine()
-    made.read_commands = lambda: 1 / 0
-    made.tick_unattended()
+    polled(made, lambda: 1 / 0)
+    made.run(library().tick)
     assert made.paused
     assert "ZeroDivisionError" in made.failure
     made.pause(True)

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import Dynamics, InvalidInput, SceneError, load_scene
+from arm_dynamics import Dynamics, InvalidInput, load_scene
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim import JointCommand, Simulator
 from arm_sim.plant.plant import Plant
-from arm_sim.servo.law import default_bandwidth, inertia, servo_law
+from arm_sim.servo.law import servo_law
 from models.rotor import rotor
-from tolerances import CLOSED_FORM, assert_close
 
 QUICK = 100.0
 """Default bandwidth in [rad/s]."""
@@ -73,7 +72,7 @@ def test_the_velocity_of_the_stream_is_what_keeps_it_near(rng: np.random.Generat
     [
         ("panda", 0.0), ("two_link", 0.0), ("motor_pendulum", 0.0), ("slider_crank", 1e-12),
         ("slider_crank_motor", 5e-5), ("flexible_arm", 2e-4), ("spring_balanced_arm", 0.0),
-        ("panda_table", 0.0), ("panda_lugre_table", 1e-6),
+        ("panda_table", 0.0), pytest.param("panda_lugre_table", 1e-6, marks=pytest.mark.nightly),
     ],
 )  # fmt: skip
 def test_holds_without_droop_and_then_stands_to_the_bit(name: str, droop: float) -> None:
@@ -176,16 +175,6 @@ def test_behind_soft_transmissions_a_servo_moves_its_rotor_alone(
     assert ("is unstable at dt = 0.001 s, for which its torque is held" in caplog.text) != stable
 
 
-@pytest.mark.parametrize("joint", [0, 1])
-def test_one_soft_transmission_makes_one_servo_slower(joint: int) -> None:
-    """Half of the natural frequency of its link; the others keep theirs."""
-    model, soft = models.dynamics("two_link").model, np.zeros(2)
-    assert_close(default_bandwidth(model, soft, 1e-3), [100.0, 100.0], CLOSED_FORM)
-    soft[joint] = 1.0 / (50.0**2 * inertia(model)[joint])
-    wanted = np.where(np.arange(2) == joint, 25.0, 100.0)
-    assert_close(default_bandwidth(model, soft, 1e-3), wanted, CLOSED_FORM)
-
-
 def test_a_velocity_is_reached_and_kept() -> None:
     sim = models.simulator("panda")
     wanted = np.array([0.3, -0.1, 0.2, 0.1, -0.3, 0.1, 0.4])
@@ -272,17 +261,6 @@ def test_a_payload_that_is_changed_is_carried() -> None:
     assert abs(led(sim, 0.5, position=place)[-1] - place).max() == 0.0
 
 
-def test_a_function_may_answer_with_commands() -> None:
-    sim = models.simulator("two_link")
-    place = sim.state.q.copy()
-    recording = sim.run(0.05, lambda state: JointCommand(position=place))
-    np.testing.assert_array_equal(recording.q[-1], place)
-    sim.reset()
-    for _ in range(50):
-        state = sim.step(JointCommand(position=place))
-    np.testing.assert_array_equal(state.q, place)
-
-
 def test_repeats_to_the_bit_after_a_reset(rng: np.random.Generator) -> None:
     sim = models.simulator("panda")
     wanted = moves(sim, rng, 1)[:300]
@@ -333,8 +311,6 @@ def test_names_of_joints_mean_nothing(names: tuple[str, str]) -> None:
         ({}, "nothing is commanded"),
         ({"position": [1.0], "velocity": [1.0, 2.0]}, "one shape is expected"),
         ({"position": [np.inf, 0.0]}, "numbers, or NaN for none, are expected"),
-        ({"position": 1.0}, "one shape is expected"),
-        ({"position": ["a", "b"]}, "position"),
     ],
 )
 def test_invalid_commands_are_refused(command: dict[str, Any], complaint: str) -> None:
@@ -350,20 +326,6 @@ def test_commands_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
     if len(shape) == 1 or shape[0] != 1:
         with pytest.raises(InvalidInput, match="commands of shape"):
             sim.step(JointCommand(position=np.zeros(shape)))
-
-
-@pytest.mark.parametrize(
-    ("servo", "complaint"),
-    [
-        ({"bandwidth": -1.0}, "more than 0"),
-        ({"bandwidth": 10.0, "stiffness": 5.0}, "a bandwidth or a stiffness"),
-        ({"damping": 5.0}, "damping belongs to a stiffness"),
-        ({"gain": 5.0}, "unknown key"),
-    ],
-)
-def test_servos_that_cannot_be_are_refused(servo: dict[str, float], complaint: str) -> None:
-    with pytest.raises(SceneError, match=complaint):
-        scene("two_link", servo=servo)
 
 
 WAYS: dict[str, Callable[[Simulator, JointCommand], Any]] = {

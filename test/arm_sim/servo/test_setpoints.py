@@ -80,11 +80,6 @@ def test_a_stream_that_stops_ends_at_its_last_position() -> None:
     np.testing.assert_array_equal(found[12:], [[0.09, 0.0]] * 28)
 
 
-def test_commands_far_apart_are_places() -> None:
-    found = lead({0: JointCommand(position=[0.0]), 150: JointCommand(position=[1.0])}, 200)
-    np.testing.assert_array_equal(found[:, 1], 0.0)
-
-
 def test_a_velocity_beside_a_position_is_that_of_the_motion() -> None:
     sent = {k: JointCommand(position=[0.0], velocity=[0.5]) for k in range(5)}
     found = lead(sent, 30)
@@ -120,19 +115,3 @@ def test_a_joint_that_begins_to_be_led_has_no_speed_yet() -> None:
     np.testing.assert_array_equal(moves, [1, 1, 0])
     np.testing.assert_array_equal(leads, [1, 0, 0])
     np.testing.assert_array_equal([q, v, added], [[1, 0, 0], [0, 2, 0], [0.5, 0, 3]])
-
-
-@pytest.mark.parametrize(("position", "velocity", "effort", "stays"), [
-    (0.3, None, None, True), (0.3, 0.5, 1.0, True),
-    (None, 0.0, None, True), (None, 0.0, 1.0, True),
-    (None, 0.5, None, False), (None, None, 1.0, False), (None, None, 0.0, False),
-    (None, 0.5, 1.0, False),
-])  # fmt: skip
-def test_a_speed_or_an_effort_is_not_to_last(
-    position: float | None, velocity: float | None, effort: float | None, stays: bool
-) -> None:
-    """One that lasts in a single joint, whichever it is, moves the arm on."""
-    rows = np.array([position, velocity, effort], dtype=float)  # None becomes NaN
-    rest = np.array([0.0, np.nan, np.nan])
-    for both in (np.stack([rows, rest], axis=1), np.stack([rest, rows], axis=1)):
-        assert JointCommand(*both).stays is stays

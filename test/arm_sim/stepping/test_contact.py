@@ -10,7 +10,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import models
-from arm_dynamics import SceneError
 from arm_sim import Simulator
 from models.touching import beside, contact, rails
 from tolerances import CLOSED_FORM, CONTACT_EVENTS, FINITE_DIFF, assert_close
@@ -323,9 +322,3 @@ def test_derivatives_of_a_heavy_and_a_light_block_on_one_table_do_not_depend_on_
         sim.reset(v=[3.0, 0.0, 0.0, 0.0])
         slopes.append(sim.linearize(sim.state, [0.1, 0.0, 0.1 * light, 0.0])[0])
     assert_close(slopes[1], slopes[0], CLOSED_FORM)
-
-
-def test_a_static_coefficient_below_the_other_is_refused() -> None:
-    foot = contact("body", friction=0.3, static_friction=0.2)
-    with pytest.raises(SceneError, match=r"static_friction = 0\.2 is less than friction = 0\.3"):
-        Simulator({**rails("xz"), "constraints": [foot]})

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from arm_sim.recording.figure import thinned
-from arm_sim.view.charts import COLORS, POINTS, Chart, Charts, _columns, legend, with_curves
+from arm_sim.view.charts import POINTS, Chart, Charts, with_curves
 
 PAGE = "<html><head></head><body><div></div></body></html>"
 
@@ -30,29 +30,6 @@ def test_thinned_curves_keep_their_peaks(rng: np.random.Generator) -> None:
     np.testing.assert_array_equal(
         np.nanmax(thinned(time, values, POINTS)[1], axis=0), y.max(axis=0)
     )
-
-
-def test_axes_suit_what_is_there() -> None:
-    """About zeros and single points they would reach from 0 to 100: an unseen curve opens them."""
-    time, zeros = np.arange(5.0), np.zeros((5, 2))
-    x, *curves, room = _columns(time, zeros)
-    assert (x == time).all() and not np.any(curves)
-    assert (room.min(), room.max()) == (-1.0, 1.0)
-    *_, room = _columns(time, zeros + 5.0)
-    assert (room.min(), room.max()) == (4.0, 6.0)
-    *_, room = _columns(time, np.column_stack([time, -time]))
-    assert np.ptp(room) == 0.0  # there is something to see
-    for count in (0, 1):
-        x, curve, room = _columns(time[:count] + 3.0, np.full((count, 1), 7.0))
-        assert np.ptp(x) == 1.0 and (curve == (7.0 if count else 0.0)).all()
-        assert np.isfinite(room).all()
-
-
-def test_a_legend_has_numbers() -> None:
-    text = legend(("hip", "<knee>"), np.array([1.23456, np.nan]))
-    assert ">hip<" in text and ">1.235<" in text
-    assert "&lt;knee&gt;" in text and "–" in text
-    assert ">0<" in legend(("hip",), np.array([5e-17]))
 
 
 def drawn(page: str) -> Any:
@@ -96,12 +73,6 @@ def test_what_is_not_finite_is_a_gap_and_a_name_ends_no_script() -> None:
     (curves,) = drawn(page)["charts"]
     assert curves["curves"] == [[1.0, None, None, 2.0]]
     assert (curves["title"], curves["names"]) == ("</script>", ["</body>"])
-
-
-def test_colours_of_a_legend_begin_again() -> None:
-    names = [f"joint {i}" for i in range(12)]
-    found = re.findall(r"color:(#\w+)", legend(names, np.zeros(12)))
-    assert found == [*COLORS, *COLORS[:5]]
 
 
 @pytest.mark.group("view")

@@ -10,22 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_dynamics import ArmModel, InvalidInput, load_scene
+from arm_dynamics import InvalidInput
 from arm_sim import Simulator
 from arm_sim.view.draw_loop import DrawLoop
 from arm_sim.view.interactive import (
-    MEMORY,
     NOTHING,
-    SAMPLED,
     SLIDERS,
     WEIGHT,
     Interactive,
     InteractiveArm,
-    _slider,
 )
 from arm_sim.view.live_account import LiveAccount
 from arm_sim.view.marks import Marker
-from arm_sim.view.server import close_server, open_server
 from arm_sim.view.stage import DrawnArm
 
 
@@ -68,17 +64,6 @@ def test_weight_is_carried_and_sliders_are_gone_to() -> None:
     assert fastest < 1.5  # without a jump
     rig.choose(NOTHING)
     np.testing.assert_array_equal(rig.error, 0.0)
-
-
-def test_drives_get_commands_and_not_torques() -> None:
-    sim = Simulator("motor_pendulum")
-    rig = InteractiveArm(sim)
-    rig.place(sim.state.q + 0.7)
-    rig.choose(WEIGHT)
-    start = sim.state.q
-    for _ in range(1000):
-        rig.tick()
-    np.testing.assert_allclose(sim.state.q, start, atol=1e-2)
 
 
 def test_the_energy_account_beside_it_is_that_of_a_recording() -> None:
@@ -150,29 +135,6 @@ def test_requests_are_served_in_turn_by_one_thread_and_refusals_are_reported() -
     assert served != [threading.current_thread()]
 
 
-def test_the_thread_may_end_itself() -> None:
-    told, done = list[str](), threading.Event()
-    loop = DrawLoop(lambda passed: None, told.append)
-    loop.order(lambda: (loop.stop(), done.set()))
-    loop.start()
-    assert done.wait(10.0)
-    loop.stop()
-    assert not told and not loop._thread.is_alive()
-
-
-@pytest.mark.group("view")
-def test_curves_go_back_by_the_seconds_that_they_promise() -> None:
-    """Of simulated time, however fast it goes."""
-    server, sim = open_server("arm", port=0), Simulator("pendulum", dt=SAMPLED)
-    actor = DrawnArm(server, sim.model, "arm")
-    page = Interactive(server, [InteractiveArm(sim)], [actor])
-    page.step(round(1.2 * MEMORY / SAMPLED))
-    close_server(server)
-    torque, *_ = page._curves()
-    assert np.ptp(torque.time) == pytest.approx(MEMORY, rel=0.01)
-    assert torque.time[-1] == pytest.approx(sim.state.time, abs=2 * SAMPLED)
-
-
 @pytest.mark.parametrize("name", ["four_bar", "two_link"])
 def test_what_is_shown_are_the_forces_of_constraints_and_stops(name: str) -> None:
     sim = Simulator(name)
@@ -224,31 +186,6 @@ def test_two_arms_share_a_clock_and_have_their_own_curves(bench: Interactive) ->
 
 
 @pytest.mark.group("view")
-def test_time_passes_at_the_speed_that_is_chosen(
-    bench: Interactive, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("arm_sim.view.interactive.AT_ONCE", 60.0)
-    left, right = (rig.simulation for rig in bench.rigs)
-    bench._beat(0.101)
-    assert left.state.step == 0  # it is paused
-    bench.run(True)
-    assert bench.running and bench._run.label == "Pause"
-    bench._beat(0.101)
-    assert (left.state.step, right.state.step) == (50, 100)
-    bench._speed.value = "0.1"
-    bench._beat(0.101)
-    assert (left.state.step, right.state.step) == (55, 110)
-    assert bench._status.content.startswith("t = 0.110 s, running at 0.1 ×")
-    bench._speed.value = "2"
-    bench._beat(10.0)  # after a delay it makes up for a quarter of a second only
-    assert left.state.step == pytest.approx(55 + 125, abs=1)
-    bench._complain("no luck")
-    assert not bench.running and bench._status.content.endswith("paused\n\n**no luck**")
-    bench.run(True)
-    assert "no luck" not in bench._status.content
-
-
-@pytest.mark.group("view")
 def test_sliders_reach_the_limits_and_place_the_arm_while_it_is_paused(
     bench: Interactive, server: Any
 ) -> None:
@@ -265,47 +202,6 @@ def test_sliders_reach_the_limits_and_place_the_arm_while_it_is_paused(
     rig.choose(SLIDERS)
     bench._slide(rig, 0, 0.2)
     np.testing.assert_array_equal(rig.target, [0.2, 0.3])
-
-
-@pytest.mark.parametrize(
-    ("scene", "ends"),
-    [
-        ("ur5e", [(-6.283, 6.283)] * 2 + [(-3.141, 3.141)] + [(-6.283, 6.283)] * 3),
-        ("cart_pendulum", [(-2.0, 2.0), (-3.141, 3.141)]),  # a rail in [m], and a hinge without
-        ("lifting_gripper", [(0, 1), (-0.1, 0.1), (0, 0.3), (0.002, 0.05), (0.002, 0.05)]),
-    ],
-)
-def test_sliders_end_at_the_limits_of_the_joints(
-    scene: str, ends: list[tuple[float, float]]
-) -> None:
-    model = Simulator(scene).model
-    found = [_slider(model, i, q) for i, q in enumerate(model.q0)]
-    assert [(low, high) for low, high, _, _ in found] == ends
-    for (low, high, step, value), q in zip(found, model.q0.tolist(), strict=True):
-        assert low >= model.position_lower.min() and high <= model.position_upper.max()
-        assert abs(value - q) <= step / 2 and len(f"{value:g}") <= 6
-
-
-def test_sliders_are_of_joints_that_move_and_go_where_a_free_joint_is() -> None:
-    joint = """<joint name="{0}" type="prismatic"><parent link="{1}"/><child link="{2}"/>
-      <axis xyz="1 0 0"/><limit lower="{3}" upper="{4}" effort="1" velocity="1"/>{5}</joint>"""
-    mass = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
-    links = "".join(f'<link name="{x}">{mass}</inertial></link>' for x in "abcd")
-    joints = (
-        joint.format("leader", "a", "b", -0.03, 0.05, "")
-        + joint.format("follower", "b", "c", 0.0, 0.08, '<mimic joint="leader" multiplier="2"/>')
-        + joint.format("locked", "c", "d", -1.0, 1.0, "")
-    )
-    robot = {"urdf": f'<robot name="fingers">{links}{joints}</robot>', "lock": ["locked"]}
-    model = ArmModel(load_scene({"robot": robot}))
-    assert model.joint_names == ("leader",)
-    assert _slider(model, 0, 0.01) == (0.0, 0.04, 1e-3, 0.01)  # that of the follower is narrower
-    small = {"leader": {"limits": {"lower": 0.0, "upper": 0.004}}}
-    model = ArmModel(load_scene({"robot": robot, "joints": small}))
-    assert _slider(model, 0, 0.00212) == (0.0, 0.004, 1e-4, 0.0021)
-    free = Simulator("double_pendulum").model
-    assert _slider(free, 0, 7.00049) == (-3.141, 7.0, 1e-3, 7.0)  # it has turned once
-    assert _slider(free, 0, 0.0)[:2] == (-3.141, 3.141)
 
 
 @pytest.mark.parametrize("scene", ["double_pendulum", "ur10", "four_bar"])

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Page, needed, opened
-from samples import sampled
 
 from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
@@ -89,62 +88,9 @@ def test_a_scene_runs_pauses_steps_and_resets(
     np.testing.assert_array_equal(panda.state.q, panda.model.q0)
 
 
-def test_a_slider_places_a_joint(touched: tuple[View, Page], panda: Simulator) -> None:
-    _, page = touched
-    box = page.handle.get_by_role("textbox").filter(visible=True)
-    fields = [f for f in box.all() if f.input_value().startswith(f"{panda.model.q0[3]:.3f}"[:5])]
-    fields[0].fill("-1.5")
-    fields[0].press("Enter")
-    page.until(lambda: abs(panda.state.q[3] + 1.5) < 2e-3, "joint 4 at -1.5")
-    assert_drawn(page, panda)
-
-
 # Values of the boxes of the page that are wider than their box.
 _CUT = """() => [...document.querySelectorAll('input')].filter(
   box => box.offsetParent && box.scrollWidth > box.clientWidth).map(box => box.value)"""
-
-
-@pytest.mark.parametrize("size", sampled([[420, 800], [1400, 900]], 1))
-def test_a_page_has_the_name_of_the_robot_a_legend_and_boxes_that_hold_their_numbers(
-    size: list[int],
-) -> None:
-    sim = Simulator("panda_table")
-    with show(sim, port=0) as view, opened(view.url, "/panda/panda_joint7", size=size) as page:
-        assert page.handle.title() == "panda"
-        assert page.handle.get_by_text("panda", exact=True).count() == 1  # the heading
-        for what in ("friction cone: inside, the contact sticks", "pull of the mouse"):
-            assert page.handle.get_by_text(what).is_visible()
-        page.handle.get_by_text("Push panda").dispatch_event("click")
-        forces = page.handle.get_by_label("force y [N]")
-        page.until(forces.is_visible, "the forces")
-        forces.fill("-1250")
-        wide = sim.model.q0 - [2.8124999, 0.0, 0.1111, 0.0, 0.1234, 0.0, 2.7777]
-        view.source.loop.order(lambda: (view.source.rigs[0].place(wide), view.source.draw()))
-        first = page.handle.locator("input[type=text][value='-2.812']")
-        page.until(first.count, "its sliders")
-        assert page.handle.evaluate(_CUT) == []
-        first.evaluate("box => box.style.width = '2em'")
-        assert page.handle.evaluate(_CUT) == ["-2.812"]  # the test would see it
-
-
-def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
-    view, page = touched
-    let_fall(view)
-    alone = Dynamics(panda.model)  # which nothing pushes
-    page.handle.get_by_text("Push panda").dispatch_event("click")
-    page.until(lambda: page.handle.get_by_role("button", name="Push", exact=True).count(), "it")
-    page.click("Push")
-    rig = view.source.rigs[0]
-    page.until(lambda: rig.wrenches.active, "the push")
-    page.click("Step")
-    page.until(lambda: panda.state.step == 1, "a tick")
-    q, v = panda.model.q0, panda.model.v0
-    pushed = alone.forward(q, v, 20.0 * _sideways(panda))  # 20 N along y, as offered
-    assert abs(pushed - alone.forward(q, v, np.zeros(7))).max() > 10.0
-    np.testing.assert_allclose(panda.state.v / panda.dt, pushed, rtol=5e-2, atol=0.5)
-    view.close()
-    outside = panda.arm.plant.parameters.of("external", panda.arm.parameters)
-    assert not outside.any()  # a page takes its pushes along
 
 
 class Touch:
@@ -176,7 +122,8 @@ class Touch:
         self._session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
 
-@pytest.mark.parametrize("by", sampled(["mouse", "touch"], 1))
+@pytest.mark.nightly  # test_stage.py drags a link without a browser
+@pytest.mark.parametrize("by", ["mouse", "touch"])
 def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
     panda.reset()
     alone = Dynamics(panda.model)  # which nothing pushes
@@ -211,33 +158,6 @@ def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
         page.until(lambda: rig._pull is None, "its end")
 
 
-def _sideways(panda: Simulator) -> np.ndarray:
-    """How the hand moves sideways with each joint, by differences, shape (7,)."""
-    from arm_sim.view.marks import Marker
-
-    marker, q, h = Marker(panda.model), panda.model.q0, 1e-6
-    ways = marker.path(np.vstack([q + h * np.eye(7), q - h * np.eye(7)]))
-    return np.asarray((ways[:7] - ways[7:])[:, 1] / (2 * h))
-
-
-def test_two_arms_are_drawn_beside_each_other(panda: Simulator) -> None:
-    panda.reset()
-    other = Simulator("ur10")
-    with (
-        show(panda, other, name=["left", "right"], port=0) as view,
-        opened(view.url, "/left/panda_joint7", "/right/wrist_3_joint") as page,
-    ):
-        page.click("Run")
-        page.until(lambda: other.state.time > 0.1, "time to pass")
-        page.click("Pause")
-        page.until(lambda: not view.source.running, "the pause")
-        assert_drawn(page, panda, "left")
-        assert_drawn(page, other, "right")
-        assert panda.state.time == pytest.approx(other.state.time)
-        left, right = page.places("/left/base", "/right/base")[:, :3, 3]
-        assert np.linalg.norm(left - right) > 1.0
-
-
 @pytest.fixture(scope="module")
 def long_film(panda: Simulator) -> Film:
     """Ten minutes at 1 kHz."""
@@ -246,6 +166,7 @@ def long_film(panda: Simulator) -> Film:
     return Film("arm", panda.model, time, q)
 
 
+@pytest.mark.nightly  # test_view.py plays without a browser
 def test_ten_minutes_are_scrubbed_played_and_repeated(long_film: Film, panda: Simulator) -> None:
     with show(long_film, port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
         player = view.source
@@ -270,29 +191,6 @@ def test_ten_minutes_are_scrubbed_played_and_repeated(long_film: Film, panda: Si
         player.loop.order(lambda: player.seek(player.end - 0.05))
         page.click("Play")
         page.until(lambda: player.time < 10.0, "the beginning again")
-
-
-def test_a_page_without_a_server_plays(panda: Simulator, tmp_path: Path) -> None:
-    time = np.linspace(0.0, 2.0, 201)
-    q = panda.model.q0 + 0.4 * time[:, None]
-    with show(Film("arm", panda.model, time, q), port=0) as view:
-        file = view.page(tmp_path / "arm.html", rate=10.0)
-    with opened(file.as_uri(), "/arm/panda_joint7") as page:
-        seen = [q[0]]
-
-        def look() -> float:
-            seen.append(page.angles("arm", panda.model))
-            return float(abs(q - seen[-1]).max(axis=1).min())
-
-        def moved() -> bool:
-            look()
-            return bool(abs(seen[-1] - seen[0]).max() > 0.1)
-
-        page.until(lambda: look() < 1e-2, "all links")  # the browser adds one after the other
-        seen = seen[-1:]
-        page.until(moved, "the motion")
-        for angles in seen:  # each is one of the states
-            assert abs(q - angles).max(axis=1).min() < 1e-2
 
 
 # Of every chart: how far along its first curve the cursor stands, and how many curves there are.

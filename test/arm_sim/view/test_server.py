@@ -11,7 +11,6 @@ import urllib.request
 import pytest
 import rich
 
-import models
 from arm_sim.exceptions import ViewError
 from arm_sim.view import pictures, show
 from arm_sim.view.access import refusal
@@ -22,12 +21,6 @@ def test_without_the_library_one_line_says_what_to_do(monkeypatch: pytest.Monkey
     monkeypatch.setattr("arm_sim.view.server.find_spec", lambda name: None)
     with pytest.raises(ViewError, match="cannot find the module 'viser': .*view.* installs it"):
         show("two_link")
-
-
-def test_a_simulator_cannot_be_two_arms_of_a_page() -> None:
-    sim = models.simulator("two_link")
-    with pytest.raises(ViewError, match="a simulator is given twice; allowed: one of its own"):
-        show(sim, sim)
 
 
 NAME = socket.gethostname()

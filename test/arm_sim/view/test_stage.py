@@ -18,17 +18,13 @@ from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
 from arm_sim.view.interactive import Interactive, InteractiveArm
 from arm_sim.view.marks import Instant, Marker
-from arm_sim.view.shapes import METAL, PIVOT, RAIL, Box, Cylinder, Mesh, Sphere, visuals_of
+from arm_sim.view.shapes import METAL, PIVOT, RAIL, Mesh, visuals_of
 from arm_sim.view.stage import (
     KEPT,
-    WHOLE,
     DrawnArm,
-    _coils,
     _cones,
     _glb,
-    _solid,
     lay_ground,
-    legend,
 )
 
 pytestmark = pytest.mark.group("view")
@@ -61,15 +57,6 @@ def test_the_camera_sees_the_whole_arm_however_far_its_solids_reach(server: Any)
         way = point - camera.position
         off = np.arccos(way @ look / np.linalg.norm(way) / np.linalg.norm(look))
         assert off < camera.fov / 2
-
-
-def test_forces_longer_than_the_weight_stay_in_sight(server: Any) -> None:
-    actor = DrawnArm(server, models.dynamics("two_link").model, "arm")
-    weight = 9.81 * actor.marker.model.total_mass
-    forces = np.array([[[0, 0, 0], [0, 0, f]] for f in (weight, 1e9, 0.0)], dtype=float)
-    arrows = actor._to_arrows(forces)
-    lengths = np.linalg.norm(arrows[:, 1] - arrows[:, 0], axis=1)
-    np.testing.assert_allclose(lengths, [0.3 * actor.size, 0.6 * actor.size], rtol=1e-6)
 
 
 def test_a_friction_cone_holds_the_directions_of_forces_that_stick() -> None:
@@ -146,23 +133,6 @@ def test_places_are_those_of_the_state(server: Any) -> None:
         np.testing.assert_array_equal(frame.wxyz, wxyz)
 
 
-def test_a_spring_is_a_zigzag_from_one_end_to_the_other() -> None:
-    ends = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0.0, 1.0, 2.0], [0.0, 1.0, 4.0]]])
-    lines = _coils(ends, size=1.5, turns=4)
-    assert _coils(np.zeros((0, 2, 3)), 1.5).shape == (0, 2, 3)
-    for (first, second), line in zip(ends, lines.reshape(2, -1, 2, 3), strict=True):
-        np.testing.assert_array_equal(line[0, 0], first)
-        np.testing.assert_array_equal(line[-1, 1], second)
-        np.testing.assert_array_equal(line[1:, 0], line[:-1, 1])  # each goes on at the last
-        bends = line[1:, 0] - first
-        along = (second - first) / np.linalg.norm(second - first)
-        across = bends - np.outer(bends @ along, along)
-        np.testing.assert_allclose(np.linalg.norm(across, axis=1), 0.02 * 1.5, rtol=0.1)
-        assert len(bends) == 2 * 4
-        np.testing.assert_allclose(across[1:], -across[:-1], atol=1e-12)  # to either side
-        assert (np.diff(bends @ along) > 0.0).all()
-
-
 def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(server: Any) -> None:
     model = Simulator("spring_balanced_arm").model
     actor = DrawnArm(server, model, "arm")
@@ -196,15 +166,6 @@ def test_joints_at_their_stops_are_marked(server: Any) -> None:
     marks = actor.draw(Instant(0.0, q))
     assert [ball.visible for ball in actor._stops] == [True] + 6 * [False]
     np.testing.assert_allclose(actor._stops[0].position, marks.position[4])
-
-
-def test_axes_and_links_are_shown_on_request(server: Any) -> None:
-    actor = DrawnArm(server, models.dynamics("panda").model, "arm")
-    assert not any(joint.show_axes for joint in actor._joints)
-    actor.show_axes(True)
-    assert all(joint.show_axes for joint in actor._joints) and len(actor._joints) == 8
-    actor.show_links(False)
-    assert actor.links and not any(link.visible for _, link in actor.links)
 
 
 def floor(server: Any, actor: DrawnArm, monkeypatch: pytest.MonkeyPatch) -> float:
@@ -251,38 +212,6 @@ def test_an_arm_without_a_base_has_pivots_and_is_above_the_ground_wherever_it_mo
     assert floor(server, actor, monkeypatch) < np.concatenate(reached)[:, 2].min()
 
 
-def test_the_ground_is_in_sight_of_a_mass_on_endless_rails(
-    server: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    actor = DrawnArm(server, Simulator("point_mass").model, "mass")  # 100 m each way
-    assert -2.2 * actor.size < floor(server, actor, monkeypatch) < -actor.size
-
-
-def test_a_legend_says_what_is_drawn_and_nothing_else(server: Any) -> None:
-    def texts(scene: str) -> list[str]:
-        return [text for _, _, text in DrawnArm(server, Simulator(scene).model, scene).legend()]
-
-    assert texts("double_pendulum") == ["pivot or rail, fixed to the world", "path of the hand"]
-    assert texts("panda_table") == [
-        "point of contact", "plane of contact", "force of the contact on the arm",
-        "friction cone: inside, the contact sticks", "joint at its end stop", "path of the hand",
-    ]  # fmt: skip
-    assert texts("four_bar") == [
-        "pivot or rail, fixed to the world",
-        "force of a constraint",
-        "path of the hand",
-    ]
-    assert "spring" in texts("spring_balanced_arm")
-    carried = {"robot": {"urdf": str(models.SCENES / "two_link.urdf")},
-               "payloads": [{"frame": "forearm", "mass": 1.0}]}  # fmt: skip
-    actor = DrawnArm(server, ArmModel(load_scene(carried)), "carried")
-    actor.show_path(np.eye(3))
-    rows = {text: colour for _, colour, text in actor.legend()}
-    assert rows["payload"] == (237, 140, 38) and rows["whole path of the hand"] == WHOLE
-    for colour in ("rgb(237, 140, 38)", "payload", "rgb(150, 150, 150)"):
-        assert colour in legend(actor.legend())
-
-
 def test_a_mesh_has_its_scale_and_a_colour_if_its_file_has_none(tmp_path: Path) -> None:
     import trimesh
 
@@ -298,17 +227,3 @@ def test_a_mesh_has_its_scale_and_a_colour_if_its_file_has_none(tmp_path: Path) 
         (geometry,) = drawn.geometry.values()
         wanted = [round(255 * x) for x in colour or METAL]
         assert geometry.visual.material.baseColorFactor.tolist() == wanted
-
-
-def test_solids_are_centred_and_as_large_as_they_say() -> None:
-    for shape, extents in (
-        (Box((0.1, 0.2, 0.3)), (0.1, 0.2, 0.3)),
-        (Sphere(0.25), (0.5, 0.5, 0.5)),
-        (Cylinder(0.1, 0.7, rounded=False), (0.2, 0.2, 0.7)),
-        (Cylinder(0.1, 0.7, rounded=True), (0.2, 0.2, 0.7)),
-    ):
-        solid = _solid(shape)
-        np.testing.assert_allclose(solid.extents, extents, rtol=0.02)
-        np.testing.assert_allclose(solid.bounds.mean(axis=0), 0.0, atol=2e-3)
-    flat, rounded = (_solid(Cylinder(0.1, 0.7, way)).volume for way in (False, True))
-    assert rounded < 0.95 * flat

@@ -17,16 +17,8 @@ from arm_sim import Simulator
 from arm_sim.exceptions import ViewError
 from arm_sim.view import Film, View, pictures, show
 from arm_sim.view.player import Player
-from arm_sim.view.view import GAP
 
 pytestmark = pytest.mark.group("view")
-
-
-def test_motions_of_one_name_are_told_apart() -> None:
-    model = models.dynamics("two_link").model
-    films = [Film(name, model, np.arange(3.0), np.zeros((3, 2))) for name in ("a", "b", "a")]
-    with show(*films, port=0) as view:
-        assert [actor.name for actor in view.actors] == ["a 1", "b", "a 2"]
 
 
 @pytest.fixture
@@ -85,6 +77,22 @@ def test_a_film_goes_from_the_begin_to_the_end_at_its_speed(playing: View, tmp_p
         playing.film(tmp_path / "d.avi")
 
 
+def test_it_plays_pauses_and_begins_again(playing: View) -> None:
+    player = playing.source
+    assert isinstance(player, Player)
+    player.loop.stop()  # the beats below are the only ones
+    seen = []
+    for change in (
+        lambda: player._beat(0.5), player.play, lambda: player._beat(0.5),
+        lambda: player._beat(1.6), lambda: setattr(player._loop, "value", False),
+        lambda: player._beat(2.5), lambda: player._beat(0.5), player.play,
+    ):  # fmt: skip
+        change()
+        seen.append((player.time, player._playing))
+    assert seen == [(0.0, False), (0.0, True), (0.5, True), (0.0, True), (0.0, True),
+                    (2.0, False), (2.0, False), (0.0, True)]  # fmt: skip
+
+
 def test_a_simulation_has_no_film(tmp_path: Path) -> None:
     with show(models.simulator("two_link"), port=0) as view:
         for call in (lambda: view.film(tmp_path / "a.gif"), lambda: view._seek(1.0)):
@@ -94,17 +102,6 @@ def test_a_simulation_has_no_film(tmp_path: Path) -> None:
         view.draw()
         assert view.source is before and repr(view) == f"<View of two_link at {view.url}>"
         assert f'src="{view.url}"' in view._repr_html_()
-
-
-def test_motions_lie_side_by_side_or_together() -> None:
-    model = models.dynamics("two_link").model
-    films = [Film(name, model, np.arange(3.0), np.zeros((3, 2))) for name in "abc"]
-    apart = 2 * GAP * model.reach
-    with show(*films, port=0) as view:
-        places = [actor.base.tolist() for actor in view.actors]
-        np.testing.assert_allclose(places, [[0, apart, 0], [0, 0, 0], [0, -apart, 0]], atol=1e-12)
-    with show(*films, port=0, together=True) as view:
-        assert not np.any([actor.base for actor in view.actors])
 
 
 def test_what_does_not_go_together_is_refused() -> None:
@@ -117,64 +114,3 @@ def test_what_does_not_go_together_is_refused() -> None:
             show(*what, **more)
     with pytest.raises(ViewError, match="a simulator is given twice"):
         show(sim, Simulator("pendulum"), sim)
-
-
-def test_switches_hide_what_they_name(playing: View) -> None:
-    (actor,) = playing.actors
-    switches = {
-        handle.label: handle
-        for handle in playing._server.gui._gui_input_handle_from_uuid.values()
-        if isinstance(handle.value, bool)
-    }
-    whole = actor._lines["whole path"]
-    assert whole.visible and all(link.visible for _, link in actor.links)
-    for name, seen in (
-        ("path", lambda: whole.visible),
-        ("links", lambda: actor.links[0][1].visible),
-        ("axes", lambda: actor._joints[0].show_axes),
-    ):
-        box, before = switches[name], seen()
-        box.value = not before
-        playing.source.loop._serve()
-        assert seen() == box.value != before
-
-
-class TestPlaying:
-    """Time of a player passes as its controls say."""
-
-    @pytest.fixture
-    def player(self, server: Any) -> Player:
-        from arm_sim.view.stage import DrawnArm
-
-        model = models.dynamics("two_link").model
-        film = Film("arm", model, np.linspace(1.0, 3.0, 21), np.zeros((21, 2)))
-        return Player(server, [film], [DrawnArm(server, model, "arm")])
-
-    def test_it_stands_until_it_is_started(self, player: Player) -> None:
-        assert (player.begin, player.end, player.time) == (1.0, 3.0, 1.0)
-        assert player._status.content == "t = 1.000 s of 3.000 s"
-        player._beat(0.5)
-        assert player.time == 1.0 and player._button.label == "Play"
-        player._toggle()
-        player._beat(0.5)
-        assert player.time == 1.5 == player._slider.value and player._button.label == "Pause"
-        player._toggle()
-        player._beat(0.5)
-        assert player.time == 1.5
-
-    def test_it_is_repeated_or_ends(self, player: Player) -> None:
-        player._speed.value = "2"
-        player.play()
-        player._beat(0.75)
-        assert player.time == 2.5
-        player._beat(0.75)
-        assert player.time == 1.0 and player._playing  # again
-        player._loop.value = False
-        player._beat(5.0)
-        assert player.time == 3.0 and not player._playing
-        player.play()
-        assert player.time == 1.0  # it begins anew
-        player.seek(-1.0)
-        assert player.time == 1.0
-        player._show_status("no luck")
-        assert player._status.content == "t = 1.000 s of 3.000 s\n\n**no luck**"

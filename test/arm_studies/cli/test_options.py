@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -16,41 +17,76 @@ from click.testing import CliRunner
 from arm_dynamics import ArmError
 from arm_studies.cli.main import main
 
-EXPECTED = yaml.safe_load(Path(__file__).with_name("options.yaml").read_text(encoding="utf-8"))
 
-
-def commands(group: click.Group, path: tuple[str, ...] = ()) -> list[str]:
-    """All commands that are no groups."""
-    found = []
+def commands(group: click.Group, path: tuple[str, ...] = ()) -> dict[str, click.Command]:
+    """All commands that are no groups, by what is typed for them."""
+    found: dict[str, click.Command] = {}
     context = click.Context(group)
     for name in group.list_commands(context):
         command = group.get_command(context, name)
         inner = (*path, name)
-        found += (
-            commands(command, inner) if isinstance(command, click.Group) else [" ".join(inner)]
-        )
+        if isinstance(command, click.Group):
+            found |= commands(command, inner)
+        elif command is not None:
+            found[" ".join(inner)] = command
     return found
 
 
-def shown(command: str) -> dict[str, str]:
-    """What the help of a command says of each option apart from its description."""
-    told = CliRunner().invoke(main, [*command.split(), "--help"], terminal_width=400)
-    assert told.exit_code == 0, told.output
-    assert re.search(r"\n +Examples?:\n +\./arm ", told.output)
-    text = told.output.partition("\nOptions:\n")[2].partition("\n\nExamples")[0]
-    found = {}
-    for part in re.split(r"\n  (?=-)", f"\n{text}")[1:]:
-        usage, _, about = part.strip().partition("  ")
-        name, *value = usage.split(maxsplit=1)
-        extra = re.search(r"\[([^][]*)\]$", about.strip())
-        found[name] = ", ".join([*([] if value else ["flag"]), *([extra[1]] if extra else [])])
-    assert found.pop("-h,") == ""
-    return found
+COMMANDS = commands(main)
 
 
-@pytest.mark.parametrize("command", commands(main))
-def test_options_are_flags_or_have_the_defaults_and_ranges_that_are_meant(command: str) -> None:
-    assert shown(command) == EXPECTED.get(command, {})
+STATED: dict[str, str] = yaml.safe_load(
+    Path(__file__).with_name("options.yaml").read_text(encoding="utf-8")
+)
+
+
+def refusal(*words: str) -> str:
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 2 and done.output.count("Error: ") == 1, done.output
+    assert isinstance(done.exception, SystemExit)
+    return " ".join(done.output.partition("Error: ")[2].split())
+
+
+def wrong(kind: click.ParamType) -> Iterator[tuple[str, str]]:
+    """Words that an option does not take, and what is said of them."""
+    if isinstance(kind, click.IntRange | click.FloatRange):
+        for end, step in ((kind.min, -1), (kind.max, 1)):
+            if end is not None:
+                yield str(end + step), f"{end + step} is not in the range "
+    if isinstance(kind, click.Choice):
+        yield "neither", "'neither' is not one of " + ", ".join(f"'{x}'" for x in kind.choices)
+    if kind.name in ("integer", "float", "integer range", "float range"):
+        yield "much", "'much' is not a valid "
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_each_option_is_refused_by_name(command: str) -> None:
+    """Misspelt, out of its range, of another type."""
+    passed_on = COMMANDS[command].context_settings.get("ignore_unknown_options")
+    for option in COMMANDS[command].params:
+        if not isinstance(option, click.Option) or option.hidden:
+            continue
+        long = option.opts[-1]
+        if len(long) > 4 and not passed_on:
+            other = f"{long[:-1]}q{long[-1]}"
+            said = refusal(*command.split(), other, "1")
+            assert re.match(rf"No such option '{other}'.*[Dd]id you mean .*'{long}'", said), said
+        for word, why in wrong(option.type):
+            said = refusal(*command.split(), long, word)
+            assert said.startswith(f"Invalid value for '{long}': {why}"), said
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_has_an_example_and_every_option_with_its_default_and_range(command: str) -> None:
+    context = click.Context(COMMANDS[command], info_name=command)
+    told = COMMANDS[command].get_help(context)
+    assert re.search(rf"\n +Examples?:\n +\./arm {command.split()[0]}", told)
+    for option in COMMANDS[command].params:
+        if isinstance(option, click.Option) and not option.hidden:
+            (_, about), long = option.get_help_record(context) or ("", ""), option.opts[-1]
+            extra = re.search(r"\[([^][]*)\]$", about.removesuffix("[required]"))
+            stated = STATED.get(f"{command} {long}", STATED.get(long, ""))
+            assert f" {long}" in told and (extra[1] if extra else "") == stated, long
 
 
 class Stop(ArmError):

@@ -3,17 +3,15 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 from click.testing import CliRunner, Result
 
 from arm_studies.cli.main import main
-from arm_studies.cli.sweep import _left, _Lines, _losses
+from arm_studies.cli.sweep import _losses
 from arm_studies.sweeps import load_study, sweep
 
 STUDY = """\
@@ -53,53 +51,11 @@ def test_many_runs_are_summed_up_by_what_is_varied_in_words(tmp_path: Path) -> N
     assert not (tmp_path / "out" / "scatter.png").exists()
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("scene: two_link\n", "study.yaml: study: 'duration' is missing"),
-        (STUDY.replace("elbow.f", "elbo.f"), "did you mean 'elbow'"),
-        (STUDY + "metrics: [enrgy]\n", "did you mean 'energy'"),
-        (STUDY + "duration: 1\n", "'duration' is given twice, in lines 2 and 7"),
-    ],
-)
-def test_mistakes_are_one_line(text: str, said: str, tmp_path: Path) -> None:
-    done = run(tmp_path, text)
-    assert done.exit_code == 1 and said in done.output
-    assert "Traceback" not in done.output
-
-
 def test_another_study_in_the_folder_is_refused(tmp_path: Path) -> None:
     run(tmp_path, STUDY, "--no-figures")
     done = run(tmp_path, STUDY + "seed: 2\n", "--no-figures")
     assert done.exit_code == 1
     assert "'study.seed' was not given and is 2" in done.output
-
-
-@pytest.mark.parametrize(
-    ("seconds", "said"),
-    [(None, ""), (0.2, "about 1 s left"), (89.4, "about 89 s left"), (90.0, "about 2 min left"),
-     (5390.0, "about 90 min left"), (5400.0, "about 1.5 h left"), (20000.0, "about 5.6 h left")],
-)  # fmt: skip
-def test_the_remaining_time_is_told_in_round_numbers(seconds: float | None, said: str) -> None:
-    assert _left(seconds) == said
-
-
-def test_lines_of_progress_come_now_and_then(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    now = [100.0]
-    monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    lines = _Lines()
-    for passed, what, done, remaining in (
-        (0.0, "building", 0, None), (0.1, "building", 1, 5.0), (0.1, "running", 2, 30.0),
-        (60.0, "running", 3, 20.0),
-    ):  # fmt: skip
-        now[0] += passed
-        lines.tell(SimpleNamespace(what=what, done=done, total=9, remaining=remaining))
-    assert capsys.readouterr().err.splitlines() == [
-        "building: 0 of 9 runs", "running: 2 of 9 runs, about 30 s left",
-        "running: 3 of 9 runs, about 20 s left",
-    ]  # fmt: skip
 
 
 def test_the_first_run_of_each_kind_that_was_lost_is_named() -> None:

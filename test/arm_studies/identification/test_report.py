@@ -6,11 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pictures import written
 
 from arm_dynamics import Dynamics
 from arm_studies.identification import Identification, JointRecord, identify
-from arm_studies.identification.figures import draw_friction, draw_torques
 from arm_studies.identification.regression.friction_columns import JointFit
 from arm_studies.identification.report import friction_words, residual, share, text
 
@@ -89,61 +87,3 @@ def test_the_report_has_each_parameter_with_its_interval_and_each_body(
         np.testing.assert_allclose(centre, body[1:4] / body[0], rtol=1e-3, atol=1e-9)
     plain = text(found, Path("arm.yaml"), ["run"], [Path("a.png"), Path("b.png")])
     assert "Torque per unit" not in plain and "Predictions are" not in plain
-
-
-def test_figures_show_torques_residuals_and_the_law_of_friction(
-    found: Identification, tmp_path: Path
-) -> None:
-    unknown = replace(
-        found, torque_error=found.torque_error | {"elbow": np.nan},
-        friction=(found.friction[0], None),
-    )  # fmt: skip
-    with written() as figures:
-        draw_torques(unknown, tmp_path / "torques.png")
-        draw_friction(unknown, tmp_path / "friction.png")
-    shown = found.torques
-    axes = np.reshape(figures[0].axes, (2, 2))
-    for j, (left, right) in enumerate(axes):
-        measured, predicted, nominal = (line.get_ydata() for line in left.lines)
-        for drawn, column in (
-            (nominal, shown.nominal), (measured, shown.measured), (predicted, shown.predicted),
-        ):  # fmt: skip
-            np.testing.assert_array_equal(drawn, column[:, j])
-        np.testing.assert_array_equal(right.lines[0].get_ydata(), measured - predicted)
-        span = left.lines[0].get_xdata()[-1]
-        assert span == pytest.approx(np.ptp(shown.time), rel=1e-6)
-        (shade,) = left.patches
-        first, last = np.flatnonzero(shown.held_out)[[0, -1]]
-        times = shade.get_x(), shade.get_x() + shade.get_width()
-        expected = shown.time[[first, last]] - shown.time[0]
-        np.testing.assert_allclose(times, expected, atol=1e-6)
-    names = [line.get_label() for line in axes[0, 0].lines]
-    assert names == ["measured", "identified", "nominal"]
-    error = f"{found.torque_error['shoulder']:.1%} on held-out data"
-    assert axes[0, 1].get_title("right") == error
-    assert axes[1, 1].get_title("right") == "unknown on held-out data"
-    shoulder, elbow = figures[1].axes
-    assert [at.get_title("left") for at in figures[1].axes] == ["shoulder", "elbow"]
-    np.testing.assert_array_equal(
-        elbow.lines[0].get_xydata().T, [shown.v[:, 1], shown.friction[:, 1]]
-    )
-    v, law = shoulder.lines[1].get_xydata().T
-    assert len(elbow.lines) == 1  # of a joint whose friction is unknown only points
-    expected = 0.4 * v + 0.6 * np.sign(v)
-    np.testing.assert_allclose(law, expected, rtol=0.02, atol=0.02)
-    assert np.isnan(law).sum() == 1 and np.nanmax(v) == np.nanmax(abs(shown.v[:, 0]))
-
-
-def test_a_figure_of_five_joints_has_two_rows(found: Identification, tmp_path: Path) -> None:
-    shown = found.torques
-    wide = {
-        name: np.resize(getattr(shown, name), (len(shown.time), 5))
-        for name in ("measured", "predicted", "nominal", "v", "friction")
-    }
-    more = replace(
-        found, joint_names=tuple("abcde"), friction=5 * (None,), torques=replace(shown, **wide)
-    )
-    with written() as figures:
-        draw_friction(more, tmp_path / "friction.png")
-    visible = [axis.get_visible() for axis in figures[0].axes]
-    assert visible == 5 * [True] + 3 * [False]

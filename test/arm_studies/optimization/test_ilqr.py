@@ -245,10 +245,7 @@ def test_what_is_refused() -> None:
         ILQR([Phase(sim, 5)], cost, smoothing=0.0)
     with pytest.raises(InvalidInput, match="the arm has contacts"):
         ILQR([Phase(Simulator("panda_table"), 5)], cost, smoothing=0.1)
-    for low, high in (
-        (1.0, -1.0), ([-1.0, 1.0], [1.0, -1.0]), ([1.0, -1.0], [-1.0, 1.0]),
-        (1e9, None), (None, [1.0, -1e9]),
-    ):  # fmt: skip
+    for low, high in ((1.0, -1.0), ([1.0, -1.0], [-1.0, 1.0]), (1e9, None)):
         with pytest.raises(InvalidInput, match="low is above high, or beyond the scene's limits"):
             ILQR([Phase(sim, 5)], cost, low=low, high=high)
     with pytest.raises(InvalidInput, match=r"high has shape \(3,\)"):
@@ -258,13 +255,8 @@ def test_what_is_refused() -> None:
         optimizer.start(sim.arm.x, np.zeros((3, 2)))
     with pytest.raises(InvalidInput, match="x0 has shape"):
         optimizer.start(np.full(4, np.nan), np.zeros((NODES, 2)))
-    with pytest.raises(InvalidInput, match="x0 has shape"):
-        optimizer.start([0.0, np.nan, 0.0, 0.0], np.zeros((NODES, 2)))
-    for nodes in (1, NODES - 1):
-        with pytest.raises(InvalidInput, match="the cost has x and u of shapes .* needs "):
-            ILQR([Phase(sim, nodes)], cost).solve(sim.arm.x, np.zeros((nodes, 2)))
-    with pytest.raises(InvalidInput, match="above zero"):
-        QuadraticCost(cost.x, cost.x_weight, cost.u, 0.0 * cost.u)
+    with pytest.raises(InvalidInput, match="the cost has x and u of shapes .* needs "):
+        ILQR([Phase(sim, 1)], cost).solve(sim.arm.x, np.zeros((1, 2)))
     for name, words in (
         ("x_weight", "x_weight holds negative numbers"),
         ("u_weight", "above zero"),

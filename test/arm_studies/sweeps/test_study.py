@@ -18,18 +18,12 @@ PLAIN: dict[str, Any] = {"scene": "two_link", "duration": 0.1}
     ("part", "said"),
     [
         ({"durations": 1}, "unknown key 'durations' = 1; allowed here: .*did you mean 'duration'"),
-        ({"duration": 0}, "'duration' = 0: more than 0 is expected"),
-        ({"samples": True}, "'samples' = True: a whole number is expected"),
         ({"sampling": "sobol"}, "'sampling' = 'sobol': allowed: random, latin_hypercube"),
         ({"metrics": ["tracking_rsm"]}, "unknown metric .*did you mean 'tracking_rms'"),
         ({"vary": {"sim.dt": []}}, "'vary.sim.dt' = .*the list is empty"),
-        ({"vary": {"sim.dt": 1}}, "a list of values or a distribution"),
         ({"vary": {"sim.dt": {"uniform": [2, 1]}}}, "the lower end must lie below"),
         ({"vary": {"sim.dt": {"uniform": [0, 1], "normal": [0, 1]}}}, "exactly one of"),
-        ({"vary": {"sim.dt": {"gauss": [0, 1]}}}, "unknown key 'vary.sim.dt.gauss'"),
         ({"motion": {"points": [{"time": 1}]}}, "'motion.points.0.position' is missing"),
-        ({"vary": {"sim.dt": {"uniform": [1, 1]}}}, "the lower end must lie below"),
-        ({"vary": {"sim.dt": {"log_uniform": [2, 1]}}}, "the lower end must lie below"),
     ],
 )
 def test_mistakes_are_named(part: dict[str, Any], said: str) -> None:
@@ -42,18 +36,12 @@ def test_mistakes_are_named(part: dict[str, Any], said: str) -> None:
     [
         ({"vary": {"jonts.*.friction.viscous": [1]}}, "unknown key 'vary.jonts.*did you mean"),
         ({"vary": {"joints.*.friction.viscos": [1]}}, "'joints.*.friction.viscos'.*did you mean"),
-        ({"vary": {"joints.elbo.friction.viscous": [0, 1]}}, "'elbo'.*did you mean 'elbow'"),
         ({"vary": {"payloads.0.mass": [1]}}, "'vary.payloads.0.mass': there is no 'payloads.0'"),
         ({"changes": {"payload": []}}, "study: 'changes': .*did you mean 'payloads'"),
-        ({"controller": "computed_torqe"}, "did you mean 'computed_torque'"),
-        ({"controller": {"settings": {"bandwith": 1}}}, "did you mean 'bandwidth'"),
         ({"vary": {"controller.settings.bandwith": [1]}}, "did you mean 'bandwidth'"),
         ({"controller": {"scene": "panda"}}, "the controller's scene has joints"),
         ({"motion": {"points": [{"time": 1, "position": {"elbo": 1}}]}}, "did you mean 'elbow'"),
         ({"metrics": ["tracking_rms.elbo"]}, "study: metric .*did you mean 'elbow'"),
-        ({"scene": "two_lnk"}, "did you mean 'two_link'"),
-        ({"vary": {"initial.position.elbo": [1.0]}}, "did you mean 'elbow'"),
-        ({"vary": {"motion.points.0.time": [1.0]}}, "there is no 'motion.points.0'"),
     ],
 )
 def test_what_the_arm_does_not_have_is_named(part: dict[str, Any], said: str) -> None:

@@ -15,10 +15,7 @@ from pictures import written
 from arm_dynamics import InvalidInput
 from arm_studies.sweeps import Sweep, load_study, sweep
 from arm_studies.sweeps.figures import draw, groups
-from arm_studies.sweeps.pace import Pace
-from arm_studies.sweeps.sharing import Result
 from arm_studies.sweeps.table import Table
-from arm_studies.sweeps.world import Row
 
 STUDY: dict[str, Any] = {
     "scene": "two_link", "duration": 0.05,
@@ -65,33 +62,6 @@ def test_columns_are_selected_by_name(done: Sweep) -> None:
     allowed = "unknown column 'enrgy'; allowed: .*did you mean 'energy'"
     with pytest.raises(InvalidInput, match=allowed):
         done.table["enrgy"]
-
-
-def result(kind: str, count: int, seconds: float) -> Result:
-    rows = tuple(Row(k, "done", "", ()) for k in range(count))
-    return Result(rows, kind, seconds, 0.0)
-
-
-def test_the_remaining_time_is_that_of_the_runs_to_come() -> None:
-    """Two workers; runs of one kind cost 1 s of a worker, those of the other 10 s."""
-    pace = Pace({"quick": 10, "slow": 5})
-    assert pace.remaining(0.0) is None
-    now = 100.0  # what happened before the first result does not count
-    pace.note(result("quick", 2, 2.0), now)
-    assert pace.remaining(now) is None, "too little is known"
-    for _ in range(2):
-        now += 1.0
-        pace.note(result("quick", 2, 2.0), now)
-    pace.note(result("slow", 1, 10.0), now + 5.0)
-    assert pace.remaining(now + 5.0) == pytest.approx((4 * 1.0 + 4 * 10.0) / 2)
-
-
-def test_a_kind_of_which_nothing_is_known_is_taken_for_the_others() -> None:
-    pace = Pace({"quick": 8, "slow": 4})
-    for k in range(4):
-        pace.note(result("quick", 2, 2.0), float(k))
-    assert pace.remaining(3.0) == pytest.approx(4 * 1.0 / 2.0)
-    assert np.isfinite(pace.remaining(3.0) or np.inf)
 
 
 def drawn(columns: dict[str, Any], varied: dict[str, Any], tmp_path: Path) -> list[Any]:
@@ -142,18 +112,3 @@ def test_figures_of_a_sweep_show_each_group_over_each_number(tmp_path: Path) -> 
     pd, float_ = (line.get_xydata().tolist() for line in first.lines)
     assert pd == [[2.0, 0.5], [4.0, 1.0]] and float_ == [[1.0, 1.0]]
     assert [text.get_text() for text in distribution.legends[0].texts] == ["pd", "float"]
-
-
-def test_without_a_number_there_is_no_scatter_and_without_a_metric_nothing(tmp_path: Path) -> None:
-    words = {"controller": ["pd", "float"]}
-    (only,) = drawn({**words, "energy": [1.0, 2.0]}, words, tmp_path)
-    assert (
-        only.axes[0].get_xlabel() == "work of the drives\n[J]"
-        and only.axes[0].get_xscale() == "linear"
-    )
-    assert drawn({**words, "energy": [1.0, 1.0]}, words, tmp_path) == []
-    numbers: dict[str, Any] = {"sim.dt": {"uniform": [0.001, 0.002]}}
-    scatter, distribution = drawn(
-        {"sim.dt": [0.001, 0.002], "energy": [1, 2.0]}, numbers, tmp_path
-    )
-    assert not scatter.legends and not distribution.legends

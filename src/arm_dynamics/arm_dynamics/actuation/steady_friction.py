@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 from arm_dynamics.actuation.internal_state import FrictionLaw
 from arm_dynamics.actuation.joint_laws import friction_laws
@@ -37,22 +38,29 @@ class SteadyFriction:
         """The friction of an arm."""
         return cls(model.friction, friction_laws(model))
 
-    @property
+    @cached_property
     def has_dry(self) -> bool:
         """Whether part of it changes sign with the direction."""
         return self.joints.has_dry or bool(self.laws)
 
-    @property
+    @cached_property
     def by_position(self) -> bool:
         """Whether it depends on the joints' positions."""
         return self.joints.by_position or self.joints.by_law.by_position
 
-    @property
+    @cached_property
     def by_load(self) -> bool:
         """Whether it depends on the drives' torques."""
         return self.joints.by_load or self.joints.by_law.by_load
 
-    @property
+    @cached_property
+    def present(self) -> bool:
+        """Whether there is any."""
+        joints = self.joints
+        viscous = joints.viscous.mean.any() or joints.viscous.skew.any()
+        return bool(viscous or self.has_dry or any(joints.tables) or joints.gears)
+
+    @cached_property
     def gearless(self) -> SteadyFriction:
         """Copy without the gears' losses."""
         return replace(self, joints=self.joints.gearless)

@@ -12,19 +12,20 @@ from numpy.typing import ArrayLike, NDArray
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen, sealed
 from arm_dynamics.client.values import (
+    fields_of,
     fixed,
     flat,
     motion,
     points,
     rows,
     shaped,
-    task_shapes,
     whole,
     words,
 )
 from arm_dynamics.exceptions import Refused, Unreachable
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.caller import Caller
+from arm_dynamics.terms.table import OF_SERVICE, TASK_SPACE
 
 ALL_TERMS = 31  # as arm_dynamics.Term.ALL, which would import Pinocchio
 _U32 = 2**32 - 1
@@ -225,16 +226,9 @@ class ArmClient:
         """M, C, G, F, S and the energies; see ``inverse_dynamics`` for the arguments."""
         fields = motion(joint_names, position=q, velocity=v)
         answer = self._ask(self._dynamics, interfaces.DYNAMICS_TERMS, **fields)
-        shape = points(answer, q)
-        squares = (*shape, shape[-1])
-        return Terms(
-            tuple(answer.joint_names),
-            shaped(answer.mass_matrix, squares), shaped(answer.coriolis_matrix, squares),
-            shaped(answer.gravity, shape), shaped(answer.friction, shape),
-            shaped(answer.spring, shape),
-            shaped(answer.kinetic_energy, shape[:-1]),
-            shaped(answer.potential_energy, shape[:-1]),
-        )  # fmt: skip
+        *batch, n = points(answer, q)
+        shapes = {name: shape for entry in OF_SERVICE for name, shape in entry.parts.items()}
+        return Terms(tuple(answer.joint_names), **fields_of(answer, shapes, tuple(batch), n=n))
 
     def task_space(
         self, frame: str, q: ArrayLike, v: ArrayLike | None = None, *,
@@ -262,15 +256,12 @@ class ArmClient:
             axes=words("axes", axes), direction=flat("direction", direction),
             **motion(joint_names, position=q, velocity=v),
         )  # fmt: skip
-        n, m, batch = len(answer.joint_names), len(answer.axes), points(answer, q)[:-1]
-        found: dict[str, Any] = {
-            "axes": tuple(answer.axes), "joint_names": tuple(answer.joint_names)
+        sizes = {"n": len(answer.joint_names), "m": len(answer.axes)}
+        shapes = TASK_SPACE | {"effective_mass": (), "effective_mass_bounded": ()}
+        return {
+            "axes": tuple(answer.axes), "joint_names": tuple(answer.joint_names),
+            **fields_of(answer, shapes, points(answer, q)[:-1], **sizes),
         }  # fmt: skip
-        for name, shape in task_shapes(n, m).items():
-            values = np.array(getattr(answer, name))
-            if values.size:
-                found[name] = values.reshape((*batch, *shape))
-        return found
 
     def inverse_kinematics(
         self, frame: str, pose: ArrayLike, seed: ArrayLike | None = None, *,

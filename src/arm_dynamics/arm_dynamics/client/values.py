@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -73,11 +73,13 @@ def shaped(values: Any, shape: tuple[int, ...]) -> Array:
     return np.array(values, float).reshape(shape)
 
 
-def task_shapes(n: int, m: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of the fields of a ``TaskSpace`` response at one point, for n joints and m axes."""
-    return {
-        "pose": (7,), "jacobian": (m, n), "twist": (m,), "bias": (m,), "inertia": (m, m),
-        "coriolis": (m,), "gravity": (m,), "spring": (m,), "inverse": (n, m), "null_space": (n, n),
-        "manipulability": (), "condition": (), "damped": (), "effective_mass": (),
-        "effective_mass_bounded": (),
-    }  # fmt: skip
+def fields_of(
+    answer: Any, shapes: Mapping[str, Sequence[str | int]], batch: tuple[int, ...], **sizes: int
+) -> dict[str, Array]:
+    """The fields of an answer that it has, of shapes in numbers and names of sizes."""
+    found = {}
+    for name, shape in shapes.items():
+        if len(values := getattr(answer, name)):
+            whole = (sizes[x] if isinstance(x, str) else x for x in shape)
+            found[name] = np.array(values).reshape((*batch, *whole))
+    return found

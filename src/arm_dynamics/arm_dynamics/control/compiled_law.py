@@ -28,10 +28,10 @@ from arm_dynamics.control.computed_torque import ComputedTorque
 from arm_dynamics.control.controller import Measured, Moving, added_torques, checked, restart
 from arm_dynamics.control.law import Law, law_of, name_of
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.dynamics.verify import compare, random_states
 from arm_dynamics.exceptions import ControllerFailed, KernelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.rigid_expressions import RigidExpressions
+from arm_dynamics.terms.verify import compare, random_states
 from arm_dynamics.trajectory.reference import Reference
 
 Job = Callable[[], object]

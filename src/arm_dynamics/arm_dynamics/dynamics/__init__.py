@@ -4,9 +4,9 @@
 Pinocchio computes single points; large batches run as generated code that is verified against it.
 """
 
+from arm_dynamics.dynamics.checks import check_constrained, check_forward
 from arm_dynamics.dynamics.constrained import Constrained
 from arm_dynamics.dynamics.dynamics import Dynamics, Term
-from arm_dynamics.dynamics.rigid import MANY
-from arm_dynamics.dynamics.verify import check_constrained, check_forward
+from arm_dynamics.terms.answers import MANY
 
 __all__ = ["Constrained", "Dynamics", "MANY", "Term", "check_constrained", "check_forward"]

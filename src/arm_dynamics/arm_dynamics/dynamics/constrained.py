@@ -18,12 +18,13 @@ from arm_dynamics.arrays import Array, each, real_array
 from arm_dynamics.attributes import sealed
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.gauss import constrained_motion, times, transposed
-from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import FrameMotion, check_moving
 from arm_dynamics.scene.constraint import ORIGIN, Touching
+from arm_dynamics.terms.answers import Answers
+from arm_dynamics.terms.table import CONSTRAINT_ROWS, INVERSE, MASS_MATRIX, WITHOUT_FRICTION
 
 AT_ONCE = 4096  # points in memory at once
 
@@ -34,7 +35,7 @@ class Constrained:
 
     Args:
         model: The arm; used from one thread only.
-        rigid: Its dynamics without friction and constraints.
+        terms: Its terms.
 
     Attributes:
         closure: States that obey the constraints.
@@ -44,8 +45,8 @@ class Constrained:
             freedom.
     """
 
-    def __init__(self, model: ArmModel, rigid: RigidDynamics) -> None:
-        self.model, self._rigid, self._friction = model, rigid, SteadyFriction.of(model)
+    def __init__(self, model: ArmModel, terms: Answers) -> None:
+        self.model, self._terms, self._friction = model, terms, SteadyFriction.of(model)
         self.closure = Closure(self.model, self.model.stops)
         self._at_rest = AtRest(self._friction)
 
@@ -127,9 +128,9 @@ class Constrained:
             InvalidInput: If a shape or value is not allowed.
         """
         multipliers = self._checked("lam", lam, self.m, q)
-        rows = self._rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
+        rows = self._terms(CONSTRAINT_ROWS, q, 0.0 * q, which=(self.closure.rows.names,))
         reaction = times(transposed(rows[..., :-1]), multipliers)
-        needed = self._rigid.frictionless(q, v, a) + reaction - external
+        needed = self._terms(INVERSE, q, v, a, WITHOUT_FRICTION) + reaction - external
         tau: Array = self._friction.demanded(needed, v, np.sign(v), q)
         return tau
 
@@ -154,22 +155,22 @@ class Constrained:
         self, q: Array, v: Array, tau: Array, active: tuple[str, ...], external: Array | float
     ) -> tuple[Array, Array]:
         """Accelerations and active multipliers of points with joints at rest."""
-        M, bias, rows = self._terms(q, v, active)
+        M, bias, rows = self._parts(q, v, active)
         rank = self._rank(active, q[0])
         points = Points(q, v, tau, M, bias - external, rows[..., :-1], rows[..., -1], rank)
         return self._at_rest.motion(points)
 
-    def _terms(self, q: Array, v: Array, active: tuple[str, ...]) -> tuple[Array, Array, Array]:
+    def _parts(self, q: Array, v: Array, active: tuple[str, ...]) -> tuple[Array, Array, Array]:
         """M, C v + G + S, and A and γ side by side."""
-        rigid = self._rigid
-        bias = rigid.frictionless(q, v, np.zeros_like(q))
-        return rigid.mass_matrix(q), bias, rigid.constraint_rows(q, v, active)
+        terms = self._terms
+        bias = terms(INVERSE, q, v, 0.0 * q, WITHOUT_FRICTION)
+        return terms(MASS_MATRIX, q), bias, terms(CONSTRAINT_ROWS, q, v, which=(active,))
 
     def _solved(
         self, q: Array, v: Array, free: Array, active: tuple[str, ...]
     ) -> tuple[Array, Array]:
         """Accelerations and multipliers of a batch under the torques ``free``."""
-        M, bias, rows = self._terms(q, v, active)
+        M, bias, rows = self._parts(q, v, active)
         rank, multipliers = self._rank(active, q[0]), np.zeros((len(q), self.m))
         a, lam = constrained_motion(M, free - bias, rows[..., :-1], rows[..., -1], rank)
         multipliers[:, np.isin(self.names, active)] = lam

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from enum import IntFlag
 from functools import cached_property, partial
+from inspect import Parameter, Signature
 from typing import Any, Self
 
 import numpy as np
@@ -21,12 +22,15 @@ from arm_dynamics.codegen.python_call import PythonCall
 from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.built import arm_model
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
-from arm_dynamics.dynamics.one_state import OneState, one_state, unanswered
-from arm_dynamics.dynamics.rigid import MANY, RigidDynamics
 from arm_dynamics.exceptions import InvalidInput, degrees_meant
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.pinocchio_terms import check_frame
 from arm_dynamics.model.regularity import MASSLESS, check_regular, some_positions
 from arm_dynamics.scene.load import SceneSource
+from arm_dynamics.terms import table
+from arm_dynamics.terms.answers import MANY, Answers
+from arm_dynamics.terms.compiled import calls
+from arm_dynamics.terms.table import FORWARD, INVERSE, TERMS, WITHOUT_FRICTION, Entry
 
 
 class Term(IntFlag):
@@ -44,10 +48,48 @@ class Term(IntFlag):
 
 
 _log = logging.getLogger(__name__)
-_BITS = tuple(int(term) for term in Term)
-_WEIGHTLESS = np.zeros(3)
+_FLOAT, _ALL = np.dtype(float), Term.ALL
+LARGE = 1e50  # vectors up to which no term overflows
 LOOKS = 100
 """Calls whose angles are looked at: a person makes few, a loop many."""
+
+
+def unanswered(*_: object) -> None:
+    """No code answers."""
+
+
+def _asked(entry: Entry) -> Callable[..., Array]:
+    """The method of an entry."""
+    names = "self", *entry.asks
+    signature = Signature([Parameter(x, Parameter.POSITIONAL_OR_KEYWORD) for x in names])
+    count = len(names) - 1
+
+    def plain(self: Dynamics, *given: Any, **named: Any) -> Array:
+        if named or len(given) != count:
+            given = signature.bind(self, *given, **named).args[1:]
+        call: PythonCall = self._calls[entry]
+        found = call(*given)
+        return self._answer(entry, given, (), call) if found is None else found
+
+    def of_frame(self: Dynamics, *given: Any, **named: Any) -> Array:
+        if named or len(given) != count:
+            given = signature.bind(self, *given, **named).args[1:]
+        vectors, frame = given[:-1], given[-1]
+        of_names: dict[Any, PythonCall] = self._calls[entry]
+        call = of_names.get(frame, unanswered) if type(frame) is str else unanswered
+        found = call(*vectors)
+        return self._answer(entry, vectors, (frame,), call) if found is None else found
+
+    method = of_frame if entry.which else plain
+    shape = ", ".join(map(str, entry.shape))
+    method.__name__ = entry.asked
+    method.__doc__ = f"{entry.about}\n\nIn [{entry.unit}], ({shape}) or (k, {shape})."
+    vars(method)["__signature__"] = signature
+    return method
+
+
+_OF_THE_ARM_ALONE = dict.fromkeys((INVERSE, FORWARD), unanswered)
+"""What external torques and active constraints change."""
 
 
 @sealed
@@ -81,15 +123,16 @@ class Dynamics:
         self.model = arm_model(scene)
         self.steady_friction = SteadyFriction.of(self.model)
         self.command_map = CommandMap(self.model)
-        self._rigid = RigidDynamics(self.model)
+        self._terms = Answers(self.model, self.steady_friction)
+        self._numbers = self._terms.numbers
         self._at_rest = AtRest(self.steady_friction)
-        self._gravity = np.array(self.model.scene.gravity)
-        self._external = np.zeros(self.n)
+        self._external, self._still = np.zeros(self.n), np.zeros(self.n)
         self._active: Collection[str] | None = None
+        self._alone = True  # no external torques and other active constraints
         self._regular = False  # checked when accelerations are first requested
         self._silent = not self.model.massless  # said when torques are first requested
         self._turning, self._looks = np.array(self.model.joint_types) != "prismatic", LOOKS
-        self._one = OneState()
+        self._calls: dict[Entry, Any] = {x: {} if x.which else unanswered for x in TERMS}
 
     @property
     def n(self) -> int:
@@ -116,7 +159,8 @@ class Dynamics:
         """
         other = copy(self)
         (other._external,), other._active = vectors(self.joint_names, external=external), active
-        other._one = self._one.of_the_arm_alone()
+        other._alone = False
+        other._calls = self._calls | _OF_THE_ARM_ALONE
         return other
 
     def of_motions(self) -> Self:
@@ -150,33 +194,82 @@ class Dynamics:
         """
         other = copy(self)
         names = (frames,) if isinstance(frames, str) else tuple(frames)
-        made = one_state(Dynamics(self.model), self.steady_friction, names)
-        alone = self._active is None and not self._external.any()
-        other._one = made if alone else made.of_the_arm_alone()
+        for name in names:
+            check_frame(self.model, name, self.model.frame_names)
+        self._check_regular()
+        wanted = [(x, which) for x in TERMS for which in (zip(names) if x.which else [()])]
+        wanted = [x for x in wanted if x[0].compiles(self.model)]
+        made = calls(self.model, self.steady_friction, wanted)
+        other._calls = {
+            x: {name: made[x, (name,)] for name in names} if x.which else made.get((x, ()), old)
+            for x, old in self._calls.items()
+        }
+        other._calls |= {} if self._alone else _OF_THE_ARM_ALONE
         return other
 
-    def _by_code(
-        self, call: PythonCall, otherwise: Callable[..., Array], **given: ArrayLike
+    def _answer(
+        self,
+        entry: Entry,
+        given: Sequence[Any],
+        which: tuple[Any, ...] = (),
+        call: PythonCall = unanswered,
+        otherwise: Callable[..., Array] | None = None,
+        quick: bool = True,
     ) -> Array:
-        """Compiled answers of vectors or of each row of a small batch, else Pinocchio's."""
-        checked = vectors(self.joint_names, **given)
-        if self._looks:
-            self._look_at_angles(checked[0])
+        """An entry at vectors, or at each row of batches, that ``call`` has not answered.
+
+        Args:
+            entry: The entry.
+            given: Its first arguments.
+            which: Those that are not numbers.
+            call: Code of it.
+            otherwise: Computes it of valid vectors, if ``Answers`` alone do not.
+            quick: Whether these alone do for single states.
+        """
+        quick = quick and call is unanswered and self._silent and not self._looks
+        if quick and self._are_plain(given):
+            made: Array = entry.formula(self._numbers, *given, *which)
+            if made.ndim == 2 or -LARGE < sum(made.tolist()) < LARGE:
+                return made
+        for frame in which:
+            check_frame(self.model, frame, self.model.frame_names)
+        checked = self._checked(entry, given)
+        answer = otherwise or partial(self._terms, entry, which=which)
         if call is unanswered or (checked[0].ndim == 2 and len(checked[0]) >= MANY):
-            return finite_answer(otherwise(*checked))
+            return finite_answer(answer(*checked))
 
         def one(*state: Array) -> Array:
             found = call(*state)
-            return finite_answer(otherwise(*state)) if found is None else found
+            return finite_answer(answer(*state)) if found is None else found
 
         return each(one, *map(np.ascontiguousarray, checked))
 
-    def _look_at_angles(self, q: Array) -> None:
-        """Warn once of angles that are probably degrees."""
-        self._looks -= 1
-        if remark := degrees_meant(float(np.max(abs(q) * self._turning, initial=0.0))):
-            self._looks = 0
-            _log.warning("position %s", remark)
+    def _are_plain(self, given: Sequence[Any]) -> bool:
+        """Whether they are arrays of n finite numbers, which need no conversion."""
+        shape = self._still.shape
+        for x in given:
+            if type(x) is not np.ndarray or x.dtype is not _FLOAT or x.shape != shape:
+                return False
+            if not -LARGE < sum(x.tolist()) < LARGE:
+                return False
+        return True
+
+    def _checked(self, entry: Entry, given: Sequence[Any]) -> list[Array]:
+        """Vectors of the joints, or batches of one length, the first of them positions.
+
+        Warns once of angles that are probably degrees, and of an arm without mass.
+        """
+        if not self._silent and entry in (INVERSE, table.GRAVITY):
+            self._silent = True
+            _log.warning("robot '%s': %s", self.model.pin.name, MASSLESS)
+        checked = vectors(self.joint_names, **dict(zip(entry.of, given, strict=False)))
+        if self._looks:
+            self._looks -= 1
+            turned = float(np.max(abs(checked[0]) * self._turning, initial=0.0))
+            if remark := degrees_meant(turned):
+                self._looks = 0
+                _log.warning("position %s", remark)
+        return checked
 
     def inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
@@ -198,34 +291,15 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
-        if terms is Term.ALL and (found := self._one.inverse(q, v, a)) is not None:
-            return found
-        self._say_massless()
+        whole = terms is _ALL or (type(terms) is int and terms == _ALL)
+        if whole and self._alone:
+            call: PythonCall = self._calls[INVERSE]
+            found = call(q, v, a)
+            return self._answer(INVERSE, (q, v, a), (), call) if found is None else found
         chosen = _chosen(terms)
-        call = self._one.inverse if terms == Term.ALL else unanswered
-        return self._by_code(call, partial(self._inverse, chosen), q=q, v=v, a=a)
-
-    def _inverse(self, terms: list[bool], q: Array, v: Array, a: Array) -> Array:
-        """The same of valid vectors, by Pinocchio; ``terms``: as from ``_chosen``."""
-        inertia, coriolis, gravity, friction, spring = terms
-        moving = v if coriolis else np.zeros_like(v)
-        pushed = a if inertia else np.zeros_like(a)
-        tau = self._rigid.inverse(q, moving, pushed, self._gravity if gravity else _WEIGHTLESS)
-        if spring and self.model.springs:
-            tau = tau + self._rigid.spring(q, v)
-        if all(terms):
-            tau = tau - self._external
-        if not friction:
-            return tau
-        sliding = np.sign(v) if self.steady_friction.has_dry else v
-        needed: Array = self.steady_friction.demanded(tau, v, sliding, q)
-        return needed
-
-    def _say_massless(self) -> None:
-        """Warn once if all torques of gravity and inertia are zero since nothing has mass."""
-        if not self._silent:
-            self._silent = True
-            _log.warning("robot '%s': %s", self.model.pin.name, MASSLESS)
+        external = self._external if whole else self._still
+        state = self._checked(INVERSE, (q, v, a))
+        return finite_answer(self._terms(INVERSE, *state, chosen, external))
 
     def command(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Commands that produce a motion, in units of ``model.command_unit``, with rigid drives.
@@ -256,37 +330,41 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed.
             ModelError: If the mass matrix is singular to rounding.
         """
-        if (found := self._one.forward(q, v, tau)) is not None:
+        call: PythonCall = self._calls[FORWARD]
+        if (found := call(q, v, tau)) is not None:
             return found
-        return self._by_code(self._one.forward, self._forward, q=q, v=v, tau=tau)
+        quick = self._alone and self._regular and not self.model.scene.bilateral
+        if quick and self.steady_friction.joints.has_dry:  # a joint at rest may stick
+            quick = isinstance(v, np.ndarray) and 0.0 not in v.tolist()
+        return self._answer(FORWARD, (q, v, tau), (), call, self._forward, quick)
 
     def _forward(self, q: Array, v: Array, tau: Array) -> Array:
         """The same of valid vectors, by Pinocchio."""
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau, self._active, self._external)[0]
-        if not self._regular:
-            check_regular(self._rigid.mass_matrix(some_positions(self.n)), self.joint_names)
-            self._regular = True
-        free = tau - self.steady_friction(v, np.sign(v), q, tau) + self._external
-        if self.model.springs:
-            free = free - self._rigid.spring(q, v)
-        a = self._rigid.forward(q, v, free)
+        self._check_regular()
+        a = self._terms(FORWARD, q, v, tau, self._external)
         rows = self._at_rest.resting(v).any(axis=-1)
         if rows.any():
             a[rows] = self._begun(*(np.atleast_2d(x)[np.atleast_1d(rows)] for x in (q, v, tau)))
         return a
 
+    def _check_regular(self) -> None:
+        if not self._regular:
+            M = self._terms(table.MASS_MATRIX, some_positions(self.n))
+            check_regular(M, self.joint_names)
+            self._regular = True
+
     def _begun(self, q: Array, v: Array, tau: Array) -> Array:
         """Accelerations of points at which joints with dry friction are at rest, shape (k, n)."""
-        bias = self._rigid.frictionless(q, v, np.zeros_like(v)) - self._external
-        none = np.zeros((len(q), 0, self.n))
-        points = Points(q, v, tau, self._rigid.mass_matrix(q), bias, none, none[..., 0], 0)
-        return self._at_rest.motion(points)[0]
+        bias = self._terms(INVERSE, q, v, 0.0 * v, WITHOUT_FRICTION, self._external)
+        none, M = np.zeros((len(q), 0, self.n)), self._terms(table.MASS_MATRIX, q)
+        return self._at_rest.motion(Points(q, v, tau, M, bias, none, none[..., 0], 0))[0]
 
     @cached_property
     def constrained(self) -> Constrained:
         """Dynamics with the bilateral constraints: names, multipliers, closed states."""
-        return Constrained(self.model, self._rigid)
+        return Constrained(self.model, self._terms)
 
     def constrained_forward(
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, active: Collection[str] | None = None
@@ -309,24 +387,12 @@ class Dynamics:
         (q,) = vectors(self.joint_names, q=q)
         return finite_answer(contact_torque(self.model, q, wrench, frame))
 
-    def mass_matrix(self, q: ArrayLike) -> Array:
-        """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
-        if (M := self._one.mass_matrix(q)) is not None:
-            return M
-        return self._by_code(self._one.mass_matrix, self._rigid.mass_matrix, q=q)
-
-    def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
-        """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
-        if (C := self._one.coriolis_matrix(q, v)) is not None:
-            return C
-        return self._by_code(self._one.coriolis_matrix, self._rigid.coriolis_matrix, q=q, v=v)
-
-    def gravity(self, q: ArrayLike) -> Array:
-        """Gravity torques G(q) that balance the arm's weight, in [N m] or [N], shape of ``q``."""
-        if (G := self._one.gravity(q)) is not None:
-            return G
-        self._say_massless()
-        return self._by_code(self._one.gravity, self._rigid.gravity, q=q)
+    mass_matrix = _asked(table.MASS_MATRIX)
+    coriolis_matrix = _asked(table.CORIOLIS_MATRIX)
+    gravity = _asked(table.GRAVITY)
+    pose = _asked(table.POSE)
+    jacobian = _asked(table.JACOBIAN)
+    jacobian_derivative = _asked(table.JACOBIAN_DERIVATIVE)
 
     def spring(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Torques S(q, v) that balance springs and their dampers in [N m] or [N], shape of ``q``.
@@ -338,8 +404,10 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
-        q, v = vectors(self.joint_names, q=q, v=np.zeros(self.n) if v is None else v)
-        return finite_answer(self._rigid.spring(q, v))
+        call: PythonCall = self._calls[table.SPRING]
+        state = q, self._still if v is None else v
+        found = call(*state)
+        return self._answer(table.SPRING, state, (), call) if found is None else found
 
     def friction(
         self,
@@ -362,26 +430,25 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed, or positions are expected.
         """
-        plain = direction is None and q is None and load is None
-        if plain and (found := self._one.friction(v)) is not None:
-            return found
         if q is None and self.steady_friction.by_position:
             raise InvalidInput("friction depends on the position in this scene: q is expected")
-        if plain:
-            return self._by_code(self._one.friction, self._friction, v=v)
-        still = np.zeros(self.n)
+        if direction is None and load is None:
+            call: PythonCall = self._calls[table.FRICTION]
+            state = self._still if q is None else q, v
+            if (found := call(*state)) is not None:
+                return found
+            return self._answer(table.FRICTION, state, (), call, self._friction)
         v, direction, q, load = vectors(
             self.joint_names,
             v=v,
             direction=v if direction is None else direction,
-            q=still if q is None else q,
-            load=still if load is None else load,
+            q=self._still if q is None else q,
+            load=self._still if load is None else load,
         )
         return finite_answer(self.steady_friction(v, np.sign(direction), q, load))
 
-    def _friction(self, v: Array) -> Array:
-        still = np.zeros_like(v)
-        torques: Array = self.steady_friction(v, np.sign(v), still, still)
+    def _friction(self, q: Array, v: Array) -> Array:
+        torques: Array = self.steady_friction(v, np.sign(v), q, 0.0 * v)
         return torques
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
@@ -389,72 +456,33 @@ class Dynamics:
 
         The kinetic energy includes that of the armature, the potential energy that of springs.
         """
-        both = self._one.energies(q, v)
+        both = (call := self._calls[table.ENERGY])(q, v)
         if both is None:
-            both = self._by_code(self._one.energies, self._rigid.energies, q=q, v=v)
+            both = self._answer(table.ENERGY, (q, v), (), call)
         kinetic, potential = both.T if both.ndim == 2 else both.tolist()
         return kinetic, potential
 
-    def pose(self, q: ArrayLike, frame: str) -> Array:
-        """Pose of a frame in the world: T of x_world = T x_frame, (4, 4) or (k, 4, 4).
 
-        The upper left part is the rotation, whose columns are the frame's axes, the last column
-        the position in [m] (Craig, Introduction to Robotics, section 2.3).
-
-        Args:
-            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
-            frame: Name of a link, a joint or another frame of the robot, as in
-                ``model.frame_names``.
-
-        Raises:
-            InvalidInput: If a shape or a value is not allowed, or no frame has the name.
-        """
-        call = self._one.of_frame("pose", frame)
-        if (T := call(q)) is not None:
-            return T
-        return self._by_code(call, self._rigid.of_frame("pose", frame), q=q)
-
-    def jacobian(self, q: ArrayLike, frame: str) -> Array:
-        """Jacobian of a frame: J q̇ is its velocity, (6, n) or (k, 6, n).
-
-        The first three rows give the velocity of its origin in [m/s], the last three its angular
-        velocity in [rad/s], in the axes of the world (Craig, section 5.7). See ``task_space`` for
-        other axes. Arguments and errors as those of ``pose``.
-        """
-        call = self._one.of_frame("jacobian", frame)
-        if (J := call(q)) is not None:
-            return J
-        return self._by_code(call, self._rigid.of_frame("jacobian", frame), q=q)
-
-    def jacobian_derivative(self, q: ArrayLike, v: ArrayLike, frame: str) -> Array:
-        """Derivative J̇ of the Jacobian by time: J q̈ + J̇ q̇ is the acceleration of the frame.
-
-        Args:
-            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
-            v: Joint velocities in [rad/s] or [m/s], likewise.
-            frame: As for ``pose``.
-
-        Returns:
-            Shape (6, n) or (k, 6, n).
-
-        Raises:
-            InvalidInput: As ``pose``.
-        """
-        call = self._one.of_frame("jacobian_derivative", frame)
-        if (J_dot := call(q, v)) is not None:
-            return J_dot
-        return self._by_code(call, self._rigid.of_frame("jacobian_derivative", frame), q=q, v=v)
+for _entry in TERMS:
+    if not hasattr(Dynamics, _entry.asked):
+        setattr(Dynamics, _entry.asked, _asked(_entry))
 
 
-def _chosen(terms: Term | int) -> list[bool]:
-    """Flags of inertia, Coriolis, gravity, friction and springs."""
+def asked(dynamics: Dynamics, entry: Entry, given: Mapping[str, Array], *which: Any) -> Any:
+    """What the method of an entry answers, for arguments by name."""
+    known = {**given, **dict(zip(entry.which, which, strict=True))}
+    return getattr(dynamics, entry.asked)(**{x: known[x] for x in entry.asks})
+
+
+def _chosen(terms: Term | int) -> Array:
+    """Factors of inertia, Coriolis, gravity, friction and springs."""
     if not isinstance(terms, int) or isinstance(terms, bool) or not 0 <= terms <= Term.ALL:
         raise InvalidInput(
             f"terms = {terms!r}; allowed: a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, "
             "FRICTION 8, SPRING 16"
         )
     bits = int(terms)
-    return [bool(bits & bit) for bit in _BITS]
+    return np.array([float(bool(bits & int(term))) for term in Term])
 
 
 def model_of(dynamics: Any) -> ArmModel:

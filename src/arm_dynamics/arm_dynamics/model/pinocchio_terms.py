@@ -6,6 +6,7 @@ Arguments are not validated here: controllers call these functions at every tick
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -35,19 +36,23 @@ class RigidTerms:
         self.robot, self._pin = robot, robot.pin
         # Not model.createData(), which makes a copy and takes three times as long.
         self._data = pin.Data(robot.pin)
-        self._springs = SpringTerms(robot)
+        self._springs, self._armature = SpringTerms(robot), np.array(robot.pin.armature)
+        self._direct = robot.coordinates_are_joints
+        self._sprung, self._driven = bool(self._springs.springs), bool(self._armature.any())
         self._frames = dict[str, FrameMotion]()
 
-    def inverse(self, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
-        """M a + C v + G in [N m] or [N], shape (n,); ``gravity``: zeros for none."""
-        robot = self.robot
-        model = self._pin if gravity is None or gravity.any() else self._weightless
+    def inverse(self, q: Array, v: Array, a: Array, weight: float = 1.0) -> Array:
+        """M a + C v + G in [N m] or [N], shape (n,); ``weight``: 0 for no gravity."""
+        robot, model = self.robot, self._pin if weight else self._weightless
+        if self._direct:
+            return np.array(pin.rnea(model, self._data, q, v, a))
         full = robot.configuration(q), robot.spread(v), robot.spread(a)
         return np.array(robot.gather(pin.rnea(model, self._data, *full)))
 
     def frictionless(self, q: Array, v: Array, a: Array) -> Array:
         """M a + C v + G + S in [N m] or [N], shape (n,)."""
-        return self.inverse(q, v, a) + self.spring(q, v)
+        tau = self.inverse(q, v, a)
+        return tau + self.spring(q, v) if self._sprung else tau
 
     def forward(self, q: Array, v: Array, tau: Array) -> Array:
         """M⁻¹ (tau - C v - G) in [rad/s²] or [m/s²], shape (n,).
@@ -66,7 +71,7 @@ class RigidTerms:
         # In the axes of each body: in those of the world, far from whose origin the bodies are,
         # ten to a hundred times as much is lost to rounding.
         a: Array = pin.aba(self._pin, self._data, *full, tau, pin.Convention.LOCAL)
-        if not np.isfinite(a).all():
+        if not math.isfinite(np.vdot(a, a)) and not np.isfinite(a).all():
             raise self._unsolvable(q)
         return a.copy()
 
@@ -78,9 +83,9 @@ class RigidTerms:
 
     def gravity(self, q: Array) -> Array:
         """G in [N m] or [N], shape (n,)."""
-        full = self.robot.configuration(q)
+        full = q if self._direct else self.robot.configuration(q)
         tau = pin.computeGeneralizedGravity(self._pin, self._data, full)
-        return np.array(self.robot.gather(tau))
+        return tau.copy() if self._direct else np.array(self.robot.gather(tau))
 
     def spring(self, q: Array, v: Array) -> Array:
         """S in [N m] or [N], shape (n,)."""
@@ -92,7 +97,7 @@ class RigidTerms:
 
     def mass(self, q: Array) -> Array:
         """M in [kg m²] or [kg], shape (n, n)."""
-        full = self.robot.configuration(q)
+        full = q if self._direct else self.robot.configuration(q)
         return self._square(pin.crba(self._pin, self._data, full))
 
     def mobility(self, q: Array) -> Array:
@@ -116,12 +121,14 @@ class RigidTerms:
 
         The potential energy is that of gravity and springs.
         """
-        bent = self._springs.energy(q)
-        q, v = self.robot.configuration(q), self.robot.spread(v)
-        # Pinocchio 4.1 omits the armature of joints whose axis is not a coordinate axis.
-        drives = 0.5 * np.sum(self._pin.armature * v**2)
-        kinetic = pin.computeKineticEnergy(self._driveless, self._data, q, v) + drives
-        return np.array([kinetic, pin.computePotentialEnergy(self._pin, self._data, q) + bent])
+        full, v = (q, v) if self._direct else (self.robot.configuration(q), self.robot.spread(v))
+        kinetic = pin.computeKineticEnergy(self._driveless, self._data, full, v)
+        potential = pin.computePotentialEnergy(self._pin, self._data, full)
+        if self._driven:  # Pinocchio 4.1 omits that of some axes
+            kinetic += 0.5 * np.vdot(self._armature * v, v)
+        if self._sprung:
+            potential += self._springs.energy(q)
+        return np.array([kinetic, potential])
 
     def constraint_rows(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:
         """A and γ = Ȧ v of the named bilateral constraints side by side, shape (m, n + 1)."""
@@ -134,9 +141,7 @@ class RigidTerms:
         Raises:
             InvalidInput: If there is no such frame; likewise below.
         """
-        T = np.eye(4)
-        T[:3, 3], T[:3, :3] = self.motion(frame).placement(q)
-        return T
+        return self.motion(frame).pose(q)
 
     def jacobian(self, q: Array, frame: str) -> Array:
         """J of a frame in world axes at its origin, linear rows first, shape (6, n)."""
@@ -170,8 +175,9 @@ class RigidTerms:
 
     def _square(self, matrix: Array) -> Array:
         # Pinocchio returns a single number as a vector.
-        whole = np.array(matrix).reshape(self._pin.nv, -1)
-        return self.robot.gather_matrix(whole)
+        return self.robot.gather_matrix(
+            matrix.copy() if matrix.ndim == 2 else matrix.reshape(1, 1)
+        )
 
     def _unsolvable(self, q: Array) -> ArmError:
         inertia = np.diag(self.mass(q))
@@ -199,7 +205,7 @@ class FrameMotion:
     def __init__(self, model: Robot, frame: str, reference: str) -> None:
         self._model, self._pin = model, model.pin
         self._data = pin.Data(model.pin)
-        _check_frame(model, frame, model.frame_names)
+        check_frame(model, frame, model.frame_names)
         self._frame = model.frame_index(frame)
         if reference not in _REFERENCES:
             allowed = choices(reference, _REFERENCES)
@@ -211,10 +217,17 @@ class FrameMotion:
         pin.forwardKinematics(self._pin, self._data, self._model.configuration(q))
         return self._placed()
 
+    def pose(self, q: Array) -> Array:
+        """Homogeneous transformation from the frame's axes to the world's, shape (4, 4)."""
+        pin.forwardKinematics(self._pin, self._data, self._model.configuration(q))
+        T: Array = pin.updateFramePlacement(self._pin, self._data, self._frame).homogeneous
+        return T
+
     def jacobian(self, q: Array) -> Array:
         """J of shape (6, n), linear rows first: velocity of the frame is J v."""
-        pin.computeJointJacobians(self._pin, self._data, self._model.configuration(q))
-        return self._jacobian()
+        full = self._model.configuration(q)
+        given = self._pin, self._data, full, self._frame, self._reference
+        return self._gathered(pin.computeFrameJacobian(*given))
 
     def moving(self, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
         """Position, rotation, J and J̇, shapes (3,), (3, 3), (6, n) and (6, n)."""
@@ -248,7 +261,7 @@ class FrameMotion:
 
     def _gathered(self, J: Array) -> Array:
         # Pinocchio returns a single column as a vector.
-        return self._model.gather(J.reshape(6, -1))
+        return self._model.gather(J if J.ndim == 2 else J.reshape(6, -1))
 
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -266,12 +279,17 @@ def check_moving(model: Robot, frame: str) -> None:
         InvalidInput: If the frame is unknown, or does not move.
     """
     movable = [name for name in model.frame_names if model.frame(name).parentJoint > 0]
-    _check_frame(model, frame, movable)
+    check_frame(model, frame, movable)
     if model.frame(frame).parentJoint == 0:
         raise InvalidInput(f"frame '{frame}' does not move; allowed: {known_names(movable)}")
 
 
-def _check_frame(model: Robot, frame: str, allowed: Sequence[str]) -> None:
+def check_frame(model: Robot, frame: str, allowed: Sequence[str]) -> None:
+    """Reject the name of a frame that does not exist.
+
+    Raises:
+        InvalidInput: Naming those that are ``allowed``.
+    """
     if not model.has_frame(frame):
         names = choices(frame, allowed)
         raise InvalidInput(f"frame '{plain(frame, 80)}' does not exist; allowed: {names}")

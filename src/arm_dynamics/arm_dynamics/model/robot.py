@@ -151,6 +151,11 @@ class Robot:
             body.mass or body.inertia.any() for body in bodies
         )
 
+    @property
+    def coordinates_are_joints(self) -> bool:
+        """Whether Pinocchio's vectors are those of the suite."""
+        return not (self.has_followers or self._continuous)
+
     def configuration(self, q: Array) -> Array:
         """Pinocchio's configuration for joint positions.
 

@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The springs of a robot: as data for the equations, and as numerical terms by Pinocchio."""
+"""The springs of a robot: as data for the equations, and as numerical terms."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
-
+import casadi as ca
 import numpy as np
-import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.codegen.kernel import Call, Kernel
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations.frame import Frame
 from arm_dynamics.equations.interpolation import Curve, chords
-from arm_dynamics.equations.spring import Springs, stored, tension
+from arm_dynamics.equations.spring import Springs, energy, torque
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot, velocity_index
-from arm_dynamics.model.tree_builder import frame_of
+from arm_dynamics.model.tree_builder import frame_of, tree_of
 from arm_dynamics.scene.spring import DeflectionTable, spring_name
 
 
@@ -75,59 +74,31 @@ def _frames(robot: Robot) -> dict[str, Frame]:
 class SpringTerms:
     """S(q, v) and the springs' energy, for single states of shape (n,).
 
-    Positions and Jacobians of the points come from Pinocchio, independently of
-    ``equations.spring``; the spring laws are the same.
+    They are the expressions of ``equations.spring`` on CasADi's virtual machine.
 
     Args:
         robot: The robot; used from one thread only.
+
+    Attributes:
+        springs: Its springs.
     """
 
     def __init__(self, robot: Robot) -> None:
-        self.springs = springs_of(robot)
-        self._robot = robot
-
-    @cached_property
-    def _data(self) -> pin.Data:
-        return pin.Data(self._robot.pin)
+        self.springs, self._n = springs_of(robot), robot.n
+        self._call = _evaluated(self.springs, robot) if self.springs else None
 
     def torque(self, q: Array, v: Array) -> Array:
         """S in [N m] or [N], shape (n,)."""
-        if not self.springs:
-            return np.zeros(self._robot.n)
-        springs, robot = self.springs, self._robot
-        bent, rate = q @ robot.followers.T + robot.offsets - springs.rest, robot.spread(v)
-        S = robot.gather(springs.pull(bent) + springs.damping * rate)
-        for spring, (d, J) in zip(springs.points, self._ways(q), strict=True):
-            slope = J.T @ d
-            S = S + sum(tension(spring, d @ d, slope @ v)) * slope
-        return np.asarray(S)
+        return np.zeros(self._n) if self._call is None else self._call(q, v)[0].copy()
 
     def energy(self, q: Array) -> float:
         """Energy stored in the springs in [J]."""
-        springs, robot = self.springs, self._robot
-        bent = q @ robot.followers.T + robot.offsets - springs.rest
-        ways = zip(springs.points, self._ways(q), strict=True)
-        between = sum(float(stored(spring, d @ d)) for spring, (d, _) in ways)
-        return float(springs.stored(bent).sum()) + between
+        return 0.0 if self._call is None else float(self._call(q, 0.0 * q)[1][0])
 
-    def _ways(self, q: Array) -> list[tuple[Array, Array]]:
-        """Vector from each spring's second point to its first, in world axes, and its Jacobian."""
-        if not self.springs.points:
-            return []
-        model, data = self._robot.pin, self._data
-        pin.computeJointJacobians(model, data, self._robot.configuration(q))
-        pin.updateFramePlacements(model, data)
-        ways = []
-        for spring in self.springs.points:
-            (a, J_a), (b, J_b) = map(self._point, spring.frames, spring.points)
-            ways.append((a - b, J_a - J_b))
-        return ways
 
-    def _point(self, frame: str, point: Sequence[float]) -> tuple[Array, Array]:
-        """Position of a point of a frame in the world in [m], shape (3,), and its Jacobian."""
-        model, data = self._robot.pin, self._data
-        index = self._robot.frame_index(frame)
-        M, axes = data.oMf[index], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        r = M.rotation @ np.array(point)
-        J = self._robot.gather(pin.getFrameJacobian(model, data, index, axes).reshape(6, -1))
-        return M.translation + r, J[:3] - pin.skew(r) @ J[3:]
+@one_at_a_time
+def _evaluated(springs: Springs, robot: Robot) -> Call:
+    q, v = (ca.SX.sym(name, robot.n) for name in "qv")
+    tree = tree_of(robot)
+    made = ca.densify(torque(springs, tree, q, v)), energy(springs, tree, q)
+    return Kernel([ca.Function("springs", [q, v], made, {"cse": True})], "vm").call("springs")

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, StrictBool, model_validator
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import SceneError, choices, known_names
@@ -58,8 +58,8 @@ class _Constraint(Part):
     """
 
     name: str | None = Field(default=None, min_length=1)
-    switchable: bool = False
-    active: bool = True
+    switchable: StrictBool = False
+    active: StrictBool = True
 
     @model_validator(mode="after")
     def _may_be_off(self) -> _Constraint:

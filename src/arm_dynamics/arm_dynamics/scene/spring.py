@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from pydantic import Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 
 from arm_dynamics.scene.constraint import ORIGIN, Pair, check_frames, check_new
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Vector3, check_curve
@@ -79,7 +79,7 @@ class PointSpring(Part):
     rest_length: NonNegative = 0.0
     damping: NonNegative = 0.0
     force: Finite = 0.0
-    tension_only: bool = False
+    tension_only: StrictBool = False
     name: str | None = Field(default=None, min_length=1)
 
     @model_validator(mode="after")

@@ -15,7 +15,6 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.dynamics.verify import compare, random_states
 from arm_dynamics.equations import rigid_body, spring
 from arm_dynamics.equations.frame import drift, jacobian, placement
 from arm_dynamics.exceptions import ModelError
@@ -24,6 +23,7 @@ from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
 from arm_dynamics.model.tree_builder import frame_of, gravity_of, tree_of
 from arm_dynamics.task_space.axes import AXES, rows_of
 from arm_dynamics.task_space.inertia import regularized
+from arm_dynamics.terms.verify import compare, random_states
 
 
 class TaskInstant(NamedTuple):

@@ -123,7 +123,8 @@ def _other_parts(
     import numpy as np
 
     from arm_dynamics.control import make_controller, preparation
-    from arm_dynamics.dynamics.rigid import MANY
+    from arm_dynamics.terms.answers import MANY
+    from arm_dynamics.terms.table import FRICTION, TERMS
 
     if simulator.arm.compiled.energy_account.may_make_ticks_again:
         yield "energy account", simulator.arm.compiled.energy_account.prepare
@@ -134,12 +135,10 @@ def _other_parts(
         return
     q, dynamics = np.tile(simulator.model.q0, (MANY, 1)), simulator.dynamics
     still = np.zeros_like(q)
-    yield "batches of inverse dynamics", lambda: dynamics.inverse(q, still, still)
-    yield "batches of forward dynamics", lambda: dynamics.forward(q, still, still)
-    yield "batches of M", lambda: dynamics.mass_matrix(q)
-    yield "batches of C", lambda: dynamics.coriolis_matrix(q, still)
-    yield "batches of G", lambda: dynamics.gravity(q)
-    yield "batches of energies", lambda: dynamics.energy(q, still)
+    for entry in TERMS:
+        if not entry.which and entry is not FRICTION:  # which takes no code
+            given = [q if x == "q" else still for x in entry.asks]
+            yield f"batches of {entry.title()}", partial(getattr(dynamics, entry.asked), *given)
     yield "rollouts", lambda: simulator.rollout(q[:1], still[:1], still[:1], 1)
 
 
@@ -183,16 +182,15 @@ def _of_nodes(simulator: Simulator, wanted: bool) -> Iterator[tuple[str, Callabl
     """What the loops of the nodes compute of a scene."""
     if not wanted:
         return
-    from arm_dynamics.dynamics.point_answers import compiled_answer
-    from arm_dynamics.ros.dynamics import COMPILED
+    from arm_dynamics.ros.dynamics import COMPILED, code_of
     from arm_sim.ros.drive_torques import DriveTorques
 
     yield "servo", lambda: simulator.arm.compiled.servo  # for position commands and stops
     if simulator.arm.plant.torques is not None:
         yield "torques of drives", lambda: DriveTorques(simulator.arm)
-    for service, question, _ in COMPILED:
-        if question.known(simulator.dynamics):
-            work = partial(compiled_answer, question, simulator.dynamics)
+    for service, entries, _ in COMPILED:
+        if all(entry.compiles(simulator.model) for entry in entries):
+            work = partial(code_of, entries, simulator.dynamics)
             yield f"service {service.name.rpartition('/')[2]}", work
 
 

@@ -3,22 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, SceneError
 from arm_dynamics.arrays import Array
-from arm_dynamics.dynamics.verify import compare
+from arm_dynamics.dynamics.dynamics import asked
 from arm_dynamics.exceptions import ConstraintError
 from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.model.pinocchio_terms import FrameMotion
+from arm_dynamics.terms.verify import compare
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.export.terms import Term
 from arm_sim.simulation.simulator import Simulator
 
-Answer = Callable[[Dynamics, Array, Array, Array], Array]
 Point = tuple[Array, Array, Array]
 """q, v, and a or tau."""
 
@@ -26,17 +25,6 @@ STATES = 3
 """Number of random states at which terms are compared."""
 _COMMANDS, _HELD, _MODEST = 5, 20, 50.0  # of ticks: commands, ticks of each, and [N m] at most
 _SPREAD, _CLOSED_SPREAD = 1.0, 0.1  # of positions around the initial ones, in loops the second
-
-_ANSWERS: dict[str, Answer] = {
-    "inverse_dynamics": lambda dyn, q, v, a: dyn.inverse(q, v, a),
-    "computed_torque": lambda dyn, q, v, a: dyn.inverse(q, v, 0.0 * a),  # all else zero
-    "forward_dynamics": lambda dyn, q, v, tau: dyn.forward(q, v, tau),
-    "mass_matrix": lambda dyn, q, v, a: dyn.mass_matrix(q),
-    "coriolis_matrix": lambda dyn, q, v, a: dyn.coriolis_matrix(q, v),
-    "gravity": lambda dyn, q, v, a: dyn.gravity(q),
-    "friction": lambda dyn, q, v, a: dyn.friction(v, q=q),
-    "energy": lambda dyn, q, v, a: np.array(dyn.energy(q, v)),
-}
 
 
 def states(model: ArmModel, count: int = STATES) -> list[Point]:
@@ -62,28 +50,22 @@ class Expected:
 
     Args:
         model: The arm.
-        frames: The frames of its library.
     """
 
-    def __init__(self, model: ArmModel, frames: Sequence[str]) -> None:
+    def __init__(self, model: ArmModel) -> None:
         self._dynamics = Dynamics(model)
-        self._frames = [FrameMotion(model, name, "local_world_aligned") for name in frames]
 
     def of(self, term: Term, q: Array, v: Array, a: Array) -> tuple[Array, ...]:
         """Results of a term at a point, a for accelerations or torques, row by row.
 
         Derivatives, which ``Dynamics`` does not know, are those of the term's own expression.
         """
-        if term.name in _ANSWERS:
-            return (_ANSWERS[term.name](self._dynamics, q, v, a).ravel(),)
-        if term.frame is None:
+        if term.name == "computed_torque":  # all else zero
+            return (self._dynamics.inverse(q, v, 0.0 * a),)
+        if term.entry is None:
             return evaluated(term, q, v, a)
-        motion = self._frames[term.frame]
-        if term.name.startswith("jacobian"):
-            return (motion.jacobian(q).ravel(),)
-        pose = np.eye(4)
-        pose[:3, 3], pose[:3, :3] = motion.placement(q)
-        return (pose.ravel(),)
+        state = {"q": q, "v": v, "a": a, "tau": a}
+        return (np.ravel(asked(self._dynamics, term.entry, state, *term.which)),)
 
     def verify(self, terms: Sequence[Term], points: Sequence[Point]) -> None:
         """Compare the terms with these results.

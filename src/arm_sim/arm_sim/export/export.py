@@ -124,7 +124,7 @@ def _files(
     frames: Sequence[str],
 ) -> dict[str, str | bytes]:
     """Contents of all files of a library by name."""
-    expected, points = Expected(model, frames), states(model)
+    expected, points = Expected(model), states(model)
     terms = terms_of(model, wanted, frames)
     expected.verify(terms, points)
     made = library.Library(name, about(name, model), model, terms, tick)

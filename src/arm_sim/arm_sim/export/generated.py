@@ -79,7 +79,7 @@ def prefixed(source: str, prefix: str) -> str:
     names = {part.name for part in _parts(source)}
     names |= set(_TYPE.findall(source)) | set(_DEFINED.findall(source))
     for enumerators in _ENUM.findall(source):
-        names |= set(_WORD.findall(_COMMENT.sub("", enumerators)))
+        names |= set(re.findall(r"\b[^\W\d]\w*", _COMMENT.sub("", enumerators)))
     own = re.compile(rf"\b(?:{'|'.join(sorted(names))})\b")
     pieces = _SPLIT.split(source)  # every other one is a comment
     pieces[::2] = [own.sub(lambda word: prefix + word[0], code) for code in pieces[::2]]

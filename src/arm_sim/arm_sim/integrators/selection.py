@@ -153,7 +153,7 @@ def _controlled(
     if any(response.fastest * dt > QUICK_STIFF for response in found):
         reason = f"stiff, error control: {_fastest(plant, found)}"
         return _implicit(plant, dt, tolerance, reason)
-    what = cause or ("drives with states" if plant.nz else _fastest(plant, found))
+    what = cause or ("drives with internal states" if plant.nz else _fastest(plant, found))
     reason = f"{what}: error control, the highest order"
     tolerance = tolerance or _share(plant, SHARE)
     return Choice(METHODS["dop853"], dt, tolerance, reason)

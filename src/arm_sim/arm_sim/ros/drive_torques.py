@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ctypes import addressof
+from ctypes import addressof, c_void_p
 
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
@@ -14,8 +14,8 @@ class DriveTorques:
     """Torques of a simulation's drives at the end of the last tick; see ``Simulator.effort``.
 
     Attributes:
-        values: In [N m] or [N], updated by ``update``, shape (n,).
-        place: Address of the compiled function as a ``kernel.Entry``; None without one.
+        values: In [N m] or [N], shape (n,).
+        place: Address of the compiled function that updates them, as a ``kernel.Entry``, or None.
     """
 
     @one_at_a_time
@@ -26,8 +26,12 @@ class DriveTorques:
         self._arm = arm
         self._call = Kernel([torques], arm.compiled.backend).call(torques.name())
         self.values, entry = self._call.outputs[0], self._call.entry
-        self.place = None if entry is None else addressof(entry)
+        self.place = None
+        if entry is not None:
+            inputs = (c_void_p * 2).from_address(entry.arguments)
+            inputs[:] = arm.x.ctypes.data, arm.acted.ctypes.data
+            self.place = addressof(entry)
 
     def update(self) -> None:
-        """Evaluate them."""
+        """Evaluate them without compiled code."""
         self._call(self._arm.x, self._arm.acted)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from ctypes import addressof
 from math import copysign
 from typing import Any
 
@@ -17,8 +17,9 @@ from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
 from arm_dynamics.logs import Throttled
+from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
-from arm_dynamics.ros.joint_state import JointStateReader, JointStateSource, Numbers
+from arm_dynamics.ros.joint_state import FAILED, JointStateReader, Numbers
 from arm_sim.inputs import clipped
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
@@ -32,16 +33,15 @@ AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
 
 
 class Inputs:
-    """Passes commands and wrenches to the engine, which requests commands before each tick.
+    """Commands and wrenches from topics. C reads most commands; others are read here.
 
     Attributes:
         reader: Reads efforts, positions and velocities by joint name from serialized JointStates.
-        source: Source of these messages for the engine; None if there is none.
         round_trip: Time from a state to its command.
         refused: Number of commands that were refused.
         refused_wrenches: Number of wrenches that were refused.
         rivals: Know of other sims, for which a command may be; None if there cannot be any.
-        tap: Called with topic and message of every input, if set.
+        tap: Called with topic and message of every input that is read here, if set.
     """
 
     def __init__(self, node: Node, engine: TickEngine) -> None:
@@ -55,71 +55,75 @@ class Inputs:
         self.reader = JointStateReader(
             names, ("effort",), other=references, admit=self._joints.admit, **ways
         )
-        self.source: JointStateSource | None = None
+        self._newest: Newest | None = None
+        self._again: Callable[[], tuple[bytes, int] | None] = lambda: None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         self.rivals: Rivals | None = None
         self.tap: Callable[[Topic, Any], None] | None = None
         self._warned = False
-        engine.read_commands = self._read_waiting
+        engine.ticks.trip = addressof(self.round_trip)
+        engine.ticks.answer(read=self._read)
+        engine.ticks.refresh.append(self._refresh)
         for listeners in (engine.on_jump, engine.on_pause, engine.on_staleness):
             listeners.append(self.round_trip.forget)
 
     def open(self, node: Node) -> None:
         """Subscribe to efforts by joint name, to be read before each tick."""
-        self.source = JointStateSource(node, JOINT_COMMANDS, self.reader)
+        self._newest = newest = Newest(node, JOINT_COMMANDS)
+        self.read_from(newest.pointer, newest.take)
+        self._engine.ticks.at_once = AT_ONCE
 
-    def follow(self, efforts: Numbers) -> None:
-        """Register efforts of all joints that were read elsewhere."""
-        self._joints.follow(efforts)
-        self.reader.keep(efforts)
+    def read_from(self, place: int, again: Callable[[], tuple[bytes, int] | None]) -> None:
+        """Let C read the messages of a subscription.
 
-    def read_from(self, subscription: int) -> None:
-        """Let compiled code read the messages of an ``rcl_subscription_t``."""
-        self.reader.open(subscription)
-
-    def left(self) -> bytes | None:
-        """The message that compiled code has received but not processed, if there is one."""
-        reader = self.reader
-        if not reader.left:
-            return None
-        reader.next()
-        return reader.raw
-
-    def listen(self, tap: Callable[[Topic, Any], None]) -> None:
-        """Pass every input to ``tap`` from now on, unchanged."""
-        self.tap = tap
-        if self.source is not None:
-            self.source.tap = partial(tap, JOINT_COMMANDS)
+        Args:
+            place: Address of its ``rcl_subscription_t``.
+            again: Takes a message and its arrival in [ns] after C has failed to, or gives the
+                reason.
+        """
+        self.reader.open(place)
+        self._again = again
+        self._engine.ticks.source, self._engine.ticks.reader = self.reader.places
 
     def close(self) -> None:
         """End the subscription."""
+        self._engine.ticks.at_once = 0
         self.reader.close()
-        if self.source is not None:
-            self.source.close()
-            self.source = None
+        if self._newest is not None:
+            self._newest.close()
+            self._newest = None
 
     def reset_counters(self) -> None:
         """Reset the counters."""
         self.round_trip.reset()
         self.refused = self.refused_wrenches = 0
 
-    def _read_waiting(self) -> None:
-        """Read the commands since the last tick; the newest that is admitted takes effect.
+    def _refresh(self) -> None:
+        """Let C know whose messages it may accept."""
+        ticks, leader = self._engine.ticks, self._engine.arbiter.leader
+        watched = self.rivals is not None and bool(self.rivals.alarm.words)
+        delayed = self._engine.commands.line is not None
+        if leader is not None and len(leader[1]) == self._model.n and not (watched or delayed):
+            whole = self.reader.whole_from(leader[0])
+            ticks.leads[: len(whole)] = whole
+        else:
+            ticks.leads[:] = [0] * len(ticks.leads)
 
-        After the answer to the newest state no more are read, unless there are other sources: a
-        read without result takes as long as one with a message.
+    def _read(self) -> bool:
+        """Process the message that C has taken and leaves to Python.
+
+        Returns whether no newer one is expected: after the answer to the newest state none is,
+        unless there are other sources. A read without result takes as long as one with a message.
         """
-        for _ in range(AT_ONCE):
-            try:
-                if self.source is None or (taken := self.source.take()) is None:
-                    return
-                arrival, (stamp, numbers) = taken
-                self._put(stamp, numbers)
-            except InvalidInput as error:
-                self._refuse(error)
-                continue
-            if self.round_trip.answered(stamp, arrival) and self._engine.arbiter.alone:
-                return
+        ticks, reader = self._engine.ticks, self.reader
+        taken = self._again() if ticks.outcome == FAILED else (reader.raw, reader.arrival)
+        if taken is None:
+            self._refuse(InvalidInput("a message was lost"))
+            return False
+        stamp = self.on_joint_commands(*taken)
+        ticks.stamp = -1 if stamp is None else stamp
+        answers = bool(stamp) and stamp == self.round_trip.newest
+        return answers and self._engine.arbiter.alone
 
     def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
         """Accept a command by joint name from a JointState that arrived at ``arrival`` [ns].
@@ -127,32 +131,42 @@ class Inputs:
         Returns:
             Its stamp in [ns], or None if it was refused.
         """
+        if (stamp := self._accepted(raw)) is not None:
+            self.round_trip.answered(stamp, arrival)
+        return stamp
+
+    def _show(self, topic: Topic, message: Any) -> None:
         if self.tap is not None:
-            self.tap(JOINT_COMMANDS, raw)
+            self.tap(topic, message)
+
+    def _accepted(self, raw: bytes) -> int | None:
+        """Make the content of a JointState the newest command; return its stamp unless refused."""
+        slot = self._engine.commands
+        self._show(JOINT_COMMANDS, raw)
         try:
+            self._catch_up()
             stamp, numbers = self.reader.read(raw)
-            self._put(stamp, numbers)
+            if self.rivals is not None:
+                self.rivals.check(stamp)
+            if slot.empty:
+                self._joints.forget()
+            command = self._joints.merged(stamp, numbers)
         except InvalidInput as error:
             self._refuse(error)
             return None
-        self.round_trip.answered(stamp, arrival)
-        return stamp
-
-    def _put(self, stamp: int, numbers: list[Numbers]) -> None:
-        """Make the content of a JointState the newest command."""
-        if self.rivals is not None:
-            self.rivals.check(stamp)
-        slot = self._engine.commands
-        if slot.empty:
-            self._joints.forget()
-        command = self._joints.merged(stamp, numbers)
         if command is not None:
             slot.put(command)
+        return stamp
+
+    def _catch_up(self) -> None:
+        """Register efforts of all joints that C has read."""
+        if (efforts := self._engine.commands.read()) is not None:
+            self._joints.follow(efforts)
+            self.reader.keep(efforts)
 
     def on_commands(self, message: Float64MultiArray) -> None:
         """Accept efforts in model order."""
-        if self.tap is not None:
-            self.tap(COMMANDS, message)
+        self._show(COMMANDS, message)
         self._tell_meaning()
         tau, n = np.array(message.data, float), self._model.n
         try:
@@ -162,16 +176,24 @@ class Inputs:
                 raise InvalidInput(f"{tau.size} numbers {tau[:10]}; allowed: {n} finite numbers")
             if self.rivals is not None:
                 self.rivals.check(_NEVER)
-            self._engine.arbiter.admit(_UNNAMED, frozenset(range(n)))
         except InvalidInput as error:
             self._refuse(error)
             return
         numbers = tuple(tau.tolist())
+        if any_beyond(numbers, self._limit):
+            numbers = self._cut(numbers)
+        self._engine.queue.post(lambda: self._put_efforts(numbers))
+
+    def _put_efforts(self, numbers: Numbers) -> None:
+        """Make efforts of all joints from an unnamed source the newest command."""
+        try:
+            self._engine.arbiter.admit(_UNNAMED, frozenset(range(len(numbers))))
+        except InvalidInput as error:
+            self._refuse(error)
+            return
+        self._catch_up()
         self._joints.forget()
-        self._engine.commands.put(
-            self._cut(numbers) if any_beyond(numbers, self._limit) else numbers
-        )
-        self._engine.queue.ring()
+        self._engine.commands.put(numbers)
 
     def _tell_meaning(self) -> None:
         """Log once what numbers on ``~/commands`` are taken for, since the type does not say."""
@@ -187,8 +209,7 @@ class Inputs:
 
     def on_wrench(self, message: WrenchStamped) -> None:
         """Apply a wrench to the frame in the header."""
-        if self.tap is not None:
-            self.tap(WRENCH, message)
+        self._show(WRENCH, message)
         force, moment = message.wrench.force, message.wrench.torque
         wrench = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
         try:

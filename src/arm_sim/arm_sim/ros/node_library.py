@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The C code of the sim node: rules of the loop, recording, ordinary ticks."""
+"""The C code of the sim node: rules of the loop, recording, ticks."""
 
 from __future__ import annotations
 
@@ -15,9 +15,7 @@ from arm_dynamics.ros.joint_state import SOURCE as JOINT_STATE_SOURCE
 from arm_sim.stepping.arm import ARM
 
 _HERE = Path(__file__).parent
-_FILES = tuple(
-    _HERE / name for name in ("native/loop", "record/native/record", "ordinary/native/ticks")
-)
+_FILES = tuple(_HERE / name for name in ("native/loop", "record/native/record", "native/ticks"))
 LOOP, RECORD = (Header(file.with_suffix(".h"), ENTRY) for file in _FILES[:2])
 TICKS = Header(_FILES[2].with_suffix(".h"), JOINT_STATE, LOOP, RECORD, ARM)
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from ctypes import addressof, byref
 from typing import Any
 
 import numpy as np
@@ -21,33 +22,31 @@ from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.drive_torques import DriveTorques
 from arm_sim.ros.energy import EnergyTopic
 from arm_sim.ros.interfaces import GROUND_TRUTH, MULTIPLIERS
+from arm_sim.ros.node_library import library
 from arm_sim.ros.robot.all_joints import AllJointStates
 from arm_sim.ros.sim_params import CLOCK, SimParams
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.ros.timing.clock import SimClock
-from arm_sim.ros.timing.latency import RoundTrip
 from arm_sim.ros.timing.stamps import SIM, NodeTime, SimulatedTime
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
 _GLANCE = 0.5  # [s] between checks for subscribers of infrequent topics
-_NEVER = 1 << 62
 
 
 class Outputs:
     """Joint states, the exact ones as well if the scene has sensors, and other requested topics.
 
-    Used by the ticking thread only; with ticks by the clock, a timer looks for readers.
+    C publishes joint states, and asks for the other topics. Used by the ticking thread only; with
+    ticks by the clock, a timer looks for readers.
 
     Attributes:
         reported: Positions, velocities and efforts of joint states, each shape (n,).
         states: Publishes joint states.
-        every: Ticks between joint states.
         energy: Keeps and publishes the energy account.
-        drives: Computes the efforts of joint states, or None where they are the commands.
-        plain: Whether a tick publishes only joint states.
         stamps: Source of stamps.
         clock: Publishes simulated time, or None.
-        tap: Called with topic, stamp in [ns] and bytes of every output, if set.
+        tap: Called with topic, stamp in [ns] and bytes of every output but the joint states of
+            ticks, if set.
     """
 
     def __init__(
@@ -55,19 +54,17 @@ class Outputs:
         node: Node,
         engine: TickEngine,
         params: SimParams,
-        round_trip: RoundTrip,
         account_wanted: Callable[[], bool],
     ) -> None:
-        """Advertise the topics and attach to the engine; ``round_trip`` registers every state.
+        """Advertise the topics and attach to the engine.
 
         ``account_wanted`` returns whether anything besides ``~/energy`` needs the energy account.
         """
-        self._engine, self._round_trip = engine, round_trip
+        self._engine = engine
         self._simulator = simulator = engine.simulator
-        self.every = params.publish_every
         arm, n, x = simulator.arm, simulator.n, simulator.arm.x
-        self.drives = None if arm.plant.torques is None else DriveTorques(arm)
-        effort = arm.acted if self.drives is None else self.drives.values
+        self._drives = None if arm.plant.torques is None else DriveTorques(arm)
+        effort = arm.acted if self._drives is None else self._drives.values
         truth = x[:n], x[n : 2 * n], effort
 
         names = simulator.joint_names
@@ -86,71 +83,66 @@ class Outputs:
             self.states = sink(JOINT_STATES, joints.names, self._all.arrays)
         else:
             self.states = sink(JOINT_STATES, names, self.reported)
-        self.plain = self._all is self._truth is None
         self._multipliers = None
         if simulator.model.scene.bilateral:
             self._multipliers = advertise(node, MULTIPLIERS)
             simulator.multipliers()  # builds in advance what would delay the loop
         self.stamps = stamps = _stamps(node, params, simulator.dt)
         self.clock = SimClock(node) if params.publish_clock else None
-        self._by_the_clock, self._seldom = params.tick_source == CLOCK, 0
+        self._by_the_clock = params.tick_source == CLOCK
         period, stamp = params.energy_period, stamps.near if self._by_the_clock else stamps.at
         self.energy = EnergyTopic(node, engine, period, account_wanted, stamp, self._publish)
         if self._by_the_clock:
             self.energy.watch(period / (params.realtime_factor or 1.0))
             steady_timer(node, _GLANCE, self._look)
         self.tap: Callable[[Topic, int, bytes], None] | None = None
-        self._idle = 0.0
-        engine.on_tick.append(self._after_tick)
+        self._share(params.publish_every)
         engine.on_idle.append(lambda: self.repeat(simulator.dt))
         engine.on_jump.append(self.publish)
         engine.on_pause.append(self._release)
 
-    @property
-    def seldom(self) -> int:
-        """Number of ticks between those after which other topics than joint states are due."""
-        every = self.energy.every
-        if self._heeds_multipliers or (self.energy.heard and not self._by_the_clock):
-            return every
-        if self._by_the_clock:
-            return _NEVER
-        return every * max(1, round(_GLANCE / self._simulator.dt / every))
-
-    @property
-    def _heeds_multipliers(self) -> bool:
-        topic = self._multipliers
-        return topic is not None and topic.get_subscription_count() > 0
+    def _share(self, every: int) -> None:
+        """Let C publish joint states after every so many ticks."""
+        ticks, stamps, drives = self._engine.ticks, self.stamps, self._drives
+        ticks.every, ticks.joint_states = every, self.states.place
+        ticks.ground_truth = None if self._truth is None else self._truth.place
+        ticks.clock = None if self.clock is None else addressof(self.clock.sink)
+        ticks.times = addressof(stamps) if isinstance(stamps, NodeTime) else None
+        ticks.drives = None if drives is None else drives.place
+        ticks.fills = self._all is not None or (drives is not None and drives.place is None)
+        if self._multipliers is not None or not self._by_the_clock:
+            ticks.seldom = self.energy.every
+            self._engine.on_seldom.append(self._publish_seldom)
+        ticks.answer(fill=self._fill, unsent=self._unsent)
 
     def _look(self) -> None:
         """Prepare for readers and clocks that came or went; not in the ticking thread."""
         self.stamps.see()
         self.energy.look()
-        if self.seldom != self._seldom:
-            self._seldom = self.seldom
-            self._engine.queue.ring()
 
     def publish(self) -> None:
         """Publish the current state, and the clock."""
-        self._idle = 0.0
-        stamp = self.stamp()
-        self._round_trip.sent(stamp)
-        if self.drives is not None:
-            self.drives.update()
+        ticks = self._engine.ticks
+        library().publish_state(byref(ticks))
+        if self.tap is not None:
+            self.tap(JOINT_STATES, ticks.published, self.states.raw)
+
+    def _fill(self) -> None:
+        """Fill arrays that C does not compute."""
+        if self._drives is not None and self._drives.place is None:
+            self._drives.update()
         if self._all is not None:
             self._all.fill()
-        self.states.send(stamp)
-        if self.tap is not None:
-            self.tap(JOINT_STATES, stamp, self.states.raw)
-        if self._truth is not None:
-            self._truth.send(stamp)
-        if self.clock is not None:
-            self.clock.tell(stamp)
+
+    def _unsent(self) -> None:
+        """Publish again what C could not: raises the reason."""
+        self.states.publish(bytes(self.states.raw))
 
     def repeat(self, elapsed: float) -> None:
         """Publish the current state periodically; ``elapsed`` in [s] since the last call."""
         self._release()
-        self._idle += elapsed
-        if self._idle >= _IDLE_PERIOD:
+        self._engine.ticks.idle += elapsed
+        if self._engine.ticks.idle >= _IDLE_PERIOD:
             self.publish()
 
     def stamp(self) -> int:
@@ -162,15 +154,13 @@ class Outputs:
         if not self._engine.paused:
             self.stamps.release()
 
-    def _after_tick(self) -> None:
-        step = self._simulator.arm.step_count
-        if step % self.every == 0:
-            self.publish()
-        if step % self.energy.every == 0:
-            if not self._by_the_clock:
-                self.energy.after_tick()
-            if self._heeds_multipliers:
-                self._publish_multipliers()
+    def _publish_seldom(self) -> None:
+        """Publish other topics than joint states, if there are readers."""
+        if not self._by_the_clock:
+            self.energy.after_tick()
+        topic = self._multipliers
+        if topic is not None and topic.get_subscription_count() > 0:
+            self._publish_multipliers()
 
     def _publish_multipliers(self) -> None:
         simulator = self._simulator

@@ -4,20 +4,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from ctypes import addressof, byref, c_double, c_void_p, cast
+from threading import Lock
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.background import Background
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
 from arm_sim.ros.commands.arbiter import Arbiter
-from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand, Stop
+from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand
 from arm_sim.ros.commands.stopping import Servos, Stopping
+from arm_sim.ros.node_library import library
 from arm_sim.ros.tick_queue import TickQueue
+from arm_sim.ros.ticks import Ticks
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.compiled_scene import EXTERNAL
 from arm_sim.simulation.energy_meter import Account, EnergyMeter
@@ -25,6 +30,7 @@ from arm_sim.simulation.runtime_changes import external_change
 from arm_sim.simulation.simulator import Simulator
 
 MAX_STEPS = 10_000  # of one call
+ROWS = 8192  # ticks stored for the energy account
 _SILENCE = 1.0  # [s] after which a silent source is gone; a busy machine may delay one
 
 Listeners = list[Callable[[], None]]
@@ -33,23 +39,23 @@ Listeners = list[Callable[[], None]]
 class TickEngine:
     """A simulation that accepts commands, wrenches and requests, and advances tick by tick.
 
-    All methods are for the ticking thread; other threads use ``queue``. Only ``push`` and
-    ``account`` are for any thread.
+    C executes the ticks, see ``native/ticks.h``; here is what it asks for, and what happens
+    between ticks. All methods are for the ticking thread; other threads use ``queue``. Only
+    ``push`` and ``account`` are for any thread.
 
     Attributes:
         simulator: The simulation.
+        ticks: What C needs, and its questions.
         commands: The slot for the newest command.
         arbiter: Decides which source may command.
         queue: Actions of other threads, run between ticks.
-        paused: Whether time stands still.
         failure: Why the simulation paused itself, else empty.
         stale_policy: What acts without a command or with a stale one.
         stopping: Stops and holds the arm if the policy requires it.
-        share: Returns the part of a tick by which the next one makes commands older.
-        read_commands: Called before a tick, to fill the slot.
+        guard: Held while C executes ticks.
         arriving: Returns whether messages may have arrived that cannot be read yet.
-        note_ticks: Called before the account is evaluated, to note ticks executed elsewhere.
         on_tick: Called after each tick.
+        on_seldom: Called after every so many ticks, see ``Ticks.seldom``.
         on_idle: Called instead of a tick while time stands still.
         on_jump: Called when state or model changed other than by a tick.
         on_pause: Called when the simulation was paused or resumed.
@@ -77,38 +83,72 @@ class TickEngine:
         self._q = self._arm.x[: simulator.n]
         line: Line[Command] | None = command_line(simulator.model.scene, simulator.dt)
         self.commands = LatestCommand(simulator.dynamics, line)
-        self.arbiter, self.queue = Arbiter(self.ticks(_SILENCE)), TickQueue()
-        self.paused, self.failure, self._was_stale = paused, "", False
-        self._self_running, self._wait_for_command = self_running, wait_for_command
+        self.arbiter, self.queue = Arbiter(self.duration(_SILENCE)), TickQueue()
+        self.failure = ""
+        self._self_running = self_running
         self._servos = Servos(self._arm, background)
+        self._in_background = background is not None
         self.stopping = Stopping(self._arm, self._servos)
         self._wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
-        self._wrench_ticks = self.ticks(wrench_timeout)
+        self._wrench_ticks = self.duration(wrench_timeout)
         self._pushable = self._pushing = False
-        self._in_background = background is not None
         self._meter: EnergyMeter | None = None
-        self.share: Callable[[], float] = lambda: 1.0
-        self.read_commands: Callable[[], None] = lambda: None
+        self._noting = Lock()
+        self.guard: AbstractContextManager[Any] = nullcontext()
         self.arriving: Callable[[], bool] = lambda: False
-        self.note_ticks: Callable[[], None] = lambda: None
         self.on_tick, self.on_idle, self.on_jump = Listeners(), Listeners(), Listeners()
         self.on_pause, self.on_failure, self.on_staleness = Listeners(), Listeners(), Listeners()
+        self.on_seldom = Listeners()
+        self.ticks = self._shared()
+        self.ticks.paused, self.ticks.waits = paused, wait_for_command
         self.configure(0.0, ZERO)
+
+    def _shared(self) -> Ticks:
+        """What C and Python share, and the answers to C's questions."""
+        arm, n, ticks = self._arm, self._arm.n, Ticks()
+        self._trail, self._acted = np.zeros((ROWS, arm.plant.nx)), np.zeros((ROWS, n))
+        self._steps = np.zeros(ROWS, np.int64)
+        ticks.bell = addressof(self.queue.bell)
+        ticks.arbiter, ticks.slot = addressof(self.arbiter), addressof(self.commands)
+        ticks.x, ticks.effort, ticks.dt = arm.x.ctypes.data, arm.acted.ctypes.data, arm.dt
+        arm.share(ticks)
+        ticks.joints, ticks.states = n, arm.plant.nx
+        ticks.trail, ticks.acted = self._trail.ctypes.data, self._acted.ctypes.data
+        ticks.ticks = self._steps.ctypes.data
+        ticks.take = cast(library().take, c_void_p).value
+        ticks.answer(
+            serve=self.queue.serve, idle=lambda: _call(self.on_idle), prepare=self._prepare,
+            expire=self._may_come, move=self._move, sense=arm.passed, ticked=self._ticked,
+        )  # fmt: skip
+        ticks.refresh.append(self._refresh)
+        return ticks
+
+    def _refresh(self) -> None:
+        arm, ticks, stopping = self._arm, self.ticks, self.stopping
+        ticks.arm = None if arm.pointers is None else addressof(arm.pointers)
+        ticks.stopping, ticks.locked = stopping.acts, stopping.locked
+        ticks.notices, ticks.senses = arm.notices_cuts, arm.sensors is not None
+        ticks.prepares = self._pushed or self.commands.line is not None
+        ticks.listens = bool(self.on_tick)
 
     def configure(self, command_timeout: float, stale_policy: str) -> None:
         """Set the simulated time in [s] after which a command is stale, 0: never, and the policy.
 
         The policy is one of ``commands.latest.POLICIES``, see ``LatestCommand``.
         """
-        ticks = self.ticks(command_timeout)
+        ticks = self.duration(command_timeout)
         self.commands.configure(ticks, stale_policy)
-        self.arbiter.patience = max(ticks, self.ticks(_SILENCE))
+        self.arbiter.patience = max(ticks, self.duration(_SILENCE))
         self.stale_policy = stale_policy
-        self.queue.ring()
 
-    def ticks(self, duration: float) -> int:
+    def duration(self, seconds: float) -> int:
         """Number of ticks in a duration in [s], at least one unless it is zero."""
-        return max(round(duration / self.simulator.dt), 1) if duration > 0.0 else 0
+        return max(round(seconds / self.simulator.dt), 1) if seconds > 0.0 else 0
+
+    @property
+    def paused(self) -> bool:
+        """Whether time stands still."""
+        return bool(self.ticks.paused)
 
     @property
     def stamp(self) -> int:
@@ -129,65 +169,26 @@ class TickEngine:
 
     def tick(self) -> None:
         """Run the queue and read commands; then advance by one tick unless time stands still."""
-        self.queue.serve()
-        share = self.share()
-        self.arbiter.tick(share)
-        if not self.paused:
-            self.read_commands()
-            if not (self._wait_for_command and self.commands.empty):
-                self.commands.arrive(self._arm.step_count)
-                self._advance(self.commands.take(self._q, share, self._may_come(share)))
-                if self.commands.stale is not self._was_stale:
-                    self._was_stale = self.commands.stale
-                    _call(self.on_staleness)
-                return
-        _call(self.on_idle)
+        self._run(library().tick)
 
-    def _may_come(self, share: float) -> bool:
-        """Whether a command that expires may have a successor that has arrived already.
-
-        What has arrived on this machine is in time, although busy processors keep the middleware
-        from handing it over; but not for ever, so that an arm without commands stops.
-        """
-        commands = self.commands
-        if not commands.expires(share):
-            return False
-        arriving = self.arriving()
-        self.read_commands()  # all that had arrived, unless more is arriving
-        commands.arrive(self._arm.step_count)
-        late = commands.age - commands.timeout
-        return arriving and commands.expires(share) and late < self.ticks(_SILENCE)
-
-    def tick_unattended(self) -> None:
-        """Tick in a thread without a caller: an exception pauses the simulation."""
+    def run(self, function: Any, *arguments: Any) -> None:
+        """Execute ticks by a function of ticks.h; an exception pauses the simulation."""
         try:
-            self.tick()
+            self._run(function, *arguments)
         except Exception as error:
             self._fail(f"paused after an unexpected failure: {error!r}")
 
-    @property
-    def ordinary(self) -> bool:
-        """Whether efforts act in the next tick and nothing else is due, also in ``commands``."""
-        pushed = self._pushing or bool(self._wrenches.active)
-        still = self.paused or self.stopping.acts or self._was_stale
-        return not (still or pushed)
-
-    @property
-    def accounted(self) -> bool:
-        """Whether the energy account is kept."""
-        return self._meter is not None
-
-    def note(self, x: Array, u: Array, step: int) -> None:
-        """Note ticks executed elsewhere in the account, see ``EnergyMeter.note_all``."""
-        if (meter := self._meter) is not None:
-            meter.note_all(x, u, step)
-
-    def tell_unattended(self) -> None:
-        """Notify listeners of a tick that was executed elsewhere, as ``tick_unattended``."""
-        try:
-            _call(self.on_tick)
-        except Exception as error:
-            self._fail(f"paused after an unexpected failure: {error!r}")
+    def _run(self, function: Any, *arguments: Any) -> Any:
+        ticks = self.ticks
+        with self.guard:
+            ticks.refreshed()
+            result = function(byref(ticks), *arguments)
+        if ticks.broken:
+            error, ticks.error, ticks.broken = ticks.error, None, 0
+            if error is not None:
+                raise error
+            self._diverged()
+        return result
 
     @property
     def may_step(self) -> bool:
@@ -205,53 +206,74 @@ class TickEngine:
             raise InvalidInput(f"steps = {steps}; allowed: 1 to {MAX_STEPS}")
         if not self.may_step:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
-        self.read_commands()
-        for done in range(steps):
-            self.commands.arrive(self._arm.step_count)
-            command = self.commands.held(self._q)
-            if isinstance(command, JointCommand):
-                self._servos.build()  # time waits
-            if not self._advance(command):
-                raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
+        self._run(library().read_commands)
+        done = self._run(library().advance, steps)
+        if done < steps:
+            raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
 
-    def _advance(self, command: Command | Stop) -> bool:
-        """Execute a tick; on divergence pause at the last good state and return False."""
-        if self._pushable:
-            self._push()
-        try:
-            moved = self._make(command)
-        except SimulationDiverged as error:
-            self._fail(
-                f"paused, the last good state is kept; reset or set the joint state: {error}"
-            )
-            return False
-        if self._meter is not None:
-            self._meter.note(moved)
-        _call(self.on_tick)
-        return True
+    def _diverged(self) -> None:
+        """Pause at the last good state."""
+        error = self._arm.diverged()
+        self._fail(f"paused, the last good state is kept; reset or set the joint state: {error}")
 
-    def _make(self, command: Command | Stop) -> bool:
-        """Execute a tick under a command; return whether the arm was free to move."""
+    def _fail(self, why: str) -> None:
+        self.ticks.paused, self.failure = True, why
+        _call(self.on_failure)
+
+    # --- what C asks for -----------------------------------------------------------------------
+
+    def _prepare(self) -> None:
+        """Put the delayed command that has arrived, and apply the wrenches in the next tick."""
+        step = self._arm.step_count
+        self.commands.arrive(step)
+        if self._pushed:
+            tau = self._wrenches.torque(self._q, step)
+            self._note()  # with the quantities that acted
+            self.simulator.set_parameter(EXTERNAL, tau)
+            self._pushing = bool(self._wrenches.active)
+
+    @property
+    def _pushed(self) -> bool:
+        """Whether wrenches act, or did so in the last tick."""
+        return self._pushable and (self._pushing or bool(self._wrenches.active))
+
+    def _may_come(self) -> bool:
+        """Whether a command that expires may have a successor that has arrived already.
+
+        What has arrived on this machine is in time, although busy processors keep the middleware
+        from handing it over; but not for ever, so that an arm without commands stops.
+        """
+        commands, arriving = self.commands, self.arriving()
+        library().read_commands(byref(self.ticks))  # all that had arrived, unless more is arriving
+        commands.arrive(self._arm.step_count)
+        expires = library().expires(byref(commands), c_double(self.ticks.share))
+        return arriving and expires and commands.age - commands.timeout < self.duration(_SILENCE)
+
+    def _move(self) -> bool:
+        """Execute a tick under what C does not compute; return whether it can be computed."""
         arm, stopping = self._arm, self.stopping
-        if isinstance(command, Stop):
-            led = stopping.command(command)
-            if led is None:
-                self._stand()
-                return False
-            arm.follow(led)
-            return True
-        if isinstance(command, JointCommand):
-            if not self._servos.ready:
-                self._stand()
-                return False
-            if stopping.acts:
-                stopping.release()
-            arm.follow(command)
-            return True
-        if stopping.acts:
+        command: str | Command | None = self.commands.command(self.ticks.acts, self._q)
+        if isinstance(command, str):
+            command = stopping.command(command)
+        elif isinstance(command, JointCommand) and not self._has_servos():
+            command = None
+        elif stopping.acts:
             self._release()
-        arm.advance(command)
+        try:
+            if command is None:
+                self._stand()
+            elif isinstance(command, JointCommand):
+                arm.follow(command)
+            else:
+                arm.advance(command)
+        except SimulationDiverged:
+            return False
         return True
+
+    def _has_servos(self) -> bool:
+        if self.paused:
+            self._servos.build()  # time waits
+        return self._servos.ready
 
     def _release(self) -> None:
         """Release the arm, and prepare the servos that may have to stop it."""
@@ -266,15 +288,22 @@ class TickEngine:
             self.stopping.locked = True
         self._arm.stand()
 
-    def _fail(self, why: str) -> None:
-        self.paused, self.failure = True, why
-        _call(self.on_failure)
+    def _ticked(self) -> None:
+        ticks = self.ticks
+        if ticks.kept - ticks.noted >= ROWS:
+            self._note()
+        if self._arm.step_count % ticks.seldom == 0:
+            _call(self.on_seldom)
+        _call(self.on_tick)
+        if self.commands.stale != ticks.was_stale:
+            ticks.was_stale = self.commands.stale
+            _call(self.on_staleness)
 
     # --- requests ------------------------------------------------------------------------------
 
     def pause(self, stop: bool) -> None:
         """Pause or resume the simulation."""
-        self.paused = stop
+        self.ticks.paused = stop
         if not stop:
             self.failure = ""
         _call(self.on_pause)
@@ -288,8 +317,8 @@ class TickEngine:
         self.commands.clear()
         self.arbiter.forget()
         self._wrenches.clear()
-        self.failure, self._was_stale = "", False
-        self._meter = None
+        self.failure, self.ticks.was_stale = "", False
+        self.keep_account(False)
         self.stopping.hold()
         self.change(lambda: self.simulator.reset(*state))
 
@@ -304,6 +333,7 @@ class TickEngine:
         if self._meter is None:
             action()
         else:
+            self._note()
             self._meter.change(action)
         self.commands.dynamics = self.simulator.dynamics  # gravity may have changed
 
@@ -335,25 +365,38 @@ class TickEngine:
         last = self._wrench_ticks - 1
         self.queue.run(lambda: self._wrenches.push(frame, wrench, self._arm.step_count + last))
 
-    def _push(self) -> None:
-        """Apply the wrenches in the next tick."""
-        if self._wrenches.active or self._pushing:
-            tau = self._wrenches.torque(self._q, self._arm.step_count)
-            self.simulator.set_parameter(EXTERNAL, tau)
-            self._pushing = bool(self._wrenches.active)
-
     # --- energy --------------------------------------------------------------------------------
+
+    @property
+    def accounted(self) -> bool:
+        """Whether the energy account is kept."""
+        return self._meter is not None
 
     def keep_account(self, wanted: bool) -> None:
         """Open the energy account if it is needed, or close it if it is not."""
-        if not wanted:
-            self._meter = None
-        elif self._meter is None:
-            self._meter = EnergyMeter(self._arm)
+        with self._noting:
+            self.ticks.room = ROWS if wanted else 0
+            if not wanted:
+                self._meter = None
+            elif self._meter is None:
+                self.ticks.kept = self.ticks.noted = 0
+                self._meter = EnergyMeter(self._arm)
+
+    def _note(self) -> None:
+        """Note the ticks executed so far in the account; for any thread."""
+        ticks = self.ticks
+        with self._noting:
+            noted, kept, meter = ticks.noted, ticks.kept, self._meter
+            if kept == noted or meter is None:
+                return
+            rows = np.arange(noted, kept) % ROWS
+            moved, last = rows[self._steps[rows] > 0], abs(self._steps[rows[-1]])
+            meter.note_all(self._trail[moved], self._acted[moved], int(last))
+            ticks.noted = kept
 
     def account(self) -> Account | None:
         """Energies since the account was opened; None while it is closed."""
-        self.note_ticks()
+        self._note()
         meter = self._meter
         return None if meter is None else meter.account()
 

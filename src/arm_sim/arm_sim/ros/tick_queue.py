@@ -47,8 +47,16 @@ class TickQueue:
         finally:
             del future  # its exception refers to this frame: a cycle, freed only much later
 
+    def post(self, action: Callable[[], Any]) -> None:
+        """Run an action between two ticks, without waiting; it must not raise."""
+        if self.served:
+            self._queue.put((action, Future()))
+            self.ring()
+        else:
+            action()
+
     def ring(self) -> None:
-        """Interrupt ticks in C, so that the ticking thread notices a change."""
+        """Let C ask for the queue to be run."""
         self.bell.value = 1
 
     def serve(self) -> None:

@@ -82,11 +82,9 @@ class EnergyMeter:
         self._here = _Moment.of(arm)  # up to which the account is evaluated
         self._flows, self._changed, self._most = np.zeros(2), 0.0, np.zeros(3)
 
-    def note(self, moved: bool = True) -> None:
-        """Record the last tick; if the arm did not move, only that it is over."""
-        arm, ticks = self._arm, slice(int(moved))
-        x, u = arm.x[None][ticks], arm.acted[None][ticks]
-        self.note_all(x, u, arm.step_count)
+    def note(self) -> None:
+        """Record the last tick."""
+        self.note_all(self._arm.x[None], self._arm.acted[None], self._arm.step_count)
 
     def note_all(self, x: Array, u: Array, step: int) -> None:
         """Record ticks.

@@ -162,9 +162,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("gravity", any(gravity), f"{list(gravity)} m/s²", "zero", "gravity" in p),
         _part("springs", model.springs, _springs(model), "none"),
         _part("viscous friction", viscous.any(), _at(viscous), "no coefficient", "friction" in p),
-        _part(
-            "dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level", "coulomb" in p
-        ),
+        _part("dry friction", dry.any(), f"{_at(dry)}, by events", "not given", "coulomb" in p),
         _part("contact", contacts, f"{contacts}, solved by events", "no point touches a plane"),
         *(_law_part(kind, plant.laws.laws) for kind in FRICTION),
         _part("friction by position or load", tables, f"{tables} joints", "no table"),
@@ -177,9 +175,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("end stops", model.stops, _stops(model.stops), "no joint has one"),
         _part("effort limits", limited, f"{limited} joints", "no joint has one"),
         _part("sensors", scene.sensors, _sensors(scene), "measurements are exact and immediate"),
-        _part(
-            "delay and loss of commands", _late(scene), _late(scene), "commands act immediately"
-        ),
+        _part("delay and loss of commands", _late(scene), _late(scene), "they act immediately"),
         _part("mimic joints", followers, f"{followers} joints follow", "none"),
         _part("locked joints", False, "", f"{locked} eliminated" if locked else "none"),
         _part("energies", False, "", "computed on demand"),

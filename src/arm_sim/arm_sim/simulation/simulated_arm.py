@@ -59,7 +59,7 @@ class SimulatedArm:
         x: The current state (q, v, z), shape (nx,): a read-only view that ticks change.
         acted: The effective command of the last tick, limits applied, shape (n,), likewise.
         notes: Current estimated error and number of time-stepped ticks, see ``State``, likewise.
-        pointers: The tick for other compiled code, see ``passed``; None if the scene runs on the
+        pointers: The tick for other compiled code, see ``share``; None if the scene runs on the
             virtual machine. Replaced by ``use``.
         sensors: The scene's sensors; None if it has none.
         line: Commands in transit; None if they act at once.
@@ -112,7 +112,8 @@ class SimulatedArm:
     @property
     def state(self) -> State:
         """The current state; read-only arrays that later ticks do not change."""
-        if (state := self._now.state) is None:
+        state = self._now.state
+        if state is None or state.step != self._now.step_count:
             notes = self._notes.tolist()[0]
             state = State.of(self._x, self.n, self._now.step_count, self.dt, *notes)
             self._now.state = state
@@ -244,12 +245,31 @@ class SimulatedArm:
         now = self._now
         now.step_count, now.state, now.hold = count, state, FREE
         self._saturation.look(self._command, self._effort, servo)
+        self._sense()
+
+    def share(self, now: Any) -> None:
+        """Keep ``step_count``, ``hold`` and ``state`` in an object of other code.
+
+        That ticks by ``pointers``, counts the ticks, and calls ``passed`` where it matters.
+        """
+        now.step_count, now.hold, now.state = self.step_count, self.hold, None
+        self._now = now
+
+    def passed(self) -> None:
+        """After a tick of other code: sample the sensors, and warn of a clipped command, once."""
+        if self.hold == FREE:
+            self._saturation.look(self._command, self._effort)
+        self._sense()
+
+    def stand(self) -> None:
+        """Advance by a tick in which closed brakes hold every joint, see ``lock``."""
+        now = self._now
+        now.step_count, now.state, now.hold = now.step_count + 1, None, BRAKES
+        self._sense()
+
+    def _sense(self) -> None:
         if self.sensors is not None:
             self.sensors.look(self.step_count, self._q, self._v, self._driving)
-
-    def passed(self, ticks: int) -> None:
-        """Register ticks that other code executed by ``pointers``, as ``advance`` would have."""
-        self._passed(self.step_count + ticks, None)
 
     def roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array
@@ -284,13 +304,6 @@ class SimulatedArm:
             if state.kind in (StateKind.MOTOR_VELOCITY, StateKind.CURRENT):
                 self._x[k] = 0.0
         self._effort[:], self._now.state = 0.0, None
-
-    def stand(self) -> None:
-        """Advance by a tick in which closed brakes hold every joint, see ``lock``."""
-        now = self._now
-        now.step_count, now.state, now.hold = now.step_count + 1, None, BRAKES
-        if self.sensors is not None:
-            self.sensors.look(self.step_count, self._q, self._v, self._driving)
 
     @property
     def notices_cuts(self) -> bool:

@@ -26,7 +26,7 @@ from arm_dynamics.codegen import compiled_scenes
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.known_kernels import digest_of
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.dynamics.verify import check_constrained, check_forward, sliding
+from arm_dynamics.dynamics.checks import check_constrained, check_forward, sliding
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice

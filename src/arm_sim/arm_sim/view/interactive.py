@@ -347,7 +347,7 @@ class Interactive:
         self._run = gui.add_button("Run")
         self._run.on_click(lambda _: order(lambda: self.run(not self.running)))
         step = gui.add_button("Step")
-        self._ticks = gui.add_number("ticks of a step", 1, min=1, max=10000, step=1)
+        self._ticks = gui.add_number("steps per click", 1, min=1, max=10000, step=1)
         step.on_click(lambda _: order(lambda: self.step(int(self._ticks.value))))
         gui.add_button("Reset").on_click(lambda _: order(self.reset))
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")

@@ -91,8 +91,8 @@ def _report(done: Sweep, written: list[Path]) -> None:
     if done.made:
         rate = done.made * done.study.duration / max(done.seconds, 1e-9)
         out.print(
-            f"{done.made} runs simulated in {done.seconds:.3g} s ({rate:.3g} simulated seconds a "
-            f"second), {plan.runs - done.made} were there; {how}; "
+            f"{done.made} runs simulated in {done.seconds:.3g} s ({rate:.3g} × real time), "
+            f"{plan.runs - done.made} resumed; {how}; "
             f"sets of equations: {plan.worlds}",
             markup=False,
         )

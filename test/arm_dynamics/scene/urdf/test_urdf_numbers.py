@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from arm_dynamics import ArmModel, Dynamics, ModelError, load_scene
+from arm_dynamics import ArmModel, ModelError, load_scene
 from arm_dynamics.scene import SceneSource
 from arm_dynamics.scene.urdf import Urdf, read_urdf
 
@@ -239,11 +239,6 @@ def test_limits_of_minus_one_are_none(
     assert getattr(arm(own), f"{key}_limit")[0] == 7.0
 
 
-def test_one_limit_may_be_infinite() -> None:
-    model = arm(changed('lower="-3"', 'lower="-inf"'))
-    assert (model.position_lower[0], model.position_upper[0]) == (-np.inf, 2.5)
-
-
 @pytest.mark.parametrize("key", ["ixx", "iyy", "izz"])
 def test_a_missing_moment_of_inertia_is_refused(key: str) -> None:
     text = re.sub(rf' {key}="[\d.]+"', "", URDF, count=1)
@@ -295,11 +290,3 @@ def test_of_several_inertias_the_first_counts(caplog: pytest.LogCaptureFixture) 
     assert_read(text)
     load_scene(text)
     assert "link 'upper': more than one <inertial>: only the first counts" in caplog.text
-
-
-def test_torques_are_those_of_the_numbers_as_written() -> None:
-    """A mass that Pinocchio alone would drop acts in full."""
-    heavy = Dynamics(changed('mass value="3"', 'mass value="6"'))
-    blank = Dynamics(changed('mass value="3"', 'mass value="6\n"'))
-    np.testing.assert_array_equal(blank.gravity([0.3, 0.2]), heavy.gravity([0.3, 0.2]))
-    assert blank.gravity([0.3, 0.2])[0] != Dynamics(URDF).gravity([0.3, 0.2])[0]

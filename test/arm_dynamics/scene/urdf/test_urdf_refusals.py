@@ -22,93 +22,21 @@ def changed(old: str, new: str) -> str:
 
 # The description, and words that the error must contain.
 BAD: dict[str, tuple[str, tuple[str, ...]]] = {
-    "cut short": (GOOD[:400], ("XML",)),
-    "not a robot": ("<sdf version='1.9'/>", ("sdf", "robot")),
     "no links": ("<robot name='x'/>", ("link",)),
-    "xacro": (
-        changed("<robot ", '<robot xmlns:xacro="http://ros.org/xacro" ').replace(
-            '<link name="base"/>', '<link name="base"/><xacro:arm/>'
-        ),
-        ("xacro",),
-    ),
-    "floating": (
-        changed(JOINT2, JOINT2.replace("revolute", "floating")),
-        ("joint2", "floating", "prismatic", "'robot.lock: [joint2]' in a scene holds it"),
-    ),
-    "planar": (
-        changed(JOINT2, JOINT2.replace("revolute", "planar")),
-        ("joint2", "planar", "prismatic", "'robot.lock: [joint2]' in a scene holds it"),
-    ),
-    "spherical": (
-        changed(JOINT2, JOINT2.replace("revolute", "spherical")),
-        ("joint2", "spherical"),
-    ),
     "type missing": (changed(JOINT2, '<joint name="joint2">'), ("joint2", "type")),
     "joint without a name": (changed(JOINT2, '<joint type="revolute">'), ("joint", "name")),
-    "link without a name": (changed('<link name="link3">', "<link>"), ("link", "name")),
-    "joint twice": (changed(JOINT2, JOINT2.replace("joint2", "joint1")), ("joint1", "two")),
-    "link twice": (changed('<link name="link3">', '<link name="link2">'), ("link2", "two")),
-    "unknown parent": (
-        changed('<parent link="link1"/>', '<parent link="torso"/>'),
-        ("joint2", "torso"),
-    ),
     "unknown child": (
         changed('<child link="link2"/>', '<child link="hand"/>'),
         ("joint2", "hand"),
     ),
     "no parent": (changed('<parent link="link1"/>', ""), ("joint2", "parent")),
-    "loop": (changed('<parent link="base"/>', '<parent link="link3"/>'), ("link1",)),
     "two parents": (
         changed('<child link="link3"/>', '<child link="link1"/>'),
         ("joint3", "link1", "already has a parent joint"),
     ),
-    "two roots": (
-        changed('<link name="base"/>', '<link name="base"/><link name="floor"/>'),
-        ("root", "floor"),
-    ),
-    "no limit": (
-        changed('<limit lower="-3" upper="3" effort="80" velocity="5"/>', ""),
-        ("joint1", "limit"),
-    ),
-    "axis zero": (changed('<axis xyz="0 -1 0"/>', '<axis xyz="0 0 0"/>'), ("joint1", "axis")),
-    "axis of two": (
-        changed('<axis xyz="0 -1 0"/>', '<axis xyz="0 1"/>'),
-        ("joint1", "axis", "three"),
-    ),
-    "negative mass": (changed(MASS2, '<mass value="-2"/>'), ("link2", "mass", "-2")),
-    "mass NaN": (changed(MASS2, '<mass value="nan"/>'), ("link2", "mass", "nan")),
-    "mass a word": (
-        changed(MASS2, '<mass value="heavy"/>'),
-        ("link2", "mass", "heavy", "one finite"),
-    ),
-    "mass missing": (changed(MASS2, ""), ("link2", "mass")),
-    "no inertia": (
-        changed('<inertia ixx="0" ixy="0" ixz="0" iyy="0.015" iyz="0" izz="0.015"/>', ""),
-        ("link2", "without <inertia>"),
-    ),
-    "mass without value": (changed(MASS2, "<mass/>"), ("link2", "mass")),
-    "origin infinite": (
-        changed('<origin xyz="0.15 0 0"/>', '<origin xyz="inf 0 0"/>'),
-        ("link2", "origin", "inf"),
-    ),
-    "origin of words": (
-        changed('<origin xyz="0.4 0 0"/>', '<origin xyz="a b c"/>'),
-        ("joint2", "origin"),
-    ),
-    "inertia NaN": (changed('iyy="0.015"', 'iyy="nan"'), ("link2", "inertia", "nan")),
-    "ixx negative": (
-        changed('ixx="0" ixy="0" ixz="0" iyy="0.015"', 'ixx="-1" ixy="0" ixz="0" iyy="0.015"'),
-        ("link2", "inertia ixx", "negative"),
-    ),
     "inertia negative between the axes": (
         changed('ixy="0" ixz="0" iyy="0.015"', 'ixy="0.05" ixz="0" iyy="0.015"'),
         ("link2", "principal moments -0.0", "negative by more than 0.5 of the largest"),
-    ),
-    "iyy negative": (changed('iyy="0.015"', 'iyy="-0.015"'), ("link2", "inertia iyy", "negative")),
-    "izz negative": (changed('izz="0.015"', 'izz="-0.015"'), ("link2", "inertia izz", "negative")),
-    "damping negative": (
-        changed('damping="0.4"', 'damping="-0.4"'),
-        ("joint2", "damping", "-0.4"),
     ),
     "friction negative": (
         changed('friction="0.2"', 'friction="-0.2"'),
@@ -195,14 +123,6 @@ FINE = {
 @pytest.mark.parametrize("text", FINE.values(), ids=FINE)
 def test_what_is_unusual_but_sound_is_read(text: str) -> None:
     assert list(read_urdf(text).joints) == ["joint1", "joint2", "joint3"]
-
-
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_both_kinds_of_joints_need_a_limit(kind: str) -> None:
-    text = changed('<limit lower="-3" upper="3" effort="80" velocity="5"/>', "")
-    text = text.replace('"joint1" type="revolute"', f'"joint1" type="{kind}"')
-    with pytest.raises(ModelError, match="'joint1'.*limit"):
-        read_urdf(text)
 
 
 def test_mimic_ring() -> None:

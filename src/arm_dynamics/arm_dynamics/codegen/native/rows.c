@@ -19,8 +19,7 @@
 int point(const real** arg, real** res, casadi_int* iw, real* w, int mem);
 #endif
 
-/* Evaluate `rows` points: vector i of point k begins at given[i] + k * steps[i], result i at made[i] + k * its size; it is
- * omitted where made[i] is NULL. */
+/* Evaluate `rows` points: vector i of point k begins at given[i] + k * steps[i], result i at made[i] + k * its size. */
 __attribute__((visibility("default"))) void answer_rows(const double* const* given, const long long* steps, long long rows,
                                                         double* const* made) {
   static const long long sizes[RESULTS] = {SIZES};
@@ -30,7 +29,7 @@ __attribute__((visibility("default"))) void answer_rows(const double* const* giv
   real* res[SZ_RES];
   for (long long k = 0; k < rows; ++k) {
     for (int i = 0; i < ARGUMENTS; ++i) arg[i] = given[i] + k * steps[i];
-    for (int i = 0; i < RESULTS; ++i) res[i] = made[i] ? made[i] + k * sizes[i] : 0;
+    for (int i = 0; i < RESULTS; ++i) res[i] = made[i] + k * sizes[i];
     POINT(arg, res, iw, w, 0);
   }
 }

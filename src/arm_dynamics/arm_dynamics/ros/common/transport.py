@@ -4,7 +4,7 @@
 Shared memory is Fast DDS's default, and its ports belong to the whole machine. Who writes to a
 port wakes the reader while holding the port's lock. If it is killed then, the lock is never given
 back, and all others that write to this port wait for ever, the loop of a simulator among them. So
-our nodes use UDP, which is as fast (docs/laboratory/fast-dds.md).
+our nodes use UDP, which is as fast (docs/how-to/fast-dds.md).
 
 By shared memory, the end of a message larger than the sender's 512 kB is lost and sent again some
 milliseconds later, repeatedly until it is complete.

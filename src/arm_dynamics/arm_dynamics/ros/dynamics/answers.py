@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array, finite_answer
-from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.dynamics import Dynamics, asked
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import pose_of, to_array
@@ -21,7 +21,8 @@ from arm_dynamics.ros.dynamics.batch import Batch
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_POSES, MAX_TERMS_POINTS
 from arm_dynamics.task_space.inertia import quaternions
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, Solution
-from arm_dynamics.task_space.task_space import TaskSpace, TaskTerms
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.terms.table import OF_SERVICE, TASK_SPACE
 
 
 def _batch(dynamics: Dynamics, request: Any, most: int) -> Batch:
@@ -33,7 +34,7 @@ def inverse_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
     batch = _batch(dynamics, request, MAX_POINTS)
     v = batch.read("velocity", request.velocity)
     a = batch.read("acceleration", request.acceleration)
-    response.effort = batch.vectors(dynamics.inverse(batch.q, v, a, request.terms))
+    response.effort = batch.written(dynamics.inverse(batch.q, v, a, request.terms))
     response.joint_names = batch.joint_names
 
 
@@ -42,7 +43,7 @@ def forward_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
     batch = _batch(dynamics, request, MAX_POINTS)
     v = batch.read("velocity", request.velocity)
     tau = batch.read("effort", request.effort)
-    response.acceleration = batch.vectors(dynamics.forward(batch.q, v, tau))
+    response.acceleration = batch.written(dynamics.forward(batch.q, v, tau))
     response.joint_names = batch.joint_names
 
 
@@ -50,14 +51,11 @@ def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
     """The terms of the equation of motion, and the energies."""
     batch = _batch(dynamics, request, MAX_TERMS_POINTS)
     v = batch.read("velocity", request.velocity)
-    kinetic, potential = dynamics.energy(batch.q, v)
-    response.mass_matrix = batch.matrices(dynamics.mass_matrix(batch.q))
-    response.coriolis_matrix = batch.matrices(dynamics.coriolis_matrix(batch.q, v))
-    response.gravity = batch.vectors(dynamics.gravity(batch.q))
-    response.friction = batch.vectors(dynamics.friction(v, q=batch.q))
-    response.spring = batch.vectors(dynamics.spring(batch.q, v))
-    response.kinetic_energy = to_array(finite_answer(kinetic))
-    response.potential_energy = to_array(finite_answer(potential))
+    for entry in OF_SERVICE:
+        made = asked(dynamics, entry, {"q": batch.q, "v": v})
+        parts = zip(entry.parts.items(), made if entry.fields else [made], strict=True)
+        for (name, shape), values in parts:
+            setattr(response, name, batch.written(values, shape))
     response.joint_names = batch.joint_names
 
 
@@ -73,8 +71,8 @@ def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> Non
     else:
         tau = batch.read("effort", request.effort)
         a, lam = dynamics.constrained_forward(batch.q, v, tau)
-    response.effort = batch.vectors(tau)
-    response.acceleration = batch.vectors(a)
+    response.effort = batch.written(tau)
+    response.acceleration = batch.written(a)
     response.multipliers = to_array(finite_answer(np.asarray(lam).ravel()))
     response.joint_names = batch.joint_names
     response.constraint_names = list(dynamics.constrained.names)
@@ -129,35 +127,22 @@ def task_space(dynamics: Dynamics, request: Any, response: Any) -> None:
     task = TaskSpace(dynamics, request.frame, request.reference, axes)
     felt = task.effective_mass(batch.q, request.direction) if len(request.direction) else None
     terms = task.terms(batch.q, v)
-    found = _terms(batch, terms)
+    pose = np.hstack([terms.position, quaternions(terms.rotation)])
+    named = {"pose": pose, "twist": terms.velocity}
+    written = {
+        name: batch.written(named.get(name, getattr(terms, name, None)), shape)
+        for name, shape in TASK_SPACE.items()
+        if name not in ("condition", "damped")
+    }
     if felt is not None:
-        found["effective_mass"] = felt.mass
-    written = {name: to_array(finite_answer(values)) for name, values in found.items()}
+        written["effective_mass"] = batch.written(felt.mass, ())
+        response.effective_mass_bounded = felt.damped.tolist()
     for name, values in written.items():
         setattr(response, name, values)
-    if felt is not None:
-        response.effective_mass_bounded = felt.damped.tolist()
     response.condition = to_array(terms.condition)  # infinite at a singularity
     response.damped = terms.damped.tolist()
     response.axes = list(task.axes)
     response.joint_names = batch.joint_names
-
-
-def _terms(batch: Batch, terms: TaskTerms) -> dict[str, Array]:
-    """Terms by the names of the response."""
-    return {
-        "pose": np.hstack([terms.position, quaternions(terms.rotation)]),
-        "jacobian": batch.by_joint(terms.jacobian, -1),
-        "twist": terms.velocity,
-        "bias": terms.bias,
-        "inertia": terms.inertia,
-        "coriolis": terms.coriolis,
-        "gravity": terms.gravity,
-        "spring": terms.spring,
-        "inverse": batch.by_joint(terms.inverse, -2),
-        "null_space": batch.by_joint(batch.by_joint(terms.null_space, -1), -2),
-        "manipulability": terms.manipulability,
-    }
 
 
 def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
@@ -178,7 +163,7 @@ def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
     found: list[Solution] = []
     for i, pose in enumerate(poses):
         found.append(solver.solve(pose, seeds[i] if i < len(seeds) else found[-1].q))
-    response.position = batch.vectors(np.array([one.q for one in found]))
+    response.position = batch.written(np.array([one.q for one in found]))
     response.reached = [one.reached for one in found]
     response.distance = to_array([one.distance for one in found])
     response.angle = to_array([one.angle for one in found])

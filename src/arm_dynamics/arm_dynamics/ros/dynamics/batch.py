@@ -70,17 +70,16 @@ class Batch:
             raise InvalidInput(f"{what} has {len(values)} numbers; allowed: 0 or {self.q.size}")
         return self._rows(what, values)
 
-    def vectors(self, rows: Array) -> array[float]:
-        """Write (k, n) in model order as the flat vector of a response."""
-        return to_array(finite_answer(rows)[:, self._order])
+    def written(self, values: Array, shape: Sequence[str | int] = ("n",)) -> array[float]:
+        """Write k values of a shape in n and numbers as the flat vector of a response."""
+        return to_array(finite_answer(self.by_joint(values, shape)))
 
-    def by_joint(self, values: Array, axis: int) -> Array:
-        """Permute an axis of joints from model order to the order of the request."""
-        return values if self._order is _ALL else np.take(values, self._order, axis)
-
-    def matrices(self, matrices: Array) -> array[float]:
-        """Write (k, n, n) in model order as the flat vector of a response."""
-        return to_array(finite_answer(matrices)[:, self._order][:, :, self._order])
+    def by_joint(self, values: Array, shape: Sequence[str | int]) -> Array:
+        """Permute axes of n joints from model order to the order of the request."""
+        if self._order is not _ALL:
+            for axis, size in enumerate(shape, 1):
+                values = np.take(values, self._order, axis) if size == "n" else values
+        return values
 
     def _rows(self, what: str, values: Sequence[float]) -> Array:
         rows = np.array(values, float).reshape(-1, len(self.joint_names))

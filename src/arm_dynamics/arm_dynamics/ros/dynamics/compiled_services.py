@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from ctypes import c_char_p, c_void_p
 from functools import cache
 from pathlib import Path
@@ -24,9 +24,7 @@ from rclpy.qos import qos_profile_services_default
 from rclpy.type_support import check_for_type_support
 
 from arm_dynamics.codegen.header import Header
-from arm_dynamics.dynamics import point_answers
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.dynamics.point_answers import PointAnswer, compiled_answer
 from arm_dynamics.exceptions import KernelError, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.background import Background
@@ -41,13 +39,15 @@ from arm_dynamics.ros.interfaces import (
     MAX_TERMS_POINTS,
     Service,
 )
+from arm_dynamics.terms.compiled import rows
+from arm_dynamics.terms.table import FORWARD, INVERSE, OF_SERVICE, Entry
 
-COMPILED: tuple[tuple[Service, PointAnswer, int], ...] = (
-    (INVERSE_DYNAMICS, point_answers.INVERSE, MAX_POINTS),
-    (FORWARD_DYNAMICS, point_answers.FORWARD, MAX_POINTS),
-    (DYNAMICS_TERMS, point_answers.ALL_TERMS, MAX_TERMS_POINTS),
+COMPILED: tuple[tuple[Service, tuple[Entry, ...], int], ...] = (
+    (INVERSE_DYNAMICS, (INVERSE,), MAX_POINTS),
+    (FORWARD_DYNAMICS, (FORWARD,), MAX_POINTS),
+    (DYNAMICS_TERMS, OF_SERVICE, MAX_TERMS_POINTS),
 )
-"""Services in the order of services.c, their functions, and their largest numbers of points."""
+"""Services in the order of services.c, their terms, and their largest numbers of points."""
 WORTH = 20  # number of requests after which compiling a service is worth the time
 SOURCE = Path(__file__).with_name("native") / "services.c"
 HEADER = Header(SOURCE.with_suffix(".h"))
@@ -56,6 +56,13 @@ _ENDED = HEADER.constants["ENDED"]
 
 _Answer = HEADER.structure("answer_t")
 """``answer_t`` of services.h, where the fields are explained."""
+
+
+def code_of(entries: Sequence[Entry], dynamics: Dynamics) -> Any | None:
+    """The C function that computes terms for a service; None if it cannot be compiled."""
+    asked = [(entry, ()) for entry in entries]
+    made = rows(dynamics.model, dynamics.steady_friction, asked, fixed=("external",))
+    return made and made.entry
 
 
 @cache
@@ -74,14 +81,13 @@ class _Known:
     def __init__(self, service: Service, most: int, dynamics: Dynamics, rows: Any) -> None:
         names, friction = list(dynamics.joint_names), dynamics.steady_friction
         self._level, self._zeros = np.array(friction.joints.level), np.zeros(dynamics.n)
-        self._gravity = np.array(dynamics.model.scene.gravity, float)
         said = service.type.Response(success=True, joint_names=names)
         self._response = CMessage.of(said)
         self._names = (c_char_p * len(names))(*(name.encode() for name in names))
         self.answer = _Answer(
             rows=ctypes.cast(rows, c_void_p), response=self._response.place,
             names=ctypes.addressof(self._names),
-            joints=len(names), most=most, gravity=self._gravity.ctypes.data,
+            joints=len(names), most=most,
             level=self._level.ctypes.data if friction.has_dry else None,
             zeros=self._zeros.ctypes.data,
         )  # fmt: skip
@@ -203,9 +209,9 @@ class CompiledServices:
         if arm is None or self._asked[k] < WORTH or k in self._tried or self._builder.busy:
             return
         self._tried.add(k)
-        _, question, _ = COMPILED[k]
+        _, entries, _ = COMPILED[k]
         self._builder.start(
-            lambda: compiled_answer(question, Dynamics(arm.model)),
+            lambda: code_of(entries, Dynamics(arm.model)),
             lambda built: self._use(k, arm, built()),
         )
 

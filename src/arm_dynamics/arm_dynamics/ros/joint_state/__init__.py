@@ -5,11 +5,11 @@ Depends on the interfaces, ``common`` and the core's compiler, and on none of th
 """
 
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, SOURCE, address
-from arm_dynamics.ros.joint_state.reader import FAILED, NONE, JointStateReader, Numbers
+from arm_dynamics.ros.joint_state.reader import FAILED, NONE, JointStateReader, Numbers, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter, parsed
-from arm_dynamics.ros.joint_state.topics import JointStateSink, JointStateSource, Sink
+from arm_dynamics.ros.joint_state.topics import JointStateSink, Sink
 
 __all__ = [
     "FAILED", "HEADER", "NONE", "SOURCE", "JointStateReader", "JointStateSink",
-    "JointStateSource", "JointStateWriter", "Numbers", "Sink", "address", "parsed",
+    "JointStateWriter", "Numbers", "Read", "Sink", "address", "parsed",
 ]  # fmt: skip

@@ -29,8 +29,8 @@ from arm_dynamics.scene.urdf.joint_names import AGREES, Follower, JointNames
 Numbers = tuple[float, ...]
 Read = tuple[int, list[Numbers]]  # stamp in [ns], and n numbers for each of the fields
 
-_OUTCOMES = ("NONE", "KNOWN", "BEYOND", "OTHER", "FAILED")
-NONE, KNOWN, BEYOND, OTHER, FAILED = (HEADER.constants[name] for name in _OUTCOMES)
+_OUTCOMES = ("NONE", "KNOWN", "BEYOND", "FAILED")
+NONE, KNOWN, BEYOND, FAILED = (HEADER.constants[name] for name in _OUTCOMES)
 _KINDS = HEADER.constants["KINDS"]
 _FOLLOWER = np.dtype(HEADER.structure("follower_t"))
 
@@ -46,12 +46,7 @@ class _Kind(NamedTuple):
 
 
 class JointStateReader:
-    """Reads numbers in a given order of joints from serialized JointStates.
-
-    Attributes:
-        left: Outcome of ``take`` for a message that other compiled code has received and that has
-            not been read yet; ``NONE`` if there is none.
-    """
+    """Reads numbers in a given order of joints from serialized JointStates."""
 
     def __init__(
         self,
@@ -102,7 +97,7 @@ class JointStateReader:
             limit=limit.ctypes.data if limit.size else None, gaps=self._gaps,
         )  # fmt: skip
         self._kinds, self._learned = list[_Kind](), 0
-        self.left, self._memory = NONE, c_void_p(None)
+        self._memory = c_void_p(None)
         self._native, self._place = library(), c_void_p(ctypes.addressof(self._state))
         self._look = partial(self._native.look, self._place)
 
@@ -119,18 +114,13 @@ class JointStateReader:
             InvalidInput: If joints or numbers are missing, unknown, repeated or not finite.
         """
         if (outcome := self._look(raw, len(raw))) <= BEYOND:
-            return self._accepted(outcome)[1]
+            return self._accepted(outcome)
         return self._learn(raw)
 
     def open(self, subscription: int) -> None:
         """Prepare to receive from an ``rcl_subscription_t``; ``close`` before it is destroyed."""
         self._memory = c_void_p(self._native.source(subscription))
         self.take = partial(self._native.take, self._memory, self._place)
-
-    def next(self) -> int:
-        """Outcome of ``take``, or of the pending message."""
-        left, self.left = self.left, NONE
-        return left or self.take()
 
     def close(self) -> None:
         """Free the memory for messages."""
@@ -163,21 +153,18 @@ class JointStateReader:
         """Identifier of its publisher, see ``publishers``; zeros if it was received elsewhere."""
         return bytes(self._state.sender)
 
-    def taken(self, outcome: int) -> tuple[int, Read] | None:
-        """Arrival in [ns] and content of a message, after ``take`` with that outcome."""
-        if outcome == NONE:
-            return None
-        if outcome == OTHER:
-            return self._unpack(self._found)[1], self._learn(self.raw)
-        return self._accepted(outcome)
+    @property
+    def arrival(self) -> int:
+        """System time in [ns] at which it arrived."""
+        return int(self._unpack(self._found)[1])
 
-    def _accepted(self, outcome: int) -> tuple[int, Read]:
-        """Arrival in [ns], and the values that C has read with that outcome, if admitted."""
+    def _accepted(self, outcome: int) -> Read:
+        """The values that C has read with that outcome, if admitted."""
         kind = self._kinds[self._unpack(self._found)[2]]
         self._admit(kind.source, kind.joints)
         return self._values_of(kind, outcome)
 
-    def _values_of(self, kind: _Kind, outcome: int) -> tuple[int, Read]:
+    def _values_of(self, kind: _Kind, outcome: int) -> Read:
         found = self._unpack(self._found)
         values: list[Numbers] = [found[place] for place in self._numbers]
         if len(kind.joints) < len(self._names):
@@ -189,13 +176,13 @@ class JointStateReader:
             self._values = values
         if outcome == BEYOND:
             values[0] = self._beyond(values[0])
-        return found[1], (found[0], values)
+        return found[0], values
 
     def _learn(self, raw: bytes) -> Read:
         """Read a message of a kind that C does not know yet, or that it does not accept."""
         other = self._other
         if other is not None and (found := other._look(raw, len(raw))) <= BEYOND:
-            return other._accepted(found)[1]
+            return other._accepted(found)
         message = parsed(raw)
         leads = message.position or message.velocity
         reader = other if leads and other is not None else self
@@ -209,7 +196,7 @@ class JointStateReader:
         self._admit(kind.source, kind.joints)
         raw = bytes(serialize_message(message))
         if (outcome := self._look(raw, len(raw))) <= BEYOND:
-            return self._values_of(kind, outcome)[1]
+            return self._values_of(kind, outcome)
         raise InvalidInput(self._what_is_wrong(message))
 
     def _kind_of(self, message: JointState) -> _Kind:

@@ -8,58 +8,20 @@ of Python costs several times what it costs in a benchmark.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from ctypes import c_void_p
 from functools import partial
 
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.ros.common.direct import Newest, advertise
+from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, address, library
-from arm_dynamics.ros.joint_state.reader import FAILED, NONE, JointStateReader, Read
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 
 Sink = HEADER.structure("sink_t")
 """``sink_t`` of joint_state.h."""
-
-
-class JointStateSource:
-    """JointStates of a topic for a loop that polls; no executor is needed.
-
-    Attributes:
-        tap: Called with the bytes of every message, if set.
-    """
-
-    def __init__(self, node: Node, topic: Topic, reader: JointStateReader) -> None:
-        """Subscribe; ``close`` before the node is destroyed."""
-        self._newest, self._reader = Newest(node, topic), reader
-        self.tap: Callable[[bytes], None] | None = None
-        reader.open(self._newest.pointer)
-
-    def take(self) -> tuple[int, Read] | None:
-        """Receive the next message; None if there is none.
-
-        Returns:
-            The system time of its arrival in [ns], and the result of ``JointStateReader.read``.
-
-        Raises:
-            InvalidInput: As ``JointStateReader.read``.
-        """
-        if (outcome := self._reader.next()) != FAILED:
-            if self.tap is not None and outcome != NONE:
-                self.tap(self._reader.raw)
-            return self._reader.taken(outcome)
-        taken = self._newest.take()  # after a failure: gives the reason
-        if self.tap is not None and taken is not None:
-            self.tap(taken[0])
-        return None if taken is None else (taken[1], self._reader.read(taken[0]))
-
-    def close(self) -> None:
-        """End the subscription."""
-        self._reader.close()
-        self._newest.close()
 
 
 class JointStateSink:

@@ -145,9 +145,9 @@ def _slow(n: Numbers) -> str:
 def result_table(n: Numbers) -> Table:
     """The numbers as a table."""
     asked = f"within {n.torque_difference:.2g} N m of the command"
-    balance = f"off at most; the drives moved {n.energy_moved:.3g} J"
+    balance = f"residual at most; actuator work {n.energy_moved:.3g} J"
     return table(("", f"{n.robot}, {n.joints} joints", ""), [
-        ("ticks", f"{n.ticks}", f"{n.missed} late by more than a tick, {n.dropped} dropped"),
+        ("control cycles", f"{n.ticks}", f"{n.missed} deadlines missed, {n.dropped} skipped"),
         ("rate", f"{n.rate:.2f} Hz", f"{n.wanted_rate:g} Hz expected"),
         ("lateness", *_times(n.lateness_p50, n.lateness_p99, n.lateness_max)),
         ("command round trip", *_times(n.round_trip_p50, n.round_trip_p99, n.round_trip_max)),

@@ -6,9 +6,6 @@
  * the generated `acting_torques` (torques less those of friction with states).
  */
 
-#ifndef TUNABLE /* read alone, as editors do */
-#include "alone.h"
-#endif
 #include "modes/modes.h"
 
 static int is_resting(const double* v) {

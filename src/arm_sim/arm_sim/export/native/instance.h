@@ -22,17 +22,6 @@ typedef void (*log_t)(void* environment, const char* text);
 #define FMI(name) fmi##name
 #define LOG(i, status, text) (i)->logger((i)->environment, text)
 #endif
-#ifndef JOINTS /* likewise */
-#define JOINTS 1
-#define PARAMETERS 1
-#define NAMES "payload[0]"
-#define PERIOD 1e-3
-#define DEFAULTS {0.0}
-#define TOKEN ""
-#define FRAMES 1
-#define JACOBIANS NULL
-#define EXTERNAL 0
-#endif
 
 #pragma GCC diagnostic ignored "-Wunused-parameter" /* the standard says what functions take */
 #define EXPORT __attribute__((visibility("default")))

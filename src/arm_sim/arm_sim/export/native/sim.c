@@ -9,9 +9,6 @@
  * generated `torques`.
  */
 
-#ifndef PERIOD /* read alone, as editors do */
-#include "alone.h"
-#endif
 #include "library.h"
 #include "arm/tick.h"
 

@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-from ctypes import Structure, byref
+from ctypes import Structure, addressof, byref
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.exceptions import plain
-from arm_sim.ros.node_library import LOOP, library
+from arm_sim.ros.node_library import LOOP, TICKS, library
 
 STREAM = 10  # commands without a long pause that form a stream
 
@@ -23,33 +23,28 @@ class Source(Structure):
     joints: frozenset[int] = frozenset()
 
 
-class Arbiter:
+class Arbiter(Structure):
     """Tracks which source commands which joints; a stream of commands owns its joints.
 
     A source is identified by a command's ``header.frame_id``, in which our controllers write their
     name and process. A source that has been silent for ``patience`` ticks loses its joints, and
-    one that sends only occasional commands does not own any.
-
-    Args:
-        patience: Ticks after which a silent source is gone.
+    one that sends only occasional commands does not own any. It is ``arbiter_t`` of ticks.h.
 
     Attributes:
+        patience: Ticks after which a silent source is gone.
         refused: Number of commands that were refused.
         last_refusal: Message of the last refusal.
-        now: Number of ticks so far, see ``tick``.
+        now: Number of ticks so far; one for which sources had less time counts in part.
     """
 
+    _fields_ = TICKS.fields("arbiter_t")
+
     def __init__(self, patience: int) -> None:
-        self.patience = patience
+        super().__init__(patience=patience)
         self.refused = 0
         self.last_refusal = ""
         self._refused_at = 0.0
         self._heard: dict[str, Source] = {}
-        self.now = 0.0
-
-    def tick(self, share: float = 1.0) -> None:
-        """Count a tick, or the part of one for which sources had time."""
-        self.now += share
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -57,9 +52,12 @@ class Arbiter:
         return tuple(source for source, heard in self._heard.items() if self._fresh(heard))
 
     @property
-    def only(self) -> tuple[str, Source] | None:
-        """The only source that is remembered, if there is only one."""
-        return next(iter(self._heard.items())) if self.alone else None
+    def leader(self) -> tuple[str, frozenset[int]] | None:
+        """The only source that is remembered, and the joints that it commanded last."""
+        if not self.alone:
+            return None
+        ((name, heard),) = self._heard.items()
+        return name, heard.joints
 
     @property
     def alone(self) -> bool:
@@ -82,6 +80,7 @@ class Arbiter:
         heard = self._heard.setdefault(source, Source())
         heard.joints = joints
         library().hear(byref(heard), self.now, self.patience)
+        self._share()
 
     def _contest(self, source: str, joints: frozenset[int]) -> None:
         self._heard = {s: heard for s, heard in self._heard.items() if self._fresh(heard)}
@@ -101,3 +100,8 @@ class Arbiter:
     def forget(self) -> None:
         """Forget all sources."""
         self._heard.clear()
+        self._share()
+
+    def _share(self) -> None:
+        """Let C know the only source."""
+        self.only = addressof(next(iter(self._heard.values()))) if self.alone else None

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from arm_dynamics.ros.common.background import Background
-from arm_sim.ros.commands.latest import Stop
+from arm_sim.ros.commands.latest import BRAKE
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
@@ -53,10 +53,6 @@ class Stopping:
     ``SLOW``, or after ``LONGEST``, brakes hold the joints, and the drives are off; with the policy
     servo they stay on. Without servos (they take a moment to build) brakes hold immediately.
 
-    Args:
-        arm: The arm.
-        servos: Of the same.
-
     Attributes:
         acts: Whether the arm is being stopped or held.
         locked: Whether brakes have closed.
@@ -64,12 +60,10 @@ class Stopping:
 
     def __init__(self, arm: SimulatedArm, servos: Servos) -> None:
         self._arm, self._servos = arm, servos
-        n = arm.n
-        self._still = JointCommand(velocity=[0.0] * n)
+        self._still = JointCommand(velocity=[0.0] * arm.n)
         self._place: JointCommand | None = None
         self._begun: int | None = None
-        self.acts = self._holds = True
-        self.locked = False
+        self.hold()
 
     def release(self) -> None:
         """Release the arm for a command."""
@@ -81,14 +75,14 @@ class Stopping:
         self.acts = self._holds = True
         self.locked, self._place = False, None
 
-    def command(self, how: Stop) -> JointCommand | None:
-        """Command of the servos in the next tick; None if brakes hold."""
+    def command(self, policy: str) -> JointCommand | None:
+        """Command of the servos in the next tick, by the policy; None if brakes hold."""
         self.acts = True
         if not self._holds:
             if self._slows_down():
                 return self._still
             self.hold()
-        if how is Stop.BRAKES or not self._servos.ready:
+        if policy == BRAKE or not self._servos.ready:
             return None
         if self._place is None:
             self._place = JointCommand(position=self._arm.x[: self._arm.n])
@@ -101,4 +95,4 @@ class Stopping:
             self._begun = arm.step_count
         taken = (arm.step_count - self._begun) * arm.dt
         speed = abs(arm.x[arm.n : 2 * arm.n]).max()
-        return speed > SLOW and taken < LONGEST and self._servos.ready
+        return bool(speed > SLOW and taken < LONGEST and self._servos.ready)

@@ -2,6 +2,7 @@
 #include "loop.h"
 
 #include <math.h>
+#include <rcutils/error_handling.h>
 
 #define NEVER (1LL << 62)
 
@@ -48,8 +49,6 @@ int64_t answered(trip_t* t, int64_t stamp, int64_t arrival) {
   return stamp && stamp == t->newest;
 }
 
-void start_stamps(times_t* t, int64_t tick) { *t = (times_t){.tick = tick, .simulated = -1, .least = NEVER, .free = 1}; }
-
 /* Look once a second whether stamps lag: they then advance faster, or jump. */
 static void watch(times_t* t, int64_t now, int64_t lag) {
   if (lag < t->least) t->least = lag;
@@ -87,6 +86,12 @@ int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady) {
   return stamp;
 }
 
+int64_t stamp_now(times_t* t, int64_t simulated) {
+  int64_t now = time_of(CLOCK_REALTIME);
+  if (t->foreign && rcl_clock_get_now(t->foreign, &now) != RCL_RET_OK) rcutils_reset_error();
+  return stamp_at(t, simulated, now, time_of(CLOCK_MONOTONIC));
+}
+
 int64_t next_start(const due_t* d) { return d->deadline > d->earliest ? d->deadline : d->earliest; }
 
 static double share_of(const due_t* d, int64_t now, int64_t late) {
@@ -121,24 +126,9 @@ void await_tick(due_t* d) {
   begin_tick(d, now);
 }
 
-void await_answer(waiting_t* w, int64_t stamp) {
-  w->stamp = stamp;
-  w->asked = w->first = time_of(CLOCK_MONOTONIC);
-}
-
-int64_t is_answer(waiting_t* w, int64_t stamp) {
-  if (stamp == w->stamp) return 1;
-  ++w->ignored;
-  return 0;
-}
-
-int64_t is_expected(const waiting_t* w) { return time_of(CLOCK_MONOTONIC) - w->asked < w->soon; }
-
 int64_t is_remembered(const stream_t* s, double now, int64_t patience) { return now - s->heard <= patience; }
 
 void hear(stream_t* s, double now, int64_t patience) {
   s->count = is_remembered(s, now, patience) ? s->count + 1 : 1;
   s->heard = now;
 }
-
-int64_t is_stale(double age, double share, int64_t timeout) { return timeout && age + share > timeout; }

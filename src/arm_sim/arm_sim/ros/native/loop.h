@@ -4,6 +4,7 @@
  * header (code.py); its own ticks and those in C follow these functions. All times are in [ns].
  */
 #pragma once
+#include <rcl/time.h>
 #include <stdint.h>
 #include <time.h>
 
@@ -47,6 +48,7 @@ QUICK int64_t answered(trip_t* t, int64_t stamp, int64_t arrival);
 
 typedef struct {
   int64_t tick;        /* length of a tick if ticks are due at even times, else 0 */
+  rcl_clock_t* foreign; /* the node's clock if it is another node's simulated time, else NULL */
   int64_t even;        /* whether stamps are simulated time plus an offset */
   int64_t free;        /* whether the next stamp is the time when its tick is due, whatever the offset was */
   int64_t simulated;   /* simulated time of the last stamp */
@@ -57,11 +59,12 @@ typedef struct {
   const int64_t* due;  /* time of the monotonic clock when the current tick was due; 0: unknown */
 } times_t;
 
-QUICK void start_stamps(times_t* t, int64_t tick);
-
 /* The stamp of a state from its simulated time, and times of the node's and of the monotonic clock, read in this
  * order: if the thread is stopped between the two, no stamp is later than it should be. */
 QUICK int64_t stamp_at(times_t* t, int64_t simulated, int64_t now, int64_t steady);
+
+/* The same, of a state that is published now. */
+int64_t stamp_now(times_t* t, int64_t simulated);
 
 /* --- realtime_loop.RealtimeLoop, where the rules are explained ---------------------------------------------------- */
 
@@ -101,15 +104,6 @@ typedef struct {
   int64_t end;          /* when other callbacks get their turn */
 } waiting_t;
 
-/* The state of this stamp has been published. */
-QUICK void await_answer(waiting_t* w, int64_t stamp);
-
-/* Whether a command with this stamp answers that state; else it is counted. */
-QUICK int64_t is_answer(waiting_t* w, int64_t stamp);
-
-/* Whether an answer may still come soon. */
-QUICK int64_t is_expected(const waiting_t* w);
-
 /* --- commands: arbiter.Arbiter, latest.LatestCommand; times and ages are in ticks --------------------------------- */
 
 /* A source of commands: time of the last command, and number of commands without a silence. */
@@ -123,9 +117,6 @@ QUICK int64_t is_remembered(const stream_t* s, double now, int64_t patience);
 
 /* Count a command of a source. */
 QUICK void hear(stream_t* s, double now, int64_t patience);
-
-/* Whether a command of this age is too old for a tick, or the part of one, that makes it older; timeout 0: never. */
-QUICK int64_t is_stale(double age, double share, int64_t timeout);
 
 /* --- for ticks.c -------------------------------------------------------------------------------------------------- */
 

@@ -141,6 +141,11 @@ class ChunkThread:
             return None
         return self._chunk
 
+    @property
+    def chunk(self) -> Chunk:
+        """The current chunk; the lock must be held."""
+        return self._chunk
+
     def channel(self, topic: str, kind: str, definition: str, profile: str = "") -> int:
         """Add a channel while others are being written; see ``McapWriter.channel``."""
         with self._writing:
@@ -163,8 +168,8 @@ class ChunkThread:
         self._chunk = free if size <= free.size else Chunk(size)
         return True
 
-    def close(self) -> None:
-        """Write all messages and the summary, and end the thread; may be called repeatedly."""
+    def end(self) -> None:
+        """Take no more messages."""
         with self.lock:
             if self._closed:
                 return
@@ -172,6 +177,11 @@ class ChunkThread:
             self._full.put(self._chunk)
             self._full.put(None)
             self._chunk = Chunk(HEAD)
+
+    def close(self) -> None:
+        """Write all messages and the summary, and end the thread; may be called repeatedly."""
+        if not self._closed:
+            self.end()
         self._thread.join()
 
     def _run(self) -> None:

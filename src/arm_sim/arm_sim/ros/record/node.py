@@ -59,6 +59,7 @@ def recorder_of(
     def came(topic: Topic, message: Any) -> None:
         recorder.message(names[topic.name], 0, as_bytes(message))
 
+    recorder.take_commands(names[JOINT_COMMANDS.name])
     outputs.tap = sent
-    inputs.listen(came)
+    inputs.tap = came
     return recorder

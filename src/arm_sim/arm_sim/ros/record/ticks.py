@@ -11,26 +11,25 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
 from arm_dynamics.arrays import Array
 from arm_sim.recording.files import TickFile, complete, new_file
 from arm_sim.recording.files.messages import Change, TickWriter, log_message
 from arm_sim.recording.files.ticks import UNCHANGED, tunable_names
-from arm_sim.ros.record.chunks import HEAD, Chunk, ChunkThread
+from arm_sim.ros.commands.latest import in_force
+from arm_sim.ros.record.chunks import ChunkThread
 from arm_sim.ros.record.copying import TickCopy
 from arm_sim.ros.tick_engine import TickEngine
 
 INFO, ERROR = 20, 40
 _MANY = 100  # largest number of messages between two ticks
-ROOM = 1 << 17  # bytes reserved for the messages of a tick
 
 
 class TickRecorder:
     """Writes the ticks of an engine to a file; for the ticking thread, unless stated otherwise.
 
+    C copies ticks, the joint states published for them, and the commands that it reads.
+
     Attributes:
-        ticks: Number of ticks in the file or in its buffers.
         lost: Number of ticks that are not in the file.
         path: The file or folder.
         thread: The writing thread.
@@ -72,81 +71,59 @@ class TickRecorder:
         self._published: tuple[int, bytearray] | None = None
         self._waiting = deque[tuple[int, int, bytes]]()
         self._whole = True  # whether the file contains every tick so far
+        self._gap = False  # whether it does not contain the last one
         self._plant, self._p = arm.plant, b""
-        self.ticks = self.lost = 0
+        self.lost = 0
         channel, robot = self.file.robot()
         self.thread.add(channel, time.time_ns(), 0, robot)
         self._begin("start")
         self._listen(engine)
 
     def _listen(self, engine: TickEngine) -> None:
-        engine.on_tick.append(self.tick)
-        engine.on_idle.append(self._flush)
+        ticks = engine.ticks
+        ticks.copy, ticks.chunk = self._copy.place, None
+        ticks.answer(space=self._make_space)
+        ticks.refresh.append(self._refresh)
+        engine.guard = self.thread.lock
+        engine.on_idle.append(self._write_idle)
         engine.on_jump.append(lambda: self._begin("changed"))
         engine.on_failure.append(lambda: self.note(engine.failure, ERROR))
         engine.on_staleness.append(self._staleness)
         engine.on_pause.append(lambda: self.note("paused" if engine.paused else "continues"))
 
-    def tick(self) -> None:
-        """Record the last tick."""
-        now, arm = time.time_ns(), self._arm
-        if not self._whole:
-            self.lost += 1
-            self._begin("gap")
-            return
-        if self._is_tuned:
-            self._tuned()
-        copy, waiting, state = self._copy, self._taken(now), self._published
-        size = copy.size + sum([HEAD + len(data) for _, _, data in waiting])
-        if state is not None:
-            size += HEAD + len(state[1])
-        self._published, thread = None, self.thread
-        with thread.lock:
-            chunk = thread.room(now, size, len(waiting) + 1 + (state is not None))
-            if chunk is None:
-                self.lost += 1
-                self._whole = False
-                return
-            for channel, publish, data in waiting:
-                chunk.put(channel, now, publish, data)
-            copy(chunk, now, self._engine.stamp, arm.hold, state)
-        self.ticks += 1
-
     @property
-    def _is_tuned(self) -> bool:
-        """Whether tunable quantities differ from those in the file."""
+    def ticks(self) -> int:
+        """Number of ticks in the file or in its buffers."""
+        return int(self._engine.ticks.recorded)
+
+    def _refresh(self) -> None:
+        """Write what comes before the next tick, and let C know where to copy that."""
         arm = self._arm
-        return arm.plant is not self._plant or bool(
-            self._p and arm.parameters.tobytes() != self._p
-        )
-
-    def lend(self) -> Chunk | None:
-        """A chunk for ticks that are copied elsewhere; None if the next one must not be.
-
-        Other messages wait until ``take_back`` is called.
-        """
-        if not self._whole or self._is_tuned:
-            return None
+        if arm.plant is not self._plant or (self._p and arm.parameters.tobytes() != self._p):
+            self._tuned()
         self._flush()
-        self.thread.lock.acquire()
-        chunk = self.thread.room(time.time_ns(), ROOM, 0)
-        if chunk is None:
-            self.thread.lock.release()
-        return chunk
+        self._engine.ticks.chunk = self.thread.chunk.address if self._whole else None
 
-    def take_back(self, ticks: int) -> None:
-        """Register the ticks that were copied since ``lend``."""
-        self.ticks += ticks
-        self.thread.lock.release()
+    def _make_space(self) -> bool:
+        """Make space for a tick; if the disk is too slow, lose it, and begin again after it."""
+        if self._whole and self.thread.room(time.time_ns(), self._engine.ticks.needs, 1):
+            return True
+        self._whole, self.lost = False, self.lost + 1
+        if self._gap:
+            self._begin("gap")
+        else:
+            self._gap = True
+        return False
 
-    def channel(self, topic: str) -> int:
-        """Number of a topic in the file."""
-        return self._channels[topic]
+    def _write_idle(self) -> None:
+        """While time stands still, messages are written, too."""
+        self._flush()
+        with self.thread.lock:
+            self.thread.room(time.time_ns(), 0, 0)
 
-    @property
-    def place(self) -> Any:
-        """Address of ``tick_t``, for other compiled code."""
-        return self._copy.place
+    def take_commands(self, topic: str) -> None:
+        """Let C record the commands that it reads, on a topic."""
+        self._engine.ticks.commands = self._channels[topic]
 
     def published(self, stamp: int, message: bytearray) -> None:
         """Record a joint state with its stamp in [ns]; its bytes stay valid until the next one."""
@@ -201,14 +178,12 @@ class TickRecorder:
 
     def _staleness(self) -> None:
         stale, policy = self._engine.commands.stale, self._engine.stale_policy
-        self.note(f"no command: the policy '{policy}' acts" if stale else "commands have resumed")
+        self.note(f"no command: {in_force(policy)}" if stale else "commands have resumed")
 
     def _tuned(self) -> None:
-        """Record tuning since the last tick, the state after which is in the file."""
-        arm, x = self._arm, np.frombuffer(self._writer.state)
-        fresh = arm.plant is not self._plant
-        stamp = round(1e9 * ((arm.step_count - 1) * arm.dt))
-        self._change(stamp, "tuned", x, 0.0 if fresh else UNCHANGED)
+        """Record tuning since the last tick."""
+        substep = 0.0 if self._arm.plant is not self._plant else UNCHANGED
+        self._change(self._engine.stamp, "tuned", self._arm.x, substep)
 
     def _begin(self, why: str) -> None:
         """Write the complete current state."""
@@ -216,6 +191,7 @@ class TickRecorder:
         self._flush()
         self._writer.state[:] = arm.x.data.cast("B")
         self._whole = self._change(self._engine.stamp, why, arm.x, arm.substep)
+        self._gap = not self._whole
 
     def _change(self, stamp: int, why: str, x: Array, substep: float) -> bool:
         arm = self._arm
@@ -235,8 +211,12 @@ class TickRecorder:
         }  # fmt: skip
 
     def close(self) -> None:
-        """Write the remaining messages, and end."""
-        self._flush()
+        """Write the remaining messages, and end; may be called from any thread."""
+        self._engine.queue.run(self._end)
         self.thread.close()
         if not self.thread.failure:
             complete(self.file.mcap, *self._place)
+
+    def _end(self) -> None:
+        self._flush()
+        self.thread.end()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from ctypes import byref
 from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
@@ -13,12 +14,12 @@ from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.privileges import MiddlewareThreads
 from arm_dynamics.ros.common.robot_source import scene_for
-from arm_dynamics.ros.interfaces import JOINT_COMMANDS
+from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
-from arm_sim.ros.ordinary import OrdinaryTicks
+from arm_sim.ros.node_library import library
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.rivals import Rivals
 from arm_sim.ros.robot import Display, publish_description
@@ -46,7 +47,6 @@ class SimNode(Node):
         lockstep: Waits for answers, or None.
         rivals: Others who publish joint states of this arm.
         display: Publishes all joints and frames for visualization.
-        ordinary: Executes most ticks, in C.
         loop: Ticks in real time, and measures its timing.
         requests: The services.
         standard: The standard services of simulators.
@@ -79,7 +79,7 @@ class SimNode(Node):
         self._apply(params)
         self.inputs = inputs = Inputs(self, engine)
         trip, heard = inputs.round_trip, lambda: self.diagnosis.heard
-        self._outputs = Outputs(self, engine, params, trip, account_wanted=heard)
+        self._outputs = Outputs(self, engine, params, account_wanted=heard)
         self.rivals = inputs.rivals = Rivals(self, self._outputs, trip)
         self.rivals.changed = self._note_rivals
         if params.tick_source != HAND:
@@ -87,13 +87,11 @@ class SimNode(Node):
         self.display = Display(self, engine, params, self._outputs.reported, self._outputs.stamp)
         factor = params.realtime_factor
         self.loop = RealtimeLoop(
-            engine.tick_unattended,
+            lambda due: engine.run(library().by_the_clock, byref(due)),
             self.simulator.dt / factor if factor else 0.0,
             overrun=params.overrun,
             prepare=self._claim_privileges,
-            ahead=lambda due: self.ordinary.by_the_clock(due),
         )
-        engine.share = lambda: self.loop.share
         self._outputs.stamps.follow(self.loop.current)
         self.lockstep: Lockstep | None = None
         if params.lockstep:
@@ -104,10 +102,6 @@ class SimNode(Node):
             from arm_sim.ros.record import recorder_of
 
             self.recorder = recorder_of(self, params.record, engine, inputs, self._outputs)
-        commands = self.resolve_topic_name(JOINT_COMMANDS.name)
-        self.ordinary = OrdinaryTicks(engine, inputs, self._outputs, self.recorder, commands)
-        if self.lockstep is not None:
-            self.lockstep.ahead = self.ordinary.in_lockstep
         subscribe(self, COMMANDS, inputs.on_commands)
         subscribe(self, WRENCH, inputs.on_wrench)
         self.requests = SimServices(self, engine, self._reset_counters)
@@ -115,8 +109,8 @@ class SimNode(Node):
         period = params.publish_every * self.simulator.dt
         late = Lateness(self, trip.take_oldest, period, "commands acted until {:.2g} s old")
         self.diagnostics = SimDiagnostics(
-            self, params, engine, self.loop, self.ordinary, inputs, self._outputs, self.display,
-            self.lockstep, self._refused_privileges, self.recorder, self.rivals, late,
+            self, params, engine, self.loop, inputs, self._outputs, self.display, self.lockstep,
+            self._refused_privileges, self.recorder, self.rivals, late,
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
         publish_description(self, params, chosen.description, source)
@@ -186,10 +180,8 @@ class SimNode(Node):
 
     def _report_staleness(self) -> None:
         if self.engine.commands.stale:
-            self.get_logger().warning(
-                f"no command for {self.params.command_timeout:g} s: "
-                f"the policy '{self.params.stale_policy}' acts"
-            )
+            after, policy = self.params.command_timeout, in_force(self.params.stale_policy)
+            self.get_logger().warning(f"no command for {after:g} s: {policy}")
         else:
             self.get_logger().info("commands have resumed")
 
@@ -218,7 +210,7 @@ class SimNode(Node):
         if self.params.tick_source == CLOCK:
             loop, round_trip = self.loop.report(), self.inputs.round_trip.percentiles()
             self.get_logger().info(
-                f"{loop.ticks} ticks, {loop.rate:.2f} per second, {loop.missed} late by more than "
-                f"a tick, {loop.dropped} dropped; lateness {loop.lateness}; "
+                f"{loop.ticks} ticks, {loop.rate:.2f} per second, {loop.missed} deadlines "
+                f"missed, {loop.dropped} dropped; lateness {loop.lateness}; "
                 f"{round_trip.count} answers, round trip {round_trip}"
             )

@@ -21,7 +21,7 @@ class SimClock:
     Attributes:
         topic: Its topic, resolved.
         alarm: On while there are other publishers.
-        sink: Publishes in compiled code.
+        sink: Publishes it in compiled code.
     """
 
     def __init__(self, node: Node) -> None:
@@ -33,10 +33,6 @@ class SimClock:
         )
         self.topic, self.alarm = node.resolve_topic_name(CLOCK.name), Alarm(node)
         self._timer = steady_timer(node, _PERIOD, self.look)
-
-    def tell(self, stamp: int) -> None:
-        """Publish a time in [ns]; only in the ticking thread."""
-        self._handle.publish_raw(NATIVE + time_bytes(stamp))
 
     def look(self) -> None:
         """Count publishers."""

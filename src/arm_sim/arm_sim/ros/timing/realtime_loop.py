@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A thread that calls a function at absolute deadlines and measures its lateness."""
+"""A thread that ticks at absolute deadlines and measures its lateness."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import ctypes
 import threading
 import time
 from collections.abc import Callable
-from ctypes import Structure, addressof, byref, c_int64
+from ctypes import Structure, addressof, c_int64
 from dataclasses import dataclass
 from typing import Any
 
 from arm_dynamics.ros.common.privileges import shorten_slice
-from arm_sim.ros.node_library import LOOP, library
+from arm_sim.ros.node_library import LOOP
 from arm_sim.ros.timing.latency import Histogram, Percentiles
 
 CATCH_UP, SKIP, SLOW_DOWN = "catch_up", "skip", "slow_down"
@@ -51,7 +51,11 @@ class Due(Structure):
 
 
 class RealtimeLoop:
-    """Calls ``tick`` every ``period``, by deadlines that do not drift.
+    """Ticks every ``period``, by deadlines that do not drift.
+
+    While it catches up, a tick makes time pass for partners only in part (``Due.share``): one that
+    answers ten times a second cannot answer ten times as often then. Time in which the loop stood
+    still counts no more than a period: nobody was asked meanwhile.
 
     ``overrun`` declares what follows a tick that begins after the next deadline:
 
@@ -64,15 +68,14 @@ class RealtimeLoop:
     With a period of zero, ticks follow one another as fast as they can, and nothing is late.
 
     Args:
-        tick: Function to call; it must not raise.
+        run: Waits for ticks, begins them by ``begin_tick`` of loop.h and executes them, until
+            ``Due.ended``, or returns after one of them; it must not raise.
         period: Time between deadlines in [s]; 0: none.
         overrun: ``catch_up``, ``skip`` or ``slow_down``.
         closest: Shortest time between ticks while catching up, as a fraction of the period.
         give_up: Lag in [s] beyond which deadlines are dropped while catching up.
         prepare: Called once by the thread, before its first tick.
-        ahead: Waits for ticks, begins them and executes them until one that it has begun is left
-            to ``tick``, or ``Due.ended``; returns whether none is left. None: waits for one.
-        clock: Clock with sleep; the module ``time`` or an equivalent.
+        clock: Clock of the deadlines; the module ``time`` or an equivalent.
 
     Attributes:
         lateness: Delays of ticks after their deadlines.
@@ -82,13 +85,11 @@ class RealtimeLoop:
     _until: int | None
 
     def __init__(
-        self, tick: Callable[[], None], period: float, *, overrun: str = CATCH_UP,
+        self, run: Callable[[Due], None], period: float, *, overrun: str = CATCH_UP,
         closest: float = 0.1, give_up: float = 1.0, prepare: Callable[[], None] = lambda: None,
-        ahead: Callable[[Due], bool] | None = None, clock: Any = time,
+        clock: Any = time,
     ) -> None:  # fmt: skip
-        self._tick, self._prepare, self._clock = tick, prepare, clock
-        self._native = library()  # compiled here if need be, not while ticks are due
-        self._ahead = ahead or self._wait
+        self._execute, self._prepare, self._clock = run, prepare, clock
         nanoseconds = round(1e9 * period)
         closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
         give_up = round(1e9 * give_up) if overrun == CATCH_UP else nanoseconds
@@ -127,16 +128,6 @@ class RealtimeLoop:
         elapsed = 1e-9 * ((self._until or self._clock.monotonic_ns()) - self._since)
         return LoopReport(lateness.count, elapsed, self._due.missed, self._due.dropped, lateness)
 
-    @property
-    def share(self) -> float:
-        """Part of a period that passed before the tick that was begun last, for its partners.
-
-        Less than one while the loop catches up: a partner that answers ten times a second cannot
-        answer ten times as often then. Time in which the loop stood still counts no more than a
-        period: nobody was asked meanwhile.
-        """
-        return float(self._due.share)
-
     def _run(self) -> None:
         ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)  # else 50 µs late
         shorten_slice()
@@ -144,14 +135,4 @@ class RealtimeLoop:
         self.reset()
         self._due.deadline = self._due.earliest = self._clock.monotonic_ns()
         while not self._due.ended:
-            if not self._ahead(self._due):
-                self._tick()
-
-    def _wait(self, due: Due) -> bool:
-        """Wait for a tick, and begin it; see ``ahead``."""
-        begin, now = self._native.next_start(byref(due)), self._clock.monotonic_ns()
-        if now < begin:
-            self._clock.sleep(1e-9 * (begin - now))
-            now = self._clock.monotonic_ns()
-        self._native.begin_tick(byref(due), now)
-        return False
+            self._execute(self._due)

@@ -72,8 +72,7 @@ class NodeTime(Structure):
         system: Callable[[], int] = time.time_ns,
         steady: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        super().__init__()
-        library().start_stamps(byref(self), tick)
+        super().__init__(tick=tick, simulated=-1, free=True)
         self._clock, self._system, self._steady = clock, system, steady
         self.follow(c_int64())
         self.see()
@@ -91,7 +90,7 @@ class NodeTime(Structure):
 
     def at(self, simulated: int) -> int:
         """The stamp of a state, in [ns], from its simulated time; time that stands still stays."""
-        look, now = self.look, self._now()
+        look, now = self.look, self.now
         stamp = library().stamp_at(byref(self), simulated, now, self._steady())
         if self.look != look:  # once a second
             self.see()
@@ -101,11 +100,14 @@ class NodeTime(Structure):
         """As ``at``, for a time close to that of the last stamp, in any thread."""
         return int(simulated + self.offset)
 
-    def _now(self) -> int:
+    @property
+    def now(self) -> int:
+        """Time of the node's clock in [ns]."""
         # The node's clock is the system's unless use_sim_time is set; asking rclpy takes 6 µs.
-        return int(self._clock.now().nanoseconds) if self._foreign else self._system()
+        return int(self._clock.now().nanoseconds) if self.foreign else self._system()
 
     def see(self) -> None:
         """Determine the source of the node's clock."""
-        self._foreign = bool(self._clock.ros_time_is_active)
-        self.even = bool(self.tick) and not self._foreign
+        foreign = self._clock.ros_time_is_active
+        self.foreign = self._clock.handle.pointer if foreign else None
+        self.even = bool(self.tick) and not foreign

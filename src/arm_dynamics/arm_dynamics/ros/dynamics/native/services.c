@@ -24,7 +24,6 @@
 #define GIVEN 3 /* largest number of vectors of a request */
 #define MADE 7  /* largest number of vectors of a response */
 #define TERMS 5
-#define FRICTION 3  /* bit of `terms` */
 #define LARGE 1e100 /* beyond it, overflow depends on the order of operations; Python decides */
 #define ROOM 65536  /* capacity in numbers that is kept between requests */
 
@@ -155,9 +154,9 @@ static bool rests(const answer_t* answer, const double* v, long long step, int64
 static bool answered(service_t* s) {
   const layout_t* layout = LAYOUTS + s->kind;
   answer_t* answer = &s->answer;
-  const double* given[GIVEN + 2];
-  long long steps[GIVEN + 2] = {0};
-  double weights[TERMS], *made[MADE + 1] = {NULL};
+  const double* given[GIVEN + 1];
+  long long steps[GIVEN + 1] = {0};
+  double chosen[TERMS], *made[MADE];
   if (!answer->rows) return false;
   int64_t points = points_of(s, given), sizes[MADE];
   if (!points) return false;
@@ -172,13 +171,8 @@ static bool answered(service_t* s) {
   if (s->kind == INVERSE) {
     uint8_t terms = ((arm_msgs__srv__InverseDynamics_Request*)s->request)->terms;
     if (terms >> TERMS) return false;
-    for (int i = 0; i < TERMS; ++i) weights[i] = terms >> i & 1;
-    given[GIVEN] = weights;
-    given[GIVEN + 1] = answer->gravity;
-    if (terms >> FRICTION & 1) { /* the second result includes friction */
-      made[1] = made[0];
-      made[0] = NULL;
-    }
+    for (int i = 0; i < TERMS; ++i) chosen[i] = terms >> i & 1;
+    given[GIVEN] = chosen;
   }
   answer->rows(given, steps, points, made);
   for (int i = 0; i < layout->made; ++i)

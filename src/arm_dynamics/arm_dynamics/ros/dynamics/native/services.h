@@ -21,7 +21,6 @@ typedef struct {
   const char* const* names;
   int64_t joints, most;  /* largest number of points of a request */
   const double* level;   /* positive for joints that may stick at rest; NULL: none may */
-  const double* gravity; /* gravity of inverse dynamics in [m/s²] */
   const double* zeros;   /* in place of absent vectors */
 } answer_t;
 

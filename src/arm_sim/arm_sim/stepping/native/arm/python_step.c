@@ -46,14 +46,6 @@ static PyObject* state_of(const stepped_t* of, long long count) {
   return NULL;
 }
 
-/* Advance without the interpreter lock, as events may make a tick long: 0 if it cannot be computed. */
-static int tick(arm_t* arm) {
-  PyThreadState* const state = PyEval_SaveThread();
-  const int done = arm->tick(arm);
-  PyEval_RestoreThread(state);
-  return done;
-}
-
 /* Advance by the tick after some others under a command, and return the state; False if it cannot be computed, and None if
  * the command is not plain numbers, which is left to Python. */
 static PyObject* advance(PyObject* capsule, PyObject* const* given, Py_ssize_t count) {
@@ -64,7 +56,10 @@ static PyObject* advance(PyObject* capsule, PyObject* const* given, Py_ssize_t c
     PyErr_Clear();
     Py_RETURN_NONE;
   }
-  if (!tick(of->arm)) Py_RETURN_FALSE;
+  PyThreadState* const thread = PyEval_SaveThread(); /* without the lock, as events may make a tick long */
+  const int done = of->arm->tick(of->arm);
+  PyEval_RestoreThread(thread);
+  if (!done) Py_RETURN_FALSE;
   return state_of(of, before + 1);
 }
 

@@ -4,12 +4,10 @@
  */
 #pragma once
 
-typedef int (*differentiate_t)(const void*, const void*, const void*, const double*, const double*, const double*, double,
-                               double*, double*);
-
 /* The function `differentiate_tick` of tick_derivative.c, and what it takes besides state and command. */
 typedef struct {
-  differentiate_t differentiate;
+  int (*differentiate)(const void*, const void*, const void*, const double*, const double*, const double*, double, double*,
+                       double*);
   const void *scene, *tangents, *engine;
   const double* p;
   double dt;

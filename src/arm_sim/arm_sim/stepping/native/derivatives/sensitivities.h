@@ -7,8 +7,6 @@
  */
 
 #pragma once
-#include "modes/prediction.h"
-#include "scene.h"
 #include "modes/trace.h"
 
 #include <math.h>

@@ -6,7 +6,6 @@
 #pragma once
 #include "lanes/lanes.h"
 
-#include "modes/prediction.h"
 #if EVENTS
 #include "lanes/eventful_ticks.h"
 #endif

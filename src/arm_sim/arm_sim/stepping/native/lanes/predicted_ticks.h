@@ -5,7 +5,6 @@
 
 #pragma once
 #include "lanes/lanes.h"
-#include "modes/prediction.h"
 
 /* Beginnings of ticks of length h from x under commands that act. Nothing is predicted, in no modes and for no end of the
  * tick; `place` receives where the contacts are. */

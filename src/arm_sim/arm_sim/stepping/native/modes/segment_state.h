@@ -149,11 +149,6 @@ static int is_predicted(const scene_t* scene, const segment_t* segment) {
   return segment->predicted && same(segment->p.tunable, segment->predicted->p, P_LENGTH);
 }
 
-/* Of the answers at the beginning and at the end of a tick, that for x, compared by its first `count` numbers; or null. */
-static const double* answer_at(const real* x, const prediction_t* known, int count, const double* begin, const double* end) {
-  return same(x, known->x, count) ? begin : same(x, known->after, count) ? end : 0;
-}
-
 static void keep_geometry(const scene_t* scene, const real* x, memory_t* memory, const geometry_t* geometry) {
   const long long place = memory->states++ % STATES;
   copy(memory->x[place], x, 2 * NU);
@@ -163,7 +158,10 @@ static void keep_geometry(const scene_t* scene, const real* x, memory_t* memory,
 static void find_geometry(const scene_t* scene, const real* x, const segment_t* segment, geometry_t* geometry) {
   const prediction_t* known = segment->predicted;
   if (!NC) return;
-  const double* answer = known ? answer_at(x, known, 2 * NU, known->geometry, known->geometry_after) : 0;
+  const double* answer = !known                          ? 0
+                         : same(x, known->x, 2 * NU)     ? known->geometry
+                         : same(x, known->after, 2 * NU) ? known->geometry_after
+                                                         : 0;
   memory_t* memory = segment->memory;
   for (int i = 0; !answer && i < STATES && i < memory->states; ++i)
     if (same(x, memory->x[i], 2 * NU)) answer = memory->geometry[i].place;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A scene for reading the files of this folder alone, as editors and checks of them do: two joints with dry friction and stops, a
- * drive with a state, a bilateral constraint and two contacts, under error control. An exported library defines all this itself.
+ * What an exported library defines, for reading its other files alone, as editors and checks of them do: a scene of two joints
+ * with dry friction and stops, a drive with a state, a bilateral constraint and two contacts, under error control.
  */
 #pragma once
 #pragma GCC diagnostic ignored "-Wunused-parameter"

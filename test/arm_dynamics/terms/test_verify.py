@@ -5,25 +5,21 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 from samples import sampled
 
 import models
 from arm_dynamics import Dynamics, KernelError, ModelError
-from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.dynamics.point_answers import ALL_TERMS, FORWARD, INVERSE, PointAnswer
-from arm_dynamics.dynamics.verify import (
+from arm_dynamics.dynamics.checks import (
     check_constrained,
     check_forward,
     closed_states,
-    compare,
-    random_states,
     slack,
-    torque_size,
 )
 from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.terms.table import torque_size
+from arm_dynamics.terms.verify import compare, random_states
 from arm_sim import Simulator
 from models import loops
 from tolerances import CLOSURE, CLOSURE_SPEED, PINOCCHIO
@@ -288,32 +284,3 @@ def test_generated_code_of_constraints_that_are_nearly_one_passes() -> None:
     """Their error is rounding, and above the tolerance of well-conditioned constraints."""
     run = Simulator(loops.nearly_parallel(2e-5), backend="vm").run(0.01)
     assert abs(run.balance).max() < 1e-8
-
-
-def evaluated(question: PointAnswer, dynamics: Dynamics, bent: int = -1) -> tuple[Any, list[str]]:
-    """The response to a request without compiled code, one output off by 1e-6, and all outputs."""
-    function = one_at_a_time(question.expression)(dynamics)
-
-    def answer(*given: np.ndarray) -> list[np.ndarray]:
-        rows = [np.broadcast_to(x, (len(given[0]), x.shape[-1])).T for x in given]
-        outputs = function.map(len(given[0]))
-        found = outputs.call([ca.DM(row) for row in rows])
-        width = [function.numel_out(i) for i in range(function.n_out())]
-        made = [np.array(x.full()).T.reshape(-1, n) for x, n in zip(found, width, strict=True)]
-        for i, one in enumerate(made):
-            one *= 1.0 + 1e-6 * (i == bent)
-        return made
-
-    return answer, function.name_out()
-
-
-@pytest.mark.parametrize("question", [INVERSE, FORWARD, ALL_TERMS], ids=lambda one: one.title)
-def test_each_part_of_an_answer_is_compared(question: PointAnswer) -> None:
-    joints = {"*": {"friction": {"viscous": 0.3}, "spring": {"stiffness": 2.0, "rest": 0.1}}}
-    robot = models.scene("planar_3r").robot.model_dump()
-    dynamics = Dynamics({"robot": robot, "joints": joints})
-    right, outputs = evaluated(question, dynamics)
-    question.check(dynamics, right)
-    for i in range(len(outputs)):
-        with pytest.raises(KernelError):
-            question.check(dynamics, evaluated(question, dynamics, i)[0])

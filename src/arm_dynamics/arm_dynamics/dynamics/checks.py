@@ -1,23 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Verification of generated code before it is used: against Pinocchio, at random states."""
+"""Verification of accelerations that come from elsewhere, free or under constraints."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import KernelError
-from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.dynamics.dynamics import Dynamics, Term
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.regularity import check_regular
+from arm_dynamics.terms.arm import Numbers
+from arm_dynamics.terms.table import FORWARD, torque_size
+from arm_dynamics.terms.verify import (
+    CHECK_STATES,
+    CHECK_TOLERANCE,
+    compare,
+    random_states,
+    verify,
+)
 
-CHECK_TOLERANCE = 1e-10
-CHECK_STATES = 20
-WITHOUT_FRICTION = 23
-"""The terms of inverse dynamics but friction; ``Term`` is in a module that imports this one."""
 WELL_CONDITIONED = 1e4
 """Condition number of constraints above which a position is skipped if others are better."""
 ROUNDINGS = 100.0
@@ -27,73 +30,10 @@ ROUNDED = 1e-9
 MOST_SLACK = 1e3
 """Largest allowance for rounding: an error of 1e-7 never passes, whatever the condition number."""
 
-
-def random_states(n: int, count: int = 3) -> Array:
-    """Deterministic random vectors to compare at, shape (count, CHECK_STATES, n)."""
-    return np.random.default_rng(0).uniform(-np.pi, np.pi, (count, CHECK_STATES, n))
-
-
-def compare(what: str, *parts: tuple[Array, Array], source: str = "Pinocchio") -> float:
-    """Reject generated code whose results are wrong.
-
-    Args:
-        what: Name of the generated code, for the message.
-        parts: Differences from the source's results, and the size of the summands of such a
-            result, which does not vanish where the sum happens to; one entry for each state, each
-            of shape (k, …).
-        source: Whose results are right, for the message.
-
-    Returns:
-        The largest ratio, over states and parts, of the largest difference to the largest size.
-
-    Raises:
-        KernelError: If it exceeds ``CHECK_TOLERANCE``, or is NaN.
-    """
-    error = float(np.max([_relative(*part) for part in parts]))
-    if not error <= CHECK_TOLERANCE:
-        raise KernelError(
-            f"generated {what} differs from {source} by {error:.2e} (relative); "
-            f"allowed: {CHECK_TOLERANCE:.0e}"
-        )
-    return error
-
-
-def _relative(difference: Array, size: Array) -> float:
-    count = len(difference)
-    worst = abs(difference).reshape(count, -1).max(axis=1, initial=0.0)
-    scale = abs(size).reshape(count, -1).max(axis=1, initial=0.0)
-    return float(np.max(worst / np.maximum(scale, np.finfo(float).tiny)))
-
-
-def torque_size(M: Array, a: Array, *torques: Array) -> Array:
-    """Size of the summands of the torques of a motion, shape (k, n).
-
-    Accelerations are compared by the torques that they require: unlike a difference of
-    accelerations, one of torques does not grow with M⁻¹.
-    """
-    heavy: Array = (abs(M) @ abs(a)[..., None])[..., 0]
-    return heavy + sum(map(abs, torques))
-
-
-class Expected(Protocol):
-    """Reference for accelerations, as ``Dynamics`` provides it."""
-
-    @property
-    def model(self) -> ArmModel: ...  # noqa: D102
-
-    def inverse(self, q: Array, v: Array, a: Array, terms: int = ...) -> Array: ...  # noqa: D102
-
-    def friction(self, v: Array, direction: Array, q: Array, load: Array) -> Array: ...  # noqa: D102
-
-    def forward(self, q: Array, v: Array, tau: Array) -> Array: ...  # noqa: D102
-
-    def mass_matrix(self, q: Array) -> Array: ...  # noqa: D102
-
-
 Acceleration = Callable[[Array, Array, Array], Array]
 
 
-def check_forward(dynamics: Expected, acceleration: Acceleration) -> float:
+def check_forward(dynamics: Dynamics, acceleration: Acceleration) -> float:
     """Verify forward dynamics: inverse dynamics of the accelerations must return the torque.
 
     Args:
@@ -107,12 +47,13 @@ def check_forward(dynamics: Expected, acceleration: Acceleration) -> float:
         KernelError: If it is wrong.
         ModelError: If the mass matrix is singular to rounding.
     """
-    q, v, tau = random_states(dynamics.model.n)
-    M = _mass_matrices(dynamics, q)
-    a = _accelerations(acceleration, q, v, tau)
-    bias = dynamics.inverse(q, v, np.zeros_like(q))
-    size = torque_size(M, a, bias, tau)
-    return compare("forward dynamics", (dynamics.inverse(q, v, a) - tau, size))
+
+    def values(given: Mapping[str, Array]) -> Array:
+        return _accelerations(acceleration, *(given[x] for x in ("q", "v", "tau")))
+
+    _mass_matrices(dynamics, random_states(dynamics.n)[0])
+    numbers = Numbers(dynamics.model, dynamics.steady_friction)
+    return verify(numbers, (FORWARD, ()), values, ("q", "v", "tau"))
 
 
 def sliding(v: Array) -> Array:
@@ -124,7 +65,7 @@ def sliding(v: Array) -> Array:
     return np.where(v < 0.0, -1.0, 1.0)
 
 
-def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
+def check_constrained(dynamics: Dynamics, acceleration: Acceleration) -> float:
     """Verify constrained forward dynamics: A a + γ = 0, and the missing torque is Aᵀλ.
 
     It is evaluated where the constraints are closed, the only states that occur: elsewhere a long
@@ -147,7 +88,7 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     # A gear's loss depends on the drive's torque, not on what the constraints leave of it.
     friction = dynamics.friction(v, sliding(v), q, tau)
     lacking, unmoved = (
-        tau - friction - dynamics.inverse(q, v, way, terms=WITHOUT_FRICTION)
+        tau - friction - dynamics.inverse(q, v, way, terms=Term.ALL ^ Term.FRICTION)
         for way in (a, np.zeros_like(q))
     )
     free = np.linalg.solve(M, unmoved[..., None])
@@ -204,7 +145,7 @@ def _condition(s: Array, rows: int) -> float:
     return float(s[0] / s[-1]) if len(s) == rows else np.inf
 
 
-def _mass_matrices(dynamics: Expected, q: Array) -> Array:
+def _mass_matrices(dynamics: Dynamics, q: Array) -> Array:
     """M at each state, checked to be regular there and at the initial position."""
     M = dynamics.mass_matrix(np.vstack([q, dynamics.model.q0]))
     check_regular(M, dynamics.model.joint_names)

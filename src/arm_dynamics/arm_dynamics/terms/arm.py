@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An arm as formulas see it: with numbers, or with expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+
+from arm_dynamics.actuation.steady_friction import SteadyFriction
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen.one_at_a_time import built_once
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.model.rigid_expressions import RigidExpressions
+
+
+class Expressions:
+    """Expressions of shape (n,).
+
+    Args:
+        model: The arm.
+        friction: Its friction in steady motion.
+
+    Attributes:
+        rigid: Its rigid bodies and springs.
+        sprung: Whether there are springs.
+        rubs: Whether there is friction.
+    """
+
+    def __init__(self, model: ArmModel, friction: SteadyFriction) -> None:
+        self.rigid: Any = RigidExpressions(model)
+        self._friction, self.rubs, self.sprung = friction, friction.present, bool(model.springs)
+
+    def lost(self, v: Any, q: Any, load: Any) -> Any:
+        """Friction of sliding joints under torques of the drives, shape (n,)."""
+        return self._friction(v, ca.sign(v), q, load)
+
+    def needed(self, v: Any, q: Any, tau: Any) -> Any:
+        """Torques of the drives that leave ``tau`` for the rigid arm, shape (n,)."""
+        return self._friction.demanded(tau, v, ca.sign(v), q)
+
+
+class Numbers:
+    """Numbers of single states of shape (n,); for one thread at a time.
+
+    Pinocchio computes all but friction, which is that of the expressions, on CasADi's virtual
+    machine: for a single state NumPy takes ten times as long.
+    """
+
+    def __init__(self, model: ArmModel, friction: SteadyFriction) -> None:
+        self.rigid, self._model, self._friction = RigidTerms(model), model, friction
+        self.rubs, self.sprung = friction.present, bool(model.springs)
+
+    @built_once
+    def lost(self) -> Callable[[Array, Array, Array], Array]:
+        """See ``Expressions``."""
+        return self._evaluated(Expressions.lost)
+
+    @built_once
+    def needed(self) -> Callable[[Array, Array, Array], Array]:
+        """See ``Expressions``."""
+        return self._evaluated(Expressions.needed)
+
+    def _evaluated(self, law: Callable[..., ca.SX]) -> Callable[[Array, Array, Array], Array]:
+        given = [ca.SX.sym(name, self._model.n) for name in ("v", "q", "tau")]
+        torque = ca.densify(law(Expressions(self._model, self._friction), *given))
+        call = Kernel([ca.Function("torque", given, [torque], {"cse": True})], "vm").call("torque")
+        ((at, there, load), (made,), run) = call.inputs, call.outputs, call.run
+
+        def evaluate(v: Array, q: Array, tau: Array) -> Array:
+            at[:], there[:], load[:] = v, q, tau
+            run()
+            return made.copy()
+
+        return evaluate

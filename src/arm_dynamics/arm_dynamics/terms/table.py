@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of terms: all that is asked of an arm at a state, each stated once.
+
+An entry follows into ``Dynamics``, its batches and its calls of compiled code, exported C, the
+services, their client and the reference, and is verified against Pinocchio wherever it becomes
+code. Its formula is evaluated with numbers, which Pinocchio computes, and with expressions alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from arm_dynamics.terms.arm import Expressions, Numbers
+
+    type Arm = Numbers | Expressions
+
+CHOICES = 5
+SIZES = {"q": 0, "v": 0, "a": 0, "tau": 0, "chosen": CHOICES, "external": 0}
+"""Arguments of formulas, in order, and the size of each, 0 for n.
+
+Positions in [rad] or [m], velocities and accelerations of the joints, and torques in [N m] or [N];
+``chosen`` has the factors, 0 or 1, of inertia, Coriolis, gravity, friction and springs, and
+``external`` torques that act on the links.
+"""
+FIXED = {"chosen": 1.0, "external": 0.0}
+"""What arguments are where they are not given: all terms, and no torques."""
+WITHOUT_FRICTION = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
+"""``chosen`` of everything else."""
+
+
+def always(model: Any) -> bool:
+    """True."""
+    return True
+
+
+def relative(arm: Arm, made: Any, formula: Callable[..., Any], *state: Any) -> Any:
+    """The difference of a result from Pinocchio's, and its size."""
+    right = formula(arm, *state)
+    return made - right, right
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A function of the state of an arm.
+
+    Attributes:
+        name: Its name in C, services and commands.
+        of: Names of its arguments, out of ``SIZES``.
+        shape: Of its result at one state, in numbers and n.
+        symbol: Of its result.
+        unit: Of its result, for revolute joints and for prismatic ones.
+        about: One sentence for people.
+        formula: From ``Numbers`` or ``Expressions``, and the arguments, to the result.
+        which: Names of further arguments that are not numbers, such as a frame.
+        compared: From ``Numbers``, a result of code, the formula and its arguments, to the error
+            and the size of the summands, which does not vanish where the sum happens to.
+        fields: Names of the parts of the result, where services name each.
+        method: Its name in ``Dynamics``, if it is another one.
+        compiles: Whether there is code of it for a model.
+    """
+
+    name: str
+    of: tuple[str, ...]
+    shape: tuple[str | int, ...]
+    symbol: str
+    unit: str
+    about: str
+    formula: Callable[..., Any]
+    which: tuple[str, ...] = ()
+    compared: Callable[..., Any] = relative
+    fields: tuple[str, ...] = ()
+    method: str = ""
+    compiles: Callable[[Any], bool] = always
+
+    @property
+    def asked(self) -> str:
+        """Name of the method of ``Dynamics``."""
+        return self.method or self.name
+
+    @property
+    def asks(self) -> tuple[str, ...]:
+        """Names of what is given for it."""
+        return *(x for x in self.of if x not in FIXED), *self.which
+
+    @property
+    def parts(self) -> dict[str, tuple[str | int, ...]]:
+        """Shapes of what services name of the result."""
+        return dict.fromkeys(self.fields, self.shape[1:]) or {self.name: self.shape}
+
+    def dimensions(self, n: int) -> tuple[int, ...]:
+        """Shape of the result for n joints, -1 for any number."""
+        sizes = {"n": n, "n + 1": n + 1, "m": -1}
+        return tuple(sizes[x] if isinstance(x, str) else x for x in self.shape)
+
+    def title(self, *which: Any) -> str:
+        """Its name for people."""
+        return " of ".join([self.name.replace("_", " "), *map(repr, which)])
+
+
+def _inverse(arm: Arm, q: Any, v: Any, a: Any, chosen: Any = None, external: Any = None) -> Any:
+    if chosen is None:
+        tau, friction = arm.rigid.frictionless(q, v, a), True
+    else:
+        inertia, coriolis, weight, friction, spring = (chosen[i] for i in range(5))
+        tau = arm.rigid.inverse(q, coriolis * v, inertia * a, weight)
+        if arm.sprung:
+            tau = tau + spring * arm.rigid.spring(q, v)
+    if external is not None:
+        tau = tau - external
+    if not arm.rubs:
+        return tau
+    needed = arm.needed(v, q, tau)
+    return needed if friction is True else friction * needed + (1.0 - friction) * tau
+
+
+def _forward(arm: Arm, q: Any, v: Any, tau: Any, external: Any = None) -> Any:
+    free = tau - arm.lost(v, q, tau) if arm.rubs else tau
+    if external is not None:
+        free = free + external
+    return arm.rigid.forward(q, v, free - arm.rigid.spring(q, v) if arm.sprung else free)
+
+
+def torque_size(M: Any, a: Any, *torques: Any) -> Any:
+    """Size of the summands of the torques of a motion, shape (…, n).
+
+    Accelerations are compared by the torques that they require: unlike a difference of
+    accelerations, one of torques does not grow with M⁻¹.
+    """
+    heavy = (abs(M) @ abs(a)[..., None])[..., 0]
+    return heavy + sum(map(abs, torques))
+
+
+def _summands(arm: Arm, q: Any, v: Any, a: Any, *torques: Any) -> Any:
+    return torque_size(arm.rigid.mass(q), a, _inverse(arm, q, v, 0.0 * a), *torques)
+
+
+def _in_torques(arm: Arm, a: Any, _: Any, q: Any, v: Any, tau: Any, external: Any) -> Any:
+    missing = _inverse(arm, q, v, a, external=external) - tau
+    return missing, _summands(arm, q, v, a, tau, external)
+
+
+def _of_motion(arm: Arm, made: Any, formula: Any, q: Any, v: Any, a: Any, *more: Any) -> Any:
+    return made - formula(arm, q, v, a, *more), _summands(arm, q, v, a, *more[1:])
+
+
+def _with_inertia(arm: Arm, made: Any, formula: Any, q: Any, *more: Any) -> Any:
+    right = formula(arm, q, *more)
+    return made - right, abs(right) + abs(arm.rigid.mass(q)).sum(axis=1)
+
+
+def _coriolis(arm: Arm, made: Any, formula: Any, q: Any, v: Any) -> Any:
+    return made - formula(arm, q, v), arm.rigid.mass(q) * abs(v).max()
+
+
+def _energies(arm: Arm, made: Any, formula: Any, q: Any, v: Any) -> Any:
+    kinetic, potential = abs(formula(arm, q, v))
+    return made - formula(arm, q, v), np.array([kinetic, kinetic + potential])
+
+
+def _moving(arm: Arm, made: Any, formula: Any, q: Any, v: Any, frame: str) -> Any:
+    return made - formula(arm, q, v, frame), abs(v).max() * arm.rigid.jacobian(q, frame)
+
+
+def _rows(arm: Arm, made: Any, formula: Any, q: Any, v: Any, names: Any) -> Any:
+    right = formula(arm, q, v, names)
+    size = abs(right)
+    size[:, -1] += size[:, :-1].max(axis=1, initial=0.0) * abs(v).max() ** 2
+    return made - right, size
+
+
+INVERSE = Entry(
+    "inverse_dynamics", ("q", "v", "a", "chosen", "external"), ("n",), "tau", "N m, N",
+    "Torques of a motion q, v, a: M a + C v + G + springs + friction.",
+    _inverse, compared=_of_motion, method="inverse",
+)  # fmt: skip
+FORWARD = Entry(
+    "forward_dynamics", ("q", "v", "tau", "external"), ("n",), "a", "rad/s², m/s²",
+    "Accelerations under joint torques tau. A joint that dry friction holds at rest stays there; "
+    "NaN where the laws of friction determine no motion.",
+    _forward, compared=_in_torques, method="forward",
+    compiles=lambda model: not model.scene.bilateral,
+)  # fmt: skip
+MASS_MATRIX = Entry(
+    "mass_matrix", ("q",), ("n", "n"), "M", "kg m², kg",
+    "Mass matrix M(q) with armature.", lambda arm, q: arm.rigid.mass(q),
+)  # fmt: skip
+CORIOLIS_MATRIX = Entry(
+    "coriolis_matrix", ("q", "v"), ("n", "n"), "C", "N m s/rad, N s/m",
+    "Coriolis matrix C(q, v); dM/dt - 2 C is skew-symmetric.",
+    lambda arm, q, v: arm.rigid.coriolis(q, v), compared=_coriolis,
+    compiles=lambda model: model.n <= 16,  # an expression of the size of n³
+)  # fmt: skip
+GRAVITY = Entry(
+    "gravity", ("q",), ("n",), "g", "N m, N",
+    "Torques G(q) that balance the weight.",
+    lambda arm, q: arm.rigid.gravity(q), compared=_with_inertia,
+)  # fmt: skip
+FRICTION = Entry(
+    "friction", ("q", "v"), ("n",), "f", "N m, N",
+    "Friction of a steady motion without load; zero part of dry friction at rest.",
+    lambda arm, q, v: arm.lost(v, q, 0.0 * v),
+)  # fmt: skip
+SPRING = Entry(
+    "spring", ("q", "v"), ("n",), "s", "N m, N",
+    "Torques S(q, v) that balance springs and their dampers.",
+    lambda arm, q, v: arm.rigid.spring(q, v), compared=_with_inertia,
+)  # fmt: skip
+ENERGY = Entry(
+    "energy", ("q", "v"), (2,), "kinetic_and_potential", "J",
+    "Kinetic and potential energy, that of springs included.",
+    lambda arm, q, v: arm.rigid.energies(q, v), compared=_energies,
+    fields=("kinetic_energy", "potential_energy"),
+)  # fmt: skip
+POSE = Entry(
+    "pose", ("q",), (4, 4), "T", "m",
+    "Pose of a frame in the world: T of x_world = T x_frame.",
+    lambda arm, q, frame: arm.rigid.pose(q, frame), ("frame",),
+)  # fmt: skip
+JACOBIAN = Entry(
+    "jacobian", ("q",), (6, "n"), "J", "m/s, rad/s",
+    "Jacobian of a frame: linear rows first, in axes of the world, at the frame's origin.",
+    lambda arm, q, frame: arm.rigid.jacobian(q, frame), ("frame",),
+)  # fmt: skip
+JACOBIAN_DERIVATIVE = Entry(
+    "jacobian_derivative", ("q", "v"), (6, "n"), "J_dot", "m/s², rad/s²",
+    "Derivative of the Jacobian of a frame by time.",
+    lambda arm, q, v, frame: arm.rigid.jacobian_derivative(q, v, frame), ("frame",),
+    compared=_moving,
+)  # fmt: skip
+
+TERMS = [
+    INVERSE, FORWARD, MASS_MATRIX, CORIOLIS_MATRIX, GRAVITY, FRICTION, SPRING, ENERGY, POSE,
+    JACOBIAN, JACOBIAN_DERIVATIVE,
+]  # fmt: skip
+"""All entries."""
+OF_SERVICE = MASS_MATRIX, CORIOLIS_MATRIX, GRAVITY, FRICTION, SPRING, ENERGY
+"""Those of the service ``dynamics_terms``, in the order of its response."""
+TASK_SPACE: dict[str, tuple[str | int, ...]] = {
+    "pose": (7,), "jacobian": ("m", "n"), "twist": ("m",), "bias": ("m",), "inertia": ("m", "m"),
+    "coriolis": ("m",), "gravity": ("m",), "spring": ("m",), "inverse": ("n", "m"),
+    "null_space": ("n", "n"), "manipulability": (), "condition": (), "damped": (),
+}  # fmt: skip
+"""Terms of the task space by the names of the service, with shapes in joints n and axes m."""
+
+CONSTRAINT_ROWS = Entry(
+    "constraint_rows", ("q", "v"), ("m", "n + 1"), "A", "",
+    "Rows A of bilateral constraints, with γ = Ȧ v beside them.",
+    lambda arm, q, v, names: arm.rigid.constraint_rows(q, v, names), ("constraints",),
+    compared=_rows,
+)  # fmt: skip
+"""Of the constraints with these names; not asked by people."""

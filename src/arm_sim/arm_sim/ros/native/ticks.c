@@ -1,0 +1,212 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ticks.h"
+
+#include <math.h>
+#include <sched.h>
+#include <string.h>
+
+#define ROOMY 4096 /* largest command in bytes that is recorded here */
+
+static int64_t ask(ticks_t* t, int64_t what) { return t->broken ? 0 : t->ask(what); }
+
+/* --- what acts ------------------------------------------------------------------------------------------------------- */
+
+static int64_t policy_of(const slot_t* s) {
+  if (s->policy != HOLD) return s->policy;
+  return s->kind ? s->kind : ZERO;
+}
+
+int64_t acting(const slot_t* s) { return s->kind ? s->kind : policy_of(s); }
+
+static int64_t is_old(const slot_t* s, double share) { return !s->lasting && s->timeout && s->age + share > s->timeout; }
+
+int64_t expires(const slot_t* s, double share) { return s->kind && !s->fresh && !s->stale && is_old(s, share); }
+
+int64_t choose(slot_t* s, double share, int64_t extend) {
+  if (!s->kind) return policy_of(s);
+  if (s->fresh) s->fresh = s->age = s->stale = 0;
+  const int64_t stale = is_old(s, share) && !extend;
+  s->age += share;
+  s->extended += extend;
+  if (!stale) return s->kind;
+  s->stale_count += !s->stale;
+  s->stale = 1;
+  return policy_of(s);
+}
+
+/* --- commands -------------------------------------------------------------------------------------------------------- */
+
+/* Whether there is space in the recording for so many bytes, now. */
+static int has_space(ticks_t* t, int64_t size) {
+  t->log = time_of(CLOCK_REALTIME);
+  return t->chunk && has_room(t->chunk, t->log, size);
+}
+
+/* Whether the command that was read last need not be seen by Python, which has admitted its source. */
+static int is_admitted(ticks_t* t, int64_t outcome) {
+  int64_t kind;
+  if (outcome != KNOWN) return 0;
+  memcpy(&kind, t->reader->found + 16, 8);
+  if (!t->leads[kind]) return 0;
+  return !t->copy || (t->reader->length <= ROOMY && has_space(t, ROOMY + 31));
+}
+
+/* Accept the command that was read last; returns whether it answers the newest state. */
+static int64_t accept(ticks_t* t) {
+  slot_t* s = t->slot;
+  int64_t arrival;
+  memcpy(&t->stamp, t->reader->found, 8);
+  memcpy(&arrival, t->reader->found + 8, 8);
+  memcpy(s->efforts, t->reader->found + 24, 8 * t->joints);
+  hear(t->arbiter->only, t->arbiter->now, t->arbiter->patience);
+  s->kind = EFFORTS;
+  s->fresh = s->any = s->unread = 1;
+  s->lasting = 0;
+  if (t->copy) put_record(t->chunk, t->commands, t->log, t->log, t->reader->raw, t->reader->length);
+  return answered(t->trip, t->stamp, arrival);
+}
+
+/* Process a message; returns whether no newer one is expected. */
+static int64_t process(ticks_t* t, int64_t outcome) {
+  if (is_admitted(t, outcome)) return accept(t);
+  t->outcome = outcome;
+  t->stamp = -1;
+  return ask(t, READ);
+}
+
+void read_commands(ticks_t* t) {
+  for (int64_t i = 0; i < t->at_once && !t->broken; ++i) {
+    const int64_t outcome = t->take(t->source, t->reader);
+    if (outcome == NONE || process(t, outcome)) break;
+  }
+}
+
+/* --- the arm --------------------------------------------------------------------------------------------------------- */
+
+/* A tick under what acts; 0: it cannot be computed. */
+static int64_t move(ticks_t* t, int64_t acts) {
+  const int braked = acts == BRAKE && t->locked, is_free = t->arm && !t->stopping && (acts == EFFORTS || acts == ZERO);
+  t->acts = acts;
+  if (!braked && !is_free) return ask(t, MOVE);
+  if (is_free) {
+    if (acts == EFFORTS) memcpy(t->arm->command, t->slot->efforts, 8 * t->joints);
+    else memset(t->arm->command, 0, 8 * t->joints);
+    if (!t->arm->tick(t->arm)) return 0;
+  }
+  ++t->step_count;
+  t->hold = braked;
+  if (t->senses || (t->notices && is_free && memcmp(t->arm->command, t->effort, 8 * t->joints))) ask(t, SENSE);
+  return 1;
+}
+
+/* Keep the state after the last tick for the energy account. */
+static void keep(ticks_t* t) {
+  if (!t->room) return;
+  const int64_t row = t->kept % t->room;
+  memcpy(t->trail + row * t->states, t->x, 8 * t->states);
+  memcpy(t->acted + row * t->joints, t->effort, 8 * t->joints);
+  t->ticks[row] = t->hold == 1 ? -t->step_count : t->step_count;
+  __atomic_store_n(&t->kept, t->kept + 1, __ATOMIC_RELEASE);
+}
+
+/* Whether Python must note states before another one is kept. */
+static int is_full(ticks_t* t) { return t->room && t->kept - __atomic_load_n(&t->noted, __ATOMIC_ACQUIRE) >= t->room; }
+
+/* --- outputs --------------------------------------------------------------------------------------------------------- */
+
+static int64_t simulated_time(const ticks_t* t) { return llrint(1e9 * (t->step_count * t->dt)); }
+
+void publish_state(ticks_t* t) {
+  const int64_t simulated = simulated_time(t), stamp = t->published = t->times ? stamp_now(t->times, simulated) : simulated;
+  const entry_t* f = t->drives;
+  t->idle = 0.0;
+  sent(t->trip, stamp);
+  if (f) f->function(f->arguments, f->results, f->integers, f->reals, 0);
+  if (t->fills) ask(t, FILL);
+  if (send(t->joint_states, stamp) || (t->ground_truth && send(t->ground_truth, stamp)) || (t->clock && send(t->clock, stamp)))
+    ask(t, UNSENT);
+}
+
+/* Record the last tick, and the joint state published for it. */
+static void record_tick(ticks_t* t, int publishes) {
+  const int64_t size = publishes ? t->joint_states->size : 0;
+  t->needs = size + t->copy->size + 62;
+  while (!has_space(t, t->needs))
+    if (!ask(t, SPACE)) return;
+  record(t->chunk, t->copy, t->log, simulated_time(t), t->hold, size ? t->joint_states->raw : NULL, size, t->published);
+  ++t->recorded;
+}
+
+/* Publish and record the last tick. */
+static void write_tick(ticks_t* t) {
+  const int publishes = t->joint_states && t->step_count % t->every == 0;
+  if (publishes) publish_state(t);
+  if (t->copy) record_tick(t, publishes);
+  if (t->listens || t->step_count % t->seldom == 0 || t->slot->stale != t->was_stale || is_full(t)) ask(t, TICKED);
+}
+
+/* --- ticks ----------------------------------------------------------------------------------------------------------- */
+
+/* A tick under the newest command; returns whether it was made. `ages`: it makes the command older. */
+static int update(ticks_t* t, int64_t ages) {
+  slot_t* s = t->slot;
+  if (t->prepares) ask(t, PREPARE);
+  const int64_t extend = ages && expires(s, t->share) && ask(t, EXPIRE);
+  if (t->broken || !move(t, ages ? choose(s, t->share, extend) : acting(s))) {
+    t->broken = 1;
+    return 0;
+  }
+  keep(t);
+  write_tick(t);
+  return 1;
+}
+
+void tick(ticks_t* t) {
+  if (__atomic_load_n(t->bell, __ATOMIC_ACQUIRE)) ask(t, SERVE);
+  t->arbiter->now += t->share;
+  if (!t->paused) read_commands(t);
+  if (!t->paused && (t->slot->any || !t->waits)) update(t, 1);
+  else ask(t, IDLE);
+}
+
+void by_the_clock(ticks_t* t, due_t* due) {
+  while (!t->broken && !__atomic_load_n(&due->ended, __ATOMIC_ACQUIRE)) {
+    await_tick(due);
+    t->share = due->share;
+    tick(t);
+  }
+}
+
+/* Process the next message that arrives soon; 0: none does, or others have their turn. */
+static int next_answer(ticks_t* t, const waiting_t* w) {
+  int64_t now;
+  while ((now = time_of(CLOCK_MONOTONIC)) - w->asked < w->soon && now < w->end && !t->broken) {
+    const int64_t outcome = t->take(t->source, t->reader);
+    if (outcome != NONE) {
+      process(t, outcome);
+      return !t->broken;
+    }
+    sched_yield();
+  }
+  return 0;
+}
+
+void in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp) {
+  t->share = 1.0;
+  t->stamp = stamp;
+  do {
+    const int64_t answers = t->stamp >= 0 && t->stamp == w->stamp;
+    w->ignored += !answers && t->stamp >= 0;
+    if (!answers) continue;
+    do tick(t);
+    while (!t->paused && !t->broken && t->step_count % t->every);
+    w->stamp = t->paused ? -1 : simulated_time(t);
+    w->asked = w->first = time_of(CLOCK_MONOTONIC);
+  } while (w->stamp >= 0 && next_answer(t, w));
+}
+
+int64_t advance(ticks_t* t, int64_t count) {
+  int64_t made = 0;
+  while (made < count && update(t, 0)) ++made;
+  return made;
+}

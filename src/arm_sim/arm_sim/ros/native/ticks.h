@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The ticks of a sim node. Every tick is made here: by a caller, by the clock, or when its state has been answered. What
+ * C cannot do it asks Python for, by one function. Python reads this header, see ticks.py.
+ */
+#pragma once
+#include "arm.h"
+#include "joint_state.h"
+#include "loop.h"
+#include "record.h"
+
+/* What Python is asked for, in the order of a tick. */
+enum {
+  SERVE,   /* run the queue */
+  READ,    /* process a message, see `outcome`; whether no newer one is expected */
+  IDLE,    /* time stands still */
+  PREPARE, /* put the delayed command that has arrived, set the torques of wrenches */
+  EXPIRE,  /* a command becomes stale: whether it goes on acting, since the next one may be arriving */
+  MOVE,    /* a tick under `acts`, other than efforts; whether it can be computed */
+  SENSE,   /* after a tick that C made: sample the sensors, notice a clipped command */
+  FILL,    /* fill the arrays of the joint state that C does not compute */
+  UNSENT,  /* the joint state could not be published */
+  SPACE,   /* make space in the recording for `needs` bytes; whether there is any */
+  TICKED   /* notify listeners of the tick */
+};
+typedef int64_t (*ask_t)(int64_t what);
+
+/* --- latest.LatestCommand: the newest command, or the policy -------------------------------------------------------- */
+
+/* What acts: efforts; a command of the servos, which Python keeps; or a policy, in the order of POLICIES. */
+enum { NOTHING, EFFORTS, JOINTS, BRAKE, SERVO, ZERO, HOLD, GRAVITY };
+
+typedef struct {
+  int64_t kind;    /* of the newest command; NOTHING: none has arrived */
+  int64_t fresh;   /* whether it has not acted yet */
+  int64_t lasting; /* whether it never becomes stale */
+  int64_t any;     /* whether a command was sent since the last reset */
+  int64_t unread;  /* whether Python has not read its efforts yet */
+  double age;      /* ticks since it was first used */
+  int64_t timeout, policy;
+  int64_t stale, stale_count; /* whether the policy acts because commands have stopped, and how often it began to */
+  int64_t extended;           /* ticks for which commands acted beyond their time */
+  double* efforts;
+} slot_t;
+
+/* What acts in a tick that does not make the command older. */
+QUICK int64_t acting(const slot_t* s);
+
+/* Whether the command that acts is too old for a tick, or the part of one, that makes it older. */
+QUICK int64_t expires(const slot_t* s, double share);
+
+/* What acts in the next tick, which is counted; `extend`: the command goes on acting, whatever its age. */
+QUICK int64_t choose(slot_t* s, double share, int64_t extend);
+
+/* --- arbiter.Arbiter ------------------------------------------------------------------------------------------------- */
+
+typedef struct {
+  double now; /* ticks so far */
+  int64_t patience;
+  stream_t* only; /* the only source that is remembered; NULL: there is none, or more than one */
+} arbiter_t;
+
+/* --- ticks ----------------------------------------------------------------------------------------------------------- */
+
+typedef int64_t (*take_t)(source_t*, joint_state_t*);
+
+typedef struct {
+  ask_t ask;
+  int64_t* bell;         /* nonzero: there is something in the queue */
+  int64_t broken;        /* nonzero: return to Python, as it has raised an exception, or a tick cannot be computed */
+  int64_t paused, waits; /* whether time stands still, and whether it waits for the first command */
+  double share;          /* part of a tick by which the next one makes commands older */
+  /* Commands: their source, and the kinds of messages that Python need not see: their source commands all joints, alone.
+   * Of a message that Python must process, the outcome of reading it; of the last one, the stamp, -1: it was refused. */
+  take_t take;
+  source_t* source;
+  joint_state_t* reader;
+  int64_t at_once; /* largest number of messages that are read before a tick */
+  int64_t leads[KINDS];
+  int64_t outcome, stamp;
+  arbiter_t* arbiter;
+  slot_t* slot;
+  int64_t was_stale;
+  int64_t prepares; /* whether commands are delayed, or wrenches act */
+  /* The arm. */
+  arm_t* arm; /* NULL: Python advances it */
+  const double *x, *effort;
+  int64_t step_count, hold; /* ticks since the last reset, and what held the arm in the last one */
+  double dt;
+  int64_t joints, states;
+  int64_t acts;             /* what acts in a tick that Python makes */
+  int64_t stopping, locked; /* whether the arm is being stopped or held, and whether brakes have closed */
+  int64_t notices, senses;  /* whether a clipped command must be noticed, and whether there are sensors */
+  /* States for the energy account, which other threads read: the last ones, their ticks (negative: brakes held the arm),
+   * the number of ticks kept so far, and of those already noted by Python. Without room they are not kept. */
+  double *trail, *acted;
+  int64_t *ticks, room, kept, noted;
+  /* Outputs; NULL: there is none. */
+  int64_t every, seldom, listens; /* ticks between joint states, and between infrequent topics; whether Python listens */
+  sink_t *joint_states, *ground_truth, *clock;
+  entry_t* drives; /* computes the efforts of joint states; NULL: these are the commands */
+  int64_t fills;   /* whether Python fills arrays */
+  times_t* times;  /* NULL: stamps are simulated time */
+  trip_t* trip;
+  int64_t published; /* stamp of the last joint state ... */
+  double idle;       /* ... and time in [s] for which time stands still since then */
+  /* The recording; NULL: there is none, or no space in it. */
+  chunk_t* chunk;
+  tick_t* copy;
+  int64_t commands;   /* number of the channel of commands */
+  int64_t recorded;   /* ticks in it so far */
+  int64_t log, needs; /* time of what is written next, and bytes for which Python must make space */
+} ticks_t;
+
+/* Read the messages that have arrived. */
+EXPORT void read_commands(ticks_t* t);
+
+/* A tick, unless time stands still. */
+EXPORT void tick(ticks_t* t);
+
+/* Ticks by the clock, until they end, see RealtimeLoop. */
+EXPORT void by_the_clock(ticks_t* t, due_t* due);
+
+/* The ticks triggered by a command with this stamp, and by those that arrive soon after it, see Lockstep. */
+EXPORT void in_lockstep(ticks_t* t, waiting_t* w, int64_t stamp);
+
+/* Some ticks that do not make the command older; returns how many were made. */
+EXPORT int64_t advance(ticks_t* t, int64_t count);
+
+/* Publish the current state. */
+EXPORT void publish_state(ticks_t* t);

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What C and Python share of the ticks of a sim node, and what C asks Python for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from ctypes import CFUNCTYPE, Structure, c_int64, c_void_p, cast
+
+from arm_sim.ros.node_library import TICKS
+
+_ASK = CFUNCTYPE(c_int64, c_int64)
+_NEVER = 1 << 62
+
+
+class Ticks(Structure):
+    """``ticks_t`` of ticks.h, where the fields are explained.
+
+    Attributes:
+        refresh: Called before C executes ticks, and after each question, to pass changes to C.
+        error: Exception that an answer has raised, for which C has returned.
+    """
+
+    _fields_ = TICKS.fields("ticks_t")
+
+    def __init__(self) -> None:
+        self._answers: dict[int, Callable[[], object]] = {}
+        self.refresh = list[Callable[[], object]]()
+        self.error: BaseException | None = None
+        self._ask = _ASK(self._answered)
+        ask = cast(self._ask, c_void_p).value
+        super().__init__(ask=ask, every=1, seldom=_NEVER, share=1.0)
+
+    def answer(self, **functions: Callable[[], object]) -> None:
+        """Set the functions that answer questions of C, by name; truth or numbers are answers."""
+        for name, function in functions.items():
+            self._answers[TICKS.constants[name.upper()]] = function
+
+    def _answered(self, what: int) -> int:
+        try:
+            found = self._answers[what]()
+            self.refreshed()
+        except BaseException as error:
+            self.error, self.broken = error, 1
+            return 0
+        return found if isinstance(found, int) else 0
+
+    def refreshed(self) -> None:
+        """Pass changes to C."""
+        for part in self.refresh:
+            part()

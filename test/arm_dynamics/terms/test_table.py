@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each entry of the table: code that is wrong anywhere is refused, whatever it is of."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmModel, KernelError, load_scene
+from arm_dynamics.actuation.steady_friction import SteadyFriction
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.terms.arm import Expressions, Numbers
+from arm_dynamics.terms.compiled import Asked, function, rows, verify
+from arm_dynamics.terms.table import CONSTRAINT_ROWS, TERMS, Entry
+from tolerances import ALGEBRA
+
+JOINT = {"friction": {"viscous": 0.3, "coulomb": 0.2}, "spring": {"stiffness": 2.0, "rest": 0.1}}
+ASKED = [(x, ("tip",) if x.which else ()) for x in TERMS] + [(CONSTRAINT_ROWS, (("loop",),))]
+Values = Callable[[Mapping[str, np.ndarray]], np.ndarray]
+
+
+def arm(entry: Entry, stiffness: float = 1.0, mass: float = 0.0) -> ArmModel:
+    name = "four_bar" if entry is CONSTRAINT_ROWS else "planar_3r"
+    scene: dict[str, Any] = models.scene(name).model_dump(exclude_unset=True)
+    if name == "planar_3r":
+        spring = JOINT["spring"] | {"stiffness": 2.0 * stiffness}
+        scene["joints"] = {"*": JOINT | {"spring": spring}}
+        if mass:
+            frame = models.dynamics(name).model.frame_names[-1]
+            scene["payloads"] = [{"frame": frame, "mass": mass, "com": [0.0, 0.0, 0.0]}]
+    return ArmModel(load_scene(scene))
+
+
+def numbers(model: ArmModel) -> Numbers:
+    return Numbers(model, SteadyFriction.of(model))
+
+
+@one_at_a_time
+def evaluated(model: ArmModel, asked: Asked) -> tuple[Values, list[str]]:
+    """Results of the expression, and its arguments."""
+    made = function(Expressions(model, SteadyFriction.of(model)), model.n, "f", [asked], ())
+
+    def values(given: Mapping[str, np.ndarray]) -> np.ndarray:
+        states = zip(*(given[x] for x in made.name_in()), strict=True)
+        results = (made.call(list(state)) for state in states)
+        return np.array([np.hstack([x.full().ravel(order="F") for x in y]) for y in results])
+
+    return values, made.name_in()
+
+
+@pytest.mark.parametrize("asked", ASKED, ids=lambda asked: asked[0].name)
+def test_an_error_of_one_part_in_a_million_is_refused(asked: Asked) -> None:
+    model = arm(asked[0])
+    if asked[0].which == ("frame",):
+        asked = asked[0], (model.frame_names[-1],)
+    right, given = evaluated(model, asked)
+    assert verify(numbers(model), asked, right, given) < ALGEBRA
+    with pytest.raises(KernelError, match="differs from Pinocchio by 1.00e-06|by [0-9.]+e-0[67]"):
+        verify(numbers(model), asked, lambda x: right(x) * (1 + 1e-6), given)
+    with pytest.raises(KernelError, match="differs from Pinocchio by nan"):
+        verify(numbers(model), asked, lambda x: right(x) + np.nan, given)
+    parts = right({x: np.ones((1, 5 if x == "chosen" else model.n)) for x in given})[0]
+    for i in np.flatnonzero(parts):
+        off = 1.0 + 1e-5 * (np.arange(len(parts)) == i)
+        with pytest.raises(KernelError):
+            verify(numbers(model), asked, lambda x, off=off: right(x) * off, given)
+
+
+@pytest.mark.parametrize("change", [{"stiffness": 1.0 + 1e-6}, {"mass": 1e-6}], ids=str)
+def test_another_arm_is_refused(
+    change: dict[str, float], caplog: pytest.LogCaptureFixture
+) -> None:
+    entry = next(entry for entry in TERMS if entry.name == "energy")
+    right, given = evaluated(arm(entry, **change), (entry, ()))
+    with pytest.raises(KernelError, match="generated energy differs from Pinocchio"):
+        verify(numbers(arm(entry)), (entry, ()), right, given)
+    wrong = replace(entry, compared=lambda arm, made, *_: (made, 0.0 * made + 1.0))
+    with caplog.at_level(logging.WARNING):
+        assert rows(arm(entry), SteadyFriction.of(arm(entry)), [(wrong, ())]) is None
+    assert "computed by Pinocchio, which is slower" in caplog.text

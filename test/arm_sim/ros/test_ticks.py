@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ticks of a node by the clock and in lockstep: which commands act in them, and what is told."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from ctypes import addressof, byref
+from pathlib import Path
+from threading import Event, Thread
+
+import numpy as np
+import pytest
+import rclpy
+from arm_msgs.msg import Energy
+from harness import Ros
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, Waiting, by_hand, motion
+
+import models
+from arm_dynamics.ros.common.convert import to_nanoseconds, to_time
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS
+from arm_sim import Recording, Simulator
+from arm_sim.ros.node_library import library
+from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.timing.latency import Histogram
+from arm_sim.ros.timing.realtime_loop import Due
+
+pytestmark = pytest.mark.ros
+
+MILLISECOND, SECOND = 10**6, 10**9
+
+
+def message(*tau: float, source: str = "leader", stamp: int = 0) -> bytes:
+    """A command of efforts."""
+    told = JointState(name=NAMES, effort=list(tau))
+    told.header.frame_id, told.header.stamp = source, to_time(stamp)
+    return serialize_message(told)
+
+
+IN_PART = 60 * MILLISECOND  # time of the state to which a partner answers for one joint alone
+
+
+def torque(stamp: int) -> tuple[float, float]:
+    """An answer to a state of that time in [ns]."""
+    return math.sin(3e-9 * stamp), math.cos(7e-9 * stamp)
+
+
+@contextmanager
+def partner(domain: int) -> Iterator[None]:
+    """A thread that answers states."""
+    context, ended = Context(), Event()
+    rclpy.init(args=[], context=context, domain_id=domain)
+    peer, executor = Node("partner", context=context), SingleThreadedExecutor(context=context)
+    executor.add_node(peer)
+    publisher = peer.create_publisher(JointState, JOINT_COMMANDS.name, 10)
+
+    def answer(state: JointState) -> None:
+        stamp = to_nanoseconds(state.header.stamp)
+        if stamp != IN_PART:
+            return publisher.publish(message(*torque(stamp), stamp=stamp))
+        told = JointState(header=state.header, name=NAMES[:1], effort=[torque(stamp)[0]])
+        told.header.frame_id = "leader"
+        publisher.publish(told)
+
+    peer.create_subscription(JointState, "joint_states", answer, 10)
+
+    def spin() -> None:
+        while not ended.is_set():
+            executor.spin_once(timeout_sec=0.05)
+
+    thread = Thread(target=spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+        executor.shutdown()
+        peer.destroy_node()
+        context.try_shutdown()
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_in_lockstep_states_are_those_of_a_simulator(ros: Ros, tmp_path: Path, every: int) -> None:
+    path = tmp_path / "run.mcap"
+    node = ros.add(
+        SimNode, models.scene("two_link"), lockstep=True, publish_every=every, record=str(path),
+        stale_policy="zero", lockstep_retry=1.0,
+    )  # fmt: skip
+    with partner(ros.domain):
+        ros.spin_until(lambda: node.simulator.arm.step_count >= 20)
+        assert node.recorder is not None and node.lockstep is not None
+        asked = node.lockstep.asked_again
+        ros.spin_until(lambda: node.simulator.arm.step_count >= 200)
+    assert node.lockstep.asked_again == asked, "an answer was lost"
+    node.recorder.close()
+    motion, made = Recording.load(path), node.simulator.arm.step_count
+    assert len(motion) == made + 1 and not motion.gaps
+    expected, tau = Simulator(models.scene("two_link")), [0.0, 0.0]
+    for tick in range(made):
+        stamp = tick // every * every * MILLISECOND
+        tau = [torque(stamp)[0], tau[1] if stamp == IN_PART else torque(stamp)[1]]
+        expected.step(tau)
+        assert motion.q[tick + 1].tobytes() == expected.state.q.tobytes()
+        assert motion.v[tick + 1].tobytes() == expected.state.v.tobytes()
+
+
+def test_in_lockstep_answers_alone_cause_ticks(ros: Ros) -> None:
+    """A command that comes late, twice or without a stamp is counted and acts with the answer."""
+    node = ros.add(SimNode, models.scene("two_link"), lockstep=True, stale_policy="zero")
+    lockstep = node.lockstep
+    lockstep.on_command(message(0.5, 0.5, stamp=0))
+    waiting = Waiting(node)
+    node.engine.ticks.at_once, lockstep._waiting.soon = 0, 60 * SECOND
+    for tick in 1, 2, 3:
+        for stamp in (7 * MILLISECOND, (tick - 1) * MILLISECOND, tick * MILLISECOND):
+            waiting.messages.append(message(tick, stamp * 1e-9, stamp=stamp))
+        lockstep.on_command(message(tick, 0.0))
+        assert not waiting.messages and node.simulator.arm.step_count == tick + 1
+        assert lockstep.ignored == 3 * tick
+        assert node.simulator.effort.tolist() == [tick, tick * MILLISECOND * 1e-9]
+
+
+class Clocked:
+    """A node by hand, whose ticks are made by the clock while messages wait."""
+
+    def __init__(self, ros: Ros, **due: int) -> None:
+        self.node = by_hand(ros, command_timeout=5e-3)
+        self.lateness = Histogram()
+        self.due = Due(lateness=addressof(self.lateness), **due)
+        self.commands = Waiting(self.node).messages
+
+    def ticks(self, count: int) -> None:
+        """As many ticks, in one call."""
+        engine, ended = self.node.engine, self.node.simulator.arm.step_count + count
+
+        def end() -> None:
+            self.due.ended = self.node.simulator.arm.step_count == ended
+
+        engine.on_tick[:], self.due.ended = [end], 0
+        engine.run(library().by_the_clock, byref(self.due))
+        assert not engine.failure
+
+
+def test_late_ticks_are_counted_and_made_up_for(ros: Ros) -> None:
+    now = time.monotonic_ns()
+    clocked = Clocked(
+        ros, deadline=now - 30 * MILLISECOND, period=MILLISECOND, closest=MILLISECOND,
+        give_up=100 * SECOND,
+    )  # fmt: skip
+    clocked.ticks(5)
+    assert clocked.due.missed == 5 == clocked.lateness.percentiles().count
+    assert clocked.due.deadline == now - 25 * MILLISECOND
+
+
+def test_commands_age_in_part_while_ticks_are_made_up_for(ros: Ros) -> None:
+    """Long behind, ticks of a second follow at once: they take next to no time."""
+    clocked = Clocked(
+        ros, deadline=time.monotonic_ns() - 1000 * SECOND, period=SECOND, give_up=10_000 * SECOND
+    )
+    engine = clocked.node.engine
+    clocked.commands.append(message(0.1, 0.1))
+    heard = engine.arbiter.now
+    clocked.ticks(50)
+    assert 1.0 <= engine.commands.age < 2.0, "the first one counts in full"
+    assert 1.0 <= engine.arbiter.now - heard < 2.0
+
+
+def test_an_order_waits_for_no_more_than_the_tick_under_way(ros: Ros) -> None:
+    clocked, served = Clocked(ros), list[int]()
+    queue, arm = clocked.node.engine.queue, clocked.node.simulator.arm
+    queue.served = True
+    clocked.ticks(3)
+    queue.post(lambda: served.append(arm.step_count))
+    clocked.ticks(3)
+    assert served == [3] and arm.step_count == 6
+
+
+@pytest.mark.parametrize("rows", [3, 8192])
+def test_an_account_of_many_ticks_is_that_of_each(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch, rows: int
+) -> None:
+    monkeypatch.setattr("arm_sim.ros.tick_engine.ROWS", rows)
+    clocked, each = Clocked(ros), by_hand(ros, command_timeout=5e-3)
+    each.inputs.close()
+    for node in clocked.node, each:
+        node.engine.keep_account(True)
+    for k in range(19):  # before it is closed, since nobody listens
+        clocked.commands.append(raw := message(math.sin(k), 1.0))
+        clocked.ticks(5)
+        each.inputs.on_joint_commands(raw)
+        for _ in range(5):
+            each.tick()
+            each.engine.account()
+        assert motion(each).tobytes() == motion(clocked.node).tobytes()
+    one, other = clocked.node.engine.account(), each.engine.account()
+    assert one is not None and other is not None and one.input != 0.0
+    np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+def test_energies_are_published_beside_ticks_by_the_clock(ros: Ros) -> None:
+    node = ros.add(SimNode, "panda", command_timeout=0.0, energy_period=0.05)
+    energies = ros.listen(Energy, "sim/energy")
+    names, said = list(node.simulator.joint_names), list[JointState]()
+
+    def answer(state: JointState) -> None:
+        said.append(state)
+        told = JointState(name=names, effort=[0.0] * len(names), header=state.header)
+        told.header.frame_id = "leader"
+        publisher.publish(told)
+
+    publisher = ros.publisher(JointState, JOINT_COMMANDS.name)
+    ros.peer.create_subscription(JointState, "joint_states", answer, 10)
+    ros.spin_until(lambda: len(energies) >= 10)
+    node.loop.stop()
+    assert node.inputs.round_trip.percentiles().count > 0
+    stamps = np.array([s.header.stamp.sec * SECOND + s.header.stamp.nanosec for s in said])
+    assert (np.diff(stamps) >= 0).all() and stamps[-1] <= time.time_ns()
+    times = [to_nanoseconds(e.header.stamp) for e in energies]
+    assert (np.diff(times) > 0).all() and times[-1] <= time.time_ns()
+    assert all(abs(e.balance) < 1e-6 for e in energies)
+    last = node.engine.account()
+    assert last is not None and last.step == node.simulator.arm.step_count
+    assert (last.kinetic, last.potential) == node.simulator.dynamics.energy(*motion(node))
