@@ -34,7 +34,7 @@ postures = np.random.default_rng(0).uniform(lower, upper, (1000, dynamics.n))
 worst = np.abs(dynamics.gravity(postures)).max(axis=0)
 print("\nlargest holding torques in 1000 postures [N m]:", np.round(worst, 2))
 
-with figure("torques", size=(8, 4)) as axis:
+with figure("torques", size=(7.2, 3.6)) as axis:
     places, joints = np.arange(dynamics.n), [f"joint {i + 1}" for i in range(dynamics.n)]
     for k, (name, tau) in enumerate(terms.items()):
         axis.bar(places + 0.15 * (k - 2), tau, 0.14, label=name.lower())

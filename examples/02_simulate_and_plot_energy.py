@@ -9,7 +9,7 @@ from arm_sim import Simulator
 from arm_sim.figures import figure
 
 scene = files("arm_sim") / "scenes/double_pendulum.yaml"
-with figure("energy", size=(8, 4.5)) as axis:
+with figure("energy", size=(7.2, 4.0)) as axis:
     drift = {}
     for method in ("euler", "semi_implicit_euler", "midpoint", "rk4", "dopri5", "dop853"):
         motion = Simulator(scene, integrator=method, dt=1e-3).run(10.0)  # [s], no torque

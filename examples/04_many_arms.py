@@ -34,7 +34,7 @@ print(f"arm {nearest} ends nearest to the initial posture")
 
 with figure("many_arms", size=(7, 4)) as axis:
     time_axis = sim.dt * np.arange(TICKS + 1)
-    axis.plot(time_axis, paths[::10, :, 1].T, color="tab:blue", alpha=0.25, linewidth=0.7)
-    axis.plot(time_axis, paths[nearest, :, 1], color="tab:orange", label="nearest at the end")
+    axis.plot(time_axis, paths[::10, :, 1].T, color="C0", alpha=0.25, linewidth=0.7)
+    axis.plot(time_axis, paths[nearest, :, 1], color="C1", label="nearest at the end")
     axis.set(xlabel="time [s]", ylabel="joint 2 [rad]", title="A hundred of a thousand arms")
     axis.legend()

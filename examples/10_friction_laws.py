@@ -22,7 +22,7 @@ def wheel(inertia: float, friction: dict) -> Simulator:
 
 
 # --- steady motion ----------------------------------------------------------------------------
-with figure("friction", columns=2, size=(11, 4)) as (curve, pulled):
+with figure("friction", columns=2, size=(7.2, 2.6)) as (curve, pulled):
     speeds = np.linspace(-1.5, 1.5, 1201)
     SIDES = {
         "viscous": {"positive": 0.8, "negative": 0.2},
@@ -51,7 +51,7 @@ still = float(np.mean(motions["stick and slip"].v == 0.0))
 print(f"stick-slip: exactly at rest {100 * still:.0f} % of the time")
 
 # --- bristles: pre-sliding displacement -------------------------------------------------------
-with figure("bristles", columns=2, size=(11, 4)) as (loop, breaking):
+with figure("bristles", columns=2, size=(7.2, 2.6)) as (loop, breaking):
     soft = {"coulomb": 1.0, "lugre": {"sigma0": 1e3, "sigma1": 1.0}}
     ramp = np.linspace(0.0, 1.0, 2001)[1:]
     shape = np.concatenate([ramp, 1.0 - ramp, -ramp, ramp - 1.0, ramp])
@@ -61,9 +61,7 @@ with figure("bristles", columns=2, size=(11, 4)) as (loop, breaking):
         if peak == 0.7:
             expected = -1e-3 * np.log(1.0 - peak)
             reached = run.q[2000, 0]
-    loop.set(
-        xlabel="angle [mrad]", ylabel="torque [N m]", title="Pre-sliding hysteresis, Fc = 1 N m"
-    )
+    loop.set(xlabel="angle [mrad]", ylabel="torque [N m]", title="Hysteresis before slipping")
     loop.legend()
     print(f"hysteresis: {1e3 * reached:.3f} mrad at 0.7 N m, closed form {1e3 * expected:.3f}")
 
@@ -74,12 +72,15 @@ with figure("bristles", columns=2, size=(11, 4)) as (loop, breaking):
         ticks = int(2.0 / rate / DT) + 50
         run = sim.run(ticks * DT, (rate * DT * (np.arange(ticks) + 1))[:, None])
         forces.append(LUGRE["lugre"]["sigma0"] * run.z.max())
-    breaking.semilogx(rates, forces, "o-")
+    breaking.semilogx(rates, forces, "o-", label="run")
+    breaking.axhline(DRY["static"], color="0.5", linestyle="--", label="static friction")
+    breaking.axhline(DRY["coulomb"], color="0.5", linestyle=":", label="Coulomb friction")
     breaking.set(
         xlabel="rate of the torque [N m/s]",
         ylabel="largest bristle torque [N m]",
         title="Break-away",
     )
+    breaking.legend()
 print(f"break-away: {forces[0]:.2f} N m at {rates[0]:.0f} N m/s, {forces[-1]:.2f} at 50")
 
 assert 0.3 < still < 1.0

@@ -4,7 +4,7 @@
 import numpy as np
 
 from arm_sim import Simulator
-from arm_sim.figures import axis_at_right, figure
+from arm_sim.figures import figure
 
 WHEEL = """<robot name="wheel"><link name="base"/><link name="wheel"><inertial><mass value="1"/>
   <inertia ixx="{J}" ixy="0" ixz="0" iyy="{J}" iyz="0" izz="{J}"/></inertial></link>
@@ -28,12 +28,14 @@ current = 12.0 / L * (np.exp(a * t) - np.exp(b * t)) / (a - b)
 error = abs(step.z[:, 0] - current.real).max() / current.real.max()
 print(f"step response: poles {a:.1f}/s and {b:.1f}/s, current within {error:.0e} of closed form")
 
-with figure("motor", columns=2, size=(11, 4)) as (left, right):
+with figure("motor", columns=2, size=(7.2, 2.6)) as (left, right):
     left.plot(1e3 * t, step.z[:, 0])
     left.set(xlabel="time [ms]", title="12 V on a motor at rest")
-    left.set_ylabel("current [A]", color="tab:blue")
-    other = axis_at_right(left, "speed [rad/s]", "tab:orange")
-    other.plot(1e3 * t, step.v[:, 0], color="tab:orange")
+    left.set_ylabel("current [A]", color="C0")
+    other = left.twinx()
+    other.grid(False)
+    other.set_ylabel("speed [rad/s]", color="C1")
+    other.plot(1e3 * t, step.v[:, 0], color="C1")
 
     # --- motor: the torque-speed curve, by commanding too much torque at every speed -------------
     limits = {"current_limit": 8.0, "voltage_limit": 12.0}
@@ -46,7 +48,9 @@ with figure("motor", columns=2, size=(11, 4)) as (left, right):
         motor.step([limit])
         torques.append(motor.effort[0])
     right.plot(speeds, torques)
-    right.set(xlabel="joint speed [rad/s]", ylabel="torque [N m]", title="8 A and 12 V, gear 20")
+    right.set(
+        xlabel="joint speed [rad/s]", ylabel="torque [N m]", title="Limits 8 A and 12 V, gear 20"
+    )
     right.axhline(0.0, color="0.7", lw=0.8)
 no_load = np.interp(12.0, speeds, torques)
 corner = (12.0 - 8.0 * R) / (K * 20.0)
@@ -57,16 +61,14 @@ rotor = {"rotor_inertia": 2e-5, "gear_ratio": 50.0}
 belts = {
     "rigid": None,
     "flexible": {"stiffness": 60.0, "damping": 0.15},
-    "with play": {"stiffness": 60.0, "damping": 0.15, "backlash": 0.05},
+    "with backlash": {"stiffness": 60.0, "damping": 0.15, "backlash": 0.05},
 }
 push = np.where(np.arange(800) < 300, 0.5, -0.5)[:, None]  # [N m], held for a tick each
-with figure("transmission", columns=3, size=(15, 4)) as axes:
+with figure("transmission", columns=3, size=(7.2, 2.6)) as axes:
     for name, belt in belts.items():
         motion = wheel(0.1, rotor, belt).run(0.8, push)
         axes[0].plot(motion.time, motion.v[:, 0], label=name)
-    axes[0].set(
-        xlabel="time [s]", ylabel="speed of the link [rad/s]", title="0.5 N m, then -0.5 N m"
-    )
+    axes[0].set(xlabel="time [s]", ylabel="speed of the link [rad/s]", title="±0.5 N m on a motor")
     axes[0].legend()
 
     # --- harmonic drive: hysteresis of a blocked output ------------------------------------------
@@ -81,9 +83,7 @@ with figure("transmission", columns=3, size=(15, 4)) as axes:
     loop = blocked.run(6.0, 30.0 * np.sin(np.pi * 1e-3 * np.arange(6000))[:, None])
     twist, last = loop.z[:, 0] - loop.q[:, 0], slice(2000, None)
     axes[1].plot(1e3 * twist[last], loop.tau[last, 0])
-    axes[1].set(
-        xlabel="twist [mrad]", ylabel="torque [N m]", title="Harmonic drive, output blocked"
-    )
+    axes[1].set(xlabel="twist [mrad]", ylabel="torque [N m]", title="Blocked harmonic drive")
     torque, cycle = loop.tau[4000:6001, 0], twist[4000:6001]
     area = 0.5 * (torque[1:] + torque[:-1]) @ np.diff(cycle)
     print(f"harmonic drive: {area * 1e3:.3g} mJ lost in a cycle of 30 N m")
@@ -99,7 +99,7 @@ with figure("transmission", columns=3, size=(15, 4)) as axes:
     axes[2].plot(speeds, 1e3 * np.array(shaking))
     axes[2].axvline(resonance / 200.0, color="0.7", ls=":", label="resonance")
     axes[2].set(
-        xlabel="mean speed [rad/s]", ylabel="ripple of the speed [mrad/s]", title="Kinematic error"
+        xlabel="mean speed [rad/s]", ylabel="speed ripple [mrad/s]", title="Kinematic error"
     )
     axes[2].legend()
 loudest = speeds[int(np.argmax(shaking))]

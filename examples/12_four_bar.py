@@ -24,7 +24,7 @@ print(f"gap of the loop      {gap.max():.1e} m at most")
 print(f"energy varies by    {np.ptp(motion.energy):.1e} J")
 print(f"force in the hinge   {force.min():.2f} to {force.max():.2f} N")
 
-with figure("four_bar", columns=2, size=(9, 4)) as (left, right):
+with figure("four_bar", columns=2, size=(7.2, 3.2)) as (left, right):
     middle = knee + 0.15 * np.exp(1j * coupler)
     left.plot(middle.real, middle.imag)
     for k in range(0, 700, 100):

@@ -63,7 +63,7 @@ sim.set_constraint("sheet", False)
 lifted = sim.run(0.5, write)
 print(f"lifted: {1e3 * (tip(lifted.q[-1])[2] - 0.3):.0f} mm above the sheet")
 
-with figure("pen", columns=2, size=(9, 4)) as (left, right):
+with figure("pen", columns=2, size=(7.2, 3.2)) as (left, right):
     left.plot(path[:, 0], path[:, 1])
     left.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="on the sheet")
     right.plot(motion.time, pressure)

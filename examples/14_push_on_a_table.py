@@ -50,7 +50,7 @@ print(
 print(f"leaves after {leave:.3f} s; impacts took {1e3 * history.impact_loss[-1]:.3f} mJ,")
 print(f"friction {1e3 * history.friction_loss[-1]:.3f} mJ")
 
-with figure("table", rows=2, size=(8, 5), sharex=True) as (above, below):
+with figure("table", rows=2, size=(7.2, 4.5), sharex=True) as (above, below):
     above.plot(motion.time, normal, label="normal")
     above.plot(motion.time, sideways, label="friction")
     above.set(ylabel="force of the table [N]", ylim=(-1, 30))

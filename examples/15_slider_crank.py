@@ -50,7 +50,7 @@ with figure("slider_crank", columns=2) as (left, right):
     left.plot(run.time, run.v[:, pivot])
     left.set(xlabel="time [s]", ylabel="speed of the crank [rad/s]", title="At 12 V")
     spent = {"winding": winding, "slider": rubbing, "bearing": bearing}
-    right.bar(list(spent), list(spent.values()), color=["tab:orange", "tab:blue", "tab:green"])
+    right.bar(list(spent), list(spent.values()), color=["C1", "C0", "C2"])
     right.set(ylabel="heat in 3 s [J]", title="Where the energy goes")
 
 assert abs(winding + rubbing + bearing - run.lost[-1]) < 1e-2 * run.lost[-1]

@@ -40,7 +40,7 @@ for name, arm in (("flexible", scene), ("rigid", rigid_twin(scene))):
     assert history.gap.min() > -1e-12 and loss[first] > 0.0
     assert np.abs(run.balance).max() < 1e-5
 
-with figure("flexible_arm_hits_a_wall", rows=2, size=(8, 5), sharex=True) as (above, below):
+with figure("flexible_arm_hits_a_wall", rows=2, size=(7.2, 4.5), sharex=True) as (above, below):
     for name, (time, gap, force) in curves.items():
         above.plot(time, 1e3 * gap, label=name)
         below.plot(time, np.linalg.norm(force, axis=1), label=name)

@@ -31,7 +31,7 @@ for fade in (0.0, 0.2):
     print(f"fade {fade:.1f} s: largest step of a torque from tick to tick {steps.max():.3f} N m, "
           f"error at the end {abs(sim.state.q - goal).max():.1e} rad")  # fmt: skip
 
-with figure("hand_over", size=(8, 4)) as axis:
+with figure("hand_over", size=(7.2, 3.6)) as axis:
     for fade, torques in curves.items():
         axis.plot(sim.dt * np.arange(len(torques)), torques[:, 1], label=f"fade {fade:.1f} s")
     for k, name in enumerate(order):

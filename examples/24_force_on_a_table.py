@@ -57,7 +57,7 @@ for friction, known in ((0.0, 0.0), (0.3, 0.0), (0.3, 0.3)):
         f"{1e3 * off[-1]:.2f} mm at the end of the line"
     )
 
-with figure("force_on_a_table", rows=2, size=(8, 5), sharex=True) as (above, below):
+with figure("force_on_a_table", rows=2, size=(7.2, 4.5), sharex=True) as (above, below):
     for name, (force, off) in curves.items():
         time = 1e-3 * np.arange(len(off))
         above.plot(time, force, label=name)

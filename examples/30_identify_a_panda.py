@@ -86,12 +86,11 @@ for label, scene in scenes.items():
         f"{1e3 * error[label]:.2f} mrad rms, {1e3 * abs(off).max():.1f} mrad at most"
     )
 
-with figure("identify_a_panda", rows=2, size=(8.0, 5.6), sharex=True) as axes:
+with figure("identify_a_panda", rows=2, size=(7.2, 5.0), sharex=True) as axes:
     for axis, (label, (run, off)) in zip(axes, runs.items(), strict=True):
-        axis.plot(run.time, 1e3 * off)
+        axis.plot(run.time, 1e3 * off, label=[f"joint {k}" for k in range(1, 8)])
         axis.set(ylabel="error [mrad]", title=f"Computed torque with the parameters of {label}")
     axes[1].set_xlabel("time [s]")
-    axes[1].legend([f"joint {k}" for k in range(1, 8)], ncols=7, fontsize=7, loc="upper center")
 
 say("done")
 assert error["identification"] < 0.2 * error["the URDF"]

@@ -55,12 +55,12 @@ missed = abs(np.concatenate([motion.q[-1], motion.v[-1]]) - goal)
 print(f"at the end {missed[0]:.1e} m and {missed[1]:.1e} rad off, {missed[2:].max():.1e} /s left")
 print(f"rail used {abs(motion.q[:, 0]).max():.2f} m, voltage up to {abs(best.u).max():.1f} V")
 
-with figure("swing_up", columns=3, size=(12, 3.4)) as (left, middle, right):
+with figure("swing_up", columns=3, size=(7.2, 2.6)) as (left, middle, right):
     left.plot(motion.time, motion.q[:, 1], label="pendulum [rad]")
     left.plot(motion.time, motion.q[:, 0], label="cart [m]")
     left.set(xlabel="time [s]", title="Swing-up; upright is 0")
     left.legend()
-    middle.step(np.arange(NODES) * DT, best.u[:, 0], where="post", color="tab:red")
+    middle.step(np.arange(NODES) * DT, best.u[:, 0], where="post", color="C3")
     middle.set(xlabel="time [s]", ylabel="voltage [V]", title="Motor voltage")
     right.semilogy(best.costs, ".-")
     right.set(xlabel="improvement", ylabel="cost", title="iLQR")

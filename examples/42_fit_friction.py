@@ -70,15 +70,13 @@ found, deviation = np.exp(z), np.exp(z) * np.sqrt(np.diag(np.linalg.inv(hessian)
 for name, true, value, sigma in zip(sim.joint_names, truth, found, deviation, strict=True):
     print(f"{name}: {value:.5f} ± {sigma:.5f}, true value {true:.5f} N m s/rad")
 
-with figure("fit_friction", columns=2, size=(10, 3.6)) as (left, right):
+with figure("fit_friction", columns=2, size=(7.2, 2.6)) as (left, right):
     left.semilogy(np.array(errors), ".-")
     left.set(xlabel="step of Newton's method", ylabel="error [N m s/rad]",
              title="Friction of seven joints")  # fmt: skip
     joints = np.arange(1, 8)
     right.bar(joints, truth, color="0.85", label="truth")
-    right.errorbar(
-        joints, found, 2.0 * deviation, fmt=".", color="tab:orange", label="estimate, ± 2σ"
-    )
+    right.errorbar(joints, found, 2.0 * deviation, fmt=".", color="C1", label="estimate, ± 2σ")
     right.axhline(0.5, color="0.5", linewidth=0.8, label="nominal")
     right.set(xlabel="joint", ylabel="viscous friction [N m s/rad]")
     right.legend()

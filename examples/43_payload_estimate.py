@@ -121,9 +121,9 @@ print(f"carrying {LOAD} kg: {mass[carrying].mean():.4f} kg, worst off by "
       f"{1e3 * sigma[carrying].mean():.1f} g")  # fmt: skip
 print(f"empty: at most {1e3 * mass[empty].max():.1f} g")
 
-with figure("payload_estimate", columns=2, size=(10, 3.6)) as (left, right):
+with figure("payload_estimate", columns=2, size=(7.2, 2.6)) as (left, right):
     left.plot(run.time, LOAD * ((run.time >= TAKEN) & (run.time < PUT_DOWN)), "k:", label="truth")
-    left.errorbar(when, mass, 2.0 * sigma, fmt=".-", color="tab:orange", label="estimate, ± 2σ")
+    left.errorbar(when, mass, 2.0 * sigma, fmt=".-", color="C1", label="estimate, ± 2σ")
     left.set(xlabel="time [s]", ylabel="payload [kg]", title="Payload")
     left.legend()
     right.plot(run.time, 1e3 * (run.q - np.array([way.sample(t).q for t in run.time])))

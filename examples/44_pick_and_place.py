@@ -142,9 +142,12 @@ print(f"largest fraction of a limit: current {share.max():.2f}, speed {speed.max
 
 path, heavier = (hand.pose(x[:, :n]).position for x in (best.x, led))
 t = DT * np.arange(NODES + 1)
-with figure("pick_and_place", rows=2, columns=2, size=(10, 7)) as ((side, up), (currents, axis)):
+with figure("pick_and_place", rows=2, columns=2, size=(7.2, 5.0)) as (
+    (side, up),
+    (currents, axis),
+):
     side.plot(path[:, 1], path[:, 2])
-    side.plot(*places[:, 1:].T, "o", color="tab:red", label="stations")
+    side.plot(*places[:, 1:].T, "o", color="C3", label="stations")
     side.set(xlabel="y [m]", ylabel="z [m]", title="Path of the hand, seen from the front")
     side.axis("equal")
     side.legend()

@@ -1,37 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the animation of the README: ./arm python tools/draw_motion.py. Needs ./arm setup view.
-
-A Panda moves through four postures under computed torque, as ``./arm demo`` does.
-"""
-
-from __future__ import annotations
+"""Draws the film of the README: a Panda, held by friction, is dragged along a table and let go."""
 
 from pathlib import Path
 
 import numpy as np
+from matplotlib import pyplot as plt
 
-from arm_dynamics.trajectory import Waypoint
-from arm_sim import ClosedLoop
-from arm_sim.view import show
+from arm_dynamics import load_scene
+from arm_sim import Simulator, contact_history
+from arm_sim.figures import use_style
+from arm_sim.view import pictures, show
 
-FILM = Path(__file__).parents[1] / "docs/figures/arm.gif"
-POSTURES = (  # of the seven joints, in [rad]
-    (0.9, -0.2, 0.2, -2.0, 0.2, 1.9, 1.2),
-    (0.3, 0.5, -0.3, -1.4, 0.0, 2.2, 0.4),
-    (-0.9, -0.1, 0.1, -2.2, -0.3, 2.0, 0.2),
-)
-PACE = 1.1  # [s] from one to the next
-
-
-def main() -> None:
-    """Simulate it, and film it."""
-    pair = ClosedLoop("panda")
-    start = pair.simulator.state.q
-    goals = [*map(np.array, POSTURES), start]
-    pair.follow([Waypoint(PACE * (i + 1), goal) for i, goal in enumerate(goals)])
-    with show(pair.run(PACE * len(goals)), name="panda", port=0) as page:
-        print(page.film(FILM, size=(540, 360), rate=10.0))
-
-
-if __name__ == "__main__":
-    main()
+FILM, RATE = Path(__file__).parents[1] / "docs/figures/arm.gif", 8.0  # frames per second
+FORCES = [[0, 0, 0], [15, 35, -60], [-10, -45, -60], [0, 0, 0]]  # [N] on the hand
+UNTIL, END = [0.8, 2.2, 3.6], 4.6  # [s]
+FRICTION = {"*": {"friction": {"coulomb": 3.0, "static": 4.0, "viscous": 4.0}}}
+sim = Simulator(load_scene("panda_table").model_dump(exclude_unset=True) | {"joints": FRICTION})
+drag = lambda t, q: sim.dynamics.jacobian(q, "panda_hand")[:3].T @ FORCES[np.digitize(t, UNTIL)]  # noqa: E731
+run = sim.run(END, lambda now: sim.dynamics.gravity(now.q) + drag(now.time, now.q))
+use_style()
+figure, axes = plt.subplots(3, 1, sharex=True, figsize=(4.0, 4.0), dpi=100)
+axes[0].plot(run.time, [drag(t, q) for t, q in zip(run.time, run.q, strict=True)])
+axes[1].plot(run.time, np.linalg.norm(contact_history(sim, run).force[:, 0], axis=1))
+axes[2].plot(run.time, run.v)
+axes[0].set_title("torque of the drag on the joints [N m]")
+axes[1].set_title("force of the table [N]")
+lines = [axis.axvline(0.0, color="k", lw=1.0, zorder=9) for axis in axes]
+axes[2].set(title="speed of the joints [rad/s]", xlabel="time [s]", xlim=(0.0, END))
+with show(run, port=0) as page, pictures.camera(page._server, (400, 400)) as shoot:
+    films = []
+    for time in np.arange(0.0, END, 1.0 / RATE):
+        page._seek(time)
+        plt.setp(lines, xdata=[time, time])
+        figure.canvas.draw()
+        films.append(np.hstack([shoot(), np.asarray(figure.canvas.buffer_rgba())[..., :3]]))
+pictures.write_film(FILM, films, RATE)

@@ -1,177 +1,175 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of the report."""
+"""The figures of the report: the best of each simulator; tables have the rest."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-import numpy as np
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
-
+from arm_sim.figures import COLORS, WIDTH, figure
 from benchmarks.peers.base import OURS
-from benchmarks.reporting.style import MARKS, STYLE
+from benchmarks.reporting.style import MARKS, METHODS
 from benchmarks.studies.bench import Record
 
-COLOURS = {
-    OURS: "#0b5fa5", "MuJoCo": "#d1495b", "Drake": "#3a7d44",
-    "SciPy": "#7b5ea7", "Pinocchio": "#555555", "Exudyn": "#c98a1b",
-    "Newton": "#4f9d9d",
-}  # fmt: skip
-SHADES = mpl.colormaps["Blues"]
+FAMILIES = (
+    OURS, "MuJoCo", "Drake", "SciPy", "Exudyn", "Newton", "Pinocchio", "dynibo", "frax"
+)  # fmt: skip
+COLOURS = dict(zip(FAMILIES, (*COLORS, "0.45", "0.7"), strict=True))
+SOLVERS = "rk4", "RK4"
+SHOWN = "arm_sim euler", "arm_sim rk4", "arm_sim rk4, one by one"  # of rollouts, and all peers
+FIRST = 10.0  # [s] after which the setting of each simulator with the least drift is chosen
 
 
 def draw(results: Record, out: Path) -> dict[str, str]:
-    """Draw what the results hold."""
+    """Draw what the results hold.
+
+    Args:
+        results: of the studies that ran.
+        out: folder.
+
+    Returns:
+        File names by ``study`` or ``study:detail``, in the order of the report.
+    """
     files: dict[str, str] = {}
-    with mpl.rc_context(STYLE):
-        for study, painter in PAINTERS.items():
-            if study in results:
-                for name, figure in painter(results[study]).items():
-                    file = f"{name}.png"
-                    figure.savefig(out / file, bbox_inches="tight", metadata={"Software": None})
-                    plt.close(figure)
-                    files[f"{study}:{name}"] = file
+    for study, painter in PAINTERS.items():
+        if study in results:
+            for name in painter(results, out):
+                files[f"{study}:{name}"] = f"{name}.png"
     return files
 
 
-def _work_precision(found: Record) -> dict[str, Any]:
-    points = found["points"]
-    return {
-        f"work_precision_{robot.lower().replace(' ', '_')}": _robot(points, robot)
-        for robot in dict.fromkeys(p["robot"] for p in points)
-    }
+def _curve(axis: Any, points: Iterable[tuple[float, float]], label: str) -> None:
+    """A line with marks; ours is thicker."""
+    family = _family(label)
+    for key, name in METHODS.items():
+        label = label.replace(f" {key}", f" {name}")
+    axis.plot(
+        *zip(*points, strict=True), marker=MARKS[FAMILIES.index(family)], color=COLOURS[family],
+        linewidth=2.2 if family == OURS else 1.2, label=label,
+    )  # fmt: skip
 
 
-def _robot(points: list[Record], robot: str) -> Any:
-    here = [p for p in points if p["robot"] == robot]
-    scenarios = list(dict.fromkeys(p["scenario"] for p in here))
-    figure, axes = plt.subplots(1, len(scenarios), figsize=(6.0 * len(scenarios), 5.2))
-    for axis, scenario in zip(axes, scenarios, strict=True):
-        _curves(axis, [p for p in here if p["scenario"] == scenario])
-        duration = next(p["duration_s"] for p in here if p["scenario"] == scenario)
-        axis.set(
-            xscale="log", yscale="log", title=f"{robot}: {scenario}",
-            xlabel=f"processor time for {duration:g} s of motion [ms]",
-            ylabel="largest error of a joint position [rad]",
-        )  # fmt: skip
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="center left", bbox_to_anchor=(0.99, 0.5))
-    figure.tight_layout()
-    return figure
+def _family(label: str) -> str:
+    return next(family for family in FAMILIES if label.startswith(family))
 
 
-def _curves(axis: Any, points: list[Record]) -> None:
-    for family in dict.fromkeys(p["family"] for p in points):
-        methods = dict.fromkeys(p["method"] for p in points if p["family"] == family)
-        shades = SHADES(np.linspace(0.45, 1.0, len(methods)))
-        for k, method in enumerate(methods):
-            line = [p for p in points if (p["family"], p["method"]) == (family, method)]
-            line = [p for p in line if p["error_rad"]]
-            ours = family == OURS
-            axis.plot(
-                [p["cpu_s"] * 1e3 for p in line], [p["error_rad"] for p in line],
-                marker=MARKS[k % len(MARKS)], markersize=4 if ours else 3.5,
-                color=shades[k] if ours else COLOURS.get(family, "black"),
-                linewidth=1.4 if ours else 1.0, linestyle="-" if ours else "--",
-                markerfacecolor=None if ours else "white", label=f"{family} {method}",
-            )  # fmt: skip
+def _work_precision(results: Record, out: Path) -> Iterator[str]:
+    """What an error costs with the best method of each simulator, as in the table of targets."""
+    points = results["work_precision"]["points"]
+    lasts = {(p["robot"], p["scenario"]): p["duration_s"] for p in points}
+    for robot in dict.fromkeys(robot for robot, _ in lasts):
+        scenarios = [scenario for one, scenario in lasts if one == robot]
+        name = f"work_precision_{robot.lower().replace(' ', '_')}"
+        look: dict[str, Any] = {"size": (WIDTH, 3.4), "squeeze": False, "sharey": True}
+        with figure(out / f"{name}.png", 1, len(scenarios), **look) as axes:
+            for axis, scenario in zip(axes[0], scenarios, strict=True):
+                here = [t for t in results["targets"]
+                        if (t["robot"], t["scenario"]) == (robot, scenario)]  # fmt: skip
+                for family in dict.fromkeys(t["family"] for t in here):
+                    best = [(1e3 * t["cpu_s"], t["target_rad"]) for t in here
+                            if t["family"] == family and t["cpu_s"]]  # fmt: skip
+                    if best:
+                        _curve(axis, best, family)
+                axis.set(
+                    xscale="log", yscale="log", title=f"{robot}: {scenario}",
+                    xlabel=f"processor time for {lasts[robot, scenario]:g} s of motion [ms]",
+                )  # fmt: skip
+            axes[0, 0].set_ylabel("error of joint positions [rad]")
+        yield name
 
 
-def _cost(found: Record) -> dict[str, Any]:
-    growth = found["growth"]
-    _, axis = plt.subplots(figsize=(6.0, 4.2))
+def _cost(results: Record, out: Path) -> Iterator[str]:
+    growth = results["cost"]["growth"]
     whos = list(dict.fromkeys(g["who"] for g in growth))
-    for k, who in enumerate(whos):
-        line = [g for g in growth if g["who"] == who]
-        axis.plot([g["joints"] for g in line], [g["ns"] for g in line], **_look(k, who, whos))
-    joints = sorted({g["joints"] for g in growth})
-    axis.set(
-        xscale="log", yscale="log", xlabel="joints of the chain", title="Cost of more joints",
-        ylabel="processor time of one step or evaluation [ns]", xticks=joints, xticklabels=joints,
-    )  # fmt: skip
-    axis.minorticks_off()
-    return {"joints": _legend_beside(axis)}
+    steps = [who for who in whos if who.endswith(SOLVERS)]
+    others = [who for who in whos if "dynamics" in who or " from C" in who or " many " in who]
+    others += [who for who in whos if who.startswith("dynibo")]
+    with figure(out / "joints.png", 1, 2, (WIDTH, 3.4), sharey=True) as axes:
+        for axis, title, shown in (
+            (axes[0], "One step of RK4", steps),
+            (axes[1], "One evaluation of forward dynamics", dict.fromkeys(others)),
+        ):
+            for who in shown:
+                line = [(g["joints"], g["ns"]) for g in growth if g["who"] == who]
+                _curve(
+                    axis, line, who.partition(" (")[0].removesuffix(" RK4").removesuffix(" rk4")
+                )
+            joints = sorted({g["joints"] for g in growth})
+            axis.set(xscale="log", yscale="log", xlabel="joints of the chain", title=title)
+            axis.set_xticks(joints, map(str, joints), minor=False)
+            axis.minorticks_off()
+            axis.legend(loc="upper left")
+        axes[0].set_ylabel("processor time [ns]")
+    yield "joints"
 
 
-def _features(found: Record) -> dict[str, Any]:
-    rows = found["rows"][::-1]
-    figure, axis = plt.subplots(figsize=(6.5, 0.35 * len(rows) + 1))
-    axis.barh([r["scene"] for r in rows], [r["ns"] for r in rows], color=COLOURS[OURS], height=0.6)
-    for k, r in enumerate(rows):
-        axis.text(r["ns"], k, f" {r['operations']} operations", va="center", fontsize=7)
-    axis.set(xlabel="one RK4 step [ns]", title="What each feature costs")
-    axis.margins(x=0.2)
-    axis.grid(axis="y", visible=False)
-    return {"features": figure}
+def _features(results: Record, out: Path) -> Iterator[str]:
+    rows = results["features"]["rows"][::-1]
+    with figure(out / "features.png", 1, 1, (WIDTH, 0.21 * len(rows) + 0.7)) as axis:
+        axis.plot([r["ns"] for r in rows], range(len(rows)), "o", color=COLORS[0], ms=5)
+        axis.axvline(rows[-1]["ns"], color=COLORS[0], lw=0.8, ls=":")
+        axis.set_yticks(range(len(rows)), [r["scene"] for r in rows])
+        axis.set(xscale="log", xlabel="processor time of one step of RK4 [ns]; dotted: bare arm")
+    yield "features"
 
 
-def _rollouts(found: Record) -> dict[str, Any]:
-    _, axis = plt.subplots(figsize=(6.0, 4.0))
-    rows = [
-        r for r in found["rows"] if (r["robot"], r["threads"]) == (found["rows"][0]["robot"], 1)
-    ]
-    whos = list(dict.fromkeys(r["who"] for r in rows))
-    for k, who in enumerate(whos):
-        line = [r for r in rows if r["who"] == who]
-        rates = [r["arm_steps_per_s_per_core"] / 1e6 for r in line]
-        axis.plot([r["arms"] for r in line], rates, **_look(k, who, whos))
-    axis.set(
-        xscale="log", yscale="log", xlabel="arms in one call",
-        ylabel="million arm-steps per second and core", title=f"Rollouts, {rows[0]['robot']}",
-    )  # fmt: skip
-    return {"rollouts": _legend_beside(axis)}
+def _rollouts(results: Record, out: Path) -> Iterator[str]:
+    rows = results["rollouts"]["rows"]
+    rows = [r for r in rows if (r["robot"], r["threads"]) == (rows[0]["robot"], 1)]
+    with figure(out / "rollouts.png", 1, 1, (5.6, 3.6)) as axis:
+        for who in dict.fromkeys(r["who"] for r in rows):
+            line = [(r["arms"], r["arm_steps_per_s_per_core"] / 1e6)
+                    for r in rows if r["who"] == who]  # fmt: skip
+            if not who.startswith(OURS) or who in SHOWN:
+                _curve(axis, line, who)
+                lines, dashes = axis.lines, ("-", "--", ":")
+                alike = [one for one in lines if one.get_color() == lines[-1].get_color()]
+                lines[-1].set_linestyle(dashes[(len(alike) - 1) % len(dashes)])
+        axis.set(
+            xscale="log", yscale="log", xlabel="arms in one call",
+            ylabel="million steps of an arm\nper second and core", title=rows[0]["robot"],
+        )  # fmt: skip
+        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    yield "rollouts"
 
 
-def _energy(found: Record) -> dict[str, Any]:
-    _, axis = plt.subplots(figsize=(6.0, 4.6))
-    rows = [r | {"label": f"{r['who']}, {r['knob']} {r['setting']:g}"} for r in found["rows"]]
-    labels = list(dict.fromkeys(r["label"] for r in rows))
-    for k, label in enumerate(labels):
-        line = [r for r in rows if r["label"] == label and r["drift_J"]]
-        axis.plot([r["horizon_s"] for r in line], [r["drift_J"] for r in line],
-                  **_look(k, label, labels))  # fmt: skip
-    axis.set(
-        xscale="log", yscale="log", xlabel="time simulated [s]", title="Free, frictionless Panda",
-        ylabel="largest energy error so far [J]",
-    )  # fmt: skip
-    axis.set_ylim(top=min(axis.get_ylim()[1], 1e4))
-    return {"energy": _legend_beside(axis)}
+def _energy(results: Record, out: Path) -> Iterator[str]:
+    """The default, and of each simulator the setting with the least drift after ``FIRST``."""
+    rows = [r for r in results["energy"]["rows"] if r["drift_J"]]
+    with figure(out / "energy.png", 1, 1, (WIDTH, 3.8)) as axis:
+        at_first = sorted((r for r in rows if r["horizon_s"] == FIRST), key=lambda r: r["drift_J"])
+        best = {_family(r["who"]): r for r in at_first[::-1]}
+        usual = [r for r in at_first if r["who"] == f"{OURS} rk4"]
+        for one in [
+            *usual,
+            *sorted(best.values(), key=lambda r: FAMILIES.index(_family(r["who"]))),
+        ]:
+            key = one["who"], one["knob"], one["setting"]
+            line = [(r["horizon_s"], r["drift_J"]) for r in rows
+                    if (r["who"], r["knob"], r["setting"]) == key]  # fmt: skip
+            unit = " s" if one["knob"] == "step" else ""
+            _curve(axis, line, f"{one['who']}, {one['knob']} {one['setting']:g}{unit}")
+            axis.lines[-1].set_linestyle("--" if one in usual else "-")
+        axis.set(
+            xscale="log", yscale="log", xlabel="simulated time [s]",
+            ylabel="largest energy error so far [J]",
+        )  # fmt: skip
+    yield "energy"
 
 
-def _startup(found: Record) -> dict[str, Any]:
-    rows = sorted((r for r in found["rows"] if "Chain" in r["robot"]), key=lambda r: r["joints"])
-    figure, axis = plt.subplots(figsize=(6.5, 3.6))
-    for key, label, look in (("cold_s", "empty cache", "o--"), ("cached_s", "cached", "o-")):
-        axis.plot([r["joints"] for r in rows], [r[key]["total without imports"] for r in rows],
-                  look, color=COLOURS[OURS], markersize=4, label=label)  # fmt: skip
-    axis.set(yscale="log", xlabel="joints of the chain", ylabel="scene to first step [s]",
-             title="Start-up")  # fmt: skip
-    axis.legend()
-    return {"startup": figure}
+def _startup(results: Record, out: Path) -> Iterator[str]:
+    rows = [r for r in results["startup"]["rows"] if "Chain" in r["robot"]]
+    rows.sort(key=lambda r: r["joints"])
+    with figure(out / "startup.png", 1, 1, (5.2, 3.0)) as axis:
+        for key, label in (("cold_s", "first start, compiles"), ("cached_s", "later starts")):
+            seconds = [r[key]["total without imports"] for r in rows]
+            axis.plot([r["joints"] for r in rows], seconds, "o-", label=label)
+        axis.set(yscale="log", xlabel="joints of the chain", ylabel="scene to first step [s]")
+    yield "startup"
 
 
-def _look(k: int, who: str, whos: list[str]) -> dict[str, Any]:
-    """Ours in shades of blue, solid; peers in their colour, dashed."""
-    mark = {"marker": MARKS[k % len(MARKS)], "markersize": 4, "label": who}
-    ours = [w for w in whos if w.startswith(OURS)]
-    if who in ours:
-        shade = SHADES(np.linspace(0.45, 1.0, len(ours))[ours.index(who)])
-        return mark | {"color": shade, "linestyle": "-"}
-    colour = next((c for family, c in COLOURS.items() if who.startswith(family)), "black")
-    return mark | {"color": colour, "linestyle": "--", "markerfacecolor": "white"}
-
-
-def _legend_beside(axis: Any) -> Any:
-    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return axis.figure
-
-
-PAINTERS: dict[str, Callable[[Record], dict[str, Any]]] = {
+PAINTERS: dict[str, Callable[[Record, Path], Iterator[str]]] = {
     "work_precision": _work_precision,
     "cost": _cost,
     "features": _features,

@@ -8,26 +8,35 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from scipy.ndimage import maximum_filter1d
 
+from arm_sim.figures import COLORS, WIDTH, figure
 from benchmarks.controllers.cases import PACES, PLANTS
+from benchmarks.controllers.contenders import CONTENDERS
 from benchmarks.controllers.measure import Result
 
-_COLOURS = ("#1b9e77", "#d95f02", "#7570b3", "#e7298a")  # colour-blind safe (ColorBrewer Dark2)
 _MARKS = ("o", "s", "^", "D")
 _LEAST = 1e-3  # [mm] where the logarithmic axes begin
+_ALIKE = ("PD", "PID", "operational space", "joint impedance")  # of no course of their own
+_WINDOW = 0.1  # [s] of which a course shows the largest error
 
 
 def draw(results: Sequence[Result], folder: Path) -> list[Path]:
-    """Draw two figures for each arm."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Draw two figures for each arm.
+
+    Args:
+        results: What was measured.
+        folder: Where to write them; it is made if need be.
+
+    Returns:
+        The files.
+    """
     written = []
     for arm in dict.fromkeys(r.arm for r in results):
         mine = [r for r in results if r.arm == arm]
-        for name, figure in (("errors", _errors(mine)), ("courses", _courses(mine))):
-            path = folder / f"compare_controllers_{arm}_{name}.png"
-            figure.savefig(path, dpi=110)
-            written.append(path)
+        for name, paint in (("errors", _errors), ("courses", _courses)):
+            written.append(folder / f"compare_controllers_{arm}_{name}.png")
+            paint(mine, written[-1])
     return written
 
 
@@ -35,61 +44,50 @@ def _names(results: Sequence[Result]) -> list[str]:
     return list(dict.fromkeys(result.controller for result in results))
 
 
-def _errors(results: Sequence[Result]) -> Figure:
+def _errors(results: Sequence[Result], path: Path) -> None:
     """A dot for each case: controllers as rows, plants by colour."""
-    figure = Figure(figsize=(12.0, 7.6), layout="constrained")
-    axes = figure.subplots(2, 2, sharey=True)
-    figure.suptitle(f"{results[0].title}: errors of the hand")
-    for column, pace in enumerate(PACES):
-        line = [r for r in results if r.pace == pace and r.task == "line"]
-        _dots(axes[0, column], line, [r.error for r in line])
-        axes[0, column].set_title(f"Straight line, {pace}: largest distance from the reference")
-        point = [r for r in results if r.pace == pace and r.task == "regulation"]
-        _dots(axes[1, column], point, [r.final for r in point])
-        how = "set-point moved in 1.5 s" if pace == "slow" else "step of the set-point"
-        axes[1, column].set_title(f"Regulation, {how}: remaining distance")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    return figure
+    with figure(path, 2, 2, (WIDTH, 5.8), sharex=True, sharey=True) as axes:
+        for column, pace in enumerate(PACES):
+            line = [r for r in results if r.pace == pace and r.task == "line"]
+            _dots(axes[0, column], line, [r.error for r in line])
+            axes[0, column].set(title=f"{pace} line", xlabel="largest error [mm]")
+            point = [r for r in results if r.pace == pace and r.task == "regulation"]
+            _dots(axes[1, column], point, [r.final for r in point])
+            how = "moved in 1.5 s" if pace == "slow" else "stepped"
+            axes[1, column].set(title=f"set-point {how}", xlabel="error at the end [mm]")
 
 
 def _dots(axis: Axes, results: Sequence[Result], values: Sequence[float]) -> None:
     names = _names(results)
-    for i, plant in enumerate(PLANTS):
-        rows = [(names.index(r.controller), x) for r, x in zip(results, values, strict=True)
-                if r.plant == plant]  # fmt: skip
-        y = [row + 0.16 * (i - 1.5) for row, _ in rows]
-        x = [max(value, _LEAST) for _, value in rows]
-        axis.plot(x, y, _MARKS[i], color=_COLOURS[i], label=f"{plant}: {PLANTS[plant]}", ms=5.5)
-    axis.set_xscale("log")
-    axis.set_xlabel("distance [mm]; at the left edge: below 0.001 mm")
-    axis.set_xlim(_LEAST / 1.5, 2e3)
+    for i, (plant, color) in enumerate(zip(PLANTS, COLORS, strict=False)):
+        for mine in (False, True):  # what is below the least is drawn open
+            rows = [(names.index(r.controller), x) for r, x in zip(results, values, strict=True)
+                    if r.plant == plant and (x < _LEAST) is mine]  # fmt: skip
+            y = [row + 0.18 * (i - 1.5) for row, _ in rows]
+            axis.plot([max(x, _LEAST) for _, x in rows], y, _MARKS[i], color=color, ms=4.0,
+                      mfc="white" if mine else color,
+                      label=None if mine else PLANTS[plant])  # fmt: skip
+    axis.set(xscale="log", xlim=(_LEAST, 2e3), ylim=(len(names) - 0.5, -0.5))
     axis.set_yticks(range(len(names)), names)
-    axis.set_ylim(len(names) - 0.5, -0.5)
-    axis.grid(axis="x", alpha=0.3)
+    axis.grid(visible=False, axis="y")
     for row in range(1, len(names)):
         axis.axhline(row - 0.5, color="0.9", lw=0.8)
 
 
-def _courses(results: Sequence[Result]) -> Figure:
+def _courses(results: Sequence[Result], path: Path) -> None:
     """Error over time of the fast line, one panel for each plant."""
-    figure = Figure(figsize=(12.0, 7.6), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True, sharey=True)
-    figure.suptitle(f"{results[0].title}: fast straight line, distance from the reference")
-    names = _names(results)
-    shades = [f"C{i % 10}" for i in range(len(names))]
-    for axis, plant in zip(np.ravel(axes), PLANTS, strict=True):
-        for shade, controller in zip(shades, names, strict=True):
-            key = (plant, "line", "fast", controller)
-            mine = next(r for r in results if (r.plant, r.task, r.pace, r.controller) == key)
-            axis.plot(mine.time, np.maximum(mine.course, _LEAST), color=shade, label=controller)
-        axis.set_yscale("log")
-        axis.set_ylim(_LEAST, 2e3)
-        axis.set_title(f"{plant}: {PLANTS[plant]}")
-        axis.grid(alpha=0.3)
-    for axis in axes[1]:
-        axis.set_xlabel("time [s]")
-    for axis in axes[:, 0]:
-        axis.set_ylabel("distance [mm]")
-    handles = axes[0, 0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=5)
-    return figure
+    names = [name for name in _names(results) if name not in _ALIKE or name not in CONTENDERS]
+    names = names[: len(COLORS)] or _names(results)[: len(COLORS)]
+    with figure(path, 2, 2, (WIDTH, 5.2), sharex=True, sharey=True) as axes:
+        for axis, plant in zip(np.ravel(axes), PLANTS, strict=True):
+            for controller in names:
+                key = (plant, "line", "fast", controller)
+                mine = next(r for r in results if (r.plant, r.task, r.pace, r.controller) == key)
+                width = max(1, round(_WINDOW / np.diff(mine.time[:2])[0]))
+                course = maximum_filter1d(mine.course, width)
+                axis.plot(mine.time, np.maximum(course, _LEAST), label=controller)
+            axis.set(yscale="log", ylim=(_LEAST, 2e2), title=PLANTS[plant])
+        for axis in axes[1]:
+            axis.set_xlabel("time [s]")
+        for axis in axes[:, 0]:
+            axis.set_ylabel(f"largest distance\nwithin {_WINDOW:g} s [mm]")

@@ -7,37 +7,24 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-
-from matplotlib import pyplot as plt  # noqa: E402 - the backend is chosen first
-
-COLORS = ("#2c6fbb", "#9aa1ab")
+from arm_sim.figures import figure
 
 
 def draw(record: dict[str, Any], file: Path) -> None:
-    """Draw the share of ticks that were later than a time, against that time."""
-    figure, axis = plt.subplots(figsize=(8.2, 4.0), layout="constrained")
+    """Draw the share of cycles that started later than a time, against that time."""
     loop = record["loop"]
-    for label, bars, color in (
-        ("sim node, loop closed across three processes", loop["loop"]["bars"], COLORS[0]),
-        ("bare thread beside it, doing nothing", loop["thread"]["bars"], COLORS[1]),
-    ):
-        late, share = _later_than(bars)
-        axis.step(1e6 * late, share, where="post", label=label, color=color, linewidth=1.8)
-    axis.axvline(1000.0, color="#c0392b", linewidth=0.9, dashes=(4, 3))
-    axis.text(1050.0, 0.3, "a tick", color="#c0392b", fontsize=9)
-    axis.set(
-        xscale="log", yscale="log", xlabel="lateness [µs]", ylabel="share of ticks that are later",
-        title=f"Ticks of {loop['seconds']:.0f} s at 1 kHz",
-    )  # fmt: skip
-    axis.grid(color="#e4e6ea")
-    axis.legend(frameon=False)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=130)
-    plt.close(figure)
+    with figure(file, 1, 1, (6.4, 3.6)) as axis:
+        for label, bars in (
+            ("sim node, loop closed across three processes", loop["loop"]["bars"]),
+            ("bare thread at the same time", loop["thread"]["bars"]),
+        ):
+            late, share = _later_than(bars)
+            axis.step(1e6 * late, share, where="post", label=label)
+        axis.axvline(1000.0, color="0.4", lw=0.9, ls="--", label="one cycle")
+        axis.set(xscale="log", yscale="log", xlabel="lateness [µs]",
+                 ylabel="share of cycles that are later")  # fmt: skip
 
 
 def _later_than(bars: Sequence[Sequence[float]]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the figures have in common: marks and Matplotlib's settings."""
+"""Names and marks of curves; all else is the house style, ``arm_sim.figures``."""
 
 from __future__ import annotations
 
-MARKS = "osD^vP*Xhp"
-STYLE = {
-    "figure.dpi": 130, "font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "grid.linewidth": 0.5,
-    "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
-    "legend.fontsize": 7.5, "svg.hashsalt": "benchmarks",
+MARKS = "osD^vPXh*p"
+METHODS = {
+    "euler": "Euler", "semi_implicit_euler": "semi-implicit Euler", "midpoint": "midpoint",
+    "rk4": "RK4", "dopri5": "DOPRI5", "dop853": "DOP853", "implicit": "implicit",
 }  # fmt: skip
+"""Methods in figures, by their keys; the others are much like one of these."""

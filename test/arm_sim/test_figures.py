@@ -9,16 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
-from pictures import unseen
+from pictures import unseen, written
 
-import models
 from arm_dynamics import InvalidInput
 from arm_sim.figures import (
+    COLORS,
     MOST_FRAMES,
+    STYLE,
+    WIDTH,
     animation,
     figure,
-    frame_points,
-    legend_at_right,
+    legend_outside,
     use_style,
 )
 
@@ -53,7 +54,7 @@ def test_labels_are_shown_below_the_axes_and_inside_the_picture() -> None:
     animation(TIME, [(ROD, {"label": long}), (ROD, {"label": "b"})], trail=(TIP, {"label": long}))
     figure = plt.gcf()
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.texts] == [long, long, "b"]
+    assert [text.get_text() for text in legend.texts] == [long, "b"]  # each once
     box, axes = legend.get_window_extent(), plt.gca().get_tightbbox()
     assert box.y1 <= axes.y0 + 1.0 and 0.0 <= box.x0 and box.x1 <= figure.bbox.width
 
@@ -64,37 +65,27 @@ def test_a_polyline_that_does_not_go_with_the_times_is_refused(shape: tuple[int,
         animation(TIME, [np.zeros(shape)])
 
 
-def test_frames_of_an_arm_are_where_its_angles_put_them() -> None:
-    q = np.array([[0.3, 0.5], [-1.0, 2.0]])
-    points = frame_points(models.dynamics("two_link"), q, ["shoulder", "elbow", "tip"])
-    elbow = 0.5 * np.stack([np.cos(q[:, 0]), np.sin(q[:, 0])], axis=1)
-    tip = elbow + 0.4 * np.stack([np.cos(q.sum(1)), np.sin(q.sum(1))], axis=1)
-    expected = np.stack([0.0 * elbow, elbow, tip], axis=1)
-    np.testing.assert_allclose(points, expected, atol=1e-15)
-
-
-@pytest.mark.parametrize("loc", ["upper right", "center right"])
-def test_a_legend_at_the_right_covers_no_axes(loc: str) -> None:
+@pytest.mark.parametrize("below", [False, True])
+def test_a_legend_outside_has_each_label_once_and_covers_no_axes(below: bool) -> None:
     figure, axes = plt.subplots(2, layout="constrained")
-    lines = [line for axis in axes for line in axis.plot([0.0, 1.0])]
-    legend_at_right(figure, lines, ["shoulder", "the elbow, which has a long name"], loc)
+    for axis in axes:
+        for label in ("shoulder", "the elbow, which has a long name", "a long name, too", "a"):
+            axis.plot([0.0, 1.0], label=label)
+    legend_outside(figure, below)
     figure.canvas.draw()
-    legend = figure.legends[0].get_window_extent()
-    assert max(axis.get_tightbbox().x1 for axis in axes) <= legend.x0
-    assert legend.x1 <= figure.bbox.x1
+    (made,) = figure.legends
+    legend, boxes = made.get_window_extent(), [axis.get_tightbbox() for axis in axes]
+    assert len(made.texts) == 4 and 0.0 <= legend.x0 and legend.x1 <= figure.bbox.x1
+    if below:
+        assert legend.y1 <= min(box.y0 for box in boxes) + 1.0
+    else:
+        assert legend.y0 >= max(box.y1 for box in boxes) - 1.0
 
 
-def test_a_figure_is_written_where_it_says(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = tmp_path / "figures"
-    with figure("one", folder=folder) as axes:
-        axes.plot([0.0, 1.0])
-    with figure("four", 2, 2, (3.0, 2.0), folder, sharex=True) as axes:
-        assert axes.shape == (2, 2)
-    assert capsys.readouterr().out.splitlines() == [
-        f"figure: {folder / name}.png" for name in ("one", "four")
-    ]
-    height, width, _ = plt.imread(folder / "four.png").shape
-    assert height / width == pytest.approx(2.0 / 3.0, rel=0.01)
-    assert plt.imread(folder / "one.png").shape[1] > width
+def test_letters_are_readable_and_a_page_shows_figures_as_wide_as_they_are(tmp_path: Path) -> None:
+    assert min(STYLE[key] for key in STYLE if key.endswith(("font.size", "labelsize"))) >= 8.0
+    with written() as figures, figure("wide", columns=3, folder=tmp_path) as axes:
+        for axis in axes:
+            axis.plot([0.0, 1.0], label="one")
+    assert figures[0].get_figwidth() <= WIDTH and len(figures[0].legends[0].texts) == 1
+    assert [line.get_color() for axis in axes for line in axis.lines] == 3 * [COLORS[0]]

@@ -202,7 +202,7 @@ assert off > 0.004
 # In a figure
 # -----------
 
-figure, axes = plt.subplots(1, 2, figsize=(9.0, 4.2))
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.4))
 for name, run in runs.items():
     path = hand(run.q)
     axes[0].semilogy(run.time, 1e3 * np.linalg.norm(path - P_f, axis=1), label=name)

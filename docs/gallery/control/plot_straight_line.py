@@ -207,8 +207,8 @@ assert (np.diff(table["exact model", "computed torque"]) < 0).all()
 # In a figure
 # -----------
 
-figure, axes = plt.subplots(1, 2, figsize=(9.0, 4.2), width_ratios=[1.0, 1.9])
-colours = {"PID": "tab:orange", "feed-forward": "tab:green", "computed torque": "tab:blue"}
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.4), width_ratios=[1.0, 1.9])
+colours = {"PID": "C1", "feed-forward": "C2", "computed torque": "C0"}
 for name, run in runs.items():
     axes[0].plot(*hand(run.q).T, color=colours[name], label=name)
 axes[0].plot(*np.array([P_s, P_f]).T, "k:", label="line")
@@ -238,7 +238,7 @@ def chain(q):
 motion = animation(
     runs["PID"].time,
     [(np.array([P_s, P_f]), {"label": "line"}),
-     (chain(runs["PID"].q), {"color": "tab:orange", "label": "PID, and its path"}),
+     (chain(runs["PID"].q), {"color": "C1", "label": "PID, and its path"}),
      (chain(runs["computed torque"].q), {"label": "computed torque"})],
     trail=hand(runs["PID"].q),
     speed=0.5,

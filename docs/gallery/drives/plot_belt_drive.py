@@ -130,7 +130,7 @@ assert abs(np.pi / np.diff(swings).mean() / omega - 1) < 0.02  # two extremes in
 # In a figure
 # -----------
 
-figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.7))
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.0))
 axes[0].plot(t, stiff.v[:, 0], "k--", lw=1.0, label="rigid belt")
 axes[0].plot(t, soft.v[:, 0], label="flexible belt: wheel")
 axes[0].plot(t, soft.z[:, 1], lw=1.0, label="flexible belt: motor / N")
@@ -171,7 +171,7 @@ motion = animation(
      (mark(motor, r1, left), {"marker": "", "label": "motor, wheel"}),
      (mark(motor / N - 20 * (motor / N - wheel), r2, right), {"marker": ""}),
      (mark(motor / N, 1.25 * r2, right, 1.08 * r2),
-      {"marker": "", "color": "tab:orange", "label": "wheel with a rigid belt"})],
+      {"marker": "", "color": "C1", "label": "wheel with a rigid belt"})],
     speed=0.05,
     size=(6.4, 3.6),
     title="Belt drive, stretch × 20",

@@ -144,7 +144,7 @@ assert settled.max() < 2e-6
 # In a figure
 # -----------
 
-figure = plt.figure(figsize=(9.0, 6.0))
+figure = plt.figure(figsize=(7.2, 4.8))
 axes = list(figure.subplot_mosaic([["track", "track"], ["error", "volts"]]).values())
 axes[0].plot(run.time, 1e3 * track(run.time), "k", lw=1.0, label="track")
 axes[0].plot(run.time, 1e3 * run.q[:, 0], label="sled")
@@ -185,11 +185,11 @@ thin = {"marker": "", "linewidth": 1.2}
 motion = animation(
     run.time,
     [(sled, {"marker": "", "label": "sled"}),
-     (lens, {"marker": "", "color": "tab:green", "label": "lens"}),
+     (lens, {"marker": "", "color": "C2", "label": "lens"}),
      (spring, thin | {"color": "0.5", "label": "suspension"}),
      (plate, thin | {"color": "0.2", "label": "disc"}),
-     (beam, thin | {"color": "tab:red", "label": "beam"}),
-     (spot, {"color": "tab:orange", "label": "track"})],
+     (beam, thin | {"color": "C3", "label": "beam"}),
+     (spot, {"color": "C1", "label": "track"})],
     speed=0.1,
     size=(7.0, 3.8),
     title="Pickup and disc",

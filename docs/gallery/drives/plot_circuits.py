@@ -46,7 +46,7 @@ import numpy as np
 from scipy.linalg import expm  # pip install ".[gallery]"
 
 from arm_sim import Simulator
-from arm_sim.figures import animation, axis_at_right, use_style
+from arm_sim.figures import animation, use_style
 
 use_style()
 
@@ -130,7 +130,7 @@ assert abs(of_charge + charge**2 / (2 * area)) < 1e-8 * abs(of_charge)
 # In a figure
 # -----------
 
-figure = plt.figure(figsize=(9.0, 6.0))
+figure = plt.figure(figsize=(7.2, 4.8))
 axes = list(figure.subplot_mosaic([["LR", "RC"], ["RLC", "RLC"]]).values())
 ms = 1e3 * t
 axes[0].plot(ms, run.z[:, 0])
@@ -139,9 +139,11 @@ axes[1].plot(ms, E[:, 1])
 axes[1].set(ylabel="voltage [V]", title="RC: the motor without inductance")
 axes[2].plot(ms, run.z[:, 1])
 axes[2].set(title="RLC: the whole motor", ylim=(-1.75, 1.75))
-axes[2].set_ylabel("current [A]", color="tab:blue")
-other = axis_at_right(axes[2], "voltage of the capacitor [V]", "tab:orange")
-other.plot(ms, E[:, 2], color="tab:orange")
+axes[2].set_ylabel("current [A]", color="C0")
+other = axes[2].twinx()
+other.grid(False)
+other.set_ylabel("voltage of the capacitor [V]", color="C1")
+other.plot(ms, E[:, 2], color="C1")
 other.set_ylim(-7.0, 7.0)
 for axis in axes:
     axis.axvline(1e3 * on, color="0.7", lw=0.8)
@@ -163,7 +165,7 @@ spoke = np.stack([np.sin(run.q), -np.cos(run.q)], axis=-1)  # (k, 3, 2)
 centres = np.array([[0.0, 0.0], [2.6, 0.0], [5.2, 0.0]])
 looks = [
     {"marker": "", "color": color, "label": label}
-    for color, label in (("tab:blue", "LR"), ("tab:orange", "RC"), ("tab:green", "RLC"))
+    for color, label in (("C0", "LR"), ("C1", "RC"), ("C2", "RLC"))
 ]
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(

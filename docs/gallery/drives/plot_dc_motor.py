@@ -37,7 +37,7 @@ import yaml
 from scipy.linalg import expm  # pip install ".[gallery]"
 
 from arm_sim import Simulator
-from arm_sim.figures import animation, axis_at_right, use_style
+from arm_sim.figures import animation, use_style
 
 use_style()
 
@@ -130,19 +130,21 @@ assert abs(cut.z[:, 0].max() - 8.0) < 1e-6
 # In a figure
 # -----------
 
-figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.7))
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.0))
 axes[0].plot(time, current)
 axes[0].set(xlabel="time [s]", title="12 V, and a load from 0.3 s on")
-axes[0].set_ylabel("current [A]", color="tab:blue")
-other = axis_at_right(axes[0], "speed of the flywheel [rad/s]", "tab:orange")
-other.plot(time, speed, color="tab:orange")
+axes[0].set_ylabel("current [A]", color="C0")
+other = axes[0].twinx()
+other.grid(False)
+other.set_ylabel("speed of the flywheel [rad/s]", color="C1")
+other.plot(time, speed, color="C1")
 
 w = np.linspace(0.0, volts / K, 200)
 axes[1].plot(w, K * (volts - K * w) / R, color="0.6", label="constant current")
 axes[1].plot(N * speed, K * current, label="the run")
 axes[1].plot(N * cut.v[:, 0], K * cut.z[:, 0], "--", label="with a limit of 8 A")
 axes[1].plot(*curve.T, "ko", ms=4, label="settled under six loads")
-axes[1].plot(w, K * (volts - K * w) / R * w / 100, ":", color="tab:red", label="power [100 W]")
+axes[1].plot(w, K * (volts - K * w) / R * w / 100, ":", color="C3", label="power [100 W]")
 axes[1].set(xlabel="speed of the motor [rad/s]", ylabel="torque of the motor [N m]",
             title="Torque–speed curve", ylim=(0, 0.72))  # fmt: skip
 axes[1].legend(loc="upper right")
@@ -172,8 +174,8 @@ motion = animation(
     [
         rim,
         (wheel, {"marker": "", "label": "flywheel"}),
-        (bar, thick | {"color": "tab:green", "label": "back-EMF"}),
-        (rest, thick | {"color": "tab:orange", "label": "winding"}),
+        (bar, thick | {"color": "C2", "label": "back-EMF"}),
+        (rest, thick | {"color": "C1", "label": "winding"}),
     ],
     speed=0.1,
     size=(5.4, 3.8),

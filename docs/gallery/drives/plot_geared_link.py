@@ -112,7 +112,7 @@ assert wrong > 0.1
 # In a figure
 # -----------
 
-figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.7))
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.0))
 axes[0].plot(run.time, angle, label="simulated")
 axes[0].plot(run.time, misprinted, "--", label=r"with $B = r B_m + B_l$, as printed")
 axes[0].axvline(until, color="0.7", lw=0.8)
@@ -143,7 +143,7 @@ rotor = np.array([-0.35, 0.0]) + 0.12 * np.column_stack([np.cos(turn), np.sin(tu
 mark = 0.12 * np.column_stack([np.sin(r * q), -np.cos(r * q)])
 hand = (
     np.stack([-mark, mark], axis=1) + np.array([-0.35, 0.0]),
-    {"marker": "", "color": "tab:green", "label": "rotor"},
+    {"marker": "", "color": "C2", "label": "rotor"},
 )
 # sphinx_gallery_thumbnail_number = 2
 motion = animation(

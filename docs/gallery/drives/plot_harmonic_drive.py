@@ -113,7 +113,7 @@ assert abs(area + bearing - lost) < 0.01 * lost
 # In a figure
 # -----------
 
-figure, axes = plt.subplots(1, 2, figsize=(9.0, 4.2))
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.4))
 for amplitude, loop in reversed(runs.items()):
     torque = k * loop.z[:, 0] + k3 * loop.z[:, 0] ** 3 + H * loop.z[:, 2]
     axes[0].plot(1e3 * loop.z[:, 0], torque, label=f"±{amplitude:g} N m")
@@ -145,7 +145,7 @@ motion = animation(
     loop.time[seen],
     [np.column_stack([np.cos(turn), np.sin(turn)]), (spline, {"marker": "", "label": "spline"}),
      (arrow, {"marker": "", "linewidth": 1.0, "color": "0.3"}),
-     (place[:, None], {"color": "tab:red", "label": "now"})],
+     (place[:, None], {"color": "C3", "label": "now"})],
     trail=(place, {"label": "torque over twist"}),
     size=(6.4, 3.6),
     title="Wave generator, and its place on the loop",

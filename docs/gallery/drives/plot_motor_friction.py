@@ -123,7 +123,7 @@ assert abs(reached - (K - F_c) / (2 * s2)) > 10.0
 # In a figure
 # -----------
 
-figure = plt.figure(figsize=(9.0, 6.2))
+figure = plt.figure(figsize=(7.2, 5.0))
 by_name = figure.subplot_mosaic([["run", "run"], ["small", "curve"]])
 axes = [by_name[name] for name in ("small", "run", "curve")]
 small, large = run.time <= 0.8, run.time >= 0.8
@@ -162,7 +162,7 @@ motion = animation(
     run.time[seen],
     [np.column_stack([np.cos(turn), np.sin(turn)]), np.array([[-0.5, -1.6], [0.5, -1.6]]),
      (np.stack([0 * mark, mark], axis=1), {"marker": "", "label": "rotor"}),
-     (bristle, {"marker": "", "color": "tab:orange", "label": "bristle, × 10"})],
+     (bristle, {"marker": "", "color": "C1", "label": "bristle, × 10"})],
     speed=0.1,
     title="Rotor and bristle",
 )  # fmt: skip

@@ -220,7 +220,7 @@ assert off < 0.02 * motor.v.max()
 # In a figure
 # -----------
 
-figure, axes = plt.subplots(2, 2, figsize=(9.0, 6.2))
+figure, axes = plt.subplots(2, 2, figsize=(7.2, 5.0))
 axes = axes.flat
 axes[0].plot(1e3 * blocked.time, blocked.z[:, 0], label="measured")
 axes[0].axhline(0.6 / R, color="0.5", ls="--", label="V / R")
@@ -264,7 +264,7 @@ motion = animation(
     [np.column_stack([np.cos(turn), np.sin(turn)]),
      (place(np.linspace(0, w_last.max(), 100)), {"label": "friction over speed"}),
      (np.stack([0 * mark, mark], axis=1), {"marker": "", "label": "rotor"}),
-     (place(w_last)[:, None], {"color": "tab:red", "label": "friction now"})],
+     (place(w_last)[:, None], {"color": "C3", "label": "friction now"})],
     speed=0.02,
     size=(6.0, 3.4),
     title="Coming to rest",

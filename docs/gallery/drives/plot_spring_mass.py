@@ -73,10 +73,10 @@ assert abs(run.energy[-1] - work) < 1e-9
 # In a figure
 # -----------
 
-figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.7))
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.0))
 axes[0].plot(t, run.q[:, 0], label="run")
 axes[0].axvline(t1, color="0.7", lw=0.8)
-axes[0].hlines(F / k, 0.0, t1, color="tab:orange", ls="--", label="F / k")
+axes[0].hlines(F / k, 0.0, t1, color="C1", ls="--", label="F / k")
 axes[0].set(xlabel="time [s]", ylabel="position [m]", title="10 N for two seconds")
 axes[0].legend(loc="lower left")
 axes[1].stackplot(t, run.kinetic, run.potential, labels=["kinetic", "of the spring"])
@@ -100,7 +100,7 @@ mass = box + np.stack([run.q, np.zeros_like(run.q)], axis=-1)
 motion = animation(
     t,
     [np.array([[wall, -0.15], [wall, 0.15]]),
-     (coil, {"marker": "", "linewidth": 1.2, "color": "tab:orange", "label": "spring"}),
+     (coil, {"marker": "", "linewidth": 1.2, "color": "C1", "label": "spring"}),
      (mass, {"marker": "", "label": "mass"})],
     size=(6.4, 2.6),
 )  # fmt: skip

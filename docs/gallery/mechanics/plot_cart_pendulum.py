@@ -36,7 +36,7 @@ from scipy.integrate import solve_ivp  # pip install ".[gallery]"
 from scipy.linalg import solve_discrete_are
 
 from arm_sim import Simulator
-from arm_sim.figures import animation, axis_at_right, use_style
+from arm_sim.figures import animation, use_style
 
 use_style()
 
@@ -123,12 +123,14 @@ assert error <= 1e-8
 # In a figure
 # -----------
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, run.q[:, 0])
 left.set(xlabel="time [s]", title="Balanced from 0.5 rad", ylim=(-0.8, 0.6))
-left.set_ylabel("cart [m]", color="tab:blue")
-other = axis_at_right(left, "pendulum [rad]", "tab:orange")
-other.plot(run.time, run.q[:, 1], color="tab:orange")
+left.set_ylabel("cart [m]", color="C0")
+other = left.twinx()
+other.grid(False)
+other.set_ylabel("pendulum [rad]", color="C1")
+other.plot(run.time, run.q[:, 1], color="C1")
 other.set_ylim(-0.8, 0.6)
 right.step(run.time, run.command[:, 0], where="post")
 right.set(xlabel="time [s]", ylabel="force on the cart [N]", title="What it takes")

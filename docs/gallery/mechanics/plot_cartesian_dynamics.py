@@ -144,11 +144,11 @@ print(f"the elbow stays between {elbow_angle.min():.2f} and {elbow_angle.max():.
 # Along the second link the hand feels both masses, the first one through a lever that locks as the
 # arm straightens; across the link it feels the load alone.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 bend = np.linspace(0.15, np.pi - 0.15, 200)
 left.semilogy(np.degrees(bend), m2 + m1 / np.sin(bend) ** 2, label="along the link")
 left.semilogy(np.degrees(bend), m2 + m1 / np.sin(bend), "--", label="as printed")
-left.axhline(m2, color="tab:green", label="across the link")
+left.axhline(m2, color="C2", label="across the link")
 left.set(xlabel="elbow [°]", ylabel="mass at the hand [kg]", title="$M_x$")
 left.legend(loc="upper center")
 along, across = np.transpose([jacobian(a) @ b for a, b in zip(run.q, run.v, strict=True)])
@@ -175,7 +175,7 @@ motion = animation(
     run.time,
     [
         (np.stack([0.0 * elbow, elbow, tip], axis=1), {"label": "arm"}),
-        (arrow, {"color": "tab:red", "marker": "", "linewidth": 2.0, "label": "force"}),
+        (arrow, {"color": "C3", "marker": "", "linewidth": 2.0, "label": "force"}),
     ],
     trail=(tip, {"label": "path of the hand"}),
     speed=0.5,

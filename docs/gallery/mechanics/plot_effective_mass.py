@@ -108,7 +108,7 @@ assert np.abs(np.divide(felt, said) - 1.0).max() <= 1e-6
 # -----------
 # The mass by direction, and how it grows without bound along the link as the arm straightens.
 
-figure = plt.figure(figsize=(9.0, 4.2))
+figure = plt.figure(figsize=(7.2, 3.4))
 left = figure.add_subplot(1, 2, 1, projection="polar")
 right = figure.add_subplot(1, 2, 2)
 every = np.linspace(0.0, 2.0 * np.pi, 361)
@@ -142,7 +142,7 @@ motion = animation(
     np.linspace(0.0, 3.0, 60),
     [
         (np.stack([0.0 * elbow, elbow, tip], axis=1), {"label": "arm"}),
-        (ellipses, {"color": "tab:orange", "marker": "", "linewidth": 1.5, "label": "mobility"}),
+        (ellipses, {"color": "C1", "marker": "", "linewidth": 1.5, "label": "mobility"}),
     ],
 )
 

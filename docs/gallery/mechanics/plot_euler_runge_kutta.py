@@ -126,7 +126,7 @@ for h in (0.01, 0.001):
 # which uses the new speed for the new position, has the same order and costs the same, but its
 # energy only wavers.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.8))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.0))
 for name, mark in (("euler", "o-"), ("rk4", "s-")):
     left.loglog(steps, errors[name], mark, label=name)
 left.axhline(1e-13, color="0.6", linestyle=":", label="rounding")
@@ -159,7 +159,7 @@ motion = animation(
     runs["rk4"].time,
     [
         (rod(runs["rk4"].q), {"label": "Runge–Kutta"}),
-        (rod(runs["euler"].q), {"color": "tab:orange", "label": "Euler"}),
+        (rod(runs["euler"].q), {"color": "C1", "label": "Euler"}),
     ],
 )
 

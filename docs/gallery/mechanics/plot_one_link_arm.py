@@ -90,7 +90,7 @@ assert left_over["corrected"] <= 1e-8 and left_over["printed"] > 1.0
 # -----------
 # Friction lets the swings die out; the arm comes to rest where :math:`Q = m g l \sin\theta`.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, np.degrees(angle), label="run")
 level = np.degrees(np.arcsin(Q / (m * g * l)))
 left.axhline(level, color="0.5", linestyle=":", label="where it would rest")

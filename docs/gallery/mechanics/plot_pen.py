@@ -157,7 +157,7 @@ for force in ([0.0, -PRESSURE], [3.0, -PRESSURE]):
 # -----------
 # The torques are held for 2 ms, so within a tick the pressure is not exactly what was asked for.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, 1e3 * (path[:, 0] - middle), label="pen")
 left.plot(run.time, 1e3 * SWING * (1.0 - np.cos(TURN * run.time)), "--", label="goal")
 left.set(xlabel="time [s]", ylabel="along the sheet [mm]", title="Motion")

@@ -89,7 +89,7 @@ for amplitude in amplitudes:
     share = swing.q[before, 0] / (swing.q[before, 0] - swing.q[after, 0])
     periods.append(4.0 * (before + share) * sim.dt)
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, np.degrees(run.q[:, 0]), label="run")
 left.plot(run.time, np.degrees(start * np.cos(pace * run.time)), "--", label="small swings")
 left.set(xlabel="time [s]", ylabel="angle [°]", title="Released from 170°", ylim=(-190, 270))
@@ -98,7 +98,7 @@ left.legend(loc="upper left", ncols=2)
 every = np.linspace(0.01, np.deg2rad(177.0), 200)
 right.plot(np.degrees(every), 4.0 / pace * ellipk(np.sin(every / 2.0) ** 2), label="elliptic")
 right.plot(np.degrees(amplitudes), periods, "o", label="runs")
-right.axhline(2.0 * np.pi / pace, color="tab:orange", linestyle="--", label=r"$2\pi/\omega_0$")
+right.axhline(2.0 * np.pi / pace, color="C1", linestyle="--", label=r"$2\pi/\omega_0$")
 right.set(xlabel="amplitude [°]", ylabel="period [s]", title="Period")
 right.legend()
 

@@ -69,7 +69,7 @@ assert np.abs(run.q - parabola(+9.81)).max() > 10.0
 # In a figure
 # -----------
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 for name, values in zip(sim.joint_names, run.q.T, strict=True):
     left.plot(run.time, values, label=name)
 left.set(xlabel="time [s]", ylabel="position [m]", title="Coordinates")

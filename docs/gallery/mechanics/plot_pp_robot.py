@@ -92,7 +92,7 @@ print(f"off the circle by {1e3 * off:.2f} mm at most")
 # In a figure
 # -----------
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 4.0))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
 left.plot(*run.q.T)
 left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="Path of the hand")
 right.plot(ticks, forces[:, 0], label=r"$\tau_1$, across")

@@ -42,7 +42,7 @@ from matplotlib import pyplot as plt
 from scipy.integrate import solve_ivp  # pip install ".[gallery]"
 
 from arm_sim import Simulator
-from arm_sim.figures import animation, axis_at_right, use_style
+from arm_sim.figures import animation, use_style
 
 use_style()
 
@@ -121,12 +121,14 @@ assert error <= 1e-8 and slider <= 1e-10 and np.ptp(kept) <= 1e-8
 # The speed grows with the square root of the angle, and is modulated twice a turn: where the
 # slider is fast, the mechanism is heavy.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, angle / (2.0 * np.pi))
 left.set(xlabel="time [s]", title="Position under 1.5 N m")
-left.set_ylabel("turns of the crank", color="tab:blue")
-other = axis_at_right(left, "slider [m]", "tab:orange")
-other.plot(run.time, run.q[:, rail], color="tab:orange")
+left.set_ylabel("turns of the crank", color="C0")
+other = left.twinx()
+other.grid(False)
+other.set_ylabel("slider [m]", color="C1")
+other.plot(run.time, run.q[:, rail], color="C1")
 turns = angle / (2.0 * np.pi)
 right.plot(turns, speed, label="run")
 smooth = np.sqrt(2.0 * tau * (angle - angle[0]) / J.mean())

@@ -132,7 +132,7 @@ assert np.abs(sideways + mu * normal)[sliding].max() <= 1e-8
 elbow = l1 * np.stack([np.cos(run.q[:, 0]), np.sin(run.q[:, 0])], axis=1)
 both = run.q.sum(axis=1)
 tip = elbow + l2 * np.stack([np.cos(both), np.sin(both)], axis=1)
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time[:-1], normal[:-1], label="normal")
 left.plot(run.time[:-1], -sideways[:-1], label="friction")
 left.axhline(20.0, color="0.5", linestyle=":", label="asked for")
@@ -155,7 +155,7 @@ motion = animation(
     [
         (table, {"label": "table"}),
         (np.stack([0.0 * elbow, elbow, tip], axis=1), {"label": "arm"}),
-        (force, {"color": "tab:red", "marker": "", "linewidth": 2.0, "label": "force"}),
+        (force, {"color": "C3", "marker": "", "linewidth": 2.0, "label": "force"}),
     ],
     speed=0.25,
 )

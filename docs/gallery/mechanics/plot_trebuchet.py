@@ -195,8 +195,8 @@ for name, sign in (("corrected", +1.0), ("printed", -1.0)):
 # Most of what the weight loses ends up in the stone: the weight is nearly at rest when the sling
 # lets go.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6), width_ratios=(2, 1))
-left.plot(*throw.q[:, [x_at, z_at]].T, color="tab:orange", label="in the sling")
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9), width_ratios=(2, 1))
+left.plot(*throw.q[:, [x_at, z_at]].T, color="C1", label="in the sling")
 left.plot(*flight.q[: landing + 1, [x_at, z_at]].T, label="in flight")
 left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title=f"The throw: {reach:.1f} m")
 left.legend(loc="lower center")
@@ -229,7 +229,7 @@ motion = animation(
         (rope, {"color": "0.3", "linewidth": 1.0, "marker": ""}),
         (np.stack([end, short, weight], axis=1), {"label": "beam"}),
         (weight[:, None], {"markersize": 12, "color": "0.3", "label": "weight"}),
-        (stone[:, None], {"color": "tab:orange", "label": "stone, and its path"}),
+        (stone[:, None], {"color": "C1", "label": "stone, and its path"}),
     ],
     trail=stone,
     speed=1.0 / 6.0,

@@ -128,8 +128,8 @@ for name, q0 in (("elbow down", down), ("elbow up", up)):
 # different moments, although the load is the same.
 
 xs = np.linspace(0.25, 0.85, 121)
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.8))
-for name, sign, color in (("elbow down", 1.0, "tab:blue"), ("elbow up", -1.0, "tab:orange")):
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.0))
+for name, sign, color in (("elbow down", 1.0, "C0"), ("elbow up", -1.0, "C1")):
     way = np.array([angles(x, 0.2, sign) for x in xs])
     left.plot(*points(way[70:71])[0].T, "o-", color=color, linewidth=2.5, label=name)
     torques = np.array([sim.dynamics.gravity(q) for q in way])
@@ -153,7 +153,7 @@ motion = animation(
     runs[0].time,
     [
         (points(runs[0].q), {"label": "elbow down"}),
-        (points(runs[1].q), {"color": "tab:orange", "label": "elbow up, and its path"}),
+        (points(runs[1].q), {"color": "C1", "label": "elbow up, and its path"}),
     ],
     trail=points(runs[1].q)[:, 2],
     speed=0.5,

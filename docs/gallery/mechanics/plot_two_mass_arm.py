@@ -107,7 +107,7 @@ sim.reset()
 same = sim.run(12.0)
 apart = np.abs(long.q - same.q).max(axis=1)
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, run.q, label=[r"$\theta_1$", r"$\theta_2$"])
 left.set(xlabel="time [s]", ylabel="angle [rad]", title="Let go")
 left.legend()

@@ -79,7 +79,7 @@ assert abs(heat[-1] - run.lost[-1]) <= 1e-8
 # In a figure
 # -----------
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 2.9))
 left.plot(run.time, run.v[:, 0], label="with friction")
 left.plot(run.time[:60], -g * run.time[:60], "--", label="without")
 left.axhline(-top, color="0.5", linestyle=":", label="$-mg/b$")
@@ -103,8 +103,8 @@ pair = [
         {"color": color, "markersize": 9, "label": label},
     )
     for x, y, color, label in (
-        (0.0, run.q[:, 0], "tab:blue", "with friction"),
-        (1.0, free, "tab:orange", "without"),
+        (0.0, run.q[:, 0], "C0", "with friction"),
+        (1.0, free, "C1", "without"),
     )
 ]
 # sphinx_gallery_thumbnail_number = 2

@@ -1,27 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures and animations in a common style.
+"""Figures and animations in the house style, by which every picture of the suite is drawn.
 
-Matplotlib is imported when the first one is made.
+Text has at least 8 points where a page shows a figure, at most seven colours are used, which are
+told apart without seeing colours, and a figure has one legend. Matplotlib is imported when the
+first one is made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from arm_dynamics import Dynamics, InvalidInput
+from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
-from arm_dynamics.task_space import TaskSpace
 
 FOLDER = Path("reports/examples")
+WIDTH = 7.2  # [in], of the text of a page; wider figures are shrunk, and their letters with them
+COLORS = (  # Okabe and Ito, Color Universal Design, without yellow
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000",
+)  # fmt: skip
 STYLE = {
-    "font.size": 10.0, "axes.titlesize": 11.0, "axes.titleweight": "bold", "axes.grid": True,
-    "axes.spines.top": False, "axes.spines.right": False, "axes.axisbelow": True,
-    "grid.color": "0.9", "lines.linewidth": 1.7, "legend.frameon": False, "figure.dpi": 110.0,
+    "font.size": 9.0, "axes.labelsize": 9.0, "axes.titlesize": 9.5, "legend.fontsize": 8.5,
+    "xtick.labelsize": 8.5, "ytick.labelsize": 8.5, "axes.titlelocation": "left",
+    "axes.titleweight": "bold", "axes.grid": True, "axes.axisbelow": True, "grid.color": "0.9",
+    "axes.spines.top": False, "axes.spines.right": False, "lines.linewidth": 1.4,
+    "lines.markersize": 4.0, "legend.frameon": False, "legend.handlelength": 1.6,
+    "axes.prop_cycle": f"cycler('color', {list(COLORS)})",
+    "figure.dpi": 110.0, "savefig.dpi": 160.0,
 }  # fmt: skip
 MOST_FRAMES = 60  # frames of an animation, such that a page with one stays below a megabyte
 FILM_DPI = 72.0  # likewise
@@ -30,51 +40,47 @@ Chain = Array | tuple[Array, dict[str, Any]]
 
 @contextmanager
 def figure(
-    name: str,
-    rows: int = 1,
-    columns: int = 1,
-    size: tuple[float, float] | None = None,
-    folder: Path = FOLDER,
-    **axes: Any,
-) -> Iterator[Any]:
+    name: str | Path, rows: int = 1, columns: int = 1, size: tuple[float, float] | None = None,
+    folder: Path = FOLDER, **axes: Any,
+) -> Iterator[Any]:  # fmt: skip
     """A figure that is saved at the end of the ``with`` block.
 
+    At the end, labels that no legend shows are shown above the axes, and empty axes are not.
+
     Args:
-        name: Name of the file, without suffix.
+        name: Path of the file; or its name in a folder, without suffix, which is printed.
         rows: Rows of axes.
         columns: Columns of axes.
         size: In inches; None for a suitable one.
-        folder: Folder of the file.
+        folder: Folder of a name.
         **axes: As for ``matplotlib.figure.Figure.subplots``.
 
     Yields:
         The axes: one, or an array of them.
+
+    Raises:
+        InvalidInput: If Matplotlib does not know the format of the file.
     """
-    path = folder / f"{name}.png"
-    size = size or (4.6 * columns + 0.4, 3.1 * rows + 0.5)
-    with drawn(path, rows, columns, size, squeeze=True, **axes) as found:
-        yield found
-    print(f"figure: {path}")
-
-
-@contextmanager
-def drawn(
-    path: Path,
-    rows: int,
-    columns: int,
-    size: tuple[float, float],
-    squeeze: bool = False,
-    **axes: Any,
-) -> Iterator[Any]:
-    """The same as any file, whose folder is made; an array of axes, unless they are squeezed."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
+    path = name if isinstance(name, Path) else folder / f"{name}.png"
     with mpl.rc_context(STYLE):
+        size = size or (WIDTH if columns > 1 else 5.2, 2.5 * rows + 0.4)
         made = Figure(figsize=size, layout="constrained")
-        yield made.subplots(rows, columns, squeeze=squeeze, **axes)
+        yield made.subplots(rows, columns, **axes)
+        for axis in made.axes:
+            axis.set_visible(axis.has_data())
+        if not made.legends and not any(axis.get_legend() for axis in made.axes):
+            legend_outside(made)
+        made.align_ylabels()
         path.parent.mkdir(parents=True, exist_ok=True)
-        made.savefig(path)
+        try:
+            made.savefig(path)
+        except ValueError as error:
+            raise InvalidInput(f"'{path}': {error}") from None
+    if path is not name:
+        print(f"figure: {path}")
 
 
 def use_style() -> None:
@@ -84,40 +90,61 @@ def use_style() -> None:
     mpl.rcParams.update(STYLE | {"figure.constrained_layout.use": True})
 
 
-def legend_at_right(
-    figure: Any,
-    lines: Sequence[Any],
-    labels: Sequence[str],
-    loc: str = "upper right",
-    **style: Any,
-) -> None:
-    """A legend of a whole figure, with constrained layout, to the right of its axes.
+def legend_outside(figure: Any, below: bool = False) -> None:
+    """A legend of a whole figure with constrained layout: of axes without one, each label once.
 
-    Matplotlib itself makes room for it (``loc="outside …"``) from 3.7 on; Ubuntu 24.04 has 3.6.
+    It is above or below the axes, in as many columns as have room. Matplotlib itself makes room
+    for it (``loc="outside …"``) from 3.7 on; Ubuntu 24.04 has 3.6.
     """
-    legend = figure.legend(lines, labels, loc=loc, **style)
-    left = legend.get_window_extent().x0 / figure.bbox.width
-    figure.set_layout_engine("constrained", rect=(0.0, 0.0, left, 1.0))
+    found: dict[str, Any] = {}
+    for axis in (axis for axis in figure.axes if not axis.get_legend()):
+        for line, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, line)
+    for rows in range(1, len(found) + 1):
+        columns = -(-len(found) // rows)
+        legend = figure.legend(
+            found.values(), found, loc=f"{'lower' if below else 'upper'} center", ncol=columns,
+            columnspacing=1.3, borderaxespad=0.2,
+        )  # fmt: skip
+        box = legend.get_window_extent()
+        if box.width < figure.bbox.width or columns == 1:
+            height = box.height / figure.bbox.height + 0.01
+            low = height if below else 0.0
+            figure.set_layout_engine("constrained", rect=(0.0, low, 1.0, 1.0 - height))
+            return
+        legend.remove()
 
 
-def axis_at_right(axes: Any, label: str, color: str) -> Any:
-    """A second vertical axis for a curve in another unit, whose label has the curve's colour."""
-    other = axes.twinx()
-    other.spines["right"].set_visible(True)
-    other.grid(False)
-    other.set_ylabel(label, color=color)
-    return other
+def most_moved(q: Array) -> list[int]:
+    """Columns of positions, shape (k, n), to draw: all, or as many as there are colours."""
+    way = np.ptp(np.nan_to_num(q), axis=0)
+    return sorted(np.argsort(-way, kind="stable")[: len(COLORS)].tolist())
+
+
+def joint_words(names: Sequence[str]) -> list[str]:
+    """Names in words, without what all begin or end with up to an underscore or a slash."""
+    parts = [re.split("[_/]", name) for name in names]
+    first = last = 0
+    while min(map(len, parts)) > first + 1 and len({part[first] for part in parts}) == 1:
+        first += 1
+    while (
+        min(map(len, parts)) > first + last + 1 and len({part[-1 - last] for part in parts}) == 1
+    ):
+        last += 1
+    return [" ".join(part[first : len(part) - last]) for part in parts]
+
+
+def units(joint_types: Iterable[str], turning: str, sliding: str, between: str = ", ") -> str:
+    """The unit of joints of these types, or both units if both kinds occur."""
+    kinds = {kind == "prismatic" for kind in joint_types}
+    return between.join([turning] * (False in kinds) + [sliding] * (True in kinds))
 
 
 def animation(
-    time: Array,
-    chains: Sequence[Chain],
-    *,
-    trail: Chain | None = None,
-    speed: float = 1.0,
-    size: tuple[float, float] = (4.4, 4.4),
-    title: str = "",
-) -> Any:
+    time: Array, chains: Sequence[Chain], *, trail: Chain | None = None, speed: float = 1.0,
+    size: tuple[float, float] = (4.4, 4.4), title: str = "", frames: int = MOST_FRAMES,
+    axes: str = "xz",
+) -> Any:  # fmt: skip
     """An animated stick figure: polylines over time, in a plane with equal axes.
 
     Args:
@@ -130,14 +157,17 @@ def animation(
         speed: Speed of the animation relative to real time.
         size: In inches.
         title: Title of the figure.
+        frames: Largest number of frames.
+        axes: Names of the horizontal and of the vertical axis.
 
     Returns:
-        A ``matplotlib.animation.FuncAnimation`` of at most ``MOST_FRAMES`` frames; keep it as long
+        A ``matplotlib.animation.FuncAnimation``, which a notebook shows as a film; keep it as long
         as it is shown.
 
     Raises:
         InvalidInput: If a shape does not match ``time``, or the speed is not positive.
     """
+    import matplotlib as mpl
     from matplotlib import pyplot as plt
     from matplotlib.animation import FuncAnimation
 
@@ -148,20 +178,19 @@ def animation(
     path, style = trail if isinstance(trail, tuple) else (trail, {})
     path = np.full((len(time), 2), np.nan) if path is None else np.asarray(path)
     _link(path[:, None], len(time))
-    shown = np.linspace(0, len(time) - 1, min(len(time), MOST_FRAMES)).round().astype(int)
+    shown = np.linspace(0, len(time) - 1, min(len(time), frames)).round().astype(int)
     seen = [points.reshape(-1, 2) for points, _ in links] + [path]
-    fig, axes = plt.subplots(figsize=size, dpi=FILM_DPI)
-    axes.set(xlabel="x [m]", ylabel="z [m]", title=title)
-    behind = axes.plot([], [], **{"color": "tab:orange", "linewidth": 1.2} | style)[0]
-    drawn = [axes.plot([], [], **properties)[0] for _, properties in links]
-    _legend_below(fig, *axes.get_legend_handles_labels())
-    clock = axes.text(
-        0.0, 1.01, f"{time[-1]:.2f} s", transform=axes.transAxes, verticalalignment="bottom"
-    )
-    fill_with(axes, np.vstack(seen))
-    fig.canvas.draw()
-    fig.set_layout_engine("none")  # that of this frame is that of all
-    fill_with(axes, np.vstack(seen))
+    with mpl.rc_context(STYLE | {"figure.constrained_layout.use": True}):
+        fig, plane = plt.subplots(figsize=size, dpi=FILM_DPI)
+        plane.set(xlabel=f"{axes[0]} [m]", ylabel=f"{axes[1]} [m]", title=title)
+        behind = plane.plot([], [], **{"color": COLORS[1], "linewidth": 1.2} | style)[0]
+        drawn = [plane.plot([], [], **properties)[0] for _, properties in links]
+        legend_outside(fig, below=True)
+        clock = plane.text(0.0, 1.01, f"{time[-1]:.2f} s", transform=plane.transAxes, va="bottom")
+        fill_with(plane, np.vstack(seen))
+        fig.canvas.draw()
+        fig.set_layout_engine("none")  # that of this frame is that of all
+        fill_with(plane, np.vstack(seen))
 
     def show(k: int) -> list[Any]:
         for line, (points, _) in zip(drawn, links, strict=True):
@@ -170,15 +199,12 @@ def animation(
         clock.set_text(f"{time[k]:.2f} s")
         return [behind, *drawn, clock]
 
-    class Film(FuncAnimation):  # type: ignore[misc]  # Matplotlib is untyped here
-        """An animation that may stay unused without a warning, as in a script without a screen."""
-
-        def __del__(self) -> None:
-            """Suppress the warning."""
-
     show(0)
     apart = 1e3 * (time[-1] - time[0]) / max(len(shown) - 1, 1) / speed  # [ms]
-    return Film(fig, show, frames=shown.tolist(), interval=apart)
+    film = FuncAnimation(fig, show, frames=shown.tolist(), interval=apart)
+    film._draw_was_started = True  # no warning if it stays unused, as in a script without a screen
+    mpl.rcParams["animation.html"] = "jshtml"  # a notebook shows it as a film
+    return film
 
 
 def fill_with(axes: Any, points: Array) -> None:
@@ -196,18 +222,6 @@ def fill_with(axes: Any, points: Array) -> None:
     axes.set(xlim=(left, right), ylim=(bottom, top))
 
 
-def _legend_below(figure: Any, lines: Sequence[Any], labels: Sequence[str]) -> None:
-    """A legend of a whole figure, with constrained layout, below its axes."""
-    for columns in (3, 2, 1) if lines else ():
-        legend = figure.legend(lines, labels, loc="lower center", ncol=columns)
-        box = legend.get_window_extent()
-        if box.width < figure.bbox.width or columns == 1:
-            low = box.y1 / figure.bbox.height
-            figure.set_layout_engine("constrained", rect=(0.0, low, 1.0, 1.0 - low))
-            return
-        legend.remove()
-
-
 def _link(chain: Chain, count: int) -> tuple[Array, dict[str, Any]]:
     """A polyline at every time, and how it is drawn."""
     points, properties = chain if isinstance(chain, tuple) else (chain, {})
@@ -218,22 +232,5 @@ def _link(chain: Chain, count: int) -> tuple[Array, dict[str, Any]]:
             f"a polyline of shape {points.shape} does not match {count} times; allowed: "
             f"({count}, m, 2), or (m, 2) if it does not move"
         )
-    usual = {"color": "0.6"} if still else {"color": "tab:blue", "marker": "o", "linewidth": 2.5}
+    usual = {"color": "0.6"} if still else {"color": COLORS[0], "marker": "o", "linewidth": 2.5}
     return np.broadcast_to(points, (count, *points.shape[-2:])), usual | properties
-
-
-def frame_points(dynamics: Dynamics, q: Array, frames: Sequence[str], axes: str = "xz") -> Array:
-    """Positions of frames of an arm, for ``animation``.
-
-    Args:
-        dynamics: Dynamics of the arm.
-        q: Positions in [rad] or [m], shape (k, n).
-        frames: Names of links or joints.
-        axes: Two of ``xyz``: the projection of the world.
-
-    Returns:
-        Points in [m], shape (k, number of frames, 2).
-    """
-    spaces = [TaskSpace(dynamics, frame, selection=tuple(axes)) for frame in frames]
-    kept = ["xyz".index(axis) for axis in axes]
-    return np.array([[space.pose(each).position[kept] for space in spaces] for each in q])

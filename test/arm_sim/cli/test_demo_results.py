@@ -91,7 +91,7 @@ def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> 
     for k in range(2):
         np.testing.assert_array_equal(position.lines[k].get_ydata(), observed.position[:, k])
         np.testing.assert_array_equal(position.lines[2 + k].get_ydata(), observed.reference[:, k])
-        np.testing.assert_allclose(error.lines[k].get_ydata(), 1e3 * observed.error[:, k])
+        np.testing.assert_array_equal(error.lines[k].get_ydata(), observed.error[:, k])
         np.testing.assert_array_equal(torque.lines[k].get_ydata(), observed.effort[:, k])
         circles = torque.lines[2 + k]
         assert set(circles.get_ydata()) < set(observed.asked_effort[:, k])
@@ -99,10 +99,10 @@ def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> 
         colors = {axis.lines[k].get_color() for axis in figure.axes}
         assert colors == {circles.get_markeredgecolor()}  # of one joint
     assert position.get_ylabel() == "position [rad]"
-    assert error.get_ylabel() == "error [mrad]" and torque.get_ylabel() == "torque [N m]"
+    assert error.get_ylabel() == "tracking error [rad]" and torque.get_ylabel() == "torque [N m]"
     assert position.lines[2].is_dashed() and not position.lines[0].is_dashed()
     assert torque.get_xlim() == (0.0, 3.0) and torque.get_xlabel() == "time [s]"
-    assert [text.get_text() for text in figure.legends[0].texts] == ["shoulder", "elbow"]
+    assert [text.get_text() for text in figure.legends[0].texts][:2] == ["shoulder", "elbow"]
 
 
 @pytest.mark.parametrize(

@@ -96,17 +96,19 @@ def test_figures_of_a_sweep_show_each_group_over_each_number(tmp_path: Path) -> 
         tmp_path,
     )
     axes = np.reshape(scatter.axes, (2, 2))
-    assert [axis.get_xlabel() for axis in axes[1]] == ["gravity_scale", damping]
+    assert [axis.get_xlabel() for axis in axes[1]] == [
+        "gravity scale", "elbow: friction, viscous\n[N m s/rad]"
+    ]  # fmt: skip
     assert [axis.get_ylabel() for axis in axes[:, 0]] == [
-        "tracking_rms [rad, m]", "energy [J]"
+        "RMS tracking error\n[rad]", "work of the drives\n[J]"
     ]  # fmt: skip
     assert [axis.get_yscale() for axis in axes[:, 0]] == ["linear", "log"]
     assert [axis.get_xscale() for axis in axes[0]] == ["linear", "log"]
     pd, float_ = (points.get_offsets() for points in axes[0, 1].collections)
     assert pd.tolist() == [[0.001, 4.0], [0.1, 2.0]] and float_[0].tolist() == [0.01, 1.0]
-    assert [text.get_text() for text in axes[0, 0].get_legend().texts] == ["pd", "float"]
+    assert [text.get_text() for text in scatter.legends[0].texts] == ["pd", "float"]
     first, second = distribution.axes
     assert first.get_ylabel() == "share of runs below" and second.get_xscale() == "log"
     pd, float_ = (line.get_xydata().tolist() for line in first.lines)
     assert pd == [[2.0, 0.5], [4.0, 1.0]] and float_ == [[1.0, 1.0]]
-    assert [text.get_text() for text in first.get_legend().texts] == ["pd", "float"]
+    assert [text.get_text() for text in distribution.legends[0].texts] == ["pd", "float"]

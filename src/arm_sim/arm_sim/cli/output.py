@@ -173,9 +173,3 @@ def number(value: Any, digits: int = 6) -> str:
 def limit(value: float, digits: int = 6) -> str:
     """A limit, or a dash where there is none."""
     return "-" if abs(value) == float("inf") else number(value, digits)
-
-
-def units(joint_types: Iterable[str], turning: str, sliding: str, between: str = ", ") -> str:
-    """The unit of joints of these types, or both units if both kinds occur."""
-    kinds = {kind == "prismatic" for kind in joint_types}
-    return between.join([turning] * (False in kinds) + [sliding] * (True in kinds))

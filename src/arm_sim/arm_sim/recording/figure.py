@@ -4,26 +4,27 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import cycle, pairwise
 from typing import Any
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
-from arm_sim.figures import legend_at_right
+from arm_sim.figures import COLORS, STYLE, WIDTH, joint_words, legend_outside, most_moved, units
 from arm_sim.recording.motion import RecordedMotion
 from arm_sim.recording.tables import UNITS, parts
 
-_STYLE = {
-    "axes.grid": True, "grid.alpha": 0.3, "axes.spines.top": False, "axes.spines.right": False,
-    "font.size": 9.0, "lines.linewidth": 1.2,
-}  # fmt: skip
 _LINES = ("-", "--", ":", "-.")
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
+_APART = 5e-3  # of what a panel shows: curves that are closer to each other coincide
+_ENERGY = "energy [J]"
 NO_WINDOW = "no window: Matplotlib has no display"
 LONG = 60_001  # rows up to which the energy account repeats ticks for curves
+
+type _Curve = tuple[str, Array, str]  # label, values, colour
 
 _log = logging.getLogger(__name__)
 
@@ -34,25 +35,34 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     from matplotlib import pyplot
 
     names, first = _joints(recordings, joints), recordings[0]
-    told = any(not recording.of_robot for recording in recordings)
-    panels = [part for part in ("position", "velocity", "effort") if _there(recordings, part)]
-    with mpl.rc_context(_STYLE):
+    types = ("revolute", "prismatic") if first.physics is None else first.physics.model.joint_types
+    panels = {
+        f"{part} [{units(types, *UNITS[part])}]": [
+            list(_of_joints(one, part, names)) for one in recordings
+        ]
+        for part in ("position", "velocity", "effort")
+        if part == "position" or any(np.nan_to_num(parts(one)[part]).any() for one in recordings)
+    }
+    if any(energies := [list(_energies(one)) for one in recordings]):
+        panels[_ENERGY] = energies
+    with mpl.rc_context(STYLE):
         figure, axes = pyplot.subplots(
-            len(panels) + told, 1, sharex=True, squeeze=False, layout="constrained",
-            figsize=(9.0, 2.3 * (len(panels) + told) + 0.4),
+            len(panels), 1, sharex=True, squeeze=False, layout="constrained",
+            figsize=(WIDTH, 1.7 * len(panels) + 0.5),
         )  # fmt: skip
-        colors = mpl.colormaps["tab10" if len(names) <= 10 else "tab20"]
-        for axis, part in zip(axes[:, 0], panels, strict=False):
-            for recording, line in zip(recordings, _cycled(len(recordings)), strict=True):
-                _joint_lines(axis, recording, part, names, colors, line)
-            axis.set_ylabel(f"{part} [{_unit(first, part)}]")
-        if told:
-            _energy(axes[-1, 0], recordings)
-        for axis in axes[:, 0]:
+        for axis, (title, of_each) in zip(axes[:, 0], panels.items(), strict=True):
+            for recording, curves, line in zip(recordings, of_each, cycle(_LINES), strict=False):
+                for label, values, color in curves:
+                    curve = thinned(recording.time, values[:, None], _POINTS)
+                    shown = label if line == _LINES[0] else None
+                    axis.plot(*curve, line, color=color, label=shown)
+            axis.set_ylabel(title)
             _marks(axis, first)
-        axes[-1, 0].set_xlabel("time [s]")
-        columns = 1 if len(names) <= 10 else 2
-        legend_at_right(figure, *axes[0, 0].get_legend_handles_labels(), ncols=columns)
+        if _ENERGY in panels:
+            axes[-1, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=6)
+        legend_outside(figure)
+        axes[-1, 0].set(xlabel="time [s]", xlim=first.time[[0, -1]] if len(first) > 1 else None)
+        figure.align_ylabels()
     if pyplot.get_backend().lower() == "agg":  # it would show nothing, without a word
         figure.canvas.manager.show = lambda: _log.warning(
             "%s; the figure's savefig('motion.png') writes a file", NO_WINDOW
@@ -80,29 +90,15 @@ def _joints(recordings: Sequence[RecordedMotion], asked: Sequence[str]) -> list[
         raise InvalidInput(
             f"unknown joint {known_names(unknown)}; allowed: {choices(unknown[0], shared)}"
         )
-    return list(asked) or shared
+    if asked:
+        return list(asked)
+    columns = [recordings[0].joint_names.index(name) for name in shared]
+    return [shared[i] for i in most_moved(recordings[0].q[:, columns])]
 
 
-def _there(recordings: Sequence[RecordedMotion], part: str) -> bool:
-    """Whether any of the recordings has a quantity."""
-    return any(np.isfinite(parts(recording)[part]).any() for recording in recordings)
-
-
-def _cycled(count: int) -> list[str]:
-    return [_LINES[i % len(_LINES)] for i in range(count)]
-
-
-def _joint_lines(
-    axis: Any, recording: RecordedMotion, part: str, names: list[str], colors: Any, line: str
-) -> None:
-    array = parts(recording)[part]
-    for i, name in enumerate(names):
-        k = recording.joint_names.index(name)
-        label = name if line == _LINES[0] else None
-        curve = thinned(recording.time, array[:, k : k + 1], _POINTS)
-        axis.plot(*curve, line, color=colors(i % colors.N), label=label)
-    if part == "position":
-        _stops(axis, recording, names, colors)
+def _of_joints(recording: RecordedMotion, part: str, names: list[str]) -> Iterator[_Curve]:
+    for name, short, color in zip(names, joint_words(names), cycle(COLORS), strict=False):
+        yield short, parts(recording)[part][:, recording.joint_names.index(name)], color
 
 
 def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
@@ -118,52 +114,41 @@ def thinned(time: Array, values: Array, points: int) -> tuple[Array, Array]:
     Returns:
         Times and values.
     """
-    stretches = points // 2
     if len(time) <= points:
         return time, values
-    edges = np.linspace(0, len(time), stretches + 1).astype(int)
-    times, rows = np.empty(2 * stretches), np.empty((2 * stretches, values.shape[1]))
-    columns = np.arange(values.shape[1])
-    for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    edges = np.linspace(0, len(time), points // 2 + 1).astype(int)
+    columns, times, rows = np.arange(values.shape[1]), [], []
+    for a, b in pairwise(edges):
         part = np.nan_to_num(values[a:b])
         ends = np.sort([part.argmin(axis=0), part.argmax(axis=0)], axis=0)
-        times[2 * i : 2 * i + 2] = time[a], time[(a + b) // 2]
-        rows[2 * i : 2 * i + 2] = values[a:b][ends, columns]
-    return times, rows
+        times += [time[a], time[(a + b) // 2]]
+        rows += list(values[a:b][ends, columns])
+    return np.array(times), np.array(rows)
 
 
-def _stops(axis: Any, recording: RecordedMotion, names: list[str], colors: Any) -> None:
-    """Marks where joints reach their stops."""
-    if recording.physics is None:
+def _energies(recording: RecordedMotion) -> Iterator[_Curve]:
+    """Energies with their colours: none that is zero, and one for all that coincide."""
+    if recording.of_robot or recording.origin is None:
         return
-    touched = recording.physics.model.stops.touched(recording.q)
-    for i, name in enumerate(names):
-        k = recording.joint_names.index(name)
-        met = np.flatnonzero(np.diff(touched[:, k].astype(int), prepend=0) > 0)[:_MARKS]
-        color = colors(i % colors.N)
-        axis.plot(recording.time[met], recording.q[met, k], "v", ms=6, color=color)
-
-
-def _energy(axis: Any, recordings: Sequence[RecordedMotion]) -> None:
-    for recording, line in zip(recordings, _cycled(len(recordings)), strict=True):
-        if recording.of_robot or recording.origin is None:
-            continue
-        for i, (label, values) in enumerate(_account(recording)):
-            shown = label if line == _LINES[0] else None
-            curve = thinned(recording.time, values[:, None], _POINTS)
-            axis.plot(*curve, line, color=f"C{i}", label=shown)
-    axis.set_ylabel("energy [J]")
-    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, fontsize=8, frameon=False)
+    curves, colors = _account(recording), (*COLORS[:2], "#000000", *COLORS[2:])
+    apart = _APART * max((np.ptp(values) for _, values in curves if len(values)), default=0.0)
+    rest = [(*curve, color) for curve, color in zip(curves, colors, strict=False)]
+    while rest := [one for one in rest if abs(one[1]).max(initial=0.0) > apart]:
+        alike = [one for one in rest if abs(one[1] - rest[0][1]).max() <= apart]
+        yield " = ".join(label for label, _, _ in alike), rest[0][1], rest[0][2]
+        rest = [one for one in rest[1:] if abs(one[1] - alike[0][1]).max() > apart]
 
 
 def _account(recording: RecordedMotion) -> list[tuple[str, Array]]:
-    """Work and heat, if they are cheap to compute; else the stored energies."""
-    start = recording.energy[0]
-    found = [("kinetic", recording.kinetic), ("total, less the initial", recording.energy - start)]
+    """Energies, that of rest from its least; work and heat, if they are cheap to compute."""
+    rest = recording.energy - recording.kinetic
+    rest = rest - rest.min(initial=np.inf)
+    found = [("T, kinetic", recording.kinetic), ("V, potential", rest),
+             ("T + V", recording.kinetic + rest)]  # fmt: skip
     if recording.account.makes_ticks_again(recording.x) and len(recording) > LONG:
         return found
-    return [*found, ("supplied", recording.supplied), ("lost", recording.lost),
-            ("unaccounted for", recording.balance)]  # fmt: skip
+    return [*found, ("work", recording.supplied), ("heat", recording.lost),
+            ("residual", recording.balance)]  # fmt: skip
 
 
 def _marks(axis: Any, recording: RecordedMotion) -> None:
@@ -174,11 +159,3 @@ def _marks(axis: Any, recording: RecordedMotion) -> None:
         axis.axvline(time, color="0.4", lw=0.7, ls=":")
     for row in recording.gaps:
         axis.axvspan(recording.time[row - 1], recording.time[row], color="0.85", lw=0)
-
-
-def _unit(recording: RecordedMotion, part: str) -> str:
-    turning, sliding = UNITS[part]
-    if recording.physics is None:
-        return turning if part == "effort" else f"{turning}, {sliding}"
-    kinds = {kind == "prismatic" for kind in recording.physics.model.joint_types}
-    return ", ".join([turning] * (False in kinds) + [sliding] * (True in kinds))

@@ -96,11 +96,14 @@ class Recording(RecordedMotion):
         return columns(self)
 
     def plot(self, *others: Recording, joints: Sequence[str] = ()) -> Any:
-        """Draw positions, velocities, torques and the energy account.
+        """Draw positions, velocities, torques and energies, unless they are zero all the time.
+
+        The potential energy is drawn from its least value; work and heat are those of the energy
+        balance.
 
         Args:
             *others: Recordings to draw over this one, dashed.
-            joints: Joints to draw; all if none is named.
+            joints: Joints to draw; if none is named all, or of many the seven that move most.
 
         Returns:
             A ``matplotlib.figure.Figure``.
@@ -111,6 +114,27 @@ class Recording(RecordedMotion):
         from arm_sim.recording.figure import draw
 
         return draw((self, *others), joints)
+
+    def animate(
+        self, path: str | os.PathLike[str] | None = None, *, rate: float = 30.0, speed: float = 1.0
+    ) -> Any:
+        """Show the motion as a film of a stick figure, as ``motion.animate("pendulum.gif")``.
+
+        Args:
+            path: GIF to write, or None.
+            rate: Frames per second, to a hundredth of a second for each: 30 are 33.
+            speed: Speed of the film relative to real time.
+
+        Returns:
+            A ``matplotlib.animation.FuncAnimation``, which a notebook shows as a film.
+
+        Raises:
+            InvalidInput: If the file is no GIF, the recording has no scene, or a number is not
+                positive.
+        """
+        from arm_sim.recording.animation import animate
+
+        return animate(self, None if path is None else Path(path), rate, speed)
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Refuse to be copied or pickled.

@@ -16,16 +16,13 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
+from arm_sim.figures import COLORS
 from arm_sim.recording.figure import thinned
 from arm_sim.view.framing import TALL
 
 if TYPE_CHECKING:
     import viser
 
-COLOURS = (
-    "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f",
-    "#bcbd22", "#17becf",
-)  # fmt: skip
 POINTS = 1200  # points of a curve
 FLAT = 1e-9  # range of values, relative to them or to 1, that is not drawn as a change
 WIDTH = 380  # size of the panel in pixels
@@ -133,7 +130,7 @@ def with_curves(page: str, charts: Sequence[Chart], times: Sequence[float], rate
     if not charts:
         return page
     drawn = {
-        "charts": [_drawn(chart) for chart in charts], "colours": COLOURS, "width": WIDTH,
+        "charts": [_drawn(chart) for chart in charts], "colours": COLORS, "width": WIDTH,
         "begin": times[0], "end": times[-1], "pictures": len(times), "rate": rate,
     }  # fmt: skip
     data = json.dumps(drawn, separators=(",", ":"), allow_nan=False)
@@ -159,7 +156,7 @@ def _digits(values: Array) -> list[float | None]:
 def legend(names: Sequence[str], values: Array) -> str:
     """A legend as HTML: colours, names, and values with four digits, shape (curves,)."""
     rows = [
-        f'<span style="color:{COLOURS[i % len(COLOURS)]}">&#9632;</span>'
+        f'<span style="color:{COLORS[i % len(COLORS)]}">&#9632;</span>'
         f"<span>{html.escape(name)}</span>"
         f'<span style="text-align:right">{_number(value)}</span>'
         for i, (name, value) in enumerate(zip(names, values.tolist(), strict=True))
@@ -197,7 +194,7 @@ def _columns(time: Array, values: Array) -> tuple[Array, ...]:
 
 def _series(names: Sequence[str]) -> tuple[dict[str, object], ...]:
     curves = [
-        {"label": name, "stroke": COLOURS[i % len(COLOURS)], "width": 1.5,
+        {"label": name, "stroke": COLORS[i % len(COLORS)], "width": 1.5,
          "points": {"show": False}}
         for i, name in enumerate(names)
     ]  # fmt: skip

@@ -1,49 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figure of an exciting motion: the motion of its joints relative to their limits."""
+"""The figure of an exciting motion: each joint relative to its limits."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import click
 import numpy as np
 
+from arm_dynamics.arrays import Array
+from arm_dynamics.trajectory import Trajectory
 from arm_dynamics.writing import warn_if_replaced
-
-if TYPE_CHECKING:
-    from arm_dynamics.arrays import Array
-    from arm_dynamics.trajectory import Trajectory
-    from arm_studies.identification.excitation import Room
+from arm_sim.figures import WIDTH, figure, joint_words
+from arm_studies.identification.excitation import Room
 
 _POINTS = np.linspace(0.0, 1.0, 6)[:-1]
 
 
 def draw(motion: Trajectory, room: Room, path: Path) -> None:
-    """Draw positions within their range, and speeds and torques over their limits."""
-    from matplotlib.figure import Figure
-
-    from arm_sim.figures import legend_at_right
-
-    times, panels = _panels(motion, room)
-    figure = Figure(figsize=(9.0, 8.0), layout="constrained")
-    axes = figure.subplots(4, 1, sharex=True)
-    for axis, (name, values) in zip(axes, panels.items(), strict=True):
-        for i, joint in enumerate(room.model.joint_names):
-            axis.plot(times, values[:, i], lw=1.2, color=f"C{i % 10}", label=joint)
-        axis.axhspan(-1.0, 1.0, color="0.95", lw=0)
-        axis.set(ylabel=name, ylim=(-1.1, 1.1))
-        axis.spines[["top", "right"]].set_visible(False)
-    axes[-1].set(xlabel="time [s]", xlim=(0.0, motion.duration))
-    legend_at_right(figure, *axes[0].get_legend_handles_labels())
+    """Draw each joint's position within its range, and its speed and torque over limits."""
+    times, curves = _curves(motion, room)
+    names = joint_words(room.model.joint_names)
+    rows = -(-len(names) // 2)
     warn_if_replaced(path)
-    try:
-        figure.savefig(path, dpi=130)
-    except ValueError as error:
-        raise click.ClickException(f"'{path}': {error}") from None
+    size = WIDTH, 1.3 * rows + 0.7
+    with figure(path, rows, 2, size, sharex=True, sharey=True) as axes:
+        for j, (axis, name) in enumerate(zip(axes.flat, names, strict=False)):
+            for label, values in curves.items():
+                axis.plot(times, values[:, j], lw=1.2, label=label)
+            axis.axhspan(-1.0, 1.0, color="0.96", lw=0, zorder=0)
+            axis.set(title=name, ylim=(-1.1, 1.1), xlim=(0.0, motion.duration))
+        for axis in axes.flat[max(0, len(names) - 2) : len(names)]:
+            axis.set_xlabel("time [s]")
+            axis.tick_params(labelbottom=True)
+        for axis in axes.flat[::2]:
+            axis.set_ylabel("share of limit")
 
 
-def _panels(motion: Trajectory, room: Room) -> tuple[Array, dict[str, Array]]:
+def _curves(motion: Trajectory, room: Room) -> tuple[Array, dict[str, Array]]:
     """Times, and quantities relative to their limits by name."""
     times, q, v, a = motion.table(_POINTS)
     tau = room.torques(q, v, a)
@@ -52,10 +45,10 @@ def _panels(motion: Trajectory, room: Room) -> tuple[Array, dict[str, Array]]:
     limited = np.isfinite(room.limits.acceleration).all()
     return times, {
         "position in its range": (q - middle) / half,
-        "speed / limit": v / _or_largest(room.limits.velocity, v),
-        f"acceleration / {'limit' if limited else 'largest'}": a
+        "speed": v / _or_largest(room.limits.velocity, v),
+        "acceleration" if limited else "acceleration, of its largest": a
         / _or_largest(room.limits.acceleration, a),
-        "torque / limit": tau / _or_largest(room.effort, tau),
+        "torque": tau / _or_largest(room.effort, tau),
     }
 
 

@@ -3,17 +3,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from arm_dynamics import ArmModel, Scene
 from arm_dynamics.arrays import Array
-from arm_sim.figures import drawn
+from arm_sim.figures import COLORS, WIDTH, figure, joint_words, units
 from arm_studies.identification.data import runs
 from arm_studies.identification.result import Identification
 
+NOTE: dict[str, Any] = {"loc": "right", "fontsize": 8.5, "fontweight": "normal"}
 _POINTS = 2500  # of a curve
+
+
+@contextmanager
+def torque_panels(
+    path: Path, scene: Scene, time: Array, measured: Array, others: Mapping[str, Array]
+) -> Iterator[Any]:
+    """A row for each joint: its torques, measured and others, and measured minus the others.
+
+    Args:
+        path: The figure.
+        scene: The arm.
+        time: In [s], shape (k,).
+        measured: In [N m] or [N], shape (k, n).
+        others: Other torques by label.
+
+    Yields:
+        The axes, shape (n, 2).
+    """
+    model = ArmModel(scene)
+    n, unit = model.n, units(model.joint_types, "N m", "N")
+    size = WIDTH, 1.05 * n + 0.9
+    with figure(path, n, 2, size, squeeze=False, sharex=True, width_ratios=(1.5, 1)) as axes:
+        for j, (left, right) in enumerate(axes):
+            left.plot(time, measured[:, j], color="0.7", lw=3.0, label="measured")
+            for (label, torque), color in zip(others.items(), COLORS, strict=False):
+                left.plot(time, torque[:, j], color=color, lw=1.0, label=label)
+                right.plot(time, measured[:, j] - torque[:, j], color=color, lw=0.8)
+            left.set_ylabel(joint_words(model.joint_names)[j].replace(" ", "\n"))
+            span = np.nanmax(abs(measured[:, j]))
+            right.set_ylim(-span, span)
+        for axis, title in zip(axes[0], ("torque", "residual"), strict=True):
+            axis.annotate(f"{title} [{unit}]", (0, 1.34), xycoords="axes fraction", weight="bold")
+        for axis in axes[-1]:
+            axis.set_xlabel("time [s]")
+        yield axes
 
 
 def draw_torques(found: Identification, path: Path) -> None:
@@ -23,28 +62,19 @@ def draw_torques(found: Identification, path: Path) -> None:
         found: The identification.
         path: The figure, in any format of Matplotlib.
     """
-    shown, n = found.torques, len(found.joint_names)
+    shown = found.torques
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
     order = np.arange(len(shown.time)) * float(np.median(np.diff(shown.time)))
-    t = order[rows]
-    with drawn(path, n, 2, (13.0, 1.9 * n + 0.8)) as axes:
-        for j, name in enumerate(found.joint_names):
-            left, right = axes[j]
-            left.plot(t, shown.nominal[rows, j], color="0.75", label="nominal", linewidth=1.0)
-            left.plot(t, shown.measured[rows, j], color="C0", label="measured", linewidth=1.5)
-            left.plot(t, shown.predicted[rows, j], color="C1", label="predicted", linewidth=1.0)
-            left.set_ylabel(f"{name}\n[N m] or [N]", fontsize=8)
-            residual = shown.measured[rows, j] - shown.predicted[rows, j]
-            right.plot(t, residual, color="C3", linewidth=0.8)
-            right.set_ylabel("residual", fontsize=8)
+    torques = {"identified": shown.predicted[rows], "nominal": shown.nominal[rows]}
+    with torque_panels(path, found.scene, order[rows], shown.measured[rows], torques) as made:
+        for name, (left, right) in zip(found.joint_names, made, strict=True):
             error = found.torque_error[name]
-            told = "unknown error" if np.isnan(error) else f"error {error:.1%}"
-            right.set_title(f"{told} on held-out data", fontsize=8)
-            for at in (left, right):
-                _shade(at, order, shown.held_out)
-        axes[0, 0].legend(ncols=3, fontsize=8, loc="lower right", bbox_to_anchor=(1, 0.98))
-        for at in axes[-1]:
-            at.set_xlabel("time [s], gaps removed; shaded: held out")
+            known = "unknown" if np.isnan(error) else f"{error:.1%}"
+            right.set_title(f"{known} on held-out data", **NOTE)
+            for axis in (left, right):
+                for first, end in runs(shown.held_out):
+                    axis.axvspan(order[first], order[end - 1], color="0.93", zorder=0)
+        made[-1, 0].set_xlabel("time without gaps [s]; shaded: held out")
 
 
 def draw_friction(found: Identification, path: Path) -> None:
@@ -54,22 +84,24 @@ def draw_friction(found: Identification, path: Path) -> None:
         found: The identification.
         path: The figure.
     """
-    shown, n = found.torques, len(found.joint_names)
+    shown, n, types = found.torques, len(found.joint_names), ArmModel(found.scene).joint_types
     columns = min(4, n)
     lines = -(-n // columns)
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
-    with drawn(path, lines, columns, (3.4 * columns, 2.8 * lines + 0.3)) as axes:
-        for j, at in enumerate(axes.ravel()):
-            if j >= n:
-                at.set_visible(False)
-                continue
-            at.plot(shown.v[rows, j], shown.friction[rows, j], ".", color="0.7", markersize=2)
+    with figure(path, lines, columns, (WIDTH, 1.9 * lines + 0.4), squeeze=False) as axes:
+        for j, (at, name) in enumerate(
+            zip(axes.flat, joint_words(found.joint_names), strict=False)
+        ):
+            at.plot(
+                shown.v[rows, j], shown.friction[rows, j], ".", color="0.7", ms=2, label="measured"
+            )
             fit = found.friction[j]
             if fit is not None and fit.kinds:
-                at.plot(*_law(found, j), color="C1")
-            at.set_title(found.joint_names[j], fontsize=9)
-            at.set_xlabel("velocity [rad/s] or [m/s]", fontsize=8)
-            at.set_ylabel("friction [N m] or [N]", fontsize=8)
+                at.plot(*_law(found, j), color=COLORS[1], label="identified law")
+            at.set_title(name)
+        whole = axes[0, 0].figure
+        whole.supylabel(f"friction [{units(types, 'N m', 'N')}]", fontsize=9.0)
+        whole.supxlabel(f"velocity [{units(types, 'rad/s', 'm/s')}]", fontsize=9.0)
 
 
 def _law(found: Identification, j: int) -> tuple[Array, Array]:
@@ -81,8 +113,3 @@ def _law(found: Identification, j: int) -> tuple[Array, Array]:
     v = np.concatenate([-half[::-1], [np.nan], half])
     load = np.full_like(v, float(np.sqrt(np.nanmean(shown.measured[:, j] ** 2))))
     return v, fit.torque(v, load)
-
-
-def _shade(axes: Any, time: Any, held_out: Any) -> None:
-    for first, end in runs(held_out):
-        axes.axvspan(time[first], time[end - 1], color="0.93", zorder=0)

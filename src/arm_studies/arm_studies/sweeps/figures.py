@@ -3,16 +3,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.arrays import Array
-from arm_sim.figures import drawn
+from arm_dynamics.scene import Scene
+from arm_sim.figures import WIDTH, figure, units
 from arm_studies.sweeps.metrics import METRICS
 from arm_studies.sweeps.study import Study
 from arm_studies.sweeps.table import Table
@@ -37,13 +39,13 @@ def draw(study: Study, table: Table, folder: Path) -> list[Path]:
     metrics = [name for name in table.metrics if np.ptp(_finite(table[name])) > 0.0][:_MOST]
     if not metrics:
         return []
-    made = []
+    made, axes_of = [], dict(zip(metrics, _headings(study, metrics), strict=True))
     numbers = [name for name in table.varied if table[name].dtype.kind == "f"]
     numbers = [name for name in numbers if np.ptp(table[name]) > 0.0][:_MOST]
     if numbers:
         spread = {name for name, varied in study.vary.items() if varied.log_uniform is not None}
-        made.append(_scatter(table, metrics, numbers, spread, folder / "scatter.png"))
-    made.append(_distribution(table, metrics, folder / "distribution.png"))
+        made.append(_scatter(table, axes_of, numbers, spread, folder / "scatter.png"))
+    made.append(_distribution(table, axes_of, folder / "distribution.png"))
     return made
 
 
@@ -59,48 +61,71 @@ def groups(table: Table) -> dict[str, NDArray[np.bool_]]:
 
 
 def _scatter(
-    table: Table, metrics: list[str], numbers: list[str], spread: set[str], path: Path
+    table: Table, metrics: dict[str, str], numbers: list[str], spread: set[str], path: Path
 ) -> Path:
-    size = 2.0 if len(table) > _MANY else 9.0
-    with _small_axes(path, len(metrics), len(numbers)) as axes:
-        for row, metric in zip(axes, metrics, strict=True):
+    dots: dict[str, Any] = {
+        "s": 2.0 if len(table) > _MANY else 12.0,
+        "alpha": 0.6,
+        "linewidths": 0,
+    }
+    size = min(WIDTH, 3.4 * len(numbers)), 1.8 * len(metrics) + 0.7
+    shared: dict[str, Any] = {"sharex": "col", "sharey": "row", "squeeze": False}
+    with figure(path, len(metrics), len(numbers), size, **shared) as axes:
+        for row, (metric, words) in zip(axes, metrics.items(), strict=True):
             for at, name in zip(row, numbers, strict=True):
                 for label, these in _some(table).items():
                     x, y = table[name][these], table[metric][these]
-                    at.scatter(x, y, s=size, alpha=0.6, linewidths=0, label=label or None)
+                    at.scatter(x, y, label=label or None, **dots)
                 _scale(at.set_yscale, table[metric])
                 if name in spread:
                     _scale(at.set_xscale, table[name])
-            row[0].set_ylabel(_heading(metric))
+            row[0].set_ylabel(words)
         for at, name in zip(axes[-1], numbers, strict=True):
-            at.set_xlabel(name)
-        if len(groups(table)) > 1:
-            axes[0, 0].legend(fontsize=8, markerscale=2.0)
+            at.set_xlabel(_quantity(name))
     return path
 
 
-def _distribution(table: Table, metrics: list[str], path: Path) -> Path:
-    with _small_axes(path, 1, len(metrics)) as axes:
-        for at, metric in zip(axes[0], metrics, strict=True):
+def _distribution(table: Table, metrics: dict[str, str], path: Path) -> Path:
+    size = min(WIDTH, 3.4 * len(metrics)), 2.5
+    with figure(path, 1, len(metrics), size, squeeze=False, sharey=True) as axes:
+        for at, (metric, words) in zip(axes[0], metrics.items(), strict=True):
             for label, these in _some(table).items():
                 values = np.sort(_finite(table[metric][these]))
                 share = np.arange(1, len(values) + 1) / max(1, len(values))
                 at.step(values, share, where="post", label=label or None)
             _scale(at.set_xscale, table[metric])
-            at.set_xlabel(_heading(metric))
+            at.set_xlabel(words)
         axes[0, 0].set_ylabel("share of runs below")
-        if len(groups(table)) > 1:
-            axes[0, 0].legend(fontsize=8)
     return path
 
 
 def _some(table: Table) -> dict[str, NDArray[np.bool_]]:
-    return dict(list(groups(table).items())[:_MOST])
+    some = list(groups(table).items())[:_MOST]
+    return {label.replace("_", " "): these for label, these in some}
 
 
-def _heading(metric: str) -> str:
-    unit = METRICS[metric.partition(".")[0]].unit
-    return metric if unit == "1" else f"{metric} [{unit}]"
+def _headings(study: Study, metrics: list[str]) -> list[str]:
+    """Metrics in words, with their joints and units."""
+    words, types = [], ArmModel(load_scene(study.scene)).joint_types
+    for key, _, joint in (metric.partition(".") for metric in metrics):
+        turning, *sliding = METRICS[key].unit.replace("1", "share").split(", ")
+        unit = units(types, turning, *sliding) if sliding else turning
+        words.append(f"{METRICS[key].name}{f' of {joint}' if joint else ''}\n[{unit}]")
+    return words
+
+
+def _quantity(key: str) -> str:
+    """A key of a scene in words, with the first unit that its description names."""
+    part: Any = Scene
+    words, unit = [], ""
+    for name in key.split("."):
+        if field := getattr(part, "model_fields", {}).get(name):
+            text = "\n".join(kind.__doc__ or "" for kind in part.__mro__)
+            said = re.search(rf"^ +{name}: [^\[\n]*(?:\n {{8,}}[^\[\n]*)*\[(.+?)\]", text, re.M)
+            unit, kinds = said[1] if said else "", getattr(field.annotation, "__args__", ())
+            part = next((one for one in kinds if hasattr(one, "model_fields")), field.annotation)
+        words += [] if name in ("joints", "*") or name.isdigit() else [name.replace("_", " ")]
+    return ": ".join([words[0], ", ".join(words[1:])][: len(words)]) + f"\n[{unit}]" * bool(unit)
 
 
 def _finite(values: Array) -> Array:
@@ -113,7 +138,3 @@ def _scale(choose: Callable[[str], object], values: Array) -> None:
     finite = _finite(values)
     if finite.min() > 0.0 and finite.max() > _DECADES * finite.min():
         choose("log")
-
-
-def _small_axes(path: Path, rows: int, columns: int) -> AbstractContextManager[Any]:
-    return drawn(path, rows, columns, (3.3 * columns + 0.6, 2.4 * rows + 0.5))

@@ -49,11 +49,13 @@ class Metric:
 
     Attributes:
         of: Function that computes it.
+        name: What it is called in figures.
         unit: Its unit, for headings.
         meaning: Its definition.
     """
 
     of: Callable[[MeasuredRun], float]
+    name: str
     unit: str
     meaning: str
 
@@ -98,34 +100,37 @@ def _largest(values: Array) -> float:
 
 METRICS: dict[str, Metric] = {
     "tracking_rms": Metric(
-        lambda run: _root_mean_square(_error(run)), "rad, m",
+        lambda run: _root_mean_square(_error(run)), "RMS tracking error", "rad, m",
         "root mean square of the tracking error, over time and joints",
     ),
     "tracking_max": Metric(
-        lambda run: _largest(_error(run)), "rad, m", "largest tracking error of a joint",
+        lambda run: _largest(_error(run)), "largest tracking error", "rad, m",
+        "largest tracking error of a joint",
     ),
     "final_error": Metric(
-        lambda run: _largest(_error(run)[-1]), "rad, m",
+        lambda run: _largest(_error(run)[-1]), "error at the end", "rad, m",
         "largest tracking error of a joint at the end",
     ),
     "overshoot": Metric(
-        _overshoot, "1",
+        _overshoot, "overshoot", "1",
         "largest overshoot of a joint beyond its goal, relative to its distance from the start",
     ),
     "energy": Metric(
-        _energy, "J", "work of the drives, with driving and braking both counted positive",
+        _energy, "work of the drives", "J",
+        "work of the drives, with driving and braking both counted positive",
     ),
     "torque_rms": Metric(
-        lambda run: _root_mean_square(run.torque), "N m, N",
+        lambda run: _root_mean_square(run.torque), "RMS torque", "N m, N",
         "root mean square of the torques, over time and joints",
     ),
     "torque_max": Metric(
-        lambda run: _largest(run.torque), "N m, N", "largest torque of a joint",
+        lambda run: _largest(run.torque), "largest torque", "N m, N", "largest torque of a joint",
     ),
     "saturation": Metric(
-        _saturation, "1", "fraction of the time for which the command of a joint is at its limit",
+        _saturation, "time at a limit", "1",
+        "fraction of the time for which the command of a joint is at its limit",
     ),
-    "stop_time": Metric(_stop_time, "s", "time for which a joint is at a stop"),
+    "stop_time": Metric(_stop_time, "time at a stop", "s", "time for which a joint is at a stop"),
 }  # fmt: skip
 """All metrics by name."""
 

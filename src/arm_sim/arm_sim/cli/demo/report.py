@@ -11,7 +11,8 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_sim.cli.demo.observer import Seen
-from arm_sim.cli.output import table, units
+from arm_sim.cli.output import table
+from arm_sim.figures import units
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -85,7 +85,7 @@ def identify_joint(record: JointTest) -> Match:
         bent = transmission.elastic_torque(th - q, k, 0.0) + d * om
         x, slope = ca.vertcat(th, om, q), ca.vertcat(om, (tau - bent) / Jm, 0)
         numbers = {"stiffness": k, "damping": d, "motor_inertia": Jm}
-        x0 = [record.motor[0], slow[0], _rest(record)]
+        x0 = [record.motor[0], slow[0], record.motor.mean()]  # held about the middle of its swing
         y, outputs = record.motor[:, None], th
     else:
         bent = transmission.elastic_torque(th - q, k, 0.0) + d * (om - v)
@@ -106,11 +106,6 @@ def _slopes(record: JointTest) -> tuple[float, float]:
     dt = record.time[1] - record.time[0]
     link = np.nan_to_num(record.link)
     return float(record.motor[1] - record.motor[0]) / dt, float(link[1] - link[0]) / dt
-
-
-def _rest(record: JointTest) -> float:
-    """The angle of a held link: about the middle of the motor's swing."""
-    return float(record.motor.mean())
 
 
 def _guess(record: JointTest, held: bool, dt: float) -> dict[str, float]:
