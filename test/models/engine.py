@@ -128,6 +128,18 @@ EXPORTED int stop_at(const scene_t* scene, real* x, const double* direction) {
   return stop_joints(scene, x, &segment);
 }
 EXPORTED void round_at(const scene_t* scene, real* x) { stop_rounding(scene, x); }
+EXPORTED void shares_at(const scene_t* scene, const real* x, const real* u, double* shares) {
+  LOCAL_TICK(segment, u);
+  LOCAL(geometry_t, geometry, geometry_of, PLACES);
+  LOCAL(loads_t, found, loads_of, LOADS);
+  LOCAL(indeterminate_t, together, indeterminate_of, INDETERMINATE);
+  find_geometry(scene, x, &segment, &geometry);
+  guess_modes(scene, x, &segment, &geometry);
+  find_loads(scene, x, &segment, &found);
+  segment.yields = 1;
+  find_sets_held(scene, x, &segment, &found, &together);
+  copy(shares, together.share, PARTS);
+}
 EXPORTED int held_at(const scene_t* scene, const real* x, const real* u) {
   LOCAL_TICK(segment, u);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
@@ -292,6 +304,14 @@ class Engine:
         after = np.array(x, float)
         self._library.round_at(self._scene, _address(after))
         return after
+
+    def shares(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Of joints and contacts in the motion in which what holds together gives way."""
+        n, m = self._sizes
+        found = np.zeros(n + m // 3)
+        torque = np.asarray(u, float)
+        self._library.shares_at(self._scene, _address(x), _address(torque), _address(found))
+        return found
 
     def is_held(self, x: np.ndarray, u: np.ndarray) -> bool:
         """Whether friction and contacts leave no joint any motion under the torque ``u``."""

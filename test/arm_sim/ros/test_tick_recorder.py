@@ -348,6 +348,19 @@ def test_a_full_disk_is_not_slow(number: int, trouble: str, tmp_path: Path) -> N
     assert (trouble in thread.failure) == (number != errno.EIO)
 
 
+def test_all_that_is_not_in_the_file_after_a_failure_is_counted(tmp_path: Path) -> None:
+    recorder = TickRecorder(tmp_path / "run.mcap", engine_of(scene()))
+    thread = recorder.thread
+    thread.mcap.put = raises(OSError(errno.ENOSPC, "full"))
+    count, big = thread.chunk.count, bytes(SIZE // 3)
+    while not thread.failure or count < 20:
+        thread.add(1, 0, 0, big)
+        count += 1
+        time.sleep(1e-3)
+    recorder.close()
+    assert thread.lost == count
+
+
 def raises(error: Exception) -> Callable[..., None]:
     """A function that raises an exception."""
 

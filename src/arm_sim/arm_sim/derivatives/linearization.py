@@ -352,7 +352,7 @@ class Linearizer:
             place: State, command and parameters.
             control: State of the error control, which the tick changes.
             strict: Whether to refuse a tick that begins or ends on the boundary of a mode.
-            begins: Whether the state is varied, see ``resting``.
+            begins: Whether the state is varied, see ``may_go_on``.
 
         Raises:
             SimulationDiverged: If the tick cannot be computed.

@@ -234,7 +234,7 @@ class Tangents:
             ticks: Number of ticks.
             threads: Cores to use; None for all that the work is worth.
             lanes: Arms in a vector register; None for the widest there is.
-            begins: With events, whether motions begin here, see ``resting``.
+            begins: With events, whether motions begin here, see ``may_go_on``.
 
         Returns:
             States at the end, shape (b, nx), their derivatives by the initial state, the command

@@ -29,7 +29,7 @@ PREFIX = "rest_"
 
 @one_at_a_time
 def at_rest(model: ArmModel) -> str:
-    """C source of ``rest_is_resting`` and ``rest_begin_motion``, see ``native/at_rest.c``.
+    """C of ``is_resting`` and ``begin_motion`` of ``native/at_rest.c``, with the prefix.
 
     Empty for an arm without dry friction that can stick.
     """

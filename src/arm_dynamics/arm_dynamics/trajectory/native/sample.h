@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Evaluation of a trajectory. Python reads this header, see code.py.
+ * Evaluation of a trajectory. Python reads this header, see trajectory_library.py.
  */
 #pragma once
 #include <stdint.h>

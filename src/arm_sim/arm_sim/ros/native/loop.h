@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The rules by which a sim node ticks: deadlines, latencies, stamps, sources and age of commands. Python reads this
- * header (code.py); its own ticks and those in C follow these functions. All times are in [ns].
+ * header, see node_library.py. All times are in [ns].
  */
 #pragma once
 #include <rcl/time.h>

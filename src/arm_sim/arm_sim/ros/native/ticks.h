@@ -23,7 +23,6 @@ enum {
   SPACE,   /* make space in the recording for `needs` bytes; whether there is any */
   TICKED   /* notify listeners of the tick */
 };
-typedef int64_t (*ask_t)(int64_t what);
 
 /* --- latest.LatestCommand: the newest command, or the policy -------------------------------------------------------- */
 
@@ -62,17 +61,15 @@ typedef struct {
 
 /* --- ticks ----------------------------------------------------------------------------------------------------------- */
 
-typedef int64_t (*take_t)(source_t*, joint_state_t*);
-
 typedef struct {
-  ask_t ask;
+  int64_t (*ask)(int64_t what);
   int64_t* bell;         /* nonzero: there is something in the queue */
   int64_t broken;        /* nonzero: return to Python, as it has raised an exception, or a tick cannot be computed */
   int64_t paused, waits; /* whether time stands still, and whether it waits for the first command */
   double share;          /* part of a tick by which the next one makes commands older */
   /* Commands: their source, and the kinds of messages that Python need not see: their source commands all joints, alone.
    * Of a message that Python must process, the outcome of reading it; of the last one, the stamp, -1: it was refused. */
-  take_t take;
+  int64_t (*take)(source_t*, joint_state_t*);
   source_t* source;
   joint_state_t* reader;
   int64_t at_once; /* largest number of messages that are read before a tick */

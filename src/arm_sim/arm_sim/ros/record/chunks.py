@@ -158,6 +158,7 @@ class ChunkThread:
             size: Bytes for which the new chunk must have room.
         """
         if self.failure:
+            self.lost += self._chunk.count
             self._chunk.clear()
             return False
         try:
@@ -218,11 +219,15 @@ class ChunkThread:
             except Exception as error:  # otherwise the thread would end silently
                 self._fail(error, chunk.count)
         else:
-            self.lost += chunk.count
+            self._lose(chunk.count)
         chunk.clear()
 
+    def _lose(self, count: int) -> None:
+        with self.lock:
+            self.lost += count
+
     def _fail(self, error: Exception, lost: int) -> None:
-        self.lost += lost
+        self._lose(lost)
         why = str(error) if isinstance(error, OSError) else repr(error)
         full = _FULL.get(getattr(error, "errno", None) or 0)
         self.trouble = full or "the recording has stopped"

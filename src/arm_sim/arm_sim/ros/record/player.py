@@ -50,6 +50,8 @@ class Player(Node):
         if not path.exists():
             raise NoRecording(f"no recording '{path}'")
         bag = path.suffix in BAGS or path.is_dir()
+        if unknown := [topic for topic in topics if not bag and topic != _STATES]:
+            raise InvalidInput(f"'{path}' has no topic {known_names(unknown)}; it has '{_STATES}'")
         read = _messages(path, topics) if bag else _joint_states(path)
         self._pending: list[tuple[int, Any, bytes]] = []
         for (topic, kind), messages in read.items():

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * JointStates that are received and published in C. Python reads this header (topics.py), and sets the offsets of
+ * JointStates that are received and published in C. Python reads this header (joint_state_library.py), and sets the offsets of
  * numbers and the bytes that are constant in all messages of a kind.
  */
 #pragma once

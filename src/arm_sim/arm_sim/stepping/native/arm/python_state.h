@@ -25,6 +25,7 @@ static int find_fields(PyObject* type, npy_intp joints, npy_intp internal, state
     PyObject* const member = PyObject_GetAttrString(type, field[i]);
     if (!member) return 0;
     if (!Py_IS_TYPE(member, &PyMemberDescr_Type)) {
+      Py_DECREF(member);
       PyErr_Format(PyExc_TypeError, "%s is not a slot", field[i]);
       return 0;
     }

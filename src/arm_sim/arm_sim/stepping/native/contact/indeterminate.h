@@ -59,13 +59,14 @@ typedef struct {
 /* Which parts hold together. */
 typedef struct {
   double* set;          /* as above */
-  double* excess;       /* of each set, the s above; where it is clearly negative, that of some distribution */
-  double *share, *way;  /* of each part, in the motion in which its set gives way: amount, direction of two numbers */
+  double*
+      excess; /* of each set, at most one for each force, the s above; where it is clearly negative, that of some distribution */
+  double *share, *way; /* of each part, in the motion in which its set gives way: amount, direction of two numbers */
 } indeterminate_t;
-#define INDETERMINATE (5 * PARTS + 1)
+#define INDETERMINATE (4 * PARTS + FORCES + 1)
 
 static indeterminate_t indeterminate_of(const scene_t* scene, double* numbers) {
-  indeterminate_t found = {numbers, numbers + PARTS, numbers + 2 * PARTS + 1, numbers + 3 * PARTS + 1};
+  indeterminate_t found = {numbers, numbers + PARTS, numbers + PARTS + FORCES + 1, numbers + 2 * PARTS + FORCES + 1};
   return found;
 }
 
@@ -158,7 +159,7 @@ static void find_stresses(const scene_t* scene, const statics_t* statics, const 
 typedef struct {
   int cones, rows, unknowns;
   int *size, *part, *side; /* of each cone: rows, part, bound of a joint */
-  double *unit, *amount;   /* units of the limits and of the unknowns */
+  double *unit, *amount; /* units of the limits and of the unknowns */
   const double** stress;
   double *h, *G;
 } problem_t;

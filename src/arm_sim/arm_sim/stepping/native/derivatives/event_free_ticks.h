@@ -71,26 +71,27 @@ static void make_event_free(const scene_t* scene, const prediction_t* tick, cons
                             const engine_t* engine, int starts, int* event_free, event_free_lanes_t* found) {
   double numbers[LANES * EVENT_FREE];
   event_free_t made[LANES];
-  const long long stride = EVENT_FREE;
-  long long of_lane[LANES];
+  long long of_lane[LANES], any = 0;
   real limit[NC + 1], margins[2][2];
   if (LANES > 1) memset(numbers, 0, sizeof numbers); /* of lanes that make no such tick */
   found->held = found->closed = 0;
   found->predicted = 1;
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
-    made[j] = event_free_of(scene, numbers + j * stride);
+    made[j] = event_free_of(scene, numbers + j * EVENT_FREE);
     event_free[j] = event_free[j] && engine->event_free_tick(engine->scene, tick + j, made + j) && is_closed(scene, made + j);
     if (!event_free[j]) continue;
+    any = 1;
     found->held |= !all_moves(scene, made[j].p + NP);
     found->closed |= touches(scene, made[j].p);
     found->predicted &= is_as_predicted(scene, tick + j, made + j);
   }
-  read_arms(found->p, P_LENGTH, made->p, stride, of_lane);
-  read_arms(limit, NC, made->grip, stride, of_lane);
-  read_arms(found->begin, NX, made->begin, stride, of_lane);
-  read_arms(found->end, NX, made->end, stride, of_lane);
-  read_arms(found->after, NX, made->after, stride, of_lane);
+  if (!any) return;
+  read_arms(found->p, P_LENGTH, made->p, EVENT_FREE, of_lane);
+  read_arms(limit, NC, made->grip, EVENT_FREE, of_lane);
+  read_arms(found->begin, NX, made->begin, EVENT_FREE, of_lane);
+  read_arms(found->end, NX, made->end, EVENT_FREE, of_lane);
+  read_arms(found->after, NX, made->after, EVENT_FREE, of_lane);
   find_margins(scene, found->begin, u, found, limit, margins[0]);
   find_margins(scene, found->end, u, found, limit, margins[1]);
   for (int j = 0; j < LANES; ++j) {

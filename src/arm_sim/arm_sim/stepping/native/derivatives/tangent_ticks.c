@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Propagation of tangents over ticks of smooth motion; in a scene with events over those without one, in their modes. With
- * DENSE_DERIVATIVE the derivative of a step also returns its continuous output, and the engine need not make the step again.
+ * Propagation of tangents over ticks of smooth motion; in a scene with events over those without one, in their modes. Where
+ * dense_derivative is set, the derivative of a step also returns its continuous output, and the engine need not make the step again.
  */
 
 #include "derivatives/event_free_ticks.h"

@@ -8,7 +8,7 @@
  * zero, so its position does not change by a bit. Joints alone are the case of no contacts.
  *
  * Where events accumulate, as when a ball comes to rest, locating all of them would take too long. Once
- * a tick has taken MOST_WORK, the rest of it is time-stepped: modes are chosen at the beginning of a step, and violations
+ * a tick has taken most_work, the rest of it is time-stepped: modes are chosen at the beginning of a step, and violations
  * are corrected at its end, without rebound, as in Moreau's scheme (Jean, "The non-smooth contact dynamics method", Comput.
  * Methods Appl. Mech. Eng. 177, 1999). That is of first order, and reported.
  */

@@ -70,8 +70,8 @@ static void begin_ticks(const scene_t* scene, const batch_t* batch, group_t* gro
   int any = 0;
   for (int j = 0; j < LANES; ++j) {
     const lane_t* own = group->lane + j;
-    const double* r = batch->arms->tau + own->arm * batch->arms->tau_arm + own->tick * batch->arms->tau_tick;
     if (own->arm >= batch->last || !own->begins) continue;
+    const double* r = batch->arms->tau + own->arm * batch->arms->tau_arm + own->tick * batch->arms->tau_tick;
     for (int i = 0; i < NR; ++i) LANE(group->r[i], j) = r[i];
     any = 1;
   }

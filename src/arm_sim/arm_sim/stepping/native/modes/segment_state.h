@@ -158,10 +158,9 @@ static void keep_geometry(const scene_t* scene, const real* x, memory_t* memory,
 static void find_geometry(const scene_t* scene, const real* x, const segment_t* segment, geometry_t* geometry) {
   const prediction_t* known = segment->predicted;
   if (!NC) return;
-  const double* answer = !known                          ? 0
-                         : same(x, known->x, 2 * NU)     ? known->geometry
-                         : same(x, known->after, 2 * NU) ? known->geometry_after
-                                                         : 0;
+  const double* answer = 0;
+  if (known && same(x, known->x, 2 * NU)) answer = known->geometry;
+  else if (known && same(x, known->after, 2 * NU)) answer = known->geometry_after;
   memory_t* memory = segment->memory;
   for (int i = 0; !answer && i < STATES && i < memory->states; ++i)
     if (same(x, memory->x[i], 2 * NU)) answer = memory->geometry[i].place;

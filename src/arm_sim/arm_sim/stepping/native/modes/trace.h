@@ -6,7 +6,7 @@
 #pragma once
 #include "modes/prediction.h"
 
-/* Entries of p for a contact, as numbers for the generated functions. Python: ContactMode; equations/contact.py: Mode. */
+/* Entries of p for a contact, as numbers for the generated functions. Python: Modes.contact; equations/contact.py: Mode. */
 typedef struct {
   real closed;    /* 1 if it is closed, 0 if it is open */
   real sticks;    /* 1 if a closed one sticks, 0 if it slides */
