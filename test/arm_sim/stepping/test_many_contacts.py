@@ -70,8 +70,8 @@ def test_it_is_lifted_off_all_eight_at_once(box: Simulator) -> None:
 def test_shares_of_more_self_stresses_than_parts_stand_beside_the_sets() -> None:
     """A box on four points, whose rails have dry friction: 12 self-stresses of 10 parts.
 
-    Its friction of 3 N and that of its feet bear 3 + 0.4 · 19.62 N together. Shares are multipliers
-    of limits, so none is negative; what gives way under a push is the rail and the feet.
+    Its friction of 3 N and that of its feet bear 3 + 0.4 · 19.62 N together. Shares are
+    multipliers of limits, so none is negative; under a push the rail and the feet give way.
     """
     feet = [
         contact("body", point=[x, y, -HEIGHT], friction=MU, name=f"foot{k}")
