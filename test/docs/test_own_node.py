@@ -32,8 +32,8 @@ STAND_IN = pages.ROOT / "test/support"
 
 def module() -> dict[str, Any]:
     """What the Python node defines, without running it."""
-    names: dict[str, Any] = {}
-    exec(FILES["my_node.py"].split("rclpy.init()")[0], names)
+    names: dict[str, Any] = {"__name__": "my_node"}
+    exec(FILES["my_node.py"], names)
     return names
 
 
