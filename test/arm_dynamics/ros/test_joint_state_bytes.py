@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state import JointStateReader
+from arm_dynamics.ros.joint_state import HEADER, JointStateReader
 from arm_dynamics.ros.joint_state import reader as reading
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
@@ -279,7 +279,8 @@ def test_mimic_joints_may_be_named_if_they_agree(fields: dict[str, Any], words: 
     reader = JointStateReader(arm, ORDER, **options)
     names = ["left_slide", "right_slide", "swing"]
     raw = serialize_message(JointState(name=names, **fields))
-    for outcome in (reading.OTHER, reading.OTHER if words else reading.KNOWN):
+    other = HEADER.constants["OTHER"]
+    for outcome in (other, other if words else reading.KNOWN):
         assert reader._look(raw, len(raw)) == outcome
         if words:
             with pytest.raises(InvalidInput, match=words):

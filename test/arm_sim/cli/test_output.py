@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from arm_sim.cli import output
+from arm_sim.figures import units
 
 
 class Screen(io.StringIO):
@@ -89,10 +90,10 @@ def test_numbers_have_so_many_digits(value: float, digits: int, said: str) -> No
 def test_what_is_unlimited_is_a_dash_and_units_are_those_of_the_joints() -> None:
     assert output.limit(float("inf")) == output.limit(-float("inf")) == "-"
     assert output.number(0.12345678) == output.limit(0.12345678) == "0.123457"
-    assert output.units(["revolute", "continuous"], "rad", "m") == "rad"
-    assert output.units(["prismatic"], "rad", "m") == "m"
-    assert output.units(["prismatic", "revolute"], "rad", "m") == "rad, m"
-    assert output.units(["revolute", "prismatic"], "rad", "m", " or ") == "rad or m"
+    assert units(["revolute", "continuous"], "rad", "m") == "rad"
+    assert units(["prismatic"], "rad", "m") == "m"
+    assert units(["prismatic", "revolute"], "rad", "m") == "rad, m"
+    assert units(["revolute", "prismatic"], "rad", "m", " or ") == "rad or m"
 
 
 def printed(made: Table, width: int) -> list[str]:

@@ -177,8 +177,8 @@ def test_when_a_node_is_destroyed_its_threads_have_ended(
     if make is SimNode:
         report, trips = node.loop.report(), node.inputs.round_trip.percentiles()
         told = (
-            f"{report.ticks} ticks, {report.rate:.2f} per second, {report.missed} late by more "
-            f"than a tick, {report.dropped} dropped; lateness {report.lateness}; "
+            f"{report.ticks} ticks, {report.rate:.2f} per second, {report.missed} deadlines "
+            f"missed, {report.dropped} dropped; lateness {report.lateness}; "
             f"0 answers, round trip {trips}"
         )
         assert told in capfd.readouterr().err
