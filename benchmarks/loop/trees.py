@@ -82,7 +82,7 @@ def measure(
             domain, place = leader.context.get_domain_id(), folder / str(number)
             running = closed_loop(tree, domain, place, *more, program=program)
             loops.append((leader, stack.enter_context(running)))
-            watchers.append(stack.enter_context(closing(Watcher(domain, tracking=False))))
+            watchers.append(stack.enter_context(closing(Watcher(domain))))
             stack.enter_context(beside(leader))
             lead(leader, seconds + 2.0 * WARM)
         time.sleep(WARM)
@@ -129,12 +129,12 @@ def _shares(before: Sequence[Spent], after: Sequence[Spent], passed: float) -> R
 
 def _told(watcher: Watcher) -> Record:
     """What the diagnostics of a sim said last."""
-    loop = watcher.latest["sim: loop"].values
-    warned = any(s.name == "sim: loop" and s.level for s in watcher.statuses)
+    loop = watcher.latest["sim: loop"]
     return {
-        "ticks": int(loop["ticks"]), "missed": int(loop["missed"]), "warned": warned,
+        "ticks": int(loop["ticks"]), "missed": int(loop["missed"]),
+        "warned": "sim: loop" in watcher.warned,
         "p50": float(loop["lateness p50 [s]"]), "p99": float(loop["lateness p99 [s]"]),
-        "trip": float(watcher.latest["sim: commands"].values["round trip p50 [s]"]),
+        "trip": float(watcher.latest["sim: commands"]["round trip p50 [s]"]),
     }  # fmt: skip
 
 

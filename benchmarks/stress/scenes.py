@@ -38,7 +38,6 @@ NEEDLE = 1e-4  # thickness of a needle as a part of its length
 SLOW, FAST = (1e-2, 1.0), (1.0, 100.0)  # [rad/s]; sliding joints a tenth of it in [m/s]
 CALM, PUSH, ABSURD = (0.1, 30.0), (1.0, 1e5), (1e12, 1e30)  # [rad/s²] that the torque demands
 FRICTIONS = {"no friction": 0.5, "viscous friction": 0.3, "dry friction": 0.2}
-JOINTS_PANDA = tuple(f"panda_joint{k}" for k in range(1, 8))
 
 
 @dataclass(frozen=True)

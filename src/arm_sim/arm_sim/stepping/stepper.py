@@ -174,7 +174,6 @@ class Stepper:
             return partial(self._by_call, x, command, trace, effort, notes)
         stride = command.shape[-1] if command.ndim == 2 else 0
         arm, outputs = self._arm(x, command, effort, notes), (trace, effort, notes)
-        arm.keeps = *arm.keeps, trace
         entry = self.compiled.engine.arm_ticks
         entry.restype = ctypes.c_longlong
         return partial(
