@@ -48,10 +48,7 @@ from pathlib import Path
 from benchmarks.loop import lockstep
 scene, ticks, logs, domain, recorded = sys.argv[1:]
 given = scene, int(ticks), Path(logs), int(domain)
-if hasattr(lockstep, "across"):
-    found = lockstep.across(*given, recorded == "recorded")
-else:  # older trees digest as they go
-    found = lockstep._across(*given)
+found = lockstep.across(*given, recorded == "recorded")
 print("found", json.dumps(found))
 """
 
