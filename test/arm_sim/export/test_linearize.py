@@ -144,7 +144,7 @@ def test_derivatives_are_differences_of_ticks(case: Case) -> None:
         assert_close(made[: 2 * n], slope, FINITE_DIFF)
 
 
-@pytest.mark.parametrize("case", always(SCENES, "limited"), indirect=True)
+@pytest.mark.parametrize("case", always(SCENES), indirect=True)
 def test_it_is_as_portable_as_the_rest(case: Case) -> None:
     assert_no_compiler_warns(case.folder, case.name)
     assert_sound(case.folder, case.name)

@@ -98,7 +98,7 @@ def test_tracks_a_robot_that_sends_no_velocities(ros: Ros, sent: list[float]) ->
         return controller.on_joint_states(serialize_message(message))
 
     errors = []
-    for k in range(3500):
+    for k in range(1500):
         sim.inputs.on_joint_commands(answer())
         if k == 0:
             controller.on_joint_trajectory(trajectory(sim))
