@@ -357,3 +357,10 @@ def test_of_several_joints_beyond_their_stops_the_farthest_is_named() -> None:
     q[3] = lower[3]
     with pytest.raises(InvalidInput, match="joint 'panda_joint2' at"):
         sim.set_state(q, np.zeros(7))
+
+
+def test_an_elastic_impact_is_counted_although_it_loses_nothing() -> None:
+    sim = Simulator(rail({"restitution": 1.0}))
+    run = sim.run(2.0)
+    assert sim.impacts == np.count_nonzero(np.diff(np.sign(run.v[:, 0])) > 0)
+    assert sim.impacts > 1

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import models
+from arm_dynamics import InvalidInput
 from arm_sim import SimulationDiverged
 from tolerances import assert_close
 
@@ -50,3 +51,13 @@ def test_beyond_the_limit_torque_has_no_effect() -> None:
     _, B = sim.linearize(sim.state, [1e4, 0.0])
     np.testing.assert_array_equal(B[:, 0], np.zeros(4))
     assert np.abs(B[:, 1]).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("tau", "ticks"),
+    [([0.0], 1), ([np.nan, 0.0], 1), ([0.0, 0.0], 0), ([0.0, 0.0], -1), ([0.0, 0.0], 1.5)],
+)
+def test_refusals(tau: list[float], ticks: Any) -> None:
+    sim = models.simulator("two_link")
+    with pytest.raises(InvalidInput):
+        sim.linearize(sim.state, tau, ticks)

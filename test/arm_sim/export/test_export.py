@@ -17,6 +17,7 @@ import models
 from arm_dynamics import ArmError, InvalidInput, SceneError
 from arm_sim.cli.main import main
 from arm_sim.export import export
+from arm_sim.export.generated import without_unused
 from arm_sim.export.names import from_title
 
 SCENE = "two_link"
@@ -172,3 +173,17 @@ def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     assert "arm_inverse_dynamics" in header
     assert "arm_sim_step" not in header
     assert "derivatives" not in header
+
+
+def test_what_nothing_uses_is_left_out() -> None:
+    source = (
+        "#define UNUSED 1\n#define SIZE 2\n"
+        "/* Gone. */\nstatic int gone(int x) {\n  return x;\n}\n\n"
+        "static const int table[SIZE] = {1, 2};\nstatic int also(void) { return gone(3); }\n"
+        "static int used(int x) { return table[x]; }\nint user(void) { return used(0); }\n"
+    )
+    left = without_unused(source)
+    assert "gone" not in left.lower()
+    assert "UNUSED" not in left
+    assert "also" not in left
+    assert all(word in left for word in ("SIZE", "table", "used", "user"))

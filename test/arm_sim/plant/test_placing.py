@@ -55,6 +55,34 @@ def test_of_several_points_the_deepest_is_named_and_all_gaps_are_reported(
     assert told.value.residuals == {f"foot{k}": -height for k, height in enumerate(heights)}
 
 
+@pytest.mark.parametrize(
+    ("q", "v", "z", "said"),
+    [
+        ([0.0], [0.0, 0.0], None, "q has shape"),
+        ([0.0, 1.0], [0.0], None, "v has shape"),
+        ([0.0, np.nan], [0.0, 0.0], None, r"q\[1\] = nan"),
+        ([0.0, 1.0], [np.inf, 0.0], None, r"v\[0\] = inf"),
+        ([0.0, 1.0], [0.0, 0.0], [1.0], "z has shape"),
+    ],
+)
+def test_states_of_another_shape_are_refused(q: Any, v: Any, z: Any, said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        placed(plant("xz", contact("body")), q, v, z, ())
+
+
+def test_a_point_inside_its_plane_is_refused_whatever_states_drives_have() -> None:
+    """The laws' states come after positions and velocities and say nothing of gaps."""
+    bristles = {"coulomb": 0.5, "viscous": 1.0, "lugre": {"sigma0": 1e3, "sigma1": 1.0}}
+    made = Plant(
+        ArmModel(load_scene({**rails("xz", friction=bristles), "constraints": [contact("body")]}))
+    )
+    assert made.nz == 2
+    x = placed(made, [0.0, 0.5], [0.0, 0.0], [-3.0, -3.0], ())
+    assert x.tolist() == [0.0, 0.5, 0.0, 0.0, -3.0, -3.0]
+    with pytest.raises(ConstraintError, match="0.5 m inside"):
+        placed(made, [0.0, -0.5], [9.0, 9.0], [3.0, 3.0], ())
+
+
 @pytest.mark.parametrize(("place", "way"), [(-2.0, -1.0), (3.0, 1.0)])
 def test_a_position_beyond_a_stop_by_rounding_is_at_the_stop(place: float, way: float) -> None:
     """By a billionth; farther ones are refused."""

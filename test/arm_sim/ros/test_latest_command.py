@@ -39,6 +39,29 @@ def test_gravity_is_what_springs_leave_of_it() -> None:
     np.testing.assert_allclose(take(slot, Q), [0.0, 0.0], atol=1e-12)
 
 
+def test_gravity_is_carried_by_commands_of_the_drives() -> None:
+    """Volts on a motor: the current that gives the torque, times the resistance."""
+    dynamics = models.dynamics("motor_pendulum")
+    slot, q = LatestCommand(dynamics), np.array([0.7])
+    slot.configure(1, "gravity")
+    current = dynamics.gravity(q) / (50 * 0.05)
+    assert abs(current[0]) > 0.1
+    np.testing.assert_allclose(take(slot, q), 0.8 * current, rtol=1e-12)
+
+
+@pytest.mark.parametrize("taken", [0, 3, 4])
+def test_clear_forgets(commands: LatestCommand, taken: int) -> None:
+    commands.configure(3, "hold")
+    commands.put(TAU)
+    for _ in range(taken):
+        take(commands, Q)
+    assert bool(commands.stale) == (taken == 4)
+    commands.clear()
+    for _ in range(2):
+        assert (commands.empty, commands.stale, commands.age) == (True, 0, 0)
+        np.testing.assert_array_equal(take(commands, Q), [0.0, 0.0])
+
+
 @pytest.mark.parametrize("policy", ["zero", "hold", "gravity"])
 def test_policies(commands: LatestCommand, policy: str) -> None:
     gravity = models.dynamics("two_link").gravity(Q)

@@ -98,6 +98,12 @@ def test_energies_begin_again_after_a_reset(ros: Ros) -> None:
     assert heard[0].total == heard[1].total
 
 
+def test_energy_is_not_computed_without_subscribers(ros: Ros) -> None:
+    node = by_hand(ros)
+    ticks(node, 50)
+    assert node.engine.account() is None
+
+
 def test_clock_is_published_only_on_request(ros: Ros) -> None:
     by_hand(ros)
     assert not ros.peer.count_publishers("/clock")

@@ -57,6 +57,18 @@ def test_forces_obey_the_law_of_coulomb(nc: int, rank: int, rng: np.random.Gener
     assert missing == 0 if rank >= 3 * nc else missing <= 4
 
 
+def test_scale_does_not_matter(rng: np.random.Generator) -> None:
+    """Grams or tonnes, and microns a second: the answer scales with the problem."""
+    for _ in range(20):
+        W, c = problem(rng, 2, 7)
+        mu = rng.uniform(0.0, 1.0, 2)
+        plain = solve_cones(W, c, mu)
+        for heavy, fast in ((1e-6, 1.0), (1e6, 1.0), (1.0, 1e-9), (1e4, 1e9)):
+            scaled = solve_cones(W * heavy, c * fast, mu)
+            assert scaled.state.tolist() == plain.state.tolist()
+            assert_close(scaled.force * heavy / fast, plain.force, 1e-8)
+
+
 @pytest.mark.parametrize("light", [1e-9, 1e-5])
 def test_contacts_of_light_and_of_heavy_bodies_do_not_disturb_one_another(
     light: float, rng: np.random.Generator
@@ -102,6 +114,42 @@ def test_contacts_that_slide_already_keep_their_direction(
         moved = c[rows] + W[np.ix_(rows, [3, 4, 5])] @ r
         assert_obeys(W[np.ix_(rows, rows)], moved, mu[others], rest)
     assert answered > answers and carried > 50
+
+
+def test_contacts_that_may_not_carry_do_not(rng: np.random.Generator) -> None:
+    W, _ = problem(rng, 2, 7)
+    c = np.array([-1.0, 0.2, 0.0, -1.0, 0.0, 0.2])
+    answer = solve_cones(W, c, np.array([0.3, 0.3]), allowed=np.array([1, 0]))
+    alone, force = solve_cone(W[:3, :3], c[:3], 0.3)
+    assert answer.found and answer.state.tolist() == [alone, APART]
+    assert_close(answer.force[0], force, 1e-12)
+    assert not answer.force[1].any()
+
+
+def test_a_contact_that_closes_without_force_is_apart() -> None:
+    """On the verge: no acceleration across, nothing to carry."""
+    state, force = solve_cone(np.eye(3), np.array([0.0, -3.0, 0.0]), 0.5)
+    assert state == APART and not force.any()
+    state, _ = solve_cone(np.eye(3), np.array([0.0, -3.0, 0.0]), 0.5, np.array([1.0, 0.0]))
+    assert state == APART
+
+
+def test_a_point_mass_by_hand() -> None:
+    """m = 2: it carries its weight, and sticks until the pull exceeds µ times that."""
+    W = np.eye(3) / 2.0
+    for pull, expected in ((3.99, STICKS), (4.01, SLIDES)):
+        state, force = solve_cone(W, np.array([-5.0, 0.6, -0.8]) * [1, pull / 2, pull / 2], 0.4)
+        assert state == expected
+        assert_close(force, [10.0, -0.6 * min(pull, 4.0), 0.8 * min(pull, 4.0)], 1e-9)
+
+
+def test_a_sliding_contact_that_jams_has_no_answer() -> None:
+    """Friction that presses together faster than the normal force opens (Painlevé)."""
+    W = np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
+    c, ahead = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0])
+    assert solve_cone(W, c, 0.5, ahead)[0] == SLIDES
+    assert solve_cone(W, c, 0.5, -ahead)[0] == SLIDES
+    assert solve_cone(W, c, 1.5, -ahead)[0] == UNSOLVABLE
 
 
 def test_the_direction_of_starting_is_found_to_rounding(rng: np.random.Generator) -> None:

@@ -118,6 +118,27 @@ def test_a_block_falls_flat(mu: float, e: float, rng: np.random.Generator) -> No
     assert hits > 150
 
 
+def test_a_foot_in_the_air_takes_no_part(rng: np.random.Generator) -> None:
+    """A block on one edge, the other a micrometre above: as if that foot were not there."""
+    for _ in range(50):
+        x = on_the_floor("block", 1e-5, rng)
+        x[4] = -abs(x[4]) - 3.0 * abs(x[5])
+        after, _ = engine("block", 0.6, 0.9).impact(x)
+        j_x, j_z, j_turn = (after - x)[3:] * [1.0, 1.0, INERTIA["block"]]
+        arm = feet("block", x[2])[1]
+        assert j_z > 0.0
+        assert_close(j_turn, j_x * arm[1] - j_z * arm[0], CLOSED_FORM)
+
+
+def test_without_rebounds_the_contact_closes(rng: np.random.Generator) -> None:
+    for _ in range(20):
+        x = on_the_floor("block", 0.0, rng)
+        x[3:] = [0.2, -1.0, 0.1]
+        after, lost = engine("block", 0.6, 0.9).impact(x, rebounds=False)
+        assert_close(speeds("block", after)[:, 1], np.zeros(2), CLOSED_FORM)
+        assert lost > 0.4
+
+
 def test_a_rebound_under_rounding_is_none() -> None:
     """A hop of 64 roundings of the gap: at the size of a metre, a micrometre a second."""
     x = np.array([0.3, 0.4, 0.0, 0.0, 0.0, 0.0])

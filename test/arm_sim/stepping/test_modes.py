@@ -220,6 +220,27 @@ def test_what_touches(gap: float, speed: float, closed: bool) -> None:
     assert bool(sim.arm.compiled.stepper.modes_at(x, np.zeros(1)).contact["closed"][0]) is closed
 
 
+def test_rank_and_what_is_held() -> None:
+    """The rank of what contacts hold, and that a block needs both feet and an arm one tip.
+
+    Light and heavy bodies count alike; what is rounding beside both does not.
+    """
+    engine, rng = Engine(block()), np.random.default_rng(4)
+    for rank in range(7):
+        for scale in (1e-3, 1.0, 1e5):
+            A = rng.normal(size=(6, rank))
+            assert engine.rank(scale * A @ A.T) == rank
+    assert engine.rank(np.diag([0, 0, 3.0, 0, 1e-9, 1e-24])) == 2
+    still = np.array([0.0, 0.4, 0.0, 0.0, 0.0, 0.0])
+    assert engine.is_held(still, np.zeros(3))
+    assert not engine.is_held(still, np.array([9.0, 0.0, 0.0]))  # slides
+    assert not engine.is_held(still, np.array([0.0, 0.0, 7.0]))  # tips
+    assert not engine.is_held(still + [0, 0, 0, 1e-6, 0, 0], np.zeros(3))
+    standing = still.copy()
+    standing[1:3] = 0.4 * np.cos(0.3) + 0.3 * np.sin(0.3), 0.3
+    assert not engine.is_held(standing, np.zeros(3))
+
+
 @cache
 def rubbing() -> Engine:
     """A body over a table, on rails of which the second has no friction."""
@@ -228,6 +249,7 @@ def rubbing() -> Engine:
 
 
 Q = [0.3, -7.0, 0.4]  # which has nothing to do with what stops
+ROUNDING = 1e-13  # of speeds, relative to the fastest and to one
 
 
 @pytest.mark.parametrize(
@@ -249,3 +271,42 @@ def test_a_joint_stops_when_it_no_longer_moves_as_it_did(
 ) -> None:
     stopped = rubbing().stop(np.array([*Q, *v]), np.array(direction, float))
     np.testing.assert_array_equal(stopped, [*Q, *after])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("joint", [0, 2])
+@pytest.mark.parametrize("fastest", [0.0, 9.0, -99.0])
+def test_no_joint_stops_suddenly(joint: int, fastest: float, sign: float) -> None:
+    """A millionth of the fastest one's speed, and of one, is rounding; more was no motion."""
+    most = 1e-6 * (1.0 + abs(fastest))
+    direction = np.zeros(3)
+    direction[joint] = -sign
+    for speed, stops in ((0.99 * most, True), (most, True), (1.01 * most, False), (5.0, False)):
+        x = np.array([*Q, 0.0, fastest, 0.0])
+        x[3 + joint] = sign * speed
+        after = rubbing().stop(x, direction)
+        assert (after is not None) is stops
+        if stops:
+            np.testing.assert_array_equal(after, [*Q, 0.0, fastest, 0.0])
+    at_limit = np.array([*Q, 0.0, 9.0, 0.0])
+    at_limit[3 + joint] = sign * np.nextafter(1e-6 * 10.0, 1.0)
+    assert rubbing().stop(at_limit, direction) is None
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("fastest", [0.0, 9.0, -99.0])
+def test_beside_a_contact_joints_with_friction_rest_that_only_rounding_moves(
+    fastest: float, sign: float
+) -> None:
+    most = ROUNDING * (1.0 + abs(fastest))
+    for speed, rests in ((0.0, True), (0.9 * most, True), (1.1 * most, False), (0.5, False)):
+        for joint in (0, 2):
+            x = np.array([*Q, 0.0, fastest, 0.0])
+            x[3 + joint] = sign * speed
+            wanted = x.copy()
+            wanted[3 + joint] = 0.0 if rests else sign * speed
+            np.testing.assert_array_equal(rubbing().rounded(x), wanted)
+    x = np.array([*Q, sign * most, fastest, 0.0])
+    assert rubbing().rounded(x)[3] == 0.0
+    slow = np.array([*Q, 0.0, sign * 1e-13, 0.0])
+    np.testing.assert_array_equal(rubbing().rounded(slow), slow)  # nothing holds the second

@@ -42,6 +42,14 @@ def test_a_wall_is_found_by_bisection() -> None:
     assert locate(lambda t: np.inf if t > 0.5 else -1.0, 1.0).at > 0.5
 
 
+def test_scale_of_time_and_of_the_value_do_not_matter() -> None:
+    for h in (1e-9, 1.0, 1e6):
+        for size in (1e-12, 1.0, 1e12):
+            found = locate(lambda t, h=h, size=size: size * np.sin(3 * (t / h - 0.41234)), h)
+            assert_close(found.at / h, 0.41234, 1e-15)
+            assert found.evaluations <= 40
+
+
 def test_of_several_values_the_first_is_found() -> None:
     """In about as many trials as one takes, whatever their scales: the largest has a kink."""
     late, soon = (lambda t: 1e3 * np.sin(t - 0.7)), (lambda t: 1e-9 * np.expm1(5 * (t - 0.31)))
@@ -56,3 +64,15 @@ def test_values_that_are_rounding_take_few_trials() -> None:
     found = locate(lambda t: np.round((t - 0.4) * 1e6) * 1e-18 - 1e-20, 1.0, nothing=1e-15)
     assert_close(found.at, 0.4, 1e-4)
     assert found.evaluations <= 20
+
+
+def test_what_is_positive_at_once_is_found_at_once() -> None:
+    """The first instant of a mode that is wrong from the start."""
+    assert locate(lambda t: t + 1e-12, 1.0).at < 1e-15
+
+
+def test_the_first_of_a_touch_and_a_wall() -> None:
+    """Past the event the motion cannot be computed at all."""
+    found = locate(lambda t: np.sin(t - 0.3) if t < 0.6 else np.inf, 1.0)
+    assert_close(found.at, 0.3, 1e-15)
+    assert found.evaluations <= 30
