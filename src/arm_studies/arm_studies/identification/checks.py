@@ -17,25 +17,19 @@ from arm_studies.identification.regression.estimation import Belief, Mask
 from arm_studies.identification.regression.matching import LATEST, delayed, mismatched, scaled
 from arm_studies.identification.regression.rows import Rows
 
-BEYOND = 0.2
-"""Tolerance of positions beyond the limits of the URDF in [rad] or [m]."""
-MOVED = 1e-3
-"""Range in [rad] or [m] below which a joint has not moved."""
+BEYOND = 0.2  # Tolerance of positions beyond the limits of the URDF in [rad] or [m].
+MOVED = 1e-3  # Range in [rad] or [m] below which a joint has not moved.
+# Largest residual of a fit relative to the torques; above it the model is of another robot.
 UNEXPLAINED = 0.6
-"""Largest residual of a fit relative to the torques; above it the model is of another robot."""
-OUT_OF_SCALE = 5.0
-"""Largest factor between identified and nominal masses, in the median."""
+OUT_OF_SCALE = 5.0  # Largest factor between identified and nominal masses, in the median.
+# Factor between efforts and the torques of nominal bodies that only another unit explains.
 OTHER_UNIT = 20.0
-"""Factor between efforts and the torques of nominal bodies that only another unit explains."""
-SLOWEST = 0.2
-"""Largest sampling interval in [s] from which a motion can be identified."""
+SLOWEST = 0.2  # Largest sampling interval in [s] from which a motion can be identified.
+# Standard errors by which a scene must predict worse than the nominal one to be refused; chance
+# alone makes more once in 160 recordings.
 WORSE = 2.5
-"""Standard errors by which a scene must predict worse than the nominal one to be refused; chance
-alone makes more once in 160 recordings."""
-ROUNDING = 1e-6
-"""Relative residual below which a prediction is exact."""
-LEAST_ROWS = 50
-"""Smallest number of independent measurements of each joint."""
+ROUNDING = 1e-6  # Relative residual below which a prediction is exact.
+LEAST_ROWS = 50  # Smallest number of independent measurements of each joint.
 
 
 def check_model(model: ArmModel) -> None:

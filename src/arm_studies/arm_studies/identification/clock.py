@@ -12,14 +12,11 @@ from arm_studies.identification.data import JointRecord, runs
 from arm_studies.identification.filtering import ABOVE, WIDEST, ZeroPhase, chosen_band
 
 ROUNDS = 4
+# Fraction of the positions' noise power that late stamps must explain to be corrected.
 EXPLAINED = 0.75
-"""Fraction of the positions' noise power that late stamps must explain to be corrected."""
-LEAST = 1e-2
-"""Errors below this fraction of the sampling interval are not corrected."""
-REPEATS = 3
-"""Largest number of repetitions of a row; in longer ones the robot rests."""
-MOTION = 30.0
-"""Ratio to the noise above which the power of a position is motion."""
+LEAST = 1e-2  # Errors below this fraction of the sampling interval are not corrected.
+REPEATS = 3  # Largest number of repetitions of a row; in longer ones the robot rests.
+MOTION = 30.0  # Ratio to the noise above which the power of a position is motion.
 
 
 def without_repeats(record: JointRecord) -> JointRecord:

@@ -32,12 +32,12 @@ from arm_studies.identification.regression.friction_columns import (
 from arm_studies.identification.regression.regressor import EACH, TINY
 from arm_studies.identification.regression.selection import STEEPEST as IDENTIFIED
 
+# Keys of a joint's friction whose values are identified; the others stay as they are.
 REPLACED = ("viscous", "coulomb", "static", "stribeck_velocity", "load", "table")
-"""Keys of a joint's friction whose values are identified; the others stay as they are."""
+# Smallest static friction relative to Coulomb friction: a joint has to be able to rest.
 HELD = 1e-3
-"""Smallest static friction relative to Coulomb friction: a joint has to be able to rest."""
+# Growth of friction with load over the allowed one where it is limited, for rounding.
 LESS = 0.999
-"""Growth of friction with load over the allowed one where it is limited, for rounding."""
 
 
 def urdf_with(model: ArmModel, theta: Array) -> str:

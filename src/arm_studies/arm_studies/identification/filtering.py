@@ -13,38 +13,31 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 
+# Order of the Butterworth filter whose squared gain is applied: within 1.6e-4 of one below a third
+# of the cut-off frequency, within 1e-8 below a tenth.
 ORDER = 4
-"""Order of the Butterworth filter whose squared gain is applied: within 1.6e-4 of one below a
-third of the cut-off frequency, within 1e-8 below a tenth."""
+# Periods of the cut-off frequency after which the transient of an end has decayed to 1e-4: the
+# slowest pole decays by exp(-2π sin(π/4p)) in each.
 SETTLED = 4.0
-"""Periods of the cut-off frequency after which the transient of an end has decayed to 1e-4: the
-slowest pole decays by exp(-2π sin(π/4p)) in each."""
+# Noise bandwidth over the cut-off frequency: ∫ 1/(1 + x⁸)² dx; and for accelerations of motions
+# that are filtered twice, over its fifth power: ∫ x⁴/(1 + x⁸)⁴ dx.
 FLAT_NOISE, BENT_NOISE = 0.898, 0.087
-"""Noise bandwidth over the cut-off frequency: ∫ 1/(1 + x⁸)² dx; and for accelerations of motions
-that are filtered twice, over its fifth power: ∫ x⁴/(1 + x⁸)⁴ dx."""
-MOST_LEFT_OUT = 0.06
-"""Largest fraction of a stretch that is discarded at each end."""
-FADED = 12.0
-"""Periods of the cut-off frequency after which the transient has decayed to rounding."""
-FEWEST = 25
-"""Samples that are always discarded, so that at wide bands it has decayed to rounding."""
-ABOVE = 3.0
-"""Ratio to the noise above which the smoothed power is motion."""
+MOST_LEFT_OUT = 0.06  # Largest fraction of a stretch that is discarded at each end.
+FADED = 12.0  # Periods of the cut-off frequency after which the transient has decayed to rounding.
+FEWEST = 25  # Samples that are always discarded, so that at wide bands it has decayed to rounding.
+ABOVE = 3.0  # Ratio to the noise above which the smoothed power is motion.
+# Cut-off frequency over the highest frequency at which the motion exceeds the noise, for positions
+# as for efforts: there the gain is within 4e-3 of one.
 FLAT = 2.0
-"""Cut-off frequency over the highest frequency at which the motion exceeds the noise, for
-positions as for efforts: there the gain is within 4e-3 of one."""
-SLOWEST = 45.0
-"""Smallest number of periods of the cut-off frequency in a recording."""
-RATIO = 1.15
-"""Growth of the bins of the spectrum."""
+SLOWEST = 45.0  # Smallest number of periods of the cut-off frequency in a recording.
+RATIO = 1.15  # Growth of the bins of the spectrum.
+# The cut-off is at most ``ENOUGH`` times the frequency below which ``HELD`` of accelerations'
+# power lies.
 HELD, ENOUGH = 0.999, 10.0
-"""The cut-off is at most ``ENOUGH`` times the frequency below which ``HELD`` of accelerations'
-power lies."""
-WIDEST = 0.4
-"""Largest cut-off frequency as a fraction of the sampling frequency."""
+WIDEST = 0.4  # Largest cut-off frequency as a fraction of the sampling frequency.
+# Rows on either side that ``spread`` averages over, and its window's parameter: up to a tenth of
+# the rows' rate, its gain is within 2e-6 of one, and what folds there is below 2e-6.
 REACH, KAISER = 6, 12.0
-"""Rows on either side that ``spread`` averages over, and its window's parameter: up to a tenth of
-the rows' rate, its gain is within 2e-6 of one, and what folds there is below 2e-6."""
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from arm_studies.identification.regression.intervals import Estimate, estimated
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
 
+# Smallest value of a friction term beside viscous and Coulomb, over half its interval.
 SURELY = 1.5
-"""Smallest value of a friction term beside viscous and Coulomb, over half its interval."""
 NO_FRICTION = "none that opposes the motion was found"
 
 

@@ -37,14 +37,13 @@ from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows, steady_friction
 
 NAMES = ("mass", *(f"com.{k}" for k in "xyz"))
+# Of a payload's mass, centre of mass and inertia about it, in order.
 NAMES += tuple(f"inertia.{k}" for k in "xx xy xz yy yz zz".split())
-"""Of a payload's mass, centre of mass and inertia about it, in order."""
-GUESS = 0.1
-"""Radius in [m] of the ball of 1 kg that is the weak prior of a payload."""
+GUESS = 0.1  # Radius in [m] of the ball of 1 kg that is the weak prior of a payload.
 LOOSE = 10.0
+# Deviations of the arm's bodies, which stand in for the payload, where columns of efforts are
+# matched with joints.
 DOUBT = 0.5, 0.5
-"""Deviations of the arm's bodies, which stand in for the payload, where columns of efforts are
-matched with joints."""
 
 
 @frozen

@@ -23,34 +23,28 @@ from arm_studies.identification.filtering import (
     white_noise,
 )
 
+# Steps without a sample that split a recording; over shorter holes the filter gets interpolated
+# values, and only the samples that are missing are left out.
 GAP = 4.5
-"""Steps without a sample that split a recording; over shorter holes the filter gets interpolated
-values, and only the samples that are missing are left out."""
-NEAR = 0.5
-"""Steps from a sample up to which an effort is known."""
-SHORTEST = 100
-"""Smallest number of samples of a stretch."""
-PER_BAND = 10.0
-"""Rows per period of the band that ``thinned`` keeps."""
-MOST_ROWS = 6_000
-"""Rows beyond which the band is narrowed, so that long recordings take seconds."""
+NEAR = 0.5  # Steps from a sample up to which an effort is known.
+SHORTEST = 100  # Smallest number of samples of a stretch.
+PER_BAND = 10.0  # Rows per period of the band that ``thinned`` keeps.
+MOST_ROWS = 6_000  # Rows beyond which the band is narrowed, so that long recordings take seconds.
+# Fraction of a step by which samples may be off an even grid without being interpolated.
 UNEVEN = 1e-3
-"""Fraction of a step by which samples may be off an even grid without being interpolated."""
-SATURATED = 8
-"""Number of consecutive samples at the same extreme effort that indicate saturation."""
+SATURATED = 8  # Number of consecutive samples at the same extreme effort that indicate saturation.
+# Departure of a position from uniform motion in [rad] or [m] from which an effort that does not
+# change is frozen: in uniform motion it may be constant.
 BENT = 1e-3
-"""Departure of a position from uniform motion in [rad] or [m] from which an effort that does not
-change is frozen: in uniform motion it may be constant."""
+# Change after which an effort was frozen, over its typical change, if that is less than ``COARSE``
+# times its small ones: those of a coarse sensor are all alike, and its long runs end with one of
+# them.
 JUMP, COARSE = 3.0, 3.0
-"""Change after which an effort was frozen, over its typical change, if that is less than
-``COARSE`` times its small ones: those of a coarse sensor are all alike, and its long runs end with
-one of them."""
+# Ratios of power from which high frequencies of positions and efforts are motion and no noise, see
+# ``white_noise``. Without noise they are above 18 and 130; a controller that differentiates steps
+# of encoders makes the second up to 14.
 SLOPED = 5.0, 40.0
-"""Ratios of power from which high frequencies of positions and efforts are motion and no noise,
-see ``white_noise``. Without noise they are above 18 and 130; a controller that differentiates
-steps of encoders makes the second up to 14."""
-SPANS = 3
-"""Stretches that a note lists."""
+SPANS = 3  # Stretches that a note lists.
 WORDS = {"q": "position", "v": "velocity", "a": "acceleration", "effort": "effort"}
 
 

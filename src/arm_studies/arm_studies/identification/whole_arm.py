@@ -50,25 +50,24 @@ from arm_studies.identification.regression.selection import Choice
 from arm_studies.identification.regression.tables import tabled
 from arm_studies.identification.result import Identification, Torques
 
+# Prior deviations of bodies from nominal: of density, of all else; selected by the evidence.
 MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
-"""Prior deviations of bodies from nominal: of density, of all else; selected by the evidence."""
+# Largest number of selections of friction laws until the bandwidth of the efforts is stable.
 ROUNDS = 3
-"""Largest number of selections of friction laws until the bandwidth of the efforts is stable."""
+# Fraction of a joint's frictionless efforts that bodies must explain to identify its scale.
 SHOWN = 0.7
-"""Fraction of a joint's frictionless efforts that bodies must explain to identify its scale."""
+# Fraction of the deviation of a joint's efforts that bodies must cause to identify its scale: if
+# friction dominates, an error of its law or of the nominal bodies would be taken for the scale.
 HEAVY = 0.5
-"""Fraction of the deviation of a joint's efforts that bodies must cause to identify its scale: if
-friction dominates, an error of its law or of the nominal bodies would be taken for the scale."""
+# Prior deviations of bodies while scales are identified: of density, of all else. If bodies were
+# fixed, an error of the last bodies would be taken for a scale of their joints.
 NEAR = 0.03, 0.05
-"""Prior deviations of bodies while scales are identified: of density, of all else. If bodies were
-fixed, an error of the last bodies would be taken for a scale of their joints."""
+# Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
+# columns of efforts are matched with joints.
 DOUBT = 0.12, 0.2
-"""Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
-columns of efforts are matched with joints."""
-WORSE = 1.03
-"""Ratio of residuals up to which friction terms that may be zero are left out."""
+WORSE = 1.03  # Ratio of residuals up to which friction terms that may be zero are left out.
+# Fraction of the part held out in which a joint has to move for its prediction to be judged.
 MOVING = 0.2
-"""Fraction of the part held out in which a joint has to move for its prediction to be judged."""
 
 
 def identify(

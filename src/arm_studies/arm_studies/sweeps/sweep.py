@@ -27,8 +27,8 @@ from arm_studies.sweeps.study import Study, StudySource, load_study
 from arm_studies.sweeps.table import Table, table_of
 from arm_studies.sweeps.world import COMPILED, PYTHON, Row, runs_compiled, world_of
 
+# Runs per task, such that the cost of passing it to a worker is negligible.
 _RUNS = {COMPILED: 32, PYTHON: 2}
-"""Runs per task, such that the cost of passing it to a worker is negligible."""
 _LEAST_TASKS = 4  # tasks per worker, such that none is idle at the end
 
 

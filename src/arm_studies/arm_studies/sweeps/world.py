@@ -38,8 +38,8 @@ from arm_studies.sweeps.keys import below, tunable, with_values
 from arm_studies.sweeps.metrics import MeasuredRun, measured
 from arm_studies.sweeps.study import ControllerChoice, MotionChoice, part_of_run
 
+# How runs are simulated: entirely in compiled code, or with the controller in Python.
 COMPILED, PYTHON = "compiled", "Python"
-"""How runs are simulated: entirely in compiled code, or with the controller in Python."""
 DONE, DIVERGED, FAILED = "done", "diverged", "failed"
 IMPERFECT = ("sensors", "commands")
 OF_LOOP = ("initial", "motion", "controller")

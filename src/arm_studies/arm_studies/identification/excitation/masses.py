@@ -20,8 +20,8 @@ from arm_dynamics.equations.tree import Tree, regrouped
 from arm_dynamics.model import ArmModel, gravity_of, tree_of
 from arm_studies.identification.excitation.columns import friction_columns
 
+# Noise of torques relative to their root mean square, white at this many samples per second.
 NOISE, RATE = 0.05, 1000.0
-"""Noise of torques relative to their root mean square, white at this many samples per second."""
 _FLOOR = 0.01  # fraction of a joint's typical torque below which noise does not fall
 _BEFORE = 0.1  # prior standard deviation of a density, relative
 _TOTAL = 1e-4  # of the total mass, likewise: it is weighed

@@ -35,8 +35,8 @@ _STATES = 40  # random states for each column of the regressor
 _SILENT = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory", "tol": 1e-4}
 
 
+# Parameters that a motion is optimized for: all of them, or the masses.
 ALL, MASSES = "all", "masses"
-"""Parameters that a motion is optimized for: all of them, or the masses."""
 
 
 @frozen

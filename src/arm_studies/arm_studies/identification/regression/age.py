@@ -9,9 +9,9 @@ import numpy as np
 
 from arm_studies.identification.regression.intervals import CERTAIN
 
+# Largest number of corrections of the age; standard errors below which one is left out; largest
+# age in periods of the band.
 CORRECTIONS, SETTLED, OLDEST = 4, 0.2, 0.15
-"""Largest number of corrections of the age; standard errors below which one is left out; largest
-age in periods of the band."""
 
 
 def age_of(

@@ -15,14 +15,12 @@ from arm_studies.identification.regression.estimation import Mask, deviations
 from arm_studies.identification.regression.fit import Fit, fitted
 from arm_studies.identification.regression.rows import Rows
 
+# Ratio of neighbouring bandwidths that are tried, and the smallest relative to the band.
 STEP, NARROWEST = 0.9, 0.06
-"""Ratio of neighbouring bandwidths that are tried, and the smallest relative to the band."""
-BETTER = 0.95
-"""Relative residual that a bandwidth must reach to be accepted."""
-ROUNDS = 8
-"""Largest number of fits until the bandwidth is stable."""
+BETTER = 0.95  # Relative residual that a bandwidth must reach to be accepted.
+ROUNDS = 8  # Largest number of fits until the bandwidth is stable.
+# Fraction of the residual's power above that frequency for which the band is narrowed to it.
 NOISY = 0.05
-"""Fraction of the residual's power above that frequency for which the band is narrowed to it."""
 
 
 def with_bandwidth(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> tuple[Rows, Fit]:

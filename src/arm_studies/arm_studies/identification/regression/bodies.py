@@ -13,9 +13,9 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 
+# Smallest eigenvalue of Σ = ∫ r rᵀ dm relative to the largest: a plate has a thickness, which
+# rounded numbers of a URDF may make negative.
 THIN = 1e-3
-"""Smallest eigenvalue of Σ = ∫ r rᵀ dm relative to the largest: a plate has a thickness, which
-rounded numbers of a URDF may make negative."""
 
 
 def _basis() -> Array:
@@ -28,8 +28,7 @@ def _basis() -> Array:
     return found
 
 
-BASIS = _basis()
-"""J = Σ θ_k BASIS_k."""
+BASIS = _basis()  # J = Σ θ_k BASIS_k.
 
 
 def pseudo_inertia(theta: Array) -> Array:

@@ -20,8 +20,7 @@ from arm_studies.identification.regression.regressor import EACH
 from arm_studies.identification.regression.rows import Rows
 
 Mask = NDArray[np.bool_]
-NOISELESS = 1e-9
-"""Residual relative to a joint's torque below which it is rounding."""
+NOISELESS = 1e-9  # Residual relative to a joint's torque below which it is rounding.
 
 
 @dataclass(frozen=True)

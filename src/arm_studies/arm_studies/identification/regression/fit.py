@@ -37,8 +37,8 @@ from arm_studies.identification.regression.selection import STEEPEST
 
 SIGNED = (COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
 STEPS = 25
+# ``settled`` of results: then shapes are known far better than any noise lets them be.
 SETTLED = 1e-6
-"""``settled`` of results: then shapes are known far better than any noise lets them be."""
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from arm_studies.identification.regression.estimation import Belief, Mask
 from arm_studies.identification.regression.fit import Fit, with_shapes
 from arm_studies.identification.regression.rows import Rows
 
+# Largest and smallest number of blocks of the part held out, and length of a block in periods of
+# the band, where the part is long enough: filtered noise is correlated over half a period.
 BLOCKS, FEWEST, PERIODS = 20, 5, 2.0
-"""Largest and smallest number of blocks of the part held out, and length of a block in periods of
-the band, where the part is long enough: filtered noise is correlated over half a period."""
 
 
 def excess(

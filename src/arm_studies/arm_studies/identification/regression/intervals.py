@@ -24,26 +24,22 @@ from arm_studies.identification.regression.friction_columns import LOAD, STRIBEC
 from arm_studies.identification.regression.rows import Rows
 
 Places = NDArray[np.int_]
+# Singular values relative to the largest below which a direction is not determined.
 SINGULAR = 1e-7
-"""Singular values relative to the largest below which a direction is not determined."""
+# Largest torque, relative to those that are measured, that the standard deviation of a parameter
+# may cause: beyond it, the motion does not determine the parameter.
 VAGUE = 0.1
-"""Largest torque, relative to those that are measured, that the standard deviation of a parameter
-may cause: beyond it, the motion does not determine the parameter."""
 
 
-WIDEST = 50.0
-"""Largest half width of an interval of a logarithm, beyond which numbers overflow."""
+WIDEST = 50.0  # Largest half width of an interval of a logarithm, beyond which numbers overflow.
+# Ratio of the variance of any residuals to that of white ones that the uncertainty of the former
+# explains.
 BY_CHANCE = 1.5
-"""Ratio of the variance of any residuals to that of white ones that the uncertainty of the former
-explains."""
+# Width of an interval over that by white noise of the sensors beyond which it is scatter.
 CLEARLY = 2.0
-"""Width of an interval over that by white noise of the sensors beyond which it is scatter."""
-CERTAIN = 1.96
-"""Standard deviations on either side of a 95 % interval."""
-STRICT = 10.0
-"""Size of unknown friction over dry friction of which nothing is assumed."""
-NOTHING = 1e-9
-"""Standard deviation below which even a zero is identified."""
+CERTAIN = 1.96  # Standard deviations on either side of a 95 % interval.
+STRICT = 10.0  # Size of unknown friction over dry friction of which nothing is assumed.
+NOTHING = 1e-9  # Standard deviation below which even a zero is identified.
 
 
 @dataclass(frozen=True)

@@ -15,16 +15,15 @@ from arm_studies.identification.regression.intervals import besides
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
 
+# Angle in [rad], and standard deviations, above which a tilt of the base is reported.
 TILT, SURELY = 0.01, 5.0
-"""Angle in [rad], and standard deviations, above which a tilt of the base is reported."""
+# Blocks of a recording, and relative change of friction, from which a drift is reported.
 BLOCKS, DRIFT = 10, 0.1
-"""Blocks of a recording, and relative change of friction, from which a drift is reported."""
+# Change of friction over a turn, relative to its Coulomb friction, from which it is reported.
 RIPPLE = 0.1
-"""Change of friction over a turn, relative to its Coulomb friction, from which it is reported."""
-MOSTLY = 0.5
-"""Fraction of the rows in which a joint may stick, from which it is reported."""
+MOSTLY = 0.5  # Fraction of the rows in which a joint may stick, from which it is reported.
+# Robust standard deviations beyond which a residual is an outlier: contact, or stiction.
 FAR_OFF = 5.0
-"""Robust standard deviations beyond which a residual is an outlier: contact, or stiction."""
 
 
 def without_outliers(

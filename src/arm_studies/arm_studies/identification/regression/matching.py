@@ -20,28 +20,24 @@ from arm_studies.identification.regression.intervals import CERTAIN
 from arm_studies.identification.regression.rows import Rows
 
 SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))
-EXACT = 0.1
-"""Relative residual that is as unlikely as one standard deviation of the bodies."""
+EXACT = 0.1  # Relative residual that is as unlikely as one standard deviation of the bodies.
+# Relative residual above which a joint's own motion does not explain its efforts, and below which
+# another does.
 POOR, FAIR = 0.2, 0.5
-"""Relative residual above which a joint's own motion does not explain its efforts, and below which
-another does."""
-BETTER = 0.3
-"""Smallest improvement by which another is believed: the ratio of the two residuals."""
+BETTER = 0.3  # Smallest improvement by which another is believed: the ratio of the two residuals.
+# Largest delay that is looked for in [s], and number of delays that are tried up to it.
 LATEST, SHIFTS = 0.5, 50
-"""Largest delay that is looked for in [s], and number of delays that are tried up to it."""
+# Fraction of the power of a residual that a delay must cause, and smallest relative residual, for
+# it to be told as possible: friction of another shape, such as a Stribeck peak, can look like it.
 CAUSED, FELT = 0.5, 0.003
-"""Fraction of the power of a residual that a delay must cause, and smallest relative residual, for
-it to be told as possible: friction of another shape, such as a Stribeck peak, can look like it."""
+# Fraction that it must cause to be certain, and relative residual that it causes from which it
+# spoils friction and bodies.
 SURELY, GROSS = 0.9, 0.05
-"""Fraction that it must cause to be certain, and relative residual that it causes from which it
-spoils friction and bodies."""
-SINGULAR = 1e-7
-"""Singular values relative to the largest below which columns are dependent."""
+SINGULAR = 1e-7  # Singular values relative to the largest below which columns are dependent.
+# Factor, and standard deviations of its logarithm, from which a scale is told: rather too often
+# than too seldom, since bodies may be the cause as well.
 FACTOR, LIKELY = 1.4, 1.5
-"""Factor, and standard deviations of its logarithm, from which a scale is told: rather too often
-than too seldom, since bodies may be the cause as well."""
-VAGUE = 0.7
-"""Largest standard deviation of the logarithm of a scale that is told."""
+VAGUE = 0.7  # Largest standard deviation of the logarithm of a scale that is told.
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,11 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.springs import SpringTerms
 
+# Inertial parameters of a body: mass, mass times centre of mass, inertia about the origin of its
+# joint's frame; in Pinocchio's order ``NAMES``.
 EACH = 10
-"""Inertial parameters of a body: mass, mass times centre of mass, inertia about the origin of its
-joint's frame; in Pinocchio's order ``NAMES``."""
 NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-TINY = 1e-9
-"""Mass in [kg] below which a body is treated as massless, and not identified."""
+TINY = 1e-9  # Mass in [kg] below which a body is treated as massless, and not identified.
 
 
 class RigidRegressor:

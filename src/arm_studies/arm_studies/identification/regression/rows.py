@@ -26,27 +26,23 @@ from arm_studies.identification.preparation import thinned
 from arm_studies.identification.regression.friction_columns import DRY, EXCESS, JointFit, Shape
 from arm_studies.identification.regression.regressor import RigidRegressor
 
-HELD_OUT = 0.3
-"""Fraction of each recording, at its end, that is held out to measure errors."""
-FOLDS = 5
-"""Folds of the rest by which laws are selected, each predicted from the others."""
+HELD_OUT = 0.3  # Fraction of each recording, at its end, that is held out to measure errors.
+FOLDS = 5  # Folds of the rest by which laws are selected, each predicted from the others.
+# Time in [s] for which a joint whose velocity is exact may be at rest, and most of the time before
+# and after a reversal in which one may stick.
 STILL = 0.1
-"""Time in [s] for which a joint whose velocity is exact may be at rest, and most of the time
-before and after a reversal in which one may stick."""
+# Periods of the band before and after a joint rests or reverses in which it may stick: its
+# friction has then any value up to static friction. Periods from one to the next of its values
+# that are unknown there.
 NEARBY, APART = 0.3, 0.2
-"""Periods of the band before and after a joint rests or reverses in which it may stick: its
-friction has then any value up to static friction. Periods from one to the next of its values that
-are unknown there."""
+# Independent values in which a joint cannot stick below which none of its are used: its unknowns
+# would explain them exactly, so that they would weigh more than all others.
 FEWEST = 25
-"""Independent values in which a joint cannot stick below which none of its are used: its unknowns
-would explain them exactly, so that they would weigh more than all others."""
-SAMPLED = 50
-"""Positions at which inertias are computed to see what noise of accelerations does."""
-LEAST = 1e-3
-"""Power of such a value, relative to the residual's, below which it does not matter."""
+SAMPLED = 50  # Positions at which inertias are computed to see what noise of accelerations does.
+LEAST = 1e-3  # Power of such a value, relative to the residual's, below which it does not matter.
+# Velocity relative to a joint's root mean square velocity below which it is at rest; the low-pass
+# filter rings by up to 5e-3 of it when a joint sticks.
 SLOW = 1e-2
-"""Velocity relative to a joint's root mean square velocity below which it is at rest; the
-low-pass filter rings by up to 5e-3 of it when a joint sticks."""
 
 
 class Rows:

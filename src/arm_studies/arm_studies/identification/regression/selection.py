@@ -24,15 +24,14 @@ from arm_studies.identification.regression.friction_columns import (
 )
 from arm_studies.identification.regression.rows import FOLDS, Rows
 
+# Stribeck velocities that are tried, relative to a joint's root mean square velocity.
 FALLS = np.geomspace(0.01, 1.0, 7)
-"""Stribeck velocities that are tried, relative to a joint's root mean square velocity."""
+# Reduction of the prediction error by which a law is accepted: relative, and in variances of the
+# residual, which chance alone exceeds once in a thousand laws.
 WORTH, CHANCE = 0.02, 10.0
-"""Reduction of the prediction error by which a law is accepted: relative, and in variances of the
-residual, which chance alone exceeds once in a thousand laws."""
-RESOLVED = 1e-6
-"""Resolution of prediction errors relative to the torque."""
+RESOLVED = 1e-6  # Resolution of prediction errors relative to the torque.
+# Largest growth of friction with the load; the scene's curve is up to half as steep again.
 STEEPEST = 0.3
-"""Largest growth of friction with the load; the scene's curve is up to half as steep again."""
 ROUNDS = 2
 
 

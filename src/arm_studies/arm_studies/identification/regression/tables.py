@@ -20,16 +20,14 @@ from arm_studies.identification.regression.friction_columns import (
 )
 from arm_studies.identification.regression.rows import FOLDS, Rows
 
+# Numbers of points that are tried; their loads, and all values but one, are fitted.
 COUNTS = (2, 3, 4)
-"""Numbers of points that are tried; their loads, and all values but one, are fitted."""
-ENDS = np.geomspace(0.1, 1.1, 10)
-"""First guesses of the last point, relative to the largest load."""
+ENDS = np.geomspace(0.1, 1.1, 10)  # First guesses of the last point, relative to the largest load.
+# Relative prediction error of each of ``JUDGES`` that a table must reach to be accepted.
 BETTER = 0.95
-"""Relative prediction error of each of ``JUDGES`` that a table must reach to be accepted."""
-ROUGH = 1e-3
-"""``settled`` of fits that are only compared, to a few percent."""
+ROUGH = 1e-3  # ``settled`` of fits that are only compared, to a few percent.
+# Folds that tables predict from the others; one alone may favor a table by chance.
 JUDGES = (FOLDS - 1, FOLDS // 2)
-"""Folds that tables predict from the others; one alone may favor a table by chance."""
 
 
 def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
