@@ -9,7 +9,7 @@ import pytest
 
 from arm_dynamics import Dynamics
 from arm_studies.identification import Identification, JointRecord, identify
-from arm_studies.identification.regression.friction_columns import JointFit
+from arm_studies.identification.regression.friction import JointFit
 from arm_studies.identification.report import friction_words, residual, share, text
 
 

@@ -210,33 +210,20 @@ def chosen_band(q: Array, dt: float, factor: float = 1.0) -> float:
     """
     frequency, power = spectrum(q, dt)
     floor = np.median(power[frequency > 0.35 / dt], axis=0) / np.log(2.0)
-    edges, level = _octaves(frequency), factor * ABOVE * floor
-    bands = [
-        _left(frequency[edges], np.add.reduceat(column, edges) / np.diff([*edges, len(column)]), x)
-        for column, x in zip(power.T, level, strict=True)
-    ]
+    level, edges, at = factor * ABOVE * floor, [0], 2  # of bins that widen with frequency
+    while at < len(frequency):
+        edges.append(at)
+        at = max(at + 3, int(at * RATIO))
+    widths, bands = np.diff([*edges, len(frequency)]), []
+    for column, noise in zip(power.T, level, strict=True):
+        means = np.add.reduceat(column, edges) / widths
+        # The lowest frequency from which the power of three bins is below the noise.
+        quiet, first = means <= noise, int(np.argmax(means))
+        three = [i for i in range(first, len(quiet) - 2) if quiet[i : i + 3].all()]
+        bands.append(float(frequency[edges[three[0] if three else -1]]))
     signal = np.maximum(power - level, 0.0) * (frequency <= max(bands))[:, None]
     best = min(FLAT * max(bands), ENOUGH * _holding(frequency, signal))
     return float(min(WIDEST / dt, max(best, SLOWEST / (len(q) * dt))))
-
-
-def _octaves(frequency: Array) -> NDArray[np.int_]:
-    """Starts of bins that widen with frequency and have at least three samples each."""
-    found, at = [0], 2
-    while at < len(frequency):
-        found.append(at)
-        at = max(at + 3, int(at * RATIO))
-    return np.array(found)
-
-
-def _left(starts: Array, power: Array, level: float) -> float:
-    """The lowest frequency from which the power of three bins is below the noise level."""
-    below = power <= level
-    first = int(np.argmax(power))
-    for i in range(first, len(below) - 2):
-        if below[i : i + 3].all():
-            return float(starts[i])
-    return float(starts[-1])
 
 
 def _holding(frequency: Array, power: Array) -> float:

@@ -14,6 +14,8 @@ from itertools import batched
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import arm_sim
 from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput
@@ -86,6 +88,19 @@ class Sweep:
     made: int
     seconds: float
     dropped: bool = False
+
+    def __repr__(self) -> str:
+        """A summary: runs, how they ended, and the median of each metric."""
+        plan, table = self.plan, self.table
+        lines = [
+            f"<Sweep: {plan.runs} runs of {self.study.duration:g} s, {np.sum(table.done)} done, "
+            f"{plan.compiled} in compiled code, sets of equations: {plan.worlds}",
+            *([f"varied: {', '.join(table.varied)}"] if table.varied else []),
+        ]
+        for name in table.metrics if table.done.any() else ():
+            least, median, most = np.percentile(table[name][table.done], (0, 50, 100))
+            lines.append(f"{name}: median {median:.4g}, from {least:.4g} to {most:.4g}")
+        return "\n  ".join(lines) + ">"
 
 
 def sweep(

@@ -10,20 +10,18 @@ truth as often as they claim, wherever the nominal scene is.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_studies.identification.filtering import FLAT_NOISE
-from arm_studies.identification.regression.estimation import Belief, Columns, Mask, solved
-from arm_studies.identification.regression.fit import Fit, with_shapes
-from arm_studies.identification.regression.friction_columns import LOAD, STRIBECK_VELOCITY
+from arm_studies.identification.regression.estimation import Mask, solved
+from arm_studies.identification.regression.fit import Fit
+from arm_studies.identification.regression.friction import LOAD, STRIBECK_VELOCITY
 from arm_studies.identification.regression.rows import Rows
 
-Places = NDArray[np.int_]
 # Singular values relative to the largest below which a direction is not determined.
 SINGULAR = 1e-7
 # Largest torque, relative to those that are measured, that the standard deviation of a parameter
@@ -92,23 +90,24 @@ class Estimates:
     condition: float
 
 
-def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates:
-    """Estimates of base parameters and friction, with the laws of a fit.
+def estimated(fit: Fit, lead: Sequence[int]) -> Estimates:
+    """Estimates of base parameters and friction, with the laws, weights and residuals of a fit.
 
     Args:
-        rows: The regression's rows.
-        use: Rows that the fit uses, shape (k, n).
-        fit: Its laws, weights and residuals; shapes are linearized there.
+        fit: Shapes are linearized there.
         lead: Place of each base parameter's leading unknown: bodies and armatures act through
             these alone, see ``base_parameters``.
     """
-    columns, names = with_shapes(rows, fit)
-    places = np.array([*lead, *range(fit.bodies + rows.n, columns.size)])
-    own, y = _weighted(use, fit, columns, places), fit.weights * use * (rows.effort - rows.known)
-    ageing = fit.weights * use * rows.ageing(fit.predicted(rows.plain))
-    noise = rows.noise(fit.x[: fit.bodies], fit.x[fit.bodies : fit.bodies + rows.n])
+    columns, names = fit.with_shapes
+    rows, weights = fit.rows, fit.weights * fit.problem.use
+    places = np.array([*lead, *range(len(fit.theta) + rows.n, columns.size)])
+    own = np.zeros((rows.n, len(weights), columns.size))
+    for j, place in enumerate(columns.places):
+        own[j][:, place] = columns.all_of(j) * weights[:, j : j + 1]
+    y, ageing = weights * fit.problem.target, weights * rows.ageing(fit.predicted(rows.plain))
+    noise = fit.weights * rows.noise(fit.theta, fit.armature)
     found, deviations, scatter, condition = unbiased(
-        rows, own, y, ageing, fit.weights * noise, float(np.linalg.norm(y))
+        rows, own[:, :, places], y, ageing, noise, float(np.linalg.norm(y))
     )
     first = len(places) - len(names)
     triples = list(zip(found.tolist(), deviations.tolist(), scatter.tolist(), strict=True))
@@ -212,37 +211,22 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
     return np.where(any_residuals > BY_CHANCE * plain, any_residuals, plain)
 
 
-def _weighted(use: Mask, fit: Fit, columns: Columns, places: Places) -> Array:
-    """Columns of some unknowns in each joint's rows, over its deviation; (n, k, unknowns)."""
-    found = np.zeros((len(columns.places), len(use), columns.size))
-    for j, place in enumerate(columns.places):
-        found[j][:, place] = columns.all_of(j) * (fit.weights[j] * use[:, j : j + 1])
-    return found[:, :, places]
-
-
-def besides(
-    rows: Rows, fit: Fit, more: Array, belief: Callable[[int], Belief]
-) -> tuple[Array, Array]:
+def besides(fit: Fit, more: Array) -> tuple[Array, Array]:
     """Coefficients of additional columns of a fit, and their standard deviations.
 
     Args:
-        rows: The regression's rows.
         fit: Its unknowns are all free.
         more: The columns, shape (k, n, m).
-        belief: Returns the prior of a number of unknowns.
 
     Returns:
         Shapes (m,) and (m,); deviations are inf where the data do not determine a column.
     """
-    columns, new = fit.columns, np.arange(more.shape[2])
-    own = [np.column_stack([c, more[:, j]]) for j, c in enumerate(columns.own)]
-    places = [np.append(p, columns.size + new) for p in columns.places]
-    wide = replace(columns, own=tuple(own), places=tuple(places), size=columns.size + len(new))
-    data = wide.whitened(rows.effort - rows.known, fit.weights, rows.independent)
-    R, z = belief(wide.size).combined(*data)
+    n, count = more.shape[1:]
+    wide = fit.columns.wider(list(np.moveaxis(more, 1, 0)), [np.arange(count)] * n, count)
+    R, z = fit.problem.combined(wide, fit.weights)
     size = np.linalg.norm(R, axis=0)
     seen = size > 1e-12 * size.max()
     inverse = np.linalg.pinv(R[:, seen] / size[seen], rcond=1e-14)
     doubt = np.full(len(size), np.inf)
     doubt[seen] = np.linalg.norm(inverse, axis=1) / size[seen]
-    return solved(R, z)[columns.size :], doubt[columns.size :]
+    return solved(R, z)[fit.columns.size :], doubt[fit.columns.size :]

@@ -26,6 +26,8 @@ STRIBECK_VELOCITY, LOAD = "stribeck_velocity", "load"
 # positive.
 STEEP = 0.98
 FARTHEST = 0.7  # Largest change of a shape's logarithm at a time.
+# Largest growth of friction with the load; the scene's curve is up to half as steep again.
+STEEPEST = 0.3
 POINTS = 6  # Number of points in a table of friction over load.
 
 
