@@ -44,6 +44,8 @@ def test_the_true_scene_has_no_error() -> None:
     assert found.free_run is not None
     assert found.free_run.count >= 20 and not found.free_run.lost
     assert np.all(found.free_run.relative < 2e-3)
+    assert f"{found!r}".startswith("<Comparison: torque error 0.0")
+    assert f"<FreeRun: {found.free_run.count} windows of 0.25 s; errors" in f"{found!r}"
 
 
 def test_windows_in_which_an_effort_of_one_joint_is_missing_are_left_out() -> None:

@@ -45,6 +45,14 @@ def test_an_unknown_error_is_not_a_number(found: Identification, tmp_path) -> No
     assert "**unknown**" in page and "nan" not in page
 
 
+def test_printed_it_is_a_summary(found: Identification) -> None:
+    said = f"{replace(found, error=(0.01, np.nan), notes=('first',))!r}"
+    assert said.startswith("<Identification of 2 joints: shoulder, elbow\n  torque error on held-")
+    assert "data: 1.00%, of the nominal scene unknown" in said
+    assert f"{len(found.parameters.keys() - found.missing.keys())} parameters identified" in said
+    assert said.endswith("note: first>")
+
+
 def rows_of(page: str, heading: str) -> list[list[str]]:
     """Rows of the first table after a heading."""
     lines = page.partition(heading)[2].splitlines()

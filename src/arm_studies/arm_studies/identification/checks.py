@@ -259,7 +259,7 @@ def check_better(error: float, nominal: float, excess: float) -> None:
     Args:
         error: Relative residual of the held-out torques; NaN if it is unknown.
         nominal: That of the nominal scene.
-        excess: By how many standard errors it is worse, see ``held_out.excess``.
+        excess: By how many standard errors it is worse, see ``judging.excess``.
 
     Raises:
         InvalidInput: With both.

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import count
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -74,16 +75,16 @@ class ZeroPhase:
         band = min(self.band, 0.5 / self.dt)
         k, shape = len(x), (-1, *[1] * (x.ndim - 1))
         pad = min(k - 1, max(64, math.ceil(FADED / (band * self.dt))))
-        count = _fast_length(k + 2 * pad)
+        size = _fast_length(k + 2 * pad)
         head, tail = 2.0 * x[0] - x[pad:0:-1], 2.0 * x[-1] - x[-2 : -pad - 2 : -1]
-        rest = np.broadcast_to(tail[-1:], (count - k - 2 * pad, *x.shape[1:]))
+        rest = np.broadcast_to(tail[-1:], (size - k - 2 * pad, *x.shape[1:]))
         long = np.concatenate([head, x, tail, rest])
         # Without the line through both ends it begins and ends at zero, as if it were periodic.
-        slope = (long[-1] - long[0]) / (count - 1)
-        line = long[0] + np.arange(count).reshape(shape) * slope
-        response = _response(count, self.dt, band, self.order, derivative, before)
+        slope = (long[-1] - long[0]) / (size - 1)
+        line = long[0] + np.arange(size).reshape(shape) * slope
+        response = _response(size, self.dt, band, self.order, derivative, before)
         spectrum = np.fft.rfft(long - line, axis=0) * response.reshape(shape)
-        found = np.fft.irfft(spectrum, count, axis=0)
+        found = np.fft.irfft(spectrum, size, axis=0)
         found += (line - before / self.dt * slope, slope / self.dt, 0.0)[min(derivative, 2)]
         return np.asarray(found[pad : pad + k])
 
@@ -111,15 +112,7 @@ def _response(
 @lru_cache(maxsize=16)
 def _fast_length(least: int) -> int:
     """The smallest number of at least ``least`` whose only factors are 2, 3 and 5."""
-    found = 1 << (least - 1).bit_length()
-    five = 1
-    while five < found:
-        three = five
-        while three < found:
-            two = three << max(0, (-(-least // three) - 1).bit_length())
-            found, three = min(found, two), 3 * three
-        five *= 5
-    return found
+    return next(n for n in count(least) if 60**30 % n == 0)
 
 
 def decimated(x: Array, stride: int) -> Array:

@@ -110,7 +110,8 @@ def estimate_payload(
     model, records = checks.fitting(scene, recordings, names)
     place, carrier = _carried(model, frame)
     data = Sampled.of(model, records, band, held_out=0.0)
-    notes, moved = data.notes, _moved(place)
+    notes, G = data.notes, place.homogeneous
+    moved = np.column_stack([bodies.numbers_of(G @ basis @ G.T) for basis in bodies.BASIS])
     rows, places = data.rows(), data.regressor.places(carrier)
     near = Prior.near(data.regressor.nominal, *DOUBT)
     notes += (late := checks.check_rows(Problem(rows, rows.use, near), notes)[1])
@@ -254,9 +255,3 @@ def _carried(model: ArmModel, frame: str) -> tuple[pin.SE3, int]:
     if found.parentJoint == 0:
         raise InvalidInput(f"frame '{frame}' is fixed to the base; a moving frame is expected")
     return found.placement, found.parentJoint - 1
-
-
-def _moved(place: pin.SE3) -> Array:
-    """Map from inertial parameters in a frame to those in its body's joint, shape (10, 10)."""
-    G = place.homogeneous
-    return np.column_stack([bodies.numbers_of(G @ basis @ G.T) for basis in bodies.BASIS])

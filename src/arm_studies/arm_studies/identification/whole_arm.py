@@ -18,6 +18,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.scene.schema import Scene
 from arm_studies.identification import checks
 from arm_studies.identification.data import JointRecord
 from arm_studies.identification.described import scene_with
@@ -32,7 +33,7 @@ from arm_studies.identification.regression.bandwidth import (
 from arm_studies.identification.regression.efforts import DOUBT, scales_of, with_age
 from arm_studies.identification.regression.estimation import NOISELESS, Prior, Problem
 from arm_studies.identification.regression.fit import Fit, fitted
-from arm_studies.identification.regression.friction import COULOMB
+from arm_studies.identification.regression.friction import COULOMB, JointFit
 from arm_studies.identification.regression.intervals import STRICT, besides
 from arm_studies.identification.regression.matching import SIMPLE
 from arm_studies.identification.regression.regressor import EACH, RigidRegressor
@@ -122,22 +123,11 @@ def identify(
     notes += judgement.notes
     values = parameters(strict, ranges, final)
     notes += irregularities.all_of(trial, final)
-    still = ranges <= checks.MOVED
-    laws = tuple(None if rests else law for rests, law in zip(still, final.friction, strict=True))
-    unknown = [f"{name}.armature" in values["missing"] for name in model.joint_names]
-    armature = np.where(unknown & (ranges < checks.MOVED), np.nan, final.armature)
     if effort != "scale" and not known:  # else the unit of efforts is not the cause
         checks.check_masses(
             final.theta[::EACH], nominal[::EACH], model.joint_names, judgement.ratios
         )
-    result = scene_with(model, final.theta, armature, laws, notes)
-    again = RigidRegressor(ArmModel(result)).nominal  # it has the bodies that were identified
-    if not np.allclose(again, final.theta, rtol=1e-6, atol=1e-9 * abs(final.theta).max()):
-        raise InvalidInput("the identified inertias could not be written into the URDF")
-    if final.changed:
-        notes.append(
-            "the unconstrained fit is physically inconsistent; the best consistent one is used"
-        )
+    result, laws = _scene(final, ranges, values["missing"], notes)
     if not accept_worse:
         checks.check_better(*judgement.error, judgement.excess)
     return Identification(
@@ -290,6 +280,32 @@ def _possible(fit: Fit) -> tuple[Fit, Fit, Fit]:
             trial, final = fitted(trial.problem, laws, possible=True), lean
             strict = final.again(rows=rows.stricter(STRICT))
     return trial, final, strict
+
+
+def _scene(
+    fit: Fit, ranges: Array, missing: Mapping[str, str], notes: list[str]
+) -> tuple[Scene, tuple[JointFit | None, ...]]:
+    """The identified scene, and its friction, None of a joint that did not move.
+
+    Args:
+        fit: Of all parameters.
+        ranges: How far each joint moved without sticking in [rad] or [m], shape (n,).
+        missing: What was not identified.
+        notes: Receives a line for each result that a scene cannot express.
+    """
+    rests = ranges <= checks.MOVED
+    laws = tuple(None if still else law for still, law in zip(rests, fit.friction, strict=True))
+    unknown = [f"{name}.armature" in missing for name in fit.rows.names]
+    armature = np.where(unknown & (ranges < checks.MOVED), np.nan, fit.armature)
+    scene = scene_with(fit.rows.regressor.model, fit.theta, armature, laws, notes)
+    again = RigidRegressor(ArmModel(scene)).nominal  # it has the bodies that were identified
+    if not np.allclose(again, fit.theta, rtol=1e-6, atol=1e-9 * abs(fit.theta).max()):
+        raise InvalidInput("the identified inertias could not be written into the URDF")
+    if fit.changed:
+        notes.append(
+            "the unconstrained fit is physically inconsistent; the best consistent one is used"
+        )
+    return scene, laws
 
 
 def _torques(trial: Fit, final: Fit, nominal: Array) -> Torques:

@@ -42,8 +42,6 @@ def test_the_barrier_has_the_derivatives_that_differences_have():
 
 
 def test_density_is_a_distance_of_its_own():
-    Q = bodies.metric(BALL)
-    assert 0.01 * BALL @ Q @ (0.01 * BALL) == pytest.approx(2.0 * 0.01**2)
     rows = bodies.prior(BALL, 0.1, 0.001)
     prior = rows.T @ rows
     assert 0.1 * BALL @ prior @ (0.1 * BALL) == pytest.approx(1.0)

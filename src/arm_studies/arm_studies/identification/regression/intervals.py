@@ -156,7 +156,11 @@ def unbiased(
     doubt[hidden | (doubt * lengths[shown] > VAGUE * torque)] = np.inf
     found, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
     found[shown], deviations[shown] = solved(R[:, shown], z), doubt
-    scatter = deviations > CLEARLY * _by_noise(rows, own, noise)
+    # By the white noise of sensors alone.
+    H, inverse = _information(own)
+    white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
+    by_noise = np.sqrt(np.maximum(np.diag(inverse @ white @ inverse), 0.0))
+    scatter = deviations > CLEARLY * by_noise
     return found, deviations, scatter, float(singular[0] / max(singular[-1], 1e-300))
 
 
@@ -171,19 +175,6 @@ def _information(own: Array) -> tuple[Array, Array]:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H.sum(axis=0)), 1e-300))
     both = np.outer(scale, scale)
     return H, both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
-
-
-def _by_noise(rows: Rows, own: Array, noise: Array) -> Array:
-    """Standard deviations of unknowns by the white noise of sensors alone.
-
-    Args:
-        rows: The regression's rows.
-        own: Weighted columns in each joint's rows, shape (n, k, unknowns).
-        noise: Its weighted standard deviation in these rows, shape (n,).
-    """
-    H, inverse = _information(own)
-    white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
-    return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ white @ inverse), 0.0)))
 
 
 def _variances(rows: Rows, own: Array, left: Array) -> Array:

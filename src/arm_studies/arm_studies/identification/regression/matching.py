@@ -135,20 +135,20 @@ def delayed(problem: Problem) -> list[Delay]:
         )
         if not there.any():
             continue
-        left = _left(_free(rows, j)[there], np.column_stack([y[there] for y, _ in shifted]))
+        friction = rows.friction(SIMPLE, j, np.zeros(len(rows.effort)))
+        parts = (rows.rigid[:, j], rows.inertia[:, [j]], friction, rows.known[:, [j]])
+        own = np.hstack(parts)
+        left = _left(own[there], np.column_stack([y[there] for y, _ in shifted]))
         before, at = left[len(shifts) // 2], int(np.argmin(left))
         after = left[at]
         if before > FELT**2 and after < (1.0 - CAUSED) * before:
-            late = step * dt * (at - len(shifts) // 2 + _vertex(left, at))
+            vertex = 0.0  # of the parabola through the smallest and its neighbours, from it
+            if 0 < at < len(left) - 1:
+                a, b, c = left[at - 1 : at + 2]
+                vertex = 0.5 * (a - c) / (a - 2.0 * b + c)
+            late = float(step * dt * (at - len(shifts) // 2 + vertex))
             found.append(Delay(j, late, float(np.sqrt(before)), float(np.sqrt(after))))
     return found
-
-
-def _free(rows: Rows, j: int) -> Array:
-    """Columns of a joint's own motion: bodies, rotor, friction and known torques."""
-    friction = rows.friction(SIMPLE, j, np.zeros(len(rows.effort)))
-    parts = (rows.rigid[:, j], rows.inertia[:, j : j + 1], friction, rows.known[:, j : j + 1])
-    return np.hstack(parts)
 
 
 def _left(columns: Array, y: Array) -> Array:
@@ -158,14 +158,6 @@ def _left(columns: Array, y: Array) -> Array:
     U = U[:, singular > SINGULAR * singular[0]]
     power = np.maximum((y**2).sum(axis=0), 1e-300)
     return np.asarray(((y - U @ (U.T @ y)) ** 2).sum(axis=0) / power)
-
-
-def _vertex(values: Array, at: int) -> float:
-    """Place of the minimum of a parabola through a smallest value and its neighbours, from it."""
-    if not 0 < at < len(values) - 1:
-        return 0.0
-    before, least, after = values[at - 1 : at + 2]
-    return float(0.5 * (before - after) / (before - 2.0 * least + after))
 
 
 def scaled(problem: Problem) -> list[Scale]:
