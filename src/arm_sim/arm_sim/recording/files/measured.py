@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.recording.contents import Contents, Event
-from arm_sim.recording.files.bags import told
-from arm_sim.recording.files.container import FileContents
-from arm_sim.recording.files.headers import PARTS, Column, read_elements, read_header
-from arm_sim.recording.files.messages import JOINT_STATE, JointStates
+from arm_sim.recording.files.headers import Column, read_elements, read_header
+from arm_sim.recording.files.messages import JOINT_STATE, PARTS, JointStates
+from arm_sim.recording.files.reader import BagContents
 from arm_sim.recording.files.table import Table, value
 
 Indices = NDArray[np.int_]
@@ -30,7 +29,7 @@ _ECHO = (
 )
 
 
-def from_bag(found: FileContents, topic: str | None, where: Path) -> Contents:
+def from_bag(found: BagContents, topic: str | None, where: Path) -> Contents:
     """Joint states of a topic, in chronological order.
 
     Args:
@@ -43,9 +42,9 @@ def from_bag(found: FileContents, topic: str | None, where: Path) -> Contents:
     """
     topics = found.of(JOINT_STATE)
     if topic is not None and topic not in topics:
-        raise InvalidInput(f"'{where}' has no joint states on '{topic}'; it has {told(found)}")
+        raise InvalidInput(f"'{where}' has no joint states on '{topic}'; it has {found.told()}")
     if not topics:
-        raise InvalidInput(f"'{where}' has no joint states; it has {told(found)}")
+        raise InvalidInput(f"'{where}' has no joint states; it has {found.told()}")
     chosen = topic or max(topics, key=lambda name: len(topics[name]))
     states, times, refused = list[JointStates](), list[int](), list[str]()
     for _, time, raw in topics[chosen]:

@@ -5,14 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.cdr import HEADER, CdrReader, CdrWriter
+from arm_dynamics.cdr import GIGA, HEADER, NATIVE, CdrReader, CdrWriter
 from arm_dynamics.exceptions import InvalidInput
 
 JOINT_STATE, TICK = "sensor_msgs/msg/JointState", "arm_msgs/msg/Tick"
+PARTS = ("position", "velocity", "effort")
+"""The quantities of a joint state."""
 CHANGE, LOG, STRING = "arm_msgs/msg/Change", "rcl_interfaces/msg/Log", "std_msgs/msg/String"
 LATCHED = """- history: 1
   depth: 1
@@ -51,29 +55,75 @@ def definition(kind: str) -> str:
     return "".join([own, *parts])
 
 
-class TickWriter:
-    """A serialized ``arm_msgs/Tick`` in which only stamp and numbers change.
+@dataclass(frozen=True)
+class Layout:
+    """Messages of a type that differ in their stamp and numbers only.
 
     Attributes:
-        raw: The message.
-        stamp: Offset of its stamp.
-        state: Bytes of (q, v, z).
-        command: Bytes of the command.
-        notes: Bytes of the error and the number of time-stepped ticks.
-        hold: Offset of the field ``hold``.
+        raw: One of them, with zeros there.
+        fields: Its stamp, (sec, nanosec), and its numbers, by name.
     """
 
-    def __init__(self, nx: int, n: int) -> None:
-        writer = CdrWriter()
-        self.stamp = writer.time(0)
-        writer.text("")
-        state, command = writer.doubles(np.zeros(nx)), writer.doubles(np.zeros(n))
-        notes = writer.array(np.zeros(2))
-        self.hold = writer.put(b"\0", 1)
-        self.raw, self.places = writer.raw, (state, command, notes)
-        view = memoryview(self.raw)
-        self.state, self.command = view[state : state + 8 * nx], view[command : command + 8 * n]
-        self.notes = view[notes : notes + 16]
+    raw: bytes
+    fields: np.dtype[np.void]
+
+    @classmethod
+    def of(cls, raw: bytearray, **places: tuple[int, Any]) -> Layout:
+        """A layout from the place and the NumPy type of each of its numbers."""
+        offsets, kinds = zip((HEADER, (np.int32, 2)), *places.values(), strict=True)
+        names = ["stamp", *places]
+        fields: Any = {
+            "names": names, "formats": kinds, "offsets": offsets, "itemsize": len(raw)
+        }  # fmt: skip
+        return cls(bytes(raw), np.dtype(fields))
+
+    def place(self, name: str) -> int:
+        """Offset of a number."""
+        assert self.fields.fields is not None
+        return self.fields.fields[name][1]
+
+    def written(self, stamps: NDArray[np.int64], **numbers: Any) -> list[bytes]:
+        """Messages with stamps in [ns], shape (k,), and numbers, shapes (k, …)."""
+        size, data = len(self.raw), bytearray(self.raw * len(stamps))
+        rows = np.frombuffer(data, self.fields)
+        rows["stamp"] = np.column_stack(np.divmod(stamps, GIGA))
+        for name, values in numbers.items():
+            rows[name] = values
+        return [bytes(data[at : at + size]) for at in range(0, len(data), size)]
+
+    def read(self, raws: Sequence[bytes]) -> NDArray[np.void]:
+        """Numbers of messages by name, shape (k,).
+
+        Raises:
+            InvalidInput: If they are of another layout.
+        """
+        if any(len(raw) != len(self.raw) or raw[:HEADER] != NATIVE for raw in raws):
+            raise InvalidInput(
+                "the ticks of the recording are not all of the same robot, or of a machine with "
+                "another byte order"
+            )
+        return np.frombuffer(b"".join(raws), self.fields)
+
+
+def tick_layout(nx: int, n: int) -> Layout:
+    """``arm_msgs/Tick``: ``state``, ``command``, ``notes`` (error, time-stepped), ``hold``."""
+    writer = CdrWriter()
+    writer.time(0)
+    writer.text("")
+    state = writer.doubles(np.zeros(nx)), (float, nx)
+    command = writer.doubles(np.zeros(n)), (float, n)
+    notes, hold = (writer.array(np.zeros(2)), (float, 2)), (writer.put(b"\0", 1), np.uint8)
+    return Layout.of(writer.raw, state=state, command=command, notes=notes, hold=hold)
+
+
+def joint_state_layout(names: Sequence[str]) -> Layout:
+    """``sensor_msgs/JointState``: ``position``, ``velocity``, ``effort``."""
+    writer, n = CdrWriter(), len(names)
+    writer.time(0)
+    writer.text("")
+    writer.texts(names)
+    places = {part: (writer.doubles(np.zeros(n)), (float, n)) for part in PARTS}
+    return Layout.of(writer.raw, **places)
 
 
 @dataclass(frozen=True)
@@ -152,24 +202,6 @@ def string_message(text: str) -> bytes:
     return bytes(writer.raw)
 
 
-class JointStateWriter:
-    """A serialized JointState in which only stamp and numbers change.
-
-    Attributes:
-        raw: The message.
-        stamp: Offset of its stamp.
-        places: Offsets of the numbers of position, velocity and effort.
-    """
-
-    def __init__(self, names: Sequence[str]) -> None:
-        writer = CdrWriter()
-        self.stamp = writer.time(0)
-        writer.text("")
-        writer.texts(names)
-        self.places = tuple(writer.doubles(np.zeros(len(names))) for _ in range(3))
-        self.raw = writer.raw
-
-
 @dataclass(frozen=True)
 class JointStates:
     """A JointState that was read; arrays may be empty."""
@@ -188,26 +220,3 @@ class JointStates:
         reader.text()
         names = tuple(reader.texts())
         return cls(stamp, names, reader.doubles(), reader.doubles(), reader.doubles())
-
-
-def numbers_at(rows: np.ndarray, place: int, count: int) -> Array:
-    """Copy ``count`` numbers at an offset of messages of the same layout, shape (k, count)."""
-    return np.ascontiguousarray(rows[:, place : place + 8 * count]).view(float)
-
-
-def stamps_at(rows: np.ndarray, place: int) -> np.ndarray:
-    """The stamps at an offset of messages of the same layout in [ns], shape (k,)."""
-    parts = np.ascontiguousarray(rows[:, place : place + 8])
-    seconds = parts[:, :4].copy().view(np.int32)[:, 0].astype(np.int64)
-    return seconds * 1_000_000_000 + parts[:, 4:].copy().view(np.uint32)[:, 0]
-
-
-def tick_sizes(raw: bytes) -> tuple[int, int]:
-    """Lengths of state and command in an ``arm_msgs/Tick``, or raise InvalidInput."""
-    reader = CdrReader(raw)
-    reader.nanoseconds()
-    reader.text()
-    sizes = reader.doubles().size, reader.doubles().size
-    if raw[:HEADER] != TickWriter(*sizes).raw[:HEADER] or len(raw) != len(TickWriter(*sizes).raw):
-        raise InvalidInput("ticks of a machine with another byte order cannot be read here")
-    return sizes

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Definitions of message types in the format of ROS bags: the type's own, and those it uses."""
+"""Message types by name, and their definitions as in bags: the type's own, and those it uses."""
 
 from __future__ import annotations
 
+import importlib
 import re
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,18 @@ def kind_of(type_: Any) -> str:
     """Name of a generated message type, such as ``sensor_msgs/msg/JointState``."""
     package, _, rest = type_.__module__.partition(".")
     return f"{package}/{rest.split('.')[0]}/{type_.__name__}"
+
+
+def type_of(kind: str) -> Any:
+    """The class of a type such as ``sensor_msgs/msg/JointState``; None if it is not installed."""
+    package, _, rest = kind.partition("/")
+    try:
+        module = importlib.import_module(  # noqa: TID251 - a name that files and the graph tell
+            f"{package}.{rest.rpartition('/')[0].replace('/', '.') or 'msg'}"
+        )
+        return getattr(module, kind.rpartition("/")[2])
+    except (ImportError, AttributeError, ValueError):
+        return None
 
 
 def definition_of(kind: str) -> str:

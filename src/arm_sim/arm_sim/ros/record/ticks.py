@@ -7,21 +7,43 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from ctypes import Structure, addressof
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from arm_dynamics.arrays import Array
-from arm_sim.recording.files import TickFile, complete, new_file
-from arm_sim.recording.files.messages import Change, TickWriter, log_message
+from arm_dynamics.ros.joint_state import address
+from arm_sim.recording.files import TickFile, new_file
+from arm_sim.recording.files.messages import Change, log_message, tick_layout
 from arm_sim.recording.files.ticks import UNCHANGED, tunable_names
 from arm_sim.ros.commands.latest import in_force
+from arm_sim.ros.node_library import RECORD
 from arm_sim.ros.record.chunks import ChunkThread
-from arm_sim.ros.record.copying import TickCopy
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.simulation.simulated_arm import SimulatedArm
 
 INFO, ERROR = 20, 40
+_PARTS = ("state", "command", "notes")
 _MANY = 100  # largest number of messages between two ticks
+
+
+class TickCopy(Structure):
+    """``tick_t`` of record.h: where C copies a tick, and from where."""
+
+    _fields_ = RECORD.fields("tick_t")
+
+    def __init__(self, arm: SimulatedArm, tick: int, state: int) -> None:
+        """Prepare; ``tick`` and ``state`` are the numbers of their channels."""
+        layout, numbers = tick_layout(arm.plant.nx, arm.n), (arm.x, arm.acted, arm.notes)
+        self.message, self._numbers = bytearray(layout.raw), numbers
+        super().__init__(
+            raw=address(self.message), size=len(layout.raw), stamp=layout.place("stamp"),
+            hold=layout.place("hold"), tick=tick, state=state,
+        )  # fmt: skip
+        for k, (name, array) in enumerate(zip(_PARTS, numbers, strict=True)):
+            self.at[k], self.sizes[k] = layout.place(name), array.nbytes
+            self.numbers[k] = array.ctypes.data
 
 
 class TickRecorder:
@@ -60,28 +82,26 @@ class TickRecorder:
         """
         self._arm = arm = engine.simulator.arm
         self._engine, self.path = engine, path
-        self._name, self._place = prefix.rpartition("/")[2], new_file(path)
-        self.file = TickFile(self._place[0], arm.origin, arm.joint_names, prefix, states)
-        begin = self.file.mcap.channel
+        self._name = prefix.rpartition("/")[2]
+        self.file = TickFile(new_file(path), arm.origin, arm.joint_names, prefix, states)
+        begin = self.file.channel
         self._channels = {topic: begin(topic, *about) for topic, about in topics.items()}
         self._channels[states] = self.file.states
-        self.thread = ChunkThread(self.file.mcap, tell)
-        self._writer = TickWriter(arm.plant.nx, arm.n)
-        self._copy = TickCopy(self._writer, arm, self.file.ticks, self.file.states)
+        self.thread = ChunkThread(self.file, tell)
+        self._copy = TickCopy(arm, self.file.ticks, self.file.states)
         self._published: tuple[int, bytearray] | None = None
         self._waiting = deque[tuple[int, int, bytes]]()
         self._whole = True  # whether the file contains every tick so far
         self._gap = False  # whether it does not contain the last one
         self._plant, self._p = arm.plant, b""
         self.lost = 0
-        channel, robot = self.file.robot()
-        self.thread.add(channel, time.time_ns(), 0, robot)
+        self.thread.add(self.file.robot, time.time_ns(), 0, self.file.urdf)
         self._begin("start")
         self._listen(engine)
 
     def _listen(self, engine: TickEngine) -> None:
         ticks = engine.ticks
-        ticks.copy, ticks.chunk = self._copy.place, None
+        ticks.copy, ticks.chunk = addressof(self._copy), None
         ticks.answer(space=self._make_space)
         ticks.refresh.append(self._refresh)
         engine.guard = self.thread.lock
@@ -189,7 +209,6 @@ class TickRecorder:
         """Write the complete current state."""
         arm = self._arm
         self._flush()
-        self._writer.state[:] = arm.x.data.cast("B")
         self._whole = self._change(self._engine.stamp, why, arm.x, arm.substep)
         self._gap = not self._whole
 
@@ -206,7 +225,7 @@ class TickRecorder:
         thread = self.thread
         return {
             "ticks": self.ticks, "lost": self.lost, "messages lost": thread.lost,
-            "written": thread.mcap.written, "processor time": thread.processor_time,
+            "written": thread.written, "processor time": thread.processor_time,
             "failure": thread.failure,
         }  # fmt: skip
 
@@ -214,8 +233,6 @@ class TickRecorder:
         """Write the remaining messages, and end; may be called from any thread."""
         self._engine.queue.run(self._end)
         self.thread.close()
-        if not self.thread.failure:
-            complete(self.file.mcap, *self._place)
 
     def _end(self) -> None:
         self._flush()
