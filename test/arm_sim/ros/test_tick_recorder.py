@@ -251,6 +251,20 @@ def test_a_disk_that_cannot_follow_costs_ticks_and_no_time(
     assert loaded.energy_error < 1e-6
 
 
+def test_steps_by_request_wait_for_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arm_sim.ros.record.chunks.SIZE", 1 << 14)
+    engine = engine_of(scene())
+    engine.ticks.paused = True
+    recorder = TickRecorder(tmp_path / "run.mcap", engine)
+    flush = recorder.thread.mcap.flush
+    recorder.thread.mcap.flush = lambda: (time.sleep(0.01), flush())
+    engine.step(2000)
+    recorder.close()
+    assert recorder.lost == 0 and len(Recording.load(tmp_path / "run.mcap")) == 2001
+
+
 def test_time_goes_on_where_the_reset_itself_is_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

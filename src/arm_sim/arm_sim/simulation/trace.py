@@ -13,8 +13,7 @@ from arm_dynamics.arrays import Array, read_only
 from arm_sim.imperfections import Measured
 from arm_sim.long_runs import Progress, refuse_beyond_memory, slices
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.changes import Jump
-from arm_sim.recording.contents import FREE
+from arm_sim.recording.contents import FREE, Jump
 from arm_sim.recording.physics import Physics
 from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control

@@ -7,10 +7,6 @@ from typing import Any
 
 from rclpy.serialization import serialize_message
 
-from arm_dynamics.cdr import COUNT, GIGA, HEADER, NATIVE, TIME, CdrReader, time_bytes
-
-__all__ = ["COUNT", "GIGA", "HEADER", "NATIVE", "TIME", "CdrReader", "as_bytes", "time_bytes"]
-
 
 def as_bytes(message: Any) -> bytes:
     """Serialize a message, unless it is serialized already."""

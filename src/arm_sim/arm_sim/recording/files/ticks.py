@@ -19,8 +19,7 @@ from arm_dynamics.scene.constraint import switches
 from arm_dynamics.scene.schema import Tunable
 from arm_sim.imperfections import Measured
 from arm_sim.plant.placing import held_of
-from arm_sim.recording.changes import Jump
-from arm_sim.recording.contents import FREE, Contents, Event
+from arm_sim.recording.contents import FREE, Contents, Event, Jump
 from arm_sim.recording.files import messages as msg
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, STRING, TICK, Change
 from arm_sim.recording.files.reader import BagContents, BagMessage

@@ -78,7 +78,8 @@ class ChunkThread:
         tell: Called once by the thread with the error message of a failure.
 
     Attributes:
-        lock: Held while ``room`` is used.
+        lock: Held while ``chunk`` and ``room`` are used.
+        chunk: The one that is being filled.
         lost: Number of messages that are not in the file.
         trouble: What keeps them from it.
         written: Number of bytes in the file.
@@ -93,7 +94,7 @@ class ChunkThread:
         self._free, self._full = SimpleQueue[Chunk](), SimpleQueue[Chunk | None]()
         for _ in range(COUNT - 1):
             self._free.put(Chunk(SIZE))
-        self._chunk, self.lock, self._writing = Chunk(SIZE), threading.RLock(), threading.Lock()
+        self.chunk, self.lock, self._writing = Chunk(SIZE), threading.RLock(), threading.Lock()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self.written, self.processor_time = 0, 0.0
         self._thread.start()
@@ -123,50 +124,47 @@ class ChunkThread:
                 chunk.put(channel, log, publish, data)
             return True
 
-    def room(self, log: int, size: int, count: int) -> Chunk | None:
+    def room(self, log: int, size: int, count: int, patience: float = 0.0) -> Chunk | None:
         """A chunk with room for messages that arrive now; the lock must be held.
 
         Args:
             log: The time in [ns].
             size: Their bytes, including ``HEAD`` for each.
             count: Their number.
+            patience: Time in [s] to wait for the disk.
 
         Returns:
             The chunk, or None if they are lost.
         """
         if self._closed:
             return None
-        if not self._chunk.fits(log, size) and not self._exchange(size):
+        if not self.chunk.fits(log, size) and not self._exchange(size, patience):
             self.lost += count
             return None
-        return self._chunk
-
-    @property
-    def chunk(self) -> Chunk:
-        """The current chunk; the lock must be held."""
-        return self._chunk
+        return self.chunk
 
     def channel(self, topic: str, kind: str, definition: str, profile: str = "") -> int:
         """Add a channel while others are being written; see ``McapWriter.channel``."""
         with self._writing:
             return self.mcap.channel(topic, kind, definition, profile)
 
-    def _exchange(self, size: int = 0) -> bool:
+    def _exchange(self, size: int = 0, patience: float = 0.0) -> bool:
         """Pass the current chunk to the thread, and begin another one if one is free.
 
         Args:
             size: Bytes for which the new chunk must have room.
+            patience: Time in [s] to wait for a free one.
         """
         if self.failure:
-            self.lost += self._chunk.count
-            self._chunk.clear()
+            self.lost += self.chunk.count
+            self.chunk.clear()
             return False
         try:
-            free = self._free.get_nowait()
+            free = self._free.get(timeout=patience)
         except Empty:
             return False
-        self._full.put(self._chunk)
-        self._chunk = free if size <= free.size else Chunk(size)
+        self._full.put(self.chunk)
+        self.chunk = free if size <= free.size else Chunk(size)
         return True
 
     def end(self) -> None:
@@ -175,9 +173,9 @@ class ChunkThread:
             if self._closed:
                 return
             self._closed = True
-            self._full.put(self._chunk)
+            self._full.put(self.chunk)
             self._full.put(None)
-            self._chunk = Chunk(HEAD)
+            self.chunk = Chunk(HEAD)
 
     def close(self) -> None:
         """Write all messages and the summary, and end the thread; may be called repeatedly."""
@@ -206,7 +204,7 @@ class ChunkThread:
         if not self.lock.acquire(blocking=False):
             return  # wakes up when messages arrive
         try:
-            if not self._chunk.fits(time.time_ns(), 0):
+            if not self.chunk.fits(time.time_ns(), 0):
                 self._exchange()
         finally:
             self.lock.release()

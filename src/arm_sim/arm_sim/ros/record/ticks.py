@@ -126,7 +126,9 @@ class TickRecorder:
 
     def _make_space(self) -> bool:
         """Make space for a tick; if the disk is too slow, lose it, and begin again after it."""
-        if self._whole and self.thread.room(time.time_ns(), self._engine.ticks.needs, 1):
+        # Steps by request go as fast as possible: to wait for the disk delays nothing else.
+        needs, patience = self._engine.ticks.needs, 1.0 if self._engine.paused else 0.0
+        if self._whole and self.thread.room(time.time_ns(), needs, 1, patience):
             return True
         self._whole, self.lost = False, self.lost + 1
         if self._gap:
