@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.arrays import Array
 from arm_dynamics.cdr import GIGA, HEADER, NATIVE, CdrReader, CdrWriter
 from arm_dynamics.exceptions import InvalidInput
 
@@ -55,6 +56,52 @@ def definition(kind: str) -> str:
     return "".join([own, *parts])
 
 
+_KINDS: dict[str, tuple[Any, Callable[[CdrWriter, Any], Any], Callable[[CdrReader], Any]]] = {
+    "builtin_interfaces/Time": (0, CdrWriter.time, CdrReader.nanoseconds),
+    "string": ("", CdrWriter.text, CdrReader.text),
+    "string[]": ((), CdrWriter.texts, lambda reader: tuple(reader.texts())),
+    "float64[]": (np.zeros(0), CdrWriter.doubles, CdrReader.doubles),
+    "float64": (
+        0.0, lambda writer, x: writer.array(np.array([x])),
+        lambda reader: float(reader.array(1)[0]),
+    ),
+    "uint8": (0, lambda writer, x: writer.put(bytes([x]), 1), CdrReader.byte),
+    "uint32": (0, CdrWriter.count, CdrReader.count),
+}  # fmt: skip
+"""Of each type of field: what it is if it is not given, how it is written, and read."""
+
+
+@cache
+def _fields(kind: str) -> dict[str, str]:
+    """Types of the fields of a type, with those of its header, by name."""
+    lines = _OWN[kind].replace("std_msgs/Header header", _HEADER).splitlines()
+    return {name: type_ for type_, name in (line.split() for line in lines if "=" not in line)}
+
+
+def _laid_out(kind: str, values: dict[str, Any]) -> tuple[bytes, dict[str, int]]:
+    """A serialized message, and the offset of each field."""
+    writer, places = CdrWriter(), dict[str, int]()
+    for name, type_ in _fields(kind).items():
+        missing, write, _ = _KINDS[type_]
+        places[name] = write(writer, values.get(name, missing))
+    return bytes(writer.raw), places
+
+
+def written(kind: str, **values: Any) -> bytes:
+    """Serialize a message of a type from its fields; times are in [ns]."""
+    return _laid_out(kind, values)[0]
+
+
+def read(kind: str, raw: bytes) -> Any:
+    """Read a serialized message of a type; its fields are attributes, times in [ns].
+
+    Raises:
+        InvalidInput: If the bytes are something else.
+    """
+    reader, fields = CdrReader(raw), _fields(kind).items()
+    return SimpleNamespace(**{name: _KINDS[type_][2](reader) for name, type_ in fields})
+
+
 @dataclass(frozen=True)
 class Layout:
     """Messages of a type that differ in their stamp and numbers only.
@@ -68,14 +115,21 @@ class Layout:
     fields: np.dtype[np.void]
 
     @classmethod
-    def of(cls, raw: bytearray, **places: tuple[int, Any]) -> Layout:
-        """A layout from the place and the NumPy type of each of its numbers."""
-        offsets, kinds = zip((HEADER, (np.int32, 2)), *places.values(), strict=True)
-        names = ["stamp", *places]
-        fields: Any = {
-            "names": names, "formats": kinds, "offsets": offsets, "itemsize": len(raw)
+    def of(cls, kind: str, sizes: dict[str, int], **constant: Any) -> Layout:
+        """A layout of a type; arrays have ``sizes``, and other fields are ``constant``."""
+        arrays = {name: np.zeros(size) for name, size in sizes.items()}
+        raw, places = _laid_out(kind, arrays | constant)
+        kinds: dict[str, Any] = {
+            "builtin_interfaces/Time": (np.int32, 2), "float64": float, "uint8": np.uint8
         }  # fmt: skip
-        return cls(bytes(raw), np.dtype(fields))
+        types = {name: kinds.get(type_) for name, type_ in _fields(kind).items()}
+        types |= {name: (float, size) for name, size in sizes.items()}
+        names = [name for name, type_ in types.items() if type_ is not None]
+        fields: Any = {
+            "names": names, "formats": [types[name] for name in names],
+            "offsets": [places[name] for name in names], "itemsize": len(raw),
+        }  # fmt: skip
+        return cls(raw, np.dtype(fields))
 
     def place(self, name: str) -> int:
         """Offset of a number."""
@@ -106,117 +160,10 @@ class Layout:
 
 
 def tick_layout(nx: int, n: int) -> Layout:
-    """``arm_msgs/Tick``: ``state``, ``command``, ``notes`` (error, time-stepped), ``hold``."""
-    writer = CdrWriter()
-    writer.time(0)
-    writer.text("")
-    state = writer.doubles(np.zeros(nx)), (float, nx)
-    command = writer.doubles(np.zeros(n)), (float, n)
-    notes, hold = (writer.array(np.zeros(2)), (float, 2)), (writer.put(b"\0", 1), np.uint8)
-    return Layout.of(writer.raw, state=state, command=command, notes=notes, hold=hold)
+    """Of ticks with states of shape (nx,) and commands of shape (n,)."""
+    return Layout.of(TICK, {"state": nx, "command": n})
 
 
 def joint_state_layout(names: Sequence[str]) -> Layout:
-    """``sensor_msgs/JointState``: ``position``, ``velocity``, ``effort``."""
-    writer, n = CdrWriter(), len(names)
-    writer.time(0)
-    writer.text("")
-    writer.texts(names)
-    places = {part: (writer.doubles(np.zeros(n)), (float, n)) for part in PARTS}
-    return Layout.of(writer.raw, **places)
-
-
-@dataclass(frozen=True)
-class Change:
-    """The complete state after a change other than by a tick.
-
-    Attributes:
-        stamp: Simulated time in [ns].
-        text: Reason of the change.
-        tunable: Names of the tunable quantities.
-        p: Their values, shape (np,).
-        x: State (q, v, z), shape (nx,).
-        notes: Next trial sub-step of the error control in [s], error, and number of time-stepped
-            ticks.
-    """
-
-    stamp: int
-    text: str
-    tunable: tuple[str, ...]
-    p: Array
-    x: Array
-    notes: tuple[float, float, float]
-
-    def written(self) -> bytes:
-        """Serialize as ``arm_msgs/Change``."""
-        writer = CdrWriter()
-        writer.time(self.stamp)
-        writer.text("")
-        writer.text(self.text)
-        writer.texts(self.tunable)
-        writer.doubles(self.p)
-        writer.doubles(self.x)
-        writer.array(np.array(self.notes))
-        return bytes(writer.raw)
-
-    @classmethod
-    def read(cls, raw: bytes) -> Change:
-        """Read a serialized one.
-
-        Raises:
-            InvalidInput: If the bytes are something else.
-        """
-        reader = CdrReader(raw)
-        stamp = reader.nanoseconds()
-        reader.text()
-        text, tunable = reader.text(), tuple(reader.texts())
-        p, x = reader.doubles(), reader.doubles()
-        substep, error, stepped = reader.array(3).tolist()
-        return cls(stamp, text, tunable, p, x, (substep, error, stepped))
-
-
-def log_message(stamp: int, level: int, name: str, text: str) -> bytes:
-    """An ``rcl_interfaces/Log``."""
-    writer = CdrWriter()
-    writer.time(stamp)
-    writer.put(bytes([level]), 1)
-    for part in (name, text, "", ""):
-        writer.text(part)
-    writer.count(0)
-    return bytes(writer.raw)
-
-
-def log_text(raw: bytes) -> tuple[int, str]:
-    """Stamp in [ns] and text of an ``rcl_interfaces/Log``."""
-    reader = CdrReader(raw)
-    stamp = reader.nanoseconds()
-    reader.skip(1, 1)
-    reader.text()
-    return stamp, reader.text()
-
-
-def string_message(text: str) -> bytes:
-    """A ``std_msgs/String``."""
-    writer = CdrWriter()
-    writer.text(text)
-    return bytes(writer.raw)
-
-
-@dataclass(frozen=True)
-class JointStates:
-    """A JointState that was read; arrays may be empty."""
-
-    stamp: int
-    names: tuple[str, ...]
-    position: Array
-    velocity: Array
-    effort: Array
-
-    @classmethod
-    def read(cls, raw: bytes) -> JointStates:
-        """Read a serialized one, or raise InvalidInput."""
-        reader = CdrReader(raw)
-        stamp = reader.nanoseconds()
-        reader.text()
-        names = tuple(reader.texts())
-        return cls(stamp, names, reader.doubles(), reader.doubles(), reader.doubles())
+    """Of complete joint states."""
+    return Layout.of(JOINT_STATE, dict.fromkeys(PARTS, len(names)), name=names)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -43,22 +43,19 @@ def repair(source: Path, out: Path) -> Repaired:
     new_file(out)
     try:
         with out.open("wb") as sink:
-            return _copied(files, source, Repaired(Writer(sink)))
+            found = Repaired(Writer(sink))
+            for file in files:
+                found.add(file)
+            if not found.made:
+                raise InvalidInput(f"'{source}' contains nothing that can be repaired")
+            if found.damage:
+                damage = {"damage": "; ".join(dict.fromkeys(found.damage))}
+                found.writer.add_metadata(REPAIRED, damage)
+            found.writer.finish()  # type: ignore[no-untyped-call]
+            return found
     except BaseException:
         out.unlink()
         raise
-
-
-def _copied(files: Sequence[Path], source: Path, found: Repaired) -> Repaired:
-    for file in files:
-        found.add(file)
-    if not found.made:
-        raise InvalidInput(f"'{source}' contains nothing that can be repaired")
-    if found.damage:
-        damage = {"damage": "; ".join(dict.fromkeys(found.damage))}
-        found.writer.add_metadata(REPAIRED, damage)
-    found.writer.finish()  # type: ignore[no-untyped-call]
-    return found
 
 
 @dataclass

@@ -21,7 +21,7 @@ from arm_sim.imperfections import Measured
 from arm_sim.plant.placing import held_of
 from arm_sim.recording.contents import FREE, Contents, Event, Jump
 from arm_sim.recording.files import messages as msg
-from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, STRING, TICK, Change
+from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, STRING, TICK
 from arm_sim.recording.files.reader import BagContents, BagMessage
 from arm_sim.recording.files.writer import McapWriter, Place
 from arm_sim.recording.origin import URDF_FILE, Origin
@@ -75,7 +75,7 @@ class TickFile(McapWriter):
                 (f"{prefix}/events", LOG), (f"{folder}/robot_description", STRING),
             )
         )  # fmt: skip
-        self.urdf = msg.string_message(texts[URDF_FILE])
+        self.urdf = msg.written(STRING, data=texts[URDF_FILE])
 
     def add(self, channel: int, stamp: int, message: bytes) -> None:
         """Add a message of a time in [ns]."""
@@ -98,7 +98,7 @@ class TickFile(McapWriter):
                 self.add(self.states, stamp, states[row])
                 self.add(self.ticks, stamp, ticks[row])
             if row in changes:
-                self.add(self.changes, stamp, changes[row].written())
+                self.add(self.changes, stamp, changes[row])
             if row == 0 and first:
                 self.add(self.states, stamp, states[row])
             if row % _ROWS == 0:
@@ -119,9 +119,14 @@ def write(place: Place, contents: Contents, efforts: Array) -> TickFile:
     file.add(file.robot, int(_nanoseconds(contents.time[:1])[0]), file.urdf)
     for event in contents.events:
         stamp = round(1e9 * event.time)
-        file.add(file.log, stamp, msg.log_message(stamp, _INFO, "sim", event.text))
+        file.add(file.log, stamp, log_message(stamp, _INFO, "sim", event.text))
     file.write(contents, efforts, first=True)
     return file
+
+
+def log_message(stamp: int, level: int, name: str, text: str) -> bytes:
+    """An event as a message."""
+    return msg.written(LOG, stamp=stamp, level=level, name=name, msg=text)
 
 
 def _messages(
@@ -137,8 +142,8 @@ def _messages(
         stamps, position=told.q, velocity=told.v, effort=told.effort
     )
     ticks = msg.tick_layout(x.shape[1], n).written(
-        stamps, state=x, command=command,
-        notes=np.column_stack([contents.local_error, contents.time_stepped]),
+        stamps, state=x, command=command, error=contents.local_error,
+        time_stepped=contents.time_stepped,
         hold=FREE if contents.hold is None else np.roll(contents.hold, 1),
     )  # fmt: skip
     return states, ticks
@@ -146,7 +151,7 @@ def _messages(
 
 def with_measured(contents: Contents, messages: list[BagMessage]) -> Contents:
     """A recording with its sensor measurements, if there is a joint state at every time."""
-    states = {state.stamp: state for state in (msg.JointStates.read(raw) for *_, raw in messages)}
+    states = {state.stamp: state for state in (msg.read(JOINT_STATE, raw) for *_, raw in messages)}
     found = [states.get(stamp) for stamp in _nanoseconds(contents.time).tolist()]
     n, rows = len(contents.joint_names), list[Array]()
     for state in found:
@@ -156,7 +161,7 @@ def with_measured(contents: Contents, messages: list[BagMessage]) -> Contents:
     return replace(contents, measured=Measured.of(np.array(rows)))
 
 
-def _changes(contents: Contents) -> Iterator[tuple[int, Change]]:
+def _changes(contents: Contents) -> Iterator[tuple[int, bytes]]:
     """The start, and every change other than by a tick; the last of several at one time."""
     x = contents.x
     scene, jumps = _scene(contents), {jump.row: i for i, jump in enumerate(contents.jumps)}
@@ -174,8 +179,11 @@ def _changes(contents: Contents) -> Iterator[tuple[int, Change]]:
             p = np.delete(p, np.s_[place - n : place])
         stamp, text = round(1e9 * contents.time[row]), "changed" if row else "start"
         known = substep if row in jumps or not row else UNCHANGED
-        notes = float(contents.local_error[row]), float(contents.time_stepped[row])
-        yield row, Change(stamp, text, tunable, p, x[row], (known, *notes))
+        yield row, msg.written(
+            CHANGE, stamp=stamp, text=text, tunable=tunable, parameters=p, state=x[row],
+            substep=known, error=contents.local_error[row],
+            time_stepped=contents.time_stepped[row],
+        )  # fmt: skip
 
 
 def _scene(contents: Contents) -> Scene:
@@ -213,7 +221,7 @@ def read(found: BagContents) -> Contents:
         names = tuple(map(str, json.loads(facts["joint_names"])))
     except (KeyError, ValueError) as error:
         raise InvalidInput(f"the recording does not name its joints: {error}") from None
-    changes = [(place, Change.read(raw)) for place, _, raw in _only(found, CHANGE)]
+    changes = [(place, msg.read(CHANGE, raw)) for place, _, raw in _only(found, CHANGE)]
     ticks = _only(found, TICK)
     if not changes:
         raise InvalidInput("the recording is truncated before its first state")
@@ -233,10 +241,10 @@ def _only(found: BagContents, kind: str) -> list[BagMessage]:
 
 
 def _joined(
-    found: BagContents, origin: Origin, names: tuple[str, ...], changes: list[tuple[int, Change]],
+    found: BagContents, origin: Origin, names: tuple[str, ...], changes: list[tuple[int, Any]],
     ticks: list[BagMessage],
 ) -> Contents:  # fmt: skip
-    n, nx = len(names), changes[0][1].x.size
+    n, nx = len(names), changes[0][1].state.size
     places = np.array([place for place, *_ in ticks], np.int64)
     rows = msg.tick_layout(nx, n).read([raw for *_, raw in ticks])
     seconds = rows["stamp"][:, 0] + 1e-9 * rows["stamp"][:, 1]
@@ -270,8 +278,8 @@ def _events(found: BagContents, begun: Sequence[int], offsets: Array) -> Iterato
         offsets: The recording's time less simulated time after each of them in [s].
     """
     for place, _, raw in _only(found, LOG):
-        stamp, text = msg.log_text(raw)
-        yield Event(1e-9 * stamp + float(offsets[max(bisect_right(begun, place) - 1, 0)]), text)
+        log, after = msg.read(LOG, raw), max(bisect_right(begun, place) - 1, 0)
+        yield Event(1e-9 * log.stamp + float(offsets[after]), log.msg)
 
 
 class _Run:
@@ -281,44 +289,48 @@ class _Run:
         offset: Ticks before the last reset: the recording's time less simulated time.
     """
 
-    def __init__(self, dt: float, scene: Scene, n: int, first: Change) -> None:
+    def __init__(self, dt: float, scene: Scene, n: int, first: Any) -> None:
         self._dt, self._scene, self._n = dt, scene, n
-        self._substep, self._tunable = max(first.notes[0], 0.0), first.tunable
+        self._substep, self._tunable = max(first.substep, 0.0), first.tunable
         self._present = self._whole(first)
         self._kind = np.dtype([
-            ("step", np.int64), ("state", float, (first.x.size,)), ("command", float, (n,)),
-            ("notes", float, (2,)), ("hold", np.uint8), ("p", float, self._present.shape),
+            ("step", np.int64), ("state", float, (first.state.size,)), ("command", float, (n,)),
+            ("error", float), ("time_stepped", float), ("hold", np.uint8),
+            ("p", float, self._present.shape),
         ])  # fmt: skip
         self._blocks = list[NDArray[np.void]]()
         self._jumps, self._gaps = list[Jump](), list[int]()
         self._rows, self.offset, self._last = 0, 0, 0
-        self._append([self._step(first)], state=first.x, notes=first.notes[1:])
+        self._append([self._step(first)], first)
 
-    def _append(self, steps: Any, **numbers: Any) -> None:
+    def _append(self, steps: Any, message: Any, **more: Any) -> None:
+        """Append rows with the state and the notes of a change, or of ticks."""
         block = np.zeros(len(steps), self._kind)
-        for name, values in ({"p": self._present} | numbers).items():
+        block["state"], block["error"] = message.state, message.error
+        block["time_stepped"], block["p"] = message.time_stepped, self._present
+        for name, values in more.items():
             block[name] = values
         block["step"] = np.asarray(steps) + self.offset
         self._blocks.append(block)
         self._rows, self._last = self._rows + len(block), int(steps[-1])
 
-    def _step(self, change: Change) -> int:
-        return round(1e-9 * change.stamp / self._dt)
+    def _step(self, change: Any) -> int:
+        return round(1e-9 * int(change.stamp) / self._dt)
 
-    def change(self, change: Change) -> None:
+    def change(self, change: Any) -> None:
         """Apply a later change."""
         step, before = self._step(change), self._blocks[-1][-1].copy()
         self._present = self._whole(change)
         if step > self._last:
             self._gaps.append(self._rows)
-            self._append([step], command=before["command"], notes=change.notes[1:])
+            self._append([step], change, command=before["command"])
         elif step < self._last:
             self.offset += self._last - step  # a reset: the recording's time continues
         self._last, now = step, self._blocks[-1][-1]
-        now["state"], now["p"] = change.x, self._present
-        if change.notes[0] != UNCHANGED:
+        now["state"], now["p"] = change.state, self._present
+        if change.substep != UNCHANGED:
             x, p = (read_only(before[part].copy()) for part in ("state", "p"))
-            substep = max(change.notes[0], 0.0)
+            substep = max(change.substep, 0.0)
             self._jumps.append(Jump(self._rows - 1, x, p, self._tunable, substep))
         self._tunable = change.tunable
 
@@ -331,20 +343,21 @@ class _Run:
                 self._gaps.append(self._rows)
                 self.offset += max(0, self._last + 1 - int(steps[first]))
             if first < end:
-                part, now = rows[first:end], self._blocks[-1][-1]
+                part, now = rows[first:end].view(np.recarray), self._blocks[-1][-1]
                 now["command"], now["hold"] = part["command"][0], part["hold"][0]
                 # The effective command from a time is that of the tick that begins there.
                 later = np.append(np.arange(first + 1, end), end - 1)
                 self._append(
-                    steps[first:end], state=part["state"], command=rows["command"][later],
-                    hold=np.append(part["hold"][1:], FREE), notes=part["notes"],
+                    steps[first:end], part, command=rows["command"][later],
+                    hold=np.append(part["hold"][1:], FREE),
                 )  # fmt: skip
 
-    def _whole(self, change: Change) -> Array:
+    def _whole(self, change: Any) -> Array:
         """The vector p with external torques, which may have become tunable later."""
+        p: Array = change.parameters
         if EXTERNAL in change.tunable or EXTERNAL not in self._scene.tunable:
-            return change.p
-        return np.insert(change.p, _external_place(self._scene, change.p), np.zeros(self._n))
+            return p
+        return np.insert(p, _external_place(self._scene, p), np.zeros(self._n))
 
     def contents(self, origin: Origin, names: tuple[str, ...]) -> Contents:
         """The complete recording."""
@@ -352,8 +365,7 @@ class _Run:
         q, v, z = np.split(rows["state"], (n, 2 * n), axis=1)
         arrays = {
             "time": rows["step"] * self._dt, "q": q, "v": v, "z": z, "command": rows["command"],
-            "local_error": rows["notes"][:, 0], "time_stepped": rows["notes"][:, 1],
-            "p": rows["p"],
+            "local_error": rows["error"], "time_stepped": rows["time_stepped"], "p": rows["p"],
         }  # fmt: skip
         kept: dict[str, Any] = {name: read_only(np.array(x)) for name, x in arrays.items()}
         return Contents(

@@ -15,8 +15,8 @@ from typing import Any
 from arm_dynamics.arrays import Array
 from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files import TickFile, new_file
-from arm_sim.recording.files.messages import Change, log_message, tick_layout
-from arm_sim.recording.files.ticks import UNCHANGED, tunable_names
+from arm_sim.recording.files.messages import CHANGE, tick_layout, written
+from arm_sim.recording.files.ticks import UNCHANGED, log_message, tunable_names
 from arm_sim.ros.commands.latest import in_force
 from arm_sim.ros.node_library import RECORD
 from arm_sim.ros.record.chunks import ChunkThread
@@ -24,7 +24,7 @@ from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.simulation.simulated_arm import SimulatedArm
 
 INFO, ERROR = 20, 40
-_PARTS = ("state", "command", "notes")
+_PARTS = ("state", "command", "error")  # and time_stepped, which follows it
 _MANY = 100  # largest number of messages between two ticks
 
 
@@ -219,8 +219,11 @@ class TickRecorder:
         self._plant, p = arm.plant, arm.parameters
         tunable, self._p = tunable_names(self._plant.model.scene), p.tobytes()
         error, stepped = arm.notes.tolist()
-        change = Change(stamp, why, tunable, p, x, (substep, error, stepped))
-        return self.thread.add(self.file.changes, time.time_ns(), stamp, change.written())
+        change = written(
+            CHANGE, stamp=stamp, text=why, tunable=tunable, parameters=p, state=x, substep=substep,
+            error=error, time_stepped=stepped,
+        )  # fmt: skip
+        return self.thread.add(self.file.changes, time.time_ns(), stamp, change)
 
     def report(self) -> dict[str, Any]:
         """Summary: ticks, losses, bytes, and the thread's processor time in [s]."""
