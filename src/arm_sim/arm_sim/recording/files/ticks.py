@@ -222,28 +222,9 @@ def read(found: BagContents) -> Contents:
     except (KeyError, ValueError) as error:
         raise InvalidInput(f"the recording does not name its joints: {error}") from None
     changes = [(place, msg.read(CHANGE, raw)) for place, _, raw in _only(found, CHANGE)]
-    ticks = _only(found, TICK)
     if not changes:
         raise InvalidInput("the recording is truncated before its first state")
-    return _joined(found, origin, names, changes, ticks)
-
-
-def left(found: BagContents) -> tuple[str, ...]:
-    """Topics of a file that are not of the recording itself, such as commands as received."""
-    kinds = found.topics.items()
-    states = [topic for topic, kind in kinds if kind == JOINT_STATE][:1]
-    own = [topic for topic, kind in kinds if kind in (TICK, CHANGE, LOG, STRING)]
-    return found.besides(*states, *own)
-
-
-def _only(found: BagContents, kind: str) -> list[BagMessage]:
-    return [message for messages in found.of(kind).values() for message in messages]
-
-
-def _joined(
-    found: BagContents, origin: Origin, names: tuple[str, ...], changes: list[tuple[int, Any]],
-    ticks: list[BagMessage],
-) -> Contents:  # fmt: skip
+    ticks = _only(found, TICK)
     n, nx = len(names), changes[0][1].state.size
     places = np.array([place for place, *_ in ticks], np.int64)
     rows = msg.tick_layout(nx, n).read([raw for *_, raw in ticks])
@@ -267,6 +248,18 @@ def _joined(
     made = run.contents(replace(origin, scene=scene), names)
     events += [Event(made.time[-1], f"file: {damage}") for damage in found.damage]
     return replace(made, events=tuple(events))
+
+
+def left(found: BagContents) -> tuple[str, ...]:
+    """Topics of a file that are not of the recording itself, such as commands as received."""
+    kinds = found.topics.items()
+    states = [topic for topic, kind in kinds if kind == JOINT_STATE][:1]
+    own = [topic for topic, kind in kinds if kind in (TICK, CHANGE, LOG, STRING)]
+    return found.besides(*states, *own)
+
+
+def _only(found: BagContents, kind: str) -> list[BagMessage]:
+    return [message for messages in found.of(kind).values() for message in messages]
 
 
 def _events(found: BagContents, begun: Sequence[int], offsets: Array) -> Iterator[Event]:

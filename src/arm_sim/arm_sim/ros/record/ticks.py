@@ -6,13 +6,11 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from ctypes import Structure, addressof
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from arm_dynamics.arrays import Array
 from arm_dynamics.ros.joint_state import address
 from arm_sim.recording.files import TickFile, new_file
 from arm_sim.recording.files.messages import CHANGE, tick_layout, written
@@ -120,7 +118,7 @@ class TickRecorder:
         """Write what comes before the next tick, and let C know where to copy that."""
         arm = self._arm
         if arm.plant is not self._plant or (self._p and arm.parameters.tobytes() != self._p):
-            self._tuned()
+            self._change("tuned", 0.0 if arm.plant is not self._plant else UNCHANGED)
         self._flush()
         self._engine.ticks.chunk = self.thread.chunk.address if self._whole else None
 
@@ -160,15 +158,6 @@ class TickRecorder:
         if len(self._waiting) > _MANY:  # without ticks
             self._flush(wait=False)
 
-    def _taken(self, now: int) -> list[tuple[int, int, bytes | bytearray]]:
-        """The messages since the last tick."""
-        found: list[tuple[int, int, bytes | bytearray]] = []
-        with suppress(IndexError):  # there are none
-            while True:
-                channel, stamp, data = self._waiting.popleft()
-                found.append((channel, stamp or now, data))
-        return found
-
     def _flush(self, wait: bool = True) -> None:
         """Write messages that no tick follows: at a change, or while time stands still.
 
@@ -178,18 +167,17 @@ class TickRecorder:
         if not self.thread.lock.acquire(blocking=wait):
             return
         try:
-            self._write_waiting()
+            now, messages = time.time_ns(), list[tuple[int, int, bytes | bytearray]]()
+            while self._waiting:  # others only append
+                channel, stamp, data = self._waiting.popleft()
+                messages.append((channel, stamp or now, data))
+            if self._published is not None:
+                messages.append((self.file.states, *self._published))
+                self._published = None
+            if messages:
+                self.thread.add_all(now, messages)
         finally:
             self.thread.lock.release()
-
-    def _write_waiting(self) -> None:
-        now = time.time_ns()
-        messages = self._taken(now)
-        if self._published is not None:
-            messages.append((self.file.states, *self._published))
-            self._published = None
-        if messages:
-            self.thread.add_all(now, messages)
 
     def note(self, text: str, level: int = INFO) -> None:
         """Record an event; may be called from any thread."""
@@ -202,26 +190,20 @@ class TickRecorder:
         stale, policy = self._engine.commands.stale, self._engine.stale_policy
         self.note(f"no command: {in_force(policy)}" if stale else "commands have resumed")
 
-    def _tuned(self) -> None:
-        """Record tuning since the last tick."""
-        substep = 0.0 if self._arm.plant is not self._plant else UNCHANGED
-        self._change(self._engine.stamp, "tuned", self._arm.x, substep)
-
     def _begin(self, why: str) -> None:
         """Write the complete current state."""
-        arm = self._arm
         self._flush()
-        self._whole = self._change(self._engine.stamp, why, arm.x, arm.substep)
+        self._whole = self._change(why, self._arm.substep)
         self._gap = not self._whole
 
-    def _change(self, stamp: int, why: str, x: Array, substep: float) -> bool:
-        arm = self._arm
+    def _change(self, why: str, substep: float) -> bool:
+        arm, stamp = self._arm, self._engine.stamp
         self._plant, p = arm.plant, arm.parameters
         tunable, self._p = tunable_names(self._plant.model.scene), p.tobytes()
         error, stepped = arm.notes.tolist()
         change = written(
-            CHANGE, stamp=stamp, text=why, tunable=tunable, parameters=p, state=x, substep=substep,
-            error=error, time_stepped=stepped,
+            CHANGE, stamp=stamp, text=why, tunable=tunable, parameters=p, state=arm.x,
+            substep=substep, error=error, time_stepped=stepped,
         )  # fmt: skip
         return self.thread.add(self.file.changes, time.time_ns(), stamp, change)
 
