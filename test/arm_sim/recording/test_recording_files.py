@@ -138,19 +138,6 @@ def test_a_direction_that_is_not_of_length_one_to_the_bit_stays(tmp_path: Path) 
     assert Recording.load(run.save(tmp_path / "run.mcap")).scene == run.scene
 
 
-def test_other_readers_find_types_and_times(recording: Recording, tmp_path: Path) -> None:
-    with recording.save(tmp_path / "run.mcap").open("rb") as file:
-        reader = make_reader(file, validate_crcs=True)
-        assert reader.get_header().profile == "ros2"
-        found = [(s.name, c.topic, m) for s, c, m in reader.iter_messages()]
-        summary = reader.get_summary()
-    assert summary is not None and summary.statistics is not None
-    assert summary.statistics.message_count == len(found)
-    states = [m for kind, topic, m in found if topic == "/joint_states"]
-    assert [m.log_time for m in states] == [2_000_000 * k for k in range(51)]
-    assert {kind for kind, topic, _ in found if topic == "/sim/ticks"} == {"arm_msgs/msg/Tick"}
-
-
 def test_a_file_that_breaks_off_is_read_up_to_there(tmp_path: Path) -> None:
     run = Simulator(models.SCENES / "two_link.yaml").run(2.0)
     whole = run.save(tmp_path / "run.mcap").read_bytes()
@@ -389,15 +376,6 @@ def test_of_two_recorders_of_one_file_the_second_is_refused(
             new_file(tmp_path / name)
         monkeypatch.setattr(Path, "exists", lambda path: False)
     assert file.read_bytes() == b"of the first"
-
-
-def test_a_table_is_a_recording(tmp_path: Path) -> None:
-    path = tmp_path / "robot.csv"
-    path.write_text("time,position.a,position.b,effort.b\n0,1,2,3\n0.5,1.5,2.5,\n")
-    run = Recording.load(path)
-    assert run.joint_names == ("a", "b")
-    np.testing.assert_array_equal(run.q, [[1, 2], [1.5, 2.5]])
-    assert np.isnan(run.v).all() and run.tau[0, 1] == 3.0 and np.isnan(run.tau[1, 1])
 
 
 def test_what_follows_in_another_file_of_a_bag_comes_later(tmp_path: Path) -> None:
