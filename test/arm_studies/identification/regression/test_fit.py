@@ -9,12 +9,7 @@ from arm_studies.identification import JointRecord, prepare
 from arm_studies.identification.regression.bodies import possible
 from arm_studies.identification.regression.estimation import Prior, Problem
 from arm_studies.identification.regression.fit import fitted
-from arm_studies.identification.regression.friction import (
-    COULOMB,
-    VISCOUS,
-    JointFit,
-    Shape,
-)
+from arm_studies.identification.regression.friction import COULOMB, VISCOUS, JointFit, Shape
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
 
