@@ -58,6 +58,13 @@ def test_windows_in_which_an_effort_of_one_joint_is_missing_are_left_out() -> No
     assert np.all(found.free_run.relative < 2e-3)
 
 
+def test_positions_that_jump_by_whole_turns_are_unwrapped() -> None:
+    good = record()
+    q = good.q + 2.0 * np.pi * (good.time > 3.0)[:, None]
+    found = compare(HEAVY, JointRecord.of(good.joint_names, good.time, q, good.effort))
+    assert found.whole < 1e-3 and any("are unwrapped" in note for note in found.notes)
+
+
 def test_the_error_of_another_scene_is_what_it_lacks() -> None:
     """A payload of m at the tip: its torque by the definition of inverse dynamics."""
     found = compare(NOMINAL, record())

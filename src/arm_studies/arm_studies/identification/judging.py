@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -24,19 +25,17 @@ BLOCKS, FEWEST, PERIODS = 20, 5, 2.0
 
 @dataclass(frozen=True)
 class Judgement:
-    """Errors on the part held out; see ``Identification`` for those that have its names.
+    """Errors on the part held out.
 
     Attributes:
+        errors: What an ``Identification`` says of them, by its attributes.
         nominal: Torques of the nominal scene, shape (k, n).
         ratios: Efforts over these, by joint, 1 where unknown, shape (n,).
         excess: By how many standard errors the nominal scene is better.
         notes: What cannot be judged, and whether the nominal scene is better.
     """
 
-    error: tuple[float, float]
-    torque_error: Mapping[str, float]
-    nominal_error: Mapping[str, float]
-    torque_residual: Mapping[str, float]
+    errors: Mapping[str, Any]
     nominal: Array
     ratios: Array
     excess: float
@@ -74,17 +73,16 @@ def judged(trial: Fit, ranges: Array, held_out: float) -> Judgement:
     error, each = _relative(rows.effort, predicted, test)
     before, each_before = _relative(rows.effort, nominal, test)
     left = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan).tolist()
-    torque_error, nominal_error, residual = (
-        dict(zip(rows.names, values, strict=True)) for values in (each, each_before, left)
-    )
+    by_joint = {"torque_error": each, "nominal_error": each_before, "torque_residual": left}
+    errors: dict[str, Any] = {"error": (error, before)}
+    errors |= {key: dict(zip(rows.names, x, strict=True)) for key, x in by_joint.items()}
     if error > max(before, checks.ROUNDING):
         notes.append(
             f"the nominal scene leaves less of the part held out, {before:.3%} against "
             f"{error:.3%}; beyond what noise in the estimates explains, that is {worse:.1f} "
             "standard errors"
         )
-    errors = (error, before), torque_error, nominal_error, residual
-    return Judgement(*errors, nominal, ratios, worse, notes)
+    return Judgement(errors, nominal, ratios, worse, notes)
 
 
 def _shown(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[str]]:

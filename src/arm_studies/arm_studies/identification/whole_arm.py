@@ -129,14 +129,13 @@ def identify(
         )
     result, laws = _scene(final, ranges, values["missing"], notes)
     if not accept_worse:
-        checks.check_better(*judgement.error, judgement.excess)
+        error, before = judgement.errors["error"]
+        checks.check_better(error, before, judgement.excess)
     return Identification(
         scene=result, joint_names=model.joint_names, friction=laws,
         bodies=final.theta.reshape(-1, EACH), body_names=data.regressor.bodies, scales=scales,
         band=final.rows.band, effort_band=final.rows.effort_band, notes=tuple(notes),
-        torques=_torques(trial, final, judgement.nominal), error=judgement.error,
-        torque_error=judgement.torque_error, nominal_error=judgement.nominal_error,
-        torque_residual=judgement.torque_residual, **values,
+        torques=_torques(trial, final, judgement.nominal), **judgement.errors, **values,
     )  # fmt: skip
 
 
