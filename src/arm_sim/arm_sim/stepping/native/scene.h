@@ -88,7 +88,7 @@ enum most { MOST_ARGUMENTS = 128 /* or results */, MOST_INTEGERS = 8 /* of its w
     const real* const all_given[] = {LIST given}; \
     real* const all_found[] = {LIST found}; \
     const real* arg[MOST_ARGUMENTS]; \
-    real *res[MOST_ARGUMENTS], w[SZ_W]; \
+    real *res[MOST_ARGUMENTS], w[SZ_W] __attribute__((aligned(64))); \
     long long int iw[MOST_INTEGERS]; \
     memcpy(arg, all_given, sizeof all_given); \
     memcpy(res, all_found, sizeof all_found); \

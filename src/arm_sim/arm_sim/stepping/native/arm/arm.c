@@ -7,15 +7,23 @@
 
 #include "arm/tick.h"
 
+/* One tick from x, with what is noted of it. */
+static int noted_tick(const arm_t* arm, const real* x, const real* command, real* acted, real* after, double* notes) {
+  const scene_t* scene = arm->scene;
+  control_t* control = arm->control;
+  report_t* report = arm->report;
+  if (!actuated_tick(scene, x, command, arm->p, arm->dt, control, report, acted, after)) return 0;
+  notes[0] = control ? control->error : 0.0;
+  notes[1] = (double)report->time_stepped;
+  return 1;
+}
+
 EXPORTED int arm_tick(arm_t* arm) {
   const scene_t* scene = arm->scene;
-  const control_t* control = arm->control;
-  const report_t* report = arm->report;
-  real acted[NU];
-  if (!actuated_tick(scene, arm->x, arm->command, arm->p, arm->dt, arm->control, arm->report, acted)) return 0;
+  real acted[NU], after[NX];
+  if (!noted_tick(arm, arm->x, arm->command, acted, after, arm->notes)) return 0;
   copy(arm->acted, acted, NU);
-  arm->notes[0] = control ? control->error : 0.0;
-  arm->notes[1] = (double)report->time_stepped;
+  copy(arm->x, after, NX);
   return 1;
 }
 
@@ -24,16 +32,13 @@ EXPORTED int arm_tick(arm_t* arm) {
  * commands: that of the first tick; that of the next is `stride` numbers further (0: constant).
  * trace, effort, notes: receive the state after every tick, the command that acted, limits applied, and the arm's notes.
  */
-EXPORTED long long arm_ticks(const arm_t* arm, long long ticks, double* commands, long long stride, double* trace,
+EXPORTED long long arm_ticks(const arm_t* arm, long long ticks, const double* commands, long long stride, double* trace,
                              double* effort, double* notes) {
   const scene_t* scene = arm->scene;
-  arm_t row = *arm;
-  for (long long k = 0; k < ticks; ++k) {
-    row.command = commands + k * stride;
-    row.acted = effort + k * NU;
-    row.notes = notes + 2 * k;
-    if (!arm_tick(&row)) return k;
-    copy(trace + k * NX, row.x, NX);
-  }
-  return ticks;
+  const double* x = arm->x;
+  long long k = 0;
+  for (; k < ticks && noted_tick(arm, x, commands + k * stride, effort + k * NU, trace + k * NX, notes + 2 * k); ++k)
+    x = trace + k * NX;
+  if (k) copy(arm->x, x, NX);
+  return k;
 }
