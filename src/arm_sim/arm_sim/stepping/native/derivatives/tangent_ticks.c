@@ -83,8 +83,8 @@ static void differentiate_by_rows(const scene_t* scene, const group_t* group, co
     for (int row = start; row < end; row += WIDTH) {
       take(weight, to->given + start * to->count, group->of_lane, to->given_arm, end - start, to->count, row);
       const tangents_t* by = group->tangents;
-      if (is_in_motion(scene, group)) (part ? by->moving_back_rest : by->moving_back_q)(group->limits, weights, found);
-      else (part ? by->back_rest : by->back_q)(group->limits, weights, found);
+      if (is_in_motion(scene, group)) (part ? by->moving_vjp_rest : by->moving_vjp_q)(group->limits, weights, found);
+      else (part ? by->vjp_rest : by->vjp_q)(group->limits, weights, found);
       put_rows(found, to->columns, group->of_lane, to->columns_arm, end, NX + NU + NT, row);
     }
   }
@@ -100,13 +100,13 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
     if (k) take(dx, reached - to->columns_tick, group->of_lane, to->columns_arm, NX, to->count, c);
     else take(dx, to->given, group->of_lane, to->given_arm, NX, to->count, c);
     take(dr, to->pushed + k * to->pushed_tick, group->of_lane, to->pushed_arm, NU + NT, to->count, c);
-    by->limit(group->limits, given, dw);
+    by->command_jvp(group->limits, given, dw);
     for (int i = NU; i < NU + NT; ++i) dw[i] = dr[i];
     if (group->tick.held) {
       by->begin_at_rest(group->at_begin, begun, projected);
       memcpy(dx, projected, sizeof projected);
     }
-    (is_in_motion(scene, group) ? by->moving_carry : by->carry)(group->limits + NA, acts, moved);
+    (is_in_motion(scene, group) ? by->moving_jvp : by->jvp)(group->limits + NA, acts, moved);
     if (group->tick.closed) by->end_at_rest(group->at_end, ended, projected);
     put(group->tick.closed ? projected : moved, reached, group->of_lane, to->columns_arm, NX, to->count, c);
   }
@@ -117,8 +117,8 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
  * An arm is marked that comes near a stop or diverges; its results are invalid. So is one that has an event, or comes so close to
  * one that it might: its state is then that before this tick, and of one lane also its columns.
  */
-EXPORTED void carry_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
-                          long long last, const columns_t* to) {
+EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
+                              long long last, const columns_t* to) {
   for (long long arm = first; arm < last; arm += LANES) {
     LOCAL(group_t, group, group_of, GROUP);
     real r[NU];

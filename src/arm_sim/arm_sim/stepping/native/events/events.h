@@ -307,12 +307,13 @@ static int tick(const scene_t* scene, const real* x, const real* u, const real* 
   LOCAL(beginning_t, begun, beginning_of, BEGINNING);
   report->trouble = NONE;
   if (scene->free && flow(scene, scene->free_step, scene->free_attempt, stays_free, x, u, p, h, control, after)) return 1;
-  if (scene->shortcut && event_free_shortcut(scene, x, u, p, h, &begun, after)) return 1;
+  if (scene->event_free_shortcut && event_free_shortcut(scene, x, u, p, h, &begun, after)) return 1;
   LOCAL_TICK(segment, u);
   segment.control = control;
   copy(segment.p.tunable, p, NP);
-  if (scene->shortcut && NC) keep_geometry(scene, x, &memory, begun.place);
-  else if (begun.holds) keep_loads(scene, x, begun.p + NP, &memory, &begun.load); /* in modes without contacts, as the engine's */
+  if (scene->event_free_shortcut && NC) keep_geometry(scene, x, &memory, begun.place);
+  else if (begun.holds)
+    keep_loads(scene, x, begun.p + NP, &memory, &begun.load); /* in modes without contacts, as the engine's */
   report->trouble = tick_with_events(scene, x, &segment, h, report, 0, after);
   return report->trouble == NONE;
 }

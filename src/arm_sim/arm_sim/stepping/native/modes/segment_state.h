@@ -6,7 +6,7 @@
 #pragma once
 #include "contact/friction_cones.h"
 #include "modes/loads.h"
-#include "modes/trace.h"
+#include "modes/tick_record.h"
 #include "motion/flow.h"
 #include "motion/report.h"
 
