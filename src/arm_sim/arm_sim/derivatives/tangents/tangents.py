@@ -255,7 +255,7 @@ class Tangents:
         code, width = next((code, width) for code, width in built if code is not None)
         tangents, propagate_ticks = address_of(code.own, TANGENTS), code.engine.propagate_ticks
         done = np.zeros(0 if self.engine is None else len(after), np.int64)
-        table.met, columns.begins = marks.place, begins
+        table.unfinished, columns.begins = marks.place, begins
         table.engine = None if self.engine is None else ctypes.addressof(self.engine)
         columns.done, columns.after = done.ctypes.data, address(after)
 

@@ -33,8 +33,8 @@ static int motion_of_tick(const scene_t* scene, const real* x, const real* u, co
  * acted:   receives the effective command, limits applied.
  * after:   receives the state after the tick.
  */
-static int actuated_tick(const scene_t* scene, const real* x, const real* command, const real* p, double h,
-                         control_t* control, report_t* report, real* acted, real* after) {
+static int actuated_tick(const scene_t* scene, const real* x, const real* command, const real* p, double h, control_t* control,
+                         report_t* report, real* acted, real* after) {
   CALL(scene->actuate, (x, command), (acted));
   return motion_of_tick(scene, x, acted, p, h, control, report, after);
 }

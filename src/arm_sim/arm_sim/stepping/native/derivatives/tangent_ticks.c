@@ -138,18 +138,18 @@ EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, 
       const int any = scene->eventful ? make_event_free_ticks(scene, &group, arms->engine, to->begins && !k) : 1;
       for (int j = 0; scene->eventful && j < LANES; ++j) {
         if (group.event_free[j]) to->done[group.of_lane[j]] = k + 1;
-        else arms->met[group.of_lane[j]] = 1;
+        else arms->unfinished[group.of_lane[j]] = 1;
       }
       if (!any) break;
       if (!scene->eventful) make_step(scene, &group, group.x, group.p, 0);
       if (to->unit && !k && !group.tick.held) differentiate_by_rows(scene, &group, to);
       else propagate_columns(scene, &group, to, k);
       for (int j = 0; j < LANES; ++j)
-        if (meets_any_stop(scene, group.x, group.next, arms->h, 1, j)) arms->met[group.of_lane[j]] = 1;
+        if (meets_any_stop(scene, group.x, group.next, arms->h, 1, j)) arms->unfinished[group.of_lane[j]] = 1;
       copy(group.x, group.next, NX);
     }
     for (int j = 0; j < LANES; ++j) {
-      arms->met[group.of_lane[j]] |= !is_lane_within_reach(scene, group.x, j);
+      arms->unfinished[group.of_lane[j]] |= !is_lane_within_reach(scene, group.x, j);
       for (int i = 0; i < NX; ++i) to->after[group.of_lane[j] * NX + i] = LANE(group.x[i], j);
     }
   }
