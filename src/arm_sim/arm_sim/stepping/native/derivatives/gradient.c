@@ -42,7 +42,7 @@ EXPORTED void rollout_gradient(const scene_t* scene, const arms_t* arms, long lo
       if (k == 0) break;
       memcpy(x, motion + (k - 1) * NX * LANES, (size_t)NX * sizeof *x);
       read_commands(arms, k - 1, NU, of_lane, r);
-      find_command(scene, x, r, u);
+      CALL(scene->acting, (x, r), (u));
       through_motion(scene, x, u, p, &length, weight, back, of_u, of_p);
       through_command(scene, x, r, of_u, more, of_r);
       for (int i = 0; i < NX; ++i) weight[i] = back[i] + more[i];

@@ -35,10 +35,6 @@ static group_t group_of(const scene_t* scene, real* numbers) {
 /* Whether the simpler functions serve, where nothing is held and nothing touches. */
 static int is_in_motion(const scene_t* scene, const group_t* group) { return scene->moving_advance && !group->tick.held; }
 
-static void find_commands(const scene_t* scene, group_t* group, const real* r) {
-  CALL(scene->acting, (group->x, r), (group->u, group->limits));
-}
-
 /* The step from x in modes p, with the coefficients of its derivative, and its dense output if that is asked for. */
 static void make_step(const scene_t* scene, group_t* group, const real* x, const real* p, real* dense) {
   CALL(is_in_motion(scene, group) ? scene->moving_advance : scene->advance, (x, group->u, p, &group->length),
@@ -134,7 +130,7 @@ EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, 
     }
     for (long long k = 0; k < arms->ticks && !is_halted(arms); ++k) {
       read_commands(arms, k, NU, group.of_lane, r);
-      find_commands(scene, &group, r);
+      CALL(scene->acting, (group.x, r), (group.u, group.limits));
       const int any = scene->eventful ? make_event_free_ticks(scene, &group, arms->engine, to->begins && !k) : 1;
       for (int j = 0; scene->eventful && j < LANES; ++j) {
         if (group.event_free[j]) to->done[group.of_lane[j]] = k + 1;

@@ -204,10 +204,6 @@ static void record_end(const scene_t* scene, record_t* record, const real* x, do
   for (int i = 0; i < NX; ++i) record->end[i] = x[i];
 }
 
-static void record_projection(const scene_t* scene, record_t* record, const real* x) {
-  for (int i = 0; record && i < 2 * NU; ++i) record->off = fmax(record->off, fabs(x[i] - record->end[i]));
-}
-
 static enum trouble tick_with_events(const scene_t* scene, const real* x, segment_t* segment, double h, report_t* report,
                                      trace_t* trace, real* now) {
   long long losses = 0;
@@ -234,7 +230,8 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
     record_end(scene, segment->record, after, length, event_free);
     find_ended_modes(scene, after, segment, event_free);
     close_contacts(scene, after, segment, anchor);
-    record_projection(scene, segment->record, after);
+    record_t* record = segment->record;
+    for (int i = 0; record && i < 2 * NU; ++i) record->off = fmax(record->off, fabs(after[i] - record->end[i]));
     if (!stop_joints(scene, after, segment)) return NUMBERS;
     stop_at_limits(scene, after);
     for (int i = 0; i < NX; ++i) now[i] = after[i];
