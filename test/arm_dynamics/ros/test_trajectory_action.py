@@ -268,16 +268,16 @@ def test_a_trajectory_on_the_topic_ends_the_goal(node: ControllerNode, client: C
 def test_a_goal_that_is_replaced_before_its_acceptance_is_out_is_aborted(
     node: ControllerNode, client: Client, by: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    follow = node.action._followed
+    begin = node.action._begin
 
-    def followed(*given: Any) -> None:
-        follow(*given)
+    def begun(*given: Any) -> None:
+        begin(*given)
         if by == "trajectory":
             node.on_joint_trajectory(trajectory(point(1.0, *HERE)))
         else:
             node.action._coming = {}  # a later one waits to be accepted
 
-    monkeypatch.setattr(node.action, "_followed", followed)
+    monkeypatch.setattr(node.action, "_begin", begun)
     status, result = client.result(client.send(to(0.4, 0.4)))
     assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
     assert result.error_string == "Current goal preempted by new incoming action."

@@ -13,10 +13,10 @@ import pinocchio as pin
 from builtin_interfaces.msg import Time
 
 from arm_dynamics.arrays import vector
+from arm_dynamics.cdr import GIGA
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.ros.common.cdr import GIGA
 from arm_dynamics.task_space.task_space import Pose
 
 _UNIT = 1e-3  # tolerance of a quaternion's length
