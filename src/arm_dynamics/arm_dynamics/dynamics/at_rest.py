@@ -121,7 +121,12 @@ class AtRest:
             left, begun = left[wrong], (released != way)[wrong].any(axis=1)
             wrong = wrong[~begun]
             order = np.argmax(excess[wrong] > 0.0 if turn >= 3 * n else excess[wrong], axis=1)
-            _pivot(direction, turned, (left[~begun], order), pull[wrong, order], m > 0)
+            # The modes of these entries change: they begin to slide, reverse, or stick.
+            entry = left[~begun], order
+            held, turns = direction[entry] == 0.0, ~turned[entry] & (m > 0)
+            otherwise = np.where(turns, -direction[entry], 0.0)
+            turned[entry] = ~held & turns
+            direction[entry] = np.where(held, np.sign(pull[wrong, order]), otherwise)
         raise InvalidInput(
             "no set of sticking joints satisfies the friction laws: the motion is not determined"
         )
@@ -194,17 +199,3 @@ def _carried(A: Array, drift: Array, v: Array, resting: Flags) -> Flags:
         if not more.any():
             return carried
         carried |= more
-
-
-def _pivot(
-    direction: Array,
-    turned: Flags,
-    entry: tuple[NDArray[np.intp], NDArray[np.intp]],
-    pull: Array,
-    loops: bool,
-) -> None:
-    """Change the mode of the entries: begin to slide, reverse, or stick."""
-    held, turns = direction[entry] == 0.0, ~turned[entry] & loops
-    otherwise = np.where(turns, -direction[entry], 0.0)
-    turned[entry] = ~held & turns
-    direction[entry] = np.where(held, np.sign(pull), otherwise)
