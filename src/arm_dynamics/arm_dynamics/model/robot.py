@@ -55,7 +55,10 @@ class Robot:
         self.scene = scene
         urdf = read_urdf(scene.description, scene.robot.lock)
         self.doubtful = urdf.doubtful
-        self._whole = _parse(urdf.text)
+        try:
+            self._whole = pin.buildModelFromXML(urdf.text)
+        except (ValueError, RuntimeError) as error:
+            raise ModelError(f"robot description: Pinocchio cannot build it: {error}") from None
         self._rules = _resolved(urdf)
         self.locked = _locked_positions(scene, urdf, self._rules)
         self.pin = _reduced(self._whole, self.locked)
@@ -210,13 +213,6 @@ class Robot:
             body = pin.Inertia(payload.mass, np.array(payload.com), np.zeros((3, 3)))
             body.inertia = inertia_matrix(payload.inertia)  # validated by the scene, to rounding
             self.pin.appendBodyToJoint(frame.parentJoint, body, frame.placement)
-
-
-def _parse(text: str) -> pin.Model:
-    try:
-        return pin.buildModelFromXML(text)
-    except (ValueError, RuntimeError) as error:
-        raise ModelError(f"robot description: Pinocchio cannot build it: {error}") from None
 
 
 def _resolved(urdf: Urdf) -> dict[str, Mimic]:
