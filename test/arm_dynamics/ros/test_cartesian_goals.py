@@ -209,16 +209,6 @@ def test_without_a_frame_or_a_state_goals_are_refused(
     assert "parameter 'task_frame' is empty" in node.goals.outcome
 
 
-def test_time_that_goes_backwards_gives_up_what_is_planned(node: ControllerNode) -> None:
-    see(node, 5_000 * MS)
-    node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
-    while not node.goals.planner.ready:
-        time.sleep(1e-3)
-    see(node, MS)
-    planned(node, 2 * MS)
-    assert node.follower.remaining(2 * MS) == 0.0
-
-
 def test_a_goal_over_the_wire_shows_in_the_state(ros: Ros) -> None:
     node = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME, state_period=0.001)
     heard = ros.listen(TrackingState, "/controller/state", 50)

@@ -11,16 +11,15 @@ import numpy as np
 import pytest
 from goal_client import Client, goal
 from harness import Ros
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
-from samples import always, sampled
+from samples import sampled
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control import NAMES, Measured, Settings, make_controller, preparation, tuned
+from arm_dynamics.control import NAMES, Measured, Settings, make_controller, preparation
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.controller_node import node as module
 from arm_dynamics.task_space import TaskSpace
@@ -85,37 +84,6 @@ def go(node: ControllerNode, offset: float, seconds: int) -> None:
     node.on_joint_trajectory(JointTrajectory(joint_names=names, points=[point]))
 
 
-LAWS = ("pd", "pid", "float", "computed_torque", "motion_force")
-
-
-@pytest.mark.parametrize("name", always(NAMES, *LAWS))  # each kind of end
-def test_every_law_closes_the_loop(ros: Ros, name: str) -> None:
-    """Each leads the arm by 0.1 rad in a second; those that know no weight sag."""
-    sim = sim_node(ros)
-    node = controller_node(ros, controller=name, task_frame=FRAME, bandwidth=[15.0])
-    tick(sim, node)
-    go(node, 0.1, 1)
-    torques = np.array([tick(sim, node) for _ in range(1200)])
-    assert np.isfinite(torques).all()
-    q, dynamics = sim.simulator.state.q, models.dynamics("panda")
-    error = HOME + 0.1 - q
-    if name == "float":  # it leads nowhere, and does not fall either
-        assert_close(q, HOME, 1e-4)
-    elif name == "pd":  # its springs carry the weight
-        weight = dynamics.gravity(q)
-        kp, _ = tuned(dynamics, 15.0)
-        np.testing.assert_allclose(kp * error, weight, atol=0.02 * abs(weight).max())
-    elif name == "pid":  # it is taking that away
-        assert 1e-3 < abs(error).max() < 0.05
-    elif name == "motion_force":  # along its direction, downwards, it only brakes
-        task = TaskSpace(dynamics, FRAME)
-        here, start, goal = (task.pose(x).position for x in (q, HOME, HOME + 0.1))
-        np.testing.assert_allclose(here[:2], goal[:2], atol=1e-5)
-        np.testing.assert_allclose(here[2], start[2], atol=1e-4)
-    else:  # what pushes nothing ahead is still on its way
-        assert abs(error).max() < (5e-3 if name == "pd_gravity" else 1e-4)
-
-
 def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:
     """With every setting, at start and after a change; at rest it presses as the node was told."""
     dynamics = models.dynamics("panda")
@@ -139,17 +107,6 @@ def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:
     assert_close(effort(node, 3 * MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
 
 
-@pytest.mark.parametrize("axes", sampled(["z,x,y", "x y z", "position"], 1))
-def test_axes_may_be_listed(ros: Ros, axes: str) -> None:
-    node = controller_node(ros, controller="operational_space", task_frame=FRAME, task_axes=axes)
-    settings = Settings(frame=FRAME, axes="position")
-    law = make_controller("operational_space", models.dynamics("panda"), settings)
-    effort(node, 0)
-    q, v = HOME + 0.02, np.full(7, 0.1)
-    still = Reference(HOME, np.zeros(7), np.zeros(7))
-    assert_close(effort(node, MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
-
-
 def test_laws_change_in_motion_without_a_jump(ros: Ros) -> None:
     sim = sim_node(ros)
     node = controller_node(ros, controller=NAMES[0], task_frame=FRAME, switch_time=0.05)
@@ -169,31 +126,6 @@ def test_laws_change_in_motion_without_a_jump(ros: Ros) -> None:
     steps = abs(np.diff(torques, axis=0)).max(axis=1)
     assert steps.max() < 0.1 * np.ptp(torques, axis=0).max()
     assert np.ptp(torques, axis=0).max() > 10.0
-
-
-def test_laws_change_over_the_wire(ros: Ros) -> None:
-    node = controller_node(ros)
-    effort(node, 0)
-    for name, said in (("operational_space", "frame is not given"), ("pd_gravity", "")):
-        wanted = Parameter("controller", value=name).to_parameter_msg()
-        request = SetParametersAtomically.Request(parameters=[wanted])
-        answer = ros.call(
-            SetParametersAtomically, "/controller/set_parameters_atomically", request
-        )
-        assert answer.result.successful == (not said)
-        assert said in answer.result.reason
-    assert node.params.controller == "pd_gravity"
-
-
-def test_a_change_without_time_would_jump(ros: Ros) -> None:
-    """What the hand-over is for: the two laws do not agree at all at the moment of the change."""
-    node = controller_node(ros, controller="pd", switch_time=0.0)
-    before = effort(node, 0)
-    assert change(node, controller="pd_gravity").successful
-    settle(node)
-    held, after = effort(node, MS), effort(node, 2 * MS)
-    np.testing.assert_array_equal(held, before)
-    assert abs(after - before).max() > 10.0
 
 
 def test_gains_of_a_law_without_memory_act_at_once(ros: Ros) -> None:
@@ -344,23 +276,6 @@ def test_the_newest_choice_counts_whatever_was_being_prepared(
     effort(node, MS, HOME + 0.1)
     exact = chosen.torque(Measured(HOME + 0.1, np.zeros(7)), still)
     assert_close(effort(node, 2 * MS, HOME + 0.1), exact, ALGEBRA)
-
-
-def test_torques_are_clipped_only_on_request(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
-    node = controller_node(ros, bandwidth=[100.0], switch_time=0.0)
-    limit = models.dynamics("panda").model.effort_limit
-    effort(node, 0)
-    asked = effort(node, MS, HOME + 0.3)
-    assert (abs(asked) > limit).any()
-    assert change(node, saturate=True).successful
-    effort(node, 2 * MS, HOME + 0.3)
-    assert_close(effort(node, 3 * MS, HOME + 0.3), np.clip(asked, -limit, limit), ALGEBRA)
-    said = capfd.readouterr().err
-    assert "torque clipped at the effort limit: " in said
-    assert all(
-        (name in said) == (abs(tau) > most)
-        for name, tau, most in zip(node.dynamics.joint_names, asked, limit, strict=True)
-    )
 
 
 BAD = [

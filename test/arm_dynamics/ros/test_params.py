@@ -209,26 +209,6 @@ def test_a_setting_of_the_controllers_is_a_parameter_from_what_its_field_says(ro
     assert not node.has_parameter("limit")  # is what the model says
 
 
-def test_the_policy_and_its_time_may_be_changed_up_to_their_limits_only(ros: Ros) -> None:
-    node = ros.add(Node, "bounded")
-    held = [declare(node, SimParams)]
-    watch(node, held[0], held.append)
-    for name, value in (
-        ("command_timeout", 3600.0), ("command_timeout", 0.0), ("stale_policy", "gravity"),
-        ("stale_policy", "hold"),
-    ):  # fmt: skip
-        assert node.set_parameters([Parameter(name, value=value)])[0].successful
-        assert getattr(held[-1], name) == value
-    for name, value in (
-        ("command_timeout", 3600.1), ("command_timeout", -1e-9), ("stale_policy", "prayer"),
-        ("wrench_timeout", 1.0), ("overrun", "skip"),
-    ):  # fmt: skip
-        result = node.set_parameters([Parameter(name, value=value)])[0]
-        assert not result.successful
-        assert result.reason
-    assert len(held) == 5
-
-
 def test_only_what_changes_something_is_put_in_force(ros: Ros) -> None:
     holder = ros.add(Holder)
     applied = list[Some]()

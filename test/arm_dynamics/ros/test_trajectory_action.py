@@ -103,12 +103,6 @@ def test_an_arm_that_is_stopped_keeps_the_efforts_it_had(
         assert_close(node.follower.reference(stamp).tau, [2.0, -1.0], ALGEBRA)
 
 
-def test_joints_may_come_in_any_order(node: ControllerNode, client: Client) -> None:
-    there = trajectory(point(1.0, 0.5, 0.3), names=NAMES[::-1])
-    assert client.send(goal(there)).accepted
-    assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.5], ALGEBRA)
-
-
 @pytest.mark.parametrize(
     "path", [{}, {"path_tolerance": [tolerance(NAMES[1], 0.05)]}], ids=["free", "near"]
 )
@@ -170,38 +164,6 @@ def test_a_tolerance_is_not_negative(node: ControllerNode, kind: str) -> None:
     set_to(node, **{name: 0.0})
 
 
-@pytest.mark.parametrize("value", [-1.0, float("inf")], ids=["erased", "infinite"])
-def test_such_a_tolerance_allows_any_error(
-    node: ControllerNode, client: Client, value: float
-) -> None:
-    set_to(node, **{f"constraints.{NAMES[1]}.trajectory": 0.05})
-    handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[1], value)]))
-    led(node, 0, 990, off=lambda _: (0.0, 0.5))
-    led(node, 1000, 1000)
-    assert client.result(handle)[0] == SUCCEEDED
-
-
-def test_velocities_have_path_tolerances_too(node: ControllerNode, client: Client) -> None:
-    handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[0], velocity=0.1)]))
-    effort(node, 500 * MS, moved(0.2, 0.2), (0.4, 0.6))  # 0.6 should be the speed of both
-    assert client.result(handle)[1].error_code == Result.PATH_TOLERANCE_VIOLATED
-
-
-def test_without_a_goal_time_it_waits_until_the_goal_is_reached(
-    ros: Ros, node: ControllerNode, client: Client
-) -> None:
-    handle = client.send(to(0.4, 0.4, goal_tolerance=[tolerance(NAMES[0], 0.01)]))
-    led(node, 0, 60_000, off=lambda _: (0.02, 0.0), step=500)
-    future = handle.get_result_async()
-    heard = len(client.feedback)
-    led(node, 60_100, 60_100, off=lambda _: (0.02, 0.0))
-    ros.spin_until(lambda: len(client.feedback) > heard)
-    assert not future.done()
-    led(node, 60_200, 60_200, off=lambda _: (0.009, 0.0))
-    ros.spin_until(future.done)
-    assert future.result().status == SUCCEEDED
-
-
 @pytest.mark.parametrize("by_goal", [True, False], ids=["of the goal", "the default"])
 def test_a_goal_time_ends_the_wait(node: ControllerNode, client: Client, by_goal: bool) -> None:
     set_to(node, **{"constraints.goal_time": 0.5, f"constraints.{NAMES[0]}.goal": 0.01})
@@ -214,15 +176,6 @@ def test_a_goal_time_ends_the_wait(node: ControllerNode, client: Client, by_goal
         "Aborted due to goal_time_tolerance exceeding by 0.510000 seconds"
     )
     assert_close(reference_of(node, 3000 * MS)[0], moved(0.38, 0.4), ALGEBRA)
-
-
-def test_an_arm_that_has_not_stopped_is_not_there(node: ControllerNode, client: Client) -> None:
-    handle = client.send(to(0.4, 0.4, time=1.0))
-    led(node, 0, 990)
-    effort(node, 1000 * MS, moved(0.4, 0.4), (0.0, 0.0101))
-    assert node.goals.outcome.startswith("following")
-    effort(node, 1010 * MS, moved(0.4, 0.4), (0.0, 0.0099))
-    assert client.result(handle)[0] == SUCCEEDED
 
 
 def test_cancelled_it_comes_to_rest_and_holds(node: ControllerNode, client: Client) -> None:
