@@ -112,7 +112,11 @@ class AtRest:
             resting = self.resting(some.v)
             motion = self._moved(some, way, resting & (way == 0.0))
             pull = self._joints.relative_hold(motion.reaction, some.q, some.tau)
-            excess = np.where(resting, self._excess(motion.a, pull, way), 0.0)
+            # Violation of the friction laws by each joint at rest: not positive if satisfied.
+            level, size = self._joints.level, abs(motion.a).max(axis=1, keepdims=True)
+            wrong_way = -way * motion.a / (1.0 + size) - SLACK
+            excess = np.where(way == 0.0, (abs(pull) - level) / level.max(), wrong_way)
+            excess = np.where(resting, excess, 0.0)
             released = self._released(some, motion, way, excess) if m else way
             a[left], multipliers[left], direction[left] = motion.a, motion.multipliers, released
             wrong = np.flatnonzero((excess > 0.0).any(axis=1))
@@ -161,13 +165,6 @@ class AtRest:
             a = self._moved(points, ways, resting & ~carried).a
             direction = np.where(carried, np.sign(a), direction)
         return direction
-
-    def _excess(self, a: Array, pull: Array, direction: Array) -> Array:
-        """Violation of the friction laws by each joint at rest: not positive if satisfied."""
-        level = self._joints.level
-        wrong_way = -direction * a / (1.0 + abs(a).max(axis=1, keepdims=True)) - SLACK
-        excess: Array = np.where(direction == 0.0, (abs(pull) - level) / level.max(), wrong_way)
-        return excess
 
     def _moved(self, points: Points, direction: Array, held: Flags) -> MotionAtRest:
         """Motions in which ``held`` joints stick and the others slide in ``direction``."""

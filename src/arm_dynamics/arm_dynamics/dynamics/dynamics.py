@@ -438,7 +438,10 @@ class Dynamics:
             state = self._still if q is None else q, v
             if (found := call(*state)) is not None:
                 return found
-            return self._answer(table.FRICTION, state, (), call, self._friction)
+            steady = self.steady_friction
+            return self._answer(
+                table.FRICTION, state, (), call, lambda q, v: steady(v, np.sign(v), q, 0.0 * v)
+            )
         v, direction, q, load = vectors(
             self.joint_names,
             v=v,
@@ -447,10 +450,6 @@ class Dynamics:
             load=self._still if load is None else load,
         )
         return finite_answer(self.steady_friction(v, np.sign(direction), q, load))
-
-    def _friction(self, q: Array, v: Array) -> Array:
-        torques: Array = self.steady_friction(v, np.sign(v), q, 0.0 * v)
-        return torques
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
         """Kinetic and potential energy in [J]: two floats, or two arrays of shape (k,).

@@ -65,7 +65,12 @@ class Robot:
         self.pin.gravity.linear = np.array(scene.gravity)
         self.bare = self.pin.copy()
         self._frames = _frames(self.pin)
-        self._check_links()
+        for name in scene.links:
+            if self.frame(f"{LINK}{name}").parentJoint == 0:
+                raise SceneError(
+                    f"scene: 'links.{name}': no joint moves that link, so its mass is without "
+                    "effect"
+                )
         self._weld()
         self._index = velocity_index(self.pin)
         moving = [name for name in self._index if name not in self._rules]
@@ -191,15 +196,6 @@ class Robot:
     def gather_matrix(self, matrix: Array) -> Array:
         """``Eᵀ X E`` of shape (…, n, n)."""
         return self.followers.T @ matrix @ self.followers if self.has_followers else matrix
-
-    def _check_links(self) -> None:
-        """Refuse masses of links that no joint moves."""
-        for name in self.scene.links:
-            if self.frame(f"{LINK}{name}").parentJoint == 0:
-                raise SceneError(
-                    f"scene: 'links.{name}': no joint moves that link, so its mass is without "
-                    "effect"
-                )
 
     def _weld(self) -> None:
         """Attach the scene's payloads."""
