@@ -24,7 +24,7 @@ from hand_goals import (
     planned,
     pose,
     see,
-    state,
+    tick,
 )
 from harness import Ros
 from nav_msgs.msg import Path
@@ -50,14 +50,7 @@ def test_the_hand_goes_straight_to_a_pose(ros: Ros, law: str) -> None:
     sim = ros.add(SimNode, models.scene("panda"), realtime=False, integrator="rk4")
     node = ros.add(ControllerNode, models.scene("panda"), controller=law, task_frame=FRAME)
 
-    def tick() -> None:
-        now = sim.simulator.state
-        sim.inputs.on_joint_commands(
-            node.on_joint_states(state(round(now.time * 1e9), now.q, now.v))
-        )
-        sim.tick()
-
-    tick()
+    tick(sim, node)
     way = np.array([0.05, 0.2, -0.1])
     node.on_cartesian_goal(pose(way))
     while node.goals.planner.busy:
@@ -65,7 +58,7 @@ def test_the_hand_goes_straight_to_a_pose(ros: Ros, law: str) -> None:
         node.deliver()
     worst = 0.0
     for _ in range(2000):
-        tick()
+        tick(sim, node)
         off = HAND.pose(sim.simulator.state.q).position - HERE.position
         worst = max(worst, float(np.linalg.norm(off - way * (off @ way) / (way @ way))))
     assert_close(off, way, 1e-3 if law == "pd_gravity" else 1e-5)

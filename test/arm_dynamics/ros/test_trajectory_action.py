@@ -12,7 +12,7 @@ import numpy as np
 import own_controllers
 import pytest
 from goal_client import ABORTED, CANCELED, SUCCEEDED, Client, Result, goal, led, tolerance
-from harness import Ros
+from harness import Ros, change
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -40,11 +40,6 @@ def node(ros: Ros) -> ControllerNode:
 @pytest.fixture
 def client(ros: Ros, node: ControllerNode) -> Client:
     return Client(ros)
-
-
-def set_to(node: ControllerNode, **values: Any) -> None:
-    for done in node.set_parameters([Parameter(name, value=v) for name, v in values.items()]):
-        assert done.successful, done.reason
 
 
 def moved(*step: float) -> list[float]:
@@ -143,7 +138,7 @@ def test_states_that_came_late_are_the_cause_of_a_violated_tolerance(
 def test_a_violated_path_tolerance_aborts_and_holds(
     node: ControllerNode, client: Client, value: float
 ) -> None:
-    set_to(node, **{f"constraints.{NAMES[1]}.trajectory": 0.05})
+    assert change(node, **{f"constraints.{NAMES[1]}.trajectory": 0.05}).successful
     handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[1], value)]))
     led(node, 0, 490)
     led(node, 500, 500, off=lambda _: (0.2, 0.06))  # the shoulder has no tolerance
@@ -161,12 +156,14 @@ def test_a_tolerance_is_not_negative(node: ControllerNode, kind: str) -> None:
     name = f"constraints.{NAMES[1]}.{kind}"
     (done,) = node.set_parameters([Parameter(name, value=-0.05)])
     assert not done.successful and name in done.reason
-    set_to(node, **{name: 0.0})
+    assert change(node, **{name: 0.0}).successful
 
 
 @pytest.mark.parametrize("by_goal", [True, False], ids=["of the goal", "the default"])
 def test_a_goal_time_ends_the_wait(node: ControllerNode, client: Client, by_goal: bool) -> None:
-    set_to(node, **{"constraints.goal_time": 0.5, f"constraints.{NAMES[0]}.goal": 0.01})
+    assert change(
+        node, **{"constraints.goal_time": 0.5, f"constraints.{NAMES[0]}.goal": 0.01}
+    ).successful
     own = {"within": 0.5, "goal_tolerance": [tolerance(NAMES[0], 0.01)]} if by_goal else {}
     handle = client.send(to(0.4, 0.4, **own))
     led(node, 0, 1510, off=lambda _: (0.02, 0.0))
@@ -381,13 +378,13 @@ def test_a_refused_goal_leaves_the_one_under_way(node: ControllerNode, client: C
 
 
 def test_partial_goals_are_a_parameter(node: ControllerNode, client: Client) -> None:
-    set_to(node, allow_partial_joints_goal=True)
+    assert change(node, allow_partial_joints_goal=True).successful
     assert client.send(goal(trajectory(point(1.0, 0.5), names=NAMES[1:]))).accepted
     assert_close(reference_of(node, 1000 * MS)[0], [HERE[0], 0.5], ALGEBRA)
 
 
 def test_stretching_is_a_parameter(node: ControllerNode, client: Client) -> None:
-    set_to(node, stretch_goals=True, limit_margin=0.0)
+    assert change(node, stretch_goals=True, limit_margin=0.0).successful
     handle = client.send(to(0.0, 2.0, time=0.3))  # 10 rad/s at the peak, where 8 are allowed
     assert handle.accepted
     moving = np.array([reference_of(node, k * MS) for k in range(2000)])
@@ -406,7 +403,7 @@ def test_a_goal_before_any_state_is_refused(ros: Ros) -> None:
 def test_a_goal_while_the_arm_is_led_by_hand_is_refused(
     node: ControllerNode, client: Client
 ) -> None:
-    set_to(node, controller="float")
+    assert change(node, controller="float").successful
     assert not client.send(to(0.1, 0.1)).accepted
     assert "follows no trajectories" in node.goals.outcome
 
