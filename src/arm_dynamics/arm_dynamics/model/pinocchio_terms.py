@@ -230,7 +230,7 @@ class FrameMotion:
         T: Array = pin.updateFramePlacement(self._pin, self._data, self._frame).homogeneous
         return T
 
-    def of_point(self, q: Array, point: ArrayLike, offset: ArrayLike = 0.0) -> tuple[Array, Array]:
+    def of_point(self, q: Array, point: ArrayLike, offset: ArrayLike) -> tuple[Array, Array]:
         """Position of a point that the frame carries, shape (3,), and J there, shape (6, n).
 
         Args:

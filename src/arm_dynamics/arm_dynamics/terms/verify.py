@@ -66,7 +66,7 @@ def _spring_torque(rigid: RigidTerms, q: Array, v: Array) -> tuple[Array, Array]
     parts = [E.T @ (springs.pull(bent) + springs.damping * (E @ v))]
     for spring in springs.points:
         ends = zip(spring.frames, spring.points, strict=True)
-        (a, J_a), (b, J_b) = (rigid.motion(name).of_point(q, point) for name, point in ends)
+        (a, J_a), (b, J_b) = (rigid.motion(name).of_point(q, point, 0.0) for name, point in ends)
         u, slope = a - b, (a - b) @ (J_a - J_b)[:3]
         parts.append(sum(tension(spring, u @ u, slope @ v)) * slope)
     return sum(parts), sum(map(abs, parts))
