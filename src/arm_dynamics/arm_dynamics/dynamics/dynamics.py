@@ -250,12 +250,13 @@ class Dynamics:
 
         Motions of joints that all turn are not looked at: torques show what is not finite.
         """
-        shape = self._still.shape
+        shape, shown = self._still.shape, entry is INVERSE and self._turn_only
         for x in given:
             if type(x) is not np.ndarray or x.dtype is not _FLOAT or x.shape != shape:
                 return False
-        shown = entry is INVERSE and self._turn_only
-        return shown or all(-LARGE < sum(x.tolist()) < LARGE for x in given)
+            if not (shown or -LARGE < sum(x.tolist()) < LARGE):
+                return False
+        return True
 
     def _checked(self, entry: Entry, given: Sequence[Any]) -> list[Array]:
         """Vectors of the joints, or batches of one length, the first of them positions.
@@ -362,6 +363,10 @@ class Dynamics:
             check_regular(M, self.joint_names)
             self._regular = True
 
+    def _friction(self, q: Array, v: Array) -> Array:
+        torques: Array = self.steady_friction(v, np.sign(v), q, 0.0 * v)
+        return torques
+
     @cached_property
     def constrained(self) -> Constrained:
         """Dynamics with the bilateral constraints: names, multipliers, closed states."""
@@ -438,10 +443,7 @@ class Dynamics:
             state = self._still if q is None else q, v
             if (found := call(*state)) is not None:
                 return found
-            steady = self.steady_friction
-            return self._answer(
-                table.FRICTION, state, (), call, lambda q, v: steady(v, np.sign(v), q, 0.0 * v)
-            )
+            return self._answer(table.FRICTION, state, (), call, self._friction)
         v, direction, q, load = vectors(
             self.joint_names,
             v=v,
