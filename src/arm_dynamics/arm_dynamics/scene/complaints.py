@@ -42,9 +42,8 @@ def complaints(
     told: dict[str, None] = {}
     for error in errors:
         few = error["type"] == "too_short"  # also where pydantic does not count bad entries
-        if few and len(error["input"]) >= error["ctx"]["min_length"]:
-            continue
-        if _of_another_kind(error, errors):
+        counted = few and len(error["input"]) >= error["ctx"]["min_length"]
+        if counted or _of_another_kind(error, errors):
             continue
         if error["type"] == "missing" and isinstance(error["loc"][-1], int):
             place = error["loc"][:-1]  # a list that is too short: each missing entry is an error
