@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions and publishers that bypass rclpy's executor, and messages as bytes.
+"""Subscriptions and publishers that bypass rclpy's executor.
 
 A 1 kHz loop that needs only the newest message polls for it: that costs less than a microsecond
 without a message and a few with one, far less than a callback.
@@ -11,7 +11,6 @@ from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from rclpy.type_support import check_for_type_support
 
 from arm_dynamics.ros.interfaces import Topic
@@ -45,11 +44,6 @@ class Newest:
         if self._handle is not None:
             self._handle.destroy_when_not_in_use()
             self._handle = None
-
-
-def as_bytes(message: Any) -> bytes:
-    """Serialize a message, unless it is serialized already."""
-    return message if isinstance(message, bytes) else bytes(serialize_message(message))
 
 
 def advertise(node: Node, topic: Topic) -> Any:
