@@ -452,7 +452,7 @@ def test_a_plot_has_the_joints_and_the_scene_that_are_named(
     assert [line.get_label() for line in one if line.get_marker() == "None"] == ["elbow"]
     drawn = [line.get_linestyle() for line in both if line.get_marker() == "None"]
     assert drawn == ["-", "-", "--", "--"]
-    assert wrong.exit_code == 1 and "'a.doc' ends in '.doc'; allowed: " in wrong.output
+    assert wrong.exit_code == 2 and "'a.doc' ends in '.doc'; allowed: " in wrong.output
     assert window.exit_code == 1 and "'both.png' existed and is replaced" in window.output
     assert (
         "Error: no window: Matplotlib has no display; the figure is in 'both.png'" in window.output

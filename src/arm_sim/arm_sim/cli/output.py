@@ -109,6 +109,29 @@ def _tell(done: Event, stream: TextIO, in_place: bool) -> None:
 
 
 @contextmanager
+def progress(
+    stream: TextIO, otherwise: Callable[..., object] = lambda **_: None, *columns: Any
+) -> Iterator[Callable[..., object]]:
+    """Show progress by a bar on a terminal, which is told description, completed and total.
+
+    Args:
+        stream: Where to show it.
+        otherwise: What is told without a terminal.
+        columns: Columns of the bar; by default rich's.
+    """
+    if not stream.isatty():
+        yield otherwise
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn
+
+    columns = columns or ("{task.description}", BarColumn(), TaskProgressColumn())
+    with Progress(*columns, console=Console(file=stream), transient=True) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda **told: bar.update(task, **told)
+
+
+@contextmanager
 def quiet() -> Iterator[None]:
     """Log no warnings: the command prints what they say itself."""
     before = logging.root.manager.disable

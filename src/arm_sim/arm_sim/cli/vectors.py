@@ -43,22 +43,30 @@ class Vector:
 
 
 class VectorType(click.ParamType):
-    """The click type of ``parse``."""
+    """The click type of ``parse``.
 
-    name = "numbers"
+    Args:
+        name: What help shows.
+        row: What one row of numbers is expected to be, with their count in front; empty: anything.
+    """
+
+    def __init__(self, name: str = "numbers", row: str = "") -> None:
+        self.name, self._row = name, row
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> Vector:
         """Parse an argument, or fail with a usage error."""
-        if isinstance(value, Vector):
-            return value
         try:
-            return parse(value)
+            found = value if isinstance(value, Vector) else parse(value)
         except OSError as error:
             self.fail(f"'{error.filename}': {error.strerror}; {HOW}", param, ctx)
         except ValueError as error:
             self.fail(f"{error}; {HOW}", param, ctx)
+        count = self._row.partition(" ")[0]
+        if count and [str(len(row)) for row in found.rows] != [count]:
+            self.fail(f"{value!r}; {self._row}", param, ctx)
+        return found
 
 
 def parse(text: str) -> Vector:

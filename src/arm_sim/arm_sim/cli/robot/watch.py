@@ -11,11 +11,13 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from arm_sim.cli.output import console, examples, table
+from arm_sim.cli.arguments import Json, Timeout
+from arm_sim.cli.command import command
+from arm_sim.cli.output import console, table
 from arm_sim.cli.robot.reports import Reports
 
 if TYPE_CHECKING:
@@ -31,26 +33,31 @@ _NONE = ("", "none", "no")
 _COLUMNS = ("joint", "position\n[rad, m]", "velocity\n[rad/s, m/s]", "effort\n[N m, N]")
 
 
-@click.command(
-    epilog=examples(
-        "./arm watch", "./arm watch --once", "./arm watch --topic left/joint_states",
-        "./arm watch --rate 1 > log.txt",
-    )
-)  # fmt: skip
-@click.option(
-    "--topic", default="joint_states", show_default=True, help="Topic of the joint states."
+@command(
+    "./arm watch",
+    "./arm watch --once",
+    "./arm watch --topic left/joint_states",
+    "./arm watch --rate 1 > log.txt",
 )
-@click.option("--once", is_flag=True, help="Show them once and exit.")
-@click.option("--rate", default=5.0, show_default=True, type=click.FloatRange(0.1, 60.0),
-              help="Updates per second.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, one line per update.")
-@click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
-              help="How long to wait for the first joint state, in s.")  # fmt: skip
-def watch(topic: str, once: bool, rate: float, as_json: bool, timeout: float) -> None:
+def watch(
+    *,
+    topic: str = "joint_states",
+    once: bool = False,
+    rate: Annotated[float, click.FloatRange(0.1, 60.0)] = 5.0,
+    as_json: Json = False,
+    timeout: Timeout = 5.0,
+) -> None:
     """Show position, velocity and effort of the joints of a running robot until Ctrl-C.
 
     Below them it shows the rate of the joint states, and warnings of the nodes, such as stopped
     commands or joints at their stops. In a pipe it prints one line per update.
+
+    Args:
+        topic: Topic of the joint states.
+        once: Show them once and exit.
+        rate: Updates per second.
+        as_json: Print JSON, one line per update.
+        timeout: How long to wait for the first joint state, in s.
     """
     from arm_sim.cli.robot.listener import Listener, full
 
