@@ -38,15 +38,6 @@ def run(*words: str) -> Result:
     return CliRunner().invoke(main, words)
 
 
-def commands(group: click.Group, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
-    """Every command that can be typed."""
-    found = []
-    for name, command in group.commands.items():
-        inside = isinstance(command, click.Group)
-        found += [(*path, name), *(commands(command, (*path, name)) if inside else [])]
-    return found
-
-
 # --- help --------------------------------------------------------------------------------------
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -17,6 +16,7 @@ import click
 from arm_dynamics.codegen.processor import NATIVE, TARGETS
 from arm_sim.cli.arguments import Json, Scene
 from arm_sim.cli.command import command
+from arm_sim.cli.output import to_json
 
 if TYPE_CHECKING:
     from arm_dynamics import Dynamics
@@ -57,7 +57,6 @@ def build(
     the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
 
     Args:
-        scenes: What is compiled.
         out: Folder for the compiled code; created if missing.
         integrator: Integration method instead of the scene's, e.g. rk4, dop853.
         dt: Length of a tick in s instead of the scene's.
@@ -98,8 +97,7 @@ def build(
             work()
     sizes = [entry.stat().st_size for entry in out.glob("*.so")]
     if as_json:
-        facts = {"folder": str(out), "libraries": len(sizes), "bytes": sum(sizes)}
-        click.echo(json.dumps(facts))
+        click.echo(to_json({"folder": out, "libraries": len(sizes), "bytes": sum(sizes)}))
     else:
         click.echo(f"{out}: {len(sizes)} libraries, {sum(sizes) / 1e6:.1f} MB")
 

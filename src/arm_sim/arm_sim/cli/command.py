@@ -24,23 +24,50 @@ from arm_sim.cli.output import examples
 _ARGUMENT = re.compile(r"^    (\w+): (.*(?:\n {5,}.*)*)", re.MULTILINE)
 
 
+class _Command(click.Command):
+    """Its parameters are read off its function when they are first asked for.
+
+    Args:
+        first: Makes parameters that come before these.
+        settings: Those of a click.Command.
+    """
+
+    def __init__(self, first: Callable[[], list[click.Parameter]], **settings: Any) -> None:
+        self._first, self._params = first, None
+        super().__init__(**settings)
+
+    @property
+    def params(self) -> list[click.Parameter]:
+        if self._params is None:
+            self._params = [*self._first(), *_parameters(self.callback)]
+        return self._params
+
+    @params.setter
+    def params(self, given: object) -> None:
+        """Click sets what it was given: none."""
+
+
 def command(
-    *lines: str, name: str | None = None, **settings: Any
+    *lines: str,
+    name: str | None = None,
+    first: Callable[[], list[click.Parameter]] = list,
+    **settings: Any,
 ) -> Callable[[Callable[..., Any]], click.Command]:
     """Make a command of a function.
 
     Args:
         lines: Examples of the command.
         name: What is typed; by default the function's name.
+        first: Makes parameters that come before those of the function.
         settings: Settings of click's context.
     """
 
     def made(function: Callable[..., Any]) -> click.Command:
-        return click.Command(
-            name or function.__name__.replace("_", "-"),
+        return _Command(
+            first,
+            name=name or function.__name__.replace("_", "-"),
             context_settings=settings,
             callback=function,
-            params=parameters(function),
             help=inspect.getdoc(function).partition("\n\nArgs:")[0],
             epilog=examples(*lines),
         )
@@ -48,7 +75,7 @@ def command(
     return made
 
 
-def parameters(function: Callable[..., Any]) -> list[click.Parameter]:
+def _parameters(function: Callable[..., Any]) -> list[click.Parameter]:
     """The arguments and options of a function, without those that collect any others."""
     arguments = inspect.getdoc(function).partition("\n\nArgs:")[2]
     about = {name: re.sub(r"\n *", " ", text) for name, text in _ARGUMENT.findall(arguments)}

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from itertools import takewhile
 from pathlib import Path
@@ -13,7 +12,7 @@ import click
 
 from arm_sim.cli.arguments import Json, Scene
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, facts, limit, number, show, table, waiting
+from arm_sim.cli.output import console, facts, limit, number, say, table, to_json, waiting
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -43,12 +42,10 @@ def describe(
     The time is measured on this machine.
 
     Args:
-        scene: The arm.
         integrator: Integration method, instead of the scene's, e.g. rk4, dop853.
         dt: Length of a tick in s, instead of the scene's.
         tolerance: Control the error inside each tick, e.g. 1e-8.
         details: Also show the comment at the top of the file, and why each part is skipped.
-        as_json: Print JSON.
     """
     from arm_dynamics import ModelError
     from arm_dynamics.dynamics.built import arm_model
@@ -69,7 +66,7 @@ def describe(
         else:
             motion = _motion(simulator)  # number of runs for measuring the time of a tick
     if as_json:
-        click.echo(json.dumps(_robot(model) | motion, indent=1))
+        click.echo(to_json(_robot(model) | motion, indent=1))
         return
     out = console()
     if details and simulator:  # the comment that begins a file, such as where its numbers are from
@@ -81,7 +78,6 @@ def describe(
     _show_joints(out, model)
     if simulator:
         _show_physics(out, simulator, details)
-        _show_cost(out, simulator)
     else:
         _remark(out, "not simulated:", why)
 
@@ -96,15 +92,15 @@ def _robot(model: ArmModel) -> dict[str, Any]:
     }  # fmt: skip
     joints = [
         {"name": name, "type": model.joint_types[i], "command_unit": model.command_unit[i]}
-        | {key: float(x[i]) if math.isfinite(x[i]) else None for key, x in columns.items()}
+        | {key: values[i] for key, values in columns.items()}
         for i, name in enumerate(model.joint_names)
     ]
     return {
-        "robot": model.pin.name, "mass": model.total_mass, "gravity": list(model.scene.gravity),
-        "locked": list(model.scene.robot.lock),
+        "robot": model.pin.name, "mass": model.total_mass, "gravity": model.scene.gravity,
+        "locked": model.scene.robot.lock,
         "links": {name: body.mass for name, body in model.scene.links.items()},
         "placeholders": model.placeholders, "joints": joints,
-        "frames": list(model.frame_names),
+        "frames": model.frame_names,
     }  # fmt: skip
 
 
@@ -135,10 +131,10 @@ def _show_robot(out: Console, model: ArmModel) -> None:
     about = f": {joints}, {model.total_mass:.6g} kg moving, gravity [{gravity}] m/s²"
     out.print(Text.assemble("\n", (model.pin.name, "bold"), about))
     if scene.robot.lock:
-        out.print(f"locked: {', '.join(scene.robot.lock)}", markup=False)
+        say(f"locked: {', '.join(scene.robot.lock)}")
     if scene.links:
         masses = ", ".join(f"{name} {body.mass:g} kg" for name, body in scene.links.items())
-        out.print(f"inertias from the scene: {masses}", markup=False)
+        say(f"inertias from the scene: {masses}")
     for link, trouble in model.doubtful.items():
         out.print(f"link '{link}': {trouble}", style="yellow", markup=False)
 
@@ -164,7 +160,7 @@ def _show_joints(out: Console, model: ArmModel) -> None:
         (name, model.joint_types[i], *(write[c](values[i], 4) for c, values in columns.items()))
         for i, name in enumerate(names)
     ]
-    show(out, table(("joint", "type", *columns), rows, text=(0, 1)))
+    say(table(("joint", "type", *columns), rows, text=(0, 1)))
     if absent:
         out.print(f"all zero: {', '.join(absent)}", style="dim")
     turning = "rad, rad/s, N m, viscous friction N m s/rad, armature kg m²"
@@ -177,8 +173,8 @@ def _show_joints(out: Console, model: ArmModel) -> None:
         named = ", ".join(f"{name} ({why})" for name, why in model.placeholders.items())
         _remark(out, "limits that are probably placeholders:",
                 f"{named}; a scene's joints.NAME.limits gives others")  # fmt: skip
-    _show_drives(out, model)
-    _show_springs(out, model)
+    _show_drives(model)
+    _show_springs(model)
     if model.stops.contradicting:
         _remark(out, "limits left out:", f"{', '.join(model.stops.contradicting)}; with those of "
                 "the joints that they follow they allow no motion")  # fmt: skip
@@ -190,7 +186,7 @@ def _show_joints(out: Console, model: ArmModel) -> None:
             _remark(out, f"starts {what}:", f"{named}; a scene's initial.position changes that")
 
 
-def _show_drives(out: Console, model: ArmModel) -> None:
+def _show_drives(model: ArmModel) -> None:
     if not any(model.drives):
         return
     columns = ("joint", "command", "at most", "gear\nratio", "rotor inertia\nat the joint",
@@ -210,12 +206,10 @@ def _show_drives(out: Console, model: ArmModel) -> None:
                 f"{name}: beyond {drive.overspeed:.4g} {unit} the current limit holds, and the "
                 "voltage limit cannot"
             )
-    show(out, table(columns, rows, text=(0, 1, 6)))
-    for remark in remarks:
-        out.print(remark, markup=False)
+    say(table(columns, rows, text=(0, 1, 6)), *remarks)
 
 
-def _show_springs(out: Console, model: ArmModel) -> None:
+def _show_springs(model: ArmModel) -> None:
     from arm_dynamics.scene.spring import spring_name
 
     springs, rows = model.springs, []
@@ -233,21 +227,18 @@ def _show_springs(out: Console, model: ArmModel) -> None:
         rows.append((spring_name(spring, i), f"{kind}{' to '.join(spring.frames)}{preload}",
                      *(number(x, 4) for x in numbers)))  # fmt: skip
     columns = ("spring", "of", "stiffness", "at rest", "damping")
-    show(out, table(columns, rows, text=(0, 1)))
+    say(table(columns, rows, text=(0, 1)))
 
 
 def _show_physics(out: Console, simulator: Simulator, details: bool) -> None:
-    parts = sorted(simulator.plan.parts, key=lambda part: not part.on)
+    plan, choice = simulator.plan, simulator.choice
+    parts = sorted(plan.parts, key=lambda part: not part.on)
     rows = [("computed" if p.on else "skipped", p.name, p.why) for p in parts if p.on or details]
-    show(out, table(("in a tick", "", ""), rows, text=(0, 1, 2)))
+    say(table(("in a tick", "", ""), rows, text=(0, 1, 2)))
     if not details:
         skipped = ", ".join(part.name for part in parts if not part.on)
         out.print(f" skipped    {skipped}; --details says why", style="dim")
         out.print()
-
-
-def _show_cost(out: Console, simulator: Simulator) -> None:
-    plan, choice = simulator.plan, simulator.choice
     method, microseconds = choice.method, plan.nanoseconds / 1e3
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
     step = "sub-step" if choice.tolerance else "tick"

@@ -12,11 +12,6 @@ from arm_sim.cli.arguments import Scene
 from arm_sim.cli.command import command
 
 
-def _no_float(context: click.Context, option: click.Parameter, given: bool) -> None:
-    if given:
-        raise click.UsageError("--float is gone, all code is in double precision: leave it out")
-
-
 @command(
     "./arm export panda --out panda_c",
     "./arm export panda --out panda_fmu --fmu",
@@ -33,7 +28,7 @@ def export(
     fmu: bool = False,
     frames: Annotated[tuple[str, ...], "--frame FRAME"] = (),
     derivatives: bool = False,
-    single: Annotated[bool, "--float", {"hidden": True, "callback": _no_float}] = False,
+    single: Annotated[bool, "--float", {"hidden": True}] = False,
 ) -> None:
     """Write SCENE as a C library into DIR, which needs nothing of the suite.
 
@@ -42,7 +37,6 @@ def export(
     a scene file (YAML) or URDF: a path or a package:// URI.
 
     Args:
-        scene: What is exported.
         out: A new or empty folder, or one exported before.
         name: Prefix of all functions, a C identifier. [default: from the scene]
         tick: Also export the simulator's tick.
@@ -52,6 +46,8 @@ def export(
         derivatives: Also export derivatives of the dynamics, and of the tick.
         single: Gone: code is in double precision.
     """
+    if single:
+        raise click.UsageError("--float is gone, all code is in double precision: leave it out")
     from arm_sim.export import DERIVATIVES, TERMS
     from arm_sim.export import export as exported
 

@@ -44,10 +44,7 @@ def sim(
     brakes hold the arm; the parameter stale_policy selects brake, servo, zero, hold or gravity.
 
     Args:
-        scene: The arm.
-        rest: Passed on to ROS.
         report: At the end, write timing statistics of the loop to this file.
-        with_parent: End with the parent.
     """
     from arm_sim.ros.sim_node import SimNode
 

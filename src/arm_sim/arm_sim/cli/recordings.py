@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -16,7 +15,7 @@ from arm_dynamics.writing import warn_if_replaced
 from arm_sim.cli.arguments import BagTopic, Figure, Json, NotNegative, Positive, RobotScene, Scene
 from arm_sim.cli.command import command
 from arm_sim.cli.nodes import run_node
-from arm_sim.cli.output import checked, console, waiting
+from arm_sim.cli.output import checked, say, to_json, waiting
 
 if TYPE_CHECKING:
     from arm_sim import Recording
@@ -44,12 +43,8 @@ def plot(
     .csv table.
 
     Args:
-        recording: What is drawn.
-        others: What is drawn over it.
         out: Figure to write (.png, .pdf or .svg).  [default: NAME.png]
         joints: Joint to draw; may be repeated.
-        scene: Scene, for a recording of a robot, which has none.
-        topic: Topic of the joint states, if a bag has several.
         show: Also open a window.
     """
     from matplotlib import pyplot
@@ -67,9 +62,7 @@ def plot(
     out = out or Path(f"{recording.stem or recording.name}.png")
     warn_if_replaced(out)
     figure.savefig(out, dpi=150)
-    for made in loaded:
-        console().print(_checked(made), markup=False)
-    console().print(f"{out}", markup=False)
+    say(*map(_checked, loaded), out)
     if show and not figure.canvas.required_interactive_framework:
         raise click.ClickException(f"{NO_WINDOW}; the figure is in '{out}'")
     if show:
@@ -94,7 +87,6 @@ def record(
     simulator record itself: ./arm sim SCENE --ros-args -p record:=FILE.
 
     Args:
-        topics: Their names.
         out: File (.mcap) or folder of a bag.  [default: named by the time]
         duration: How long to record, in s.
         cut: Instead, write all that is intact of a file that was cut off, or of a bag's folder.
@@ -172,7 +164,6 @@ def replay(
     its error exceeds the scene's accuracy.
 
     Args:
-        recording: What is run again.
         scene: Replay with another scene that has the same joints.
         check: Estimate the error of the motion by a second run instead.
         integrator: Replay with another integration method.
@@ -181,7 +172,6 @@ def replay(
         topics: Publish the recorded topics instead, at the recorded rate.
         names: With --topics: publish only this topic.
         rate: With --topics: playback speed, 1 if not given; 0: as fast as possible.
-        as_json: Print JSON.
     """
     changed = scene or integrator or tolerance or out
     if check and (changed or topics):
@@ -207,7 +197,7 @@ def replay(
         passed = loaded.trusted
         facts = {
             "trusted": passed, "doubt": loaded.doubt,
-            "error": np.asarray(loaded.error).max(axis=0).tolist(), "how": loaded.second_run.how,
+            "error": loaded.error.max(axis=0), "how": loaded.second_run.how,
         }  # fmt: skip
     else:
         passed, ticks = found.equal, len(loaded) - 1
@@ -228,15 +218,14 @@ def replay(
             "equal": passed, "ticks": ticks,
             "first_difference": None if found.first is None else str(found.first),
             "largest": largest, "failure": found.failure or None,
-            "other_versions": list(found.other_versions), "trusted": found.recording.trusted,
+            "other_versions": found.other_versions, "trusted": found.recording.trusted,
         }  # fmt: skip
     if out is not None:
-        lines.append(str(found.recording.save(out)))
+        lines.append(found.recording.save(out))
     if as_json:
-        click.echo(json.dumps(facts))
+        click.echo(to_json(facts))
     else:
-        for line in lines:
-            console().print(line, markup=False)
+        say(*lines)
     sys.exit(0 if passed else 1)
 
 

@@ -40,7 +40,6 @@ def urdf(
     """Print the URDF of SCENE: the name of a ready scene, a scene file, or a package:// URI.
 
     Args:
-        scene: The arm.
         interface: Add a ros2_control tag with this command interface, for the JointState-topic
             hardware.
         library: The hardware is arm_ros2_control with this shared library, made of SCENE by ./arm

@@ -89,7 +89,13 @@ def parse(text: str) -> Vector:
     if not lines:
         raise ValueError("no numbers given")
     if "=" in text:
-        return Vector((), dict(_pair(word) for line in lines for word in line))
+        named = {}
+        for word in (word for line in lines for word in line):
+            name, _, value = word.partition("=")
+            if not name or not value:
+                raise ValueError(f"{word!r} is not of the form joint=number")
+            named[name] = _number(value)
+        return Vector((), named)
     if len({len(line) for line in lines}) > 1:
         raise ValueError(f"{_short(text)} does not have the same number of values on every line")
     return Vector(tuple(tuple(map(_number, line)) for line in lines), {}, len(lines) > 1)
@@ -109,13 +115,6 @@ def _structured(text: str) -> Vector:
     if not rows or not all(isinstance(row, list) and len(row) == len(rows[0]) for row in rows):
         raise ValueError(f"{_short(text)} is not a list of numbers, nor lists of one length")
     return Vector(tuple(tuple(map(_number, row)) for row in rows), {}, nested)
-
-
-def _pair(word: str) -> tuple[str, float]:
-    name, _, value = word.partition("=")
-    if not name or not value:
-        raise ValueError(f"{word!r} is not of the form joint=number")
-    return name, _number(value)
 
 
 def _number(value: Any) -> float:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +11,7 @@ import click
 
 from arm_sim.cli.arguments import BagTopic, Band, Figure, Json, Pair, Pairs, Positive, Share
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, number, show, table
+from arm_sim.cli.output import number, say, table, to_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,16 +45,9 @@ def compare(
     accepts.
 
     Args:
-        scene: A scene of the arm.
-        recording: A file, or the folder of a bag.
-        scene2: Another one, as after an identification.
-        band: Cut-off of the low-pass filter in Hz.  [default: from the noise]
         window: Duration of each simulated window in s.
         last: Use only this fraction of the recording, counted from its end.
-        topic: Topic of the joint states, if a bag has several.
         names: Name of a joint in the recording; may be repeated.
-        figure: Figure to write (.png, .pdf or .svg).
-        as_json: Print JSON.
     """
     from arm_studies.identification import compare as set_beside
     from arm_studies.identification.files import read_joint_record
@@ -73,18 +65,16 @@ def compare(
         draw(found, scenes, figure)
     if as_json:
         results = [_result(name, made) for name, made in zip(scenes, found, strict=True)]
-        click.echo(json.dumps({"recording": str(recording), "scenes": results}))
+        click.echo(to_json({"recording": recording, "scenes": results}))
         return
     _show(scenes, found)
     if figure is not None:
-        console().print(f"{figure}", markup=False)
+        say(figure)
 
 
 def _result(name: str, made: Comparison) -> dict[str, Any]:
-    def named(values: np.ndarray) -> dict[str, float | None]:
-        """Values by joint; None for NaN, which JSON cannot represent."""
-        pairs = zip(made.joint_names, values.tolist(), strict=True)
-        return {joint: value if math.isfinite(value) else None for joint, value in pairs}
+    def named(values: np.ndarray) -> dict[str, float]:
+        return dict(zip(made.joint_names, values, strict=True))
 
     run = made.free_run
     free = None if run is None else {
@@ -113,11 +103,8 @@ def _show(scenes: list[str], found: list[Comparison]) -> None:
         columns["motion in\na window"] = [*(number(x, 3) for x in runs[0][1].moved), ""]
         for mark, run in runs:
             columns[f"{mark}free\nrun error"] = [*(number(x, 2) for x in run.error), ""]
-    out = console()
-    for mark, name in zip(marks, scenes, strict=True):
-        out.print(f"{mark}{name}", markup=False)
-    show(out, table(list(columns), zip(*columns.values(), strict=True)))
-    lines = []
+    lines: list[Any] = [f"{mark}{name}" for mark, name in zip(marks, scenes, strict=True)]
+    lines.append(table(list(columns), zip(*columns.values(), strict=True)))
     for mark, made in each:
         if made.free_run is None:
             lines.append(f"{mark}no free run: {made.why_not}")
@@ -127,8 +114,7 @@ def _show(scenes: list[str], found: list[Comparison]) -> None:
         run = first.free_run
         lines.append(f"free run: {run.count} windows of {run.window:.3g} s")
     lines.append(f"low-pass filter {first.band:.3g} Hz")
-    for line in (*lines, *(f"note: {note}" for note in first.notes)):
-        out.print(line, markup=False)
+    say(*lines, *(f"note: {note}" for note in first.notes))
 
 
 def _of_all(values: np.ndarray, digits: int) -> list[str]:

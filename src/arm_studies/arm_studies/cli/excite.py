@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from pathlib import Path
@@ -22,7 +21,7 @@ from arm_sim.cli.arguments import (
     YamlFile,
 )
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, facts, limit, number, progress, show, table
+from arm_sim.cli.output import console, facts, limit, number, progress, say, table, to_json
 from arm_sim.cli.vectors import Vector, VectorType
 
 if TYPE_CHECKING:
@@ -68,7 +67,6 @@ def excite(
     inspect the motion with ./arm view before running it on an arm.
 
     Args:
-        scene: The arm.
         out: Trajectory to write (.yaml).  [default: exciting.yaml]
         figure: Figure to write (.png, .pdf or .svg).  [default: beside the trajectory]
         period: Duration of one period in s.
@@ -84,7 +82,6 @@ def excite(
         start: Joint positions at both ends in rad or m.  [default: scene]
         attempts: Number of random starts of the optimization.
         seed: Seed of the random starts.
-        as_json: Print JSON.
     """
     if bool(frames) != (box is not None):
         raise click.UsageError("--box and --frame must be given together")
@@ -115,15 +112,13 @@ def excite(
     figure = figure or out.with_suffix(".png")
     draw(best.motion, room, figure)
     if as_json:
-        click.echo(json.dumps({
-            "condition": best.condition, "information": best.information,
-            "masses": None if best.masses is None else best.masses.tolist(),
-            "parameters": best.parameters, "attempts": best.attempts.tolist(),
-            "duration": best.motion.duration, "trajectory": str(out), "figure": str(figure),
-        }))  # fmt: skip
+        names = ("condition", "information", "masses", "parameters", "attempts")
+        facts = {name: getattr(best, name) for name in names}
+        files = {"trajectory": out, "figure": figure}
+        click.echo(to_json(facts | {"duration": best.motion.duration} | files))
         return
     _show(best, room)
-    console().print(f"{out}\n{figure}", markup=False)
+    say(out, figure)
 
 
 def _show(best: Excitation, room: Room) -> None:
@@ -162,6 +157,5 @@ def _show(best: Excitation, room: Room) -> None:
         ("attempts", f"{found} {', '.join(f'{x:.4g}' for x in best.attempts)}"),
         ("not checked", "collisions between links"),
     ]
-    out = console()
-    show(out, table(columns, rows))
-    out.print(facts(said))
+    say(table(columns, rows))
+    console().print(facts(said))

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,7 +12,7 @@ import click
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.cli.arguments import BagTopic, Band, Json, Pair, Pairs, Positive, YamlFile
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, number, show, table
+from arm_sim.cli.output import number, say, table, to_json
 
 if TYPE_CHECKING:
     from arm_studies.identification import Identification, JointRecord
@@ -49,10 +47,8 @@ def identify(
     every recording that ./arm plot accepts.
 
     Args:
-        recordings: Files, or folders of bags.
         scene: Nominal scene: geometry, and first guess of the inertias.
         out: Scene to write (.yaml), with its URDF and a report beside it.
-        band: Cut-off of the low-pass filter in Hz.  [default: from the noise]
         effort: Recorded efforts are torques, or proportional to torques with an unknown scale per
             joint.
         units: Torque per unit of effort, as N m/A; once for every joint.
@@ -62,8 +58,6 @@ def identify(
         payload: Identify only the payload on this frame of a known arm.
         accept_worse: Write the scene even if it predicts the held-out part of the recordings worse
             than the nominal scene does.
-        topic: Topic of the joint states, if a bag has several.
-        as_json: Print JSON.
     """
     if payload is not None and (effort != "torque" or units or total_mass or masses):
         raise InvalidInput(
@@ -85,13 +79,18 @@ def identify(
         )  # fmt: skip
         click.echo("writing the scene, the report and the figures …", err=True)
         files = write(found, out, [path.name for path in recordings])
-        facts = _result(found)
+        same = ("parameters", "intervals", "scatter", "written", "missing", "notes")
+        facts = {
+            "band": found.band, "error": found.error[0], "nominal_error": found.error[1],
+            "torque_error": found.torque_error, **{name: getattr(found, name) for name in same},
+            "scales": dict(zip(found.joint_names, found.scales, strict=True)),
+        }  # fmt: skip
         if not as_json:
             _show(found)
     if as_json:
-        click.echo(json.dumps({"files": [*map(str, files)], **facts}))
+        click.echo(to_json({"files": files, **facts}))
     else:
-        console().print("\n".join(map(str, files)), markup=False)
+        say(*files)
 
 
 def _payload(
@@ -120,34 +119,18 @@ def _payload(
     carrying = arm.model_copy(update={"payloads": (*arm.payloads, found.payload)})
     files = write_scene(carrying, out, head)
     if not as_json:
-        console().print(f"payload on {frame}", markup=False)
-        show(console(), table(["", "value", "", "95 % interval", ""], rows, text=(0, 2, 3, 4)))
+        columns = ["", "value", "", "95 % interval", ""]
+        say(f"payload on {frame}", table(columns, rows, text=(0, 2, 3, 4)))
     return {
-        "payload": found.payload.model_dump(mode="json"), "intervals": dict(found.intervals),
-        "scatter": sorted(found.scatter), "missing": found.missing,
+        "payload": found.payload.model_dump(mode="json"), "intervals": found.intervals,
+        "scatter": found.scatter, "missing": found.missing,
     }, files  # fmt: skip
-
-
-def _result(found: Identification) -> dict[str, Any]:
-    def known(error: float) -> float | None:
-        return None if math.isnan(error) else error  # JSON has no NaN
-
-    return {
-        "band": found.band, "error": known(found.error[0]), "nominal_error": known(found.error[1]),
-        "torque_error": {name: known(x) for name, x in found.torque_error.items()},
-        "parameters": dict(found.parameters), "intervals": dict(found.intervals),
-        "scatter": sorted(found.scatter),
-        "written": dict(found.written), "missing": dict(found.missing), "notes": list(found.notes),
-        "scales": dict(zip(found.joint_names, found.scales.tolist(), strict=True)),
-    }  # fmt: skip
 
 
 def _show(found: Identification) -> None:
     from arm_studies.identification.report import joint_rows, share
 
-    out = console()
     columns = ["joint", "nominal\nerror", "error", "residual\nrms", "friction"]
-    show(out, table(columns, joint_rows(found, 1), text=(0, 4)))
     identified = found.parameters.keys() - found.missing.keys()
     lines = [
         f"torque error on held-out data: {share(found.error[0], 2)}, nominal "
@@ -160,5 +143,5 @@ def _show(found: Identification) -> None:
             f"intervals of {len(found.scatter & identified)} of these are scatter, not 95 %: "
             "errors of the model, not noise, cause most of their width"
         )
-    for line in (*lines, *(f"note: {note}" for note in found.notes)):
-        out.print(line, markup=False)
+    notes = [f"note: {note}" for note in found.notes]
+    say(table(columns, joint_rows(found, 1), text=(0, 4)), *lines, *notes)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import click
 
 from arm_sim.cli.arguments import File, Json
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, number, show, table
+from arm_sim.cli.output import number, say, table, to_json
 
 
 @command(
@@ -41,7 +40,6 @@ def identify_drive(
         coast: Motor, winding open: time, speed; voltage if measured.
         flexible: Flexible joint: time, torque, motor; link unless it is held.
         bristles: LuGre friction, from small motions: time, torque, position.
-        as_json: Print JSON.
     """
     motor = {"blocked": blocked, "free": free, "coast": coast}
     if any(motor.values()) + (flexible is not None) + bool(bristles) != 1:
@@ -74,23 +72,21 @@ def identify_drive(
             for name, e in estimates.items()
         }
         facts = {"follows": found.follows, "residual": found.residual, "missing": found.missing}
-        click.echo(json.dumps(facts | {"parameters": parameters}))
+        click.echo(to_json(facts | {"parameters": parameters}))
     else:
-        out = console()
         rows = [(name, number(e.value, 6), f"± {number(e.interval, 2)}", units[name])
                 for name, e in estimates.items()]  # fmt: skip
         if rows:
-            show(out, table(("", "value", "95 %", "unit"), rows, text=(0, 3)))
-        out.print(f"residual: {found.residual:.2%} of the variation of the records", markup=False)
+            say(table(("", "value", "95 %", "unit"), rows, text=(0, 3)))
+        say(f"residual: {found.residual:.2%} of the variation of the records")
         if not found.follows:
-            out.print(
+            say(
                 "the model does not fit the records: the residual is not noise, so no parameter "
                 "is identified (wrong columns or units, another friction model, or another kind "
                 "of test?)"
             )
         elif found.missing:
-            missing = ", ".join(found.missing)
-            out.print(f"not determined by these records: {missing}", markup=False)
+            say(f"not determined by these records: {', '.join(found.missing)}")
     if not found.follows:
         raise click.exceptions.Exit(1)
 

@@ -13,10 +13,10 @@ import click
 
 from arm_sim.cli.arguments import Count
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, number, progress, show, table
+from arm_sim.cli.output import number, progress, say, table
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.table import Table
 
     from arm_studies.sweeps import Progress, Sweep
 
@@ -43,7 +43,6 @@ def sweep(
     table does not depend on the number of workers or their order, bit for bit.
 
     Args:
-        study: A file (.yaml).
         out: Folder of the table, the figures and the journal, from which an interrupted sweep
             continues.  [default: reports/sweeps/NAME]
         workers: Number of worker processes.  [default: one per core]
@@ -75,8 +74,7 @@ def sweep(
     written = [done.table.save(folder)]
     if not no_figures:
         written += draw(done.study, done.table, folder)
-    screen, plan = console(), done.plan
-    (_show_runs if len(done.table) <= _LISTED else _show_groups)(screen, done)
+    plan = done.plan
     how = f"{plan.compiled} in compiled code" if plan.compiled else "controllers in Python"
     said = [*_losses(done)]
     if done.dropped:
@@ -89,8 +87,7 @@ def sweep(
         )
     else:
         said.append(f"all {plan.runs} runs were done before")
-    for line in (*said, *map(str, written)):
-        screen.print(line, markup=False)
+    say((_runs if len(done.table) <= _LISTED else _groups)(done), *said, *written)
 
 
 def _losses(done: Sweep) -> Iterator[str]:
@@ -103,16 +100,16 @@ def _losses(done: Sweep) -> Iterator[str]:
         yield f"{len(lost)} of {done.plan.runs} runs {kind}; run {run}: {note}"
 
 
-def _show_runs(out: Console, done: Sweep) -> None:
+def _runs(done: Sweep) -> Table:
     names = ["run", *done.table.varied, *done.table.metrics, "status"]
     columns = [done.table[name].tolist() for name in names]
     rows = ([x if isinstance(x, str) else number(x, 4) for x in row]
             for row in zip(*columns, strict=True))  # fmt: skip
     text = [i for i, column in enumerate(columns) if isinstance(column[0], str)]
-    show(out, table(names, rows, text))
+    return table(names, rows, text)
 
 
-def _show_groups(out: Console, done: Sweep) -> None:
+def _groups(done: Sweep) -> Table:
     import numpy as np
 
     from arm_studies.sweeps.figures import groups
@@ -128,7 +125,7 @@ def _show_groups(out: Console, done: Sweep) -> None:
     headings = ["runs of", "metric", "done", "5 %", "median", "95 %", "largest"]
     if len(groups(done.table)) == 1:
         rows, headings = [row[1:] for row in rows], headings[1:]
-    show(out, table(headings, rows, (0, 1) if headings[0] == "runs of" else (0,)))
+    return table(headings, rows, (0, 1) if headings[0] == "runs of" else (0,))
 
 
 class _Lines:

@@ -18,7 +18,7 @@ from arm_sim.cli.call.answers import Answer, print_json
 from arm_sim.cli.call.services import DYNAMICS, MODEL_INFO, SERVICES, Field, Service
 from arm_sim.cli.command import command, option_name
 from arm_sim.cli.completion import Commands
-from arm_sim.cli.output import console, examples
+from arm_sim.cli.output import examples, say
 from arm_sim.cli.vectors import HOW, Vector, VectorType
 
 Given = Mapping[Field, Any]
@@ -95,11 +95,14 @@ def _command(service: Service) -> click.Command:
             raise SystemExit(1) from None
 
     lines = (f"./arm call {name} {words}".strip() for words in service.examples.split("\n"))
-    made = command(*lines, name=name)(call)
+    made = command(*lines, name=name, first=partial(_fields, service))(call)
     made.help, made.short_help = service.help, service.short_help
-    fields = sorted(service.request, key=lambda field: field.name == "joint_names")
-    made.params = [*(_parameter(service, field) for field in fields), *made.params]
     return made
+
+
+def _fields(service: Service) -> list[click.Parameter]:
+    fields = sorted(service.request, key=lambda field: field.name == "joint_names")
+    return [_parameter(service, field) for field in fields]
 
 
 def _option(field: Field) -> str:
@@ -160,7 +163,7 @@ def _call(
         facts |= {field.name: getattr(response, field.name) for field in service.response}
         names = ", ".join(sent.get("joint_names", ())) or "all joints"
         done = service.done.format(**facts, joints=names)
-        console().print(f"/{node.strip('/')}: {done}", markup=False)
+        say(f"/{node.strip('/')}: {done}")
     else:
         answer.print()
     if not response.success:  # a part of the request

@@ -12,7 +12,7 @@ import click
 
 from arm_sim.cli.arguments import File, NotNegative, Seconds, Timeout
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, number, progress
+from arm_sim.cli.output import number, progress, say
 from arm_sim.cli.robot.goal import parse, targets, unhurried
 from arm_sim.cli.vectors import Vector, VectorType
 
@@ -52,7 +52,6 @@ def go(
     running. Exits with status 1 if the goal is refused or not reached.
 
     Args:
-        goals: Positions of joints.
         duration: Duration of the motion, in s; by default, no joint is faster than 1 rad/s or 1
             m/s. The controller takes longer where limits require it.
         pose: Move a frame straight to a pose instead, in m; the quaternion has length 1.
@@ -89,7 +88,7 @@ def go(
         if pose is not None:
             chosen, (numbers,) = controller.choose_frame(frame), pose.rows
             place = ", ".join(number(x, 4) for x in numbers[:3])
-            console().print(f"{chosen} straight to {place} m", markup=False)
+            say(f"{chosen} straight to {place} m")
             send = partial(controller.send_pose, numbers)
         elif points is None:
             send = _joint_motion(controller, targets(wanted, here), duration)
@@ -98,7 +97,7 @@ def go(
             if any(abs(x - here.get(name, x)) > _THERE for name, x in start.items()):
                 _lead(controller, _joint_motion(controller, start, duration), tolerance)
             seconds = number(points.points[-1].time, 4)
-            console().print(f"{len(points.points)} points in {seconds} s", markup=False)
+            say(f"{len(points.points)} points in {seconds} s")
             send = partial(controller.send_points, points)
         _lead(controller, send, tolerance, no_wait)
 
@@ -111,7 +110,7 @@ def _joint_motion(
     what = [f"{name} {number(here[name], 4)} → {number(there[name], 4)}"
             for name in there if name in here]  # fmt: skip
     if what:
-        console().print(f"{', '.join(what)}, in {number(seconds, 3)} s", markup=False)
+        say(f"{', '.join(what)}, in {number(seconds, 3)} s")
     return partial(controller.send_joints, there, seconds)
 
 
@@ -121,7 +120,7 @@ def _lead(
     """Send a goal and follow the motion to its end."""
     words = controller.begin(send)
     if "slower" in words:
-        console().print(words, markup=False)
+        say(words)
     if no_wait:
         return
     try:
@@ -132,8 +131,7 @@ def _lead(
         joint, error = controller.settle(tolerance, _SETTLING)
     except KeyboardInterrupt:
         raise click.ClickException("no longer waiting; the arm continues to its goal") from None
-    for complaint in controller.errors:
-        console().print(complaint, markup=False)
+    say(*controller.errors)
     if controller.replaced:
         words = controller.words or "the controller holds the arm"
         another = words.startswith(("following", "planning"))
@@ -142,4 +140,4 @@ def _lead(
     if not error <= tolerance:
         off, allowed = number(error, 3), number(tolerance, 3)
         raise click.ClickException(f"stopped short: {joint} is off by {off}, more than {allowed}")
-    console().print(f"arrived: largest error {number(error, 2)} at {joint}", markup=False)
+    say(f"arrived: largest error {number(error, 2)} at {joint}")

@@ -3,19 +3,15 @@
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 import yaml
 
-from arm_dynamics.exceptions import choices
 from arm_sim.cli.arguments import Json, Timeout
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, table
+from arm_sim.cli.output import console, table, to_json
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
@@ -25,79 +21,6 @@ KINDS = (
 )  # fmt: skip
 """By the numbers of rcl_interfaces/ParameterType; a list that is empty comes as bytes."""
 _MEETING = 3.0  # [s] for the discovery of two processes
-
-
-class Parameters:
-    """The parameters of a node; use it in a ``with`` statement."""
-
-    def __init__(self, node: str, timeout: float) -> None:
-        """Take the node's name, and how long to wait for it in [s]."""
-        from arm_dynamics.ros.common.caller import Caller
-
-        self._node, self._caller = node, Caller(timeout)
-
-    def __enter__(self) -> Self:
-        """Use it in a ``with`` statement."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Leave the graph."""
-        self._caller.close()
-
-    def names(self) -> list[str]:
-        """Names of all parameters."""
-        return sorted(self._ask("ListParameters").result.names)
-
-    def get(self, names: Sequence[str]) -> dict[str, Any]:
-        """Their values by name."""
-        from rclpy.parameter import parameter_value_to_python
-
-        answer = self._ask("GetParameters", names=list(names))
-        values = map(parameter_value_to_python, answer.values)
-        return {
-            name: x if isinstance(x, str) or not isinstance(x, Sequence) else list(x)
-            for name, x in zip(names, values, strict=True)
-        }
-
-    def describe(self, names: Sequence[str]) -> dict[str, ParameterDescriptor]:
-        """Their descriptions by name."""
-        answer = self._ask("DescribeParameters", names=list(names))
-        return dict(zip(names, answer.descriptors, strict=True))
-
-    def set(self, values: Mapping[str, Any]) -> None:
-        """Set all of them, or none.
-
-        Raises:
-            click.ClickException: If the node refuses, with its reason.
-        """
-        from rclpy.parameter import Parameter
-
-        messages = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
-        answer = self._ask("SetParametersAtomically", parameters=messages)
-        if not answer.result.successful:
-            raise click.ClickException(f"refused: {answer.result.reason}")
-
-    def require(self, names: Sequence[str]) -> None:
-        """Fail with what is allowed if one does not exist."""
-        known = self.names()
-        for name in names:
-            if name not in known:
-                raise click.ClickException(
-                    f"{self._node} has no parameter '{name}'; allowed: {choices(name, known, 100)}"
-                )
-
-    def _ask(self, kind: str, **fields: Any) -> Any:
-        from rcl_interfaces import srv
-
-        from arm_dynamics.exceptions import NoAnswer
-        from arm_dynamics.ros.interfaces import Service
-
-        name = re.sub("(?<=[a-z])([A-Z])", r"_\1", kind).lower()
-        service = Service(f"~/{name}", getattr(srv, kind))
-        try:
-            return self._caller.ask(self._node, service, service.type.Request(**fields))
-        except NoAnswer as error:
-            raise click.ClickException(f"{error}\n  --timeout waits longer") from None
 
 
 @command(
@@ -118,15 +41,26 @@ def get(
     Without NAME it shows all of them, without NODE a list of the nodes.
     """
     if node is None:
-        _list_nodes(timeout, as_json)
+        from arm_sim.cli.robot.listener import Listener
+
+        with Listener() as listener:
+            listener.until(lambda: bool(listener.nodes()), timeout)
+            listener.until(lambda: False, _MEETING)
+            seen = [name for name in listener.nodes() if "/_" not in name]
+            where = listener.where()
+        if not (seen or as_json):
+            raise click.ClickException(f"no nodes (waited {timeout:g} s)\n  {where}")
+        click.echo(to_json(seen) if as_json else "\n".join(seen))
         return
-    with Parameters("/" + node.strip("/"), timeout) as parameters:
+    from arm_sim.cli.robot.node_parameters import Parameters
+
+    with Parameters(node, timeout) as parameters:
         if names:
             parameters.require(names)
         chosen = list(names or parameters.names())
         values = parameters.get(chosen)
         if as_json:
-            click.echo(json.dumps(values))
+            click.echo(to_json(values))
             return
         descriptions = parameters.describe(chosen)
     rows = []
@@ -139,20 +73,6 @@ def get(
     made = table(("parameter", "value", "type", "allowed", ""), rows, text=range(5))
     made.columns[-1].no_wrap = False
     console().print(made)
-
-
-def _list_nodes(timeout: float, as_json: bool) -> None:
-    """List the nodes, after enough time for discovery."""
-    from arm_sim.cli.robot.listener import Listener
-
-    with Listener() as listener:
-        listener.until(lambda: bool(listener.nodes()), timeout)
-        listener.until(lambda: False, _MEETING)
-        seen = [name for name in listener.nodes() if "/_" not in name]
-        where = listener.where()
-    if not (seen or as_json):
-        raise click.ClickException(f"no nodes (waited {timeout:g} s)\n  {where}")
-    click.echo(json.dumps(seen) if as_json else "\n".join(seen))
 
 
 @command(
@@ -176,7 +96,9 @@ def set_(
     names = list(wanted)
     if 2 * len(names) < len(words):
         raise click.UsageError("a parameter is named twice")
-    with Parameters("/" + node.strip("/"), timeout) as parameters:
+    from arm_sim.cli.robot.node_parameters import Parameters
+
+    with Parameters(node, timeout) as parameters:
         parameters.require(names)
         about, before = parameters.describe(names), parameters.get(names)
         parameters.set({n: _read(n, text, about[n], before[n]) for n, text in wanted.items()})
@@ -207,5 +129,5 @@ def _read(name: str, text: str, about: ParameterDescriptor, before: Any) -> Any:
 
 
 def _written(value: Any) -> str:
-    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    text = value if isinstance(value, str) else to_json(value)
     return text if len(text) <= 60 else text[:59] + "…"

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import sys
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,7 +17,7 @@ import click
 
 from arm_sim.cli.arguments import Json, Timeout
 from arm_sim.cli.command import command
-from arm_sim.cli.output import console, table
+from arm_sim.cli.output import console, table, to_json
 from arm_sim.cli.robot.reports import Reports
 
 if TYPE_CHECKING:
@@ -61,32 +61,25 @@ def watch(
     """
     from arm_sim.cli.robot.listener import Listener, full
 
-    with Listener() as listener:
+    with Listener() as listener, suppress(KeyboardInterrupt):
         seen = Seen(full(topic))
         seen.join(listener)
+        left = timeout
+        while left > _TELL and not listener.until(lambda: seen.state is not None, _TELL):
+            left -= _TELL
+            if not as_json:
+                click.echo(f"no joint states on {seen.topic} yet …", err=True)
+        if not listener.until(lambda: seen.state is not None, left):
+            raise click.ClickException(
+                f"no joint states on {seen.topic} (waited {timeout:g} s)\n  start a robot: ./arm "
+                f"sim SCENE; --topic selects another topic\n  {listener.where()}"
+            )
+        listener.until(lambda: seen.measured, 0.3)
+        listener.until(lambda: False, _TELL if once else 0.0)  # warnings come once a second
         try:
-            _meet(listener, seen, timeout, quiet=as_json)
-            listener.until(lambda: False, _TELL if once else 0.0)  # warnings come once a second
             _show(listener, seen, once, 1.0 / rate, as_json)
-        except KeyboardInterrupt:
-            pass
         except BrokenPipeError:  # the pipe was closed
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _meet(listener: Listener, seen: Seen, timeout: float, quiet: bool) -> None:
-    """Wait for joint states, and long enough to measure their rate."""
-    left = timeout
-    while left > _TELL and not listener.until(lambda: seen.state is not None, _TELL):
-        left -= _TELL
-        if not quiet:
-            click.echo(f"no joint states on {seen.topic} yet …", err=True)
-    if not listener.until(lambda: seen.state is not None, left):
-        raise click.ClickException(
-            f"no joint states on {seen.topic} (waited {timeout:g} s)\n  start a robot: ./arm "
-            f"sim SCENE; --topic selects another topic\n  {listener.where()}"
-        )
-    listener.until(lambda: seen.measured, 0.3)
 
 
 @dataclass
@@ -166,19 +159,15 @@ class Seen:
 def _show(listener: Listener, seen: Seen, once: bool, period: float, as_json: bool) -> None:
     if as_json or not (once or sys.stdout.isatty()):
         line = _json if as_json else _line
-        while True:
-            click.echo(line(seen))
-            sys.stdout.flush()
-            if once:
-                return
+        click.echo(line(seen))
+        while not once:
             listener.until(lambda: False, period)
-    if once:
-        console().print(_picture(seen))
+            click.echo(line(seen))
         return
     from rich.live import Live
 
     with Live(_picture(seen), console=console(), auto_refresh=False) as live:
-        while True:
+        while not once:
             listener.until(lambda: False, period)
             live.update(_picture(seen), refresh=True)
 
@@ -207,10 +196,5 @@ def _line(seen: Seen) -> str:
 
 def _json(seen: Seen) -> str:
     names, *columns = zip(*seen.rows(), strict=True)
-    keys = ("position", "velocity", "effort")
-    values = {
-        key: [None if math.isnan(x) else x for x in column]
-        for key, column in zip(keys, columns, strict=True)
-    }
-    about = {"time": seen.stamp, "rate": seen.rate, "remarks": seen.remarks()}
-    return json.dumps({**about, "names": names, **values})
+    about = {"time": seen.stamp, "rate": seen.rate, "remarks": seen.remarks(), "names": names}
+    return to_json(about | dict(zip(("position", "velocity", "effort"), columns, strict=True)))
