@@ -27,7 +27,6 @@ from arm_sim import Recording, Simulator
 from arm_sim.cli.call.answers import Answer, readable
 from arm_sim.cli.call.services import SERVICES
 from arm_sim.cli.demo.motion import choose_motion
-from arm_sim.cli.nodes import split_words
 from arm_sim.cli.vectors import Vector, parse
 from arm_studies.cli.main import main
 
@@ -169,21 +168,6 @@ def test_points(tmp_path: Path) -> None:
 def test_what_is_no_vector_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"number|joint|JSON|list"):
         parse(text)
-
-
-@pytest.mark.parametrize(
-    ("scene", "rest", "expected"),
-    [
-        ("a.yaml", (), ("a.yaml", ())),
-        (None, (), (None, ())),
-        ("a.yaml", ("--ros-args", "-p", "x:=1"), ("a.yaml", ("--ros-args", "-p", "x:=1"))),
-        ("--ros-args", ("-r", "a:=b"), (None, ("--ros-args", "-r", "a:=b"))),
-    ],
-)
-def test_scene_is_distinguished_from_ros_arguments(
-    scene: str | None, rest: tuple[str, ...], expected: tuple[str | None, tuple[str, ...]]
-) -> None:
-    assert split_words(scene, rest) == expected
 
 
 def operations(*words: str) -> int:

@@ -128,7 +128,7 @@ def _unwrapped(hint: Any) -> tuple[Any, list[Any], bool]:
         return kind, [*inside[1:], *marks], many
     if origin in (Union, UnionType):
         return _unwrapped(next(part for part in inside if part is not type(None)))
-    if origin is tuple:
+    if origin is tuple and inside[-1] is Ellipsis:
         kind, marks, _ = _unwrapped(inside[0])
         return kind, marks, True
     return hint, [], False

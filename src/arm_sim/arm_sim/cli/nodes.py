@@ -97,7 +97,12 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
     """Run one node; return it after a clean end, else exit with its status."""
     from rclpy.parameter import Parameter
 
-    scene, rest = split_words(scene, rest)
+    from arm_dynamics.ros.common.executable import split_words
+
+    try:
+        scene, rest = split_words((scene, *rest) if scene else rest)
+    except InvalidInput as error:
+        raise click.UsageError(str(error)) from None
     if with_parent:
         # The kernel sends SIGTERM when the parent process ends, for any reason.
         parent = os.getppid()
@@ -131,13 +136,3 @@ def run_node(
 
     status = run(make_one, list(words), lambda: done(made[0]))
     return status, made[0] if made else None
-
-
-def split_words(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, tuple[str, ...]]:
-    """Separate the scene from ROS arguments, and refuse anything else."""
-    from arm_dynamics.ros.common import executable
-
-    try:
-        return executable.split_words((scene, *rest) if scene else rest)
-    except InvalidInput as error:
-        raise click.UsageError(str(error)) from None
