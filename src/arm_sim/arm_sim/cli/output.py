@@ -116,6 +116,7 @@ def progress(
     otherwise: Callable[..., object] = lambda **_: None,
     *columns: Any,
     refresh: bool = False,
+    **task: Any,
 ) -> Iterator[Callable[..., object]]:
     """Show progress by a bar on a terminal, which is told description, completed and total.
 
@@ -124,6 +125,7 @@ def progress(
         otherwise: What is told without a terminal.
         columns: Columns of the bar; by default its text, the bar and a percentage.
         refresh: Draw it when it is told something, not from a thread of its own.
+        task: What is told at first.
     """
     if not stream.isatty():
         yield otherwise
@@ -136,8 +138,8 @@ def progress(
         *columns, console=Console(file=stream), transient=True, auto_refresh=not refresh
     )
     with shown:
-        task = shown.add_task("", total=None)
-        yield lambda **told: shown.update(task, refresh=refresh, **told)
+        shown_task = shown.add_task(**{"description": "", "total": None, **task})
+        yield lambda **told: shown.update(shown_task, refresh=refresh, **told)
 
 
 def to_json(facts: Mapping[str, Any], indent: int | None = None) -> str:

@@ -102,10 +102,10 @@ def excite(
 
     if not sys.stderr.isatty():
         click.echo(f"searching: {attempts} attempts, a few seconds each", err=True)
-    with progress(sys.stderr, in_lines) as tell:
+    with progress(sys.stderr, in_lines, description="searching", total=attempts) as tell:
         best = find(
             room, period=period, harmonics=harmonics, aim=aim, attempts=attempts, seed=seed,
-            told=lambda done: tell(description="searching", completed=done, total=attempts),
+            told=lambda done: tell(completed=done),
         )  # fmt: skip
     out = out or Path("exciting.yaml")
     JointTrajectory.of(best.motion, best.joint_names, turns).save(out)

@@ -56,9 +56,9 @@ def sweep(
 
     folder = out or Path("reports/sweeps") / study.stem
     columns = ("{task.description}", BarColumn(), MofNCompleteColumn(), "{task.fields[left]}")
-    lines = _Lines()
+    lines, first = _Lines(), {"description": "reading the study", "left": ""}
     try:
-        with progress(sys.stderr, lines.tell, *columns) as tell:
+        with progress(sys.stderr, lines.tell, *columns, **first) as tell:
 
             def told(at: Progress) -> None:
                 left = _left(at.remaining)
