@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from arm_dynamics import ArmModel
+    from arm_dynamics.arrays import Array
     from arm_sim import Simulator
 
 
@@ -84,15 +85,10 @@ def describe(
 
 def _robot(model: ArmModel) -> dict[str, Any]:
     """The robot for --json; null for no limit."""
-    columns = {
-        "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
-        "velocity_limit": model.velocity_limit, "effort_limit": model.effort_limit,
-        "viscous": model.viscous, "coulomb": model.friction.coulomb.mean,
-        "static": model.friction.static.mean, "armature": model.armature,
-    }  # fmt: skip
+    columns = _columns(model)
     joints = [
         {"name": name, "type": model.joint_types[i], "command_unit": model.command_unit[i]}
-        | {key: values[i] for key, values in columns.items()}
+        | {key: values[i] for key, _, values in columns}
         for i, name in enumerate(model.joint_names)
     ]
     return {
@@ -102,6 +98,22 @@ def _robot(model: ArmModel) -> dict[str, Any]:
         "placeholders": model.placeholders, "joints": joints,
         "frames": model.frame_names,
     }  # fmt: skip
+
+
+def _columns(model: ArmModel) -> list[tuple[str, str, Array]]:
+    """Numbers of the joints, each with its name in JSON and its heading."""
+    friction = model.friction
+    return [
+        ("start", "start", model.q0),
+        ("lower", "lower", model.position_lower),
+        ("upper", "upper", model.position_upper),
+        ("velocity_limit", "speed\nlimit", model.velocity_limit),
+        ("effort_limit", "effort\nlimit", model.effort_limit),
+        ("viscous", "viscous\nfriction", model.viscous),
+        ("coulomb", "Coulomb\nfriction", friction.coulomb.mean),
+        ("armature", "armature", model.armature),
+        ("static", "static\nfriction", friction.static.mean),
+    ]
 
 
 def _motion(simulator: Simulator) -> dict[str, Any]:
@@ -142,19 +154,13 @@ def _show_robot(out: Console, model: ArmModel) -> None:
 def _show_joints(out: Console, model: ArmModel) -> None:
     import numpy as np
 
-    friction, names = model.friction, model.joint_names
-    columns = {
-        "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
-        "speed\nlimit": model.velocity_limit, "effort\nlimit": model.effort_limit,
-    }  # fmt: skip
-    drives = {
-        "viscous\nfriction": model.viscous, "Coulomb\nfriction": friction.coulomb.mean,
-        "armature": model.armature,
-    }  # fmt: skip
-    if (friction.static.mean != friction.coulomb.mean).any():
-        drives["static\nfriction"] = friction.static.mean
-    absent = [name.replace("\n", " ") for name, values in drives.items() if not values.any()]
-    columns |= {name: values for name, values in drives.items() if values.any()}
+    names, friction = model.joint_names, model.friction
+    columns = {heading: values for _, heading, values in _columns(model)}
+    if (friction.static.mean == friction.coulomb.mean).all():
+        del columns["static\nfriction"]
+    absent = [x for x in columns if x.endswith(("friction", "armature")) and not columns[x].any()]
+    for heading in absent:
+        del columns[heading]
     write = {name: limit if name.endswith(("limit", "er")) else number for name in columns}
     rows = [
         (name, model.joint_types[i], *(write[c](values[i], 4) for c, values in columns.items()))
@@ -162,7 +168,7 @@ def _show_joints(out: Console, model: ArmModel) -> None:
     ]
     say(table(("joint", "type", *columns), rows, text=(0, 1)))
     if absent:
-        out.print(f"all zero: {', '.join(absent)}", style="dim")
+        out.print(f"all zero: {', '.join(absent)}".replace("\n", " "), style="dim")
     turning = "rad, rad/s, N m, viscous friction N m s/rad, armature kg m²"
     sliding = "m, m/s, N, viscous friction N s/m, armature kg"
     if "prismatic" in model.joint_types:
