@@ -13,9 +13,8 @@ from browser import Page, needed, opened
 from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
-from arm_sim.exceptions import ViewError
-from arm_sim.view import Chart, Film, View, show
-from arm_sim.view.interactive import NOTHING
+from arm_sim.view import show
+from arm_sim.view.interactive import NOTHING, Interactive
 from arm_sim.view.player import Player
 
 SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave
@@ -35,7 +34,7 @@ def panda() -> Simulator:
 
 
 @pytest.fixture
-def touched(panda: Simulator) -> Iterator[tuple[View, Page]]:
+def touched(panda: Simulator) -> Iterator[tuple[Interactive, Page]]:
     """A simulation in a page."""
     panda.reset()
     with (
@@ -45,9 +44,9 @@ def touched(panda: Simulator) -> Iterator[tuple[View, Page]]:
         yield view, page
 
 
-def let_fall(view: View) -> None:
+def let_fall(view: Interactive) -> None:
     """Choose no controller, as the menu of the page does."""
-    view.source.loop.order(lambda: view.source._choose(NOTHING))
+    view._order(lambda: view.choose(NOTHING))
 
 
 def assert_drawn(page: Page, simulator: Simulator, name: str = "panda") -> None:
@@ -62,7 +61,7 @@ def assert_drawn(page: Page, simulator: Simulator, name: str = "panda") -> None:
 
 
 def test_a_scene_runs_pauses_steps_and_resets(
-    touched: tuple[View, Page], panda: Simulator
+    touched: tuple[Interactive, Page], panda: Simulator
 ) -> None:
     view, page = touched
     assert_drawn(page, panda)
@@ -132,7 +131,7 @@ def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
         opened(view.url, "/panda/panda_joint7", size=(1600, 900)) as page,
     ):
         let_fall(view)
-        rig, finger = view.source.rigs[0], Touch(page) if by == "touch" else page.handle.mouse
+        rig, finger = view.rigs[0], Touch(page) if by == "touch" else page.handle.mouse
 
         def pulled() -> bool:
             """Drag the elbow sideways, wherever the camera is by now."""
@@ -158,83 +157,52 @@ def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
         page.until(lambda: rig._pull is None, "its end")
 
 
-@pytest.fixture(scope="module")
-def long_film(panda: Simulator) -> Film:
-    """Ten minutes at 1 kHz."""
-    time = np.arange(600_001) * 1e-3
-    q = panda.model.q0 + 0.3 * np.sin(0.5 * time[:, None] + np.arange(7))
-    return Film("arm", panda.model, time, q)
-
-
 @pytest.mark.nightly  # test_view.py plays without a browser
-def test_ten_minutes_are_scrubbed_played_and_repeated(long_film: Film, panda: Simulator) -> None:
-    with show(long_film, port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
-        player = view.source
+def test_a_recording_is_scrubbed_and_played(panda: Simulator) -> None:
+    run = Simulator("panda").run(4.0)
+    with show(run, port=0) as player, opened(player.url, "/panda/panda_joint7") as page:
+        assert isinstance(player, Player)
 
         def drawn(row: int) -> bool:
-            return bool(abs(page.angles("arm", panda.model) - long_film.q[row]).max() < SHARP)
+            return bool(abs(page.angles("panda", panda.model) - run.q[row]).max() < SHARP)
 
         page.until(lambda: drawn(0), "the beginning")
         track = page.handle.locator(".mantine-Slider-track").first.bounding_box()
         middle = track["x"] + track["width"] / 2, track["y"] + track["height"] / 2
         page.handle.mouse.click(*middle)
-        page.until(lambda: abs(player.time - 300.0) < 20.0, "the middle")
+        page.until(lambda: abs(player.time - 2.0) < 0.2, "the middle")
         page.until(lambda: drawn(round(1e3 * player.time)), "its positions")
         page.handle.wait_for_timeout(100)
         assert page.handle.evaluate(_CUT) == []
         page.click("Play")
         begun = player.time
-        page.until(lambda: player.time > begun + 0.5, "time to pass")
+        page.until(lambda: player.time > begun + 0.2, "time to pass")
         page.click("Pause")
         page.until(lambda: page.handle.get_by_role("button", name="Play").is_visible(), "a stop")
         page.until(lambda: drawn(int(1e3 * player.time + 1e-6)), "where it stopped")
-        player.loop.order(lambda: player.seek(player.end - 0.05))
-        page.click("Play")
-        page.until(lambda: player.time < 10.0, "the beginning again")
 
 
-# Of every chart: how far along its first curve the cursor stands, and how many curves there are.
-_CURVES = """() => [...document.querySelectorAll('#curves svg')].map(svg => {
-  const curves = [...svg.querySelectorAll('.curve')];
-  const [first, cursor] = [curves[0], svg.querySelector('.cursor')].map(x => x.getBBox());
-  return [(cursor.x - first.x) / first.width, curves.length, first.height];
-})"""
-
-
-def test_beside_a_page_without_a_server_a_cursor_follows_the_player(
-    panda: Simulator, tmp_path: Path
-) -> None:
-    time = np.linspace(0.0, 2.0, 201)
-    q = panda.model.q0 + 0.4 * time[:, None]
-    curves = Chart("position [rad]", panda.joint_names, time, q)
-    flat = np.column_stack([np.full(201, 3.0), np.full(201, np.nan)])
-    still = Chart("torque [N m]", ("known", "unknown"), time, flat)
-    film = Film("arm", panda.model, time, q, charts=(curves, still))
-    with show(film, port=0) as view:
+def test_a_page_without_a_server_plays_beside_its_figure(panda: Simulator, tmp_path: Path) -> None:
+    run = Simulator("panda").run(1.0)
+    with show(run, port=0, name="left & <right>") as view:
         file = view.page(tmp_path / "arm.html", rate=8.0, speed=0.5)
-    with opened(file.as_uri(), "/arm/panda_joint7") as page:
-        half_a_second = q[50]  # at half the speed
+        assert file.stat().st_size < 8e6
+    with opened(file.as_uri(), "/left & <right>/panda_joint7") as page:
+        half_a_second = run.q[500]  # at half the speed
 
         def at_rest() -> bool:
-            page.handle.locator("#root input").first.fill(
-                "1.0"
-            )  # the player's time; it stops there
-            off = page.angles("arm", panda.model) - half_a_second
-            at = [along for along, *_ in page.handle.evaluate(_CURVES)]
-            return bool(abs(off).max() < SHARP and np.allclose(at, 0.25, atol=2e-3))
+            # the player's time; it stops there
+            page.handle.locator("#root input").first.fill("1.0")
+            off = page.angles("left & <right>", panda.model) - half_a_second
+            return bool(abs(off).max() < SHARP)
 
-        page.until(at_rest, "the picture and the cursor at half a second")
-        charted = page.handle.evaluate(_CURVES)
-        assert [count for _, count, _ in charted] == [7, 2]
-        assert charted[0][2] > 10.0  # it rises
-        texts = page.handle.locator("#curves h2").all_text_contents()
-        assert texts == ["position [rad]", "torque [N m]"]
+        page.until(at_rest, "the picture at half a second")
+        assert page.handle.title() == "left & <right>"
+        figure = page.handle.locator("#figures img")
+        assert figure.evaluate("image => image.naturalWidth") > 300
 
 
-def test_the_file_of_a_recording_is_shown_and_a_closed_page_refuses(tmp_path: Path) -> None:
+def test_the_file_of_a_recording_is_shown(tmp_path: Path) -> None:
     path = Simulator("two_link", backend="vm").run(0.01).save(tmp_path / "run.mcap")
-    with show(path, port=0) as page:  # a film, which plays
-        assert isinstance(page.source, Player)
-    for write in (page.picture, page.film, page.page):
-        with pytest.raises(ViewError, match="the page is closed"):
-            write(tmp_path / "a.png")
+    with show(path, port=0) as page:
+        assert isinstance(page, Player)

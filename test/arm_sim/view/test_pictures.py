@@ -25,11 +25,12 @@ def test_without_ffmpeg_one_line_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("PATH", "")
+    films = ".gif", ".mp4"
     with pytest.raises(ViewError, match=r"\.mp4 needs ffmpeg .*apt install ffmpeg\); \.gif does"):
-        pictures.refuse_film(tmp_path / "film.mp4")
-    pictures.refuse_film(tmp_path / "film.gif")
-    with pytest.raises(ViewError, match=r"unknown film format; allowed: \.gif, \.mp4"):
-        pictures.refuse_film(tmp_path / "film.avi")
+        pictures.refuse(tmp_path / "film.mp4", films)
+    pictures.refuse(tmp_path / "film.gif", films)
+    with pytest.raises(ViewError, match=r"unknown format; allowed: \.gif, \.mp4"):
+        pictures.refuse(tmp_path / "film.avi", films)
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="there is no ffmpeg")
