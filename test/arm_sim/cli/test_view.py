@@ -191,11 +191,11 @@ def test_a_running_arm_is_followed_whatever_its_description_locks(
         forge, tmp_path, ("sim", str(scene), "--ros-args", "-p", "paused:=true")
     ) as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        with live.RunningArms([""]) as hearing:
-            (arm,) = hearing.arms
+        with Listener() as listener:
+            arm = live.RunningArm(listener, "")
             model = arm.meet(None)
             assert model.joint_names == ("shoulder",)
-            news = heard(arm, hearing._listener)
+            news = heard(arm, listener)
             np.testing.assert_array_equal(news[1], [0.4])
             assert arm.newest() is None  # nothing is told twice
             with pytest.raises(ViewError, match="another robot than the scene: it has no joint"):
@@ -277,7 +277,8 @@ def test_curves_times_and_silence_are_those_of_each_arm(monkeypatch: pytest.Monk
         times = 100.0, 100.5, 107.0, 106.5  # the last one of a run that began again
         left: Any = Telling(*((t, q, effort * t, error * t, energy * t) for t in times))
         right: Any = Telling()
-        page = live.Follower(server, actors, [left, right])
+        listener: Any = Deaf()
+        page = live.Follower(server, actors, [left, right], listener)
         assert page._status.content == "waiting"
         for _ in times[:2]:
             page._beat(0.1)
@@ -318,8 +319,8 @@ def test_a_description_of_another_robot_is_named() -> None:
 @ros
 def test_a_missing_node_to_follow_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live, "_WAIT", 0.2)
-    with live.RunningArms(["left"]) as hearing:
+    with Listener() as listener:
         with pytest.raises(ViewError, match=r"no joint states on /left/joint_states \(waited"):
-            hearing.show([], "127.0.0.1", 0)
+            live.followed(listener, ["left"], [], *HERE)
         with pytest.raises(ViewError, match="2 scenes for 1 running arms"):
-            hearing.show(["a", "b"], "127.0.0.1", 0)
+            live.followed(listener, ["left"], ["a", "b"], *HERE)

@@ -37,28 +37,34 @@ def orientation(position: Array, look_at: Array) -> Array:
 
 
 def fitted(points: Array, aspect: float, nearest: float = 0.0) -> tuple[Array, Array]:
-    """The nearest camera of this direction that has all points in the free part of its picture.
+    """The nearest camera from which all points are in the free part of its picture, centred.
+
+    Each edge of that part is a plane through the camera behind which no point may be: an
+    inequality that is linear in the camera's position. Those of opposite edges determine how near
+    it may be.
 
     Args:
-        points: In [m], shape (k, 3); their middle is in the middle of the free part.
+        points: In [m], shape (k, 3).
         aspect: Width over height of the picture.
-        nearest: Least distance from the middle in [m].
+        nearest: Least distance from the middle of the points in [m].
 
     Returns:
-        Its position, and a point that it looks at.
+        Its position, and a point that it looks at, at the distance of the points' middle.
     """
-    low, high = ABOVE_SHEET if aspect < TALL else (-WIDE, WIDE)
-    slope, middle = np.tan(FIELD / 2), (points.min(axis=0) + points.max(axis=0)) / 2
-    centre, half = slope * (low + high) / 2, slope * (high - low) / 2
-    x, y, depth = axes(WAY) @ (points - middle).T
-    # From a distance d, a point at x, y and d + depth is inside if |x| <= WIDE aspect slope
-    # (d + depth), and likewise for y about the centre of the free part.
-    across = abs(x) / (WIDE * aspect * slope) - depth
-    upright = abs(y - centre * depth) / half - depth
-    distance = max(nearest, across.max(), upright.max())
-    _, up, forward = axes(WAY)
-    look_at = middle - centre * distance * up
-    return look_at - distance * forward, look_at
+    x, y, depth = axes(WAY) @ points.T
+    wide, edges = WIDE * aspect, np.array(ABOVE_SHEET if aspect < TALL else (-WIDE, WIDE))
+    bounds = [
+        (np.max(low * depth - s), np.max(s - high * depth), low, high)
+        for s, (low, high) in (
+            (x, np.tan(FIELD / 2) * np.array([-wide, wide])), (y, np.tan(FIELD / 2) * edges)
+        )
+    ]  # fmt: skip
+    middle = (depth.min() + depth.max()) / 2
+    near = min(-(below + above) / (high - low) for below, above, low, high in bounds)
+    near = min(near, middle - nearest)
+    place = [(above - below + (high + low) * near) / 2 for below, above, low, high in bounds]
+    position = np.array([*place, near]) @ axes(WAY)
+    return position, position + (middle - near) * axes(WAY)[2]
 
 
 def keep_framed(server: viser.ViserServer, points: Array, nearest: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -216,9 +216,13 @@ class Interactive(View):
         self._dt = max(rig.simulation.dt for rig in rigs)
         self._add_buttons(server.gui)
         self._sliders = [self._add_sliders(*pair) for pair in self._pairs]
-        for pair in self._pairs:
-            self._add_push(*pair)
-            self._add_pull(*pair)
+        for rig, actor in self._pairs:
+            model = rig.simulation.model
+            frames = [name for name in model.frame_names if model.frame(name).parentJoint > 0]
+            self._add_push(rig, actor, frames)
+            for frame, link in actor.links:
+                if frame in frames:
+                    link.on_drag(partial(self._drag, rig, actor, frame))
         joints = {actor.name: rig.simulation.joint_names for rig, actor in self._pairs}
         self._charts = RollingCharts(server, joints, ENERGIES, MEMORY, SAMPLED)
         self.draw()
@@ -332,11 +336,10 @@ class Interactive(View):
                 self._on_change(sliders[i], partial(self.slide, rig, i))
         return sliders
 
-    def _add_push(self, rig: InteractiveArm, actor: DrawnArm) -> None:
+    def _add_push(self, rig: InteractiveArm, actor: DrawnArm, frames: Sequence[str]) -> None:
         gui = self._server.gui
         with gui.add_folder(f"Push {actor.name}", expand_by_default=False):
-            frames, hand = _moving_frames(rig.simulation.model), actor.marker.hand
-            frame = gui.add_dropdown("frame", frames, initial_value=hand)
+            frame = gui.add_dropdown("frame", frames, initial_value=actor.marker.hand)
             force = gui.add_vector3("force [N]", (0.0, 20.0, 0.0), step=1.0)
             lasting = gui.add_number("for [s]", 0.2, min=0.001, max=60.0, step=0.05)
 
@@ -346,30 +349,16 @@ class Interactive(View):
 
             gui.add_button("Push").on_click(lambda _: self._order(push))
 
-    def _add_pull(self, rig: InteractiveArm, actor: DrawnArm) -> None:
-        """Add a spring force at the point of a link that the mouse drags."""
-
-        def dragged(frame: str) -> Callable[[Any], Awaitable[None]]:
-            async def on_drag(event: Any) -> None:  # in order, as plain functions would not be
-                if event.phase == "end":
-                    self._order(rig.release)
-                    return
-                ends = np.array([event.start_position, event.end_position]) - actor.base
-                self._order(lambda: rig.pull(frame, *ends))
-
-            return on_drag
-
-        frames = _moving_frames(rig.simulation.model)
-        for frame, link in actor.links:
-            if frame in frames:
-                link.on_drag(dragged(frame))
+    async def _drag(self, rig: InteractiveArm, actor: DrawnArm, frame: str, event: Any) -> None:
+        """Pull at a link; called in order of events, as plain functions would not be."""
+        if event.phase == "end":
+            self._order(rig.release)
+        else:
+            ends = np.array([event.start_position, event.end_position]) - actor.base
+            self._order(partial(rig.pull, frame, *ends))
 
     def _start(self, marks: Any = ()) -> None:
         super()._start([*marks, ("➔", MOUSE, "pull of the mouse")])
-
-
-def _moving_frames(model: ArmModel) -> list[str]:
-    return [name for name in model.frame_names if model.frame(name).parentJoint > 0]
 
 
 def slider_of(model: ArmModel, joint: int, q: float) -> tuple[float, float, float, float]:

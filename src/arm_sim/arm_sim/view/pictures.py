@@ -120,33 +120,28 @@ def write_film(path: Path, pictures: Iterable[Any], rate: float) -> None:
     """Write pictures, of shape (height, width, 3), as a film (.gif or .mp4), or a ViewError."""
     from PIL import Image
 
+    frames = list(pictures)
     if path.suffix == ".mp4":
-        _write_mp4(path, iter(pictures), rate)
+        height, width = frames[0].shape[:2]
+        command = [
+            "ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
+            "-s", f"{width}x{height}", "-r", f"{rate:g}", "-i", "-", "-pix_fmt", "yuv420p",
+            "-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2", str(path),
+        ]  # fmt: skip
+        raw = b"".join(frame.tobytes() for frame in frames)
+        coder = subprocess.run(command, input=raw, capture_output=True, check=False)
+        if coder.returncode:
+            said = coder.stderr.decode(errors="replace").strip()
+            raise ViewError(f"'{path}': ffmpeg failed: {said}")
         return
-    frames = [Image.fromarray(picture) for picture in pictures]
     # One palette, so that static parts are stored once and do not flicker.
     sample = np.vstack([frames[k] for k in (0, len(frames) // 2, -1)])
     palette = Image.fromarray(sample).quantize(128, dither=Image.Dither.NONE)
-    drawn = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    drawn[0].save(
-        path, save_all=True, append_images=drawn[1:], duration=max(20, round(1000 / rate)),
-        loop=0, optimize=True,
+    first, *others = [
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    ]
+    first.save(
+        path, save_all=True, append_images=others, duration=max(20, round(1000 / rate)), loop=0,
+        optimize=True,
     )  # fmt: skip
-
-
-def _write_mp4(path: Path, frames: Iterator[Any], rate: float) -> None:
-    first = next(frames)
-    height, width = first.shape[:2]
-    command = [
-        "ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
-        "-s", f"{width}x{height}", "-r", f"{rate:g}", "-i", "-", "-pix_fmt", "yuv420p",
-        "-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2", str(path),
-    ]  # fmt: skip
-    coder = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
-    assert coder.stdin is not None
-    with contextlib.suppress(BrokenPipeError):
-        for frame in (first, *frames):
-            coder.stdin.write(frame.tobytes())
-    _, said = coder.communicate()
-    if coder.returncode:
-        raise ViewError(f"'{path}': ffmpeg failed: {said.decode(errors='replace').strip()}")

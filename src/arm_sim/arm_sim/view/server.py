@@ -140,24 +140,20 @@ def _free_port(host: str, port: int | None) -> int:
         try:
             with socket.create_server((host, candidate)) as trial:
                 found = int(trial.getsockname()[1])
-        except OverflowError:
-            raise ViewError(
-                f"port = {port}; allowed: 1 to 65535, and 0 for any that is free"
-            ) from None
-        except OSError as error:
-            trouble = error
-            if error.errno == errno.EADDRINUSE:
+        except (OSError, OverflowError) as error:
+            trouble = getattr(error, "strerror", None) or error
+            if taken := getattr(error, "errno", None) == errno.EADDRINUSE:
                 continue
             break  # the next port has the same trouble
         if found != first and first:
             _log.warning("port %d is taken; the view is at port %d", first, found)
         return found
-    if trouble.errno == errno.EADDRINUSE:
+    if taken:
         raise ViewError(
             f"port {first} of {host} is taken, perhaps by another view; end it, or choose "
             "another port (0: any that is free)"
         )
-    raise ViewError(f"port {first} of {host} cannot be used: {trouble.strerror or trouble}")
+    raise ViewError(f"port {first} of {host} cannot be used: {trouble}")
 
 
 @contextlib.contextmanager

@@ -3,11 +3,10 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rclpy.serialization import deserialize_message
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
 ENERGIES = ("kinetic", "potential", "total", "supplied", "dissipated")
 MEMORY, SAMPLED = 20.0, 0.05  # [s] that curves go back, and between their points
 CHARTED = 0.5  # [s] between drawings of curves
+HEARD = 0.01  # [s] of listening before each picture
 OLD = 0.5  # [s] without data after which an arm is reported as silent
 _ERROR, _ENERGY = "controller/state", "sim/energy"
 _WAIT = 5.0  # [s] for joint states and for a description
@@ -94,22 +94,23 @@ class RunningArm:
         assert self._model is not None
         if (data := self._newest.pop(JOINT_STATES.name, None)) is None:
             return None
-        state, names = deserialize_message(data, JOINT_STATES.type), self._model.joint_names
-        places = {name: i for i, name in enumerate(state.name)}
-        if not all(name in places and places[name] < len(state.position) for name in names):
-            return None
-        order, unknown = [places[name] for name in names], np.full(len(names), np.nan)
-        q, effort = np.asarray(state.position)[order], np.asarray(state.effort)
+        state = deserialize_message(data, JOINT_STATES.type)
+
+        def of_joints(names: Sequence[str], values: Sequence[float]) -> Array:
+            known = dict(zip(names, values, strict=False))
+            return np.array([known.get(name, np.nan) for name in self._model.joint_names])
+
+        q = of_joints(state.name, state.position)
         if not np.isfinite(q).all():
             return None
-        torque = effort[order] if len(effort) == len(state.name) else unknown
-        error, energies = unknown, np.full(len(ENERGIES), np.nan)
-        if (told := self._newest.get(_ERROR)) is not None:
-            errors = dict(zip(told.joint_names, told.position_error, strict=False))
-            error = np.array([errors.get(name, np.nan) for name in names])
-        if (told := self._newest.get(_ENERGY)) is not None:
-            flows = told.input, told.dissipated
-            energies = np.array([told.kinetic, told.potential, told.total, *flows])
+        complete = len(state.effort) == len(state.name)
+        torque = of_joints(state.name, state.effort if complete else ())
+        told, energy = self._newest.get(_ERROR), self._newest.get(_ENERGY)
+        error = of_joints(told.joint_names, told.position_error) if told else np.nan * q
+        energies = np.full(len(ENERGIES), np.nan)
+        if energy:
+            flows = energy.input, energy.dissipated
+            energies = np.array([energy.kinetic, energy.potential, energy.total, *flows])
         now = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
         return now, q, torque, error, energies
 
@@ -145,9 +146,11 @@ class Follower(View):
     """A page that follows running arms; times count from the first data."""
 
     def __init__(
-        self, server: viser.ViserServer, actors: Sequence[DrawnArm], arms: Sequence[RunningArm]
-    ) -> None:
+        self, server: viser.ViserServer, actors: Sequence[DrawnArm], arms: Sequence[RunningArm],
+        listener: Listener,
+    ) -> None:  # fmt: skip
         super().__init__(server, actors)
+        self._listener = listener
         self._status = server.gui.add_markdown("waiting")
         forget = server.gui.add_button("Clear path")
         forget.on_click(lambda _: self._order(lambda: [x.forget_way() for x in self.actors]))
@@ -159,6 +162,7 @@ class Follower(View):
         self._began, self._times, self._heard = (dict[str, float]() for _ in range(3))
 
     def _beat(self, passed: float) -> None:
+        self._listener.until(self._ended.is_set, HEARD)
         for arm, actor in self._followed:
             if (newest := arm.newest()) is None:
                 continue
@@ -177,50 +181,27 @@ class Follower(View):
     def _complain(self, trouble: str) -> None:
         lines = []
         for name in (actor.name for actor in self.actors):
-            silence = time.monotonic() - self._heard.get(name, np.inf)
-            state = f", silent for {silence:.0f} s" if silence > OLD else ""
-            known = name in self._heard
-            lines.append(
-                f"{name}: t = {self._times.get(name, 0.0):.2f} s"
-                f"{state if known else ', no data yet'}"
-            )
+            silence, state = time.monotonic() - self._heard.get(name, np.nan), ""
+            if np.isnan(silence):
+                state = ", no data yet"
+            elif silence > OLD:
+                state = f", silent for {silence:.0f} s"
+            lines.append(f"{name}: t = {self._times.get(name, 0.0):.2f} s{state}")
         self._status.content = "\n\n".join([*lines, *([f"**{trouble}**"] if trouble else [])])
 
 
-class RunningArms:
-    """Receives running arms in a thread of its own; use it in a ``with`` statement."""
-
-    def __init__(self, namespaces: Sequence[str]) -> None:
-        """Take part in the ROS graph."""
-        self._listener = Listener()
-        self._ended = threading.Event()
-        self._thread = threading.Thread(
-            target=lambda: self._listener.until(self._ended.is_set, float("inf")),
-            name="arm view: topics", daemon=True,
-        )  # fmt: skip
-        self.arms = [RunningArm(self._listener, namespace) for namespace in namespaces]
-
-    def __enter__(self) -> Self:
-        """Use it in a ``with`` statement."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Leave the graph."""
-        self._ended.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout=5.0)
-        self._listener.__exit__()
-
-    def show(self, scenes: Sequence[str], host: str, port: int | None) -> View:
-        """A page that follows the arms, with scenes for each, one for all, or none."""
-        if len(scenes) not in (0, 1, len(self.arms)):
-            raise ViewError(
-                f"{len(scenes)} scenes for {len(self.arms)} running arms; none, one or "
-                f"{len(self.arms)} are expected"
-            )
-        chosen = [None] * len(self.arms) if not scenes else [*scenes] * len(self.arms)
-        models = [arm.meet(scene) for arm, scene in zip(self.arms, chosen, strict=False)]
-        self._thread.start()
-        names = [arm.name for arm in self.arms]
-        page = partial(Follower, arms=self.arms)
-        return opened(page, names, models, host, port)
+def followed(
+    listener: Listener, namespaces: Sequence[str], scenes: Sequence[str], host: str,
+    port: int | None,
+) -> View:  # fmt: skip
+    """A page that follows the arms in namespaces, with scenes for each, one for all, or none."""
+    if len(scenes) not in (0, 1, len(namespaces)):
+        raise ViewError(
+            f"{len(scenes)} scenes for {len(namespaces)} running arms; none, one or "
+            f"{len(namespaces)} are expected"
+        )
+    arms = [RunningArm(listener, namespace) for namespace in namespaces]
+    chosen = [*scenes] * len(arms) if scenes else [None] * len(arms)
+    models = [arm.meet(scene) for arm, scene in zip(arms, chosen, strict=False)]
+    page = partial(Follower, arms=arms, listener=listener)
+    return opened(page, [arm.name for arm in arms], models, host, port)
