@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Page, needed, opened
+from PIL import Image
 
 from arm_dynamics import Dynamics
 from arm_dynamics.task_space import TaskSpace
@@ -206,3 +207,14 @@ def test_the_file_of_a_recording_is_shown(tmp_path: Path) -> None:
     path = Simulator("two_link", backend="vm").run(0.01).save(tmp_path / "run.mcap")
     with show(path, port=0) as page:
         assert isinstance(page, Player)
+
+
+def test_a_picture_shows_the_arm_before_the_sky(tmp_path: Path) -> None:
+    with (
+        show(Simulator("two_link"), port=0) as page,
+        Image.open(page.picture(tmp_path / "a.png", (320, 200))) as file,
+    ):
+        above = np.asarray(file.convert("RGB"), dtype=int)[:85]  # the ground
+    drawn = abs(above - above[:, :1]).max(axis=2) > 20  # of the sky at the left
+    assert drawn.sum() > 100
+    assert not drawn[:20].any() and not drawn[:, :20].any() and not drawn[:, -20:].any()

@@ -65,7 +65,6 @@ class Browser:
     def __init__(self, until_open: int, loading: int) -> None:
         self.left, self.loading = until_open, loading
         self.waited: list[float] = []
-        self.asked: dict[str, Any] = {}
 
     def wait_for_timeout(self, milliseconds: float) -> None:
         self.waited.append(milliseconds)
@@ -75,42 +74,28 @@ class Browser:
         here = {7: self} if self.left <= 0 else {}
         return {3: None, **here}  # somebody else looks, too
 
-    def get_render(self, height: int, width: int, **pose: Any) -> np.ndarray:
-        if self.loading < 0:
-            raise TimeoutError("too slow")
-        self.asked = {"height": height, "width": width, **pose}
+    def get_render(self, height: int, width: int, timeout: float) -> np.ndarray:
         self.loading = max(0, self.loading - 1)
         return np.full((height, width, 4), 200 - self.loading, dtype=np.uint8)
 
 
-@contextmanager
-def opened(browser: Browser, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """The camera of a page that this browser shows."""
-    sizes: list[tuple[int, int]] = []
+def test_a_picture_is_taken_when_everything_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened, browser = list[Any](), Browser(until_open=5, loading=4)
 
     @contextmanager
     def page(url: str, size: tuple[int, int]) -> Iterator[Browser]:
-        sizes.append(size)
+        opened.append((url, *size))
         yield browser
 
     monkeypatch.setattr(pictures, "page_in_browser", page)
     monkeypatch.setattr(pictures, "address", lambda server: "http://here")
-    place = SimpleNamespace(position=(0.0, -2.0, 1.0), look_at=(0.0, 0.0, 1.0), fov=0.7)
-    server: Any = SimpleNamespace(get_clients=browser.clients, initial_camera=place)
-    with pictures.camera(server, (96, 60)) as shoot:
-        yield shoot
-    ((width, height),) = sizes
-    assert height == 60 and width > 96  # with room for the panels
-
-
-def test_a_picture_is_taken_when_everything_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
-    browser = Browser(until_open=5, loading=4)
-    with opened(browser, monkeypatch) as shoot:
+    server: Any = SimpleNamespace(get_clients=browser.clients)
+    with pictures.camera(server, (96, 60), np.array([0.0, -2.0, 1.0]), np.zeros(3)) as shoot:
         picture = shoot()
     assert picture.shape == (60, 96, 3) and (picture == 200).all()
     assert browser.waited == 5 * [100] + 6 * [1000 * pictures.SETTLED]  # until three are alike
-    assert (browser.asked["height"], browser.asked["width"]) == (60, 96)
-    np.testing.assert_array_equal(browser.asked["position"], (0.0, -2.0, 1.0))
-    assert browser.asked["fov"] == 0.7
-    # Its third axis looks along y, its second down.
-    np.testing.assert_allclose(browser.asked["wxyz"], [0.5**0.5, -(0.5**0.5), 0, 0], atol=1e-12)
+    ((url, width, height),) = opened
+    assert height == 60 and width > 96  # with room for the panels
+    assert url == (
+        "http://here/?initialCameraPosition=0.0,-2.0,1.0&initialCameraLookAt=0.0,0.0,0.0"
+    )

@@ -26,7 +26,7 @@ def playing(monkeypatch: pytest.MonkeyPatch) -> Iterator[Player]:
     """A motion of two seconds; the later it is, the more of a picture of it is white."""
 
     @contextmanager
-    def camera(server: Any, size: tuple[int, int]) -> Iterator[Any]:
+    def camera(server: Any, size: tuple[int, int], *pose: Any) -> Iterator[Any]:
         def shoot() -> np.ndarray:
             picture = np.zeros((size[1], size[0], 3), dtype=np.uint8)
             picture[:, : round(20 * view.time)] = 255

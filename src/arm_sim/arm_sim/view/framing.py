@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from arm_dynamics.arrays import Array
 
@@ -29,14 +28,7 @@ def axes(way: Array) -> Array:
     return np.stack([right, np.cross(right, forward), forward])
 
 
-def orientation(position: Array, look_at: Array) -> Array:
-    """Quaternion w, x, y, z of a camera, whose axes are right, down and forward, shape (4,)."""
-    right, up, forward = axes(position - look_at)
-    turned = pin.Quaternion(np.stack([right, -up, forward], axis=1))
-    return np.asarray(np.roll(turned.coeffs(), 1))
-
-
-def fitted(points: Array, aspect: float, nearest: float = 0.0) -> tuple[Array, Array]:
+def fitted(points: Array, nearest: float, aspect: float) -> tuple[Array, Array]:
     """The nearest camera from which all points are in the free part of its picture, centred.
 
     Each edge of that part is a plane through the camera behind which no point may be: an
@@ -45,8 +37,8 @@ def fitted(points: Array, aspect: float, nearest: float = 0.0) -> tuple[Array, A
 
     Args:
         points: In [m], shape (k, 3).
-        aspect: Width over height of the picture.
         nearest: Least distance from the middle of the points in [m].
+        aspect: Width over height of the picture.
 
     Returns:
         Its position, and a point that it looks at, at the distance of the points' middle.
@@ -71,7 +63,7 @@ def keep_framed(server: viser.ViserServer, points: Array, nearest: float) -> Non
     """Frame points for everybody who opens a page, until they move the camera themselves."""
     first = server.initial_camera
     first.fov = FIELD
-    first.position, first.look_at = fitted(points, 1.6, nearest)
+    first.position, first.look_at = fitted(points, nearest, 1.0)  # also of pages without a server
 
     async def welcome(client: viser.ClientHandle) -> None:
         ours, aspect = [first.position], 0.0
@@ -84,7 +76,7 @@ def keep_framed(server: viser.ViserServer, points: Array, nearest: float) -> Non
             if moved or abs(camera.aspect - aspect) < SAME * aspect:
                 return
             aspect = camera.aspect
-            position, look_at = fitted(points, aspect, nearest)
+            position, look_at = fitted(points, nearest, aspect)
             ours.append(position)
             with client.atomic():
                 camera.position, camera.look_at = position, look_at

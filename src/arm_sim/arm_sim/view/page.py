@@ -9,6 +9,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -20,8 +21,9 @@ from arm_dynamics.exceptions import ArmError
 from arm_dynamics.writing import warn_if_replaced
 from arm_sim.exceptions import ViewError
 from arm_sim.view import pictures
+from arm_sim.view.framing import fitted
 from arm_sim.view.server import address, close_server
-from arm_sim.view.stage import DrawnArm, Row, legend
+from arm_sim.view.stage import DrawnArm, Row, around, legend
 
 if TYPE_CHECKING:
     import viser
@@ -118,7 +120,7 @@ class View:
         pictures.refuse(path, (".png", ".jpg"))
         if time is not None:
             self._seek(time)
-        with pictures.camera(self._server, size) as shoot:
+        with self._camera(size) as shoot:
             Image.fromarray(shoot()).save(path)
         return path
 
@@ -140,7 +142,7 @@ class View:
         """
         path, times = self._writable(path), self._times(rate / speed)
         pictures.refuse(path, (".gif", ".mp4"))
-        with pictures.camera(self._server, size) as shoot:
+        with self._camera(size) as shoot:
 
             def taken() -> Iterator[np.ndarray]:
                 for i, now in enumerate(times, 1):
@@ -170,6 +172,10 @@ class View:
             recorder.insert_sleep(1.0 / rate)
         path.write_text(self._with_figures(recorder.as_html()), encoding="utf-8")
         return path
+
+    def _camera(self, size: tuple[int, int]) -> AbstractContextManager[Callable[[], np.ndarray]]:
+        pose = fitted(*around(self.actors), size[0] / size[1])
+        return pictures.camera(self._server, size, *pose)
 
     def _with_figures(self, page: str) -> str:
         return page

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_sim.exceptions import ViewError
 from arm_sim.view.charts import WIDTH
-from arm_sim.view.framing import orientation
 from arm_sim.view.server import CONTROLS, address
 
 if TYPE_CHECKING:
@@ -70,29 +70,29 @@ def page_in_browser(url: str, size: tuple[int, int]) -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
-    """A function without arguments that takes a picture of a server's page, as it opens.
+def camera(
+    server: viser.ViserServer, size: tuple[int, int], position: Array, look_at: Array
+) -> Iterator[Any]:
+    """A function without arguments that takes a picture of what a server's page shows.
 
-    It returns an array of bytes, shape (height, width, 3), without what the panels cover.
+    It returns an array of bytes, shape (height, width, 3).
     """
     known, (width, height) = set(server.get_clients()), size
     beside = WIDTH + CONTROLS + 2 * MARGIN
-    with page_in_browser(address(server), (width + beside, height)) as page:
+    place, aim = (",".join(map(str, x.tolist())) for x in (position, look_at))
+    url = f"{address(server)}/?initialCameraPosition={place}&initialCameraLookAt={aim}"
+    with page_in_browser(url, (width + beside, height)) as page:
         for _ in range(round(PATIENCE / 0.1)):
             if arrived := set(server.get_clients()) - known:
                 break
             page.wait_for_timeout(100)
         else:
             raise ViewError(f"the page did not open within {PATIENCE:g} s")
-        client, first = server.get_clients()[arrived.pop()], server.initial_camera
-        pose: dict[str, Any] = {
-            "wxyz": orientation(np.array(first.position), np.array(first.look_at)),
-            "position": np.array(first.position), "fov": first.fov,
-        }  # fmt: skip
+        client = server.get_clients()[arrived.pop()]
 
         def shoot() -> Any:
             try:
-                return client.get_render(height, width, timeout=PATIENCE, **pose)[..., :3]
+                return client.get_render(height, width, timeout=PATIENCE)[..., :3]
             except (TimeoutError, RuntimeError) as error:
                 raise ViewError(f"the browser returned no picture: {error}") from None
 

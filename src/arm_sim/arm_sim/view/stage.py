@@ -256,7 +256,12 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[DrawnArm], width: flo
     column = np.linspace([196.0, 212.0, 230.0], [250.0, 250.0, 252.0], 64)
     sky = np.repeat(column[:, None], 4, axis=1).astype(np.uint8)
     server.scene.set_background_image(sky, format="png")
-    keep_framed(server, np.concatenate([actor.extent for actor in actors]), 1.5 * size)
+    keep_framed(server, *around(actors))
+
+
+def around(actors: Iterable[DrawnArm]) -> tuple[Array, float]:
+    """Points around arms, shape (k, 3), and how near a camera comes to their middle, in [m]."""
+    return np.concatenate([x.extent for x in actors]), 1.5 * max(x.size for x in actors)
 
 
 def legend(rows: Iterable[Row]) -> str:
