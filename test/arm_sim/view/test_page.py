@@ -50,15 +50,15 @@ def let_fall(view: Interactive) -> None:
     view._order(lambda: view.choose(NOTHING))
 
 
+def is_drawn(page: Page, simulator: Simulator, name: str, q: np.ndarray) -> bool:
+    off = page.angles(name, simulator.model) - q
+    return bool(abs(np.angle(np.exp(1j * off))).max() < SHARP)  # whole turns look alike
+
+
 def assert_drawn(page: Page, simulator: Simulator, name: str = "panda") -> None:
     """The page comes to show the state, and shows it to rounding."""
     q = simulator.state.q
-
-    def drawn() -> bool:
-        off = page.angles(name, simulator.model) - q
-        return bool(abs(np.angle(np.exp(1j * off))).max() < SHARP)  # whole turns look alike
-
-    page.until(drawn, f"q = {q}")
+    page.until(lambda: is_drawn(page, simulator, name, q), f"q = {q}")
 
 
 def test_a_scene_runs_pauses_steps_and_resets(
@@ -93,38 +93,8 @@ _CUT = """() => [...document.querySelectorAll('input')].filter(
   box => box.offsetParent && box.scrollWidth > box.clientWidth).map(box => box.value)"""
 
 
-class Touch:
-    """A finger on a page, with the methods of playwright's mouse."""
-
-    def __init__(self, page: Page) -> None:
-        self._session = page.handle.context.new_cdp_session(page.handle)
-        self._at, self._down = (0.0, 0.0), False
-
-    def move(self, x: float, y: float, steps: int = 1) -> None:
-        begin = np.array(self._at)
-        for k in range(1, steps + 1):
-            self._at = tuple(begin + k / steps * (np.array([x, y]) - begin))
-            if self._down:
-                self._send("touchMove")
-
-    def down(self) -> None:
-        self._down = True
-        self._send("touchStart")
-
-    def up(self) -> None:
-        if self._down:
-            self._send("touchEnd")
-        self._down = False
-
-    def _send(self, kind: str) -> None:
-        x, y = self._at
-        points = [] if kind == "touchEnd" else [{"x": x, "y": y}]
-        self._session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
-
-
 @pytest.mark.nightly  # test_stage.py drags a link without a browser
-@pytest.mark.parametrize("by", ["mouse", "touch"])
-def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
+def test_a_link_is_pulled_until_released(panda: Simulator) -> None:
     panda.reset()
     alone = Dynamics(panda.model)  # which nothing pushes
     with (
@@ -132,17 +102,17 @@ def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
         opened(view.url, "/panda/panda_joint7", size=(1600, 900)) as page,
     ):
         let_fall(view)
-        rig, finger = view.rigs[0], Touch(page) if by == "touch" else page.handle.mouse
+        rig, mouse = view.rigs[0], page.handle.mouse
 
         def pulled() -> bool:
             """Drag the elbow sideways, wherever the camera is by now."""
-            finger.up()
+            mouse.up()
             base, elbow = page.places("/panda/base", "/panda/panda_joint4")
             ends = np.array([elbow[:3, 3], elbow[:3, 3] + 0.3 * base[:3, 1]])
             (x, y), (beside, _) = page.pixels(ends)
-            finger.move(x, y)
-            finger.down()
-            finger.move(beside, y, steps=8)
+            mouse.move(x, y)
+            mouse.down()
+            mouse.move(beside, y, steps=8)
             page.handle.wait_for_timeout(200)
             return rig._pull is not None
 
@@ -153,8 +123,8 @@ def test_a_link_is_pulled_until_released(panda: Simulator, by: str) -> None:
         frame, *_ = rig._pull
         task = TaskSpace(alone, frame, "local_world_aligned")
         gained = panda.state.v / panda.dt - alone.forward(q, v, np.zeros(7))
-        assert (task.jacobian(q) @ gained)[1] > 1.0  # to where the finger is, in m/s²
-        finger.up()
+        assert (task.jacobian(q) @ gained)[1] > 1.0  # to where the mouse is, in m/s²
+        mouse.up()
         page.until(lambda: rig._pull is None, "its end")
 
 
@@ -165,7 +135,7 @@ def test_a_recording_is_scrubbed_and_played(panda: Simulator) -> None:
         assert isinstance(player, Player)
 
         def drawn(row: int) -> bool:
-            return bool(abs(page.angles("panda", panda.model) - run.q[row]).max() < SHARP)
+            return is_drawn(page, panda, "panda", run.q[row])
 
         page.until(lambda: drawn(0), "the beginning")
         track = page.handle.locator(".mantine-Slider-track").first.bounding_box()
@@ -194,8 +164,7 @@ def test_a_page_without_a_server_plays_beside_its_figure(panda: Simulator, tmp_p
         def at_rest() -> bool:
             # the player's time; it stops there
             page.handle.locator("#root input").first.fill("1.0")
-            off = page.angles("left & <right>", panda.model) - half_a_second
-            return bool(abs(off).max() < SHARP)
+            return is_drawn(page, panda, "left & <right>", half_a_second)
 
         page.until(at_rest, "the picture at half a second")
         assert page.handle.title() == "left & <right>"

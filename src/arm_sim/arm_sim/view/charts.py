@@ -134,7 +134,7 @@ class RollingCharts:
 
 def legend(names: Sequence[str], values: Array) -> str:
     """A legend as HTML: colours, names, and values with four digits, shape (curves,)."""
-    largest = max(1.0, np.nanmax(abs(values), initial=0.0))
+    largest = np.nan_to_num(abs(values)).max(initial=1.0)
     rows = [
         f'<span style="color:{COLORS[i % len(COLORS)]}">&#9632;</span>'
         f"<span>{html.escape(name)}</span>"
