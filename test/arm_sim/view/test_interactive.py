@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_dynamics import InvalidInput
 from arm_sim import Simulator
 from arm_sim.view.interactive import (
     ENERGIES,
@@ -37,11 +36,6 @@ def test_a_push_accelerates_as_its_torque_does() -> None:
         rig.tick()
     assert rig.wrenches.active == ()
     np.testing.assert_array_equal(sim.arm.plant.parameters.of("external", sim.arm.parameters), 0.0)
-
-
-def test_a_frame_that_never_moves_is_not_pushed() -> None:
-    with pytest.raises(InvalidInput, match="base"):
-        InteractiveArm(Simulator("two_link")).push("base", np.ones(6), 1)
 
 
 def test_weight_is_carried_and_sliders_are_gone_to() -> None:

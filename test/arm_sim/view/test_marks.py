@@ -8,8 +8,6 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, load_scene
-from arm_sim import Simulator
-from arm_sim.view.interactive import InteractiveArm
 from arm_sim.view.marks import Instant, Marker
 
 
@@ -87,12 +85,3 @@ def test_a_spring_is_between_its_points_and_a_stop_where_the_joint_is() -> None:
 def test_the_hand_is_the_link_farthest_out() -> None:
     assert Marker(models.dynamics("panda").model).hand == "panda_hand_tcp"
     assert Marker(models.dynamics("ur10").model).hand in ("tool0", "ee_link", "wrist_3_link")
-
-
-def test_what_a_simulator_shows_are_its_forces() -> None:
-    sim = Simulator("panda_table")
-    sim.run(0.2)
-    seen = InteractiveArm(sim).look()
-    np.testing.assert_array_equal(seen.q, sim.state.q)
-    contact = sim.contact_forces()[0]
-    np.testing.assert_array_equal(seen.contacts[0, :2], [contact.point, contact.force])

@@ -5,11 +5,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -57,45 +53,3 @@ def test_a_gif_holds_its_pictures_and_is_repeated(
         shown = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
         assert film.info["loop"] == 0 and film.info["duration"] == duration
     np.testing.assert_allclose(np.array(shown, int), np.array(bars, int), atol=12)
-
-
-class Browser:
-    """A browser that draws light only after a while, and its page's client."""
-
-    def __init__(self, until_open: int, loading: int) -> None:
-        self.left, self.loading = until_open, loading
-        self.waited: list[float] = []
-
-    def wait_for_timeout(self, milliseconds: float) -> None:
-        self.waited.append(milliseconds)
-        self.left -= 1
-
-    def clients(self) -> dict[int, Any]:
-        here = {7: self} if self.left <= 0 else {}
-        return {3: None, **here}  # somebody else looks, too
-
-    def get_render(self, height: int, width: int, timeout: float) -> np.ndarray:
-        self.loading = max(0, self.loading - 1)
-        return np.full((height, width, 4), 200 - self.loading, dtype=np.uint8)
-
-
-def test_a_picture_is_taken_when_everything_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
-    opened, browser = list[Any](), Browser(until_open=5, loading=4)
-
-    @contextmanager
-    def page(url: str, size: tuple[int, int]) -> Iterator[Browser]:
-        opened.append((url, *size))
-        yield browser
-
-    monkeypatch.setattr(pictures, "page_in_browser", page)
-    monkeypatch.setattr(pictures, "address", lambda server: "http://here")
-    server: Any = SimpleNamespace(get_clients=browser.clients)
-    with pictures.camera(server, (96, 60), np.array([0.0, -2.0, 1.0]), np.zeros(3)) as shoot:
-        picture = shoot()
-    assert picture.shape == (60, 96, 3) and (picture == 200).all()
-    assert browser.waited == 5 * [100] + 6 * [1000 * pictures.SETTLED]  # until three are alike
-    ((url, width, height),) = opened
-    assert height == 60 and width > 96  # with room for the panels
-    assert url == (
-        "http://here/?initialCameraPosition=0.0,-2.0,1.0&initialCameraLookAt=0.0,0.0,0.0"
-    )

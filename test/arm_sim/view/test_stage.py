@@ -72,6 +72,7 @@ def test_contacts_are_drawn_with_their_cones(server: Any) -> None:
     sim.run(0.2)
     instant, actor = InteractiveArm(sim).look(), DrawnArm(server, sim.model, "arm")
     ((_, contact),), (force,) = sim.model.scene.contacts, sim.contact_forces()
+    np.testing.assert_array_equal(instant.contacts[0, :2], [force.point, force.force])
     np.testing.assert_allclose(instant.contacts[0, 2], [0.0, 0.0, contact.sticking], atol=1e-12)
     actor.draw(instant)
     cone = actor._marks["friction cones"]
@@ -117,17 +118,6 @@ def test_a_dragged_link_is_pulled_at_the_point_that_is_held(server: Any) -> None
     asyncio.run(link.called(SimpleNamespace(phase="end")))
     bench._orders.get()()
     assert not rig.external.any()
-
-
-def test_places_are_those_of_the_state(server: Any) -> None:
-    model = models.dynamics("panda").model
-    actor = DrawnArm(server, model, "arm", base=(0.0, 2.0, 0.0))
-    marks = actor.draw(Instant(model.q0 + 0.1))
-    for frame, position, wxyz in zip(
-        actor._joints.values(), marks.position, marks.rotation, strict=True
-    ):
-        np.testing.assert_array_equal(frame.position, position)
-        np.testing.assert_array_equal(frame.wxyz, wxyz)
 
 
 def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(server: Any) -> None:
