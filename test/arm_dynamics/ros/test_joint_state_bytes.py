@@ -251,7 +251,7 @@ def test_mimic_joints_may_be_named_if_they_agree(fields: dict[str, Any], words: 
     raw = serialize_message(JointState(name=names, **fields))
     other = HEADER.constants["OTHER"]
     for outcome in (other, other if words else reading.KNOWN):
-        assert reader._look(raw, len(raw)) == outcome
+        assert reader._read(raw, len(raw)) == outcome
         if words:
             with pytest.raises(InvalidInput, match=words):
                 reader.read(raw)

@@ -39,12 +39,12 @@ from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.controller import (
     AnswerLog,
+    CompiledAnswers,
     ControllerParams,
     Followed,
     Goals,
     Jumps,
     Loaded,
-    OrdinaryAnswers,
     Parts,
     TrackingTopic,
     TrajectoryAction,
@@ -122,7 +122,7 @@ class ControllerNode(Node):
         period, fade = self.params.settings.dt, self.params.switch_time
         self.control = Switch(self._made(self.params), period, fade)
         self._acting = self.params  # of the active controller
-        self.answers = OrdinaryAnswers()
+        self.answers = CompiledAnswers()
         self._builder = Background("builder", self.answers.interrupt)
         model = self.dynamics.model
         self._build_ahead(self.params)

@@ -81,13 +81,13 @@ class Parts:
     followed: Followed
 
 
-class OrdinaryAnswers:
+class CompiledAnswers:
     """Answers ordinary states in C and passes all others to Python.
 
     As a context manager it is the lock of the controller's parts; it may be nested.
 
     Example:
-        >>> answers = OrdinaryAnswers()
+        >>> answers = CompiledAnswers()
         >>> answers.start(node, parts, answer, claim)
         >>> with answers:
         ...     follow(goal)
