@@ -176,7 +176,8 @@ def _write_gif(path: Path, pictures: Iterable[Any], rate: float) -> None:
     sample = Image.new("RGB", (frames[0].width, 3 * height))
     for i, k in enumerate((0, len(frames) // 2, -1)):
         sample.paste(frames[k], (0, i * height))
-    palette = sample.quantize(128, dither=Image.Dither.NONE)
+    # An octree keeps the colours of few points, such as those of curves.
+    palette = sample.quantize(128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     drawn = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     drawn[0].save(
         path, save_all=True, append_images=drawn[1:], duration=max(20, round(1000 / rate)),
