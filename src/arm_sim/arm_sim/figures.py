@@ -187,8 +187,9 @@ def animation(
         drawn = [plane.plot([], [], **properties)[0] for _, properties in links]
         legend_outside(fig, below=True)
         clock = plane.text(1.0, 1.02, f"{time[-1]:.2f} s", transform=plane.transAxes, ha="right")
-        fill_with(plane, np.vstack(seen))
-        fig.canvas.draw()
+        for _ in range(2):  # limits follow from the layout, and labels of ticks from limits
+            fill_with(plane, np.vstack(seen))
+            fig.canvas.draw()
         fig.set_layout_engine("none")  # that of this frame is that of all
         fill_with(plane, np.vstack(seen))
 

@@ -40,8 +40,10 @@ if TYPE_CHECKING:
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR",
               help="Folder for the compiled code; created if missing.")  # fmt: skip
 @click.option("--integrator", help="Integration method instead of the scene's, e.g. rk4, dop853.")
-@click.option("--dt", type=float, help="Length of a tick in s instead of the scene's.")
-@click.option("--tolerance", type=float, help="Control the error inside each tick, e.g. 1e-8.")
+@click.option("--dt", type=float, help="Length of a time step in s instead of the scene's.")
+@click.option(
+    "--tolerance", type=float, help="Control the error inside each time step, e.g. 1e-8."
+)
 @click.option("--processor", type=click.Choice(TARGETS), default=NATIVE, show_default=True,
               help="Processors to compile for: like this one, or all of a level.")  # fmt: skip
 @click.option("--controllers", is_flag=True, help="Also compile every controller in joint space.")

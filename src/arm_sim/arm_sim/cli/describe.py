@@ -33,8 +33,10 @@ if TYPE_CHECKING:
 )
 @click.argument("scene", type=SCENE)
 @click.option("--integrator", help="Integration method, instead of the scene's, e.g. rk4, dop853.")
-@click.option("--dt", type=float, help="Length of a tick in s, instead of the scene's.")
-@click.option("--tolerance", type=float, help="Control the error inside each tick, e.g. 1e-8.")
+@click.option("--dt", type=float, help="Length of a time step in s, instead of the scene's.")
+@click.option(
+    "--tolerance", type=float, help="Control the error inside each time step, e.g. 1e-8."
+)
 @click.option(
     "--details",
     is_flag=True,
@@ -292,7 +294,7 @@ def _units(types: set[str]) -> str:
 def _show_physics(out: Console, simulator: Simulator, details: bool) -> None:
     parts = sorted(simulator.plan.parts, key=lambda part: not part.on)
     rows = [("computed" if p.on else "skipped", p.name, p.why) for p in parts if p.on or details]
-    show(out, table(("in a tick", "", ""), rows, text=(0, 1, 2)))
+    show(out, table(("in a time step", "", ""), rows, text=(0, 1, 2)))
     if not details:
         skipped = ", ".join(part.name for part in parts if not part.on)
         out.print(f" skipped    {skipped}; --details says why", style="dim")
@@ -303,7 +305,7 @@ def _show_cost(out: Console, simulator: Simulator) -> None:
     plan, choice = simulator.plan, simulator.choice
     method, microseconds = choice.method, plan.nanoseconds / 1e3
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
-    step = "sub-step" if choice.tolerance else "tick"
+    step = "sub-step" if choice.tolerance else "time step"
     how = f"{method.name}, order {method.order}, {simulator.dt:g} s{control}"
     faster = f"{simulator.dt * 1e6 / microseconds:,.0f} times faster than real time"
     out.print(facts([
@@ -311,6 +313,6 @@ def _show_cost(out: Console, simulator: Simulator) -> None:
         ("algorithm", plan.algorithm),
         ("runs on", plan.backend),
         ("operations", f"{plan.operations} in a {step}, {plan.evaluation} in one evaluation"),
-        ("time", f"{microseconds:.2f} µs for a tick, measured now; {faster}"),
+        ("time", f"{microseconds:.2f} µs for a time step, measured now; {faster}"),
     ]))  # fmt: skip
     out.print()

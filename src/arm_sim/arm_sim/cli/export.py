@@ -30,16 +30,16 @@ def _no_float(context: click.Context, option: click.Parameter, given: bool) -> N
 @click.option("--name", metavar="NAME",
               help="Prefix of all functions, a C identifier. [default: from the scene]",
               )  # fmt: skip
-@click.option("--tick", is_flag=True, help="Also export the simulator's tick.")
+@click.option("--tick", is_flag=True, help="Also export the simulator's time step.")
 @click.option("--servo", is_flag=True,
-              help="Also export the tick and the servos, which track positions and velocities.",
+              help="Also export the time step and servos that track positions and velocities.",
               )  # fmt: skip
 @click.option("--fmu", is_flag=True,
               help="Also make functional mock-up units, by FMI 3.0 and 2.0.")  # fmt: skip
 @click.option("--frame", "frames", multiple=True, metavar="FRAME",
               help="Also export pose and Jacobian of this frame; may be repeated.")  # fmt: skip
 @click.option("--derivatives", is_flag=True,
-              help="Also export derivatives of the dynamics, and of the tick.")  # fmt: skip
+              help="Also export derivatives of the dynamics, and of the time step.")  # fmt: skip
 @click.option("--float", is_flag=True, hidden=True, expose_value=False, callback=_no_float,
               help="Gone: code is in double precision.")  # fmt: skip
 def export(

@@ -250,7 +250,7 @@ def _show_replay(recording: Recording, found: Replay) -> None:
     for name in found.other_versions:
         screen.print(f"{name} has another version here; last bits may differ", markup=False)
     if found.equal:
-        screen.print(f"{len(recording) - 1} ticks replayed, every state bit-identical")
+        screen.print(f"{len(recording) - 1} time steps replayed, every state bit-identical")
     if found.first is not None:
         screen.print(f"first difference: {found.first}", markup=False)
         screen.print(f"positions differ by {_largest(found.apart):.3g} rad or m at most")

@@ -189,8 +189,9 @@ class Caller:
             if node != self._node.get_name()
         ]
         lines.append(f"nodes seen: {', '.join(sorted(nodes)) or 'none'}")
-        domain = self._context.get_domain_id()
-        lines.append(f"both sides must have the same ROS_DOMAIN_ID; here it is {domain}")
+        domain, node = self._context.get_domain_id(), name.rsplit("/", 1)[0]
+        rule = f"both sides must have the same ROS_DOMAIN_ID; here it is {domain}"
+        lines.append(f"{node} may still be starting" if node in nodes else rule)
         return "\n  ".join(lines)
 
 

@@ -80,7 +80,7 @@ class Listener:
         domain = self._context.get_domain_id()
         seen = ", ".join(n for n in self.nodes() if "/arm_shell_" not in n) or "none"
         rule = f"both sides must have the same ROS_DOMAIN_ID; here it is {domain}"
-        return f"nodes seen: {seen}\n  {rule}"
+        return f"nodes seen: {seen}" if seen != "none" else f"nodes seen: none\n  {rule}"
 
 
 def full(name: str) -> str:
