@@ -83,6 +83,10 @@ class CdrReader:
             raise InvalidInput(f"{count} {what}; allowed: up to {most}")
         return count
 
+    def byte(self) -> int:
+        """Read a byte."""
+        return self._raw[self.skip(1, 1)]
+
     def nanoseconds(self) -> int:
         """Read a Time or a Duration in [ns]."""
         seconds, nanoseconds = self._time.unpack_from(self._raw, self.skip(TIME.size, COUNT))

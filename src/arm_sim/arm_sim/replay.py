@@ -14,8 +14,7 @@ from arm_dynamics import InvalidInput, Scene, load_scene
 from arm_dynamics.arrays import Array, read_only
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.plant.parameters import Parameters
-from arm_sim.recording.changes import Jump
-from arm_sim.recording.contents import BRAKES, FREE
+from arm_sim.recording.contents import BRAKES, FREE, Jump
 from arm_sim.recording.files.ticks import EXTERNAL, tunable_names
 from arm_sim.recording.origin import versions
 from arm_sim.recording.physics import Physics

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cdr_writer import path_bytes, trajectory_bytes
+from byte_order import sent
 from hand_goals import (
     FRAME,
     HOME,
@@ -136,7 +136,7 @@ def test_a_long_trajectory_over_the_wire_is_followed(
     ros: Ros, node: ControllerNode, order: str
 ) -> None:
     publisher = ros.publisher(JointTrajectory, "/controller/joint_trajectory")
-    publisher.publish(trajectory_bytes(long_trajectory(1000, 4.0), order))
+    publisher.publish(sent(long_trajectory(1000, 4.0), order))
     ros.spin_until(lambda: node.goals.planner.busy)
     planned(node, MS)
     assert_close(node.follower.reference(2001 * MS).q, HOME + 0.1, 1e-6)
@@ -156,8 +156,8 @@ def test_damaged_goals_are_refused_and_the_arm_holds(
 ) -> None:
     before = see(node, MS)
     for kind, name, raw in (
-        (JointTrajectory, "joint_trajectory", trajectory_bytes(long_trajectory(100, 1.0))),
-        (Path, "cartesian_path", path_bytes(path([0, 0.1, 0]))),
+        (JointTrajectory, "joint_trajectory", sent(long_trajectory(100, 1.0))),
+        (Path, "cartesian_path", sent(path([0, 0.1, 0]))),
     ):
         publisher = ros.publisher(kind, f"/controller/{name}")
         for damaged in (raw[: len(raw) // 2], raw[:10], b"\0\7\0\0" + raw[4:]):

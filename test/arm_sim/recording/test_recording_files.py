@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 import models
 from arm_dynamics import ArmError, InvalidInput, SceneError
 from arm_dynamics.exceptions import NotWritten
 from arm_sim import Recording, Simulator, State
 from arm_sim.recording.files import new_file, where
-from arm_sim.recording.files.bags import _append
-from arm_sim.recording.files.container import FileContents
-from arm_sim.recording.files.messages import JointStateWriter
+from arm_sim.recording.files.messages import joint_state_layout
+from arm_sim.recording.files.reader import read_bag
 from arm_sim.simulation.runtime_changes import external_change
 
 ROWS = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
@@ -136,19 +136,6 @@ def test_a_direction_that_is_not_of_length_one_to_the_bit_stays(tmp_path: Path) 
     scene["constraints"] = [{"type": "contact", "frame": link, "plane": plane}]
     run = Simulator(scene).run(0.002)
     assert Recording.load(run.save(tmp_path / "run.mcap")).scene == run.scene
-
-
-def test_other_readers_find_types_and_times(recording: Recording, tmp_path: Path) -> None:
-    with recording.save(tmp_path / "run.mcap").open("rb") as file:
-        reader = make_reader(file, validate_crcs=True)
-        assert reader.get_header().profile == "ros2"
-        found = [(s.name, c.topic, m) for s, c, m in reader.iter_messages()]
-        summary = reader.get_summary()
-    assert summary is not None and summary.statistics is not None
-    assert summary.statistics.message_count == len(found)
-    states = [m for kind, topic, m in found if topic == "/joint_states"]
-    assert [m.log_time for m in states] == [2_000_000 * k for k in range(51)]
-    assert {kind for kind, topic, _ in found if topic == "/sim/ticks"} == {"arm_msgs/msg/Tick"}
 
 
 def test_a_file_that_breaks_off_is_read_up_to_there(tmp_path: Path) -> None:
@@ -279,19 +266,17 @@ def test_saving_says_what_it_replaces_and_what_it_cannot_write(
 
 def bag(path: Path, names: tuple[str, ...], rows: Callable[[float], Any]) -> Path:
     """A bag of ROS 2 as rosbag2_storage_sqlite3 writes it, without its metadata file."""
-    writer, base = JointStateWriter(names), sqlite3.connect(path)
+    base, stamps = sqlite3.connect(path), 100 * 10**9 + 20_000_000 * np.arange(50)
+    position, velocity, effort = np.array([*map(rows, 0.02 * np.arange(50))]).swapaxes(0, 1)
+    messages = joint_state_layout(names).written(
+        stamps, position=position, velocity=velocity, effort=effort
+    )
     base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format)")
     base.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data)")
     base.execute("INSERT INTO topics VALUES(1, '/joint_states', 'sensor_msgs/msg/JointState', '')")
     base.execute("INSERT INTO topics VALUES(2, '/rosout', 'rcl_interfaces/msg/Log', '')")
-    for k in range(50):
-        for place, numbers in zip(writer.places, rows(0.02 * k), strict=True):
-            raw = np.asarray(numbers, float).tobytes()
-            writer.raw[place : place + len(raw)] = raw
-        stamp = np.array([100, 20_000_000 * k], np.int32).tobytes()
-        writer.raw[writer.stamp : writer.stamp + 8] = stamp
-        row = (k + 1, 1, 7 + k, bytes(writer.raw))
-        base.execute("INSERT INTO messages VALUES(?, ?, ?, ?)", row)
+    for k, message in enumerate(messages):
+        base.execute("INSERT INTO messages VALUES(?, ?, ?, ?)", (k + 1, 1, 7 + k, message))
     base.execute("INSERT INTO messages VALUES(99, 1, 99, ?)", (b"\0\1\0\0 cut",))
     base.commit()
     base.close()
@@ -321,8 +306,7 @@ def test_a_bag_of_a_robot_is_a_recording(robot_bag: Path) -> None:
 
 def test_messages_without_stamps_go_by_their_arrival_once_each(robot_bag: Path) -> None:
     """A robot without a clock; two of its messages arrived at the same time."""
-    place = JointStateWriter(("tool", *models.dynamics("two_link").joint_names)).stamp
-    base = sqlite3.connect(robot_bag)
+    base, place = sqlite3.connect(robot_bag), 4
     for number, raw in base.execute("SELECT id, data FROM messages WHERE id < 99").fetchall():
         unstamped = raw[:place] + bytes(8) + raw[place + 8 :]
         base.execute("UPDATE messages SET data = ? WHERE id = ?", (unstamped, number))
@@ -335,10 +319,10 @@ def test_messages_without_stamps_go_by_their_arrival_once_each(robot_bag: Path) 
 
 
 def test_a_joint_that_few_messages_name_has_no_values_between_them(robot_bag: Path) -> None:
-    writer = JointStateWriter(("gripper",))
+    raw = joint_state_layout(("gripper",)).raw
     base = sqlite3.connect(robot_bag)
     for number in (3, 4, 20):
-        base.execute("UPDATE messages SET data = ? WHERE id = ?", (bytes(writer.raw), number))
+        base.execute("UPDATE messages SET data = ? WHERE id = ?", (raw, number))
     base.commit()
     base.close()
     run = Recording.load(robot_bag)
@@ -394,22 +378,36 @@ def test_of_two_recorders_of_one_file_the_second_is_refused(
     assert file.read_bytes() == b"of the first"
 
 
-def test_a_table_is_a_recording(tmp_path: Path) -> None:
-    path = tmp_path / "robot.csv"
-    path.write_text("time,position.a,position.b,effort.b\n0,1,2,3\n0.5,1.5,2.5,\n")
-    run = Recording.load(path)
-    assert run.joint_names == ("a", "b")
-    np.testing.assert_array_equal(run.q, [[1, 2], [1.5, 2.5]])
-    assert np.isnan(run.v).all() and run.tau[0, 1] == 3.0 and np.isnan(run.tau[1, 1])
-
-
-def test_what_follows_in_another_file_of_a_bag_comes_later() -> None:
+def test_what_follows_in_another_file_of_a_bag_comes_later(tmp_path: Path) -> None:
     """Topics by their names, though files number them by themselves."""
-    one = FileContents(topics={1: ("/a", "A")}, messages={1: [(0, 5, b"x")]}, count=3)
-    other = FileContents(
-        topics={1: ("/b", "B"), 2: ("/a", "A")}, messages={1: [(0, 7, b"y")], 2: [(1, 8, b"z")]},
-        count=2,
-    )  # fmt: skip
-    _append(one, other)
-    assert one.of("A") == {"/a": [(0, 5, b"x"), (4, 8, b"z")]}
-    assert one.of("B") == {"/b": [(3, 7, b"y")]} and one.count == 5
+    for k, topics in enumerate(({"/a": "A"}, {"/b": "B", "/a": "A"})):
+        with (tmp_path / f"bag_{k}.mcap").open("wb") as file:
+            writer = Writer(file)
+            writer.start("ros2")
+            for topic, kind in topics.items():
+                schema = writer.register_schema(kind, "ros2msg", b"")
+                channel = writer.register_channel(topic, "cdr", schema)
+                writer.add_message(channel, 7 + k, b"%d" % k, 7 + k)
+            writer.finish()
+    found = read_bag(tmp_path, lambda topic, kind: True)
+    assert found.of("A") == {"/a": [(0, 7, b"0"), (2, 8, b"1")]}
+    assert found.of("B") == {"/b": [(1, 8, b"1")]} and found.count == 3
+
+
+def test_damage_where_channels_are_introduced_costs_that_chunk_only(tmp_path: Path) -> None:
+    """The summary repeats them."""
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        channel = writer.register_channel("/a", "cdr", writer.register_schema("A", "ros2msg", b""))
+        for k in range(3):
+            writer.add_message(channel, k, bytes(100), k)
+            writer.flush()
+        writer.finish()
+    raw = bytearray(path.read_bytes())
+    raw[raw.index(b"zstd") + 20] ^= 0xFF
+    path.write_bytes(raw)
+    found = read_bag(path, lambda topic, kind: True)
+    assert found.of("A") == {"/a": [(0, 1, bytes(100)), (1, 2, bytes(100))]}
+    assert len(found.damage) == 1 and "a record (chunk) at byte" in found.damage[0]

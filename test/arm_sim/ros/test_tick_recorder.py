@@ -222,9 +222,9 @@ class _SlowDisk:
     def __init__(self, file: Any) -> None:
         self._file, self.go = file, Event()
 
-    def chunk(self, *given: Any) -> None:
+    def flush(self) -> None:
         self.go.wait()
-        self._file.chunk(*given)
+        self._file.flush()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._file, name)
@@ -249,6 +249,20 @@ def test_a_disk_that_cannot_follow_costs_ticks_and_no_time(
     assert len(loaded) == 1 + 1800 - recorder.lost + 1, "the state behind the gap is there"
     assert replay(loaded).equal
     assert loaded.energy_error < 1e-6
+
+
+def test_steps_by_request_wait_for_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arm_sim.ros.record.chunks.SIZE", 1 << 14)
+    engine = engine_of(scene())
+    engine.ticks.paused = True
+    recorder = TickRecorder(tmp_path / "run.mcap", engine)
+    flush = recorder.thread.mcap.flush
+    recorder.thread.mcap.flush = lambda: (time.sleep(0.01), flush())
+    engine.step(2000)
+    recorder.close()
+    assert recorder.lost == 0 and len(Recording.load(tmp_path / "run.mcap")) == 2001
 
 
 def test_time_goes_on_where_the_reset_itself_is_lost(
@@ -323,7 +337,7 @@ def test_whatever_goes_wrong_in_the_thread_is_said(tmp_path: Path) -> None:
     said: list[str] = []
     engine = engine_of(scene())
     recorder = TickRecorder(tmp_path / "run.mcap", engine, tell=said.append)
-    recorder.thread.mcap.chunk = lambda *given: 1 / 0
+    recorder.thread.mcap.flush = lambda: 1 / 0
     run(engine, 10)
     recorder.close()
     assert "ZeroDivisionError" in recorder.thread.failure and said == [recorder.thread.failure]
@@ -341,7 +355,7 @@ def test_a_full_disk_is_not_slow(number: int, trouble: str, tmp_path: Path) -> N
     recorder = TickRecorder(tmp_path / "run.mcap", engine_of(scene()))
     thread = recorder.thread
     assert thread.trouble == "the disk is slow"
-    thread.mcap.put = raises(error := OSError(number, os.strerror(number)))
+    thread.mcap.flush = raises(error := OSError(number, os.strerror(number)))
     thread.add(1, 0, 0, b"")
     recorder.close()
     assert thread.trouble == trouble and str(error) in thread.failure
@@ -351,7 +365,7 @@ def test_a_full_disk_is_not_slow(number: int, trouble: str, tmp_path: Path) -> N
 def test_all_that_is_not_in_the_file_after_a_failure_is_counted(tmp_path: Path) -> None:
     recorder = TickRecorder(tmp_path / "run.mcap", engine_of(scene()))
     thread = recorder.thread
-    thread.mcap.put = raises(OSError(errno.ENOSPC, "full"))
+    thread.mcap.flush = raises(OSError(errno.ENOSPC, "full"))
     count, big = thread.chunk.count, bytes(SIZE // 3)
     while not thread.failure or count < 20:
         thread.add(1, 0, 0, big)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_sim.imperfections import Measured
-from arm_sim.recording.changes import Jump
 from arm_sim.recording.origin import Origin
 
 FREE, BRAKES, SERVOS = range(3)  # as in arm_msgs/Tick
@@ -28,6 +27,25 @@ class Event:
 
     time: float
     text: str
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A change between two ticks.
+
+    Attributes:
+        row: Row of the recording with the time of the change and the state after it.
+        x: State before, shape (nx,).
+        p: Tunable quantities before, shape (np,).
+        tunable: Names of those that were tunable before.
+        substep: Next trial sub-step of the error control in [s]; see ``SimulatedArm.substep``.
+    """
+
+    row: int
+    x: Array
+    p: Array
+    tunable: tuple[str, ...] = ()
+    substep: float = 0.0
 
 
 @dataclass(frozen=True, repr=False)

@@ -144,15 +144,14 @@ class EnergyAccount:
         """
         again = self._not_smooth(x) | self._not_smooth(after)
         flows = np.empty((len(u), 2))
-        for these, flow in ((again, self._repeated), (~again, self._quadrature)):
-            if these.any():
-                flows[these] = flow(x[these], after[these], u[these], p[these])
+        if again.any():
+            parts = self._made_again(x[again], u[again], p[again]).T
+            supplied, lost, friction, outside, contacts, impacts = parts
+            heat = lost + friction + contacts + impacts
+            flows[again] = np.stack([supplied + outside, heat], axis=1)
+        if not again.all():
+            flows[~again] = self._quadrature(x[~again], after[~again], u[~again], p[~again])
         return flows
-
-    def _repeated(self, x: Array, after: Array, u: Array, p: Array) -> Array:
-        """See ``flows``, of any ticks."""
-        supplied, lost, friction, outside, contacts, impacts = self._made_again(x, u, p).T
-        return np.stack([supplied + outside, lost + friction + contacts + impacts], axis=1)
 
     def _quadrature(self, x: Array, after: Array, u: Array, p: Array) -> Array:
         """See ``flows``, of smooth ticks."""
@@ -195,7 +194,8 @@ class EnergyAccount:
 
     def _made_again(self, x: Array, u: Array, p: Array) -> Array:
         """The energies of ``FLOWS``, and losses in impacts, of each tick, shape (k, 6)."""
-        after, lost = self._ledger.each(_unpaid(x), u, p, ticks=1)
+        begin = np.hstack([x, np.zeros((len(x), len(FLOWS)))])
+        after, lost = self._ledger.each(begin, u, p, ticks=1)
         return np.column_stack([after[:, x.shape[1] :], lost])
 
     @built_once
@@ -213,11 +213,6 @@ class EnergyAccount:
     def _ledger(self) -> Stepper:
         plant = self._plant.variant(energies=True)
         return Stepper(plant, self.choice, self._backend, acted=True)
-
-
-def _unpaid(x: Array) -> Array:
-    """States with energies of ``FLOWS`` behind them, all zero, shape (k, nx + 5)."""
-    return np.hstack([x, np.zeros((len(x), len(FLOWS)))])
 
 
 def relative_error(balance: float, moved: float, size: float) -> float:
@@ -257,11 +252,7 @@ def dissipated_work(
     middle = 0.5 * (q0 + q1) + 0.125 * dt * (v0 - v1)
     speed = 1.5 * (q1 - q0) / dt - 0.25 * (v0 + v1)
     q, v = np.vstack([q0, middle, q1]), np.vstack([v0, speed, v1])
-    torque = dynamics.friction(v, q=q, load=np.tile(tau, (3, 1))) + _damping(dynamics, q, v)
+    damping = dynamics.spring(q, v) - dynamics.spring(q)
+    torque = dynamics.friction(v, q=q, load=np.tile(tau, (3, 1))) + damping
     first, inner, last = np.sum(torque * v, axis=1).reshape(3, -1)
     return np.asarray(dt * (first + 4.0 * inner + last) / 6.0)
-
-
-def _damping(dynamics: Dynamics, q: Array, v: Array) -> Array:
-    """The dampers' part of the springs' torques, shape (k, n)."""
-    return dynamics.spring(q, v) - dynamics.spring(q)

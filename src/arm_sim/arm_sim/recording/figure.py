@@ -35,7 +35,7 @@ def draw(recordings: Sequence[RecordedMotion], joints: Sequence[str]) -> Any:
     from matplotlib import pyplot
 
     names, first = _joints(recordings, joints), recordings[0]
-    types = ("revolute", "prismatic") if first.physics is None else first.physics.model.joint_types
+    types = ("revolute", "prismatic") if first.physics is None else first.plant.model.joint_types
     panels = {
         f"{part} [{units(types, *UNITS[part])}]": [
             list(_of_joints(one, part, names)) for one in recordings

@@ -34,11 +34,11 @@ class RecordedMotion(Contents):
     """A motion, tick by tick, and derived quantities; see ``Contents`` for its arrays.
 
     Attributes:
-        physics: The equations for derived quantities; None if the scene is unknown.
+        physics: ``Physics`` for derived quantities; None if the scene is unknown.
         control: The controller, if it can be evaluated again.
     """
 
-    physics: Physics | None = None
+    physics: Any = None
     control: Control | None = None
 
     # --- origin --------------------------------------------------------------------------------
@@ -56,7 +56,7 @@ class RecordedMotion(Contents):
     @property
     def account(self) -> EnergyAccount:
         """Computes the energy account on demand."""
-        return self._known.account
+        return self._known.energy_account
 
     @property
     def dynamics(self) -> Dynamics:
@@ -70,7 +70,8 @@ class RecordedMotion(Contents):
                 "the recording has no scene, which this needs; load it with one: "
                 "Recording.load(path, scene=…)"
             )
-        return self.physics
+        known: Physics = self.physics
+        return known
 
     # --- derived quantities --------------------------------------------------------------------
 
@@ -209,7 +210,7 @@ class RecordedMotion(Contents):
         """
         if self.of_robot:
             raise InvalidInput("the error of a motion that was measured is not known")
-        steps = np.diff(self.time) / self._known.origin.dt
+        steps = np.diff(self.time) / self.account.choice.dt
         if np.delete(abs(steps - 1.0) > 1e-6, [row - 1 for row in self.gaps]).any():
             raise InvalidInput("part of a recording: its error is not known, but that of all is")
         return self._known.witness.run(self, self._control)
@@ -264,7 +265,7 @@ class RecordedMotion(Contents):
             return self.doubt
         n, run = len(self.joint_names), self.second_run
         largest = float(self.error[:, :n].max(initial=0.0))
-        kinds = {kind == "prismatic" for kind in self._known.model.joint_types}
+        kinds = {kind == "prismatic" for kind in self.plant.model.joint_types}
         unit = " or ".join(["rad"] * (False in kinds) + ["m"] * (True in kinds))
         return f"right to {largest:.1g} {unit}, by a second run {run.how} ({run.means})"
 

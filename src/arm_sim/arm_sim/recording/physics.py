@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Self
 
 from arm_dynamics import ArmModel
 from arm_sim.integrators.methods import METHODS
@@ -17,40 +16,22 @@ from arm_sim.recording.witness import Witness
 
 
 class Physics:
-    """The equations of a recording's scene, built on first use.
+    """The equations of a recording's scene, built on first use; of a run its ``CompiledScene``.
 
     Args:
         origin: Scene and method.
-        backend: As for ``Kernel``.
 
     Attributes:
         origin: Likewise.
     """
 
-    def __init__(self, origin: Origin, backend: str = "auto") -> None:
-        self.origin, self._backend = origin, backend
-
-    @classmethod
-    def built(
-        cls, origin: Origin, plant: Plant, present: PresentDynamics, account: EnergyAccount,
-        witness: Witness,
-    ) -> Self:  # fmt: skip
-        """With parts that exist already."""
-        made = cls(origin)
-        vars(made).update(
-            plant=plant, model=plant.model, present=present, account=account, witness=witness
-        )
-        return made
-
-    @cached_property
-    def model(self) -> ArmModel:
-        """The arm."""
-        return ArmModel(self.origin.scene)
+    def __init__(self, origin: Origin) -> None:
+        self.origin = origin
 
     @cached_property
     def plant(self) -> Plant:
         """The equation of motion."""
-        return Plant(self.model)
+        return Plant(ArmModel(self.origin.scene))
 
     @cached_property
     def present(self) -> PresentDynamics:
@@ -58,14 +39,14 @@ class Physics:
         return PresentDynamics(self.plant)
 
     @cached_property
-    def account(self) -> EnergyAccount:
+    def energy_account(self) -> EnergyAccount:
         """Computes the energy account."""
-        return EnergyAccount(self.plant, self.present, self._choice, self._backend)
+        return EnergyAccount(self.plant, self.present, self._choice, "auto")
 
     @cached_property
     def witness(self) -> Witness:
         """Makes second runs."""
-        return Witness(self.plant, self._choice, self._backend)
+        return Witness(self.plant, self._choice, "auto")
 
     @property
     def _choice(self) -> Choice:

@@ -5,15 +5,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn, Self
 
-from arm_dynamics.arrays import Array
+import numpy as np
+
+from arm_dynamics import ArmModel, load_scene
+from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import sealed
-from arm_dynamics.exceptions import known_names, not_copied
-from arm_sim.recording.contents import Contents
+from arm_dynamics.exceptions import ARM, SceneError, known_names, not_copied
+from arm_sim.plant.plant import Plant
 from arm_sim.recording.motion import RecordedMotion
+from arm_sim.recording.origin import Origin
 from arm_sim.recording.physics import Physics
 
 
@@ -67,7 +71,9 @@ class Recording(RecordedMotion):
         """
         from arm_sim.recording import files
 
-        loaded = cls._made(files.load(path, topic))
+        contents = files.load(path, topic)
+        physics = None if contents.origin is None else Physics(contents.origin)
+        loaded = cls(**contents.fields(), physics=physics)
         return loaded if scene is None else loaded.of(scene)
 
     def of(self, scene: Any) -> Self:
@@ -76,14 +82,31 @@ class Recording(RecordedMotion):
         Raises:
             SceneError: If the scene cannot be used, or is of another robot.
         """
-        from arm_sim.recording.measured import with_scene
-
-        return self._made(with_scene(self, scene))
-
-    @classmethod
-    def _made(cls, contents: Contents) -> Self:
-        physics = None if contents.origin is None else Physics(contents.origin)
-        return cls(**contents.fields(), physics=physics)
+        loaded = load_scene(scene)
+        model, names = ArmModel(loaded), self.joint_names
+        if missing := [name for name in model.joint_names if name not in names]:
+            raise SceneError(
+                f"the recording is of another robot than the scene: it has no joint "
+                f"{known_names(missing)}, but {known_names(names)}"
+            )
+        if self.origin is not None:
+            raise SceneError(
+                "the recording contains its own scene, which cannot be replaced "
+                f"({ARM} replay --scene repeats it with another one)"
+            )
+        order = [names.index(name) for name in model.joint_names]
+        plant, rows = Plant(model), len(self.time)
+        q, v, command = (part[:, order] for part in (self.q, self.v, self.command))
+        z = [plant.laws.initial(*pair) for pair in zip(q, v, strict=True)] if plant.nz else []
+        dt = float(np.median(np.diff(self.time))) if rows > 1 else loaded.sim.dt
+        origin = Origin(loaded, "rk4", dt, None)
+        return replace(
+            self, q=read_only(q), v=read_only(v), command=read_only(command),
+            z=read_only(np.reshape(z, (rows, plant.nz))), joint_names=model.joint_names,
+            p=read_only(np.tile(plant.parameters.nominal, (rows, 1))), origin=origin,
+            left=(*self.left, *(name for name in names if name not in model.joint_names)),
+            physics=Physics(origin),
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Array]:
         """Columns by name, each of shape (k+1,), such as ``time`` and ``position.elbow``.

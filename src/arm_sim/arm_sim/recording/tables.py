@@ -23,8 +23,5 @@ def columns(recording: RecordedMotion) -> dict[str, Array]:
     found = {"time": recording.time}
     for part, array in parts(recording).items():
         found |= {f"{part}.{name}": array[:, i] for i, name in enumerate(recording.joint_names)}
-    return found | {f"state.{name}": recording.z[:, i] for i, name in enumerate(_laws(recording))}
-
-
-def _laws(recording: RecordedMotion) -> tuple[str, ...]:
-    return recording.plant.laws.names if recording.z.shape[1] else ()
+    laws = recording.plant.laws.names if recording.z.shape[1] else ()
+    return found | {f"state.{name}": recording.z[:, i] for i, name in enumerate(laws)}

@@ -150,7 +150,7 @@ class SimDiagnostics:
         found, thread = Finding("recording"), recorder.thread
         found.values = {
             "path": str(recorder.path), "ticks": recorder.ticks, "ticks lost": recorder.lost,
-            "messages lost": thread.lost, "written [B]": thread.mcap.written,
+            "messages lost": thread.lost, "written [B]": thread.written,
         }  # fmt: skip
         for count, what in ((recorder.lost, "ticks"), (thread.lost, "ticks and messages")):
             if grown := self.growth.of(what, count):

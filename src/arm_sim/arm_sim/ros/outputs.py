@@ -13,8 +13,7 @@ from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.description import AllJoints
-from arm_dynamics.ros.common.cdr import as_bytes
-from arm_dynamics.ros.common.convert import to_time
+from arm_dynamics.ros.common.convert import as_bytes, to_time
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic

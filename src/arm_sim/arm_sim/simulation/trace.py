@@ -13,9 +13,7 @@ from arm_dynamics.arrays import Array, read_only
 from arm_sim.imperfections import Measured
 from arm_sim.long_runs import Progress, refuse_beyond_memory, slices
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.changes import Jump
-from arm_sim.recording.contents import FREE
-from arm_sim.recording.physics import Physics
+from arm_sim.recording.contents import FREE, Jump
 from arm_sim.recording.recording import Recording
 from arm_sim.recording.witness import Control
 from arm_sim.simulation.simulated_arm import SimulatedArm
@@ -128,17 +126,14 @@ class Trace:
         command[done] = command[done - 1] if done else 0.0
         rows = [self.time, self._x, command, self._notes]
         time, x, command, notes = (read_only_view(array[: done + 1]) for array in rows)
-        n, compiled, measured = arm.n, arm.compiled, self._measured
+        n, measured = arm.n, self._measured
         origin = replace(arm.origin, given=given)
         return Recording(
             time=time, q=x[:, :n], v=x[:, n : 2 * n], z=x[:, 2 * n :], command=command,
             local_error=notes[:, 0], time_stepped=notes[:, 1], joint_names=arm.joint_names,
             p=changes.parameters(done + 1), origin=origin, held=arm.held_constraints,
             jumps=changes.jumps(), hold=changes.hold(done + 1), substep=self._substep,
-            physics=Physics.built(
-                origin, compiled.plant, compiled.present, compiled.energy_account,
-                compiled.witness,
-            ),
+            physics=arm.compiled,
             measured=None if measured is None else Measured.of(measured[: done + 1]),
             control=control,
         )  # fmt: skip

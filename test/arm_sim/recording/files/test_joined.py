@@ -13,7 +13,7 @@ from mcap.writer import Writer
 
 from arm_dynamics import InvalidInput
 from arm_sim import Recording
-from arm_sim.recording.files.messages import JOINT_STATE, JointStateWriter, definition
+from arm_sim.recording.files.messages import JOINT_STATE, definition, joint_state_layout
 
 START = 1_760_000_000_000_000_000
 MS = 1_000_000
@@ -29,14 +29,12 @@ class Message(NamedTuple):
     topic: str = "/joint_states"
 
     def raw(self) -> bytes:
-        writer, stamp = JointStateWriter(self.names), START + round(MS * self.time)
-        numbers = [1e-3 * self.time + 10.0 * ord(name[0]) for name in self.names]
-        for place, add in zip(writer.places, (0.0, 1.0, 2.0), strict=True):
-            raw = (np.array(numbers) + add).tobytes()
-            writer.raw[place : place + len(raw)] = raw
-        stamps = np.array(divmod(stamp if self.stamped else 0, 10**9), np.int32).tobytes()
-        writer.raw[writer.stamp : writer.stamp + 8] = stamps
-        return bytes(writer.raw)
+        stamp = START + round(MS * self.time) if self.stamped else 0
+        numbers = 1e-3 * self.time + 10.0 * np.array([ord(name[0]) for name in self.names])
+        (raw,) = joint_state_layout(self.names).written(
+            np.array([stamp]), position=numbers, velocity=numbers + 1.0, effort=numbers + 2.0
+        )
+        return raw
 
 
 def loaded(path: Path, messages: Iterable[Message]) -> Recording:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checked conversion between messages and arrays: times, numbers, poses."""
+"""Checked conversion between messages and bytes, arrays: times, numbers, poses."""
 
 from __future__ import annotations
 
@@ -11,15 +11,21 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from builtin_interfaces.msg import Time
+from rclpy.serialization import serialize_message
 
 from arm_dynamics.arrays import vector
+from arm_dynamics.cdr import GIGA
 from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.ros.common.cdr import GIGA
 from arm_dynamics.task_space.task_space import Pose
 
 _UNIT = 1e-3  # tolerance of a quaternion's length
+
+
+def as_bytes(message: Any) -> bytes:
+    """Serialize a message, unless it is serialized already."""
+    return message if isinstance(message, bytes) else bytes(serialize_message(message))
 
 
 def to_time(stamp: int) -> Time:

@@ -11,9 +11,9 @@ from arm_msgs.msg import TrackingState
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.cdr import CdrReader
 from arm_dynamics.control.controller import Moving
-from arm_dynamics.ros.common.cdr import CdrReader, as_bytes
-from arm_dynamics.ros.common.convert import to_array
+from arm_dynamics.ros.common.convert import as_bytes, to_array
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.ros.controller.goals import Goals

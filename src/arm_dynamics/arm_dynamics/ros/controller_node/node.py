@@ -32,7 +32,7 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput, plain
 from arm_dynamics.logs import Throttled
 from arm_dynamics.ros.common.background import Background
-from arm_dynamics.ros.common.cdr import as_bytes
+from arm_dynamics.ros.common.convert import as_bytes
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Diagnosis, Finding, Lateness
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch

@@ -16,30 +16,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
-import yaml
-
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import InvalidInput, NotWritten, known_names
+from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.writing import replacing, writing
 from arm_sim.exceptions import NoRecording
 from arm_sim.recording.contents import Contents
 from arm_sim.recording.files import measured, npz, ticks
-from arm_sim.recording.files.bags import BAGS, read_bag
-from arm_sim.recording.files.container import MESSAGE, McapWriter
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, TICK
+from arm_sim.recording.files.reader import BAGS, read_bag
 from arm_sim.recording.files.ticks import TickFile
+from arm_sim.recording.files.writer import McapWriter, check_folder, complete, new_file, where
 
-__all__ = [
-    "MESSAGE",
-    "SUFFIXES",
-    "Stream",
-    "McapWriter",
-    "TickFile",
-    "complete",
-    "load",
-    "new_file",
-    "save",
-]
+__all__ = ["SUFFIXES", "McapWriter", "Stream", "TickFile", "load", "new_file", "save"]
 
 _log = logging.getLogger(__name__)
 SUFFIXES = (".csv", ".npz", *BAGS)
@@ -61,53 +49,20 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
             "--repair copies a file whole)", path, known_names(contents.left),
         )  # fmt: skip
     if contents.of_robot:
-        return _save_table(contents, path, efforts())
+        if path.suffix != ".csv":
+            raise InvalidInput(
+                f"'{path}' is to be of a robot, of which only joint states are known; allowed: "
+                ".csv"
+            )
+        check_folder(path)
+        with replacing(path) as part:
+            measured.to_table(contents, efforts(), part)
+        return path
     file, folder = where(path)
     with replacing(file) as part:
-        mcap = ticks.write(contents, efforts(), part).mcap
-        mcap.close()
-    complete(mcap, file, folder)
+        ticks.write((part, None), contents, efforts()).close()
+    complete(file, folder)
     return path
-
-
-def _save_table(contents: Contents, path: Path, efforts: Array) -> Path:
-    if path.suffix != ".csv":
-        raise InvalidInput(
-            f"'{path}' is to be of a robot, of which only joint states are known; allowed: .csv"
-        )
-    _check_folder(path)
-    with replacing(path) as part:
-        measured.to_table(contents, efforts, part)
-    return path
-
-
-def _check_folder(path: Path) -> None:
-    if not path.parent.is_dir():
-        raise NoRecording(f"'{path}': there is no folder '{path.parent}'")
-
-
-def where(path: Path) -> tuple[Path, Path | None]:
-    """The MCAP file of a path, and the bag's folder, which is created, if the path is one.
-
-    Raises:
-        InvalidInput: If it is neither.
-        NoRecording: If the file's folder does not exist.
-        NotWritten: If the bag's cannot be created.
-    """
-    if path.suffix == ".mcap":
-        _check_folder(path)
-        return path, None
-    if path.suffix:
-        raise InvalidInput(
-            f"'{path}' ends in '{path.suffix}'; allowed: .mcap, and a folder's name"
-        )
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise NotWritten(f"'{path}' cannot be created: {error.strerror}") from None
-    if strange := [file.name for file in path.iterdir() if file.suffix not in (*BAGS, ".yaml")]:
-        raise InvalidInput(f"'{path}' is not the folder of a bag: it contains '{strange[0]}'")
-    return path / f"{path.name}_0.mcap", path
 
 
 class Stream:
@@ -142,9 +97,9 @@ class Stream:
 
     def _write(self, part: Contents, efforts: Array) -> None:
         if self._file:
-            ticks.append(self._file[0], part, efforts)
+            self._file[0].write(part, efforts)
         else:
-            self._file.append(ticks.write(part, efforts, self._place[0]))
+            self._file.append(ticks.write(self._place, part, efforts))
         self._until = float(part.time[-1])
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
@@ -157,66 +112,12 @@ class Stream:
 
     def _finish(self, file: Path, folder: Path | None) -> None:
         for written in self._file:
-            written.mcap.close()
-            complete(written.mcap, file, folder)
+            written.close()
         if not self._file:
             file.unlink()
             if folder is not None:
                 folder.rmdir()
         self._last.result()
-
-
-def new_file(path: Path) -> tuple[Path, Path | None]:
-    """``where`` of a path that does not exist; the file is created, so that it is one's own.
-
-    Raises:
-        InvalidInput: If it exists, even since a moment ago.
-        NotWritten: If the system does not let it be created.
-    """
-    exists = InvalidInput(
-        f"'{path}' exists, and may be being written by another recorder; recordings are not "
-        "overwritten; allowed: a new name"
-    )
-    if path.exists():
-        raise exists
-    file, folder = where(path)
-    with writing(path):
-        try:
-            file.touch(exist_ok=False)
-        except FileExistsError:
-            raise exists from None
-    return file, folder
-
-
-def complete(mcap: McapWriter, file: Path, folder: Path | None) -> None:
-    """Write the ``metadata.yaml`` of a file's bag, if any; layout of rosbag2, version 9."""
-    if folder is None:
-        return
-    first, last = mcap.span
-    span = {
-        "duration": {"nanoseconds": last - first},
-        "starting_time": {"nanoseconds_since_epoch": first},
-        "message_count": sum(mcap.messages.values()),
-    }
-    topics = [
-        {
-            "topic_metadata": {
-                "name": topic, "type": kind, "serialization_format": "cdr",
-                "offered_qos_profiles": yaml.safe_load(profile) or [],
-                "type_description_hash": "",
-            },
-            "message_count": count,
-        }
-        for topic, kind, profile, count in mcap.topics
-    ]  # fmt: skip
-    content = {
-        "version": 9, "storage_identifier": "mcap", **span, "topics_with_message_count": topics,
-        "compression_format": "", "compression_mode": "", "relative_file_paths": [file.name],
-        "files": [{"path": file.name, **span}], "custom_data": None,
-        "ros_distro": os.environ.get("ROS_DISTRO", "jazzy"),
-    }  # fmt: skip
-    text = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
-    (folder / "metadata.yaml").write_text(text, encoding="utf-8")
 
 
 def _path(given: Any) -> Path:

@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from arm_dynamics.exceptions import InvalidInput
+from arm_sim.recording.files.messages import PARTS
 
-PARTS = ("position", "velocity", "effort")
-"""The quantities of a joint state."""
 _WORDS = {
     "position": ("position", "pos", "angle", "q"),
     "velocity": ("velocity", "vel", "speed", "qd", "dq", "v"),

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +17,9 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.recording.contents import Contents, Event
-from arm_sim.recording.files.bags import told
-from arm_sim.recording.files.container import FileContents
-from arm_sim.recording.files.headers import PARTS, Column, read_elements, read_header
-from arm_sim.recording.files.messages import JOINT_STATE, JointStates
+from arm_sim.recording.files.headers import Column, read_elements, read_header
+from arm_sim.recording.files.messages import JOINT_STATE, PARTS, read
+from arm_sim.recording.files.reader import BagContents
 from arm_sim.recording.files.table import Table, value
 
 Indices = NDArray[np.int_]
@@ -30,7 +31,7 @@ _ECHO = (
 )
 
 
-def from_bag(found: FileContents, topic: str | None, where: Path) -> Contents:
+def from_bag(found: BagContents, topic: str | None, where: Path) -> Contents:
     """Joint states of a topic, in chronological order.
 
     Args:
@@ -43,14 +44,14 @@ def from_bag(found: FileContents, topic: str | None, where: Path) -> Contents:
     """
     topics = found.of(JOINT_STATE)
     if topic is not None and topic not in topics:
-        raise InvalidInput(f"'{where}' has no joint states on '{topic}'; it has {told(found)}")
+        raise InvalidInput(f"'{where}' has no joint states on '{topic}'; it has {found.told()}")
     if not topics:
-        raise InvalidInput(f"'{where}' has no joint states; it has {told(found)}")
+        raise InvalidInput(f"'{where}' has no joint states; it has {found.told()}")
     chosen = topic or max(topics, key=lambda name: len(topics[name]))
-    states, times, refused = list[JointStates](), list[int](), list[str]()
+    states, times, refused = list[Any](), list[int](), list[str]()
     for _, time, raw in topics[chosen]:
         try:
-            states.append(JointStates.read(raw))
+            states.append(read(JOINT_STATE, raw))
             times.append(time)
         except InvalidInput as error:
             refused.append(str(error))
@@ -65,14 +66,14 @@ def from_bag(found: FileContents, topic: str | None, where: Path) -> Contents:
     return replace(_contents(states, times, notes), left=found.besides(chosen))
 
 
-def _contents(states: list[JointStates], times: list[int], notes: list[str]) -> Contents:
+def _contents(states: list[Any], times: list[int], notes: list[str]) -> Contents:
     """Rows at the times of the joints that most messages name.
 
     Joints that only other messages name are interpolated to these times.
     """
     kinds: dict[frozenset[str], list[int]] = {}
     for i, state in enumerate(states):
-        kinds.setdefault(frozenset(state.names), []).append(i)
+        kinds.setdefault(frozenset(state.name), []).append(i)
     groups, known, notes = list[Indices](), frozenset[str](), [*notes]
     for own, members in sorted(kinds.items(), key=lambda item: -len(item[1])):
         if own <= known:
@@ -102,14 +103,14 @@ def _contents(states: list[JointStates], times: list[int], notes: list[str]) -> 
 
 
 def _clock(
-    states: list[JointStates], arrived: NDArray[np.int64], groups: list[Indices], notes: list[str]
+    states: list[Any], arrived: NDArray[np.int64], groups: list[Indices], notes: list[str]
 ) -> NDArray[np.int64]:
     """Time of each message in [ns]: its stamp, or that of arrival where stamps are of no use."""
     times = np.array([state.stamp for state in states], np.int64)
     for group in groups:
         if not np.all(np.diff(times[group]) > 0):
             times[group] = arrived[group]
-            names = known_names(states[group[0]].names)
+            names = known_names(states[group[0]].name)
             notes.append(f"{names}: stamps do not increase, times are those of arrival")
     apart = np.ptp([np.median(arrived[group] - times[group]) for group in groups])
     spans = [np.ptp(clock[groups[0]]) for clock in (arrived, times)]
@@ -122,13 +123,13 @@ def _clock(
 
 
 def _series(
-    states: list[JointStates], stamps: NDArray[np.int64], group: Indices
+    states: list[Any], stamps: NDArray[np.int64], group: Indices
 ) -> tuple[tuple[str, ...], NDArray[np.int64], list[Array]]:
     """Joints, times in [ns] and parts of messages of the same joints, in order of time."""
     rows = group[np.argsort(stamps[group], kind="stable")]
     once = rows[np.diff(stamps[rows], prepend=stamps[rows[0]] - 1) > 0]
-    names, kept = states[group[0]].names, [states[row] for row in once]
-    places = [[state.names.index(name) for name in names] for state in kept]
+    names, kept = states[group[0]].name, [states[row] for row in once]
+    places = [[state.name.index(name) for name in names] for state in kept]
     pairs = [*zip(kept, places, strict=True)]
     parts = [np.array([_numbers(getattr(s, part), place) for s, place in pairs]) for part in PARTS]
     return names, stamps[once], parts
@@ -196,18 +197,18 @@ def to_table(contents: Contents, efforts: Array, path: Path) -> None:
 
 def _messages(
     table: Table, elements: dict[tuple[str, int], int], clock: Column
-) -> tuple[list[JointStates], list[int]]:
+) -> tuple[list[Any], list[int]]:
     """Joint states whose names are in cells, as of ``rostopic echo -p``, and their arrival."""
     stamp = [i for i, name in enumerate(table.names) if name.endswith("header.stamp")]
     arrived = _nanoseconds(table, clock.place, clock.factor)
     stamps = _nanoseconds(table, stamp[0], 1e-9) if stamp else arrived
     numbers = {key: table.numbers(place) for key, place in elements.items() if key[0] != "name"}
-    states, none = list[JointStates](), np.full(len(stamps), np.nan)
+    states, none = list[Any](), np.full(len(stamps), np.nan)
     for row, cells in enumerate(table.rows):
         own = {i: cells[at] for (field, i), at in elements.items() if field == "name"}
         places = sorted(i for i, name in own.items() if name)
         parts = [np.array([numbers.get((p, i), none)[row] for i in places]) for p in PARTS]
-        states.append(JointStates(stamps[row], tuple(own[i] for i in places), *parts))
+        states.append(_state(stamps[row], tuple(own[i] for i in places), parts))
     return states, arrived
 
 
@@ -215,7 +216,12 @@ def _nanoseconds(table: Table, column: int, factor: float) -> list[int]:
     return [round(1e9 * factor * time) for time in table.stamps(column, factor).tolist()]
 
 
-def _echoed(table: Table, row: int) -> JointStates:
+def _state(stamp: int, names: tuple[str, ...], parts: list[Array]) -> Any:
+    """As a joint state that was read."""
+    return SimpleNamespace(stamp=stamp, name=names, **dict(zip(PARTS, parts, strict=True)))
+
+
+def _echoed(table: Table, row: int) -> Any:
     """A row of ``ros2 topic echo --csv``: stamp, frame, names, then each part or an empty cell."""
     cells, parts = table.rows[row], list[Array]()
     stamp = [int(cell) for cell in cells[:2] if cell.isdecimal() and len(cell) < 11]
@@ -230,7 +236,7 @@ def _echoed(table: Table, row: int) -> JointStates:
         at += size
     if len(stamp) < 2 or not names or at != len(cells):
         raise table.error(row, len(cells) - 1 if len(stamp) == 2 else 0, _ECHO)
-    return JointStates(10**9 * stamp[0] + stamp[1], names, *parts)
+    return _state(10**9 * stamp[0] + stamp[1], names, parts)
 
 
 def made(

@@ -3,16 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from arm_dynamics.arrays import Array
-from arm_dynamics.cdr import HEADER, CdrReader, CdrWriter
+from arm_dynamics.cdr import GIGA, HEADER, NATIVE, CdrReader, CdrWriter
 from arm_dynamics.exceptions import InvalidInput
 
 JOINT_STATE, TICK = "sensor_msgs/msg/JointState", "arm_msgs/msg/Tick"
+PARTS = ("position", "velocity", "effort")
+"""The quantities of a joint state."""
 CHANGE, LOG, STRING = "arm_msgs/msg/Change", "rcl_interfaces/msg/Log", "std_msgs/msg/String"
 LATCHED = """- history: 1
   depth: 1
@@ -51,163 +56,114 @@ def definition(kind: str) -> str:
     return "".join([own, *parts])
 
 
-class TickWriter:
-    """A serialized ``arm_msgs/Tick`` in which only stamp and numbers change.
+_KINDS: dict[str, tuple[Any, Callable[[CdrWriter, Any], Any], Callable[[CdrReader], Any]]] = {
+    "builtin_interfaces/Time": (0, CdrWriter.time, CdrReader.nanoseconds),
+    "string": ("", CdrWriter.text, CdrReader.text),
+    "string[]": ((), CdrWriter.texts, lambda reader: tuple(reader.texts())),
+    "float64[]": (np.zeros(0), CdrWriter.doubles, CdrReader.doubles),
+    "float64": (
+        0.0, lambda writer, x: writer.array(np.array([x])),
+        lambda reader: float(reader.array(1)[0]),
+    ),
+    "uint8": (0, lambda writer, x: writer.put(bytes([x]), 1), CdrReader.byte),
+    "uint32": (0, CdrWriter.count, CdrReader.count),
+}  # fmt: skip
+"""Of each type of field: what it is if it is not given, how it is written, and read."""
 
-    Attributes:
-        raw: The message.
-        stamp: Offset of its stamp.
-        state: Bytes of (q, v, z).
-        command: Bytes of the command.
-        notes: Bytes of the error and the number of time-stepped ticks.
-        hold: Offset of the field ``hold``.
+
+@cache
+def _fields(kind: str) -> dict[str, str]:
+    """Types of the fields of a type, with those of its header, by name."""
+    lines = _OWN[kind].replace("std_msgs/Header header", _HEADER).splitlines()
+    return {name: type_ for type_, name in (line.split() for line in lines if "=" not in line)}
+
+
+def _laid_out(kind: str, values: dict[str, Any]) -> tuple[bytes, dict[str, int]]:
+    """A serialized message, and the offset of each field."""
+    writer, places = CdrWriter(), dict[str, int]()
+    for name, type_ in _fields(kind).items():
+        missing, write, _ = _KINDS[type_]
+        places[name] = write(writer, values.get(name, missing))
+    return bytes(writer.raw), places
+
+
+def written(kind: str, **values: Any) -> bytes:
+    """Serialize a message of a type from its fields; times are in [ns]."""
+    return _laid_out(kind, values)[0]
+
+
+def read(kind: str, raw: bytes) -> Any:
+    """Read a serialized message of a type; its fields are attributes, times in [ns].
+
+    Raises:
+        InvalidInput: If the bytes are something else.
     """
-
-    def __init__(self, nx: int, n: int) -> None:
-        writer = CdrWriter()
-        self.stamp = writer.time(0)
-        writer.text("")
-        state, command = writer.doubles(np.zeros(nx)), writer.doubles(np.zeros(n))
-        notes = writer.array(np.zeros(2))
-        self.hold = writer.put(b"\0", 1)
-        self.raw, self.places = writer.raw, (state, command, notes)
-        view = memoryview(self.raw)
-        self.state, self.command = view[state : state + 8 * nx], view[command : command + 8 * n]
-        self.notes = view[notes : notes + 16]
+    reader, fields = CdrReader(raw), _fields(kind).items()
+    return SimpleNamespace(**{name: _KINDS[type_][2](reader) for name, type_ in fields})
 
 
 @dataclass(frozen=True)
-class Change:
-    """The complete state after a change other than by a tick.
+class Layout:
+    """Messages of a type that differ in their stamp and numbers only.
 
     Attributes:
-        stamp: Simulated time in [ns].
-        text: Reason of the change.
-        tunable: Names of the tunable quantities.
-        p: Their values, shape (np,).
-        x: State (q, v, z), shape (nx,).
-        notes: Next trial sub-step of the error control in [s], error, and number of time-stepped
-            ticks.
+        raw: One of them, with zeros there.
+        fields: Its stamp, (sec, nanosec), and its numbers, by name.
     """
 
-    stamp: int
-    text: str
-    tunable: tuple[str, ...]
-    p: Array
-    x: Array
-    notes: tuple[float, float, float]
-
-    def written(self) -> bytes:
-        """Serialize as ``arm_msgs/Change``."""
-        writer = CdrWriter()
-        writer.time(self.stamp)
-        writer.text("")
-        writer.text(self.text)
-        writer.texts(self.tunable)
-        writer.doubles(self.p)
-        writer.doubles(self.x)
-        writer.array(np.array(self.notes))
-        return bytes(writer.raw)
+    raw: bytes
+    fields: np.dtype[np.void]
 
     @classmethod
-    def read(cls, raw: bytes) -> Change:
-        """Read a serialized one.
+    def of(cls, kind: str, sizes: dict[str, int], **constant: Any) -> Layout:
+        """A layout of a type; arrays have ``sizes``, and other fields are ``constant``."""
+        arrays = {name: np.zeros(size) for name, size in sizes.items()}
+        raw, places = _laid_out(kind, arrays | constant)
+        kinds: dict[str, Any] = {
+            "builtin_interfaces/Time": (np.int32, 2), "float64": float, "uint8": np.uint8
+        }  # fmt: skip
+        types = {name: kinds.get(type_) for name, type_ in _fields(kind).items()}
+        types |= {name: (float, size) for name, size in sizes.items()}
+        names = [name for name, type_ in types.items() if type_ is not None]
+        fields: Any = {
+            "names": names, "formats": [types[name] for name in names],
+            "offsets": [places[name] for name in names], "itemsize": len(raw),
+        }  # fmt: skip
+        return cls(raw, np.dtype(fields))
+
+    def place(self, name: str) -> int:
+        """Offset of a number."""
+        assert self.fields.fields is not None
+        return self.fields.fields[name][1]
+
+    def written(self, stamps: NDArray[np.int64], **numbers: Any) -> list[bytes]:
+        """Messages with stamps in [ns], shape (k,), and numbers, shapes (k, …)."""
+        size, data = len(self.raw), bytearray(self.raw * len(stamps))
+        rows = np.frombuffer(data, self.fields)
+        rows["stamp"] = np.column_stack(np.divmod(stamps, GIGA))
+        for name, values in numbers.items():
+            rows[name] = values
+        return [bytes(data[at : at + size]) for at in range(0, len(data), size)]
+
+    def read(self, raws: Sequence[bytes]) -> NDArray[np.void]:
+        """Numbers of messages by name, shape (k,).
 
         Raises:
-            InvalidInput: If the bytes are something else.
+            InvalidInput: If they are of another layout.
         """
-        reader = CdrReader(raw)
-        stamp = reader.nanoseconds()
-        reader.text()
-        text, tunable = reader.text(), tuple(reader.texts())
-        p, x = reader.doubles(), reader.doubles()
-        substep, error, stepped = reader.array(3).tolist()
-        return cls(stamp, text, tunable, p, x, (substep, error, stepped))
+        if any(len(raw) != len(self.raw) or raw[:HEADER] != NATIVE for raw in raws):
+            raise InvalidInput(
+                "the ticks of the recording are not all of the same robot, or of a machine with "
+                "another byte order"
+            )
+        return np.frombuffer(b"".join(raws), self.fields)
 
 
-def log_message(stamp: int, level: int, name: str, text: str) -> bytes:
-    """An ``rcl_interfaces/Log``."""
-    writer = CdrWriter()
-    writer.time(stamp)
-    writer.put(bytes([level]), 1)
-    for part in (name, text, "", ""):
-        writer.text(part)
-    writer.count(0)
-    return bytes(writer.raw)
+def tick_layout(nx: int, n: int) -> Layout:
+    """Of ticks with states of shape (nx,) and commands of shape (n,)."""
+    return Layout.of(TICK, {"state": nx, "command": n})
 
 
-def log_text(raw: bytes) -> tuple[int, str]:
-    """Stamp in [ns] and text of an ``rcl_interfaces/Log``."""
-    reader = CdrReader(raw)
-    stamp = reader.nanoseconds()
-    reader.skip(1, 1)
-    reader.text()
-    return stamp, reader.text()
-
-
-def string_message(text: str) -> bytes:
-    """A ``std_msgs/String``."""
-    writer = CdrWriter()
-    writer.text(text)
-    return bytes(writer.raw)
-
-
-class JointStateWriter:
-    """A serialized JointState in which only stamp and numbers change.
-
-    Attributes:
-        raw: The message.
-        stamp: Offset of its stamp.
-        places: Offsets of the numbers of position, velocity and effort.
-    """
-
-    def __init__(self, names: Sequence[str]) -> None:
-        writer = CdrWriter()
-        self.stamp = writer.time(0)
-        writer.text("")
-        writer.texts(names)
-        self.places = tuple(writer.doubles(np.zeros(len(names))) for _ in range(3))
-        self.raw = writer.raw
-
-
-@dataclass(frozen=True)
-class JointStates:
-    """A JointState that was read; arrays may be empty."""
-
-    stamp: int
-    names: tuple[str, ...]
-    position: Array
-    velocity: Array
-    effort: Array
-
-    @classmethod
-    def read(cls, raw: bytes) -> JointStates:
-        """Read a serialized one, or raise InvalidInput."""
-        reader = CdrReader(raw)
-        stamp = reader.nanoseconds()
-        reader.text()
-        names = tuple(reader.texts())
-        return cls(stamp, names, reader.doubles(), reader.doubles(), reader.doubles())
-
-
-def numbers_at(rows: np.ndarray, place: int, count: int) -> Array:
-    """Copy ``count`` numbers at an offset of messages of the same layout, shape (k, count)."""
-    return np.ascontiguousarray(rows[:, place : place + 8 * count]).view(float)
-
-
-def stamps_at(rows: np.ndarray, place: int) -> np.ndarray:
-    """The stamps at an offset of messages of the same layout in [ns], shape (k,)."""
-    parts = np.ascontiguousarray(rows[:, place : place + 8])
-    seconds = parts[:, :4].copy().view(np.int32)[:, 0].astype(np.int64)
-    return seconds * 1_000_000_000 + parts[:, 4:].copy().view(np.uint32)[:, 0]
-
-
-def tick_sizes(raw: bytes) -> tuple[int, int]:
-    """Lengths of state and command in an ``arm_msgs/Tick``, or raise InvalidInput."""
-    reader = CdrReader(raw)
-    reader.nanoseconds()
-    reader.text()
-    sizes = reader.doubles().size, reader.doubles().size
-    if raw[:HEADER] != TickWriter(*sizes).raw[:HEADER] or len(raw) != len(TickWriter(*sizes).raw):
-        raise InvalidInput("ticks of a machine with another byte order cannot be read here")
-    return sizes
+def joint_state_layout(names: Sequence[str]) -> Layout:
+    """Of complete joint states."""
+    return Layout.of(JOINT_STATE, dict.fromkeys(PARTS, len(names)), name=names)

@@ -13,8 +13,7 @@ import numpy as np
 from arm_dynamics.arrays import read_only
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.imperfections import Measured
-from arm_sim.recording.changes import Jump
-from arm_sim.recording.contents import Contents, Event
+from arm_sim.recording.contents import Contents, Event, Jump
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE, Origin
 
 _ROWS = {
@@ -22,7 +21,6 @@ _ROWS = {
     "time_stepped": "time_stepped", "p": "p",
 }  # fmt: skip
 """Names in files of the arrays with a row for each state."""
-_FILES = (SCENE_FILE, URDF_FILE)
 
 
 def read(path: Path) -> Contents:
@@ -52,8 +50,13 @@ def read(path: Path) -> Contents:
 def _contents(arrays: dict[str, Any]) -> Contents:
     about = json.loads(str(arrays["about"]))
     rows = {name: read_only(arrays[key]) for name, key in _ROWS.items()}
-    _check(rows, len(about["joint_names"]))
-    texts = {name: str(arrays[name]) for name in _FILES if name in arrays}
+    lengths, n = {name: len(array) for name, array in rows.items()}, len(about["joint_names"])
+    if len(set(lengths.values())) != 1:
+        raise InvalidInput(f"its arrays have {lengths} rows; equal numbers are expected")
+    for name in ("q", "v", "command"):
+        if rows[name].shape[1:] != (n,):
+            raise InvalidInput(f"{name} has shape {rows[name].shape}; {n} columns are expected")
+    texts = {name: str(arrays[name]) for name in (SCENE_FILE, URDF_FILE) if name in arrays}
     origin = None if about["origin"] is None else Origin.read(texts, about["origin"])
     jumps = [
         Jump(int(row), read_only(x), read_only(p), tuple(tunable), float(substep))
@@ -70,12 +73,3 @@ def _contents(arrays: dict[str, Any]) -> Contents:
         hold=arrays.get("hold"), left=(),
         measured=Measured.of(arrays["measured"]) if "measured" in arrays else None,
     )  # fmt: skip
-
-
-def _check(rows: dict[str, Any], n: int) -> None:
-    lengths = {name: len(array) for name, array in rows.items()}
-    if len(set(lengths.values())) != 1:
-        raise InvalidInput(f"its arrays have {lengths} rows; equal numbers are expected")
-    for name in ("q", "v", "command"):
-        if rows[name].shape[1:] != (n,):
-            raise InvalidInput(f"{name} has shape {rows[name].shape}; {n} columns are expected")

@@ -3,19 +3,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 from mcap.writer import Writer
 
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.exceptions import NoRecording
-from arm_sim.recording.files import new_file
-from arm_sim.recording.files.bags import bag_files
-from arm_sim.recording.files.container import MESSAGE, PREFIX, REPAIRED, intact_records
+from arm_sim.recording.files.reader import REPAIRED, bag_files, intact_records
+from arm_sim.recording.files.writer import new_file
 
 
 def repair(source: Path, out: Path) -> Repaired:
@@ -44,22 +43,19 @@ def repair(source: Path, out: Path) -> Repaired:
     new_file(out)
     try:
         with out.open("wb") as sink:
-            return _copied(files, source, Repaired(Writer(sink)))
+            found = Repaired(Writer(sink))
+            for file in files:
+                found.add(file)
+            if not found.made:
+                raise InvalidInput(f"'{source}' contains nothing that can be repaired")
+            if found.damage:
+                damage = {"damage": "; ".join(dict.fromkeys(found.damage))}
+                found.writer.add_metadata(REPAIRED, damage)
+            found.writer.finish()  # type: ignore[no-untyped-call]
+            return found
     except BaseException:
         out.unlink()
         raise
-
-
-def _copied(files: Sequence[Path], source: Path, found: Repaired) -> Repaired:
-    for file in files:
-        found.add(file)
-    if not found.made:
-        raise InvalidInput(f"'{source}' contains nothing that can be repaired")
-    if found.damage:
-        damage = {"damage": "; ".join(dict.fromkeys(found.damage))}
-        found.writer.add_metadata(REPAIRED, damage)
-    found.writer.finish()  # type: ignore[no-untyped-call]
-    return found
 
 
 @dataclass
@@ -83,37 +79,37 @@ class Repaired:
     def add(self, path: Path) -> None:
         """Add what is intact of a file, in which channels have numbers of their own."""
         channels, schemas = dict[int, tuple[int, str]](), {0: 0}
-        for opcode, record, raw, start, end in intact_records(path, self.damage):
+        for record in intact_records(path, self.damage):
             if not self.made:
-                head = (record.profile, record.library) if opcode == Opcode.HEADER else ()
+                head = (record.profile, record.library) if isinstance(record, Header) else ()
                 self.made["header"] = self.writer.start(*head) or 0
-            if opcode == Opcode.MESSAGE:
-                self._add_message(channels, raw[start - PREFIX.size : end])
-            elif opcode == Opcode.SCHEMA:
-                content = record.name, record.encoding, record.data
-                schemas[record.id] = self._once(self.writer.register_schema, *content)
-            elif opcode == Opcode.CHANNEL:
-                content = record.topic, record.message_encoding, schemas.get(record.schema_id, 0)
-                number = self._once(self.writer.register_channel, *content, record.metadata)
-                channels[record.id] = number, record.topic
-                self.count.setdefault(record.topic, 0)
-            elif opcode == Opcode.ATTACHMENT:
-                times = record.create_time, record.log_time
-                content = record.name, record.media_type, record.data
-                self._once(self.writer.add_attachment, *times, *content)
-                self.kept[record.name] = "attachment"
-            elif opcode == Opcode.METADATA:
-                self._once(self.writer.add_metadata, record.name, record.metadata)
-                self.kept[record.name] = "metadata"
-
-    def _add_message(self, channels: dict[int, tuple[int, str]], raw: bytes) -> None:
-        _, _, channel, sequence, log, publish = MESSAGE.unpack_from(raw)
-        if channel not in channels:
-            self.damage.append(f"a message is of channel {channel}, which is not described")
-            return
-        number, topic = channels[channel]
-        self.writer.add_message(number, log, raw[MESSAGE.size :], publish, sequence)
-        self.count[topic] += 1
+            match record:
+                case Message(channel_id=channel):
+                    if channel not in channels:
+                        self.damage.append(
+                            f"a message is of channel {channel}, which is not described"
+                        )
+                        continue
+                    number, topic = channels[channel]
+                    more = record.publish_time, record.sequence
+                    self.writer.add_message(number, record.log_time, record.data, *more)
+                    self.count[topic] += 1
+                case Schema():
+                    schema = record.name, record.encoding, record.data
+                    schemas[record.id] = self._once(self.writer.register_schema, *schema)
+                case Channel(topic=topic):
+                    about = topic, record.message_encoding, schemas.get(record.schema_id, 0)
+                    number = self._once(self.writer.register_channel, *about, record.metadata)
+                    channels[record.id] = number, topic
+                    self.count.setdefault(topic, 0)
+                case Attachment():
+                    times = record.create_time, record.log_time
+                    content = record.name, record.media_type, record.data
+                    self._once(self.writer.add_attachment, *times, *content)
+                    self.kept[record.name] = "attachment"
+                case Metadata():
+                    self._once(self.writer.add_metadata, record.name, record.metadata)
+                    self.kept[record.name] = "metadata"
 
     def _once(self, write: Callable[..., int | None], *content: Any) -> int:
         """Write what was not yet written; return its number."""

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Buffering of messages for a file that a background thread writes.
 
-Adding a message never waits for the disk. It is copied into a chunk in the format of the file
-(``native/record.c``); the thread compresses and writes whole chunks, mostly without the
-interpreter lock. The number of chunks is fixed: when the disk is too slow,
-messages are dropped and counted. A message that is larger than a chunk gets one of its own.
+Adding a message never waits for the disk. It is copied into a chunk (``native/record.c``); the
+thread writes whole chunks by the library ``mcap``, which takes some 10 µs for a message. The
+number of chunks is fixed: when the disk is too slow, messages are dropped and counted. A message
+that is larger than a chunk gets one of its own.
 """
 
 from __future__ import annotations
@@ -13,21 +13,22 @@ import errno
 import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from ctypes import Structure, addressof, c_void_p
 from queue import Empty, SimpleQueue
+from struct import Struct
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics.ros.joint_state import address
-from arm_sim.recording.files import MESSAGE, McapWriter
+from arm_sim.recording.files import McapWriter
 from arm_sim.ros.node_library import RECORD, library
 
 PERIOD = 0.5  # [s] after which a chunk is written, even if not full
 SIZE = 1 << 20  # bytes per chunk
 COUNT = 8  # number of chunks
+MESSAGE = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log and publish time in [ns]
 HEAD = MESSAGE.size  # bytes of a message's head
 PERIOD_NS = round(1e9 * PERIOD)
 _FULL = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the disk quota is used up"}
@@ -57,15 +58,12 @@ class Chunk(Structure):
         place = data if isinstance(data, bytes) else address(data)
         library().put_record(self.address, channel, log, publish, place, len(data))
 
-    @property
-    def data(self) -> bytes:
-        """Its contents."""
-        return bytes(memoryview(self._memory)[: self.at])
-
-    @property
-    def starts(self) -> NDArray[np.int64]:
-        """Offset of each message."""
-        return self._starts[: self.count].copy()
+    def messages(self) -> Iterator[tuple[int, int, bytes, int]]:
+        """Channel, log time, data and publish time of each message."""
+        for start in self._starts[: self.count].tolist():
+            _, length, channel, _, log, publish = MESSAGE.unpack_from(self._memory, start)
+            data = self._memory[start + HEAD : start + 9 + length]  # opcode and length take 9
+            yield channel, log, bytes(data), publish
 
     def clear(self) -> None:
         """Discard its contents."""
@@ -80,9 +78,12 @@ class ChunkThread:
         tell: Called once by the thread with the error message of a failure.
 
     Attributes:
-        lock: Held while ``room`` is used.
+        lock: Held while ``chunk`` and ``room`` are used.
+        chunk: The one that is being filled.
         lost: Number of messages that are not in the file.
         trouble: What keeps them from it.
+        written: Number of bytes in the file.
+        processor_time: What the thread has used in [s].
         failure: Reason why writing has stopped; empty while it has not.
     """
 
@@ -93,9 +94,9 @@ class ChunkThread:
         self._free, self._full = SimpleQueue[Chunk](), SimpleQueue[Chunk | None]()
         for _ in range(COUNT - 1):
             self._free.put(Chunk(SIZE))
-        self._chunk, self.lock, self._writing = Chunk(SIZE), threading.RLock(), threading.Lock()
+        self.chunk, self.lock, self._writing = Chunk(SIZE), threading.RLock(), threading.Lock()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-        self.processor_time = 0.0
+        self.written, self.processor_time = 0, 0.0
         self._thread.start()
 
     def add(self, channel: int, log: int, publish: int, data: bytes | bytearray) -> bool:
@@ -123,50 +124,47 @@ class ChunkThread:
                 chunk.put(channel, log, publish, data)
             return True
 
-    def room(self, log: int, size: int, count: int) -> Chunk | None:
+    def room(self, log: int, size: int, count: int, patience: float = 0.0) -> Chunk | None:
         """A chunk with room for messages that arrive now; the lock must be held.
 
         Args:
             log: The time in [ns].
             size: Their bytes, including ``HEAD`` for each.
             count: Their number.
+            patience: Time in [s] to wait for the disk.
 
         Returns:
             The chunk, or None if they are lost.
         """
         if self._closed:
             return None
-        if not self._chunk.fits(log, size) and not self._exchange(size):
+        if not self.chunk.fits(log, size) and not self._exchange(size, patience):
             self.lost += count
             return None
-        return self._chunk
-
-    @property
-    def chunk(self) -> Chunk:
-        """The current chunk; the lock must be held."""
-        return self._chunk
+        return self.chunk
 
     def channel(self, topic: str, kind: str, definition: str, profile: str = "") -> int:
         """Add a channel while others are being written; see ``McapWriter.channel``."""
         with self._writing:
             return self.mcap.channel(topic, kind, definition, profile)
 
-    def _exchange(self, size: int = 0) -> bool:
+    def _exchange(self, size: int = 0, patience: float = 0.0) -> bool:
         """Pass the current chunk to the thread, and begin another one if one is free.
 
         Args:
             size: Bytes for which the new chunk must have room.
+            patience: Time in [s] to wait for a free one.
         """
         if self.failure:
-            self.lost += self._chunk.count
-            self._chunk.clear()
+            self.lost += self.chunk.count
+            self.chunk.clear()
             return False
         try:
-            free = self._free.get_nowait()
+            free = self._free.get(timeout=patience)
         except Empty:
             return False
-        self._full.put(self._chunk)
-        self._chunk = free if size <= free.size else Chunk(size)
+        self._full.put(self.chunk)
+        self.chunk = free if size <= free.size else Chunk(size)
         return True
 
     def end(self) -> None:
@@ -175,9 +173,9 @@ class ChunkThread:
             if self._closed:
                 return
             self._closed = True
-            self._full.put(self._chunk)
+            self._full.put(self.chunk)
             self._full.put(None)
-            self._chunk = Chunk(HEAD)
+            self.chunk = Chunk(HEAD)
 
     def close(self) -> None:
         """Write all messages and the summary, and end the thread; may be called repeatedly."""
@@ -206,7 +204,7 @@ class ChunkThread:
         if not self.lock.acquire(blocking=False):
             return  # wakes up when messages arrive
         try:
-            if not self._chunk.fits(time.time_ns(), 0):
+            if not self.chunk.fits(time.time_ns(), 0):
                 self._exchange()
         finally:
             self.lock.release()
@@ -215,7 +213,10 @@ class ChunkThread:
         if not self.failure:
             try:
                 with self._writing:
-                    self.mcap.chunk(chunk.data, chunk.starts)
+                    for message in chunk.messages():
+                        self.mcap.add_message(*message)
+                    self.mcap.flush()
+                self.written = self.mcap.file.tell()
             except Exception as error:  # otherwise the thread would end silently
                 self._fail(error, chunk.count)
         else:
@@ -232,14 +233,17 @@ class ChunkThread:
         full = _FULL.get(getattr(error, "errno", None) or 0)
         self.trouble = full or "the recording has stopped"
         self.failure = (
-            f"recording stopped after {self.mcap.written} bytes, which remain readable: "
+            f"recording stopped after {self.written} bytes, which remain readable: "
             f"{f'{full} ({why})' if full else why}"
         )
         self._tell(self.failure)
 
     def _end(self) -> None:
         try:
-            self.mcap.close()
+            if self.failure:  # what is in the file stays as it is
+                self.mcap.file.close()
+            else:
+                self.mcap.close()
         except OSError as error:
             if not self.failure:
                 self._fail(error, 0)

@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.node import Node
 
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.ros.common.cdr import as_bytes
+from arm_dynamics.ros.common.convert import as_bytes
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.interfaces import COMMANDS, ENERGY, MULTIPLIERS, WRENCH

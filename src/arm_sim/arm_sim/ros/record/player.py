@@ -8,16 +8,16 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 
-from arm_dynamics.cdr import time_bytes
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.ros.interfaces import EVERY, LATCHED, ROBOT_DESCRIPTION
 from arm_sim.exceptions import NoRecording
-from arm_sim.recording.files.bags import BAGS, read_bag
-from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, TICK, JointStateWriter
+from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, TICK, joint_state_layout
+from arm_sim.recording.files.reader import BAGS, read_bag
 from arm_sim.recording.recording import Recording
-from arm_sim.ros.record.types import type_of
+from arm_sim.ros.record.definitions import type_of
 
 _OURS = (TICK, CHANGE)  # topics that exist only in files
 _STATES = "/joint_states"
@@ -116,14 +116,13 @@ def _messages(path: Path, topics: tuple[str, ...]) -> Played:
         return topic in topics if topics else kind not in _OURS
 
     found = read_bag(path, wanted)
-    names = [topic for topic, _ in found.topics.values()]
-    if unknown := [topic for topic in topics if topic not in names]:
+    if unknown := [topic for topic in topics if topic not in found.topics]:
         raise InvalidInput(
-            f"'{path}' has no topic {known_names(unknown)}; {choices(unknown[0], names)}"
+            f"'{path}' has no topic {known_names(unknown)}; {choices(unknown[0], [*found.topics])}"
         )
     return {
-        found.topics[number]: [(log, raw) for _, log, raw in messages]
-        for number, messages in found.messages.items()
+        (topic, found.topics[topic]): [(log, raw) for _, log, raw in messages]
+        for topic, messages in found.messages.items()
         if messages
     }
 
@@ -131,12 +130,9 @@ def _messages(path: Path, topics: tuple[str, ...]) -> Played:
 def _joint_states(path: Path) -> Played:
     """The joint states of a recording that has no messages."""
     recording = Recording.load(path)
-    writer, played = JointStateWriter(recording.joint_names), list[tuple[int, bytes]]()
-    for k, time_ in enumerate(recording.time.tolist()):
-        stamp = round(1e9 * time_)
-        writer.raw[writer.stamp : writer.stamp + 8] = time_bytes(stamp)
-        rows = (recording.q[k], recording.v[k], recording.tau[max(k - 1, 0)])
-        for place, numbers in zip(writer.places, rows, strict=True):
-            writer.raw[place : place + numbers.nbytes] = numbers.tobytes()
-        played.append((stamp, bytes(writer.raw)))
-    return {(_STATES, JOINT_STATE): played}
+    stamps = np.round(1e9 * recording.time).astype(np.int64)
+    messages = joint_state_layout(recording.joint_names).written(
+        stamps, position=recording.q, velocity=recording.v,
+        effort=np.vstack([recording.tau[:1], recording.tau[:-1]]),
+    )  # fmt: skip
+    return {(_STATES, JOINT_STATE): list(zip(stamps.tolist(), messages, strict=True))}

@@ -6,22 +6,42 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from ctypes import Structure, addressof
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from arm_dynamics.arrays import Array
-from arm_sim.recording.files import TickFile, complete, new_file
-from arm_sim.recording.files.messages import Change, TickWriter, log_message
-from arm_sim.recording.files.ticks import UNCHANGED, tunable_names
+from arm_dynamics.ros.joint_state import address
+from arm_sim.recording.files import TickFile, new_file
+from arm_sim.recording.files.messages import CHANGE, tick_layout, written
+from arm_sim.recording.files.ticks import UNCHANGED, log_message, tunable_names
 from arm_sim.ros.commands.latest import in_force
+from arm_sim.ros.node_library import RECORD
 from arm_sim.ros.record.chunks import ChunkThread
-from arm_sim.ros.record.copying import TickCopy
 from arm_sim.ros.tick_engine import TickEngine
+from arm_sim.simulation.simulated_arm import SimulatedArm
 
 INFO, ERROR = 20, 40
+_PARTS = ("state", "command", "error")  # and time_stepped, which follows it
 _MANY = 100  # largest number of messages between two ticks
+
+
+class TickCopy(Structure):
+    """``tick_t`` of record.h: where C copies a tick, and from where."""
+
+    _fields_ = RECORD.fields("tick_t")
+
+    def __init__(self, arm: SimulatedArm, tick: int, state: int) -> None:
+        """Prepare; ``tick`` and ``state`` are the numbers of their channels."""
+        layout, numbers = tick_layout(arm.plant.nx, arm.n), (arm.x, arm.acted, arm.notes)
+        self.message, self._numbers = bytearray(layout.raw), numbers
+        super().__init__(
+            raw=address(self.message), size=len(layout.raw), stamp=layout.place("stamp"),
+            hold=layout.place("hold"), tick=tick, state=state,
+        )  # fmt: skip
+        for k, (name, array) in enumerate(zip(_PARTS, numbers, strict=True)):
+            self.at[k], self.sizes[k] = layout.place(name), array.nbytes
+            self.numbers[k] = array.ctypes.data
 
 
 class TickRecorder:
@@ -60,28 +80,26 @@ class TickRecorder:
         """
         self._arm = arm = engine.simulator.arm
         self._engine, self.path = engine, path
-        self._name, self._place = prefix.rpartition("/")[2], new_file(path)
-        self.file = TickFile(self._place[0], arm.origin, arm.joint_names, prefix, states)
-        begin = self.file.mcap.channel
+        self._name = prefix.rpartition("/")[2]
+        self.file = TickFile(new_file(path), arm.origin, arm.joint_names, prefix, states)
+        begin = self.file.channel
         self._channels = {topic: begin(topic, *about) for topic, about in topics.items()}
         self._channels[states] = self.file.states
-        self.thread = ChunkThread(self.file.mcap, tell)
-        self._writer = TickWriter(arm.plant.nx, arm.n)
-        self._copy = TickCopy(self._writer, arm, self.file.ticks, self.file.states)
+        self.thread = ChunkThread(self.file, tell)
+        self._copy = TickCopy(arm, self.file.ticks, self.file.states)
         self._published: tuple[int, bytearray] | None = None
         self._waiting = deque[tuple[int, int, bytes]]()
         self._whole = True  # whether the file contains every tick so far
         self._gap = False  # whether it does not contain the last one
         self._plant, self._p = arm.plant, b""
         self.lost = 0
-        channel, robot = self.file.robot()
-        self.thread.add(channel, time.time_ns(), 0, robot)
+        self.thread.add(self.file.robot, time.time_ns(), 0, self.file.urdf)
         self._begin("start")
         self._listen(engine)
 
     def _listen(self, engine: TickEngine) -> None:
         ticks = engine.ticks
-        ticks.copy, ticks.chunk = self._copy.place, None
+        ticks.copy, ticks.chunk = addressof(self._copy), None
         ticks.answer(space=self._make_space)
         ticks.refresh.append(self._refresh)
         engine.guard = self.thread.lock
@@ -100,13 +118,15 @@ class TickRecorder:
         """Write what comes before the next tick, and let C know where to copy that."""
         arm = self._arm
         if arm.plant is not self._plant or (self._p and arm.parameters.tobytes() != self._p):
-            self._tuned()
+            self._change("tuned", 0.0 if arm.plant is not self._plant else UNCHANGED)
         self._flush()
         self._engine.ticks.chunk = self.thread.chunk.address if self._whole else None
 
     def _make_space(self) -> bool:
         """Make space for a tick; if the disk is too slow, lose it, and begin again after it."""
-        if self._whole and self.thread.room(time.time_ns(), self._engine.ticks.needs, 1):
+        # Steps by request go as fast as possible: to wait for the disk delays nothing else.
+        needs, patience = self._engine.ticks.needs, 1.0 if self._engine.paused else 0.0
+        if self._whole and self.thread.room(time.time_ns(), needs, 1, patience):
             return True
         self._whole, self.lost = False, self.lost + 1
         if self._gap:
@@ -138,15 +158,6 @@ class TickRecorder:
         if len(self._waiting) > _MANY:  # without ticks
             self._flush(wait=False)
 
-    def _taken(self, now: int) -> list[tuple[int, int, bytes | bytearray]]:
-        """The messages since the last tick."""
-        found: list[tuple[int, int, bytes | bytearray]] = []
-        with suppress(IndexError):  # there are none
-            while True:
-                channel, stamp, data = self._waiting.popleft()
-                found.append((channel, stamp or now, data))
-        return found
-
     def _flush(self, wait: bool = True) -> None:
         """Write messages that no tick follows: at a change, or while time stands still.
 
@@ -156,18 +167,17 @@ class TickRecorder:
         if not self.thread.lock.acquire(blocking=wait):
             return
         try:
-            self._write_waiting()
+            now, messages = time.time_ns(), list[tuple[int, int, bytes | bytearray]]()
+            while self._waiting:  # others only append
+                channel, stamp, data = self._waiting.popleft()
+                messages.append((channel, stamp or now, data))
+            if self._published is not None:
+                messages.append((self.file.states, *self._published))
+                self._published = None
+            if messages:
+                self.thread.add_all(now, messages)
         finally:
             self.thread.lock.release()
-
-    def _write_waiting(self) -> None:
-        now = time.time_ns()
-        messages = self._taken(now)
-        if self._published is not None:
-            messages.append((self.file.states, *self._published))
-            self._published = None
-        if messages:
-            self.thread.add_all(now, messages)
 
     def note(self, text: str, level: int = INFO) -> None:
         """Record an event; may be called from any thread."""
@@ -180,33 +190,29 @@ class TickRecorder:
         stale, policy = self._engine.commands.stale, self._engine.stale_policy
         self.note(f"no command: {in_force(policy)}" if stale else "commands have resumed")
 
-    def _tuned(self) -> None:
-        """Record tuning since the last tick."""
-        substep = 0.0 if self._arm.plant is not self._plant else UNCHANGED
-        self._change(self._engine.stamp, "tuned", self._arm.x, substep)
-
     def _begin(self, why: str) -> None:
         """Write the complete current state."""
-        arm = self._arm
         self._flush()
-        self._writer.state[:] = arm.x.data.cast("B")
-        self._whole = self._change(self._engine.stamp, why, arm.x, arm.substep)
+        self._whole = self._change(why, self._arm.substep)
         self._gap = not self._whole
 
-    def _change(self, stamp: int, why: str, x: Array, substep: float) -> bool:
-        arm = self._arm
+    def _change(self, why: str, substep: float) -> bool:
+        arm, stamp = self._arm, self._engine.stamp
         self._plant, p = arm.plant, arm.parameters
         tunable, self._p = tunable_names(self._plant.model.scene), p.tobytes()
         error, stepped = arm.notes.tolist()
-        change = Change(stamp, why, tunable, p, x, (substep, error, stepped))
-        return self.thread.add(self.file.changes, time.time_ns(), stamp, change.written())
+        change = written(
+            CHANGE, stamp=stamp, text=why, tunable=tunable, parameters=p, state=arm.x,
+            substep=substep, error=error, time_stepped=stepped,
+        )  # fmt: skip
+        return self.thread.add(self.file.changes, time.time_ns(), stamp, change)
 
     def report(self) -> dict[str, Any]:
         """Summary: ticks, losses, bytes, and the thread's processor time in [s]."""
         thread = self.thread
         return {
             "ticks": self.ticks, "lost": self.lost, "messages lost": thread.lost,
-            "written": thread.mcap.written, "processor time": thread.processor_time,
+            "written": thread.written, "processor time": thread.processor_time,
             "failure": thread.failure,
         }  # fmt: skip
 
@@ -214,8 +220,6 @@ class TickRecorder:
         """Write the remaining messages, and end; may be called from any thread."""
         self._engine.queue.run(self._end)
         self.thread.close()
-        if not self.thread.failure:
-            complete(self.file.mcap, *self._place)
 
     def _end(self) -> None:
         self._flush()

@@ -14,11 +14,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.validate_topic_name import validate_topic_name
 
 from arm_dynamics.exceptions import InvalidInput
-from arm_sim.recording.files import McapWriter, complete, new_file
+from arm_sim.recording.files import McapWriter, new_file
 from arm_sim.recording.files.messages import LATCHED
 from arm_sim.ros.record.chunks import ChunkThread
-from arm_sim.ros.record.definitions import definition_of
-from arm_sim.ros.record.types import type_of
+from arm_sim.ros.record.definitions import definition_of, type_of
 
 _LOOK = 0.5  # [s] between checks for new topics
 _DEPTH = 1000  # length of the message queue
@@ -51,8 +50,8 @@ class TopicRecorder(Node):
         """
         super().__init__("recorder", **node_kwargs)
         self._wanted = {self._resolved(topic) for topic in topics}
-        self.path, self._place = path, new_file(path)
-        self.thread = ChunkThread(McapWriter(self._place[0]), self.get_logger().error)
+        self.path = path
+        self.thread = ChunkThread(McapWriter(new_file(path)), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
         self._complete = True
         self.look()
@@ -116,6 +115,4 @@ class TopicRecorder(Node):
         """Write the remaining messages, and destroy the node."""
         if self._complete:
             self.thread.close()
-            if not self.thread.failure:
-                complete(self.thread.mcap, *self._place)
         super().destroy_node()

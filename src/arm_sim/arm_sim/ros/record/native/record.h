@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Buffers of a recording. Python reads this header (chunks.py, copying.py), and checks that there is room. The format of
- * the records is defined in recording/files/container.py.
+ * Buffers of a recording. Python reads this header (chunks.py, ticks.py), checks that there is room, and reads the
+ * records, which are those of MCAP (https://mcap.dev/spec).
  */
 #pragma once
 #include <stdint.h>

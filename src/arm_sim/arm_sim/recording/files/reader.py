@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of ROS 2, read without ROS as far as they are intact: MCAP, SQLite, or a folder of them."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+from urllib.parse import quote
+
+from arm_dynamics.exceptions import InvalidInput, known_names
+
+try:
+    from mcap import records
+    from mcap.opcode import Opcode
+    from mcap.reader import SeekingReader
+    from mcap.stream_reader import StreamReader, breakup_chunk
+    from mcap.writer import MCAP0_MAGIC
+except ModuleNotFoundError as error:
+    raise InvalidInput(
+        f"files of recordings require the module '{error.name}': pip install mcap"
+    ) from None
+
+BAGS = (".mcap", ".db3")
+SQLITE = b"SQLite format 3\0"
+REPAIRED = "repaired"
+"""Name of the metadata with the damage that a repaired file had."""
+BagMessage = tuple[int, int, bytes]
+"""Position in the bag, log time in [ns], and data."""
+_HEAD = struct.Struct("<BQ")  # of a record: opcode and length
+_READ = (
+    Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT,
+    Opcode.METADATA,
+)  # fmt: skip
+
+
+@dataclass
+class BagContents:
+    """Content of a bag, or of its readable part.
+
+    Attributes:
+        topics: Type of each topic.
+        texts: Attached files.
+        facts: Metadata by name.
+        messages: Those of each requested topic.
+        damage: Description of unreadable parts.
+        count: Number of messages, also of topics that are not requested.
+        used: Topics that have messages.
+    """
+
+    topics: dict[str, str] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
+    facts: dict[str, dict[str, str]] = field(default_factory=dict)
+    messages: dict[str, list[BagMessage]] = field(default_factory=dict)
+    damage: list[str] = field(default_factory=list)
+    count: int = 0
+    used: set[str] = field(default_factory=set)
+
+    def besides(self, *topics: str) -> tuple[str, ...]:
+        """Topics with messages other than these."""
+        return tuple(name for name in self.topics if name in self.used and name not in topics)
+
+    def of(self, kind: str) -> dict[str, list[BagMessage]]:
+        """Messages of a type, by topic."""
+        return {name: kept for name, kept in self.messages.items() if self.topics[name] == kind}
+
+    def told(self) -> str:
+        """Topics and types, for an error message."""
+        return known_names(f"{topic} ({kind})" for topic, kind in self.topics.items())
+
+    def _add_topic(self, topic: str, kind: str, wanted: bool) -> None:
+        self.topics.setdefault(topic, kind)
+        if wanted:
+            self.messages.setdefault(topic, [])
+
+    def _add(self, topic: str, time: int, data: bytes) -> None:
+        if topic in self.messages:
+            self.messages[topic].append((self.count, time, data))
+        self.count += 1
+        self.used.add(topic)
+
+    def add_mcap(self, path: Path, wanted: Callable[[str, str], bool]) -> None:
+        """Add an MCAP file; see ``read_bag``."""
+        schemas, channels = dict[int, str](), dict[int, str]()
+        for record in intact_records(path, self.damage):
+            match record:
+                case records.Message():
+                    topic = channels.get(record.channel_id, "")
+                    self._add(topic, record.log_time, record.data)
+                case records.Schema():
+                    schemas[record.id] = record.name
+                case records.Channel():
+                    kind = schemas.get(record.schema_id, "")
+                    channels[record.id] = record.topic
+                    kept = record.message_encoding == "cdr" and wanted(record.topic, kind)
+                    self._add_topic(record.topic, kind, kept)
+                case records.Attachment():
+                    self.texts.setdefault(record.name, record.data.decode(errors="replace"))
+                case records.Metadata(name=name, metadata=facts):
+                    self.facts.setdefault(name, facts)
+                    self.damage += facts.values() if name == REPAIRED else ()
+
+    def add_sqlite(self, path: Path, wanted: Callable[[str, str], bool]) -> None:
+        """Add a file of rosbag2_storage_sqlite3: tables ``topics`` and ``messages``."""
+        with path.open("rb") as file:
+            if file.read(len(SQLITE)) != SQLITE:
+                raise InvalidInput(f"'{path}' is not an SQLite database; allowed for .db3: a bag")
+        begin, uri = self.count, f"file:{quote(str(path))}?mode=ro&immutable=1"
+        try:
+            with closing(sqlite3.connect(uri, uri=True)) as base:
+                base.text_factory = lambda raw: raw.decode(errors="replace")
+                topics = dict[int, str]()
+                for number, topic, kind in base.execute("SELECT id, name, type FROM topics"):
+                    topics[number] = topic
+                    self._add_topic(topic, kind, wanted(topic, kind))
+                for number, time, data in base.execute(
+                    "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
+                ):
+                    self._add(topics.get(number, ""), time, bytes(data))
+        except sqlite3.Error as error:
+            if not any(self.messages.values()):
+                raise InvalidInput(f"'{path}' is damaged or not a bag of ROS 2: {error}") from None
+            self.damage.append(f"it is damaged from message {self.count - begin} on: {error}")
+
+
+def read_bag(path: Path, wanted: Callable[[str, str], bool]) -> BagContents:
+    """Read a bag from beginning to end, or to where it is truncated.
+
+    Args:
+        path: Path of a file or folder.
+        wanted: Decides by topic and type whether messages are kept.
+
+    Raises:
+        InvalidInput: If it is no bag.
+        OSError: If it cannot be read.
+    """
+    found = BagContents()
+    for file in bag_files(path):
+        add = found.add_sqlite if file.suffix == ".db3" else found.add_mcap
+        add(file, wanted)
+    return found
+
+
+def bag_files(path: Path) -> list[Path]:
+    """The files of a bag, in the order of their names; a file is one by itself."""
+    if not path.is_dir():
+        return [path]
+    files = [file for suffix in BAGS for file in path.glob(f"*{suffix}")]
+    if not files:
+        raise InvalidInput(f"'{path}' contains no {' or '.join(BAGS)}; allowed: a bag's folder")
+    return sorted(files, key=lambda file: (len(file.stem), file.stem))
+
+
+def intact_records(path: Path, damage: list[str]) -> Iterator[records.McapRecord]:
+    """Records of an MCAP file, and of its chunks, up to its end or to where it is truncated.
+
+    Schemas and channels come first where the file's summary repeats them: so damage to the chunk
+    that introduces a channel costs no other chunk.
+
+    Args:
+        path: Path of the file.
+        damage: Receives a description of each unreadable part.
+
+    Raises:
+        InvalidInput: If it is not an MCAP file.
+        OSError: If it cannot be read.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+            raise InvalidInput(f"'{path}' is not an MCAP file: its first bytes differ")
+        while len(head := file.read(_HEAD.size)) == _HEAD.size:
+            opcode, length = _HEAD.unpack(head)
+            start = file.tell()
+            if opcode == Opcode.DATA_END:
+                return
+            if start + length > size:
+                break
+            if opcode not in _READ:
+                file.seek(length, 1)
+                continue
+            stream = StreamReader(BytesIO(head + file.read(length)), True, emit_chunks=True)
+            try:
+                record, inner = next(iter(stream.records)), list[records.McapRecord]()
+                if isinstance(record, records.Chunk):
+                    inner = breakup_chunk(record, validate_crc=True)
+            except Exception as error:  # whatever damaged bytes make of what reads them
+                what = Opcode(opcode).name.lower()
+                damage.append(f"a record ({what}) at byte {start} is damaged: {error!r}")
+                continue
+            if opcode != Opcode.CHUNK:
+                yield record
+            yield from inner
+            if isinstance(record, records.Header):
+                yield from _summarized(file)
+                file.seek(start + length)
+    damage.append("it is truncated: the end of the recording is missing")
+
+
+def _summarized(file: BinaryIO) -> Iterator[records.McapRecord]:
+    """Schemas and channels in the summary of a file, if it is intact."""
+    summary = None
+    file.seek(0)
+    with suppress(Exception):  # as above
+        summary = SeekingReader(file, validate_crcs=True).get_summary()
+    if summary is not None:
+        yield from summary.schemas.values()
+        yield from summary.channels.values()
