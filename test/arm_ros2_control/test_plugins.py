@@ -24,7 +24,8 @@ from arm_dynamics.trajectory import Reference
 from arm_sim import JointCommand, Simulator, State
 from arm_sim.export import export
 
-PACKAGE = Path(__file__).parents[2] / "src/arm_ros2_control"
+HERE = Path(__file__).parent
+PACKAGE = HERE.parents[1] / "src/arm_ros2_control"
 URDF = PACKAGE.parent / "arm_sim/arm_sim/scenes/two_link.urdf"
 SCENE = {
     "robot": {"urdf": str(URDF)},
@@ -42,8 +43,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         export(SCENE, made / name, name, terms=("inverse_dynamics",), servo=servo)
         library = "-O1", "-fPIC", "-shared", made / name / f"{name}.c"
         said_by("cc", *library, "-o", made / f"lib{name}.so", "-lm")
-    include = (f"-I{PACKAGE / 'include'}", f"-I{PACKAGE / 'test/standins'}")
-    sources = (*(PACKAGE / "src").glob("*.cpp"), PACKAGE / "test/drive.cpp")
+    include = (f"-I{PACKAGE / 'include'}", f"-I{HERE / 'standins'}")
+    sources = (*(PACKAGE / "src").glob("*.cpp"), HERE / "drive.cpp")
     said_by("c++", "-std=c++17", *STRICT, *include, *sources, "-o", made / "drive", "-ldl")
     return made
 

@@ -36,7 +36,7 @@ def tick(sim: Simulator, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndar
         place = len(plant.parameters.nominal)
         change = -(1.0 - p[place : place + n] ** 2) * x[n : 2 * n]
         still = np.zeros((3 * len(plant.points), points), complex)
-        v = evaluated(plant.mechanics.strike, [x[: 2 * n], p, change, still])[0]
+        v = evaluated(plant.mechanics.impact_map, [x[: 2 * n], p, change, still])[0]
         x = np.concatenate([x[:n], v, x[2 * n :]])
     h = np.full((1, points), sim.dt + 0j)
     if plant.mechanics.contact is None:

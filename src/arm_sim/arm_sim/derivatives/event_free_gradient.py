@@ -17,9 +17,9 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_sim.derivatives.event_free_ticks import EventFreeTick
-from arm_sim.derivatives.kinks import Kinks
 from arm_sim.derivatives.linearization import Motion
+from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
+from arm_sim.derivatives.tangents.event_free_ticks import EventFreeTick
 from arm_sim.integrators.adjoints import build_adjoint
 from arm_sim.integrators.methods import build_step
 from arm_sim.integrators.selection import Choice
@@ -102,7 +102,7 @@ class EventFreeGradients:
     """Gradients through ticks without events of a scene with events.
 
     Args:
-        kinks: Its lasting kinks.
+        nonsmooth: Its lasting kinks.
         engine: Finds ticks without events.
         plant: The scene's equations.
         choice: Method and tick.
@@ -113,8 +113,10 @@ class EventFreeGradients:
     """
 
     @one_at_a_time
-    def __init__(self, kinks: Kinks, engine: Engine, plant: Plant, choice: Choice) -> None:
-        self._kinks, self._engine = kinks, engine
+    def __init__(
+        self, nonsmooth: NonsmoothPoints, engine: Engine, plant: Plant, choice: Choice
+    ) -> None:
+        self._nonsmooth, self._engine = nonsmooth, engine
         self._nx, self.length = plant.nx, choice.dt
         event_free = EventFreeTick.of(plant, range(len(plant.parameters.nominal)))
         _, *functions = tick_functions(plant, choice)
@@ -138,7 +140,7 @@ class EventFreeGradients:
             The ticks before that one, if there are any.
         """
         first, ahead = motion.ticks, tau[motion.ticks :]
-        most = min(STRETCH, self._kinks.ticks_before(motion.x, ahead))
+        most = min(STRETCH, self._nonsmooth.ticks_before(motion.x, ahead))
         kept, after = np.empty((most, self._kept)), np.empty(self._nx)
         x = np.ascontiguousarray(motion.x)
         assert self.code is not None

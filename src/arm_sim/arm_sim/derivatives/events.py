@@ -22,9 +22,9 @@ from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.guards import guard_functions, guard_names, mobility_across
 from arm_sim.derivatives.impact import impact_function
 from arm_sim.derivatives.one_sided import TickPoint
-from arm_sim.derivatives.rest_projection import RestProjection
 from arm_sim.derivatives.resting import resting_functions
 from arm_sim.derivatives.tangents import TANGENTS, Tangents
+from arm_sim.derivatives.tangents.rest_projection import RestProjection
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
@@ -84,9 +84,9 @@ class Helpers(ctypes.Structure):
 
 
 class Trace(ctypes.Structure):
-    """A traced tick: ``trace_t`` of ``native/modes/trace.h``."""
+    """A traced tick: ``trace_t`` of ``native/modes/tick_record.h``."""
 
-    _fields_ = Header(NATIVE / "modes/trace.h", only="trace_t").fields("trace_t")
+    _fields_ = Header(NATIVE / "modes/tick_record.h", only="trace_t").fields("trace_t")
 
 
 STEP = ctypes.CFUNCTYPE(None, *[ADDRESS] * 7, ctypes.c_longlong, ADDRESS, ADDRESS)
@@ -194,7 +194,7 @@ class Events:
         steps = self._tangents.library(1)
         if steps is None or self._choice.tolerance is not None:
             return Helpers(engine.scene.value, 0, 0, step, close)
-        step = ctypes.cast(steps.engine.carry_step, ADDRESS).value
+        step = ctypes.cast(steps.engine.propagate_step, ADDRESS).value
         tangents = address_of(steps.own, TANGENTS)
         return Helpers(engine.scene.value, steps.scene.value, tangents, step, close)
 

@@ -202,7 +202,7 @@ class Gradients:
         eventful = list(range(arms))
         if code is not None:
             eventful = self._side_by_side(code, width, batch, g, found, threads)
-            kinks = self._linearizer.kinks.arms(batch.x0, batch.tau[:, : batch.steps])
+            kinks = self._linearizer.nonsmooth.arms(batch.x0, batch.tau[:, : batch.steps])
             eventful = sorted({*eventful, *kinks})
         for arm in eventful:
             self._tick_by_tick(batch, g, found, arm, side)
@@ -277,10 +277,10 @@ class Gradients:
     @built_once
     def _event_free(self) -> EventFreeGradients | None:
         """Gradients through ticks without events of a scene with events."""
-        engine, kinks = self._linearizer.engine, self._linearizer.kinks
+        engine, nonsmooth = self._linearizer.engine, self._linearizer.nonsmooth
         if not engine or self._backend == "vm":
             return None
-        made = EventFreeGradients(kinks, engine, self._plant, self._choice)
+        made = EventFreeGradients(nonsmooth, engine, self._plant, self._choice)
         return made if made.code else None
 
     def _library(self, lanes: int | None) -> tuple[int, Compiled | None]:

@@ -37,7 +37,7 @@ def impact_function(plant: Plant, tuned: Sequence[int] = ()) -> ca.Function:
     place = len(plant.parameters.nominal)
     meets = 1 - p[place : place + n] if plant.layout.directions else ca.MX(n, 1)
     v = x[n:]
-    after = plant.mechanics.strike(x, p, -meets * (1 + e) * v, r)[0]
+    after = plant.mechanics.impact_map(x, p, -meets * (1 + e) * v, r)[0]
     law = speed = ca.MX(0, 1)
     if contact := plant.mechanics.contact:
         met, speed = (contact.geometry(ca.vertcat(x[:n], w))[1] for w in (v, after))

@@ -28,7 +28,7 @@ from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.events import Events, acting, diverged
-from arm_sim.derivatives.kinks import Kinks, sided
+from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints, sided
 from arm_sim.derivatives.one_sided import TickPoint, one_sided
 from arm_sim.derivatives.python_linearize import Linearize, python_linearize
 from arm_sim.derivatives.tangents import Arms, Tangents
@@ -76,7 +76,7 @@ class Linearizer:
     ) -> None:
         self._plant, self._choice, self._stepper = plant, choice, stepper
         self._backend, self._tuned, self._held = backend, tuned, plant.model.n + len(tuned)
-        self.kinks = Kinks(plant)
+        self.nonsmooth = NonsmoothPoints(plant)
         self._rate = rate_by_state(plant) if _warn_of_coarse_steps(plant, choice) else None
         self._of_smoothed = dict[float, Tangents]()
 
@@ -299,9 +299,9 @@ class Linearizer:
 
     def _one_by_one(self, alone: list[int], x: Array, r: Array, ticks: int) -> list[int]:
         """Arms to be differentiated alone: those, and those with a kink, now or later."""
-        if self.event_free and self.kinks.of_states and ticks > 1:
+        if self.event_free and self.nonsmooth.of_states and ticks > 1:
             return list(range(len(x)))
-        return sorted({*alone, *self.kinks.arms(x, r)})
+        return sorted({*alone, *self.nonsmooth.arms(x, r)})
 
     @cached_property
     def one(self) -> Linearize:
@@ -327,7 +327,7 @@ class Linearizer:
         motion, moved = self.motion(arms.x[arm], arms.p[arm], side), arms.given[arm]
         tau, pushed, nx = arms.tau[arm], arms.pushed[arm], self._plant.nx
         while (k := motion.ticks) < len(tau):
-            most = min(STRETCH, self.kinks.ticks_before(motion.x, tau[k:]))
+            most = min(STRETCH, self.nonsmooth.ticks_before(motion.x, tau[k:]))
             if self.event_free and most:
                 ahead = slice(k, k + most)
                 part = Arms(motion.x[None], tau[None, ahead], arms.p[arm][None],
@@ -358,7 +358,7 @@ class Linearizer:
             SimulationDiverged: If the tick cannot be computed.
             NotDifferentiable: If it has no derivative.
         """
-        if strict and (why := self.kinks.reason(place.x, place.r)):
+        if strict and (why := self.nonsmooth.reason(place.x, place.r)):
             raise NotDifferentiable(f"linearize: {why}")
         fast = None if self._eventful else self._compiled
         if fast:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from arm_sim.derivatives.tangents import TangentCode, tangents_source
+from arm_sim.derivatives.tangents import TangentFunctions, tangents_source
 from arm_sim.export.amalgamated import amalgamated
 from arm_sim.export.generated import prefixed
 from arm_sim.plant.actuation import actuation
@@ -16,14 +16,14 @@ PREFIX = "slope_"
 """Begins the names of this part of a library."""
 
 
-def derivatives_of_ticks(code: TangentCode, done: set[str]) -> str:
+def derivatives_of_ticks(functions: TangentFunctions, done: set[str]) -> str:
     """C of ``slope_differentiate_tick``, see ``tick_derivative.c``, for after the tick's engine.
 
     Args:
-        code: The functions.
+        functions: Those of tangents.
         done: Files of which that engine is made.
     """
-    written = tangents_source(code.columns, "static const")
+    written = tangents_source(functions.of_columns, "static const")
     text = amalgamated(f"{written}{_UNITS}", done)
     return prefixed(text, PREFIX)
 

@@ -13,7 +13,7 @@ import numpy as np
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.model.stops import ROUNDED
-from arm_sim.derivatives.tangents import Tangents
+from arm_sim.derivatives.tangents import TangentFunctions
 from arm_sim.export.amalgamated import ELSEWHERE, amalgamated, of_files
 from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes
 from arm_sim.plant.actuation import actuation
@@ -22,7 +22,6 @@ from arm_sim.plant.plant import Plant
 from arm_sim.servo.law import servo_law
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping.engine import braces, scene_source, sizes
-from arm_sim.stepping.rollout import Engine
 from arm_sim.stepping.stepper import tick_functions
 
 _PERIOD = "/* Length of a tick in [s]. */\n#define LIBRARY_PERIOD"
@@ -75,10 +74,9 @@ def tick_of(
     functions, smooth = tick_functions(plant, choice, actuation(plant))
     numbers, slopes, members = _numbers(plant), None, dict[str, int]()
     if derivatives and choice.tolerance is None:
-        of_one = Engine() if plant.eventful else None
-        slopes = Tangents(plant, choice, "auto", range(len(numbers)), of_one).code
+        slopes = TangentFunctions(plant, choice, range(len(numbers)), plant.eventful)
         members, known = slopes.members, {function.name() for function in functions}
-        functions += [each for each in slopes.functions if each.name() not in known]
+        functions += [each for each in slopes.of_states if each.name() not in known]
     done = {*ELSEWHERE} | (set() if plant.eventful else {"events.h"})
     engine = "\n".join([
         sizes(plant, choice, functions, members), f"#define EVENTS {int(plant.eventful)}",

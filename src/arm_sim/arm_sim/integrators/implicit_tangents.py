@@ -99,4 +99,4 @@ def _stretch(
             dq = dlength * taken(n) + length * (dy[n : 2 * n] + d[:n])
             moved = moved + ca.vertcat(dq, d)
         row = implicit.extrapolated(row, moved, j)
-    return ca.Function("stretch", [c, dx, dw, dh], [dx + row[-1]], {"cse": True})
+    return ca.Function("propagate", [c, dx, dw, dh], [dx + row[-1]], {"cse": True})

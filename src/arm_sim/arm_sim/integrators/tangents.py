@@ -55,7 +55,7 @@ def build_tangent(
             explicit method are used, see ``Step.inside``.
 
     Returns:
-        ``advance`` and ``stretch``: the step with its coefficients, and the propagation of
+        ``advance`` and ``propagate``: the step with its coefficients, and the propagation of
         tangents.
     """
     if method.name == "implicit":
@@ -114,7 +114,7 @@ def _staged(tableau: Tableau, slopes: Slopes, n: int, dense: bool) -> Pair:
     for place, i in enumerate(used):
         dk[i] = slopes.carried(t[:, place], moved(i), dw)
     kept, change = ca.vertcat(h, ca.vec(s), ca.vec(t)), moved(len(rows) - 1)
-    return advance, ca.Function("stretch", [kept, dx, dw, dh], [change], {"cse": True})
+    return advance, ca.Function("propagate", [kept, dx, dw, dh], [change], {"cse": True})
 
 
 def _state(tableau: Tableau, i: int, k: dict[int, ca.MX], x: ca.MX, h: ca.MX, n: int) -> ca.MX:
@@ -148,12 +148,12 @@ def _semi_implicit(slopes: Slopes, n: int) -> Pair:
     moved = dx + h * slopes.carried(c, dx, dw) + dh * k
     change = ca.vertcat(dx[:n] + h * moved[n : 2 * n] + dh * v, moved[n:])
     kept = ca.vertcat(h, k, v, c)
-    return advance, ca.Function("stretch", [kept, dx, dw, dh], [change], {"cse": True})
+    return advance, ca.Function("propagate", [kept, dx, dw, dh], [change], {"cse": True})
 
 
 def _projected(pair: Pair, project: ca.Function, n: int, tuned: Sequence[int]) -> Pair:
     """The same with the state projected onto the constraints at the end."""
-    advance, stretch = pair
+    advance, propagate = pair
     before, after, p = (ca.SX.sym(name, project.size1_in(i)) for i, name in enumerate("xyp"))
     found = project(before, after, p)[0]
     kept = Kept()
@@ -168,12 +168,12 @@ def _projected(pair: Pair, project: ca.Function, n: int, tuned: Sequence[int]) -
     results = [ca.vertcat(found, moved[2 * n :]), ca.vertcat(c, more), *inside]
     whole = ca.Function("advance", [x, u, p, h], results, {"cse": True})
 
-    c, dx, dw, dh = (ca.SX.sym(name, stretch.size1_in(i)) for i, name in enumerate("cxwh"))
-    moved = stretch(c, dx, dw, dh)
+    c, dx, dw, dh = (ca.SX.sym(name, propagate.size1_in(i)) for i, name in enumerate("cxwh"))
+    moved = propagate(c, dx, dw, dh)
     change = by_before @ dx[: 2 * n] + by_after @ moved[: 2 * n] + by_p @ dw[n:]
     arguments = [ca.vertcat(c, kept.symbols), dx, dw, dh]
     change = ca.vertcat(change, moved[2 * n :])
-    return whole, ca.Function("stretch", arguments, [change], {"cse": True})
+    return whole, ca.Function("propagate", arguments, [change], {"cse": True})
 
 
 def _whole(step: ca.Function, tuned: Sequence[int]) -> Pair:
@@ -191,4 +191,4 @@ def _whole(step: ca.Function, tuned: Sequence[int]) -> Pair:
     ]
     change = sum((J @ d for J, d in zip(symbols, columns, strict=True)), ca.SX(x.shape[0], 1))
     kept = ca.vertcat(*(ca.vec(J) for J in symbols))
-    return advance, ca.Function("stretch", [kept, *columns], [change], {"cse": True})
+    return advance, ca.Function("propagate", [kept, *columns], [change], {"cse": True})

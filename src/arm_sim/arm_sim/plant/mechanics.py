@@ -94,15 +94,15 @@ class Mechanics:
 
     @property
     def of_joints(self) -> tuple[ca.Function, ...]:
-        """Functions of q and v: with stops ``strike``, with compliant stops ``pressures``."""
+        """Functions of q and v: with stops ``impact_map``, with compliant stops ``pressures``."""
         if not (self._eventful and self._at_stops):
             return ()
         compliant = self.joints.pressed.numel()
         more = (_pressures(self.symbols, self.joints),) if compliant else ()
-        return (self.strike, *more)
+        return (self.impact_map, *more)
 
     @built_once
-    def strike(self) -> ca.Function:
+    def impact_map(self) -> ca.Function:
         """CasADi function of an impact in a scene with events.
 
         ((q, v), p, velocity changes of held joints, impulses of contacts) -> velocities after it
@@ -182,12 +182,12 @@ def _statics(
 def _strike(
     s: Symbols, joints: Joints, reactions: Reactions, response: AnyResponse
 ) -> ca.Function:
-    """An impact, see ``Mechanics.strike``."""
+    """An impact, see ``Mechanics.impact_map``."""
     n, jacobian = s.q.shape[0], reactions.jacobian
     change, impulse = ca.SX.sym("change", n), ca.SX.sym("impulse", jacobian.shape[0])
     gain, held = response.struck(jacobian.T @ impulse, change)
     given = [ca.vertcat(s.q, s.v), joints.p, change, impulse]
-    return dense_function("strike", given, s.v + gain, held)
+    return dense_function("impact_map", given, s.v + gain, held)
 
 
 def _pressures(s: Symbols, joints: Joints) -> ca.Function:

@@ -55,7 +55,7 @@ WEIGHTS = {
 """Operations that take as long as several additions."""
 COSTS = {
     "slope_cost": "rhs", "loads_cost": "loads", "inertia_cost": "contact_inertia",
-    "strike_cost": "strike", "statics_cost": "statics",
+    "impact_cost": "impact_map", "statics_cost": "statics",
 }  # fmt: skip
 """Costs of functions by their names in C."""
 SYMBOL = "own_scene"
@@ -168,8 +168,8 @@ def _members(
         "adaptive": controlled is not None, "constrained": plant.constrained,
         "rigid": stops.rigid.any(), "stops": bool(stops) and not plant.eventful,
         "free": plant.free is not None, "moving": plant.glides,
-        "plain": plant.eventful and plain,
-        "shortcut": plant.glides and controlled is None and plain,
+        "joints_and_contacts_only": plant.eventful and plain,
+        "event_free_shortcut": plant.glides and controlled is None and plain,
         "near_loads": ("step", 5) in results or ("attempt", 7) in results,
         "indeterminate": statics is not None,
         "eventful": plant.eventful,

@@ -51,7 +51,7 @@ def lengths(plant: Plant) -> dict[str, int]:
 
 
 _CONTACT_MODE = np.dtype(
-    Header(_NATIVE / "modes/trace.h", only="contact_mode_t").structure("contact_mode_t")
+    Header(_NATIVE / "modes/mode_vector.h", only="contact_mode_t").structure("contact_mode_t")
 )
 
 
@@ -74,7 +74,7 @@ class Modes:
         of = lengths(plant)
         ends = np.cumsum([of[name] for name in ("NP", "ND", "NQ", "NK")])
         self.p: Array = np.zeros(ends[-1] + 5 * of["NC"])
-        parts = np.split(self.p, ends)  # in the order of modes_t of native/modes/trace.h
+        parts = np.split(self.p, ends)  # in the order of modes_t of native/modes/mode_vector.h
         self.tunable, self.direction, self.pressed, self.switches = parts[:4]
         self.contact = parts[4].view(_CONTACT_MODE)
         self.tunable[:] = tunable

@@ -88,11 +88,12 @@ int library_sim_init(library_sim* sim, const double* q, const double* v) {
 
 int library_sim_step(library_sim* sim, const double* command) {
   static const int code_of[] = {LIBRARY_DIVERGED, LIBRARY_DIVERGED, LIBRARY_UNDETERMINED, LIBRARY_INSIDE_PLANE};
-  double acted[NU];
+  double acted[NU], after[NX];
   if (!all_finite(command, NU)) return LIBRARY_NOT_FINITE;
-  if (!actuated_tick(scene, sim->x, command, sim->p, PERIOD, &sim->control, &sim->report, acted))
+  if (!actuated_tick(scene, sim->x, command, sim->p, PERIOD, &sim->control, &sim->report, acted, after))
     return code_of[sim->report.trouble]; /* which smooth ticks do not set */
-  for (int i = 0; i < NU; ++i) sim->effort[i] = acted[i];
+  copy(sim->effort, acted, NU);
+  copy(sim->x, after, NX);
   return LIBRARY_OK;
 }
 

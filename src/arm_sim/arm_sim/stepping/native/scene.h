@@ -30,8 +30,8 @@ typedef struct {
   int stops; /* whether stops are looked at after a tick, where there are no events */
   int free; /* whether there are functions without modes, for joints away from their stops, ... */
   int moving; /* ... and simpler functions where every joint slides and nothing touches */
-  int plain; /* whether modes are those of sliding joints and of contacts alone */
-  int shortcut; /* whether ticks that clearly have no event are made without modes */
+  int joints_and_contacts_only; /* whether modes are those of sliding joints and of contacts alone */
+  int event_free_shortcut; /* whether ticks that clearly have no event are made without modes */
   int near_loads; /* whether steps return the loads at a stage at their end */
   int dense_derivative; /* whether derivatives of steps return their continuous output */
   int indeterminate; /* whether statics may not determine the reactions of what is held */
@@ -44,14 +44,14 @@ typedef struct {
   const double *friction, *holding, *restitution; /* of contacts: coefficients of sliding and static friction */
 
   /* Operations of one call of functions, and those in a tick above which it is time-stepped. */
-  long long step_cost, slope_cost, loads_cost, inertia_cost, strike_cost, statics_cost, most_work;
+  long long step_cost, slope_cost, loads_cost, inertia_cost, impact_cost, statics_cost, most_work;
 
   /* Generated functions; those that a scene does not need are null. */
   equation_t *tick, *step, *attempt, *free_step, *free_attempt, *moving_step, *moving_attempt;
-  equation_t *rhs, *actuate, *loads, *bilateral, *pressures, *switches, *strike, *statics;
+  equation_t *rhs, *actuate, *loads, *bilateral, *pressures, *switches, *impact_map, *statics;
   equation_t *contact_geometry, *contact_inertia, *contact_close;
   equation_t *acting, *mode_margin, *mode_margin_in_motion, *guards, *guard_gradient, *motion, *doubts, *settled;
-  equation_t *impact_laws, *across, *at_rest, *closing, *kinked, *rest_begin, *rest_end, *begin_adjoint, *end_adjoint;
+  equation_t *impact_laws, *across, *at_rest, *closing, *nonsmooth, *rest_begin, *rest_end, *begin_adjoint, *end_adjoint;
   equation_t *adjoint, *limit_adjoint, *advance, *moving_advance;
 } scene_t;
 
@@ -88,7 +88,7 @@ enum most { MOST_ARGUMENTS = 128 /* or results */, MOST_INTEGERS = 8 /* of its w
     const real* const all_given[] = {LIST given}; \
     real* const all_found[] = {LIST found}; \
     const real* arg[MOST_ARGUMENTS]; \
-    real *res[MOST_ARGUMENTS], w[SZ_W]; \
+    real *res[MOST_ARGUMENTS], w[SZ_W] __attribute__((aligned(64))); \
     long long int iw[MOST_INTEGERS]; \
     memcpy(arg, all_given, sizeof all_given); \
     memcpy(res, all_found, sizeof all_found); \

@@ -39,7 +39,7 @@ EXPORTED void follow(const scene_t* scene, const arms_t* arms, long long count, 
         for (int i = 0; i < NX; ++i) out[(arm + j) * out_arm + (node + 1) * NX + i] = LANE(next[i], j);
         for (int i = 0; i < NU; ++i) used[(arm + j) * used_arm + node * NU + i] = LANE(r[i], j);
       }
-      for (int j = 0; j < LANES; ++j) arms->met[of_lane[j]] |= meets_any_stop(scene, now, next, arms->h, 0, j);
+      for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= meets_any_stop(scene, now, next, arms->h, 0, j);
       copy(now, next, NX);
     }
   }

@@ -7,33 +7,32 @@
 
 #include "arm/tick.h"
 
-EXPORTED int arm_tick(arm_t* arm) {
-  const scene_t* scene = arm->scene;
-  const control_t* control = arm->control;
-  const report_t* report = arm->report;
-  real acted[NU];
-  if (!actuated_tick(scene, arm->x, arm->command, arm->p, arm->dt, arm->control, arm->report, acted)) return 0;
-  copy(arm->acted, acted, NU);
-  arm->notes[0] = control ? control->error : 0.0;
-  arm->notes[1] = (double)report->time_stepped;
-  return 1;
-}
-
 /* Advance by some ticks; returns the number of computed ones.
  *
  * commands: that of the first tick; that of the next is `stride` numbers further (0: constant).
  * trace, effort, notes: receive the state after every tick, the command that acted, limits applied, and the arm's notes.
  */
-EXPORTED long long arm_ticks(const arm_t* arm, long long ticks, double* commands, long long stride, double* trace,
+EXPORTED long long arm_ticks(const arm_t* arm, long long ticks, const double* commands, long long stride, double* trace,
                              double* effort, double* notes) {
   const scene_t* scene = arm->scene;
-  arm_t row = *arm;
-  for (long long k = 0; k < ticks; ++k) {
-    row.command = commands + k * stride;
-    row.acted = effort + k * NU;
-    row.notes = notes + 2 * k;
-    if (!arm_tick(&row)) return k;
-    copy(trace + k * NX, row.x, NX);
+  control_t* control = arm->control;
+  report_t* report = arm->report;
+  const double* x = arm->x;
+  long long k = 0;
+  for (; k < ticks; ++k, x = trace, trace += NX) {
+    const double* command = commands + k * stride;
+    if (!actuated_tick(scene, x, command, arm->p, arm->dt, control, report, effort + k * NU, trace)) break;
+    notes[2 * k] = control ? control->error : 0.0;
+    notes[2 * k + 1] = (double)report->time_stepped;
   }
-  return ticks;
+  if (k) copy(arm->x, x, NX);
+  return k;
+}
+
+EXPORTED int arm_tick(arm_t* arm) {
+  const scene_t* scene = arm->scene;
+  real acted[NU], after[NX];
+  if (!arm_ticks(arm, 1, arm->command, 0, after, acted, arm->notes)) return 0;
+  copy(arm->acted, acted, NU);
+  return 1;
 }

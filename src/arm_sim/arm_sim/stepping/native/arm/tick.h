@@ -27,16 +27,14 @@ static int motion_of_tick(const scene_t* scene, const real* x, const real* u, co
   return flow(scene, scene->step, scene->attempt, 0, x, u, p, h, control, after);
 }
 
-/* Advance by a tick of length h from x, in place: 0 if it cannot be computed, then x is kept.
+/* A tick of length h from x under a command: 0 if it cannot be computed.
  *
- * acted:   receives the effective command, limits applied.
  * control: error control, or null.
+ * acted:   receives the effective command, limits applied.
+ * after:   receives the state after the tick.
  */
-static int actuated_tick(const scene_t* scene, real* x, const real* command, const real* p, double h, control_t* control,
-                         report_t* report, real* acted) {
-  real next[NX];
+static int actuated_tick(const scene_t* scene, const real* x, const real* command, const real* p, double h, control_t* control,
+                         report_t* report, real* acted, real* after) {
   CALL(scene->actuate, (x, command), (acted));
-  if (!motion_of_tick(scene, x, acted, p, h, control, report, next)) return 0;
-  for (int i = 0; i < NX; ++i) x[i] = next[i];
-  return 1;
+  return motion_of_tick(scene, x, acted, p, h, control, report, after);
 }

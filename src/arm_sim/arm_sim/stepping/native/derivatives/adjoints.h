@@ -6,9 +6,6 @@
 #pragma once
 #include "scene.h"
 
-/* The effective command at a state under inputs r. */
-static void find_command(const scene_t* scene, const real* x, const real* r, real* u) { CALL(scene->acting, (x, r), (u)); }
-
 /* Gradients by state, command and parameters of a motion of length h, from that by its end. */
 static void through_motion(const scene_t* scene, const real* x, const real* u, const real* p, const real* h,
                            const real* weight, real* by_x, real* by_u, real* by_p) {

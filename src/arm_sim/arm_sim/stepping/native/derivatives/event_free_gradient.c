@@ -34,7 +34,7 @@ EXPORTED long long event_free_motion(const scene_t* scene, const double* x0, con
     LOCAL(event_free_lanes_t, tick, event_free_lanes_of, EVENT_FREE_LANES);
     real place[PLACES + 1];
     int event_free = 1;
-    find_command(scene, after, tau + k * NU, u);
+    CALL(scene->acting, (after, tau + k * NU), (u));
     begin_ticks(scene, after, u, p, &h, begun, place);
     make_event_free(scene, begun, after, u, engine, starts && !k, &event_free, &tick);
     if (!event_free) return k;
@@ -76,7 +76,7 @@ EXPORTED void event_free_gradient(const scene_t* scene, const double* motion, co
     const kept_t kept = kept_of(scene, motion, k), *tick = &kept;
     real u[NU], back[NX], begun[NX], more[NX], of_u[NU], of_p[NP + 1];
     clear(begun, NX);
-    find_command(scene, tick->x, tau + k * NU, u);
+    CALL(scene->acting, (tick->x, tau + k * NU), (u));
     if (touches(scene, tick->p)) through_end(scene, tick, weight, begun, by_p);
     through_motion(scene, tick->begin, u, tick->p, &h, weight, back, of_u, of_p);
     for (int i = 0; i < NX; ++i) back[i] += begun[i];

@@ -18,8 +18,8 @@ typedef struct {
   const scene_t* traced;
   const scene_t* stepped;
   const tangents_t* tangents;
-  void (*carry_step)(const scene_t* scene, const tangents_t* tangents, const double* x, const double* u, const double* p,
-                     const double* h, const double* given, long long count, double* after, double* columns);
+  void (*propagate_step)(const scene_t* scene, const tangents_t* tangents, const double* x, const double* u, const double* p,
+                         const double* h, const double* given, long long count, double* after, double* columns);
   void (*close)(const double* end, const double* p, const double* begin, double* slopes);
 } helpers_t;
 
@@ -118,8 +118,8 @@ static void take_steps(const scene_t* scene, const helpers_t* helpers, const tic
     for (int i = 0; i < NX; ++i) copy(given[i], ROWS(motion)[i], NV);
     for (int i = NX; i <= NV; ++i) given[i][i] = 1.0;
     copy(x, motion->x, NX);
-    helpers->carry_step(helpers->stepped, helpers->tangents, x, tick->u, segment->p.tunable, steps + k, given[0], NV + 1,
-                        motion->x, moved[0]);
+    helpers->propagate_step(helpers->stepped, helpers->tangents, x, tick->u, segment->p.tunable, steps + k, given[0], NV + 1,
+                            motion->x, moved[0]);
     for (int i = 0; i < NX; ++i) {
       copy(ROWS(motion)[i], moved[i], NV);
       speed[i] = moved[i][NV];

@@ -29,11 +29,11 @@ EXPORTED void rollout_gradient(const scene_t* scene, const arms_t* arms, long lo
     for (long long k = 0; k < ticks && !is_halted(arms); ++k) {
       read_commands(arms, k, NU, of_lane, r);
       make_tick(scene, x, r, p, &length, LANES, 0, next, u);
-      for (int j = 0; j < LANES; ++j) arms->met[of_lane[j]] |= meets_any_stop(scene, x, next, arms->h, 0, j);
+      for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= meets_any_stop(scene, x, next, arms->h, 0, j);
       copy(x, next, NX);
       memcpy(motion + (k + 1) * NX * LANES, x, (size_t)NX * sizeof *x);
     }
-    for (int j = 0; j < LANES; ++j) arms->met[of_lane[j]] |= !is_lane_within_reach(scene, x, j);
+    for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= !is_lane_within_reach(scene, x, j);
     clear(sum, NP);
     clear(weight, NX);
     for (long long k = ticks; k >= 0 && !is_halted(arms); --k) {
@@ -42,7 +42,7 @@ EXPORTED void rollout_gradient(const scene_t* scene, const arms_t* arms, long lo
       if (k == 0) break;
       memcpy(x, motion + (k - 1) * NX * LANES, (size_t)NX * sizeof *x);
       read_commands(arms, k - 1, NU, of_lane, r);
-      find_command(scene, x, r, u);
+      CALL(scene->acting, (x, r), (u));
       through_motion(scene, x, u, p, &length, weight, back, of_u, of_p);
       through_command(scene, x, r, of_u, more, of_r);
       for (int i = 0; i < NX; ++i) weight[i] = back[i] + more[i];

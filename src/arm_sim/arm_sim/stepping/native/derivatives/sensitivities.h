@@ -7,7 +7,7 @@
  */
 
 #pragma once
-#include "modes/trace.h"
+#include "modes/tick_record.h"
 
 #include <math.h>
 #include <string.h>

@@ -7,8 +7,9 @@
 #include "derivatives/tangent_columns.h"
 
 /* One step of length h[0] from x under the effective command, with columns of (x, w, h): NX + NU + NT + 1 rows. */
-EXPORTED void carry_step(const scene_t* scene, const tangents_t* tangents, const double* x, const double* u, const double* p,
-                         const double* h, const double* given, long long count, double* after, double* columns) {
+EXPORTED void propagate_step(const scene_t* scene, const tangents_t* tangents, const double* x, const double* u,
+                             const double* p, const double* h, const double* given, long long count, double* after,
+                             double* columns) {
   real derivatives[NSTEP];
   column rows[NX + NU + NT + 1], moved[NX];
   const long long alone[1] = {0};
@@ -16,7 +17,7 @@ EXPORTED void carry_step(const scene_t* scene, const tangents_t* tangents, const
   CALL(scene->advance, (x, u, p, h), (after, derivatives, 0, 0, 0));
   for (long long c = 0; c < count; c += WIDTH) {
     take(rows, given, alone, 0, NX + NU + NT + 1, count, c);
-    tangents->stretch(derivatives, parts, moved);
+    tangents->propagate(derivatives, parts, moved);
     put(moved, columns, alone, 0, NX, count, c);
   }
 }

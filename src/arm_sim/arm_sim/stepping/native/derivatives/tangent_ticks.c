@@ -35,10 +35,6 @@ static group_t group_of(const scene_t* scene, real* numbers) {
 /* Whether the simpler functions serve, where nothing is held and nothing touches. */
 static int is_in_motion(const scene_t* scene, const group_t* group) { return scene->moving_advance && !group->tick.held; }
 
-static void find_commands(const scene_t* scene, group_t* group, const real* r) {
-  CALL(scene->acting, (group->x, r), (group->u, group->limits));
-}
-
 /* The step from x in modes p, with the coefficients of its derivative, and its dense output if that is asked for. */
 static void make_step(const scene_t* scene, group_t* group, const real* x, const real* p, real* dense) {
   CALL(is_in_motion(scene, group) ? scene->moving_advance : scene->advance, (x, group->u, p, &group->length),
@@ -83,8 +79,8 @@ static void differentiate_by_rows(const scene_t* scene, const group_t* group, co
     for (int row = start; row < end; row += WIDTH) {
       take(weight, to->given + start * to->count, group->of_lane, to->given_arm, end - start, to->count, row);
       const tangents_t* by = group->tangents;
-      if (is_in_motion(scene, group)) (part ? by->moving_back_rest : by->moving_back_q)(group->limits, weights, found);
-      else (part ? by->back_rest : by->back_q)(group->limits, weights, found);
+      if (is_in_motion(scene, group)) (part ? by->moving_vjp_rest : by->moving_vjp_q)(group->limits, weights, found);
+      else (part ? by->vjp_rest : by->vjp_q)(group->limits, weights, found);
       put_rows(found, to->columns, group->of_lane, to->columns_arm, end, NX + NU + NT, row);
     }
   }
@@ -100,13 +96,13 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
     if (k) take(dx, reached - to->columns_tick, group->of_lane, to->columns_arm, NX, to->count, c);
     else take(dx, to->given, group->of_lane, to->given_arm, NX, to->count, c);
     take(dr, to->pushed + k * to->pushed_tick, group->of_lane, to->pushed_arm, NU + NT, to->count, c);
-    by->limit(group->limits, given, dw);
+    by->command_jvp(group->limits, given, dw);
     for (int i = NU; i < NU + NT; ++i) dw[i] = dr[i];
     if (group->tick.held) {
       by->begin_at_rest(group->at_begin, begun, projected);
       memcpy(dx, projected, sizeof projected);
     }
-    (is_in_motion(scene, group) ? by->moving_carry : by->carry)(group->limits + NA, acts, moved);
+    (is_in_motion(scene, group) ? by->moving_jvp : by->jvp)(group->limits + NA, acts, moved);
     if (group->tick.closed) by->end_at_rest(group->at_end, ended, projected);
     put(group->tick.closed ? projected : moved, reached, group->of_lane, to->columns_arm, NX, to->count, c);
   }
@@ -117,8 +113,8 @@ static void propagate_columns(const scene_t* scene, const group_t* group, const 
  * An arm is marked that comes near a stop or diverges; its results are invalid. So is one that has an event, or comes so close to
  * one that it might: its state is then that before this tick, and of one lane also its columns.
  */
-EXPORTED void carry_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
-                          long long last, const columns_t* to) {
+EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
+                              long long last, const columns_t* to) {
   for (long long arm = first; arm < last; arm += LANES) {
     LOCAL(group_t, group, group_of, GROUP);
     real r[NU];
@@ -134,22 +130,22 @@ EXPORTED void carry_ticks(const scene_t* scene, const tangents_t* tangents, cons
     }
     for (long long k = 0; k < arms->ticks && !is_halted(arms); ++k) {
       read_commands(arms, k, NU, group.of_lane, r);
-      find_commands(scene, &group, r);
+      CALL(scene->acting, (group.x, r), (group.u, group.limits));
       const int any = scene->eventful ? make_event_free_ticks(scene, &group, arms->engine, to->begins && !k) : 1;
       for (int j = 0; scene->eventful && j < LANES; ++j) {
         if (group.event_free[j]) to->done[group.of_lane[j]] = k + 1;
-        else arms->met[group.of_lane[j]] = 1;
+        else arms->unfinished[group.of_lane[j]] = 1;
       }
       if (!any) break;
       if (!scene->eventful) make_step(scene, &group, group.x, group.p, 0);
       if (to->unit && !k && !group.tick.held) differentiate_by_rows(scene, &group, to);
       else propagate_columns(scene, &group, to, k);
       for (int j = 0; j < LANES; ++j)
-        if (meets_any_stop(scene, group.x, group.next, arms->h, 1, j)) arms->met[group.of_lane[j]] = 1;
+        if (meets_any_stop(scene, group.x, group.next, arms->h, 1, j)) arms->unfinished[group.of_lane[j]] = 1;
       copy(group.x, group.next, NX);
     }
     for (int j = 0; j < LANES; ++j) {
-      arms->met[group.of_lane[j]] |= !is_lane_within_reach(scene, group.x, j);
+      arms->unfinished[group.of_lane[j]] |= !is_lane_within_reach(scene, group.x, j);
       for (int i = 0; i < NX; ++i) to->after[group.of_lane[j] * NX + i] = LANE(group.x[i], j);
     }
   }

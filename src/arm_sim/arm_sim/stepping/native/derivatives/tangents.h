@@ -11,7 +11,7 @@ typedef void column_equation_t(const real* c, const column* const* arg, column* 
 
 /* Those that a scene does not need are null. */
 typedef struct {
-  column_equation_t *carry, *limit, *back_q, *back_rest, *moving_carry, *moving_back_q, *moving_back_rest, *stretch;
+  column_equation_t *jvp, *command_jvp, *vjp_q, *vjp_rest, *moving_jvp, *moving_vjp_q, *moving_vjp_rest, *propagate;
   column_equation_t *begin_at_rest, *end_at_rest;
 } tangents_t;
 

@@ -6,8 +6,8 @@
 #include "derivatives/tangents.h"
 #include "lanes/lanes.h"
 
-EXPORTED void carry_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
-                          long long last, const columns_t* to);
+EXPORTED void propagate_ticks(const scene_t* scene, const tangents_t* tangents, const arms_t* arms, long long first,
+                              long long last, const columns_t* to);
 
 #define VARIED (NX + NU + NT)
 
@@ -19,12 +19,12 @@ EXPORTED int differentiate_tick(const scene_t* scene, const tangents_t* tangents
   double unit[VARIED * VARIED], kink;
   int8_t marks[2] = {0, 0}; /* the first: not halted */
   long long done;
-  CALL(scene->kinked, (x, r), (&kink));
+  CALL(scene->nonsmooth, (x, r), (&kink));
   if (kink != 0.0) return 0;
   for (int i = 0; i < VARIED; ++i)
     for (int j = 0; j < VARIED; ++j) unit[i * VARIED + j] = i == j;
   const arms_t arms = {x, r, p, 0, 0, 0, h, 1, marks + 1, engine};
   const columns_t columns = {unit, unit + NX * VARIED, slopes, 0, 0, 0, 0, 0, VARIED, 1, 1, &done, after};
-  carry_ticks(scene, tangents, &arms, 0, 1, &columns);
+  propagate_ticks(scene, tangents, &arms, 0, 1, &columns);
   return !marks[1];
 }

@@ -29,12 +29,14 @@ static void make_steps(const scene_t* scene, const real* x, const real* u, const
     for (int i = 0; i < MODES; ++i) modes[i] = LANE(p[NP + i], j);
     moving += moves[j] = all_moves(scene, modes);
   }
-  if (moving < LANES) {
-    if (load) copy(made->inside, load + LOADS - NX, NX);
-    else slope_at(scene, x, u, p, made->inside);
-    CALL(scene->step, (x, u, p, h, made->inside),
-         (made->next, made->inside + NX, made->inside + 2 * NX, made->near, made->near + NU));
+  if (moving == LANES) {
+    CALL(scene->moving_step, (x, u, p, h), (made->next, made->inside, made->inside + NX, made->inside + 2 * NX));
+    return;
   }
+  if (load) copy(made->inside, load + LOADS - NX, NX);
+  else slope_at(scene, x, u, p, made->inside);
+  CALL(scene->step, (x, u, p, h, made->inside),
+       (made->next, made->inside + NX, made->inside + 2 * NX, made->near, made->near + NU));
   if (!moving) return;
   real found[4 * NX];
   CALL(scene->moving_step, (x, u, p, h), (found, found + NX, found + 2 * NX, found + 3 * NX));

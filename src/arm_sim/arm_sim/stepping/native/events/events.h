@@ -204,10 +204,6 @@ static void record_end(const scene_t* scene, record_t* record, const real* x, do
   for (int i = 0; i < NX; ++i) record->end[i] = x[i];
 }
 
-static void record_projection(const scene_t* scene, record_t* record, const real* x) {
-  for (int i = 0; record && i < 2 * NU; ++i) record->off = fmax(record->off, fabs(x[i] - record->end[i]));
-}
-
 static enum trouble tick_with_events(const scene_t* scene, const real* x, segment_t* segment, double h, report_t* report,
                                      trace_t* trace, real* now) {
   long long losses = 0;
@@ -234,7 +230,8 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
     record_end(scene, segment->record, after, length, event_free);
     find_ended_modes(scene, after, segment, event_free);
     close_contacts(scene, after, segment, anchor);
-    record_projection(scene, segment->record, after);
+    record_t* record = segment->record;
+    for (int i = 0; record && i < 2 * NU; ++i) record->off = fmax(record->off, fabs(after[i] - record->end[i]));
     if (!stop_joints(scene, after, segment)) return NUMBERS;
     stop_at_limits(scene, after);
     for (int i = 0; i < NX; ++i) now[i] = after[i];
@@ -271,42 +268,49 @@ static int holds_all(const scene_t* scene, const real* modes) {
   return all;
 }
 
-/* A tick that clearly has no event, in which all joints slide or are held and no contact touches: 0 if it may have one. What
- * was computed at its beginning is kept then. */
-static int event_free_shortcut(const scene_t* scene, const real* x, const real* u, const real* p, double h, memory_t* memory,
-                               real* after) {
-  real known[P_LENGTH + 1], place_after[PLACES + 1];
-  LOCAL(geometry_t, geometry, geometry_of, PLACES);
-  LOCAL(loads_t, load, loads_of, LOADS);
-  LOCAL(step_of_lanes_t, made, step_of_lanes_of, STEP_OF_LANES);
+/* What is known at the beginning of a tick that may have an event: where its contacts are, or loads in modes of sliding and held
+ * joints. */
+typedef struct {
+  real *p, *place;
+  loads_t load;
   int holds;
-  find_places(scene, x, geometry.place);
-  if (begins_event_free(scene, x, u, p, geometry.place, known, load.load, &holds) != 0.0 && !(holds && NX > 2 * NU)) {
-    const int still = holds && holds_all(scene, known + NP);
-    if (still || stays_event_free(scene, x, u, &h, geometry.place, known, load.load, holds, &made, place_after) != 0.0) {
-      copy(after, still ? x : made.next, NX);
-      rest_held(scene, after);
-      return 1;
-    }
-  }
-  if (NC) keep_geometry(scene, x, memory, &geometry);
-  else if (holds) keep_loads(scene, x, known + NP, memory, &load); /* in modes that contain no contacts, as the engine's */
-  return 0;
+} beginning_t;
+#define BEGINNING (P_LENGTH + PLACES + LOADS)
+
+static beginning_t beginning_of(const scene_t* scene, real* numbers) {
+  beginning_t begun = {numbers, numbers + P_LENGTH, loads_of(scene, numbers + P_LENGTH + PLACES), 0};
+  return begun;
+}
+
+/* A tick that clearly has no event, in which all joints slide or are held and no contact touches: 0 if it may have one. */
+static int event_free_shortcut(const scene_t* scene, const real* x, const real* u, const real* p, double h, beginning_t* begun,
+                               real* after) {
+  real place_after[PLACES + 1];
+  LOCAL(step_of_lanes_t, made, step_of_lanes_of, STEP_OF_LANES);
+  find_places(scene, x, begun->place);
+  if (begins_event_free(scene, x, u, p, begun->place, begun->p, begun->load.load, &begun->holds) == 0.0) return 0;
+  if (begun->holds && NX > 2 * NU) return 0;
+  const int still = begun->holds && holds_all(scene, begun->p + NP);
+  if (!still
+      && stays_event_free(scene, x, u, &h, begun->place, begun->p, begun->load.load, begun->holds, &made, place_after) == 0.0)
+    return 0;
+  copy(after, still ? x : made.next, NX);
+  rest_held(scene, after);
+  return 1;
 }
 
 static int tick(const scene_t* scene, const real* x, const real* u, const real* p, double h, control_t* control,
                 report_t* report, real* after) {
-  LOCAL(memory_t, memory, memory_of, MEMORY);
-  int done = 0;
-  if (scene->free) done = flow(scene, scene->free_step, scene->free_attempt, stays_free, x, u, p, h, control, after);
-  if (scene->shortcut) done = event_free_shortcut(scene, x, u, p, h, &memory, after);
+  LOCAL(beginning_t, begun, beginning_of, BEGINNING);
   report->trouble = NONE;
-  if (done) return 1;
-  LOCAL(segment_t, segment, segment_of, SEGMENT);
-  segment.u = u;
-  segment.memory = &memory;
+  if (scene->free && flow(scene, scene->free_step, scene->free_attempt, stays_free, x, u, p, h, control, after)) return 1;
+  if (scene->event_free_shortcut && event_free_shortcut(scene, x, u, p, h, &begun, after)) return 1;
+  LOCAL_TICK(segment, u);
   segment.control = control;
   copy(segment.p.tunable, p, NP);
+  if (scene->event_free_shortcut && NC) keep_geometry(scene, x, &memory, begun.place);
+  else if (begun.holds)
+    keep_loads(scene, x, begun.p + NP, &memory, &begun.load); /* in modes without contacts, as the engine's */
   report->trouble = tick_with_events(scene, x, &segment, h, report, 0, after);
   return report->trouble == NONE;
 }

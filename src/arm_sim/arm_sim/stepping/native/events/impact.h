@@ -70,8 +70,8 @@ static double find_impulse(const scene_t* scene, const inertia_t* inertia, const
 /* Velocities after an impact in which joints without direction change by `change`, and the impulses of their stops. */
 static void apply_impact_map(const scene_t* scene, const real* x, const segment_t* segment, const real* change,
                              const double* impulse, real* after, real* held) {
-  CALL(scene->strike, (x, segment->p.tunable, change, impulse), (after, held));
-  segment->memory->work += scene->strike_cost;
+  CALL(scene->impact_map, (x, segment->p.tunable, change, impulse), (after, held));
+  segment->memory->work += scene->impact_cost;
 }
 
 /* The joint at a stop with the largest, or just the first, violation in the impact; -1 if there is none. */

@@ -95,22 +95,21 @@ static void find_ended_modes(const scene_t* scene, const real* x, segment_t* seg
   for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
   if (event_free || !(NC || scene->constrained)) return;
   LOCAL(loads_t, found, loads_of, LOADS);
-  LOCAL(indeterminate_t, together, indeterminate_of, INDETERMINATE);
-  clear(together.set, PARTS);
+  LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
+  clear(sets.set, PARTS);
   find_loads(scene, x, segment, &found);
   if (scene->indeterminate) {
     segment->yields = 1; /* an evaluation at the limit */
-    find_sets_held(scene, x, segment, &found, &together);
+    find_sets_held(scene, x, segment, &found, &sets);
     int any = 0;
-    for (int i = 0; i < PARTS; ++i)
-      any |= together.set[i] != 0.0 && set_excess(segment, &together, (int)together.set[i]) > 0.0;
+    for (int i = 0; i < PARTS; ++i) any |= sets.set[i] != 0.0 && set_excess(segment, &sets, (int)sets.set[i]) > 0.0;
     segment->yields = any;
   }
   for (int k = 0; k < NC; ++k) {
     const real* r = found.force + 3 * k;
     const contact_mode_t* mode = segment->p.contact + k;
     contact_t* contact = segment->contact + k;
-    if (mode->closed == 0.0 || together.set[NU + k] != 0.0) continue;
+    if (mode->closed == 0.0 || sets.set[NU + k] != 0.0) continue;
     const double size = hypot(r[1], r[2]);
     if (r[0] <= 0.0) contact->ended = APART;
     else if (mode->sticks != 0.0 && size >= stick_limit(scene, segment, k) * r[0] && scene->holding[k] > 0.0) {

@@ -16,7 +16,7 @@
 /* Values of all guards: of contacts gaps, or normal and tangential forces; of joints friction, and both stops; of drives and cords
  * comparisons; of the sets that hold together the largest excess, in place of those of their parts. */
 typedef struct {
-  double *contact, *joint, *stop, *pressed, *switched, *together;
+  double *contact, *joint, *stop, *pressed, *switched, *sets;
 } guard_values_t;
 #define GUARD_VALUES (2 * NC + ND + 2 * NU + 2 * NQ + NK + 1)
 
@@ -27,7 +27,7 @@ static guard_values_t guard_values_of(const scene_t* scene, double* numbers) {
   guards.stop = guards.joint + ND;
   guards.pressed = guards.stop + 2 * NU;
   guards.switched = guards.pressed + 2 * NQ;
-  guards.together = guards.switched + NK;
+  guards.sets = guards.switched + NK;
   return guards;
 }
 

@@ -11,23 +11,22 @@
 static void evaluate_set_guards(const scene_t* scene, const guarded_t* at, guard_values_t* guards) {
   const segment_t* segment = at->segment;
   if (!scene->indeterminate || !anything_held(scene, segment)) return;
-  LOCAL(indeterminate_t, together, indeterminate_of, INDETERMINATE);
+  LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   if (!anything_beyond(scene, at->x, segment, &at->loads)) return;
-  find_sets_held(scene, at->x, segment, &at->loads, &together);
+  find_sets_held(scene, at->x, segment, &at->loads, &sets);
   for (int i = 0; i < ND; ++i)
-    if (together.set[i] != 0.0) guards->joint[i] = -INFINITY;
+    if (sets.set[i] != 0.0) guards->joint[i] = -INFINITY;
   for (int k = 0; k < NC; ++k) {
-    if (together.set[NU + k] == 0.0) continue;
+    if (sets.set[NU + k] == 0.0) continue;
     guards->contact[2 * k] = -INFINITY;
     if (segment->p.contact[k].sticks != 0.0) guards->contact[2 * k + 1] = -INFINITY;
   }
   for (int i = 0; i < PARTS; ++i)
-    if (together.set[i] != 0.0)
-      *guards->together = fmax(*guards->together, set_excess(segment, &together, (int)together.set[i]));
+    if (sets.set[i] != 0.0) *guards->sets = fmax(*guards->sets, set_excess(segment, &sets, (int)sets.set[i]));
 }
 
 static int set_may_cross(const scene_t* scene, const search_t* search, const guard_values_t* end) {
   (void)scene;
   (void)search;
-  return *end->together > -NEAR;
+  return *end->sets > -NEAR;
 }

@@ -91,7 +91,7 @@ static void end_attempt(const scene_t* scene, const batch_t* batch, group_t* gro
   if (accepted)
     for (int i = 0; i < NX; ++i) LANE(group->x[i], j) = LANE(next[i], j);
   if (outcome == STEP_TOO_SMALL || (++own->tried == scene->most_substeps && outcome != ENDED) || meets) {
-    batch->arms->met[own->arm] = 1;
+    batch->arms->unfinished[own->arm] = 1;
     take_arm(scene, batch, group, j);
   } else if (outcome == ENDED) {
     ++own->tick;

@@ -82,7 +82,8 @@ static void tick_of_lanes(const scene_t* scene, const real* x, const real* r, co
   int others = used, left = 0;
   CALL(scene->actuate, (x, r), (acted));
   begin_ticks(scene, x, acted, tunable, h, tick, place);
-  if (scene->plain) others = predict_event_free(scene, x, acted, tunable, h, place, used, tick, next, &done);
+  if (scene->joints_and_contacts_only)
+    others = predict_event_free(scene, x, acted, tunable, h, place, used, tick, next, &done);
   for (int j = 0; j < used; ++j) left += LANE(done, j) == 0.0;
   if (left && others > FEW) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
   for (int j = 0; j < used; ++j) {

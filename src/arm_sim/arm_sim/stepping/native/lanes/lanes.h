@@ -18,11 +18,11 @@ typedef struct {
   long long tau_arm, tau_tick, p_arm;
   double h; /* length of a tick */
   long long ticks;
-  int8_t* met;            /* marks of arms, 0 at first; the one before them is set if the caller wants nothing more */
+  int8_t* unfinished;            /* marks of arms, 0 at first; the one before them is set if the caller wants nothing more */
   const engine_t* engine; /* in a scene with events, that of one arm */
 } arms_t;
 
-static int is_halted(const arms_t* arms) { return ((volatile const int8_t*)arms->met)[-1]; }
+static int is_halted(const arms_t* arms) { return ((volatile const int8_t*)arms->unfinished)[-1]; }
 
 /* Spare lanes of the last group repeat the last arm before `last`. */
 static void choose_arms(long long arm, long long last, long long* of_lane) {

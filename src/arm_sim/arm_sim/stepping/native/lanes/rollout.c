@@ -32,7 +32,7 @@ EXPORTED void rollout(const scene_t* scene, const arms_t* arms, long long first,
       for (int j = 0; effort && j < LANES && arm + j < last; ++j)
         for (int i = 0; i < NU; ++i) effort[((arm + j) * ticks + k) * NU + i] = LANE(acted[i], j);
       int lost = 0;
-      for (int j = 0; j < LANES; ++j) arms->met[of_lane[j]] |= meets_any_stop(scene, x, next, arms->h, 0, j);
+      for (int j = 0; j < LANES; ++j) arms->unfinished[of_lane[j]] |= meets_any_stop(scene, x, next, arms->h, 0, j);
       for (int i = 0; i < NX; ++i) {
         x[i] = next[i];
         lost |= BEYOND(x[i], scene->largest);

@@ -41,27 +41,27 @@ static void find_parts(const scene_t* scene, const real* x, const segment_t* seg
 
 /* Which parts hold together, and whether they do. */
 static void find_sets_held(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* found,
-                           indeterminate_t* together) {
+                           indeterminate_t* sets) {
   LOCAL(statics_t, balance, statics_of, STATICS);
   part_t parts[PARTS];
   find_statics(scene, x, segment, &balance);
   find_parts(scene, x, segment, found, &balance, parts);
-  find_indeterminate(scene, &balance, parts, segment->yields, together);
+  find_indeterminate(scene, &balance, parts, segment->yields, sets);
 }
 
 /* By how much a set exceeds its limits: not positive if it holds. */
-static double set_excess(const segment_t* segment, const indeterminate_t* together, int number) {
-  return together->excess[number] - (segment->yields ? -EDGE : HOLDS);
+static double set_excess(const segment_t* segment, const indeterminate_t* sets, int number) {
+  return sets->excess[number] - (segment->yields ? -EDGE : HOLDS);
 }
 
 /* Release parts of a set in the motion in which it gives way: joints at stops, or all others; 0 if there are none. */
-static int release(const scene_t* scene, const real* x, segment_t* segment, const indeterminate_t* together, int number,
-                   int at_stops) {
+static int release_parts(const scene_t* scene, const real* x, segment_t* segment, const indeterminate_t* sets, int number,
+                         int at_stops) {
   int any = 0;
   for (int i = 0; i < PARTS; ++i) {
-    const double *way = together->way + 2 * i, size = hypot(way[0], way[1]);
+    const double *way = sets->way + 2 * i, size = hypot(way[0], way[1]);
     const int stopped = i < NU && at_stop(scene, x, i) != 0;
-    if (together->set[i] != number || together->share[i] <= LEAST_SHARE || stopped != at_stops) continue;
+    if (sets->set[i] != number || sets->share[i] <= LEAST_SHARE || stopped != at_stops) continue;
     any = 1;
     if (i < NU) {
       segment->p.direction[i] = sign_of(way[0]);
@@ -69,7 +69,7 @@ static int release(const scene_t* scene, const real* x, segment_t* segment, cons
       continue;
     }
     contact_mode_t* mode = segment->p.contact + i - NU;
-    if (mode->sticks == 0.0 || size < OPENS * together->share[i]) mode->closed = 0.0;
+    if (mode->sticks == 0.0 || size < OPENS * sets->share[i]) mode->closed = 0.0;
     if (mode->closed == 0.0) continue;
     mode->sticks = 0.0;
     for (int j = 0; j < 2; ++j) mode->along[j] = way[j] / size;
@@ -79,6 +79,6 @@ static int release(const scene_t* scene, const real* x, segment_t* segment, cons
 
 /* Release a set. In its motion contacts that slide rise by their friction coefficient, which they do not do in fact: that
  * must not lift joints off their stops. */
-static void let_go(const scene_t* scene, const real* x, segment_t* segment, const indeterminate_t* together, int number) {
-  if (!release(scene, x, segment, together, number, 0)) release(scene, x, segment, together, number, 1);
+static void release_set(const scene_t* scene, const real* x, segment_t* segment, const indeterminate_t* sets, int number) {
+  if (!release_parts(scene, x, segment, sets, number, 0)) release_parts(scene, x, segment, sets, number, 1);
 }

@@ -17,7 +17,7 @@
 #include "modes/initial_modes.h"
 
 #define SLACK 1e-9           /* tolerated acceleration in the wrong direction, relative to the largest */
-#define MOST_SETS 729        /* sets of modes of joints that are tried as a last resort */
+#define MOST_COMBINATIONS 729        /* sets of modes of joints that are tried as a last resort */
 #define NEARER 1e-5          /* step of the iteration to forces of least norm, and the number of steps */
 #define NEARER_TURNS 6
 #define PIVOTS (NC ? 40 * (NC + NU) : 3 * NU + (1 << (NU < 12 ? NU : 12)))
@@ -60,16 +60,16 @@ static int anything_beyond(const scene_t* scene, const real* x, const segment_t*
 /* The entry with the largest, or just the first, violation: a contact, or NC plus a joint; -1 if there is none. `set`
  * receives the number of the set to which the violated limit belongs, or 0. */
 static int find_infeasible(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* found, int first,
-                           indeterminate_t* together, int* set) {
+                           indeterminate_t* sets, int* set) {
   const double heaviest = 1.0 + largest_of(found->force, MC), fastest = 1.0 + largest_of(found->rate, MC);
   const real* d = segment->p.direction;
   double most = 0.0;
   int worst = -1, resting = 0;
-  for (int i = 0; i < NU + NC; ++i) together->set[i] = 0;
-  if (scene->indeterminate && anything_beyond(scene, x, segment, found)) find_sets_held(scene, x, segment, found, together);
+  for (int i = 0; i < NU + NC; ++i) sets->set[i] = 0;
+  if (scene->indeterminate && anything_beyond(scene, x, segment, found)) find_sets_held(scene, x, segment, found, sets);
   for (int k = 0; k < NC; ++k) {
-    const int number = (int)together->set[NU + k];
-    const double beyond = number ? set_excess(segment, together, number) : force_excess(scene, segment, found, k) / heaviest;
+    const int number = (int)sets->set[NU + k];
+    const double beyond = number ? set_excess(segment, sets, number) : force_excess(scene, segment, found, k) / heaviest;
     const double excess = beyond > 0.0 ? beyond : rate_excess(segment, found, k, fastest);
     if (excess > most) {
       most = excess;
@@ -84,8 +84,8 @@ static int find_infeasible(const scene_t* scene, const real* x, const segment_t*
                highest = level > 0.0 ? level : 1.0;
   for (int i = 0; i < ND; ++i) {
     if (!rests(scene, x, i)) continue;
-    const int number = (int)together->set[i];
-    const double excess = number        ? set_excess(segment, together, number)
+    const int number = (int)sets->set[i];
+    const double excess = number        ? set_excess(segment, sets, number)
                           : d[i] == 0.0 ? joint_excess(scene, x, found, i) / highest
                                         : -d[i] * a[i] / quickest - SLACK;
     if (excess > most) {
@@ -211,20 +211,20 @@ static int any_jams(const scene_t* scene, const real* x, const segment_t* segmen
 /* Try the modes of all joints at rest, with all contacts solved together for each: 1 if one satisfies the laws. This is the
  * last resort where pivoting cycles between joints and contacts. */
 static int try_all(const scene_t* scene, const real* x, segment_t* segment) {
-  int resting[NU], count = 0, sets = 1;
+  int resting[NU], count = 0, combinations = 1;
   LOCAL(loads_t, found, loads_of, LOADS);
-  LOCAL(indeterminate_t, together, indeterminate_of, INDETERMINATE);
+  LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   for (int i = 0; i < ND; ++i)
     if (rests(scene, x, i)) resting[count++] = i;
-  for (int i = 0; i < count && sets <= MOST_SETS; ++i) sets *= 3;
-  for (int number = 0; number < (sets < MOST_SETS ? sets : MOST_SETS); ++number)
+  for (int i = 0; i < count && combinations <= MOST_COMBINATIONS; ++i) combinations *= 3;
+  for (int number = 0; number < (combinations < MOST_COMBINATIONS ? combinations : MOST_COMBINATIONS); ++number)
     for (int with_static = 1; with_static >= 0; --with_static) {
       int set = 0;
       for (int i = 0, rest = number; i < count; ++i, rest /= 3)
         segment->p.direction[resting[i]] = rest % 3 == 2 ? -1.0 : rest % 3;
       solve_all_contacts(scene, x, segment, with_static);
       find_loads(scene, x, segment, &found);
-      if (find_infeasible(scene, x, segment, &found, 0, &together, &set) < 0 && !any_jams(scene, x, segment, &found)) return 1;
+      if (find_infeasible(scene, x, segment, &found, 0, &sets, &set) < 0 && !any_jams(scene, x, segment, &found)) return 1;
     }
   return 0;
 }
@@ -232,7 +232,7 @@ static int try_all(const scene_t* scene, const real* x, segment_t* segment) {
 /* Find the modes of all contacts and joints: 0 if none satisfies the laws, or the motion is not unique (Painlevé 1895). */
 static int solve_modes(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
   LOCAL(loads_t, found, loads_of, LOADS);
-  LOCAL(indeterminate_t, together, indeterminate_of, INDETERMINATE);
+  LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   segment->turns = 0;
   guess_modes(scene, x, segment, geometry);
   if (!anything_rests(scene, x, segment)) return 1;
@@ -240,10 +240,10 @@ static int solve_modes(const scene_t* scene, const real* x, segment_t* segment, 
     for (int k = 0; k < PIVOTS; ++k) {
       find_loads(scene, x, segment, &found);
       int set = 0;
-      const int entry = find_infeasible(scene, x, segment, &found, k >= WORST_FIRST, &together, &set);
+      const int entry = find_infeasible(scene, x, segment, &found, k >= WORST_FIRST, &sets, &set);
       if (entry < 0) { return !any_jams(scene, x, segment, &found); }
       if (scene->indeterminate && set) {
-        let_go(scene, x, segment, &together, set);
+        release_set(scene, x, segment, &sets, set);
         continue;
       }
       if (!pivot(scene, x, segment, &found, entry)) break;

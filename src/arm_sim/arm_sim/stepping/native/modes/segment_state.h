@@ -6,7 +6,7 @@
 #pragma once
 #include "contact/friction_cones.h"
 #include "modes/loads.h"
-#include "modes/trace.h"
+#include "modes/tick_record.h"
 #include "motion/flow.h"
 #include "motion/report.h"
 
@@ -149,10 +149,10 @@ static int is_predicted(const scene_t* scene, const segment_t* segment) {
   return segment->predicted && same(segment->p.tunable, segment->predicted->p, P_LENGTH);
 }
 
-static void keep_geometry(const scene_t* scene, const real* x, memory_t* memory, const geometry_t* geometry) {
+static void keep_geometry(const scene_t* scene, const real* x, memory_t* memory, const real* geometry) {
   const long long place = memory->states++ % STATES;
   copy(memory->x[place], x, 2 * NU);
-  copy(memory->geometry[place].place, geometry->place, PLACES);
+  copy(memory->geometry[place].place, geometry, PLACES);
 }
 
 static void find_geometry(const scene_t* scene, const real* x, const segment_t* segment, geometry_t* geometry) {
@@ -169,7 +169,7 @@ static void find_geometry(const scene_t* scene, const real* x, const segment_t* 
     return;
   }
   find_places(scene, x, geometry->place);
-  keep_geometry(scene, x, memory, geometry);
+  keep_geometry(scene, x, memory, geometry->place);
 }
 
 /* The numbers of the loads at x if they are known; else null. */

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import casadi as ca
 
 from arm_sim.derivatives.guards import clearance, starts_to_slide
-from arm_sim.derivatives.kinks import Kinks
-from arm_sim.derivatives.rest_projection import RestProjection
+from arm_sim.derivatives.nonsmooth_points import NonsmoothPoints
 from arm_sim.derivatives.resting import may_go_on
+from arm_sim.derivatives.tangents.rest_projection import RestProjection
 from arm_sim.plant.plant import Plant
 
 
@@ -74,14 +74,14 @@ class EventFreeTick:
 def _margins(plant: Plant, name: str, held: bool) -> ca.Function:
     """(x, u, p, limit) -> margin to boundaries between modes, and at the start of a motion.
 
-    Both are negative where a tick may be refused because of ``Kinks``, of a joint or contact at
-    rest, or of the direction of a sliding contact.
+    Both are negative where a tick may be refused because of ``NonsmoothPoints``, of a joint or
+    contact at rest, or of the direction of a sliding contact.
     """
     far = clearance(plant, held)
     x, u, p, limit = (ca.SX.sym(name, far.size1_in(i)) for i, name in enumerate("xupl"))
     margin, both = far(x, u, p, limit), list[ca.SX]()
     for begins in (False, True):
-        doubt = Kinks(plant).rests_bent(x)
+        doubt = NonsmoothPoints(plant).rests_bent(x)
         if held:
             held_so = ca.logic_or(starts_to_slide(plant, p), may_go_on(plant, p, begins))
             doubt = ca.logic_or(doubt, held_so)

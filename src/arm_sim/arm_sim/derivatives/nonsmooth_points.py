@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinks that last for a whole tick, so that no event marks them: there is no derivative.
+"""NonsmoothPoints that last for a whole tick, so that no event marks them: there is no derivative.
 
 A command exactly at its limit, a lossy gear without load in motion, friction that differs by
 direction of a joint exactly at rest, and bristles that are bent there. Kinks that a motion passes
@@ -25,7 +25,7 @@ UNLOADED = "load"
 type Flags = NDArray[np.bool_]
 
 
-class Kinks:
+class NonsmoothPoints:
     """Lasting kinks of a scene.
 
     Args:
@@ -128,12 +128,12 @@ class Kinks:
         return bent
 
     @property
-    def kinked(self) -> ca.Function:
+    def nonsmooth(self) -> ca.Function:
         """(x, r) -> 1 where ``reason`` finds a kink, else 0."""
         x, r = ca.SX.sym("x", self._plant.nx), ca.SX.sym("r", self._n)
-        return ca.Function("kinked", [x, r], [self._begins_kinked(x, r)], {"cse": True})
+        return ca.Function("nonsmooth", [x, r], [self._begins_nonsmooth(x, r)], {"cse": True})
 
-    def _begins_kinked(self, x: ca.SX, r: ca.SX) -> ca.SX:
+    def _begins_nonsmooth(self, x: ca.SX, r: ca.SX) -> ca.SX:
         found = self.rests_bent(x)
         if self._weight is not None:
             r = r + self._weight(x[: self._n])

@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of smooth motion, and of ticks without events, in compiled code.
+"""Propagation of tangents through steps and ticks, side by side in vector registers.
 
-The coefficients of a derivative are computed once for a step; columns are then propagated through
-it, side by side in vector registers. The whole derivative of a tick is computed by rows, with the
-transposed function: there are nx of them, and nx + n columns. Code is compiled at the first use;
-without a compiler the same functions run on CasADi's virtual machine.
+Code is compiled at the first use; without a compiler the same functions run on CasADi's virtual
+machine.
 """
 
 from __future__ import annotations
@@ -12,24 +10,17 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.columns import column_function
 from arm_dynamics.codegen.header import Header
-from arm_dynamics.codegen.kernel import operations
-from arm_dynamics.codegen.one_at_a_time import built_once, one_at_a_time
-from arm_sim.derivatives.event_free_ticks import EventFreeTick
-from arm_sim.derivatives.kinks import Kinks
+from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_sim.derivatives.tangents.functions import TANGENTS, TangentFunctions
 from arm_sim.integrators.selection import Choice
-from arm_sim.integrators.tangents import build_tangent
-from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
-from arm_sim.plant.slopes import Kept, Slopes, scaled_jacobian
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.rollout import (
     ADDRESS,
@@ -38,25 +29,16 @@ from arm_sim.stepping.rollout import (
     Engine,
     Marks,
     built_of_lanes,
-    lanes_source,
     share,
     strides,
     widths,
 )
-from arm_sim.stepping.stepper import MOVING, address, pointer
+from arm_sim.stepping.stepper import address, pointer
 
-# Largest number of operations of a step with its derivative that is compiled, in some ten seconds:
-# an implicit method needs 520 000 for seven joints.
-LONGEST = 600_000
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
 # halved once more: from there on they converge by the method's order. Rounding, relative to the
 # largest derivative, and the most halvings.
 SETTLED, ROUNDING, MOST_HALVINGS = 0.01, 1e-13, 10
-
-
-TANGENTS = "own_tangents"
-"""Name of the structure of functions of columns in generated code."""
-_MEMBERS = Header(NATIVE / "derivatives/tangents.h", only="tangents_t").fields("tangents_t")
 
 
 class Columns(ctypes.Structure):
@@ -104,21 +86,6 @@ class Arms:
         return np.empty((self.count, self.ticks if every else 1, *self.given.shape[1:]))
 
 
-@dataclass(frozen=True)
-class TangentCode:
-    """Parts of the C code of ``Tangents``.
-
-    Attributes:
-        functions: Functions of states.
-        columns: Functions of columns.
-        members: Of the scene besides those that follow from its equations.
-    """
-
-    functions: tuple[ca.Function, ...]
-    columns: tuple[ca.Function, ...]
-    members: dict[str, int]
-
-
 class Tangents:
     """Derivatives of steps and ticks of one plant.
 
@@ -146,14 +113,9 @@ class Tangents:
         engine: Engine | None = None,
     ) -> None:
         self.plant, self._backend, self.engine = plant, backend, engine
-        self._choice = choice
-        self._event_free = EventFreeTick.of(plant, tuned) if engine and backend != "vm" else None
+        self._choice, ticks = choice, engine is not None and backend != "vm"
+        self._functions = TangentFunctions(plant, choice, tuned, ticks)
         self.library = cache(self._built)
-        self._step = _Step(plant, choice, tuned, dense=self._event_free is not None)
-        self._moving: _Step | None = None
-        if self._event_free and (plant.layout.directions or plant.mechanics.contact):
-            self._moving = _Step(plant.variant(sliding=True), choice, tuned, MOVING, dense=True)
-        self._acting, self._limit = _limits(plant)
         self._controlled = choice.tolerance is not None
         self._held = plant.model.n + len(tuned)
         self._unit = np.eye(plant.nx + self._held)
@@ -210,12 +172,12 @@ class Tangents:
     ) -> tuple[Array, Array]:
         nx = self.plant.nx
         if (code := self.library(1)) is None:
-            after, c, *_ = self._step.advance(x, u, p, h)
-            moved = self._step.stretch(c, *np.split(columns, (nx, nx + self._held)))
+            after, c, *_ = self._functions.step.advance(x, u, p, h)
+            moved = self._functions.step.propagate(c, *np.split(columns, (nx, nx + self._held)))
             return np.array(after).ravel(), np.array(moved)
         x, u, p, columns = (np.ascontiguousarray(array) for array in (x, u, p, columns))
         after, moved, length = np.empty(nx), np.empty((nx, columns.shape[1])), np.array([h])
-        code.engine.carry_step(
+        code.engine.propagate_step(
             code.scene, address_of(code.own, TANGENTS), *map(pointer, (x, u, p, length, columns)),
             ctypes.c_longlong(columns.shape[1]), pointer(after), pointer(moved),
         )  # fmt: skip
@@ -283,7 +245,7 @@ class Tangents:
         self, table: ArmTable, marks: Marks, columns: Columns, after: Array, begins: bool,
         cores: tuple[int | None, int | None],
     ) -> tuple[list[int], Counts]:  # fmt: skip
-        """Call ``carry_ticks`` of native/derivatives/tangent_ticks.c.
+        """Call ``propagate_ticks`` of native/derivatives/tangent_ticks.c.
 
         Returns:
             The arms whose results are invalid, and with events the ticks of each before one.
@@ -291,14 +253,14 @@ class Tangents:
         threads, lanes = cores
         built = ((self.library(width), width) for width in self._widths(lanes))
         code, width = next((code, width) for code, width in built if code is not None)
-        tangents, carry_ticks = address_of(code.own, TANGENTS), code.engine.carry_ticks
+        tangents, propagate_ticks = address_of(code.own, TANGENTS), code.engine.propagate_ticks
         done = np.zeros(0 if self.engine is None else len(after), np.int64)
-        table.met, columns.begins = marks.place, begins
+        table.unfinished, columns.begins = marks.place, begins
         table.engine = None if self.engine is None else ctypes.addressof(self.engine)
         columns.done, columns.after = done.ctypes.data, address(after)
 
         def work(first: int, last: int) -> None:
-            carry_ticks(
+            propagate_ticks(
                 code.scene, tangents, ctypes.byref(table), first, last, ctypes.byref(columns)
             )
 
@@ -307,7 +269,7 @@ class Tangents:
 
     def _widths(self, lanes: int | None) -> tuple[int, ...]:
         """As ``widths``; with events lanes save less time than their compilation takes."""
-        return (1,) if self._event_free and lanes is None else widths(lanes)
+        return (1,) if self._functions.event_free and lanes is None else widths(lanes)
 
     @cached_property
     def native(self) -> bool:
@@ -316,115 +278,10 @@ class Tangents:
 
     def _built(self, lanes: int) -> Compiled | None:
         """Compiled code for ``lanes`` arms side by side; None if it cannot be built."""
-        if self._backend == "vm" or operations(self._step.advance) > LONGEST:
+        if self._backend == "vm" or not self._functions.may_be_compiled:
             return None
         types = [ADDRESS, ADDRESS, NUMBER, NUMBER, ADDRESS]
-        code = built_of_lanes(self._source, lanes, "carry_ticks", types)
+        code = built_of_lanes(self._functions.source, lanes, "propagate_ticks", types)
         if code and lanes == 1:
-            code.engine.carry_step.argtypes = [*[ADDRESS] * 7, NUMBER, ADDRESS, ADDRESS]
+            code.engine.propagate_step.argtypes = [*[ADDRESS] * 7, NUMBER, ADDRESS, ADDRESS]
         return code
-
-    def _source(self, lanes: int) -> str:
-        code = self.code
-        columns = (*code.columns, *([self._step.stretch] if lanes == 1 else []))
-        scene = lanes_source(self.plant, self._choice, code.functions, lanes, code.members)
-        return f"{scene}{tangents_source(columns)}"
-
-    @property
-    def code(self) -> TangentCode:
-        """What the compiled code is made of."""
-        functions = [self._step.advance, self._acting, Kinks(self.plant).kinked]
-        columns = [self._step.carry, self._limit]
-        steps, event_free = [step for step in (self._step, self._moving) if step], self._event_free
-        if self._moving:
-            functions.append(self._moving.advance)
-            columns.append(self._moving.carry)
-        if event_free or not self.plant.eventful:
-            columns += [column for step in steps for column in step.back(self._limit)]
-        if event_free:
-            functions += event_free.functions
-            columns += event_free.columns
-        more = (event_free.members if event_free else {}) | {
-            "nstep": max(step.advance.size1_out(1) for step in steps),
-            "na": self._acting.size1_out(1),
-            "nt": self._held - self.plant.model.n,
-            "dense_derivative": int(self._step.advance.n_out() > 2),
-        }
-        return TangentCode(tuple(functions), tuple(columns), more)
-
-
-def tangents_source(columns: Sequence[ca.Function], storage: str = "EXPORTED const") -> str:
-    """C of functions of columns, and of the structure ``tangents_t`` of them."""
-    there = {function.name() for function in columns}
-    listed = "".join(f"  {name if name in there else 0},\n" for name, _ in _MEMBERS)
-    return "\n".join([
-        '#include "derivatives/tangents.h"', *map(column_function, columns),
-        f"{storage} tangents_t {TANGENTS} = {{\n{listed}}};\n",
-    ])  # fmt: skip
-
-
-class _Step:
-    """The derivative of a step under some equations, in functions of columns.
-
-    Args:
-        plant: The equations.
-        choice: Method and tick.
-        tuned: Places in p of the quantities to differentiate by.
-        prefix: Of the names of the functions.
-        dense: As for ``build_tangent``.
-
-    Attributes:
-        advance, stretch: The step with its coefficients, and the propagation of columns.
-    """
-
-    def __init__(
-        self, plant: Plant, choice: Choice, tuned: Sequence[int], prefix: str = "",
-        dense: bool = False,
-    ) -> None:  # fmt: skip
-        more, n = (plant.mechanics.project, partial(scaled_jacobian, plant)), plant.model.n
-        advance, self.stretch = build_tangent(
-            choice.method, plant.rhs, Slopes(plant, tuned), n, *more, tuned, dense
-        )
-        given = advance.mx_in()
-        self._n, self._prefix = n, prefix
-        self.advance = (
-            ca.Function(f"{prefix}advance", given, advance.call(given)) if prefix else advance
-        )
-
-    @built_once
-    def carry(self) -> ca.Function:
-        """As ``stretch``, for steps of constant length."""
-        c, dx, dw = (ca.SX.sym(name, self.stretch.size1_in(i)) for i, name in enumerate("cxw"))
-        moved = self.stretch(c, dx, dw, 0)
-        return ca.Function(f"{self._prefix}carry", [c, dx, dw], [moved], {"cse": True})
-
-    def back(self, limit: ca.Function) -> tuple[ca.Function, ca.Function]:
-        """Transpose of ``limit`` and ``carry``: (all coefficients, λ) -> λ times both.
-
-        For rows of positions and for the others: in an explicit method, the last stage does not
-        change positions.
-        """
-        n, (c, _, dw) = self._n, self.carry.sx_in()
-        limits, dx, dr = limit.sx_in()
-        row, dp = ca.SX.sym("row", dx.shape[0]), ca.SX.sym("dp", dw.shape[0] - n)
-        moved = self.carry(c, dx, ca.vertcat(limit(limits, dx, dr), dp))
-        coefficients = ca.vertcat(limits, c)
-
-        def of(name: str, part: ca.SX, row: ca.SX) -> ca.Function:
-            product = ca.densify(ca.jtimes(part, ca.vertcat(dx, dr, dp), row, True))
-            arguments = [coefficients, row]
-            return ca.Function(f"{self._prefix}{name}", arguments, [product], {"cse": True})
-
-        return of("back_q", moved[:n], row[:n]), of("back_rest", moved[n:], row[n:])
-
-
-def _limits(plant: Plant) -> tuple[ca.Function, ca.Function]:
-    """(x, r) -> command that acts and coefficients c, and (c, dx, dr) -> its change."""
-    act, kept = actuation(plant), Kept()
-    x, r = ca.SX.sym("x", act.size1_in(0)), ca.SX.sym("r", act.size1_in(1))
-    dx, dr = ca.SX.sym("dx", x.shape[0]), ca.SX.sym("dr", r.shape[0])
-    u = act(x, r)
-    by_x, by_r = (kept.matrix(ca.jacobian(u, by)) for by in (x, r))
-    changes = ca.densify(by_x @ dx + by_r @ dr)
-    acting = ca.Function("acting", [x, r], [u, kept.values], {"cse": True})
-    return acting, ca.Function("limit", [kept.symbols, dx, dr], [changes], {"cse": True})

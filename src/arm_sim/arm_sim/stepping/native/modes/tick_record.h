@@ -1,37 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Modes of joints and contacts, and what is recorded of a tick for its derivatives.
+ * What is recorded of a tick and its segments, for derivatives.
  */
 
 #pragma once
-#include "modes/prediction.h"
-
-/* Entries of p for a contact, as numbers for the generated functions. Python: Modes.contact; equations/contact.py: Mode. */
-typedef struct {
-  real closed;    /* 1 if it is closed, 0 if it is open */
-  real sticks;    /* 1 if a closed one sticks, 0 if it slides */
-  real along[2];  /* direction of sliding in the two tangents */
-  real fixed;     /* 1 if it keeps that direction, 0 if the direction follows the motion */
-} contact_mode_t;
-
-/* The vector p of the generated functions. Python: Modes. */
-typedef struct {
-  real* tunable;   /* numbers of the scene; here the vector begins */
-  real* direction; /* of joints: -1 and 1 slide, 0 is held by friction or a stop; without friction sliding is 1 */
-  real* pressed;   /* of joints: -1 and 1 press against the lower and the upper compliant stop, else 0 */
-  real* switches;  /* of drives and cords: 1 where a comparison holds, else 0 */
-  contact_mode_t* contact;
-} modes_t;
-
-static modes_t modes_of(const scene_t* scene, real* p) {
-  modes_t modes = {p, p + NP, p + NP + ND, p + NP + ND + NQ, (contact_mode_t*)(p + NP + ND + NQ + NK)};
-  return modes;
-}
-
-/* Declare modes that begin as others. */
-#define LOCAL_MODES(name, like) \
-  LOCAL(modes_t, name, modes_of, P_LENGTH); \
-  copy(name.tunable, (like).tunable, P_LENGTH)
+#include "modes/mode_vector.h"
 
 /* A segment of a tick, for derivatives. */
 typedef struct {

@@ -93,7 +93,7 @@ def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
     whole, (_, direction, *_, contacts) = x[: 2 * n], plant.layout.parts(p)
     if plant.layout.directions:
         change = ca.SX.sym("change", n)
-        struck = plant.mechanics.strike(whole, p, change, ca.SX(3 * len(plant.points), 1))[0]
+        struck = plant.mechanics.impact_map(whole, p, change, ca.SX(3 * len(plant.points), 1))[0]
         gain = ca.jacobian(struck, change)  # which is linear in it
         held = direction == 0
         dv = dv - kept.matrix(gain @ ca.diag(held)) @ dv

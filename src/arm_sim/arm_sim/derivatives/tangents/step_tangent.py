@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Derivatives of a step and of the command that acts, as functions of columns of tangents.
+
+The coefficients of a derivative are computed once for a step; columns are then propagated through
+it. The whole derivative of a tick is computed by rows, with the transposed function: there are nx
+of them, and nx + n columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import casadi as ca
+
+from arm_dynamics.codegen.one_at_a_time import built_once
+from arm_sim.integrators.selection import Choice
+from arm_sim.integrators.tangents import build_tangent
+from arm_sim.plant.actuation import actuation
+from arm_sim.plant.plant import Plant
+from arm_sim.plant.slopes import Kept, Slopes, scaled_jacobian
+
+
+class StepTangent:
+    """The derivative of a step under some equations, in functions of columns.
+
+    Args:
+        plant: The equations.
+        choice: Method and tick.
+        tuned: Places in p of the quantities to differentiate by.
+        prefix: Of the names of the functions.
+        dense: As for ``build_tangent``.
+
+    Attributes:
+        advance, propagate: The step with its coefficients, and the propagation of columns.
+    """
+
+    def __init__(
+        self, plant: Plant, choice: Choice, tuned: Sequence[int], prefix: str = "",
+        dense: bool = False,
+    ) -> None:  # fmt: skip
+        more, n = (plant.mechanics.project, partial(scaled_jacobian, plant)), plant.model.n
+        advance, self.propagate = build_tangent(
+            choice.method, plant.rhs, Slopes(plant, tuned), n, *more, tuned, dense
+        )
+        given = advance.mx_in()
+        self._n, self._prefix = n, prefix
+        self.advance = (
+            ca.Function(f"{prefix}advance", given, advance.call(given)) if prefix else advance
+        )
+
+    @built_once
+    def jvp(self) -> ca.Function:
+        """As ``propagate``, for steps of constant length."""
+        c, dx, dw = (ca.SX.sym(name, self.propagate.size1_in(i)) for i, name in enumerate("cxw"))
+        moved = self.propagate(c, dx, dw, 0)
+        return ca.Function(f"{self._prefix}jvp", [c, dx, dw], [moved], {"cse": True})
+
+    def vjp(self, limit: ca.Function) -> tuple[ca.Function, ca.Function]:
+        """Transpose of ``limit`` and ``jvp``: (all coefficients, λ) -> λ times both.
+
+        For rows of positions and for the others: in an explicit method, the last stage does not
+        change positions.
+        """
+        n, (c, _, dw) = self._n, self.jvp.sx_in()
+        limits, dx, dr = limit.sx_in()
+        row, dp = ca.SX.sym("row", dx.shape[0]), ca.SX.sym("dp", dw.shape[0] - n)
+        moved = self.jvp(c, dx, ca.vertcat(limit(limits, dx, dr), dp))
+        coefficients = ca.vertcat(limits, c)
+
+        def of(name: str, part: ca.SX, row: ca.SX) -> ca.Function:
+            product = ca.densify(ca.jtimes(part, ca.vertcat(dx, dr, dp), row, True))
+            arguments = [coefficients, row]
+            return ca.Function(f"{self._prefix}{name}", arguments, [product], {"cse": True})
+
+        return of("vjp_q", moved[:n], row[:n]), of("vjp_rest", moved[n:], row[n:])
+
+
+def command_tangent(plant: Plant) -> tuple[ca.Function, ca.Function]:
+    """(x, r) -> command that acts and coefficients c, and (c, dx, dr) -> its change."""
+    act, kept = actuation(plant), Kept()
+    x, r = ca.SX.sym("x", act.size1_in(0)), ca.SX.sym("r", act.size1_in(1))
+    dx, dr = ca.SX.sym("dx", x.shape[0]), ca.SX.sym("dr", r.shape[0])
+    u = act(x, r)
+    by_x, by_r = (kept.matrix(ca.jacobian(u, by)) for by in (x, r))
+    changes = ca.densify(by_x @ dx + by_r @ dr)
+    acting = ca.Function("acting", [x, r], [u, kept.values], {"cse": True})
+    return acting, ca.Function("command_jvp", [kept.symbols, dx, dr], [changes], {"cse": True})
