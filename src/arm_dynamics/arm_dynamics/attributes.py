@@ -79,7 +79,8 @@ def with_arguments[**P, R](method: Callable[P, R]) -> Callable[P, R]:
             return method(*args, **kwargs)
         except TypeError as error:
             check_arguments(args[0], method, kwargs)
-            error.args = (str(error).replace(method.__qualname__, _called(args[0], method)),)
+            if (text := str(error)).startswith(method.__qualname__):
+                error.args = (text.replace(method.__qualname__, _called(args[0], method), 1),)
             raise
 
     return call
