@@ -125,3 +125,8 @@ class Ros:
             node.destroy_node()
         self.context.try_shutdown()
         self._reservation.close()
+
+
+def change(node: Node, **values: Any) -> Any:
+    """Set parameters of a node, all of them or none; returns its answer."""
+    return node.set_parameters_atomically([Parameter(k, value=v) for k, v in values.items()])

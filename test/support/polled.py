@@ -35,7 +35,7 @@ def offered(
         if not waiting:
             return NONE
         raw = waiting.popleft()
-        outcome = reader._look(raw, len(raw))
+        outcome = reader._read(raw, len(raw))
         pack_into("q", reader._found, 8, arrival)
         reader._state.raw, reader._state.length = cast(raw, c_void_p).value, len(raw)
         ticks.kept_by_test = raw

@@ -333,10 +333,3 @@ def test_derivatives_of_a_tick() -> None:
     for j in range(2):
         e = 1e-5 * np.eye(2)[j]
         assert_close((after(x, u + e) - after(x, u - e)) / 2e-5, B[:, j], 1e-5)
-
-
-def test_inverse_dynamics_feeds_the_bent_bristles_forward() -> None:
-    dyn = bristly(backend="vm").dynamics
-    q, v, a = [0.4, -0.2], [0.5, -1.0], [1.0, 2.0]
-    rigid = dyn.inverse(q, v, a, terms=7)
-    assert_close(dyn.inverse(q, v, a) - rigid, [0.5 + 0.1, -0.5 - 0.2], ALGEBRA)

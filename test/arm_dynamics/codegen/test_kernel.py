@@ -9,9 +9,8 @@ import pytest
 from samples import sampled
 
 import models
-from arm_dynamics import ArmModel, Dynamics, InvalidInput, KernelError, load_scene
+from arm_dynamics import ArmModel, InvalidInput, KernelError, load_scene
 from arm_dynamics.codegen import Kernel, operations
-from arm_dynamics.dynamics import check_forward
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.forward_dynamics import articulated_bodies
 from arm_dynamics.equations.tree import Tree
@@ -164,18 +163,6 @@ def test_operations_are_counted_through_calls() -> None:
     assert operations(ca.Function("outer", [y], [inner(inner(y)) * y])) == 5
 
 
-def test_a_wrong_kernel_is_refused() -> None:
-    """The check that guards every simulator catches an error of 1e-8 in one joint, and one that is
-    not a number.
-    """
-    dyn = models.dynamics("two_link")
-    assert check_forward(dyn, dyn.forward) < ALGEBRA
-    with pytest.raises(KernelError, match="Pinocchio"):
-        check_forward(dyn, lambda q, v, tau: dyn.forward(q, v, tau) * [1.0, 1.0 + 1e-8])
-    with pytest.raises(KernelError, match="Pinocchio"):
-        check_forward(dyn, lambda q, v, tau: np.array([0.0, np.nan]))
-
-
 def test_regrouping_saves_work_and_changes_nothing(rng: np.random.Generator) -> None:
     """Moving inertia to the parent where the joint cannot tell the difference only shortens the
     equations.
@@ -185,10 +172,3 @@ def test_regrouping_saves_work_and_changes_nothing(rng: np.random.Generator) -> 
         laws(tree_of(model, regroup=r), model.n, model.scene.gravity) for r in (True, False)
     )
     assert operations(short) < operations(whole)
-
-
-def test_kernels_are_compared_with_dynamics() -> None:
-    """A kernel is compared with Dynamics, which calls Pinocchio: both must use the same scene."""
-    plant = models.simulator("puma560").arm.plant
-    assert isinstance(models.simulator("puma560").dynamics, Dynamics)
-    assert models.simulator("puma560").dynamics.model is plant.model

@@ -228,15 +228,6 @@ def test_a_comparison_leaves_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_array_equal(control.law.control.integral, np.zeros(2))
 
 
-def test_an_integral_is_reset_also_within_friction(rng: np.random.Generator) -> None:
-    control = make_controller("pid", rubbing(), Settings(friction=True))
-    (state, reference), *_ = states(rng, 2)
-    first = control.torque(state, reference)
-    assert (control.torque(state, reference) != first).all()
-    control.restart()
-    np.testing.assert_array_equal(control.torque(state, reference), first)
-
-
 @pytest.mark.parametrize("bad", [np.ones(3), np.array([1.0, np.nan]), np.ones((1, 2))])
 def test_bad_states_are_refused_as_by_the_plain_law(bad: np.ndarray) -> None:
     law, still = CompiledComputedTorque(models.dynamics("two_link")), Reference(*np.zeros((3, 2)))

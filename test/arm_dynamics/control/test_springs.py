@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_dynamics import Dynamics
 from arm_dynamics.control import (
     CompiledComputedTorque,
     ComputedTorque,
@@ -27,8 +27,7 @@ from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference
 from arm_dynamics.trajectory.time_scaling import Capacity, Strain
 from arm_sim import Simulator
-from models.sprung import slope
-from tolerances import ALGEBRA, INVERSE_PAIR, PINOCCHIO, SPRING, assert_close
+from tolerances import ALGEBRA, INVERSE_PAIR, PINOCCHIO, assert_close
 
 SCENE = {
     "robot": {"urdf": models.scene("two_link").robot.urdf},
@@ -149,18 +148,3 @@ def test_motion_is_slowed_for_what_springs_take() -> None:
     part = abs(arm().inverse(q, v / pace, a / pace**2)) / limit
     assert pace > 1.0
     assert part.max() == pytest.approx(1.0, abs=ALGEBRA)
-
-
-def test_standing_torque_is_the_slope_of_the_energy(rng: np.random.Generator) -> None:
-    q = state(rng)[0]
-    held = GravityCompensation(arm()).torque(Measured(q, np.zeros(2)))
-    assert_close(held, slope(lambda x: arm().energy(x, 0 * x)[1], q), SPRING)
-
-
-def test_models_without_springs_cost_no_code() -> None:
-    bare, zero = (
-        ArmModel(load_scene(SCENE | {"springs": [], "joints": {"elbow": spring}}))
-        for spring in ({}, {"spring": {"stiffness": 0.0}})
-    )
-    assert not bare.springs
-    assert not zero.springs

@@ -9,7 +9,6 @@ from functools import cache
 from itertools import cycle, product
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from samples import always, sampled
 
@@ -67,24 +66,6 @@ def test_chosen_terms(name: str, terms: int, rng: np.random.Generator) -> None:
     batch = states(dyn, MANY, rng)
     alone = single(dyn, lambda d, *x: d.inverse(*x, terms), batch)
     assert_close(dyn.inverse(*batch, terms)[:ROWS], alone, ALGEBRA)
-
-
-@pytest.mark.parametrize("name", sampled(models.ROBOTS, 6))
-def test_forward_equals_pinocchio_called_directly(name: str, rng: np.random.Generator) -> None:
-    """Through the full tree of the URDF, followers and locked joints by projection."""
-    dyn, oracle = models.dynamics(name), models.oracle(name)
-    q, v, tau = states(dyn, MANY, rng)
-    a = dyn.forward(q, v, tau)
-    for k in range(ROWS):
-        if np.array_equal(oracle.P, np.eye(dyn.n)):
-            free = tau[k] - oracle.friction(v[k])
-            aba = pin.aba(oracle.model, oracle.data, oracle.full(q[k]), v[k], free)
-            np.testing.assert_allclose(a[k], aba, 0.0, ALGEBRA * max(1.0, abs(aba).max()))
-        needed = oracle.inverse(q[k], v[k], a[k])
-        still = oracle.inverse(q[k], v[k], 0 * a[k])
-        M = oracle.mass_matrix(q[k])
-        size = (abs(M) @ abs(a[k]) + abs(still) + abs(tau[k])).max()
-        assert abs(needed - tau[k]).max() < ALGEBRA * size
 
 
 @cache

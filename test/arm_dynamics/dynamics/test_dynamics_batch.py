@@ -39,12 +39,3 @@ def test_a_single_vector_serves_every_row(rng: np.random.Generator) -> None:
     q = rng.uniform(-1, 1, (4, 2))
     at_rest = dyn.inverse(q, np.zeros(2), np.zeros(2))
     np.testing.assert_array_equal(at_rest, dyn.gravity(q))
-
-
-def test_rows_do_not_depend_on_their_order(rng: np.random.Generator) -> None:
-    dyn = models.dynamics("ur10")
-    q, v, a = (rng.normal(size=(6, dyn.n)) for _ in range(3))
-    order = rng.permutation(6)
-    np.testing.assert_array_equal(
-        dyn.inverse(q, v, a)[order], dyn.inverse(q[order], v[order], a[order])
-    )

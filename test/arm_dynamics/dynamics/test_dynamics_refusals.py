@@ -31,6 +31,17 @@ def test_inverse_names_the_bad_argument(value: object, place: int) -> None:
     np.testing.assert_array_equal(dyn.friction(GOOD), GOOD)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_no_motion_that_is_not_finite_has_torques(robot: str, value: float) -> None:
+    """However many calls there were, at whatever joint of whatever kind."""
+    dyn = models.dynamics(robot).of_motions()
+    for place, joint in np.ndindex(3, dyn.n):
+        motion = np.random.default_rng(0).uniform(-1.0, 1.0, (3, dyn.n))
+        motion[place, joint] = value
+        with pytest.raises(InvalidInput, match=f"^{'qva'[place]}.*finite"):
+            dyn.inverse(*motion)
+
+
 @pytest.mark.parametrize("value", BAD.values(), ids=BAD)
 def test_every_method_refuses(value: object) -> None:
     dyn = models.dynamics("planar_3r")

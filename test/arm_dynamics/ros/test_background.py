@@ -40,61 +40,6 @@ def test_a_job_runs_elsewhere_and_is_delivered_here(background: Background) -> N
     assert got == [("test_0", here)]
 
 
-def test_nothing_is_delivered_before_it_is_ready(background: Background) -> None:
-    go, got = threading.Event(), []
-    background.start(lambda: go.wait(10.0), lambda result: got.append(result()))
-    background.deliver()
-    assert not got
-    go.set()
-    wait(background)
-    assert got == [True]
-
-
-def test_a_newer_job_takes_the_place_of_one_that_is_not_delivered(background: Background) -> None:
-    go, got = threading.Event(), []
-    assert not background.start(lambda: go.wait(10.0), lambda result: got.append("first"))
-    assert background.start(lambda: 1, lambda result: got.append("second"))
-    go.set()
-    wait(background)
-    assert got == ["second"]
-
-
-def test_what_a_job_raises_is_raised_where_its_result_is_asked_for(background: Background) -> None:
-    def fail() -> None:
-        raise ValueError("no")
-
-    got: list[str] = []
-
-    def then(result: object) -> None:
-        with pytest.raises(ValueError, match="no"):
-            result()  # type: ignore[operator]
-        got.append("asked")
-
-    background.start(fail, then)
-    wait(background)
-    assert got == ["asked"]
-
-
-def test_a_job_may_be_followed_by_another_from_its_delivery(background: Background) -> None:
-    got: list[int] = []
-    background.start(
-        lambda: 1,
-        lambda one: background.start(lambda: 1 + one(), lambda two: got.append(two())) and None,
-    )
-    wait(background)
-    assert got == [2]
-
-
-def test_given_up_jobs_are_not_delivered(background: Background) -> None:
-    got: list[int] = []
-    background.start(lambda: 1, lambda result: got.append(result()))
-    assert background.give_up()
-    assert not background.give_up()
-    time.sleep(0.05)
-    background.deliver()
-    assert not got
-
-
 def test_jobs_that_were_given_up_are_not_kept_until_their_turn_comes(
     background: Background,
 ) -> None:

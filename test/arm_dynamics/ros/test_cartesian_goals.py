@@ -24,7 +24,7 @@ from hand_goals import (
     planned,
     pose,
     see,
-    state,
+    tick,
 )
 from harness import Ros
 from nav_msgs.msg import Path
@@ -50,14 +50,7 @@ def test_the_hand_goes_straight_to_a_pose(ros: Ros, law: str) -> None:
     sim = ros.add(SimNode, models.scene("panda"), realtime=False, integrator="rk4")
     node = ros.add(ControllerNode, models.scene("panda"), controller=law, task_frame=FRAME)
 
-    def tick() -> None:
-        now = sim.simulator.state
-        sim.inputs.on_joint_commands(
-            node.on_joint_states(state(round(now.time * 1e9), now.q, now.v))
-        )
-        sim.tick()
-
-    tick()
+    tick(sim, node)
     way = np.array([0.05, 0.2, -0.1])
     node.on_cartesian_goal(pose(way))
     while node.goals.planner.busy:
@@ -65,7 +58,7 @@ def test_the_hand_goes_straight_to_a_pose(ros: Ros, law: str) -> None:
         node.deliver()
     worst = 0.0
     for _ in range(2000):
-        tick()
+        tick(sim, node)
         off = HAND.pose(sim.simulator.state.q).position - HERE.position
         worst = max(worst, float(np.linalg.norm(off - way * (off @ way) / (way @ way))))
     assert_close(off, way, 1e-3 if law == "pd_gravity" else 1e-5)
@@ -207,16 +200,6 @@ def test_without_a_frame_or_a_state_goals_are_refused(
     node.on_cartesian_goal(pose())
     planned(node, 0)
     assert "parameter 'task_frame' is empty" in node.goals.outcome
-
-
-def test_time_that_goes_backwards_gives_up_what_is_planned(node: ControllerNode) -> None:
-    see(node, 5_000 * MS)
-    node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
-    while not node.goals.planner.ready:
-        time.sleep(1e-3)
-    see(node, MS)
-    planned(node, 2 * MS)
-    assert node.follower.remaining(2 * MS) == 0.0
 
 
 def test_a_goal_over_the_wire_shows_in_the_state(ros: Ros) -> None:

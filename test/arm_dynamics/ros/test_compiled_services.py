@@ -154,36 +154,6 @@ def test_friction_by_load_is_for_python(ros: Ros, ask: Ask) -> None:
     assert in_c(node) == 0
 
 
-@pytest.mark.parametrize(
-    ("fields", "complaint"),
-    [
-        ({}, "position has 0 numbers; allowed: a multiple of 2"),
-        ({"position": [0.0] * 3}, "position has 3 numbers"),
-        ({"position": [0.0] * 4, "velocity": [0.0] * 2}, "velocity has 2 numbers"),
-        ({"position": [0.0] * 2, "acceleration": [0.0]}, "acceleration has 1 numbers"),
-        ({"position": [0.0, np.nan]}, "position of joint 'elbow' at point 0 is nan"),
-        ({"position": [0.0] * 2, "velocity": [np.inf] * 2}, "velocity of joint 'shoulder'"),
-        ({"position": [0.0] * 2, "terms": 32}, "32"),
-        ({"position": [1e308] * 2, "velocity": [1e308] * 2}, "too large"),
-        ({"position": [0.0] * 2, "joint_names": ["nobody", "elbow"]}, "unknown joints nobody"),
-        ({"position": [0.0] * 2, "joint_names": ["elbow", "elbow"]}, "each of shoulder"),
-    ],
-)
-def test_what_is_wrong_is_refused_by_python_and_c_goes_on(
-    ros: Ros, ask: Ask, fields: dict[str, Any], complaint: str
-) -> None:
-    node = ros.add(DynamicsNode, STICKY)
-    warm(node, ask, INVERSE_DYNAMICS)
-    before = in_c(node)
-    answer = ask(INVERSE_DYNAMICS, **fields)
-    assert not answer.success
-    assert complaint in answer.message
-    assert len(answer.effort) == 0
-    assert in_c(node) == before
-    assert ask(INVERSE_DYNAMICS, position=[0.0] * 2).success
-    assert in_c(node) > before
-
-
 def test_what_cannot_be_compiled_is_tried_once(
     ros: Ros, ask: Ask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -196,16 +166,6 @@ def test_what_cannot_be_compiled_is_tried_once(
         assert ask(DYNAMICS_TERMS, position=[0.1, 0.2], velocity=[0.0, 0.0]).success
         ros.spin_until(lambda: builder.ready or not builder.busy)
     assert len(tried) == 1
-
-
-def test_joints_in_another_order_are_answered_in_that_order(ros: Ros, ask: Ask) -> None:
-    node = ros.add(DynamicsNode, STICKY)
-    warm(node, ask, INVERSE_DYNAMICS)
-    names = list(node.dynamics.joint_names)
-    forth = ask(INVERSE_DYNAMICS, position=[0.2, 0.4])
-    back = ask(INVERSE_DYNAMICS, joint_names=names[::-1], position=[0.4, 0.2])
-    assert list(back.joint_names) == names[::-1]
-    assert_close(back.effort[::-1], forth.effort, PINOCCHIO)
 
 
 def test_another_arm_is_answered_for_at_once(ros: Ros, ask: Ask) -> None:

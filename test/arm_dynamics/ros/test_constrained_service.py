@@ -18,7 +18,7 @@ from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.interfaces import CONSTRAINED_DYNAMICS
 from arm_sim.ros.sim_node import SimNode
-from tolerances import INVERSE_PAIR, PINOCCHIO, assert_close
+from tolerances import PINOCCHIO, assert_close
 
 pytestmark = pytest.mark.ros
 
@@ -33,27 +33,6 @@ def node(ros: Ros) -> DynamicsNode:
 
 def ask(node: DynamicsNode, **fields: Any) -> Any:
     return node.answer(CONSTRAINED_DYNAMICS, Service.Request(**fields), Service.Response())
-
-
-def test_there_and_back_over_the_wire(ros: Ros, node: DynamicsNode) -> None:
-    """Forward, and inverse of what came out, with joints in another order."""
-    dyn = Dynamics(SCENE)
-    q, v = np.tile(dyn.model.q0, (2, 1)), np.array([dyn.model.v0, 0.0 * dyn.model.v0])
-    tau = np.array([[0.1, 0.2, 0.3], [0.0, -0.1, 0.4]])
-    order = [2, 0, 1]
-    names = [dyn.joint_names[i] for i in order]
-    there = {"joint_names": names, "position": q[:, order].ravel(),
-             "velocity": v[:, order].ravel()}  # fmt: skip
-    request = Service.Request(**there, effort=tau[:, order].ravel())
-    answer = ros.call(Service, "/dynamics/constrained_dynamics", request)
-    assert answer.success, answer.message
-    a, lam = dyn.constrained_forward(q, v, tau)
-    assert_close(answer.acceleration, a[:, order].ravel(), PINOCCHIO)
-    assert_close(answer.multipliers, lam.ravel(), PINOCCHIO)
-    assert list(answer.constraint_names) == ["loop"] * 3
-    back = ask(node, **there, inverse=True, acceleration=answer.acceleration,
-               multipliers=answer.multipliers)  # fmt: skip
-    assert_close(back.effort, tau[:, order].ravel(), INVERSE_PAIR)
 
 
 def test_bad_multipliers_are_refused(node: DynamicsNode) -> None:

@@ -10,17 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 from goal_client import Client, goal
-from harness import Ros
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
-from rclpy.serialization import deserialize_message, serialize_message
-from samples import always, sampled
-from sensor_msgs.msg import JointState
+from hand_goals import FRAME, HOME, MS, see, state, tick
+from hand_goals import NAMES as JOINTS
+from harness import Ros, change
+from samples import sampled
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control import NAMES, Measured, Settings, make_controller, preparation, tuned
+from arm_dynamics.control import NAMES, Measured, Settings, make_controller, preparation
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.controller_node import node as module
 from arm_dynamics.task_space import TaskSpace
@@ -30,10 +28,6 @@ from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros
 
-FRAME = "panda_hand_tcp"
-HOME = models.dynamics("panda").model.q0
-MS = 1_000_000
-
 
 def sim_node(ros: Ros) -> SimNode:
     return ros.add(SimNode, models.scene("panda"), realtime=False, integrator="rk4")
@@ -41,31 +35,6 @@ def sim_node(ros: Ros) -> SimNode:
 
 def controller_node(ros: Ros, **parameters: Any) -> ControllerNode:
     return ros.add(ControllerNode, models.scene("panda"), **parameters)
-
-
-def change(node: ControllerNode, **values: Any) -> Any:
-    return node.set_parameters_atomically([Parameter(k, value=v) for k, v in values.items()])
-
-
-def state(stamp: int, q: Any, v: Any) -> bytes:
-    names = list(models.dynamics("panda").joint_names)
-    message = JointState(name=names, position=list(q), velocity=list(v))
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-    return serialize_message(message)
-
-
-def effort(node: ControllerNode, stamp: int, q: Any = HOME, v: Any = (0.0,) * 7) -> np.ndarray:
-    command = node.on_joint_states(state(stamp, q, v))
-    return np.array(deserialize_message(command, JointState).effort)
-
-
-def tick(sim: SimNode, node: ControllerNode) -> np.ndarray:
-    """One state answered within its tick; returns the torque commanded."""
-    now = sim.simulator.state
-    command = node.on_joint_states(state(round(now.time * 1e9), now.q, now.v))
-    sim.inputs.on_joint_commands(command)
-    sim.tick()
-    return np.array(deserialize_message(command, JointState).effort)
 
 
 def settle(node: ControllerNode) -> None:
@@ -81,39 +50,7 @@ def go(node: ControllerNode, offset: float, seconds: int) -> None:
     """Lead every joint away from home."""
     point = JointTrajectoryPoint(positions=(HOME + offset).tolist())
     point.time_from_start.sec = seconds
-    names = list(models.dynamics("panda").joint_names)
-    node.on_joint_trajectory(JointTrajectory(joint_names=names, points=[point]))
-
-
-LAWS = ("pd", "pid", "float", "computed_torque", "motion_force")
-
-
-@pytest.mark.parametrize("name", always(NAMES, *LAWS))  # each kind of end
-def test_every_law_closes_the_loop(ros: Ros, name: str) -> None:
-    """Each leads the arm by 0.1 rad in a second; those that know no weight sag."""
-    sim = sim_node(ros)
-    node = controller_node(ros, controller=name, task_frame=FRAME, bandwidth=[15.0])
-    tick(sim, node)
-    go(node, 0.1, 1)
-    torques = np.array([tick(sim, node) for _ in range(1200)])
-    assert np.isfinite(torques).all()
-    q, dynamics = sim.simulator.state.q, models.dynamics("panda")
-    error = HOME + 0.1 - q
-    if name == "float":  # it leads nowhere, and does not fall either
-        assert_close(q, HOME, 1e-4)
-    elif name == "pd":  # its springs carry the weight
-        weight = dynamics.gravity(q)
-        kp, _ = tuned(dynamics, 15.0)
-        np.testing.assert_allclose(kp * error, weight, atol=0.02 * abs(weight).max())
-    elif name == "pid":  # it is taking that away
-        assert 1e-3 < abs(error).max() < 0.05
-    elif name == "motion_force":  # along its direction, downwards, it only brakes
-        task = TaskSpace(dynamics, FRAME)
-        here, start, goal = (task.pose(x).position for x in (q, HOME, HOME + 0.1))
-        np.testing.assert_allclose(here[:2], goal[:2], atol=1e-5)
-        np.testing.assert_allclose(here[2], start[2], atol=1e-4)
-    else:  # what pushes nothing ahead is still on its way
-        assert abs(error).max() < (5e-3 if name == "pd_gravity" else 1e-4)
+    node.on_joint_trajectory(JointTrajectory(joint_names=JOINTS, points=[point]))
 
 
 def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:
@@ -129,25 +66,14 @@ def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:
         damping_ratio=0.8, frame=FRAME, axes="position", direction=(0.0, 1.0, 0.0), force=5.0,
         friction=True,
     )  # fmt: skip
-    assert_close(effort(node, 0), dynamics.gravity(HOME) + 5.0 * sideways, 1e-8)
+    assert_close(see(node, 0), dynamics.gravity(HOME) + 5.0 * sideways, 1e-8)
     law = make_controller("motion_force", dynamics, settings)
-    assert_close(effort(node, MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
+    assert_close(see(node, MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
     assert change(node, controller="joint_impedance", force=0.0).successful
     settle(node)
     law = make_controller("joint_impedance", dynamics, settings)
-    effort(node, 2 * MS, q, v)
-    assert_close(effort(node, 3 * MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
-
-
-@pytest.mark.parametrize("axes", sampled(["z,x,y", "x y z", "position"], 1))
-def test_axes_may_be_listed(ros: Ros, axes: str) -> None:
-    node = controller_node(ros, controller="operational_space", task_frame=FRAME, task_axes=axes)
-    settings = Settings(frame=FRAME, axes="position")
-    law = make_controller("operational_space", models.dynamics("panda"), settings)
-    effort(node, 0)
-    q, v = HOME + 0.02, np.full(7, 0.1)
-    still = Reference(HOME, np.zeros(7), np.zeros(7))
-    assert_close(effort(node, MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
+    see(node, 2 * MS, q, v)
+    assert_close(see(node, 3 * MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
 
 
 def test_laws_change_in_motion_without_a_jump(ros: Ros) -> None:
@@ -171,39 +97,14 @@ def test_laws_change_in_motion_without_a_jump(ros: Ros) -> None:
     assert np.ptp(torques, axis=0).max() > 10.0
 
 
-def test_laws_change_over_the_wire(ros: Ros) -> None:
-    node = controller_node(ros)
-    effort(node, 0)
-    for name, said in (("operational_space", "frame is not given"), ("pd_gravity", "")):
-        wanted = Parameter("controller", value=name).to_parameter_msg()
-        request = SetParametersAtomically.Request(parameters=[wanted])
-        answer = ros.call(
-            SetParametersAtomically, "/controller/set_parameters_atomically", request
-        )
-        assert answer.result.successful == (not said)
-        assert said in answer.result.reason
-    assert node.params.controller == "pd_gravity"
-
-
-def test_a_change_without_time_would_jump(ros: Ros) -> None:
-    """What the hand-over is for: the two laws do not agree at all at the moment of the change."""
-    node = controller_node(ros, controller="pd", switch_time=0.0)
-    before = effort(node, 0)
-    assert change(node, controller="pd_gravity").successful
-    settle(node)
-    held, after = effort(node, MS), effort(node, 2 * MS)
-    np.testing.assert_array_equal(held, before)
-    assert abs(after - before).max() > 10.0
-
-
 def test_gains_of_a_law_without_memory_act_at_once(ros: Ros) -> None:
     node = controller_node(ros, controller="pd_gravity", bandwidth=[4.0])
-    effort(node, 0)
-    rest = effort(node, MS)
-    pull = effort(node, 2 * MS, HOME + 0.01) - effort(node, 2 * MS, HOME)
+    see(node, 0)
+    rest = see(node, MS)
+    pull = see(node, 2 * MS, HOME + 0.01) - see(node, 2 * MS, HOME)
     assert change(node, bandwidth=8.0).successful
     gravity = models.dynamics("panda").gravity(HOME + 0.01) - rest
-    stronger = effort(node, 3 * MS, HOME + 0.01) - effort(node, 3 * MS, HOME)
+    stronger = see(node, 3 * MS, HOME + 0.01) - see(node, 3 * MS, HOME)
     assert_close(stronger - gravity, 4.0 * (pull - gravity), ALGEBRA)
 
 
@@ -216,7 +117,7 @@ def test_a_bandwidth_that_the_loop_does_not_carry_is_told_or_refused(
         (200.0, 4 * MS, "act 0.004 s late and are held for 0.001 s; sensible: at most 79.8 rad/s"),
         (20.0, 6 * MS, ""),
     ):
-        effort(node, 0), effort(node, stamp)
+        see(node, 0), see(node, stamp)
         node._late.look()
         assert change(node, bandwidth=bandwidth).successful
         assert said in capfd.readouterr().err
@@ -229,41 +130,41 @@ def test_a_bandwidth_that_the_loop_does_not_carry_is_told_or_refused(
 def test_gains_of_a_law_that_remembers_fade_in(ros: Ros) -> None:
     node = controller_node(ros, controller="pid", bandwidth=[10.0])
     for k in range(50):
-        before = effort(node, k * MS, HOME + 0.05 * (k > 0))
+        before = see(node, k * MS, HOME + 0.05 * (k > 0))
     assert change(node, bandwidth=12.0).successful
-    np.testing.assert_array_equal(effort(node, 50 * MS, HOME + 0.05), before)
+    np.testing.assert_array_equal(see(node, 50 * MS, HOME + 0.05), before)
 
 
 def test_time_that_goes_backwards_clears_the_memory(ros: Ros) -> None:
     node = controller_node(ros, controller="pid")
-    fresh = effort(node, 1000 * MS)
+    fresh = see(node, 1000 * MS)
     for k in range(1001, 1200):
-        effort(node, k * MS, HOME + 0.1)
-    assert abs(effort(node, 1200 * MS) - fresh).max() > 1.0
-    np.testing.assert_array_equal(effort(node, 0), fresh)
+        see(node, k * MS, HOME + 0.1)
+    assert abs(see(node, 1200 * MS) - fresh).max() > 1.0
+    np.testing.assert_array_equal(see(node, 0), fresh)
 
 
 def test_an_absurd_state_does_not_spoil_the_memory(ros: Ros) -> None:
     node = controller_node(ros, controller="pid", observer=30.0)
-    before = effort(node, 0)
+    before = see(node, 0)
     with np.errstate(all="ignore"):
         assert node.on_joint_states(state(MS, HOME, [1e306] * 7)) is None
-    assert_close(effort(node, 2 * MS), before, ALGEBRA)
+    assert_close(see(node, 2 * MS), before, ALGEBRA)
 
 
 def test_after_floating_the_arm_is_held_where_it_was_led_to(ros: Ros) -> None:
     """And not pulled back to where it was when floating began."""
     node = controller_node(ros, controller="float", switch_time=0.0)
-    effort(node, 0)
+    see(node, 0)
     led = HOME + 0.4
-    assert_close(effort(node, MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
+    assert_close(see(node, MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
     assert change(node, controller="computed_torque").successful
     settle(node)
-    effort(node, 2 * MS, led)  # the hand-over begins with the torque of before
+    see(node, 2 * MS, led)  # the hand-over begins with the torque of before
     assert node.params.controller == "computed_torque" and not node.busy
     assert_close(node.follower.reference(3 * MS).q, led, ALGEBRA)
-    assert_close(effort(node, 3 * MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
-    assert abs(effort(node, 4 * MS, led + 0.1) - effort(node, 4 * MS, led)).max() > 1.0
+    assert_close(see(node, 3 * MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
+    assert abs(see(node, 4 * MS, led + 0.1) - see(node, 4 * MS, led)).max() > 1.0
     go(node, 0.1, 1)
     assert change(node, bandwidth=8.0).successful
     settle(node)
@@ -275,21 +176,21 @@ def test_gains_set_while_a_controller_is_prepared_are_of_that_one(
 ) -> None:
     """And of no other; the arm is held where it was led to, though two changes ended that."""
     node = controller_node(ros, controller="float", switch_time=0.0)
-    effort(node, 0)
+    see(node, 0)
     settle(node)
     ready, led = Event(), HOME + 0.4
     jobs = [lambda: ready.wait(20.0), None]
     monkeypatch.setattr(module, "preparation", lambda control: jobs.pop(0))
     assert change(node, controller="pd_gravity").successful
     assert node.busy
-    effort(node, MS, led)
+    see(node, MS, led)
     assert change(node, bandwidth=8.0).successful
     ready.set()
     settle(node)
-    effort(node, 2 * MS, led)
+    see(node, 2 * MS, led)
     chosen = make_controller("pd_gravity", models.dynamics("panda"), Settings(bandwidth=8.0))
     exact = chosen.torque(Measured(HOME, np.zeros(7)), Reference(led, np.zeros(7), np.zeros(7)))
-    assert_close(effort(node, 3 * MS, HOME), exact, ALGEBRA)
+    assert_close(see(node, 3 * MS, HOME), exact, ALGEBRA)
 
 
 def test_a_controller_that_cannot_be_prepared_is_not_taken_for_the_one_that_acts(
@@ -301,7 +202,7 @@ def test_a_controller_that_cannot_be_prepared_is_not_taken_for_the_one_that_acts
         raise InvalidInput("no compiler")
 
     node = controller_node(ros, controller="float")
-    effort(node, 0)
+    see(node, 0)
     settle(node)
     monkeypatch.setattr(module, "preparation", lambda control: fail)
     assert change(node, controller="pd_gravity").successful
@@ -310,17 +211,16 @@ def test_a_controller_that_cannot_be_prepared_is_not_taken_for_the_one_that_acts
     assert node.diagnostics()[0].values["controller"] == "float"
     point = JointTrajectoryPoint(positions=HOME.tolist())
     point.time_from_start.sec = 1
-    names = list(models.dynamics("panda").joint_names)
-    there = JointTrajectory(joint_names=names, points=[point])
+    there = JointTrajectory(joint_names=JOINTS, points=[point])
     assert not Client(ros).send(goal(there)).accepted
     assert "'float' follows no trajectories" in node.goals.outcome
 
 
 def test_any_other_change_keeps_the_reference(ros: Ros) -> None:
     node = controller_node(ros, controller="pd_gravity", switch_time=0.0)
-    effort(node, 0)
+    see(node, 0)
     assert change(node, controller="pd").successful
-    effort(node, MS, HOME + 0.4)
+    see(node, MS, HOME + 0.4)
     assert_close(node.follower.reference(2 * MS).q, HOME, ALGEBRA)
 
 
@@ -329,7 +229,7 @@ def test_the_newest_choice_counts_whatever_was_being_prepared(
 ) -> None:
     """A controller that is ready late does not take the place of one that was chosen since."""
     node = controller_node(ros, switch_time=0.0, bandwidth=[4.0])
-    effort(node, 0)
+    see(node, 0)
     settle(node)
     ready = Event()
     jobs = [lambda: ready.wait(20.0), None]  # the second one needs no preparation
@@ -341,26 +241,9 @@ def test_the_newest_choice_counts_whatever_was_being_prepared(
     settle(node)
     still = Reference(HOME, np.zeros(7), np.zeros(7))
     chosen = make_controller("pd_gravity", models.dynamics("panda"), Settings(bandwidth=4.0))
-    effort(node, MS, HOME + 0.1)
+    see(node, MS, HOME + 0.1)
     exact = chosen.torque(Measured(HOME + 0.1, np.zeros(7)), still)
-    assert_close(effort(node, 2 * MS, HOME + 0.1), exact, ALGEBRA)
-
-
-def test_torques_are_clipped_only_on_request(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
-    node = controller_node(ros, bandwidth=[100.0], switch_time=0.0)
-    limit = models.dynamics("panda").model.effort_limit
-    effort(node, 0)
-    asked = effort(node, MS, HOME + 0.3)
-    assert (abs(asked) > limit).any()
-    assert change(node, saturate=True).successful
-    effort(node, 2 * MS, HOME + 0.3)
-    assert_close(effort(node, 3 * MS, HOME + 0.3), np.clip(asked, -limit, limit), ALGEBRA)
-    said = capfd.readouterr().err
-    assert "torque clipped at the effort limit: " in said
-    assert all(
-        (name in said) == (abs(tau) > most)
-        for name, tau, most in zip(node.dynamics.joint_names, asked, limit, strict=True)
-    )
+    assert_close(see(node, 2 * MS, HOME + 0.1), exact, ALGEBRA)
 
 
 BAD = [
@@ -393,14 +276,14 @@ def test_bad_settings_are_refused_at_start(
 
 def test_bad_settings_in_motion_are_refused_and_the_law_goes_on(ros: Ros) -> None:
     node = controller_node(ros)
-    effort(node, 0)
-    exact, before = effort(node, MS, HOME + 0.1), node.params
+    see(node, 0)
+    exact, before = see(node, MS, HOME + 0.1), node.params
     for values, complaint in BAD:
         result = change(node, **values)
         assert not result.successful
         assert complaint in result.reason
         assert node.params == before
-        np.testing.assert_array_equal(effort(node, 2 * MS, HOME + 0.1), exact)
+        np.testing.assert_array_equal(see(node, 2 * MS, HOME + 0.1), exact)
     result = change(node, switch_time=1.0)
     assert not result.successful
     assert "read-only" in result.reason

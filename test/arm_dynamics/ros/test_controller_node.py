@@ -64,14 +64,6 @@ def test_answers_over_the_wire(ros: Ros, node: ControllerNode) -> None:
     assert_close(heard[0].effort, DYNAMICS.gravity(np.array([0.1, -0.2])), ALGEBRA)
 
 
-def test_time_that_goes_backwards_means_hold_again(node: ControllerNode) -> None:
-    effort(node, 9_000 * MS, (0.0, 0.0))
-    node.on_joint_trajectory(trajectory(point(1.0, 1.0, -1.0)))
-    here = (0.4, 0.3)
-    assert_close(effort(node, 0, here), DYNAMICS.gravity(np.array(here)), ALGEBRA)
-    assert_close(reference_of(node, 500 * MS), [here, (0, 0), (0, 0)], ALGEBRA)
-
-
 @pytest.mark.parametrize(
     "raw",
     [

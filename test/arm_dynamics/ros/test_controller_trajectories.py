@@ -40,12 +40,6 @@ def test_follows_a_trajectory_in_the_time_of_the_stamps(node: ControllerNode, st
         assert_close(effort(node, stamp, (0.3, 0.1)), wanted((0.3, 0.1), (0, 0), exact), 1e-8)
 
 
-def test_trajectory_goes_by_joint_name(node: ControllerNode) -> None:
-    effort(node, 0, (0.0, 0.0))
-    node.on_joint_trajectory(trajectory(point(1.0, 0.2, 0.4), names=NAMES[::-1]))
-    assert_close(reference_of(node, 1000 * MS)[0], [0.4, 0.2], ALGEBRA)
-
-
 def test_joints_that_a_trajectory_does_not_name_stay(node: ControllerNode) -> None:
     effort(node, 0, (0.3, -0.4))
     node.on_joint_trajectory(trajectory(point(1.0, 0.7), names=NAMES[1:]))
@@ -62,13 +56,6 @@ def gripper(ros: Ros) -> ControllerNode:
         serialize_message(JointState(name=names, position=[0.0, 0.0], velocity=[0.0, 0.0]))
     )
     return node
-
-
-def test_mimic_joints_may_be_named_if_they_agree(ros: Ros) -> None:
-    node, names = gripper(ros), ["right_slide", "swing", "left_slide"]
-    there = point(1.0, -0.011, 0.2, 0.03, velocities=[0.0, 0.0, 0.0])
-    node.on_joint_trajectory(trajectory(there, names=names))
-    assert_close(reference_of(node, 1000 * MS)[0], [0.2, 0.03], ALGEBRA)
 
 
 @pytest.mark.parametrize(
@@ -96,15 +83,6 @@ def test_given_velocities_and_accelerations_are_met(node: ControllerNode) -> Non
     middle = point(1.0, 0.5, 0.5, velocities=[0.3, 0.4], accelerations=[0.1, -0.1])
     node.on_joint_trajectory(trajectory(middle, point(2.0, 1.0, 1.0)))
     assert_close(reference_of(node, 1000 * MS), [[0.5, 0.5], [0.3, 0.4], [0.1, -0.1]], ALGEBRA)
-
-
-def test_replacement_in_motion_does_not_jump(node: ControllerNode) -> None:
-    effort(node, 0, (0.0, 0.0))
-    node.on_joint_trajectory(trajectory(point(1.0, 1.0, 1.0)))
-    before = effort(node, 400 * MS, (0.3, 0.3), (0.5, 0.5))
-    node.on_joint_trajectory(trajectory(point(1.0, -1.0, 0.5)))
-    assert_close(effort(node, 400 * MS, (0.3, 0.3), (0.5, 0.5)), before, ALGEBRA)
-    assert_close(reference_of(node, 1400 * MS)[0], [-1.0, 0.5], ALGEBRA)
 
 
 def test_header_stamp_is_when_time_from_start_begins(node: ControllerNode) -> None:
@@ -164,16 +142,6 @@ def test_bad_trajectory_is_refused_once_and_the_old_one_goes_on(
     np.testing.assert_array_equal(reference_of(node, 300 * MS), before)
 
 
-def test_of_many_refusals_one_is_logged_and_all_are_counted(
-    node: ControllerNode, capfd: pytest.CaptureFixture[str]
-) -> None:
-    effort(node, 0, (0.0, 0.0))
-    for k in range(20):
-        node.on_joint_trajectory(trajectory(point(1.0, float(k))))
-    assert capfd.readouterr().err.count("trajectory refused") == 1
-    assert node.goals.refused == 20
-
-
 def test_efforts_of_points_are_added_to_the_controllers(node: ControllerNode) -> None:
     """Linear between the points and kept after the last, in the order of the message."""
     effort(node, 0, (0.0, 0.0))
@@ -193,18 +161,3 @@ def test_a_state_that_comes_again_is_answered_for_the_new_motion(node: Controlle
     pushed = [point(t, 0.1, 0.1, effort=[3.0, 4.0]) for t in (0.0, 1.0)]
     node.on_joint_trajectory(trajectory(*pushed))
     assert_close(effort(node, 0, (0.0, 0.0)) - before, [3.0, 4.0], ALGEBRA)
-
-
-def test_trajectory_over_the_wire(ros: Ros, node: ControllerNode) -> None:
-    effort(node, 0, (0.0, 0.0))
-    publisher = ros.publisher(JointTrajectory, "/controller/joint_trajectory")
-    publisher.publish(trajectory(point(1.0, 0.3, 0.3)))
-    ros.spin_until(lambda: node.follower.remaining(0) > 0.0)
-    assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.3], ALGEBRA)
-
-
-def test_trajectory_before_any_state_is_refused(
-    node: ControllerNode, capfd: pytest.CaptureFixture[str]
-) -> None:
-    node.on_joint_trajectory(trajectory(point(1.0, 1.0, 1.0)))
-    assert "no joint state has been seen yet" in capfd.readouterr().err

@@ -39,20 +39,6 @@ def test_a_pose_in_a_frame_that_stands_turned(model: ArmModel, frame: str) -> No
     assert_close(pose.rotation, np.array(quarter) @ roll, ALGEBRA)
 
 
-@pytest.mark.parametrize("frame", ["", "world"])
-def test_a_pose_in_the_world(model: ArmModel, frame: str) -> None:
-    pose = in_world((1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0), frame, model)
-    assert_close(pose.position, [1.0, 2.0, 3.0], ALGEBRA)
-    assert_close(pose.rotation, np.eye(3), ALGEBRA)
-
-
-@pytest.mark.parametrize("frame", ["arm", "hinge", "nowhere", "joint:stand"])
-def test_a_frame_that_moves_or_does_not_exist_is_refused(model: ArmModel, frame: str) -> None:
-    allowed = "allowed: fixed frames, world, ground, mount, stand(;|$)"
-    with pytest.raises(InvalidInput, match=f"'{frame}'; {allowed}"):
-        in_world((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), frame, model)
-
-
 @pytest.mark.parametrize("scale", [0.9989, 1.0011, 0.0])
 def test_a_quaternion_has_length_one(scale: float) -> None:
     with pytest.raises(InvalidInput, match="expected 1"):

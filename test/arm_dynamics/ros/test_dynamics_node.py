@@ -99,13 +99,6 @@ def test_every_service_is_offered_under_the_nodes_name(ros: Ros) -> None:
         assert ros.call(kind, f"/left/dynamics/{name}", kind.Request(**fields)).success
 
 
-def test_forward_dynamics(node: DynamicsNode, rng: np.random.Generator) -> None:
-    q, v, tau = batch(rng, 5)
-    answer = forward(node, position=q.ravel(), velocity=v.ravel(), effort=tau.ravel())
-    assert answer.success, answer.message
-    assert_close(answer.acceleration, node.dynamics.forward(q, v, tau).ravel(), PINOCCHIO)
-
-
 def test_terms_add_up(node: DynamicsNode, rng: np.random.Generator) -> None:
     q, v, a = batch(rng, 4)
     answer = terms(node, position=q.ravel(), velocity=v.ravel())

@@ -58,26 +58,11 @@ def test_a_batch_over_the_wire(ros: Ros, node: DynamicsNode, rng: np.random.Gene
     assert tuple(answer.joint_names) == MODEL.joint_names
 
 
-def test_the_search_begins_at_the_seed(node: DynamicsNode, rng: np.random.Generator) -> None:
-    q = within_limits(rng, 3)
-    answer = ask(node, pose=flat(q), seed=q.ravel())
-    np.testing.assert_array_equal(np.array(answer.position).reshape(3, 7), q)
-    first = ask(node, pose=flat(q[:1]), seed=q[0])
-    np.testing.assert_array_equal(first.position, q[0])
-
-
 def test_poses_of_a_path_have_neighbouring_answers(node: DynamicsNode) -> None:
     way = np.linspace(MODEL.q0, MODEL.q0 + 0.3, 50)
     answer = ask(node, pose=flat(way), seed=MODEL.q0)
     assert answer.success
     assert abs(np.diff(np.array(answer.position).reshape(50, 7), axis=0)).max() < 0.05
-
-
-def test_joints_may_be_in_any_order(node: DynamicsNode, rng: np.random.Generator) -> None:
-    q, back = within_limits(rng, 1)[0], list(MODEL.joint_names)[::-1]
-    answer = ask(node, joint_names=back, pose=flat(q[None]), seed=q[::-1])
-    assert list(answer.joint_names) == back
-    np.testing.assert_array_equal(answer.position, q[::-1])
 
 
 def test_some_axes_alone(node: DynamicsNode) -> None:
@@ -141,9 +126,3 @@ def test_bad_questions_are_refused(
     assert not answer.success
     assert complaint in answer.message
     assert len(answer.position) == len(answer.reached) == 0
-
-
-def test_without_a_robot_it_says_so(ros: Ros) -> None:
-    answer = ask(ros.add(DynamicsNode), pose=flat(MODEL.q0[None]))
-    assert not answer.success
-    assert "there is no robot yet" in answer.message

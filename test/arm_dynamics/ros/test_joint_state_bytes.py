@@ -127,20 +127,6 @@ def test_layout_notices_every_byte_that_matters() -> None:
         assert numbers(found, bytes(changed), message) == in_message(other)
 
 
-@pytest.mark.parametrize("frame_id", ["", "a", "base", "world_1"])
-@pytest.mark.parametrize("fields", [FIELDS, ("effort",), ("position", "velocity")])
-def test_written_bytes_are_the_message(fields: tuple[str, ...], frame_id: str) -> None:
-    writer = JointStateWriter(NAMES, fields, frame_id)
-    for stamp in (0, 1, 999_999_999, 12_345_678_901_234):
-        arrays = stamp + np.arange(3.0 * len(fields)).reshape(-1, 3)
-        message = deserialize_message(writer.write(stamp, *arrays), JointState)
-        assert (message.header.frame_id, message.name) == (frame_id, NAMES)
-        assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == stamp
-        for field in FIELDS:
-            wanted = arrays[fields.index(field)] if field in fields else []
-            np.testing.assert_array_equal(getattr(message, field), wanted)
-
-
 def test_written_bytes_are_those_of_the_generated_serializer(rng: np.random.Generator) -> None:
     """Byte by byte, but for the padding, in which a serializer leaves what was there before."""
     for _ in range(200):
@@ -167,16 +153,6 @@ def test_messages_written_earlier_do_not_change() -> None:
     kept = bytes(first)
     writer.write(2, np.zeros(3))
     assert first == kept
-
-
-def test_reads_what_was_serialized(rng: np.random.Generator, reader: Readers) -> None:
-    read = reader()
-    for stamp in range(5):
-        message = state(position=rng.normal(size=3).tolist(), velocity=[1.0, 2.0, 3.0])
-        message.header.stamp.nanosec = stamp
-        at, values = read.read(serialize_message(message))
-        assert at == stamp
-        np.testing.assert_array_equal(values, [message.position, message.velocity])
 
 
 @pytest.mark.parametrize("names", [NAMES, NAMES[::-1], ["hand", *NAMES]])
@@ -210,12 +186,6 @@ def test_reads_the_other_byte_order(reader: Readers) -> None:
     message.header.stamp.sec = 7
     at, values = reader().read(big_endian(message))
     assert at == 7 * 10**9
-    np.testing.assert_array_equal(values, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-
-
-def test_reads_by_name(reader: Readers) -> None:
-    message = JointState(name=NAMES[::-1], position=[3.0, 2.0, 1.0], velocity=[6.0, 5.0, 4.0])
-    _, values = reader().read(serialize_message(message))
     np.testing.assert_array_equal(values, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 
 
@@ -281,7 +251,7 @@ def test_mimic_joints_may_be_named_if_they_agree(fields: dict[str, Any], words: 
     raw = serialize_message(JointState(name=names, **fields))
     other = HEADER.constants["OTHER"]
     for outcome in (other, other if words else reading.KNOWN):
-        assert reader._look(raw, len(raw)) == outcome
+        assert reader._read(raw, len(raw)) == outcome
         if words:
             with pytest.raises(InvalidInput, match=words):
                 reader.read(raw)

@@ -9,11 +9,8 @@ from typing import Any
 import numpy as np
 import own_controllers
 import pytest
-from harness import Ros
-from rclpy.parameter import Parameter
-from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from harness import Ros, change
+from two_link_control import MS, effort, point, state, trajectory
 
 import models
 from arm_dynamics import InvalidInput
@@ -26,9 +23,7 @@ from tolerances import assert_close
 pytestmark = pytest.mark.ros
 
 SCENE = models.scene("two_link")
-NAMES = ["shoulder", "elbow"]
 HOME = models.dynamics("two_link").model.q0
-MS = 1_000_000
 SPRINGS, FAILS = "own_controllers:Springs", "own_controllers:Fails"
 
 
@@ -41,21 +36,6 @@ def node_of(ros: Ros, **parameters: Any) -> ControllerNode:
     return ros.add(ControllerNode, SCENE, **parameters)
 
 
-def change(node: ControllerNode, **values: Any) -> Any:
-    return node.set_parameters_atomically([Parameter(k, value=v) for k, v in values.items()])
-
-
-def state(stamp: int, q: Any = HOME, v: Any = (0.0, 0.0)) -> bytes:
-    message = JointState(name=NAMES, position=list(q), velocity=list(v))
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-    return serialize_message(message)
-
-
-def effort(command: bytes | None) -> np.ndarray:
-    assert command is not None
-    return np.array(deserialize_message(command, JointState).effort)
-
-
 def level(node: ControllerNode) -> tuple[bytes, str]:
     status = node.diagnostics()[0].message(node)
     return status.level, status.message
@@ -64,8 +44,6 @@ def level(node: ControllerNode) -> tuple[bytes, str]:
 def test_it_leads_the_arm_along_a_trajectory(ros: Ros) -> None:
     sim = ros.add(SimNode, SCENE, realtime=False)
     node = node_of(ros, controller=SPRINGS)
-    point = JointTrajectoryPoint(positions=(HOME + 0.2).tolist())
-    point.time_from_start.nanosec = 500 * MS
     for k in range(1500):
         now = sim.simulator.state
         command = node.on_joint_states(state(k * MS, now.q, now.v))
@@ -73,7 +51,7 @@ def test_it_leads_the_arm_along_a_trajectory(ros: Ros) -> None:
         sim.inputs.on_joint_commands(command)
         sim.tick()
         if k == 0:
-            node.on_joint_trajectory(JointTrajectory(joint_names=NAMES, points=[point]))
+            node.on_joint_trajectory(trajectory(point(0.5, *(HOME + 0.2))))
     assert_close(sim.simulator.state.q, HOME + 0.2, 1e-3)
     assert level(node)[0] == OK
 
@@ -81,24 +59,24 @@ def test_it_leads_the_arm_along_a_trajectory(ros: Ros) -> None:
 def test_hand_over_is_without_a_jump_both_ways(ros: Ros) -> None:
     node = node_of(ros, controllers=[SPRINGS], controller="pd_gravity", switch_time=0.02)
     q = HOME + 0.05
-    node.on_joint_states(state(0))
-    ours = effort(node.on_joint_states(state(MS, q)))
+    node.on_joint_states(state(0, HOME))
+    ours = effort(node, MS, q)
     expected = PDGravity(models.dynamics("two_link"), 400.0, 40.0)
     assert change(node, controller=SPRINGS).successful
-    np.testing.assert_array_equal(effort(node.on_joint_states(state(2 * MS, q))), ours)
+    np.testing.assert_array_equal(effort(node, 2 * MS, q), ours)
     for k in range(3, 30):
-        tau = effort(node.on_joint_states(state(k * MS, q)))
+        tau = effort(node, k * MS, q)
     reference = node.follower.reference(29 * MS)
     assert_close(tau, expected.torque(Measured(q, np.zeros(2)), reference), 1e-12)
     assert change(node, controller="pd_gravity").successful
-    np.testing.assert_array_equal(effort(node.on_joint_states(state(30 * MS, q))), tau)
+    np.testing.assert_array_equal(effort(node, 30 * MS, q), tau)
 
 
 def test_torques_are_clipped_and_gains_handed_on_as_ours(ros: Ros) -> None:
     scene = SCENE.model_dump(exclude_none=True) | {"joints": {"*": {"limits": {"effort": 0.5}}}}
     node = ros.add(ControllerNode, scene, controller=SPRINGS, saturate=True, bandwidth=[7.0])
-    node.on_joint_states(state(0))
-    tau = effort(node.on_joint_states(state(MS, HOME + 0.1)))
+    node.on_joint_states(state(0, HOME))
+    tau = effort(node, MS, HOME + 0.1)
     assert (abs(tau) <= 0.5).all() and "clipped" in level(node)[1]
     assert node.control.active.control.control.control.bandwidth == 7.0
 
@@ -110,18 +88,18 @@ def test_a_failed_one_stops_commanding_and_reports_it(
     node = node_of(ros, controller=FAILS, controllers=[SPRINGS])
     sent: list[bytes] = []
     node.send = sent.append
-    node.on_joint_states(state(0))
+    node.on_joint_states(state(0, HOME))
     monkeypatch.setattr(own_controllers.Fails, "how", how)
-    assert node.on_joint_states(state(MS)) is None
+    assert node.on_joint_states(state(MS, HOME)) is None
     monkeypatch.setattr(own_controllers.Fails, "how", "")
-    assert node.on_joint_states(state(2 * MS)) is None  # it has had its chance
+    assert node.on_joint_states(state(2 * MS, HOME)) is None  # it has had its chance
     assert len(sent) == 1
     status, said = level(node)
     assert status == ERROR and "controller Fails " in said and "no commands until" in said
     # another one holds the arm where the brakes left it, from its own first torque on
     left = HOME + 0.3
     assert change(node, controller=SPRINGS).successful
-    tau = effort(node.on_joint_states(state(3 * MS, left)))
+    tau = effort(node, 3 * MS, left)
     assert_close(tau, models.dynamics("two_link").gravity(left), 1e-9)
     assert level(node)[0] == OK
 
@@ -130,8 +108,6 @@ def test_the_arm_of_one_that_fails_is_braked(ros: Ros, monkeypatch: pytest.Monke
     """It stops within its effort limits and then rests, to the bit."""
     sim = ros.add(SimNode, SCENE, realtime=False)
     node = node_of(ros, controller=FAILS)
-    point = JointTrajectoryPoint(positions=(HOME + 0.5).tolist())
-    point.time_from_start.nanosec = 800 * MS
     q = []
     for k in range(1500):
         if k == 400:
@@ -142,7 +118,7 @@ def test_the_arm_of_one_that_fails_is_braked(ros: Ros, monkeypatch: pytest.Monke
             sim.inputs.on_joint_commands(command)
         sim.tick()
         if k == 0:
-            node.on_joint_trajectory(JointTrajectory(joint_names=NAMES, points=[point]))
+            node.on_joint_trajectory(trajectory(point(0.8, *(HOME + 0.5))))
         q.append(sim.simulator.state.q)
     np.testing.assert_array_equal(q[-500:], np.tile(q[-1], (500, 1)))
     assert abs(q[-1] - q[400]).max() < 0.3
@@ -154,13 +130,13 @@ def test_one_that_failed_begins_again_after_a_reset_and_with_other_gains(
     node = node_of(ros, controller=FAILS)
     for again in (lambda: None, lambda: change(node, bandwidth=9.0)):
         stamp = 50 * MS
-        node.on_joint_states(state(stamp))
+        node.on_joint_states(state(stamp, HOME))
         monkeypatch.setattr(own_controllers.Fails, "how", "raise")
-        assert node.on_joint_states(state(stamp + MS)) is None
+        assert node.on_joint_states(state(stamp + MS, HOME)) is None
         monkeypatch.setattr(own_controllers.Fails, "how", "")
         again()
         next_stamp = stamp + 2 * MS if node.params.settings.bandwidth == 9.0 else 0
-        assert node.on_joint_states(state(next_stamp)) is not None
+        assert node.on_joint_states(state(next_stamp, HOME)) is not None
 
 
 @pytest.mark.parametrize(
@@ -195,4 +171,4 @@ def test_nothing_is_imported_after_the_start(ros: Ros) -> None:
     assert "this" not in sys.modules
     assert not change(node, controllers=["this:Class"]).successful
     assert node.params.controller == "computed_torque"
-    assert node.on_joint_states(state(0)) is not None
+    assert node.on_joint_states(state(0, HOME)) is not None

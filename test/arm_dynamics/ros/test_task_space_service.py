@@ -152,9 +152,3 @@ def test_bad_requests_are_refused_and_the_node_goes_on(
     assert len(answer.message) < 1000
     assert len(answer.jacobian) == len(answer.axes) == 0
     assert ask(node, **good).success
-
-
-def test_without_a_robot_it_says_so(ros: Ros) -> None:
-    answer = ask(ros.add(DynamicsNode), position=[0.0])
-    assert not answer.success
-    assert "/robot_description" in answer.message

@@ -12,7 +12,7 @@ import numpy as np
 import own_controllers
 import pytest
 from goal_client import ABORTED, CANCELED, SUCCEEDED, Client, Result, goal, led, tolerance
-from harness import Ros
+from harness import Ros, change
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -40,11 +40,6 @@ def node(ros: Ros) -> ControllerNode:
 @pytest.fixture
 def client(ros: Ros, node: ControllerNode) -> Client:
     return Client(ros)
-
-
-def set_to(node: ControllerNode, **values: Any) -> None:
-    for done in node.set_parameters([Parameter(name, value=v) for name, v in values.items()]):
-        assert done.successful, done.reason
 
 
 def moved(*step: float) -> list[float]:
@@ -103,12 +98,6 @@ def test_an_arm_that_is_stopped_keeps_the_efforts_it_had(
         assert_close(node.follower.reference(stamp).tau, [2.0, -1.0], ALGEBRA)
 
 
-def test_joints_may_come_in_any_order(node: ControllerNode, client: Client) -> None:
-    there = trajectory(point(1.0, 0.5, 0.3), names=NAMES[::-1])
-    assert client.send(goal(there)).accepted
-    assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.5], ALGEBRA)
-
-
 @pytest.mark.parametrize(
     "path", [{}, {"path_tolerance": [tolerance(NAMES[1], 0.05)]}], ids=["free", "near"]
 )
@@ -149,7 +138,7 @@ def test_states_that_came_late_are_the_cause_of_a_violated_tolerance(
 def test_a_violated_path_tolerance_aborts_and_holds(
     node: ControllerNode, client: Client, value: float
 ) -> None:
-    set_to(node, **{f"constraints.{NAMES[1]}.trajectory": 0.05})
+    assert change(node, **{f"constraints.{NAMES[1]}.trajectory": 0.05}).successful
     handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[1], value)]))
     led(node, 0, 490)
     led(node, 500, 500, off=lambda _: (0.2, 0.06))  # the shoulder has no tolerance
@@ -167,44 +156,14 @@ def test_a_tolerance_is_not_negative(node: ControllerNode, kind: str) -> None:
     name = f"constraints.{NAMES[1]}.{kind}"
     (done,) = node.set_parameters([Parameter(name, value=-0.05)])
     assert not done.successful and name in done.reason
-    set_to(node, **{name: 0.0})
-
-
-@pytest.mark.parametrize("value", [-1.0, float("inf")], ids=["erased", "infinite"])
-def test_such_a_tolerance_allows_any_error(
-    node: ControllerNode, client: Client, value: float
-) -> None:
-    set_to(node, **{f"constraints.{NAMES[1]}.trajectory": 0.05})
-    handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[1], value)]))
-    led(node, 0, 990, off=lambda _: (0.0, 0.5))
-    led(node, 1000, 1000)
-    assert client.result(handle)[0] == SUCCEEDED
-
-
-def test_velocities_have_path_tolerances_too(node: ControllerNode, client: Client) -> None:
-    handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[0], velocity=0.1)]))
-    effort(node, 500 * MS, moved(0.2, 0.2), (0.4, 0.6))  # 0.6 should be the speed of both
-    assert client.result(handle)[1].error_code == Result.PATH_TOLERANCE_VIOLATED
-
-
-def test_without_a_goal_time_it_waits_until_the_goal_is_reached(
-    ros: Ros, node: ControllerNode, client: Client
-) -> None:
-    handle = client.send(to(0.4, 0.4, goal_tolerance=[tolerance(NAMES[0], 0.01)]))
-    led(node, 0, 60_000, off=lambda _: (0.02, 0.0), step=500)
-    future = handle.get_result_async()
-    heard = len(client.feedback)
-    led(node, 60_100, 60_100, off=lambda _: (0.02, 0.0))
-    ros.spin_until(lambda: len(client.feedback) > heard)
-    assert not future.done()
-    led(node, 60_200, 60_200, off=lambda _: (0.009, 0.0))
-    ros.spin_until(future.done)
-    assert future.result().status == SUCCEEDED
+    assert change(node, **{name: 0.0}).successful
 
 
 @pytest.mark.parametrize("by_goal", [True, False], ids=["of the goal", "the default"])
 def test_a_goal_time_ends_the_wait(node: ControllerNode, client: Client, by_goal: bool) -> None:
-    set_to(node, **{"constraints.goal_time": 0.5, f"constraints.{NAMES[0]}.goal": 0.01})
+    assert change(
+        node, **{"constraints.goal_time": 0.5, f"constraints.{NAMES[0]}.goal": 0.01}
+    ).successful
     own = {"within": 0.5, "goal_tolerance": [tolerance(NAMES[0], 0.01)]} if by_goal else {}
     handle = client.send(to(0.4, 0.4, **own))
     led(node, 0, 1510, off=lambda _: (0.02, 0.0))
@@ -214,15 +173,6 @@ def test_a_goal_time_ends_the_wait(node: ControllerNode, client: Client, by_goal
         "Aborted due to goal_time_tolerance exceeding by 0.510000 seconds"
     )
     assert_close(reference_of(node, 3000 * MS)[0], moved(0.38, 0.4), ALGEBRA)
-
-
-def test_an_arm_that_has_not_stopped_is_not_there(node: ControllerNode, client: Client) -> None:
-    handle = client.send(to(0.4, 0.4, time=1.0))
-    led(node, 0, 990)
-    effort(node, 1000 * MS, moved(0.4, 0.4), (0.0, 0.0101))
-    assert node.goals.outcome.startswith("following")
-    effort(node, 1010 * MS, moved(0.4, 0.4), (0.0, 0.0099))
-    assert client.result(handle)[0] == SUCCEEDED
 
 
 def test_cancelled_it_comes_to_rest_and_holds(node: ControllerNode, client: Client) -> None:
@@ -268,16 +218,16 @@ def test_a_trajectory_on_the_topic_ends_the_goal(node: ControllerNode, client: C
 def test_a_goal_that_is_replaced_before_its_acceptance_is_out_is_aborted(
     node: ControllerNode, client: Client, by: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    follow = node.action._followed
+    begin = node.action._begin
 
-    def followed(*given: Any) -> None:
-        follow(*given)
+    def begun(*given: Any) -> None:
+        begin(*given)
         if by == "trajectory":
             node.on_joint_trajectory(trajectory(point(1.0, *HERE)))
         else:
             node.action._coming = {}  # a later one waits to be accepted
 
-    monkeypatch.setattr(node.action, "_followed", followed)
+    monkeypatch.setattr(node.action, "_begin", begun)
     status, result = client.result(client.send(to(0.4, 0.4)))
     assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
     assert result.error_string == "Current goal preempted by new incoming action."
@@ -428,13 +378,13 @@ def test_a_refused_goal_leaves_the_one_under_way(node: ControllerNode, client: C
 
 
 def test_partial_goals_are_a_parameter(node: ControllerNode, client: Client) -> None:
-    set_to(node, allow_partial_joints_goal=True)
+    assert change(node, allow_partial_joints_goal=True).successful
     assert client.send(goal(trajectory(point(1.0, 0.5), names=NAMES[1:]))).accepted
     assert_close(reference_of(node, 1000 * MS)[0], [HERE[0], 0.5], ALGEBRA)
 
 
 def test_stretching_is_a_parameter(node: ControllerNode, client: Client) -> None:
-    set_to(node, stretch_goals=True, limit_margin=0.0)
+    assert change(node, stretch_goals=True, limit_margin=0.0).successful
     handle = client.send(to(0.0, 2.0, time=0.3))  # 10 rad/s at the peak, where 8 are allowed
     assert handle.accepted
     moving = np.array([reference_of(node, k * MS) for k in range(2000)])
@@ -453,7 +403,7 @@ def test_a_goal_before_any_state_is_refused(ros: Ros) -> None:
 def test_a_goal_while_the_arm_is_led_by_hand_is_refused(
     node: ControllerNode, client: Client
 ) -> None:
-    set_to(node, controller="float")
+    assert change(node, controller="float").successful
     assert not client.send(to(0.1, 0.1)).accepted
     assert "follows no trajectories" in node.goals.outcome
 

@@ -111,14 +111,6 @@ def test_what_is_wrong_in_a_description_names_both_files(tmp_path: Path) -> None
             load_scene(source)
 
 
-@pytest.mark.parametrize("content", ["robot: [", "- a\n- b\n", "robot"])
-def test_a_file_that_is_not_a_scene_is_named(tmp_path: Path, content: str) -> None:
-    path = tmp_path / "arm.yaml"
-    path.write_text(content)
-    with pytest.raises(SceneError, match=rf"^{path}: scene: th.*\Z"):
-        load_scene(path)
-
-
 def test_names_that_differ_in_numbers_only_are_not_meant() -> None:
     assert did_you_mean("joint9", ["joint1", "joint4"]) == ""
     assert did_you_mean("jont4", ["joint1", "joint4"]) == "; did you mean 'joint4'?"

@@ -15,6 +15,7 @@ import models
 from arm_dynamics import ArmModel, KernelError, load_scene
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
+from arm_dynamics.model import RigidTerms
 from arm_dynamics.terms.arm import Expressions, Numbers
 from arm_dynamics.terms.compiled import Asked, function, rows, verify
 from arm_dynamics.terms.table import CONSTRAINT_ROWS, TERMS, Entry
@@ -70,6 +71,21 @@ def test_an_error_of_one_part_in_a_million_is_refused(asked: Asked) -> None:
         off = 1.0 + 1e-5 * (np.arange(len(parts)) == i)
         with pytest.raises(KernelError):
             verify(numbers(model), asked, lambda x, off=off: right(x) * off, given)
+
+
+@pytest.mark.parametrize("name", ["spring_balanced_arm", "planar_3r"])
+def test_springs_are_compared_with_pinocchio_as_well(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their numbers are of the same expression as the code."""
+    entry = next(entry for entry in TERMS if entry.name == "spring")
+    model = ArmModel(models.scene(name)) if name != "planar_3r" else arm(entry)
+    right, given = evaluated(model, (entry, ()))
+    assert verify(numbers(model), (entry, ()), right, given) < ALGEBRA
+    torque = RigidTerms.spring
+    monkeypatch.setattr(RigidTerms, "spring", lambda self, q, v: torque(self, q, v) * (1 + 1e-6))
+    with pytest.raises(KernelError, match="generated springs differs from Pinocchio"):
+        verify(numbers(model), (entry, ()), lambda x: right(x) * (1 + 1e-6), given)
 
 
 @pytest.mark.parametrize("change", [{"stiffness": 1.0 + 1e-6}, {"mass": 1e-6}], ids=str)

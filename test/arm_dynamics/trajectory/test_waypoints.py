@@ -12,7 +12,6 @@ from arm_dynamics.trajectory import (
     Reference,
     Trajectory,
     Waypoint,
-    hold,
     quintic,
     quintic_through,
     stop,
@@ -62,26 +61,12 @@ def test_one_segment_from_rest_to_rest_is_the_quintic_of_the_books() -> None:
         assert_close(trajectory.sample(2.0 * s).q, [wanted], ALGEBRA)
 
 
-def test_passes_waypoints_at_their_times(rng: np.random.Generator) -> None:
-    waypoints = random_waypoints(rng)
-    trajectory = quintic(waypoints)
-    for waypoint in waypoints:
-        assert_close(trajectory.sample(waypoint.time).q, waypoint.q, ALGEBRA)
-
-
 def test_velocity_and_acceleration_are_derivatives(rng: np.random.Generator) -> None:
     trajectory, h = quintic(random_waypoints(rng)), 1e-6
     for t in rng.uniform(0.01, trajectory.duration - 0.01, 50):
         before, here, after = (trajectory.sample(t + d) for d in (-h, 0.0, h))
         assert_close((after.q - before.q) / (2 * h), here.v, FINITE_DIFF)
         assert_close((after.v - before.v) / (2 * h), here.a, FINITE_DIFF)
-
-
-def test_position_velocity_and_acceleration_are_continuous(rng: np.random.Generator) -> None:
-    trajectory = quintic(random_waypoints(rng))
-    for t in trajectory.times:
-        before, after = motion(trajectory, [t - 1e-12, t + 1e-12])
-        assert_close(after, before, 1e-8)
 
 
 def test_open_derivatives_make_jerk_and_snap_continuous(rng: np.random.Generator) -> None:
@@ -149,13 +134,6 @@ def test_many_times_at_once_are_the_same_bits(rng: np.random.Generator) -> None:
     trajectory = quintic(random_waypoints(rng))
     times = np.concatenate([[-1.0, 0.0], trajectory.times, rng.uniform(0.0, 9.0, 20), [99.0]])
     np.testing.assert_array_equal(trajectory.at(times), motion(trajectory, times).swapaxes(0, 1))
-
-
-def test_hold_stands_still() -> None:
-    for t in (-1.0, 0.0, 1e9):
-        reference = hold([1.0, 2.0]).sample(t)
-        np.testing.assert_array_equal(reference.q, [1.0, 2.0])
-        assert not reference.v.any()
 
 
 def test_extremes_bound_every_sample_and_are_reached(rng: np.random.Generator) -> None:

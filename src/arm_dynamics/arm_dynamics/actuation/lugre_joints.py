@@ -47,9 +47,11 @@ class LugreFriction:
         lowest = [[level.min() for level in self._dry.extremes(i)] for i in asked]
         self._coulomb, static = np.array(lowest).T
         scales = (static / self._sigma0).tolist()
+        units = ["m" if kind == "prismatic" else "rad" for kind in model.joint_types]
+        titles = [f"{model.joint_names[i]} bristle deflection [{units[i]}]" for i in asked]
         self.states = tuple(
-            InternalState(i, StateKind.DEFLECTION, _state_name(model, i), scale)
-            for i, scale in zip(asked, scales, strict=True)
+            InternalState(i, StateKind.DEFLECTION, title, scale)
+            for i, title, scale in zip(asked, titles, scales, strict=True)
         )
         self.replaces_command = np.zeros(model.n, dtype=bool)
         self.summary = f"{counted(len(self.states), 'joint')}, as many states"
@@ -94,11 +96,6 @@ class LugreFriction:
         bending = float(np.max(self._sigma0 * speed / self._coulomb))
         swinging = np.linalg.eigvals(np.linalg.solve(M, np.diag(stiffness))).real.max()
         return max(math.sqrt(max(0.0, float(swinging))), bending)
-
-
-def _state_name(model: ArmModel, i: int) -> str:
-    unit = "m" if model.joint_types[i] == "prismatic" else "rad"
-    return f"{model.joint_names[i]} bristle deflection [{unit}]"
 
 
 def _check(model: ArmModel, i: int) -> None:

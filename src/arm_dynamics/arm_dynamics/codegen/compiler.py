@@ -174,7 +174,10 @@ def _build(key: str, texts: list[str], language: str, flags: tuple[str, ...]) ->
         command = find_compiler(language)
         if command is None:
             raise CompilerMissing(_nothing_found(language, refusals))
-        found = _from_own_cache(key, texts, language, command, flags)
+        entry, version = _own_entry(key, command)
+        if read_sound(entry) is None:
+            write_sound(entry, _compiled(texts, language, command, flags, processor.NATIVE))
+        found = Code(ctypes.CDLL(str(entry)), version, key)
     for refusal in refusals:
         _log.warning("%s", refusal)
     return found
@@ -204,7 +207,8 @@ def find(key: str) -> Code | None:
     command = find_compiler()
     if found is None and command is not None:
         entry, version = _own_entry(key, command)
-        found = Code(ctypes.CDLL(str(entry)), version, key) if _sound(entry) else None
+        if read_sound(entry) is not None:
+            return Code(ctypes.CDLL(str(entry)), version, key)
     return found
 
 
@@ -314,24 +318,11 @@ def _build_into(
     return compiled_scenes.load(entry)
 
 
-def _from_own_cache(
-    key: str, texts: list[str], language: str, command: tuple[str, ...], flags: tuple[str, ...]
-) -> Code:
-    entry, version = _own_entry(key, command)
-    if not _sound(entry):
-        write_sound(entry, _compiled(texts, language, command, flags, processor.NATIVE))
-    return Code(ctypes.CDLL(str(entry)), version, key)
-
-
 def _own_entry(key: str, command: tuple[str, ...]) -> tuple[Path, str]:
     """File of the user's own cache, and the compiler's version."""
     version = compiler_version(command)
     name = digest(key, *command, version, *sorted(processor.instructions()))
     return cache_folder() / f"{name}.so", version
-
-
-def _sound(entry: Path) -> bool:
-    return read_sound(entry) is not None
 
 
 def read_sound(entry: Path) -> bytes | None:

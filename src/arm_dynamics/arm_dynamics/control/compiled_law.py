@@ -11,7 +11,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -57,17 +57,10 @@ class CompiledLaw:
     limit: Array | None = None
 
 
-@runtime_checkable
-class Compilable(Protocol):
-    """A controller that may be available as a compiled function."""
-
-    def compiled(self) -> CompiledLaw | None:
-        """Return the function; None if it is not available."""
-
-
 def compiled_law(control: object) -> CompiledLaw | None:
     """Return a controller as a compiled function; None if it is not available."""
-    return control.compiled() if isinstance(control, Compilable) else None
+    compiled = getattr(control, "compiled", None)
+    return None if compiled is None else compiled()
 
 
 @sealed
@@ -92,22 +85,19 @@ class Compiled:
         tau = self._still if (given := added_torques(reference, self.model.n)) is None else given
         np.concatenate((q, v, reference.q, reference.v, reference.a, tau), out=call.inputs[0])
         call.run()
-        if not all_finite(call.outputs[0]):
-            return self._by_numbers(call, state, reference)
-        call.inputs[2][:] = call.outputs[1]
-        return call.outputs[0].copy()
+        if all_finite(call.outputs[0]):
+            call.inputs[2][:] = call.outputs[1]
+            return call.outputs[0].copy()
+        law = self.law
+        law.memory = _parts(np, call.inputs[2], law.memory)
+        by_numbers = law.torque(state, reference)
+        call.inputs[2][:] = _flat(law.memory)
+        return by_numbers
 
     def compiled(self) -> CompiledLaw | None:
         """Return the controller as a compiled function; None without a compiler."""
         call = self._call
         return None if call is None or call.entry is None else CompiledLaw(call)
-
-    def _by_numbers(self, call: Call, state: Moving, reference: Reference) -> Array:
-        law = self.law
-        law.memory = _parts(np, call.inputs[2], law.memory)
-        tau = law.torque(state, reference)
-        call.inputs[2][:] = _flat(law.memory)
-        return tau
 
     def _kernel(self) -> Kernel | None:
         return build(self.law, self.model)
@@ -221,11 +211,19 @@ def _compiled(law: Law, model: ArmModel) -> Kernel | None:
 
 def _agrees(kernel: Kernel, law: Law, model: ArmModel) -> bool:
     """Whether code and controller agree; what differs is logged."""
+    kept = law.memory
     try:
-        _check(kernel, law, model)
+        found = list(_pairs(kernel.call(_NAME), law, model))
+        law.memory = kept
+        if not found:
+            raise KernelError(f"{name_of(law)} is singular wherever it was compared")
+        made, expected = np.swapaxes(found, 0, 1)
+        sizes = np.maximum(abs(expected), 1.0)
+        compare(name_of(law), (made - expected, sizes), source="the controller's torque")
     except (ControllerFailed, KernelError) as error:
         hint = " (what changes its formula belongs in tuning or key)"
         _log.warning(_SLOWER, f"{error}{hint if isinstance(error, KernelError) else ''}")
+        law.memory = kept
         restart(law)  # one that failed in a posture of the comparison has not failed on the arm
         return False
     return True
@@ -259,20 +257,6 @@ def command_function(law: Law, model: ArmModel) -> ca.Function:
     tau = formula(ca.vertcat(x, r[: 3 * n], ca.SX(n, 1)), r[3 * n :], ca.SX(0, 1))[0]
     command = ca.densify(CommandMap(model)(x[:n], x[n:], tau))
     return ca.Function("law", [x, r], [command], {"cse": True})
-
-
-def _check(kernel: Kernel, law: Law, model: ArmModel) -> None:
-    """Check the code against the controller; errors of ``compare``."""
-    kept = law.memory
-    try:
-        found = list(_pairs(kernel.call(_NAME), law, model))
-    finally:
-        law.memory = kept
-    if not found:
-        raise KernelError(f"{name_of(law)} is singular wherever it was compared")
-    made, expected = np.swapaxes(found, 0, 1)
-    sizes = np.maximum(abs(expected), 1.0)
-    compare(name_of(law), (made - expected, sizes), source="the controller's torque")
 
 
 def _pairs(call: Call, law: Law, model: ArmModel) -> Iterator[tuple[Array, Array]]:

@@ -95,8 +95,15 @@ def checked(state: Moving, n: int, reference: object = _NONE) -> tuple[Array, Ar
     q, v = state.q, state.v
     if type(state) is Checked:
         return q, v
-    if reference is not _NONE:
-        _check_shapes(reference, n)
+    for name in () if reference is _NONE else ("q", "v", "a"):
+        value = getattr(reference, name, None)
+        if value is None:
+            raise InvalidInput(
+                f"the reference is of type {type(reference).__name__}; positions q, velocities v "
+                "and accelerations a are expected, as Reference(q, v, a) has them"
+            )
+        if np.shape(value) != (n,):
+            raise InvalidInput(f"reference.{name} has shape {np.shape(value)}; ({n},) is expected")
     arrays = isinstance(q, np.ndarray) and isinstance(v, np.ndarray)
     if arrays and q.shape == v.shape == (n,) and q.dtype == v.dtype == _FLOAT:
         if all_finite(q) and all_finite(v):
@@ -115,15 +122,3 @@ def added_torques(reference: object, n: int) -> Array | None:
     """
     tau = getattr(reference, "tau", None)
     return None if tau is None else vector("reference.tau", tau, n)
-
-
-def _check_shapes(reference: object, n: int) -> None:
-    for name in ("q", "v", "a"):
-        value = getattr(reference, name, None)
-        if value is None:
-            raise InvalidInput(
-                f"the reference is of type {type(reference).__name__}; positions q, velocities v "
-                "and accelerations a are expected, as Reference(q, v, a) has them"
-            )
-        if np.shape(value) != (n,):
-            raise InvalidInput(f"reference.{name} has shape {np.shape(value)}; ({n},) is expected")

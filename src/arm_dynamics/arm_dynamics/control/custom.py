@@ -92,7 +92,15 @@ def made(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
     """
     name = label(maker)
     try:
-        control = maker(**_asked(name, maker, offered))
+        parameters = inspect.signature(maker).parameters.values()
+        named = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+        missing = [p.name for p in named if p.name not in offered and p.default is p.empty]
+        if missing:
+            raise InvalidInput(
+                f"controller {name} needs {known_names(missing)}; it is made with any of "
+                f"{known_names(sorted(offered))}, other arguments need defaults"
+            )
+        control = maker(**{p.name: offered[p.name] for p in named if p.name in offered})
     except InvalidInput:
         raise
     except Exception as error:
@@ -108,19 +116,6 @@ def label(maker: Maker) -> str:
 def takes(maker: Maker, argument: str) -> bool:
     """Whether a class or function takes an argument of this name."""
     return argument in inspect.signature(maker).parameters
-
-
-def _asked(name: str, maker: Maker, offered: Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments of a maker, by name."""
-    parameters = inspect.signature(maker).parameters.values()
-    named = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
-    missing = [p.name for p in named if p.name not in offered and p.default is p.empty]
-    if missing:
-        raise InvalidInput(
-            f"controller {name} needs {known_names(missing)}; it is made with any of "
-            f"{known_names(sorted(offered))}, other arguments need defaults"
-        )
-    return {p.name: offered[p.name] for p in named if p.name in offered}
 
 
 @sealed

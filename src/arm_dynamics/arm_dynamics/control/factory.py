@@ -322,16 +322,7 @@ def _given(name: str, value: ArrayLike) -> Array | None:
 def _along_joints(
     kind: Callable[..., task_space.TaskController], task: TaskSpace, s: Settings, *chosen: Any
 ) -> AnyController:
-    _check_steady(s)
-    about = {"posture_bandwidth": s.bandwidth, "friction": s.friction}
-    return task_space.AlongJoints(kind(task, *chosen, s.damping_ratio, **about), task, s.force)
-
-
-def _check_steady(s: Settings) -> None:
-    """Refuse gains that are unstable when the acceleration is held for a control period.
-
-    Held for dt, ë = -2 ζ ω ė takes ė to (1 - 2 ζ ω dt) ė from tick to tick.
-    """
+    # Held for dt, ë = -2 ζ ω ė takes ė to (1 - 2 ζ ω dt) ė from tick to tick.
     damping = 2.0 * numbers("bandwidth", s.bandwidth) * numbers("damping_ratio", s.damping_ratio)
     if np.any(damping * s.dt > _STEADY):
         raise InvalidInput(
@@ -339,6 +330,8 @@ def _check_steady(s: Settings) -> None:
             f"in task space is steady at {1.0 / s.dt:g} states per second while bandwidth times "
             f"damping_ratio is at most {0.5 * _STEADY / s.dt:g} rad/s"
         )
+    about = {"posture_bandwidth": s.bandwidth, "friction": s.friction}
+    return task_space.AlongJoints(kind(task, *chosen, s.damping_ratio, **about), task, s.force)
 
 
 _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers in task space: motion, motion and force, impedance.
-
-They evaluate the model once a tick, by the task's compiled kernel, built with the first torque.
-"""
+"""Controllers in task space: motion, motion and force, impedance."""
 
 from __future__ import annotations
 
@@ -25,8 +22,8 @@ from arm_dynamics.control.pole_placement import gain, gains
 from arm_dynamics.equations.elementary import root
 from arm_dynamics.equations.frame import rotation_vector
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.task_space.compiled import TaskInstant, expressions
 from arm_dynamics.task_space.inertia import axis_masses
+from arm_dynamics.task_space.instant import TaskInstant, expressions
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference, TaskReference
 
@@ -211,7 +208,7 @@ class AlongJoints:
         state, meant = expressions(task.model, task.frame, task.axes)
         position, rotation, velocity, acceleration = meant(desired.q, desired.v, desired.a)
         reference = TaskReference(position, rotation, velocity, acceleration, force, desired.q)
-        *parts, bound, _, _ = state(q, v)
+        *parts, bound = state(q, v)
         arm = TaskInstant._make(parts)
         turn = rotation_vector(reference.rotation @ arm.rotation.T)
         error = ca.vertcat(reference.position - arm.position, turn)[task.rows]
@@ -222,8 +219,7 @@ class AlongJoints:
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        frame = self._task.kernel.frame_motion(reference.q, reference.v, reference.a)
-        return self._control.torque(state, TaskReference(*frame, self._force, reference.q))
+        return self._control.torque(state, task_reference(self._task, reference, self._force))
 
 
 def task_reference(task: TaskSpace, reference: Reference, force: float = 0.0) -> TaskReference:
@@ -283,7 +279,7 @@ class _Arm:
 
     def state(self, state: Moving, reference: TaskReference) -> TaskInput:
         q, v = checked(state, self._task.n)
-        arm, rows = self._task.kernel.state(q, v), self._task.rows
+        arm, rows = self._task.instant(q, v), self._task.rows
         turn = pin.log3(reference.rotation @ arm.rotation.T)
         error = np.concatenate([reference.position - arm.position, turn])
         rate = reference.velocity[rows] - arm.velocity

@@ -112,7 +112,11 @@ class AtRest:
             resting = self.resting(some.v)
             motion = self._moved(some, way, resting & (way == 0.0))
             pull = self._joints.relative_hold(motion.reaction, some.q, some.tau)
-            excess = np.where(resting, self._excess(motion.a, pull, way), 0.0)
+            # Violation of the friction laws by each joint at rest: not positive if satisfied.
+            level, size = self._joints.level, abs(motion.a).max(axis=1, keepdims=True)
+            wrong_way = -way * motion.a / (1.0 + size) - SLACK
+            excess = np.where(way == 0.0, (abs(pull) - level) / level.max(), wrong_way)
+            excess = np.where(resting, excess, 0.0)
             released = self._released(some, motion, way, excess) if m else way
             a[left], multipliers[left], direction[left] = motion.a, motion.multipliers, released
             wrong = np.flatnonzero((excess > 0.0).any(axis=1))
@@ -121,7 +125,12 @@ class AtRest:
             left, begun = left[wrong], (released != way)[wrong].any(axis=1)
             wrong = wrong[~begun]
             order = np.argmax(excess[wrong] > 0.0 if turn >= 3 * n else excess[wrong], axis=1)
-            _pivot(direction, turned, (left[~begun], order), pull[wrong, order], m > 0)
+            # The modes of these entries change: they begin to slide, reverse, or stick.
+            entry = left[~begun], order
+            held, turns = direction[entry] == 0.0, ~turned[entry] & (m > 0)
+            otherwise = np.where(turns, -direction[entry], 0.0)
+            turned[entry] = ~held & turns
+            direction[entry] = np.where(held, np.sign(pull[wrong, order]), otherwise)
         raise InvalidInput(
             "no set of sticking joints satisfies the friction laws: the motion is not determined"
         )
@@ -157,13 +166,6 @@ class AtRest:
             direction = np.where(carried, np.sign(a), direction)
         return direction
 
-    def _excess(self, a: Array, pull: Array, direction: Array) -> Array:
-        """Violation of the friction laws by each joint at rest: not positive if satisfied."""
-        level = self._joints.level
-        wrong_way = -direction * a / (1.0 + abs(a).max(axis=1, keepdims=True)) - SLACK
-        excess: Array = np.where(direction == 0.0, (abs(pull) - level) / level.max(), wrong_way)
-        return excess
-
     def _moved(self, points: Points, direction: Array, held: Flags) -> MotionAtRest:
         """Motions in which ``held`` joints stick and the others slide in ``direction``."""
         sliding, (q, v, tau) = ~held, (points.q, points.v, points.tau)
@@ -194,17 +196,3 @@ def _carried(A: Array, drift: Array, v: Array, resting: Flags) -> Flags:
         if not more.any():
             return carried
         carried |= more
-
-
-def _pivot(
-    direction: Array,
-    turned: Flags,
-    entry: tuple[NDArray[np.intp], NDArray[np.intp]],
-    pull: Array,
-    loops: bool,
-) -> None:
-    """Change the mode of the entries: begin to slide, reverse, or stick."""
-    held, turns = direction[entry] == 0.0, ~turned[entry] & loops
-    otherwise = np.where(turns, -direction[entry], 0.0)
-    turned[entry] = ~held & turns
-    direction[entry] = np.where(held, np.sign(pull), otherwise)

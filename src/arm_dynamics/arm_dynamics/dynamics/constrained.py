@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
@@ -95,9 +94,11 @@ class Constrained:
         a, lam = self._moving(q, v, tau, names, external)
         rows = np.flatnonzero(self._at_rest.resting(v).any(axis=1))
         if len(rows):
-            shares = np.isin(self.names, names)
-            begun = self._begun(q[rows], v[rows], tau[rows], names, external)
-            a[rows], lam[np.ix_(rows, shares)] = begun
+            q, v, tau = q[rows], v[rows], tau[rows]
+            M, bias, A = self._parts(q, v, names)
+            rank = self._rank(names, q[0])
+            points = Points(q, v, tau, M, bias - external, A[..., :-1], A[..., -1], rank)
+            a[rows], lam[np.ix_(rows, np.isin(self.names, names))] = self._at_rest.motion(points)
         return a, lam
 
     def without_sticking(
@@ -127,7 +128,12 @@ class Constrained:
         Raises:
             InvalidInput: If a shape or value is not allowed.
         """
-        multipliers = self._checked("lam", lam, self.m, q)
+        multipliers = real_array("lam", lam)
+        if multipliers.shape not in ((self.m,), (*q.shape[:-1], self.m)):
+            required = f"({self.m},)" if q.ndim == 1 else f"({self.m},) or ({len(q)}, {self.m})"
+            raise InvalidInput(f"lam has shape {multipliers.shape}; {required} is expected")
+        if not np.isfinite(multipliers).all():
+            raise InvalidInput("lam holds numbers that are not finite")
         rows = self._terms(CONSTRAINT_ROWS, q, 0.0 * q, which=(self.closure.rows.names,))
         reaction = times(transposed(rows[..., :-1]), multipliers)
         needed = self._terms(INVERSE, q, v, a, WITHOUT_FRICTION) + reaction - external
@@ -144,21 +150,13 @@ class Constrained:
     ) -> tuple[Array, Array]:
         """Accelerations and multipliers of a batch, friction at rest left out."""
         free = tau - self._friction(v, np.sign(v), q, tau) + external
-        parts = [
-            self._solved(q[part], v[part], free[part], active)
-            for part in (slice(k, k + AT_ONCE) for k in range(0, len(q), AT_ONCE))
-        ]
-        accelerations, multipliers = zip(*parts, strict=True)
-        return np.concatenate(accelerations), np.concatenate(multipliers)
-
-    def _begun(
-        self, q: Array, v: Array, tau: Array, active: tuple[str, ...], external: Array | float
-    ) -> tuple[Array, Array]:
-        """Accelerations and active multipliers of points with joints at rest."""
-        M, bias, rows = self._parts(q, v, active)
-        rank = self._rank(active, q[0])
-        points = Points(q, v, tau, M, bias - external, rows[..., :-1], rows[..., -1], rank)
-        return self._at_rest.motion(points)
+        a, lam = np.empty_like(q), np.zeros((len(q), self.m))
+        for part in (slice(k, k + AT_ONCE) for k in range(0, len(q), AT_ONCE)):
+            M, bias, rows = self._parts(q[part], v[part], active)
+            rank, forces = self._rank(active, q[part][0]), free[part] - bias
+            a[part], some = constrained_motion(M, forces, rows[..., :-1], rows[..., -1], rank)
+            lam[part, np.isin(self.names, active)] = some
+        return a, lam
 
     def _parts(self, q: Array, v: Array, active: tuple[str, ...]) -> tuple[Array, Array, Array]:
         """M, C v + G + S, and A and γ side by side."""
@@ -166,29 +164,10 @@ class Constrained:
         bias = terms(INVERSE, q, v, 0.0 * q, WITHOUT_FRICTION)
         return terms(MASS_MATRIX, q), bias, terms(CONSTRAINT_ROWS, q, v, which=(active,))
 
-    def _solved(
-        self, q: Array, v: Array, free: Array, active: tuple[str, ...]
-    ) -> tuple[Array, Array]:
-        """Accelerations and multipliers of a batch under the torques ``free``."""
-        M, bias, rows = self._parts(q, v, active)
-        rank, multipliers = self._rank(active, q[0]), np.zeros((len(q), self.m))
-        a, lam = constrained_motion(M, free - bias, rows[..., :-1], rows[..., -1], rank)
-        multipliers[:, np.isin(self.names, active)] = lam
-        return a, multipliers
-
     def _rank(self, active: tuple[str, ...], near: Array) -> int:
         """Number of independent rows; the initially active constraints are closed at ``q0``."""
         closed = set(active) <= set(self.closure.initially_active)
         return self.closure.rank(active, self.model.q0 if closed else near)
-
-    def _checked(self, name: str, value: ArrayLike, size: int, like: Array) -> Array:
-        array = real_array(name, value)
-        if array.shape not in ((size,), (*like.shape[:-1], size)):
-            required = f"({size},)" if like.ndim == 1 else f"({size},) or ({len(like)}, {size})"
-            raise InvalidInput(f"{name} has shape {array.shape}; {required} is expected")
-        if not np.isfinite(array).all():
-            raise InvalidInput(f"{name} holds numbers that are not finite")
-        return np.broadcast_to(array, (*like.shape[:-1], size))
 
 
 def contact_torque(
@@ -223,10 +202,7 @@ def contact_torque(
     motion = FrameMotion(model, name, "local_world_aligned")
 
     def push(qi: Array, fi: Array) -> Array:
-        J = motion.jacobian(qi)
-        r = motion.placement(qi)[1] @ point + offset
-        J = np.vstack([J[:3] - pin.skew(r) @ J[3:], J[3:]])
-        torque: Array = J[: len(fi)].T @ fi
+        torque: Array = motion.of_point(qi, point, offset)[1][: len(fi)].T @ fi
         return torque
 
     return each(push, q, np.broadcast_to(f, (*q.shape[:-1], f.shape[-1])))

@@ -140,6 +140,7 @@ class Dynamics:
         self._regular = False  # checked when accelerations are first requested
         self._silent = not self.model.massless  # said when torques are first requested
         self._turning, self._looks = np.array(self.model.joint_types) != "prismatic", LOOKS
+        self._turn_only = self.model.coordinates_are_joints and bool(self._turning.all())
         self._calls: dict[Entry, Any] = {x: {} if x.which else unanswered for x in TERMS}
 
     def __repr__(self) -> str:
@@ -239,7 +240,7 @@ class Dynamics:
             quick: Whether these alone do for single states.
         """
         quick = quick and call is unanswered and self._silent and not self._looks
-        if quick and self._are_plain(given):
+        if quick and self._are_plain(entry, given):
             made: Array = entry.formula(self._numbers, *given, *which)
             if made.ndim == 2 or -LARGE < sum(made.tolist()) < LARGE:
                 return made
@@ -256,13 +257,16 @@ class Dynamics:
 
         return each(one, *map(np.ascontiguousarray, checked))
 
-    def _are_plain(self, given: Sequence[Any]) -> bool:
-        """Whether they are arrays of n finite numbers, which need no conversion."""
-        shape = self._still.shape
+    def _are_plain(self, entry: Entry, given: Sequence[Any]) -> bool:
+        """Whether they are arrays of n finite numbers, which need no conversion.
+
+        Motions of joints that all turn are not looked at: torques show what is not finite.
+        """
+        shape, shown = self._still.shape, entry is INVERSE and self._turn_only
         for x in given:
             if type(x) is not np.ndarray or x.dtype is not _FLOAT or x.shape != shape:
                 return False
-            if not -LARGE < sum(x.tolist()) < LARGE:
+            if not (shown or -LARGE < sum(x.tolist()) < LARGE):
                 return False
         return True
 
@@ -358,7 +362,11 @@ class Dynamics:
         a = self._terms(FORWARD, q, v, tau, self._external)
         rows = self._at_rest.resting(v).any(axis=-1)
         if rows.any():
-            a[rows] = self._begun(*(np.atleast_2d(x)[np.atleast_1d(rows)] for x in (q, v, tau)))
+            q, v, tau = (np.atleast_2d(x)[np.atleast_1d(rows)] for x in (q, v, tau))
+            bias = self._terms(INVERSE, q, v, 0.0 * v, WITHOUT_FRICTION, self._external)
+            none, M = np.zeros((len(q), 0, self.n)), self._terms(table.MASS_MATRIX, q)
+            points = Points(q, v, tau, M, bias, none, none[..., 0], 0)
+            a[rows] = self._at_rest.motion(points)[0]
         return a
 
     def _check_regular(self) -> None:
@@ -367,11 +375,9 @@ class Dynamics:
             check_regular(M, self.joint_names)
             self._regular = True
 
-    def _begun(self, q: Array, v: Array, tau: Array) -> Array:
-        """Accelerations of points at which joints with dry friction are at rest, shape (k, n)."""
-        bias = self._terms(INVERSE, q, v, 0.0 * v, WITHOUT_FRICTION, self._external)
-        none, M = np.zeros((len(q), 0, self.n)), self._terms(table.MASS_MATRIX, q)
-        return self._at_rest.motion(Points(q, v, tau, M, bias, none, none[..., 0], 0))[0]
+    def _friction(self, q: Array, v: Array) -> Array:
+        torques: Array = self.steady_friction(v, np.sign(v), q, 0.0 * v)
+        return torques
 
     @cached_property
     def constrained(self) -> Constrained:
@@ -458,10 +464,6 @@ class Dynamics:
             load=self._still if load is None else load,
         )
         return finite_answer(self.steady_friction(v, np.sign(direction), q, load))
-
-    def _friction(self, q: Array, v: Array) -> Array:
-        torques: Array = self.steady_friction(v, np.sign(v), q, 0.0 * v)
-        return torques
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
         """Kinetic and potential energy in [J]: two floats, or two arrays of shape (k,).

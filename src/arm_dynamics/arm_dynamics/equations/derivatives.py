@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from arm_dynamics.equations.rigid_body import Rotation, motion, placements
+from arm_dynamics.equations.rigid_body import motion, placements
 from arm_dynamics.equations.tree import Link, Tree, cross, moved, skew, spread_map
 
 # Above this many joints pairs of them are compared in the world's axes: that takes dot products
@@ -196,17 +196,13 @@ def _outward(
     motions = list(zip(*motion(tree, pose, v, a, gravity), strict=True))
     frames, joints, bodies = list[_Frame](), list[_Joint](), list[_Composite]()
     for i, link in enumerate(tree.links):
+        R, p = pose[i].R, pose[i].p
         omega = motions[link.parent][0] if link.parent >= 0 else ca.SX(3, 1)
-        frames.append(_frame(link, pose[i], omega, v[i]))
+        slides = v[i] * R[:, 2] if link.prismatic else ca.SX(3, 1)
+        frames.append(_Frame(R, p, ca.sparsify(cross(omega, 2 * p) + 2 * slides)))
         joints.append(_joint(link, *motions[i]))
         bodies.append(_body(link, *motions[i]))
     return frames, joints, bodies
-
-
-def _frame(link: Link, pose: Rotation, omega: ca.SX, v: ca.SX) -> _Frame:
-    """Placement of a link in its parent, which turns with ``omega``."""
-    slides = v * pose.R[:, 2] if link.prismatic else ca.SX(3, 1)
-    return _Frame(pose.R, pose.p, ca.sparsify(cross(omega, 2 * pose.p) + 2 * slides))
 
 
 def _joint(link: Link, omega: ca.SX, alpha: ca.SX, c: ca.SX) -> _Joint:

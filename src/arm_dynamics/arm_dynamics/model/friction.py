@@ -23,7 +23,7 @@ from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import like
 from arm_dynamics.model.friction_table import FrictionTable, steepest
 from arm_dynamics.scene.effect import given, refuse_of_joints
-from arm_dynamics.scene.friction import IN_TABLE, Friction, Sides, SpeedTable, Table, refusal
+from arm_dynamics.scene.friction import IN_TABLE, Friction, Sides, Table, refusal
 from arm_dynamics.scene.schema import Scene
 
 STEEPEST = 0.5
@@ -336,7 +336,12 @@ class Given:
     @cached_property
     def table(self) -> FrictionTable | None:
         """Its friction by speed, if the scene gives that."""
-        return None if self.own.table is None else _tabulated(self.own.table)
+        if (table := self.own.table) is None:
+            return None
+        place = None if table.position is None else np.array(table.position)
+        return FrictionTable.of(
+            np.array(table.speed), np.array(table.rows), place, table.period or 0.0
+        )
 
     @property
     def coulomb(self) -> tuple[float, float]:
@@ -396,7 +401,8 @@ def friction_of(
     mine = [next(joint for joint in joints if joint.name == name) for name in free]
     dry = _dry(mine, fc, fs)
     _check_loads(mine, dry)
-    _check_effect(scene, mine, fc, fs)
+    levels = zip(mine, np.transpose(fc), np.transpose(fs), strict=True)
+    refuse_of_joints(scene, {joint.name: _without_effect(joint.own, *x) for joint, *x in levels})
     lawful = [i for i, joint in enumerate(mine) if joint.own.stateful]
     sticking = [i for i in range(len(mine)) if i not in lawful]
     return JointFriction(
@@ -419,13 +425,6 @@ def _curve(table: Table | None) -> Curve | None:
     if table is None:
         return None
     return Curve.through(np.array(table.at), np.array(table.factor), table.period or 0.0)
-
-
-def _tabulated(table: SpeedTable) -> FrictionTable:
-    place = None if table.position is None else np.array(table.position)
-    return FrictionTable.of(
-        np.array(table.speed), np.array(table.rows), place, table.period or 0.0
-    )
 
 
 def _check(joint: Given) -> None:
@@ -483,12 +482,6 @@ def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
                 f"load': friction grows by {steep:.3g} of the load that causes it; allowed: "
                 f"up to {allowed:.3g}{gear}; beyond, the joint could be self-locking",
             )
-
-
-def _check_effect(scene: Scene, joints: Sequence[Given], coulomb: Sided, static: Sided) -> None:
-    """Reject keys without effect, of one joint or of all."""
-    levels = zip(joints, np.transpose(coulomb), np.transpose(static), strict=True)
-    refuse_of_joints(scene, {joint.name: _without_effect(joint.own, *x) for joint, *x in levels})
 
 
 def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, str]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ConstraintError, InvalidInput, ModelError, choices
-from arm_dynamics.model.constraint_rows import ConstraintRows, Row
+from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.stops import Stops
@@ -315,24 +315,17 @@ class Closure:
             step = self._nearest_of_others(q, A, -row.residual, hold)
             largest = abs(step / np.maximum(self._reach, 1.0)).max()
             step *= min(1.0, LONGEST / max(largest, 1e-300))
-            found = self._downhill(q, step, size, names)
-            if found is None:
+            for halving in range(12):
+                trial = self.rows.stacked(q + 0.5**halving * step, 0 * q, names)
+                if np.linalg.norm(trial.residual) < (1.0 - 1e-3 * 0.5**halving) * size:
+                    break
+            else:
                 break
-            q, row = found
+            q, row = q + 0.5**halving * step, trial
             size = float(np.linalg.norm(row.residual))
         if size > CLOSED_TO:
             raise self._open(q, names, hold)
         return q
-
-    def _downhill(
-        self, q: Array, step: Array, size: float, names: tuple[str, ...]
-    ) -> tuple[Array, Row] | None:
-        for halving in range(12):
-            trial = q + 0.5**halving * step
-            row = self.rows.stacked(trial, 0 * q, names)
-            if np.linalg.norm(row.residual) < (1.0 - 1e-3 * 0.5**halving) * size:
-                return trial, row
-        return None
 
     def _open(self, q: Array, names: tuple[str, ...], hold: Sequence[int]) -> ConstraintError:
         left = self.residuals(q, names)

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError, choices, known_names, plain
@@ -30,6 +31,10 @@ class RigidTerms:
 
     Args:
         robot: The robot; used from one thread only.
+
+    Attributes:
+        robot: The robot.
+        springs: Its springs.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -37,15 +42,17 @@ class RigidTerms:
         # Not model.createData(), which makes a copy and takes three times as long.
         self._data = pin.Data(robot.pin)
         self._springs, self._armature = SpringTerms(robot), np.array(robot.pin.armature)
+        self.springs = self._springs.springs
         self._direct = robot.coordinates_are_joints
-        self._sprung, self._driven = bool(self._springs.springs), bool(self._armature.any())
+        self._sprung, self._driven = bool(self.springs), bool(self._armature.any())
         self._frames = dict[str, FrameMotion]()
 
     def inverse(self, q: Array, v: Array, a: Array, weight: float = 1.0) -> Array:
         """M a + C v + G in [N m] or [N], shape (n,); ``weight``: 0 for no gravity."""
         robot, model = self.robot, self._pin if weight else self._weightless
         if self._direct:
-            return np.array(pin.rnea(model, self._data, q, v, a))
+            tau: Array = pin.rnea(model, self._data, q, v, a).copy()
+            return tau
         full = robot.configuration(q), robot.spread(v), robot.spread(a)
         return np.array(robot.gather(pin.rnea(model, self._data, *full)))
 
@@ -223,6 +230,18 @@ class FrameMotion:
         T: Array = pin.updateFramePlacement(self._pin, self._data, self._frame).homogeneous
         return T
 
+    def of_point(self, q: Array, point: ArrayLike, offset: ArrayLike) -> tuple[Array, Array]:
+        """Position of a point that the frame carries, shape (3,), and J there, shape (6, n).
+
+        Args:
+            q: Joint positions, shape (n,).
+            point: The point in the frame's axes in [m], shape (3,).
+            offset: Vector from there in the world's axes in [m], likewise.
+        """
+        p, R = self.placement(q)
+        r, J = R @ np.asarray(point) + offset, self.jacobian(q)
+        return p + r, np.vstack([J[:3] - pin.skew(r) @ J[3:], J[3:]])
+
     def jacobian(self, q: Array) -> Array:
         """J of shape (6, n), linear rows first: velocity of the frame is J v."""
         full = self._model.configuration(q)
@@ -236,7 +255,8 @@ class FrameMotion:
         J_dot = pin.getFrameJacobianTimeVariation(
             self._pin, self._data, self._frame, self._reference
         )
-        return *self._placed(), self._jacobian(), self._gathered(J_dot)
+        J = pin.getFrameJacobian(self._pin, self._data, self._frame, self._reference)
+        return *self._placed(), self._gathered(J), self._gathered(J_dot)
 
     def accelerated(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
         """Position, rotation, velocity and acceleration, shapes (3,), (3, 3), (6,) and (6,).
@@ -253,11 +273,6 @@ class FrameMotion:
     def _placed(self) -> tuple[Array, Array]:
         placement = pin.updateFramePlacement(self._pin, self._data, self._frame)
         return placement.translation.copy(), placement.rotation.copy()
-
-    def _jacobian(self) -> Array:
-        return self._gathered(
-            pin.getFrameJacobian(self._pin, self._data, self._frame, self._reference)
-        )
 
     def _gathered(self, J: Array) -> Array:
         # Pinocchio returns a single column as a vector.

@@ -55,14 +55,22 @@ class Robot:
         self.scene = scene
         urdf = read_urdf(scene.description, scene.robot.lock)
         self.doubtful = urdf.doubtful
-        self._whole = _parse(urdf.text)
+        try:
+            self._whole = pin.buildModelFromXML(urdf.text)
+        except (ValueError, RuntimeError) as error:
+            raise ModelError(f"robot description: Pinocchio cannot build it: {error}") from None
         self._rules = _resolved(urdf)
         self.locked = _locked_positions(scene, urdf, self._rules)
         self.pin = _reduced(self._whole, self.locked)
         self.pin.gravity.linear = np.array(scene.gravity)
         self.bare = self.pin.copy()
         self._frames = _frames(self.pin)
-        self._check_links()
+        for name in scene.links:
+            if self.frame(f"{LINK}{name}").parentJoint == 0:
+                raise SceneError(
+                    f"scene: 'links.{name}': no joint moves that link, so its mass is without "
+                    "effect"
+                )
         self._weld()
         self._index = velocity_index(self.pin)
         moving = [name for name in self._index if name not in self._rules]
@@ -195,15 +203,6 @@ class Robot:
         """``Eᵀ X E`` of shape (…, n, n)."""
         return self.followers.T @ matrix @ self.followers if self.has_followers else matrix
 
-    def _check_links(self) -> None:
-        """Refuse masses of links that no joint moves."""
-        for name in self.scene.links:
-            if self.frame(f"{LINK}{name}").parentJoint == 0:
-                raise SceneError(
-                    f"scene: 'links.{name}': no joint moves that link, so its mass is without "
-                    "effect"
-                )
-
     def _weld(self) -> None:
         """Attach the scene's payloads."""
         for i, payload in enumerate(self.scene.payloads):
@@ -216,13 +215,6 @@ class Robot:
             body = pin.Inertia(payload.mass, np.array(payload.com), np.zeros((3, 3)))
             body.inertia = inertia_matrix(payload.inertia)  # validated by the scene, to rounding
             self.pin.appendBodyToJoint(frame.parentJoint, body, frame.placement)
-
-
-def _parse(text: str) -> pin.Model:
-    try:
-        return pin.buildModelFromXML(text)
-    except (ValueError, RuntimeError) as error:
-        raise ModelError(f"robot description: Pinocchio cannot build it: {error}") from None
 
 
 def _resolved(urdf: Urdf) -> dict[str, Mimic]:

@@ -41,7 +41,9 @@ def complaints(
     """One line for each error; see ``complaint``."""
     told: dict[str, None] = {}
     for error in errors:
-        if _of_another_kind(error, errors) or _counts_bad_entries(error):
+        few = error["type"] == "too_short"  # also where pydantic does not count bad entries
+        counted = few and len(error["input"]) >= error["ctx"]["min_length"]
+        if counted or _of_another_kind(error, errors):
             continue
         if error["type"] == "missing" and isinstance(error["loc"][-1], int):
             place = error["loc"][:-1]  # a list that is too short: each missing entry is an error
@@ -91,11 +93,6 @@ def _of_another_kind(error: ErrorDetails, errors: Sequence[ErrorDetails]) -> boo
         return False
     beside = [e for e in errors if [*e["loc"][: len(place)]] == place]
     return any(len(e["loc"]) > len(error["loc"]) or e["type"] not in kinds for e in beside)
-
-
-def _counts_bad_entries(error: ErrorDetails) -> bool:
-    """Whether a list is said to be too short only because pydantic does not count bad entries."""
-    return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
 
 def _internal(key: int | str) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from arm_dynamics.exceptions import SceneError
-from arm_dynamics.scene.imperfections import ALL, Sensors
+from arm_dynamics.scene.imperfections import ALL
 from arm_dynamics.scene.schema import Joint, Scene, Stop
 from arm_dynamics.scene.types import Part
 from arm_dynamics.scene.urdf import Urdf
@@ -41,8 +41,14 @@ def check_effect(scene: Scene, urdf: Urdf) -> None:
     for i, spring in enumerate(scene.springs):
         if spring.stiffness == 0.0:
             _refuse(spring, f"springs.{i}.", {"rest_length": f"'stiffness' is 0; {_MORE}"})
-    if scene.sensors is not None:
-        _refuse(scene.sensors, "sensors.", _of_sensors(scene, scene.sensors))
+    if scene.sensors is None:
+        return
+    idle = {}
+    if not scene.sensors.velocity.cutoff:
+        idle["velocity.order"] = "there is no filter; a 'cutoff' is expected"
+    if not has_chance(scene):
+        idle["seed"] = "nothing is random; a 'noise', 'jitter' or 'loss' is expected"
+    _refuse(scene.sensors, "sensors.", idle)
 
 
 def refuse_of_joints(scene: Scene, idle: Mapping[str, Idle]) -> None:
@@ -120,12 +126,3 @@ def has_chance(scene: Scene) -> bool:
     """Whether sensors or commands of a scene have anything random, for which a seed counts."""
     parts = (scene.sensors, scene.commands)
     return any(given(part, key) is not None for part in parts for key in _RANDOM)
-
-
-def _of_sensors(scene: Scene, sensors: Sensors) -> Idle:
-    idle = {}
-    if not sensors.velocity.cutoff:
-        idle["velocity.order"] = "there is no filter; a 'cutoff' is expected"
-    if not has_chance(scene):
-        idle["seed"] = "nothing is random; a 'noise', 'jitter' or 'loss' is expected"
-    return idle

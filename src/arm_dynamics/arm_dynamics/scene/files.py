@@ -41,7 +41,7 @@ def find_scene(name: str, folder: Path) -> Path:
     Raises:
         SceneError: If there is none, with similar names.
     """
-    if not _is_bare(name):
+    if not name.strip() or set(name) & {"/", os.sep, "\n", "\0"}:  # it has a folder
         return find_file(name, folder)
     places = [folder / name]
     places += [ready / f for ready in scene_folders() for f in (name, name + _SUFFIX)]
@@ -137,11 +137,6 @@ def ready_scenes() -> list[str]:
     """The bare names of all ready scenes, sorted."""
     files = (path for folder in scene_folders() for path in folder.glob(f"*{_SUFFIX}"))
     return sorted({path.stem for path in files})
-
-
-def _is_bare(name: str) -> bool:
-    """Whether it contains no folder, so that it may be the name of a ready scene."""
-    return bool(name.strip()) and not set(name) & {"/", os.sep, "\n", "\0"}
 
 
 def _package_roots(package: str) -> list[Path]:

@@ -28,12 +28,9 @@ class Sides(Part):
     negative: NonNegative
 
 
-def _kind(value: object) -> str:
-    return "sides" if isinstance(value, dict | Sides) else "number"
-
-
 Sided = Annotated[
-    Annotated[NonNegative, Tag("number")] | Annotated[Sides, Tag("sides")], Discriminator(_kind)
+    Annotated[NonNegative, Tag("number")] | Annotated[Sides, Tag("sides")],
+    Discriminator(lambda value: "sides" if isinstance(value, dict | Sides) else "number"),
 ]
 """One number for both directions, or one for each."""
 

@@ -71,7 +71,7 @@ def load_scene(source: SceneSource) -> Scene:
     if _is_urdf(text):
         return scene_from_urdf(text)
     path = find_scene(text, Path.cwd())
-    content = _read(path)
+    content = expanded(path, {}) if path.suffix == SUFFIX else file_text(path)
     with in_file(path):
         if _is_urdf(content):
             return scene_from_urdf(content)
@@ -118,10 +118,6 @@ def scene_from_urdf(text: str, most_joints: int | None = None) -> Scene:
 
 def _is_urdf(text: str) -> bool:
     return text.lstrip("\ufeff \t\r\n").startswith("<")
-
-
-def _read(path: Path) -> str:
-    return expanded(path, {}) if path.suffix == SUFFIX else file_text(path)
 
 
 def _described(robot: RobotChoice, folder: Path) -> tuple[str, AbstractContextManager[None]]:
@@ -243,15 +239,6 @@ def _of_ranges(scene: Scene, urdf: Urdf) -> Iterator[str]:
             yield f"position limits, {known_names(places, 5)}, {words}"
 
 
-def _check_links(scene: Scene, urdf: Urdf) -> None:
-    for name in scene.links:
-        if name not in urdf.links:
-            raise SceneError(
-                f"scene: 'links' names '{name}', which does not exist; "
-                f"allowed: {choices(name, urdf.links)}"
-            )
-
-
 def _check_names(scene: Scene, urdf: Urdf) -> None:
     """Check that all joints and frames of the scene exist."""
     check_joints("robot.lock", scene.robot.lock, urdf.lockable, urdf)
@@ -264,23 +251,16 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
     for name in scene.joints:
         scene.joint(name)  # which refuses what cannot be merged with the entry of "*"
     _check_ranges(scene, urdf)
-    _check_links(scene, urdf)
+    for name in scene.links:
+        if name not in urdf.links:
+            raise SceneError(
+                f"scene: 'links' names '{name}', which does not exist; "
+                f"allowed: {choices(name, urdf.links)}"
+            )
     for i, payload in enumerate(scene.payloads):
         check_frame(f"payloads.{i}.frame", payload.frame, urdf)
     check_constraints(scene.constraints, urdf, set(scene.robot.lock))
     check_springs(scene.springs, urdf)
-    _check_hold(scene, urdf)
-    if scene.sensors is not None:
-        check_sensors(scene.sensors, urdf, scene.robot.lock)
-    for name, rule in urdf.mimics.items():
-        _check_follower(scene, name, rule.leader)
-    for name in scene.robot.lock:
-        _check_locked(scene, name)
-    check_effect(scene, urdf)
-
-
-def _check_hold(scene: Scene, urdf: Urdf) -> None:
-    """Refuse held joints that do not exist or move, and holding without loops to close."""
     hold, lock = scene.initial.hold, scene.robot.lock
     check_joints("initial.hold", hold, urdf.free(lock), urdf, lock)
     if hold and not scene.bilateral:
@@ -288,6 +268,13 @@ def _check_hold(scene: Scene, urdf: Urdf) -> None:
             f"scene: 'initial.hold' = {list(hold)}, but no constraint but contacts is there to be "
             "closed, so every joint keeps its initial position; leave it out"
         )
+    if scene.sensors is not None:
+        check_sensors(scene.sensors, urdf, scene.robot.lock)
+    for name, rule in urdf.mimics.items():
+        _check_follower(scene, name, rule.leader)
+    for name in scene.robot.lock:
+        _check_locked(scene, name)
+    check_effect(scene, urdf)
 
 
 def _check_follower(scene: Scene, name: str, leader: str) -> None:

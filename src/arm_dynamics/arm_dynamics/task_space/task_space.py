@@ -10,7 +10,6 @@ task space, as p is that of gravity, G.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,13 +23,13 @@ from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms, check_moving
 from arm_dynamics.task_space.axes import AXES, chosen_axes, rows_of
-from arm_dynamics.task_space.compiled import TaskKernel
 from arm_dynamics.task_space.inertia import (
     THRESHOLD,
     condition_number,
     manipulability,
     task_inertia,
 )
+from arm_dynamics.task_space.instant import TaskInstant
 
 
 @frozen
@@ -168,19 +167,6 @@ class TaskSpace:
         """Number of axes of the task."""
         return len(self.axes)
 
-    @cached_property
-    def kernel(self) -> TaskKernel:
-        """The compiled terms, for controllers; in axes ``local_world_aligned``.
-
-        Built on first use, in about half a second, or a tenth of that if it is cached on this
-        machine.
-
-        Raises:
-            ModelError: If a joint that carries the frame moves no mass.
-            KernelError: If generated code differs from Pinocchio, or cannot be compiled.
-        """
-        return TaskKernel(self.model, self.frame, self.axes, self.threshold)
-
     def require_world_axes(self) -> None:
         """Reject a task in other axes than ``local_world_aligned``.
 
@@ -252,6 +238,20 @@ class TaskSpace:
             "damped": inertia.damped,
         }
         return TaskTerms(**{name: _plain(value) for name, value in made.items()})
+
+    def instant(self, q: Array, v: Array) -> TaskInstant:
+        """The terms of controllers at a state, for valid vectors of shape (n,).
+
+        Raises:
+            ModelError: If a joint that carries the frame moves no mass.
+        """
+        position, rotation, J, J_dot = self.motion.moving(q, v)
+        J, drift, rigid = J[self.rows], J_dot[self.rows] @ v, self.rigid
+        A = self._mobility(J, W := rigid.mobility(q))
+        inertia = task_inertia(A, self.linear, self.threshold)
+        L = inertia.matrix if inertia.damped else np.linalg.inv(A)
+        M, bias = rigid.mass(q), rigid.bias(q, v) + rigid.spring(q, v)
+        return TaskInstant(position, rotation, J, J @ v, drift, M, bias, W @ J.T, A, L)
 
     def effective_mass(self, q: ArrayLike, direction: ArrayLike) -> EffectiveMass:
         """Effective mass for a force along a direction: 1 / (uᵀ Λ⁻¹ u).

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations.spring import tension
 from arm_dynamics.exceptions import KernelError
+from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.terms.arm import Numbers
 from arm_dynamics.terms.table import FIXED, SIZES, Entry
 
@@ -54,6 +56,22 @@ def _relative(difference: Array, size: Array) -> float:
     return float(np.max(worst / np.maximum(scale, np.finfo(float).tiny)))
 
 
+def _spring_torque(rigid: RigidTerms, q: Array, v: Array) -> tuple[Array, Array]:
+    """S by Pinocchio's kinematics and the laws of springs, and the size of its summands.
+
+    Elsewhere numbers of springs come from the same expression as code.
+    """
+    robot, springs = rigid.robot, rigid.springs
+    E, bent = robot.followers, robot.followers @ q + robot.offsets - springs.rest
+    parts = [E.T @ (springs.pull(bent) + springs.damping * (E @ v))]
+    for spring in springs.points:
+        ends = zip(spring.frames, spring.points, strict=True)
+        (a, J_a), (b, J_b) = (rigid.motion(name).of_point(q, point, 0.0) for name, point in ends)
+        u, slope = a - b, (a - b) @ (J_a - J_b)[:3]
+        parts.append(sum(tension(spring, u @ u, slope @ v)) * slope)
+    return sum(parts), sum(map(abs, parts))
+
+
 def verify(
     numbers: Numbers,
     asked: tuple[Entry, tuple[Any, ...]],
@@ -82,6 +100,11 @@ def verify(
         states[name] = np.full(shape, usual)
         if name in given:
             states[name] = rng.integers(0, 2, shape).astype(float)
+    if numbers.sprung:
+        found = [_spring_torque(numbers.rigid, *state) for state in zip(q, v, strict=True)]
+        expected, sizes = (np.array(part) for part in zip(*found, strict=True))
+        springs = np.array([numbers.rigid.spring(*state) for state in zip(q, v, strict=True)])
+        compare("springs", (springs - expected, sizes))
     with np.errstate(all="ignore"):  # numbers that are not finite are rejected
         made = values(states).reshape(CHECK_STATES, *entry.dimensions(n))
         rows = zip(*(states[x] for x in entry.of), strict=True)

@@ -100,13 +100,24 @@ class Bounds:
         """
         peaks = extremes(trajectory.coefficients)
         slower = max(1.0, float(segment_excess(trajectory, peaks, self._wide).max()))
-        slower = max(slower, self._by_effort(trajectory))
+        if (capacity := self._capacity) is not None:
+            times, shares = self._strains(capacity, trajectory)
+            if abs(shares).max(initial=0.0) > 1.0 + _ROUNDED:
+                strain = Strain(capacity, *trajectory.at(times))
+                slower = max(
+                    slower, 1.0 / strain.pace((1.0 + self.margin) * (1.0 - 2.0 * BETWEEN))
+                )
         return slower if slower > 1.0 + _ROUNDED else 1.0
 
     def _beyond(self, trajectory: Trajectory) -> Iterator[Excess]:
         """The first time at which each joint exceeds each of its limits."""
-        lower, upper = self._allowed(trajectory.ends[0])
-        least, most = _by_order(trajectory)
+        wide, start = self._wide, trajectory.ends[0]
+        # An arm that is already beyond a position limit may return from there.
+        lower = np.minimum(wide.lower, start), -wide.velocity, -wide.acceleration
+        upper = np.maximum(wide.upper, start), wide.velocity, wide.acceleration
+        h = np.diff(trajectory.times)[:, None]
+        scale = np.stack((np.ones_like(h), 1.0 / h, 1.0 / h**2))
+        least, most = extremes(trajectory.coefficients) * scale
         for order, high in ((k, high) for k in range(3) for high in (False, True)):
             bound = (upper if high else lower)[order]
             reached = (most if high else least)[order]
@@ -117,16 +128,6 @@ class Bounds:
                 edge = float(bound[joint])
                 when = _crossing(trajectory, segment, int(joint), order, edge, high)
                 yield Excess(int(joint), _QUANTITIES[order], when, far, edge)
-
-    def _allowed(self, start: Array) -> tuple[Array, Array]:
-        """Smallest and largest position, velocity and acceleration, shape (3, n) each.
-
-        An arm that is already beyond a position limit may return from there.
-        """
-        wide = self._wide
-        speed, rise = wide.velocity, wide.acceleration
-        lower = np.stack((np.minimum(wide.lower, start), -speed, -rise))
-        return lower, np.stack((np.maximum(wide.upper, start), speed, rise))
 
     @cached_property
     def _wide(self) -> Limits:
@@ -147,16 +148,6 @@ class Bounds:
         for joint in np.flatnonzero(over.any(axis=0)):
             when = float(trajectory.times[int(np.argmax(over[:, joint]))])
             yield Excess(int(joint), "acceleration", when, np.inf, float(bound[joint]))
-
-    def _by_effort(self, trajectory: Trajectory) -> float:
-        """Factor by which it must be slowed down for its torques and voltages, at least one."""
-        if (capacity := self._capacity) is None:
-            return 1.0
-        times, shares = self._strains(capacity, trajectory)
-        if abs(shares).max(initial=0.0) <= 1.0 + _ROUNDED:
-            return 1.0
-        strain = Strain(capacity, *trajectory.at(times))
-        return 1.0 / strain.pace((1.0 + self.margin) * (1.0 - 2.0 * BETWEEN))
 
     def _of_effort(self, trajectory: Trajectory) -> Iterator[Excess]:
         """The first time at which a torque or a voltage is too large."""
@@ -193,14 +184,6 @@ class Bounds:
             return strain.shares(1.0) / (1.0 + self.margin)
 
         return closely(shares, edges)
-
-
-def _by_order(trajectory: Trajectory) -> Array:
-    """Smallest and largest position, velocity and acceleration, (2, 3, segments, n)."""
-    h = np.diff(trajectory.times)[:, None]
-    scale = np.stack((np.ones_like(h), 1.0 / h, 1.0 / h**2))
-    found: Array = extremes(trajectory.coefficients) * scale
-    return found
 
 
 def _crossing(

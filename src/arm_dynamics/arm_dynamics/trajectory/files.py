@@ -108,7 +108,8 @@ class JointTrajectory:
         Raises:
             NotWritten: If the system does not let it be written; an OSError.
         """
-        text = [f"joint_names: [{', '.join(map(_quoted, self.joint_names))}]", "points:"]
+        names = (name.replace("\\", "\\\\").replace('"', '\\"') for name in self.joint_names)
+        text = [f"joint_names: [{', '.join(f'"{name}"' for name in names)}]", "points:"]
         for point in self.points:
             seconds, rest = divmod(round(1e9 * point.time), 1_000_000_000)
             text.append(f"- time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
@@ -165,10 +166,6 @@ def _waypoint(point: Mapping[str, Any]) -> Waypoint:
     ]  # in ROS an empty list means not given
     seconds = float(time["sec"]) + 1e-9 * float(time.get("nanosec", 0))
     return Waypoint(seconds, point["positions"], *rest)
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _number(x: float) -> str:

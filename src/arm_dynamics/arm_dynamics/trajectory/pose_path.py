@@ -53,7 +53,12 @@ def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> tuple[Trajector
     """
     if not poses:
         raise InvalidInput("no poses; at least one is expected")
-    pieces, ways = _pieces(task, task.pose(q), poses)
+    pieces, ways, at = list[Line](), list[float](), task.pose(q)
+    for pose in poses:
+        if (ahead := way(task, at, pose)) > 1e-9:
+            pieces.append(line(at, pose))
+            ways.append(ahead)
+            at = pose
     if not pieces:
         return None
     length, counts = sum(ways), [int(np.ceil(w / _SPACING)) for w in ways]
@@ -73,17 +78,6 @@ def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> tuple[Trajector
         end = replace(end, first=length / ways[i] * end.first)  # u is that of the segment alone
         v[i], a[i] = derivatives(task, end, joints[i], u)
     return Trajectory.through(us, joints, v, a), length
-
-
-def _pieces(task: TaskSpace, start: Pose, poses: Sequence[Pose]) -> tuple[list[Line], list[float]]:
-    pieces, ways, at = [], [], start
-    for pose in poses:
-        length = way(task, at, pose)
-        if length > 1e-9:
-            pieces.append(line(at, pose))
-            ways.append(length)
-            at = pose
-    return pieces, ways
 
 
 def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:

@@ -46,7 +46,10 @@ def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Traj
         InvalidInput: If waypoints are malformed, or no factor brings the motion within limits, or
             one is needed though waypoints have torques, which are right for their times only.
     """
-    return with_torques(_moved(_knots(waypoints), limits), waypoints)
+    times, q = timed_positions(waypoints)
+    v = _derivative([w.v for w in waypoints], q.shape[1], "velocity")
+    a = _derivative([w.a for w in waypoints], q.shape[1], "acceleration")
+    return with_torques(_moved(Knots(times, q, v, a), limits), waypoints)
 
 
 def _moved(knots: Knots, limits: Limits | None) -> Trajectory:
@@ -102,7 +105,8 @@ def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
         )
     tried = []
     for _ in range(_BALANCE_ROUNDS):
-        excess = _excess_of(h, q, limits)
+        trajectory = quintic(_through(h, q))
+        excess = segment_excess(trajectory, extremes(trajectory.coefficients), limits)
         tried.append(h * excess.max())
         h = h * np.sqrt(excess)
     # Balancing need not converge: a longer segment may make the motion in the next one wider.
@@ -146,12 +150,6 @@ class Knots(NamedTuple):
     def trajectory(self, stretch: float) -> Trajectory:
         """Quintic segments, this much slower."""
         return Trajectory.through(*self.slower(stretch), stretch)
-
-
-def _knots(waypoints: Sequence[Waypoint]) -> Knots:
-    times, q = timed_positions(waypoints)
-    v = _derivative([w.v for w in waypoints], q.shape[1], "velocity")
-    return Knots(times, q, v, _derivative([w.a for w in waypoints], q.shape[1], "acceleration"))
 
 
 def have_torques(waypoints: Sequence[Waypoint], first: int = 0) -> bool:
@@ -253,11 +251,6 @@ def _row(values: ArrayLike, n: int, what: str) -> Array:
 def _through(h: Array, q: Array) -> list[Waypoint]:
     times = [0.0, *np.cumsum(h).tolist()]
     return [Waypoint(t, p) for t, p in zip(times, q, strict=True)]
-
-
-def _excess_of(h: Array, q: Array, limits: Limits) -> Array:
-    trajectory = quintic(_through(h, q))
-    return segment_excess(trajectory, extremes(trajectory.coefficients), limits)
 
 
 def segment_excess(trajectory: Trajectory, peaks: Array, limits: Limits) -> Array:

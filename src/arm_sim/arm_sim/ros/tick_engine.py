@@ -115,7 +115,7 @@ class TickEngine:
         ticks.joints, ticks.states = n, arm.plant.nx
         ticks.trail, ticks.acted = self._trail.ctypes.data, self._acted.ctypes.data
         ticks.ticks = self._steps.ctypes.data
-        ticks.take = cast(library().take, c_void_p).value
+        ticks.take = cast(library().joint_state_take, c_void_p).value
         ticks.answer(
             serve=self.queue.serve, idle=lambda: _call(self.on_idle), prepare=self._prepare,
             expire=self._may_come, move=self._move, sense=arm.passed, ticked=self._ticked,

@@ -132,13 +132,6 @@ def test_mimic_ring() -> None:
         Dynamics(text)
 
 
-def test_a_link_that_weighs_nothing_at_the_end() -> None:
-    """A joint that moves no inertia has no equation of motion; the error says which joint."""
-    text = GOOD.replace('<mass value="1.2"/>', '<mass value="0"/>').replace('"0.004"', '"0"')
-    with pytest.raises(ModelError, match="joint3"):
-        Dynamics(text).forward([0.0] * 3, [0.0] * 3, [0.0] * 3)
-
-
 def chain(joints: int, kind: str = "fixed") -> str:
     """A description of links one after another."""
     links = "".join(f'<link name="l{i}"/>' for i in range(joints + 1))

@@ -114,12 +114,17 @@ class Caller:
             InvalidInput: If no node can have that name.
             NoAnswer: If no node offers the service, or none answers.
         """
-        asker = self._asker(node, service)
+        if (asker := self._askers.get((node, service.name))) is None:
+            name = service.name.replace("~", _full_name(node))
+            asker = self._askers[node, service.name] = Asker(self._node, service, name)
         met = asker in self._answered
         if not (met and repeatable):  # a check takes 10 µs
-            if not _until(asker.ready, self._timeout):
-                self._answered.discard(asker)
-                raise NoAnswer(self._not_offered(asker.name))
+            end = time.monotonic() + self._timeout
+            while not asker.ready():
+                if time.monotonic() >= end:
+                    self._answered.discard(asker)
+                    raise NoAnswer(self._not_offered(asker.name))
+                time.sleep(_LOOK)
             if not (met or repeatable):
                 time.sleep(_SETTLE)
         # A server that has answered before may have been restarted, but it needs time to work.
@@ -136,13 +141,6 @@ class Caller:
             )
         self._answered.add(asker)
         return response
-
-    def _asker(self, node: str, service: Service) -> Asker:
-        asker = self._askers.get((node, service.name))
-        if asker is None:
-            name = service.name.replace("~", _full_name(node))
-            asker = self._askers[node, service.name] = Asker(self._node, service, name)
-        return asker
 
     def _response(self, asker: Asker, request: Any, patience: float | None) -> Any | None:
         """The response; the request is repeated after ``patience`` in [s], unless that is None."""
@@ -208,10 +206,3 @@ def _full_name(node: str) -> str:
         f"node {node!r}; expected a name such as 'sim' or 'left/sim', of letters, digits and _, "
         "no part of which begins with a digit"
     )
-
-
-def _until(condition: Callable[[], bool], timeout: float) -> bool:
-    end = time.monotonic() + timeout
-    while not (met := condition()) and time.monotonic() < end:
-        time.sleep(_LOOK)
-    return met

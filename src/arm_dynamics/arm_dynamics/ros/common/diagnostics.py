@@ -167,7 +167,9 @@ class Diagnosis:
 
     def publish(self) -> None:
         """Look for a node of the same name; publish the findings, if there are subscribers."""
-        self._look()
+        me = self._node.get_name(), self._node.get_namespace()
+        twins = self._node.get_node_names_and_namespaces().count(me) > 1
+        self._twin.set(_TWINS.format(self._node.get_fully_qualified_name()) if twins else "")
         if not self.heard:
             return
         found = self._find()
@@ -175,11 +177,6 @@ class Diagnosis:
         message = DiagnosticArray(status=[f.message(self._node) for f in found])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
-
-    def _look(self) -> None:
-        me = self._node.get_name(), self._node.get_namespace()
-        twins = self._node.get_node_names_and_namespaces().count(me) > 1
-        self._twin.set(_TWINS.format(self._node.get_fully_qualified_name()) if twins else "")
 
 
 def _text(value: object) -> str:

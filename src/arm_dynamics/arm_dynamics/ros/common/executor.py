@@ -152,7 +152,12 @@ def run(
     context = Context()
     node: Any = None
     try:
-        _initialize(context, args)
+        avoid_shared_memory()
+        try:
+            off = SignalHandlerOptions.NO
+            rclpy.init(args=args, context=context, signal_handler_options=off)
+        except RuntimeError as error:
+            raise InvalidInput(f"ROS cannot start: {_reason(error)}") from error
         node = make_node(context=context)
         _handle_signals(lambda received, _: asked.append(received))
         _warn_of_unknown(node)
@@ -193,14 +198,6 @@ def _warn_of_unknown(node: Node) -> None:
                 f"this node has no parameter '{plain(name, 80)}', which is ignored; "
                 f"allowed: {choices(name, known, 100)}"
             )
-
-
-def _initialize(context: Context, args: list[str] | None) -> None:
-    avoid_shared_memory()
-    try:
-        rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        raise InvalidInput(f"ROS cannot start: {_reason(error)}") from error
 
 
 def _reason(error: RuntimeError) -> str:

@@ -75,7 +75,14 @@ def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> 
     Raises:
         ArmError: If there is none, or it cannot be used.
     """
-    found, source = _found(node, given, scene, params)
+    if given is not None or scene:
+        tell_unused(node, params.robot_description)
+        found, source = load_scene(given if given is not None else scene), FROM_SCENE
+    elif params.robot_description:
+        found, source = described_scene(params.robot_description, params), FROM_PARAMETER
+    else:
+        text = _awaited(node, params.description_timeout)
+        found, source = described_scene(text, params), FROM_TOPIC
     return compensating(found) if params.gravity_compensated else found, source
 
 
@@ -104,15 +111,6 @@ def tell_unused(node: Node, description: str) -> None:
         node.get_logger().warning(
             "parameter 'robot_description' is not used: the node has its arm from a scene"
         )
-
-
-def _found(node: Node, given: Any, scene: str, params: DescriptionParams) -> tuple[Scene, str]:
-    if given is not None or scene:
-        tell_unused(node, params.robot_description)
-        return load_scene(given if given is not None else scene), FROM_SCENE
-    if params.robot_description:
-        return described_scene(params.robot_description, params), FROM_PARAMETER
-    return described_scene(_awaited(node, params.description_timeout), params), FROM_TOPIC
 
 
 def _awaited(node: Node, timeout: float) -> str:

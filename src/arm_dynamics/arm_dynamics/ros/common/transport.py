@@ -70,14 +70,11 @@ def avoid_shared_memory(environment: MutableMapping[str, str] = os.environ) -> N
 
 
 def _profiled(profile: Path) -> dict[str, str]:
-    # With the range LOCALHOST, ROS ignores the transports of a profile.
-    return {PROFILES[_is_version_3()]: str(profile), DISCOVERY: "SYSTEM_DEFAULT"}
-
-
-def _is_version_3() -> bool:
-    """Whether the ROS 2 in use has Fast DDS 3, whose package has another name."""
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    return any(Path(prefix, "share/fastdds").is_dir() for prefix in prefixes if prefix)
+    # The package of Fast DDS 3 has another name than that of version 2.
+    is_3 = any(Path(prefix, "share/fastdds").is_dir() for prefix in prefixes if prefix)
+    # With the range LOCALHOST, ROS ignores the transports of a profile.
+    return {PROFILES[is_3]: str(profile), DISCOVERY: "SYSTEM_DEFAULT"}
 
 
 def clear_dead(folder: Path = FOLDER) -> int:

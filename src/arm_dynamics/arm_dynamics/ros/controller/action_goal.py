@@ -103,7 +103,15 @@ class TrajectoryMessage:
         self.stamp = to_nanoseconds(message.header.stamp)
         self.joint_names, self.count = tuple(message.joint_names), len(message.points)
         self._points = message.points
-        self._check_names(model_names, partial)
+        if not self.joint_names:
+            raise InvalidInput(f"no joint names; allowed: those of {known_names(model_names)}")
+        Named(self.joint_names, model_names)
+        missing = [name for name in model_names if name not in self.joint_names]
+        if missing and not partial:
+            raise InvalidInput(
+                f"joints {known_names(missing)} are missing; allowed: a goal for all joints, or "
+                "the parameter allow_partial_joints_goal"
+            )
         if not 1 <= self.count <= MAX_GOAL_POINTS:
             raise InvalidInput(f"{self.count} points; allowed: 1 to {MAX_GOAL_POINTS}")
 
@@ -133,17 +141,6 @@ class TrajectoryMessage:
         for joint, v in zip(self.joint_names, self._points[-1].velocities, strict=False):
             if abs(v) > STANDING:
                 raise InvalidInput(f"the last velocity of joint '{joint}' is {v:g}; allowed: 0")
-
-    def _check_names(self, model_names: JointNames, partial: bool) -> None:
-        if not self.joint_names:
-            raise InvalidInput(f"no joint names; allowed: those of {known_names(model_names)}")
-        Named(self.joint_names, model_names)
-        missing = [name for name in model_names if name not in self.joint_names]
-        if missing and not partial:
-            raise InvalidInput(
-                f"joints {known_names(missing)} are missing; allowed: a goal for all joints, or "
-                "the parameter allow_partial_joints_goal"
-            )
 
     def _check_point(self, i: int, point: Any) -> None:
         n = len(self.joint_names)

@@ -56,17 +56,15 @@ class Jumps:
         q, v = np.ascontiguousarray(state.q), np.ascontiguousarray(state.v)
         compared = byref(self._before), len(q), stamp, q.ctypes.data, v.ctypes.data
         found = library().find_jump(*compared, longest, farthest)
-        said = "" if found == _STEADY else self._put(found, 1e-9 * (stamp - self.stamp), state)
+        jump, gap = "", 1e-9 * (stamp - self.stamp)
+        if found == _BACKWARDS:
+            jump = "time went backwards"
+        elif found == _PAUSED:
+            jump = f"time advanced by {gap:.3g} s between two states"
+        elif found != _STEADY:
+            joint = found - _MOVED
+            moved = abs(state.q[joint] - self._q[joint])
+            jump = f"joint '{self._names[joint]}' moved by {moved:.3g} in {gap:.3g} s"
         self._before.known *= found == _STEADY  # a jump is told as one
         library().note_state(*compared)
-        return said
-
-    def _put(self, found: int, gap: float, state: Measured) -> str:
-        """A jump as text."""
-        if found == _BACKWARDS:
-            return "time went backwards"
-        if found == _PAUSED:
-            return f"time advanced by {gap:.3g} s between two states"
-        joint = found - _MOVED
-        moved = abs(state.q[joint] - self._q[joint])
-        return f"joint '{self._names[joint]}' moved by {moved:.3g} in {gap:.3g} s"
+        return jump

@@ -143,17 +143,15 @@ class Tolerances:
             The outcome; None while the trajectory is being followed.
         """
         tolerance = self.path if left > 0.0 else self.goal
-        within = tolerance.is_none or self._within(tolerance, joined(state, reference))
+        motion, allowed = joined(state, reference), self.allowed(tolerance)
+        outside = not tolerance.is_none and not library().is_within(
+            motion.ctypes.data, len(tolerance.position), byref(allowed)
+        )
         if left > 0.0:
-            return None if within else Verdict.LEFT_PATH
-        if within:
+            return Verdict.LEFT_PATH if outside else None
+        if not outside:
             return Verdict.REACHED
         return Verdict.MISSED_GOAL if -left > self.goal_time else None
-
-    def _within(self, tolerance: StateTolerance, motion: Array) -> bool:
-        """Whether errors are within tolerances."""
-        n, allowed = len(tolerance.position), self.allowed(tolerance)
-        return bool(library().is_within(motion.ctypes.data, n, byref(allowed)))
 
     def worst(
         self, verdict: Verdict, names: Sequence[str], reference: Reference, state: Moving

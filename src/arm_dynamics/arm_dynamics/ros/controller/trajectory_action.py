@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -162,7 +163,7 @@ class TrajectoryAction:
         self._coming: dict[int, _Active] = {}  # already followed, about to be accepted
         self._server: _Server | None = None
         self.params: FollowParams = declare(node, follow_params(model.joint_names))
-        watch(node, self.params, self._apply)
+        watch(node, self.params, partial(setattr, self, "params"))
         if ACTION.type is None:
             self._log.warning("no action follow_joint_trajectory: control_msgs is not installed")
             return
@@ -206,9 +207,6 @@ class TrajectoryAction:
         if self._active is not None:
             self._end("abort", "INVALID_GOAL", why)
 
-    def _apply(self, params: FollowParams) -> None:
-        self.params = params
-
     def _judge(self, active: _Active, stamp: int, reference: Reference, state: Moving) -> None:
         late = 1e-9 * (stamp - active.begin) - active.motion.duration
         verdict = active.tolerances.verdict(-late, reference, state)
@@ -224,15 +222,11 @@ class TrajectoryAction:
             cause = self._late.words
             self._log.warning(f"{worst}; {cause}" if cause else worst)
             self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q), reference.tau))
-            self._failed(verdict, late)
-
-    def _failed(self, verdict: Verdict, late: float) -> None:
-        if verdict is Verdict.LEFT_PATH:
-            why = "Aborted due to path tolerance violation"
-            self._end("abort", "PATH_TOLERANCE_VIOLATED", why)
-        else:
-            why = f"Aborted due to goal_time_tolerance exceeding by {late:f} seconds"
-            self._end("abort", "GOAL_TOLERANCE_VIOLATED", why)
+            code, why = "PATH_TOLERANCE_VIOLATED", "Aborted due to path tolerance violation"
+            if verdict is Verdict.MISSED_GOAL:
+                code = "GOAL_TOLERANCE_VIOLATED"
+                why = f"Aborted due to goal_time_tolerance exceeding by {late:f} seconds"
+            self._end("abort", code, why)
 
     def _feedback(self, active: _Active, stamp: int, reference: Reference, state: Moving) -> Any:
         message = ACTION.type.Feedback(joint_names=list(self._model.joint_names))
@@ -263,13 +257,9 @@ class TrajectoryAction:
         try:
             with self._lock:
                 self._begin(goal, answer)
-        except InvalidInput as error:
-            self._goals.refuse(_KIND, f", the previous one continues: {error}")
-            return GoalResponse.REJECT
         except Exception as error:
-            self._goals.refuse(
-                _KIND, f", the previous one continues: unexpected failure: {error!r}"
-            )
+            why = error if isinstance(error, InvalidInput) else f"unexpected failure: {error!r}"
+            self._goals.refuse(_KIND, f", the previous one continues: {why}")
             return GoalResponse.REJECT
         planner = self._goals.planner
         while not answer and planner.busy:
@@ -296,7 +286,11 @@ class TrajectoryAction:
 
         def then(motion: Motion | None) -> None:
             if motion is not None:
-                self._followed(goal, message, motion, allowed)
+                self.abort(_REPLACED)
+                follower = self._goals.follower
+                begin = follower.newest[0]
+                active = _Active(motion, begin, message.stamp or begin, allowed, follower)
+                self._coming = {id(goal): active}
             answer.append(motion is not None)
 
         plan = self._planned(message, params)
@@ -305,15 +299,6 @@ class TrajectoryAction:
         self._goals.follow(
             Goal(_KIND, counted(message.count, "point"), start, plan, then), at_once
         )
-
-    def _followed(
-        self, goal: Any, message: TrajectoryMessage, motion: Motion, allowed: Tolerances
-    ) -> None:
-        self.abort(_REPLACED)
-        follower = self._goals.follower
-        begin = follower.newest[0]
-        active = _Active(motion, begin, message.stamp or begin, allowed, follower)
-        self._coming = {id(goal): active}
 
     def _planned(
         self, message: TrajectoryMessage, params: FollowParams

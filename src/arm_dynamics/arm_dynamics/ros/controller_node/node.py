@@ -39,12 +39,12 @@ from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.controller import (
     AnswerLog,
+    CompiledAnswers,
     ControllerParams,
     Followed,
     Goals,
     Jumps,
     Loaded,
-    OrdinaryAnswers,
     Parts,
     TrackingTopic,
     TrajectoryAction,
@@ -122,7 +122,7 @@ class ControllerNode(Node):
         period, fade = self.params.settings.dt, self.params.switch_time
         self.control = Switch(self._made(self.params), period, fade)
         self._acting = self.params  # of the active controller
-        self.answers = OrdinaryAnswers()
+        self.answers = CompiledAnswers()
         self._builder = Background("builder", self.answers.interrupt)
         model = self.dynamics.model
         self._build_ahead(self.params)
@@ -185,8 +185,7 @@ class ControllerNode(Node):
         if self._velocity is not None:
             self.answers.obstacle = "velocities are derived from positions"
             return
-        params = self.params
-        self.answers.resume(params.state_period, params.gap_limit, params.jump_limit)
+        self.answers.resume(self.params)
         if self._builder.ready or self.goals.planner.ready:
             self.answers.interrupt()
 
@@ -305,7 +304,9 @@ class ControllerNode(Node):
         try:
             stamp, (q, *v) = self._reader.read(raw)
         except InvalidInput as error:
-            self._log.pass_over(f"{plain(error)}{self._way_out(error)}")
+            lacking = str(error).startswith("velocity")
+            way_out = "; 'velocities: positions' derives them" if lacking else ""
+            self._log.pass_over(f"{plain(error)}{way_out}")
             self._throttled.warning(f"joint state ignored: {self._log.unusable}")
             return None
         if not self._followed.includes(self._reader.sender):
@@ -314,7 +315,13 @@ class ControllerNode(Node):
         try:
             tau = self.control.torque(state, reference)
         except ControllerFailed as error:
-            self._brake(error)
+            # No command is sent, so that the arm's stale-command policy stops it.
+            self._log.failure = (
+                f"{error}; no commands until it is tuned, another one is selected, or "
+                "the simulation is reset"
+            )
+            self._throttled.error(self._log.failure)
+            self.action.abort("Current goal cancelled, the controller failed.")
             return None
         if not finite_numbers(tau.tolist()):
             self.control.restart()
@@ -328,15 +335,6 @@ class ControllerNode(Node):
         self.action.watch(stamp, reference, state)
         self._report.publish(stamp, self.params.state_period, self.goals, reference, state, tau)
         return command
-
-    def _brake(self, error: ControllerFailed) -> None:
-        """Send no command, so that the arm's stale-command policy stops it, and log it."""
-        self._log.failure = (
-            f"{error}; no commands until it is tuned, another one is selected, or "
-            "the simulation is reset"
-        )
-        self._throttled.error(self._log.failure)
-        self.action.abort("Current goal cancelled, the controller failed.")
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
         goals, params = self.goals, self.params
@@ -372,11 +370,6 @@ class ControllerNode(Node):
             return state, self._reference(stamp, state)
         reference = self._reference(stamp, Checked(q, derived.last))
         return Checked(q, derived(stamp, q)), reference
-
-    def _way_out(self, error: InvalidInput) -> str:
-        """What helps against states without velocities."""
-        lacking = str(error).startswith("velocity")
-        return "; 'velocities: positions' derives them" if lacking else ""
 
     def _cut(self) -> list[str]:
         active = self.control.active

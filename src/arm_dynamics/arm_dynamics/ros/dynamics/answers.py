@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_dynamics.arrays import Array, finite_answer
+from arm_dynamics.arrays import finite_answer
 from arm_dynamics.dynamics.dynamics import Dynamics, asked
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.ros import interfaces
@@ -63,10 +63,21 @@ def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> Non
     """Forward or inverse dynamics under the scene's constraints."""
     batch = _batch(dynamics, request, MAX_TERMS_POINTS)
     v = batch.read("velocity", request.velocity)
-    _refuse_results(request)
+    for computed in ("effort",) if request.inverse else ("acceleration", "multipliers"):
+        if len(getattr(request, computed)):
+            raise InvalidInput(
+                f"{computed} is given, which is computed where inverse is "
+                f"{str(request.inverse).lower()}; allowed: empty"
+            )
     if request.inverse:
         a = batch.read("acceleration", request.acceleration)
-        lam = _multipliers(request.multipliers, dynamics, len(batch.q))
+        lam, points, m = request.multipliers, len(batch.q), dynamics.constrained.m
+        if len(lam) not in (0, points * m):
+            raise InvalidInput(
+                f"multipliers has {len(lam)} numbers; allowed: {points * m}: {m} for each of "
+                f"{points} points, or none"
+            )
+        lam = np.reshape(lam, (points, m)) if len(lam) else np.zeros((points, m))
         tau = dynamics.constrained_inverse(batch.q, v, a, lam)
     else:
         tau = batch.read("effort", request.effort)
@@ -76,27 +87,6 @@ def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> Non
     response.multipliers = to_array(finite_answer(np.asarray(lam).ravel()))
     response.joint_names = batch.joint_names
     response.constraint_names = list(dynamics.constrained.names)
-
-
-def _refuse_results(request: Any) -> None:
-    """Refuse numbers that the requested direction computes."""
-    results = ("effort",) if request.inverse else ("acceleration", "multipliers")
-    for name in results:
-        if len(getattr(request, name)):
-            direction = "true" if request.inverse else "false"
-            raise InvalidInput(
-                f"{name} is given, which is computed where inverse is {direction}; allowed: empty"
-            )
-
-
-def _multipliers(values: Any, dynamics: Dynamics, points: int) -> Array:
-    m = dynamics.constrained.m
-    if len(values) not in (0, points * m):
-        raise InvalidInput(
-            f"multipliers has {len(values)} numbers; allowed: {points * m}: {m} for each of "
-            f"{points} points, or none"
-        )
-    return np.array(values, float).reshape(points, m) if len(values) else np.zeros((points, m))
 
 
 def model_info(dynamics: Dynamics, request: Any, response: Any) -> None:
@@ -159,7 +149,13 @@ def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
             f"pose has {len(request.pose)} numbers; allowed: 7 for each of up to {MAX_POSES} poses"
         )
     poses = [pose_of(seven) for seven in np.array(request.pose).reshape(-1, 7)]
-    seeds, batch = _seeds(request, dynamics, count)
+    n, size = dynamics.n, len(request.seed)
+    if size not in (0, n, count * n):
+        allowed = " or ".join(str(number) for number in dict.fromkeys((0, n, count * n)))
+        raise InvalidInput(f"seed has {size} numbers; allowed: {allowed}")
+    points = max(1, size // n)
+    batch = Batch(request.joint_names, dynamics.joint_names, np.zeros(points * n), points)
+    seeds = batch.read("seed", request.seed) if size else dynamics.model.q0[None]
     found: list[Solution] = []
     for i, pose in enumerate(poses):
         found.append(solver.solve(pose, seeds[i] if i < len(seeds) else found[-1].q))
@@ -168,32 +164,14 @@ def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
     response.distance = to_array([one.distance for one in found])
     response.angle = to_array([one.angle for one in found])
     response.joint_names = batch.joint_names
-    _check_reached(request.frame, found)
-
-
-def _seeds(request: Any, dynamics: Dynamics, count: int) -> tuple[Array, Batch]:
-    """Seeds of the first poses in model order, and the batch with the request's order."""
-    n, size = dynamics.n, len(request.seed)
-    if size not in (0, n, count * n):
-        allowed = " or ".join(str(number) for number in dict.fromkeys((0, n, count * n)))
-        raise InvalidInput(f"seed has {size} numbers; allowed: {allowed}")
-    points = max(1, size // n)
-    batch = Batch(request.joint_names, dynamics.joint_names, np.zeros(points * n), points)
-    seeds = batch.read("seed", request.seed) if size else dynamics.model.q0[None]
-    return seeds, batch
-
-
-def _check_reached(frame: str, found: list[Solution]) -> None:
-    missed = [i for i, one in enumerate(found) if not one.reached]
-    if not missed:
-        return
-    one = found[missed[0]]
-    limits = f"; at a limit: {', '.join(one.at_limit)}" if one.at_limit else ""
-    raise Unreachable(
-        f"{len(missed)} of {len(found)} poses of frame '{frame}' cannot be reached; pose "
-        f"{missed[0]} misses {one.distance:.3g} m and {one.angle:.3g} rad{limits}",
-        one.distance,
-    )
+    if missed := [i for i, one in enumerate(found) if not one.reached]:
+        one = found[missed[0]]
+        limits = f"; at a limit: {', '.join(one.at_limit)}" if one.at_limit else ""
+        raise Unreachable(
+            f"{len(missed)} of {count} poses of frame '{request.frame}' cannot be reached; pose "
+            f"{missed[0]} misses {one.distance:.3g} m and {one.angle:.3g} rad{limits}",
+            one.distance,
+        )
 
 
 ANSWERS: dict[interfaces.Service, Callable[[Dynamics, Any, Any], None]] = {

@@ -167,7 +167,7 @@ class CompiledServices:
         self._end()
         self._thread.join()
         self.forget()
-        self._native.release(self._server)
+        self._native.server_free(self._server)
         self._server = c_void_p(None)
         self._give_back()
 

@@ -99,7 +99,7 @@ class JointStateReader:
         self._kinds, self._learned = list[_Kind](), 0
         self._memory = c_void_p(None)
         self._native, self._place = library(), c_void_p(ctypes.addressof(self._state))
-        self._look = partial(self._native.look, self._place)
+        self._read = partial(self._native.joint_state_read, self._place)
 
     def read(self, raw: bytes) -> Read:
         """Read a message.
@@ -113,20 +113,20 @@ class JointStateReader:
         Raises:
             InvalidInput: If joints or numbers are missing, unknown, repeated or not finite.
         """
-        if (outcome := self._look(raw, len(raw))) <= BEYOND:
+        if (outcome := self._read(raw, len(raw))) <= BEYOND:
             return self._accepted(outcome)
         return self._learn(raw)
 
     def open(self, subscription: int) -> None:
         """Prepare to receive from an ``rcl_subscription_t``; ``close`` before it is destroyed."""
-        self._memory = c_void_p(self._native.source(subscription))
-        self.take = partial(self._native.take, self._memory, self._place)
+        self._memory = c_void_p(self._native.joint_state_source(subscription))
+        self.take = partial(self._native.joint_state_take, self._memory, self._place)
 
     def close(self) -> None:
         """Free the memory for messages."""
         self.take = partial(int, NONE)
         if self._memory:
-            self._native.release(self._memory)
+            self._native.joint_state_source_free(self._memory)
             self._memory = c_void_p(None)
 
     @property
@@ -181,7 +181,7 @@ class JointStateReader:
     def _learn(self, raw: bytes) -> Read:
         """Read a message of a kind that C does not know yet, or that it does not accept."""
         other = self._other
-        if other is not None and (found := other._look(raw, len(raw))) <= BEYOND:
+        if other is not None and (found := other._read(raw, len(raw))) <= BEYOND:
             return other._accepted(found)
         message = parsed(raw)
         leads = message.position or message.velocity
@@ -195,7 +195,7 @@ class JointStateReader:
             self._register(kind, message)  # admitted or not: a rival may send as often as a leader
         self._admit(kind.source, kind.joints)
         raw = bytes(serialize_message(message))
-        if (outcome := self._look(raw, len(raw))) <= BEYOND:
+        if (outcome := self._read(raw, len(raw))) <= BEYOND:
             return self._values_of(kind, outcome)
         raise InvalidInput(self._what_is_wrong(message))
 

@@ -55,13 +55,13 @@ class JointStateSink:
         for k, (place, array) in enumerate(zip(writer.places, self._arrays, strict=True)):
             sink.at[k], sink.numbers[k] = place, array.ctypes.data
         self.place = ctypes.addressof(sink)
-        self._send = partial(library().send, c_void_p(self.place))
+        self._send = partial(library().joint_state_send, c_void_p(self.place))
 
     @property
     def sender(self) -> bytes:
         """Identifier of this publisher, see ``publishers``."""
         found = bytearray(ctypes.sizeof(c_void_p) + HEADER.constants["GID"])
-        library().identify(self._handle.pointer, address(found))
+        library().publisher_gid(self._handle.pointer, address(found))
         return bytes(found[ctypes.sizeof(c_void_p) :])
 
     @property

@@ -123,7 +123,8 @@ void publish_state(ticks_t* t) {
   sent(t->trip, stamp);
   if (f) f->function(f->arguments, f->results, f->integers, f->reals, 0);
   if (t->fills) ask(t, FILL);
-  if (send(t->joint_states, stamp) || (t->ground_truth && send(t->ground_truth, stamp)) || (t->clock && send(t->clock, stamp)))
+  if (joint_state_send(t->joint_states, stamp) || (t->ground_truth && joint_state_send(t->ground_truth, stamp))
+      || (t->clock && joint_state_send(t->clock, stamp)))
     ask(t, UNSENT);
 }
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Ordinary answers of the controller: read a state, evaluate the reference and a compiled controller, publish the
- * command. Any other state is passed to Python unchanged, which alone decides on it. See ordinary_answers.py for the callers.
+ * command. Any other state is passed to Python unchanged, which alone decides on it. See compiled_answers.py for the callers.
  */
 #include "answers.h"
 
@@ -115,7 +115,7 @@ int64_t report(report_t* r, int64_t stamp, int64_t n, const double* motion, cons
   }
   const double left = r->duration - 1e-9 * (double)(stamp - r->start), remaining = left > 0.0 ? left : 0.0;
   memcpy(r->raw + r->at[ARRAYS], &remaining, 8);
-  done = publish(r->publisher, r->raw, r->size, stamp);
+  done = publish_serialized(r->publisher, r->raw, r->size, stamp);
   if (done != RCL_RET_OK) r->due = stamp;
   return done;
 }
@@ -147,7 +147,7 @@ static int answer(answers_t* a, int64_t began) {
   const double t = 1e-9 * (double)(stamp - a->start);
   sample(n, a->segments, a->knots, a->polynomials, a->ends, a->torques, t, a->input + 2 * n);
   if ((a->path && stamp >= a->begin && !is_within(a->input, n, a->path)) || !compute(a)) return 0;
-  if (send(a->sink, stamp)) {
+  if (joint_state_send(a->sink, stamp)) {
     a->last->length = 0; /* the sink no longer holds its answer */
     return 0;
   }
@@ -171,7 +171,7 @@ static int is_strange(followed_t* f, const uint8_t* sender, int64_t now) {
 
 /* Take a state and answer it; the outcome of `take` if Python must answer it, else NONE. */
 static int64_t take_and_answer(answers_t* a) {
-  const int64_t began = now(), outcome = take(a->source, a->reader);
+  const int64_t began = now(), outcome = joint_state_take(a->source, a->reader);
   return outcome == KNOWN && (is_strange(a->followed, a->reader->sender, began) || answer(a, began)) ? NONE : outcome;
 }
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Ordinary answers of the controller. Python reads this header, see ordinary_answers.py and tracking.py.
+ * Ordinary answers of the controller. Python reads this header, see compiled_answers.py and tracking.py.
  */
 #pragma once
 #include "joint_state.h"

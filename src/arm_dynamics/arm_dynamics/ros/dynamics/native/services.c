@@ -180,7 +180,7 @@ static bool answered(service_t* s) {
   return true;
 }
 
-static void send(service_t* s, rmw_request_id_t* to, void* response) {
+static void send_response(service_t* s, rmw_request_id_t* to, void* response) {
   if (rcl_send_response(s->service, to, response) == RCL_RET_OK) return;
   rcutils_reset_error();
   ++s->lost;
@@ -196,7 +196,7 @@ static int attend(service_t* s) {
   int64_t began = now();
   if (!answered(s)) return FOR_PYTHON;
   ++s->answered;
-  send(s, &s->header, s->answer.response);
+  send_response(s, &s->header, s->answer.response);
   for (int i = 0; i < layout->given; ++i) shrink(of(s->request, layout->from[i]));
   for (int i = 0; i < layout->made; ++i) shrink(of(s->answer.response, layout->to[i]));
   s->busy += now() - began;
@@ -247,7 +247,7 @@ void use(server_t* s, int64_t k, const answer_t* answer) {
 
 void respond(server_t* s, int64_t k, void* response) {
   service_t* service = s->services + k;
-  send(service, &service->header, response);
+  send_response(service, &service->header, response);
 }
 
 void counts(server_t* s, counts_t* sums) {
@@ -266,7 +266,7 @@ void end(server_t* s) {
   pthread_mutex_unlock(&s->calls);
 }
 
-void release(server_t* s) {
+void server_free(server_t* s) {
   for (int k = 0; k < SERVICES; ++k)
     if (rcl_service_set_on_new_request_callback(s->services[k].service, NULL, NULL) != RCL_RET_OK) rcutils_reset_error();
   pthread_cond_destroy(&s->call);
@@ -286,7 +286,7 @@ server_t* server(const rcl_service_t* const* services, void* const* requests) {
   for (int k = 0; k < SERVICES; ++k)
     if (rcl_service_set_on_new_request_callback(services[k], note, s->services + k) != RCL_RET_OK) {
       rcutils_reset_error();
-      release(s);
+      server_free(s);
       return NULL;
     }
   return s;

@@ -53,4 +53,4 @@ QUICK void counts(server_t* s, counts_t* sums);
 EXPORT void end(server_t* s);
 
 /* Unregister from calls and free all memory; nothing may be using it. */
-EXPORT void release(server_t* s);
+EXPORT void server_free(server_t* s);

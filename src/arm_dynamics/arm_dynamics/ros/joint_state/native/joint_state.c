@@ -43,7 +43,7 @@ static int agree(const joint_state_t* s, const kind_t* kind, const uint8_t* raw)
   return 1;
 }
 
-int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
+int64_t joint_state_read(joint_state_t* s, const uint8_t* raw, int64_t length) {
   const kind_t* kind = s->kinds;
   while (!is_of(kind, raw, length))
     if (++kind == s->kinds + KINDS) return OTHER;
@@ -67,7 +67,7 @@ int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
   return beyond ? BEYOND : KNOWN;
 }
 
-source_t* source(const rcl_subscription_t* subscription) {
+source_t* joint_state_source(const rcl_subscription_t* subscription) {
   source_t* s = calloc(1, sizeof *s);
   if (!s) return NULL;
   s->subscription = subscription;
@@ -75,12 +75,12 @@ source_t* source(const rcl_subscription_t* subscription) {
   return s;
 }
 
-void release(source_t* s) {
+void joint_state_source_free(source_t* s) {
   s->message.allocator.deallocate(s->message.buffer, s->message.allocator.state);
   free(s);
 }
 
-int64_t take(source_t* from, joint_state_t* s) {
+int64_t joint_state_take(source_t* from, joint_state_t* s) {
   rcl_serialized_message_t* m = &from->message;
   rmw_message_info_t about;
   if (m->buffer_capacity > ROOM) {
@@ -98,14 +98,14 @@ int64_t take(source_t* from, joint_state_t* s) {
   s->length = m->buffer_length;
   memcpy(s->sender, about.publisher_gid.data, GID);
   put(s, 1, about.received_timestamp);
-  return look(s, m->buffer, m->buffer_length);
+  return joint_state_read(s, m->buffer, m->buffer_length);
 }
 
-int64_t identify(const rcl_publisher_t* publisher, rmw_gid_t* gid) {
+int64_t publisher_gid(const rcl_publisher_t* publisher, rmw_gid_t* gid) {
   return rmw_get_gid_for_publisher(rcl_publisher_get_rmw_handle(publisher), gid);
 }
 
-rcl_ret_t publish(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, int64_t stamp) {
+rcl_ret_t publish_serialized(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, int64_t stamp) {
   int64_t rest = (stamp % GIGA + GIGA) % GIGA;
   int32_t seconds = (int32_t)((stamp - rest) / GIGA);
   uint32_t nanoseconds = (uint32_t)rest;
@@ -117,7 +117,7 @@ rcl_ret_t publish(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, 
   return done;
 }
 
-int64_t send(sink_t* s, int64_t stamp) {
+int64_t joint_state_send(sink_t* s, int64_t stamp) {
   for (int64_t f = 0; f < s->fields; ++f) memcpy(s->raw + s->at[f], s->numbers[f], 8 * s->joints);
-  return publish(s->publisher, s->raw, s->size, stamp);
+  return publish_serialized(s->publisher, s->raw, s->size, stamp);
 }

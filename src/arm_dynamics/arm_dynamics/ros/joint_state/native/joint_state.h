@@ -63,20 +63,20 @@ typedef struct {
 
 /* Read a message. KNOWN: its kind is known, its numbers are finite, and `found` has been written; BEYOND: likewise, and
  * a number exceeds its limit; else OTHER. */
-EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length);
+EXPORT int64_t joint_state_read(joint_state_t* s, const uint8_t* raw, int64_t length);
 
-/* Memory for messages of a subscription; NULL: out of memory. `release` frees it. */
-EXPORT source_t* source(const rcl_subscription_t* subscription);
-EXPORT void release(source_t* s);
+/* Memory for messages of a subscription; NULL: out of memory. `joint_state_source_free` frees it. */
+EXPORT source_t* joint_state_source(const rcl_subscription_t* subscription);
+EXPORT void joint_state_source_free(source_t* s);
 
 /* Take the next message, if there is one, and read it. OTHER: `raw` must be evaluated before the next call. */
-EXPORT int64_t take(source_t* from, joint_state_t* s);
+EXPORT int64_t joint_state_take(source_t* from, joint_state_t* s);
 
 /* The identifier of a publisher, after a pointer; returns 0 or an error code. */
-QUICK int64_t identify(const rcl_publisher_t* publisher, rmw_gid_t* gid);
+QUICK int64_t publisher_gid(const rcl_publisher_t* publisher, rmw_gid_t* gid);
 
 /* Publish the message with this stamp in [ns] and the current numbers; returns 0 or an error code. */
-EXPORT int64_t send(sink_t* s, int64_t stamp);
+EXPORT int64_t joint_state_send(sink_t* s, int64_t stamp);
 
 /* Publish a serialized message, whose header gets this stamp in [ns]; returns 0 or an error code. */
-rcl_ret_t publish(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, int64_t stamp);
+rcl_ret_t publish_serialized(const rcl_publisher_t* publisher, uint8_t* raw, int64_t size, int64_t stamp);

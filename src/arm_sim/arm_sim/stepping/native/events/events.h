@@ -91,7 +91,7 @@ static void correct_penetrations(const scene_t* scene, real* x, const segment_t*
   real anchor[2 * NC + 1], v[NU];
   for (int i = 0; i < ND; ++i)
     if (may_stick(scene, i) && x[NU + i] * segment->p.direction[i] <= 0.0) x[NU + i] = 0.0;
-  for (int i = 0; i < NU; ++i) v[i] = x[NU + i];
+  copy(v, x + NU, NU);
   find_geometry(scene, x, segment, &geometry);
   find_anchors(scene, &geometry, anchor);
   for (int k = 0; k < NC; ++k)
@@ -214,23 +214,22 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
   while (segment->memory->work < scene->most_work) {
     real after[NX], anchor[2 * NC + 1];
     int event_free;
-    segment->record = next_record(scene, trace, now);
+    record_t* record = segment->record = next_record(scene, trace, now);
     const enum trouble trouble = begin_segment(scene, now, segment, h, &losses, report, anchor);
     if (trouble != NONE) return trouble;
     const double reach = fmin(left, find_reach(scene, now, segment, h));
     record_begin(scene, segment, now);
     if (NX == 2 * NU && is_held(scene, now, segment)) { /* a drive with internal states may still break it loose */
       for (int i = NU; i < NX; ++i) now[i] = 0.0;
-      record_end(scene, segment->record, now, left, 1);
+      record_end(scene, record, now, left, 1);
       record_step(segment, left);
       return NONE;
     }
     const double length = advance_segment(scene, now, segment, reach, after, &event_free);
     if (length < 0.0) return NUMBERS;
-    record_end(scene, segment->record, after, length, event_free);
+    record_end(scene, record, after, length, event_free);
     find_ended_modes(scene, after, segment, event_free);
     close_contacts(scene, after, segment, anchor);
-    record_t* record = segment->record;
     for (int i = 0; record && i < 2 * NU; ++i) record->off = fmax(record->off, fabs(after[i] - record->end[i]));
     if (!stop_joints(scene, after, segment)) return NUMBERS;
     stop_at_limits(scene, after);
@@ -288,8 +287,8 @@ static int event_free_shortcut(const scene_t* scene, const real* x, const real* 
   real place_after[PLACES + 1];
   LOCAL(step_of_lanes_t, made, step_of_lanes_of, STEP_OF_LANES);
   find_places(scene, x, begun->place);
-  if (begins_event_free(scene, x, u, p, begun->place, begun->p, begun->load.load, &begun->holds) == 0.0) return 0;
-  if (begun->holds && NX > 2 * NU) return 0;
+  const real begins = begins_event_free(scene, x, u, p, begun->place, begun->p, begun->load.load, &begun->holds);
+  if (begins == 0.0 || (begun->holds && NX > 2 * NU)) return 0;
   const int still = begun->holds && holds_all(scene, begun->p + NP);
   if (!still
       && stays_event_free(scene, x, u, &h, begun->place, begun->p, begun->load.load, begun->holds, &made, place_after) == 0.0)

@@ -24,7 +24,6 @@ from two_link_control import NAMES, point, state, still, trajectory
 import models
 from arm_dynamics.codegen.compiler import find_compiler
 from arm_dynamics.control import NAMES as CONTROLLERS
-from arm_dynamics.ros.controller import OrdinaryAnswers
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.task_space.task_space import TaskSpace
 
@@ -368,20 +367,6 @@ def test_diagnostics_say_who_answers(ros: Ros, rng: np.random.Generator) -> None
         by_hand = pair.slow.diagnostics()[0].values
         assert by_hand["answered in Python"] == "the executor answers"
         assert by_hand["answered in C"] == by_hand["longest answer in C [µs]"] == 0
-
-
-def test_times_of_answers_are_those_since_the_last_report() -> None:
-    answers = OrdinaryAnswers()
-    for count, busy, longest, mean in (
-        (0, 0, 0, 0.0), (10, 5000, 900, 0.5), (14, 4000, 2500, 1.0), (14, 0, 0, 0.0),
-    ):  # fmt: skip
-        answers.count = count
-        answers._answers.busy, answers._answers.longest = busy, longest
-        values = answers.summary()
-        assert values["answered in C"] == count
-        assert values["answer in C [µs]"] == pytest.approx(mean)
-        assert values["longest answer in C [µs]"] == pytest.approx(1e-3 * longest)
-        assert answers._answers.busy == answers._answers.longest == 0
 
 
 def test_who_is_destroyed_hears_no_more_states(ros: Ros) -> None:

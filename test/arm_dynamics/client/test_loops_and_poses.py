@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inverse kinematics through the client and ``./arm call``."""
+"""Constrained dynamics and inverse kinematics through the client and ``./arm call``."""
 
 from __future__ import annotations
 
@@ -18,12 +18,17 @@ import models
 from arm_dynamics import InvalidInput, Unreachable
 from arm_dynamics.client import ArmClient, NotReached
 from arm_dynamics.exceptions import Refused
+from arm_dynamics.ros.interfaces import MAX_TERMS_POINTS
 from arm_dynamics.task_space import InverseKinematics, TaskSpace, quaternions
-from tolerances import assert_close
+from tolerances import FINITE_DIFF, INVERSE_PAIR, PINOCCHIO, assert_close
 
 pytestmark = pytest.mark.ros
 
-FRAME, FIND = "panda_hand", ("inverse-kinematics", "--frame")
+SCENES = {"loop": "four_bar", "open": "two_link", "hand": "panda"}  # by namespace
+LOOP, FOUR_BAR = "loop/dynamics", models.dynamics("four_bar")
+Q0, V0 = FOUR_BAR.model.q0, 0.1 * FOUR_BAR.model.v0
+FRAME = "panda_hand"
+FIND = ("inverse-kinematics", "--node", "hand/dynamics", "--frame", FRAME, "--pose")
 HAND = TaskSpace(models.dynamics("panda"), FRAME)
 ARM = models.dynamics("panda").model
 REACHED = 2e-9  # [m], [rad]; the search promises half of it
@@ -31,16 +36,26 @@ REACHED = 2e-9  # [m], [rad]; the search promises half of it
 
 @pytest.fixture(scope="module")
 def domain(tmp_path_factory: pytest.TempPathFactory, forge: Path) -> Iterator[int]:
-    """A domain with a dynamics node that knows the Panda."""
-    logs, scene = tmp_path_factory.mktemp("log"), str(models.SCENES / "panda.yaml")
-    with running(forge, logs, ("dynamics", scene)) as number:
+    """A domain with dynamics nodes that know a closed chain, an open one, and the Panda."""
+    commands = [
+        ("dynamics", str(models.SCENES / f"{name}.yaml"), "--ros-args", "-r", f"__ns:=/{space}")
+        for space, name in SCENES.items()
+    ]
+    with running(forge, tmp_path_factory.mktemp("log"), *commands) as number:
         yield number
 
 
 @pytest.fixture(scope="module")
+def loop(domain: int) -> Iterator[ArmClient]:
+    """A client of the node with the closed chain."""
+    with ArmClient(LOOP, timeout=20.0, domain=domain) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
 def panda(domain: int) -> Iterator[ArmClient]:
-    """A client of that node."""
-    with ArmClient(timeout=20.0, domain=domain) as client:
+    """A client of the node with the Panda."""
+    with ArmClient("hand/dynamics", timeout=20.0, domain=domain) as client:
         yield client
 
 
@@ -48,6 +63,13 @@ def panda(domain: int) -> Iterator[ArmClient]:
 def arm(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Typist:
     """Runs a command in the domain of the nodes."""
     return Typist(domain, monkeypatch, capfd)
+
+
+def gap(q: np.ndarray) -> np.ndarray:
+    """Where the loop was cut: from the rocker's end to the coupler's, in the rocker's axes [m]."""
+    rocker, coupler = (TaskSpace(FOUR_BAR, frame).pose(q) for frame in ("rocker", "coupler"))
+    end = coupler.position + coupler.rotation @ [0.3, 0.0, 0.0]
+    return rocker.rotation.T @ (end - rocker.position) - [0.25, 0.0, 0.0]
 
 
 def poses(q: Any) -> np.ndarray:
@@ -69,6 +91,77 @@ def far(pose: np.ndarray) -> np.ndarray:
     return pose + [3.0, 0, 0, 0, 0, 0, 0]
 
 
+def test_there_and_back_in_any_order(loop: ArmClient, rng: np.random.Generator) -> None:
+    """Torques of a motion with its forces are those that made it: the loop bears the rest."""
+    order, tau = [2, 0, 1], rng.normal(size=(2, 3))
+    names = [FOUR_BAR.joint_names[i] for i in order]
+    q, v = np.tile(Q0[order], (2, 1)), np.array([V0[order], -V0[order]])
+    found = loop.constrained_dynamics(q, v, tau, names)
+    assert found.joint_names == tuple(names)
+    assert found.constraint_names == ("loop",) * 3
+    assert found.multipliers.shape == (2, 3)
+    back = loop.constrained_inverse_dynamics(q, v, found.acceleration, found.multipliers, names)
+    assert_close(back, tau, INVERSE_PAIR)
+    alone = loop.constrained_inverse_dynamics(q[0], v[0], found.acceleration[0], None, names)
+    tree = loop.inverse_dynamics(q[0], v[0], found.acceleration[0], joint_names=names)
+    assert_close(alone, tree, PINOCCHIO)
+    assert np.abs(tau[0] - alone).max() > 0.01  # without the loop it would move otherwise
+
+
+def test_without_constraints_the_tree_moves(domain: int) -> None:
+    q, zero = [[0.3, -0.7], [0.0, 1.0]], np.zeros((2, 2))
+    with ArmClient("open/dynamics", timeout=20.0, domain=domain) as client:
+        found = client.constrained_dynamics(q)
+    assert found.multipliers.shape == (2, 0)
+    wanted = models.dynamics("two_link").forward(q, zero, zero)
+    assert_close(found.acceleration, wanted, INVERSE_PAIR)
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "said"),
+    [
+        ({"multipliers": [0.0, 0.0, np.inf]}, Refused, "not finite"),
+        ({"q": np.zeros((MAX_TERMS_POINTS + 1, 3))}, Refused, f"up to {MAX_TERMS_POINTS}"),
+        ({"multipliers": "much"}, InvalidInput, "multipliers = 'much'; expected real numbers"),
+    ],
+)
+def test_bad_questions_about_the_loop(
+    loop: ArmClient, given: dict[str, Any], error: type[Exception], said: str
+) -> None:
+    with pytest.raises(error, match=said):
+        loop.constrained_inverse_dynamics(**{"q": Q0, **given})
+
+
+def test_the_command_shows_motion_and_forces(arm: Typist) -> None:
+    tau = [0.1, -0.2, 0.3]
+    a, lam = FOUR_BAR.constrained_forward(Q0, np.zeros(3), tau)
+    given = ("--position", json.dumps(Q0.tolist()))
+    words = ("constrained-dynamics", "--node", LOOP, *given, "--effort", "0.1 -0.2 0.3")
+    said = answer(arm(*words, "--json"))
+    assert said["constraint_names"] == ["loop"] * 3
+    assert_close(said["acceleration"], a, PINOCCHIO)
+    assert_close(said["multipliers"], lam, PINOCCHIO)
+    shown = arm(*words).output
+    assert re.search(r"effort \[N m\] +acceleration \[rad/s²\]", shown)
+    assert re.search(rf"knee +\S+ +-0\.2 +{re.escape(f'{a[1]:.6g}')} ", shown)
+    assert re.search(rf"loop 1 +{re.escape(f'{lam[0]:.6g}')} ", shown)
+    assert "multipliers [N, N m]" in shown
+
+
+def test_the_command_answers_torques(arm: Typist) -> None:
+    """At two points: to push the rocker's end with the coupler's, and to stay without."""
+    given = ("--position", json.dumps([Q0.tolist()] * 2), "--inverse")
+    words = ("constrained-dynamics", "--node", LOOP, *given, "--multipliers", "[[1,5,2],[0,0,0]]")
+    said = answer(arm(*words, "--json"))
+    push, stay = np.array(said["effort"])
+    assert_close(stay, FOUR_BAR.gravity(Q0), PINOCCHIO)
+    steps = 1e-6 * np.eye(3)
+    work = [(gap(Q0 + step) - gap(Q0 - step)) @ [1.0, 5.0, 2.0] / 2e-6 for step in steps]
+    assert_close(push - stay, work, FINITE_DIFF)
+    assert np.abs(work).max() > 0.1
+    assert "point: effort [N m]" in arm(*words).output
+
+
 def test_positions_found_bring_the_frame_to_the_pose(
     panda: ArmClient, rng: np.random.Generator
 ) -> None:
@@ -82,16 +175,6 @@ def test_positions_found_bring_the_frame_to_the_pose(
     assert_close(poses(found.q), wanted, REACHED)
     assert np.all((found.q >= ARM.position_lower) & (found.q <= ARM.position_upper))
     assert_close(found.q, InverseKinematics(HAND).solve(HAND.pose(q)).q, 1e-6)
-
-
-def test_a_path_of_poses_is_answered_by_neighbours(panda: ArmClient) -> None:
-    way = np.linspace(ARM.q0, ARM.q0 + 0.3, 30)
-    found = panda.inverse_kinematics(FRAME, poses(way), ARM.q0)
-    assert found.q.shape == (30, 7)
-    assert found.reached.tolist() == [True] * 30
-    assert max(found.distance.max(), found.angle.max()) < REACHED
-    assert_close(poses(found.q), poses(way), REACHED)
-    assert abs(np.diff(found.q, axis=0)).max() < 0.05
 
 
 def test_seeds_and_joints_in_any_order(panda: ArmClient, rng: np.random.Generator) -> None:
@@ -127,10 +210,6 @@ def test_what_is_not_reached_is_an_error_that_holds_the_nearest(panda: ArmClient
     ("given", "error", "said"),
     [
         ({"frame": "paw"}, Refused, "frame 'paw' does not exist"),
-        ({"pose": [0.0] * 7}, Refused, "quaternion"),
-        ({"pose": [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]}, Refused, "nan"),
-        ({"seed": [0.0] * 6}, Refused, "seed has 6 numbers"),
-        ({"axes": "up"}, Refused, "selection = 'up'"),
         ({"pose": [0.0] * 6}, InvalidInput, r"pose has shape \(6,\); expected \(7,\) or \(k, 7\)"),
         ({"pose": [[0.0], [0.0, 1.0]]}, InvalidInput, "numbers of one shape"),
         ({"axes": 3}, InvalidInput, "axes = 3; expected names"),
@@ -145,12 +224,11 @@ def test_bad_questions_about_poses(
 
 def test_the_command_finds_positions(arm: Typist) -> None:
     wanted = poses(ARM.q0 + 0.1)
-    words = (*FIND, FRAME, "--pose")
-    said = answer(arm(*words, " ".join(map(repr, wanted.tolist())), "--json"))
+    said = answer(arm(*FIND, " ".join(map(repr, wanted.tolist())), "--json"))
     assert said["joint_names"] == list(ARM.joint_names)
     assert said["reached"] is True
     assert_close(poses(said["position"]), wanted, REACHED)
-    table = arm(*words, json.dumps(wanted.tolist()), "--seed", "panda_joint4=-2").output
+    table = arm(*FIND, json.dumps(wanted.tolist()), "--seed", "panda_joint4=-2").output
     assert re.search(r"joint +seed \[rad\] +position \[rad\]", table)
     assert re.search(r"panda_joint4 +-2 +-[12]\.\d+", table)
     assert re.search(r"reached: yes .*\n +distance \[m\]: \S+\n +angle \[rad\]: \S+", table)
@@ -159,12 +237,11 @@ def test_the_command_finds_positions(arm: Typist) -> None:
 def test_the_command_shows_which_poses_are_out_of_reach(arm: Typist) -> None:
     home = poses(ARM.q0)
     given = json.dumps([home.tolist(), far(home).tolist()])
-    words = (*FIND, FRAME, "--pose", given)
-    shown = arm(*words)
+    shown = arm(*FIND, given)
     assert shown.exit_code == 1
     assert re.search(r"0 .* yes .*\n *1 .* no ", shown.output)
     assert "Error: 1 of 2 poses of frame 'panda_hand' cannot be reached" in shown.output
-    plain = arm(*words, "--json")
+    plain = arm(*FIND, given, "--json")
     assert plain.exit_code == 1
     said = json.loads(plain.output)
     assert (said["success"], said["reached"]) == (False, [True, False])

@@ -30,6 +30,7 @@ from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.common.executor import guarded
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.controller_library import HEADER, library
+from arm_dynamics.ros.controller.controller_params import ControllerParams
 from arm_dynamics.ros.controller.followed import Followed
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
@@ -80,13 +81,13 @@ class Parts:
     followed: Followed
 
 
-class OrdinaryAnswers:
+class CompiledAnswers:
     """Answers ordinary states in C and passes all others to Python.
 
     As a context manager it is the lock of the controller's parts; it may be nested.
 
     Example:
-        >>> answers = OrdinaryAnswers()
+        >>> answers = CompiledAnswers()
         >>> answers.start(node, parts, answer, claim)
         >>> with answers:
         ...     follow(goal)
@@ -130,7 +131,14 @@ class OrdinaryAnswers:
             self._newest.close()
             return False
         reader.open(self._newest.pointer)
-        self._bind(parts)
+        self._tau = np.zeros(parts.command.size)
+        source, state = reader.places
+        self._answers = Answers(
+            source=source, reader=state, sink=parts.sink.place, joints=parts.command.size,
+            report=parts.report.place, command=parts.command.ctypes.data,
+            before=parts.jumps.place, tau=self._tau.ctypes.data, last=parts.log.place,
+            followed=addressof(parts.followed.shared),
+        )  # fmt: skip
         self._answer, self._claim = answer, claim
         self._direct = direct and get_rmw_implementation_identifier() in _TAKE_IN_CALLBACKS
         self._pass_on = guarded(node, self._in_python)
@@ -178,41 +186,36 @@ class OrdinaryAnswers:
         answers.busy = answers.longest = 0
         return values
 
-    def resume(self, period: float, gap: float, jump: float) -> None:
-        """Let C answer the next states, if possible. Call it locked, after an answer by Python.
-
-        Args:
-            period: Parameter ``state_period``.
-            gap: Parameter ``gap_limit``.
-            jump: Parameter ``jump_limit``.
-        """
+    def resume(self, params: ControllerParams) -> None:
+        """Let C answer the next states, if possible. Call it locked, after an answer by Python."""
         answers, parts, follower = self._answers, self._parts, self._parts.goals.follower
         start, motion = follower.active
-        factors = parts.command_map.factors
+        factors, checks = parts.command_map.factors, parts.action.checks
         self.obstacle = self._find_obstacle(motion, factors)
-        if self.obstacle or self._law is None or not isinstance(motion, Trajectory):
+        if self.obstacle or (law := self._law) is None or not isinstance(motion, Trajectory):
             return
         answers.interrupt = 0
-        parts.report.prepare(period, parts.goals)
-        answers.gap, answers.far = gap, jump
+        parts.report.prepare(params.state_period, parts.goals)
+        answers.gap, answers.far = params.gap_limit, params.jump_limit
+        (given, _, memory), (torque, after) = law.call.inputs, law.call.outputs
+        answers.law, answers.limit = addressof(law.call.entry), _place(law.limit)
+        answers.input, answers.torque = _place(given), _place(torque)
+        answers.memory, answers.next_memory = _place(memory), _place(after)
+        answers.remembered = memory.size
+        answers.gain, answers.back_emf = map(_place, factors or (None, None))
+        path = motion.times, motion.polynomials, motion.ends, motion.torques
+        answers.knots, answers.polynomials, answers.ends, answers.torques = map(_place, path)
+        answers.segments = len(motion.times) - 1
         next_begin = follower.next_begin
         answers.start, answers.until = start, _NEVER if next_begin is None else next_begin
-        answers.gain, answers.back_emf = map(_place, factors or (None, None))
-        self._used = (factors, *self._use_law(self._law), *self._use_motion(motion))
-        self._used += self._use_tolerances()
+        allowed = answers.path = None
+        if checks is not None:
+            answers.until, answers.begin = min(answers.until, checks.until), checks.begin
+            if not checks.tolerances.path.is_none:
+                allowed = checks.tolerances.allowed(checks.tolerances.path)
+                answers.path = addressof(allowed)
+        self._used = factors, law, path, allowed
         answers.active = 1
-
-    def _bind(self, parts: Parts) -> None:
-        """Set the constant fields."""
-        n = parts.command.size
-        self._tau = np.zeros(n)
-        source, reader = self._reader.places
-        self._answers = Answers(
-            source=source, reader=reader, sink=parts.sink.place, joints=n,
-            report=parts.report.place, command=parts.command.ctypes.data,
-            before=parts.jumps.place, tau=self._tau.ctypes.data, last=parts.log.place,
-            followed=addressof(parts.followed.shared),
-        )  # fmt: skip
 
     def _find_obstacle(self, motion: Motion, factors: object) -> str:
         """Reason why C cannot answer the next state; empty if it can."""
@@ -226,39 +229,6 @@ class OrdinaryAnswers:
         if factors is None:
             return "commands depend on positions"
         return "" if isinstance(motion, Trajectory) else "the motion is a Cartesian path"
-
-    def _use_law(self, law: CompiledLaw) -> tuple[object, ...]:
-        """Pass the controller to C; returns what must be kept alive."""
-        answers, call = self._answers, law.call
-        answers.law = addressof(call.entry)
-        answers.input, answers.torque = _place(call.inputs[0]), _place(call.outputs[0])
-        answers.limit = _place(law.limit)
-        memory, after = call.inputs[2], call.outputs[1]
-        answers.memory, answers.next_memory = _place(memory), _place(after)
-        answers.remembered = memory.size
-        return (law,)
-
-    def _use_motion(self, motion: Trajectory) -> tuple[object, ...]:
-        """Pass the motion to C; returns what must be kept alive."""
-        used = motion.times, motion.polynomials, motion.ends, motion.torques
-        answers = self._answers
-        answers.segments = len(motion.times) - 1
-        answers.knots, answers.polynomials, answers.ends, answers.torques = map(_place, used)
-        return used
-
-    def _use_tolerances(self) -> tuple[object, ...]:
-        """Pass the tolerances of the action's goal to C; returns what must be kept alive."""
-        answers, checks = self._answers, self._parts.action.checks
-        answers.path = None
-        if checks is None:
-            return ()
-        answers.until, answers.begin = min(answers.until, checks.until), checks.begin
-        path = checks.tolerances.path
-        if path.is_none:
-            return ()
-        allowed = checks.tolerances.allowed(path)
-        answers.path = addressof(allowed)
-        return (allowed,)
 
     def _stop(self) -> None:
         """Stop C from answering and update the parts with its results."""

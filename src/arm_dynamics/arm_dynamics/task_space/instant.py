@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Terms that task controllers evaluate at every tick, as expressions of ``equations``."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.equations import rigid_body, spring
+from arm_dynamics.equations.frame import drift, jacobian, placement
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.tree_builder import frame_of, gravity_of, tree_of
+from arm_dynamics.task_space.axes import AXES
+
+
+class TaskInstant(NamedTuple):
+    """The arm at one state, in the task's m axes, as numbers or expressions.
+
+    Attributes:
+        position: Position of the frame in the world in [m], shape (3,).
+        rotation: Rotation of the frame in the world, shape (3, 3).
+        J: Jacobian, shape (m, n).
+        velocity: J v, shape (m,).
+        drift: J̇ v, shape (m,).
+        M: Mass matrix, shape (n, n).
+        bias: C v + G + S, shape (n,).
+        B: M⁻¹ Jᵀ, shape (n, m).
+        A: Mobility J M⁻¹ Jᵀ, shape (m, m).
+        inertia: Λ = A⁻¹, damped near a singularity, shape (m, m).
+    """
+
+    position: Any
+    rotation: Any
+    J: Any
+    velocity: Any
+    drift: Any
+    M: Any
+    bias: Any
+    B: Any
+    A: Any
+    inertia: Any
+
+
+def expressions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Function]:
+    """The functions of a frame: ``state`` of q and v, ``meant`` of q, v and a.
+
+    Results of the first are those of ``TaskInstant`` and a bound of 1/σ of
+    ``inertia.task_inertia``, which tells a singularity; those of the second are position,
+    rotation, J v and J a + J̇ v of all six axes.
+    """
+    tree, frame = tree_of(model), frame_of(model, name)
+    q, v, a = (ca.SX.sym(letter, model.n) for letter in "qva")
+    placed = placement(tree, frame, q)
+    J = jacobian(tree, frame, q)
+    moving = drift(J, q, v)
+    rows = [AXES.index(axis) for axis in axes]
+    gravity = gravity_of(model)
+    bias = spring.frictionless(model.springs, tree, q, v, ca.SX(model.n, 1), gravity)
+    M, part = rigid_body.mass_matrix(tree, q), J[rows, :]
+    B = _solved(M, part.T)
+    A = part @ B
+    inertia = _solved(A, ca.SX.eye(len(rows)))
+    scale = _scales(A, sum(axis in AXES[:3] for axis in axes))
+    bound = _largest(inertia, scale)
+    state = [*placed, part, part @ v, moving[rows], M, bias, B, A, inertia, bound]
+    motion = [*placed, J @ v, J @ a + moving]
+    return [
+        ca.Function("state", [q, v], [ca.densify(x) for x in state], {"cse": True}),
+        ca.Function("meant", [q, v, a], [ca.densify(x) for x in motion], {"cse": True}),
+    ]
+
+
+def _solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
+    """Solve for every column; common subexpressions are computed once (``cse``)."""
+    return ca.horzcat(*[rigid_body.solve(matrix, column) for column in ca.horzsplit(right)])
+
+
+def _scales(A: ca.SX, linear: int) -> ca.SX:
+    """The scales of ``inertia.task_inertia``, shape (m,)."""
+    mobility, parts = ca.fmax(ca.diag(A), 0), []
+    for first, end in ((0, linear), (linear, A.shape[0])):
+        if first < end:
+            scale = ca.sqrt(ca.sum1(mobility[first:end]) / (end - first))
+            parts.append(ca.repmat(ca.if_else(scale < 1e-9, 1, scale), end - first))
+    return ca.densify(ca.vertcat(*parts))
+
+
+def _largest(inertia: ca.SX, scale: ca.SX) -> ca.SX:
+    """Upper bound of the largest eigenvalue of the scaled Λ; inf where Λ is not an inertia.
+
+    This is its trace, since all eigenvalues of an inertia are positive.
+    """
+    mass = ca.diag(inertia)
+    sound = ca.logic_and(ca.mmin(mass) > 0, ca.mmax(mass) < np.inf)
+    return ca.if_else(sound, ca.sum1(scale**2 * mass), np.inf)
