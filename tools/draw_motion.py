@@ -28,7 +28,7 @@ axes[0].set_title("torque of the drag on the joints [N m]")
 axes[1].set_title("force of the table [N]")
 lines = [axis.axvline(0.0, color="k", lw=1.0, zorder=9) for axis in axes]
 axes[2].set(title="speed of the joints [rad/s]", xlabel="time [s]", xlim=(0.0, END))
-with show(run, port=0) as page, pictures.camera(page._server, (400, 400)) as shoot:
+with show(run, port=0) as page, page._camera((400, 400)) as shoot:
     films = []
     for time in np.arange(0.0, END, 1.0 / RATE):
         page._seek(time)

@@ -30,7 +30,6 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory import Reference
 from arm_sim import Recording, Simulator
 from arm_studies.identification import JointRecord, identify
-from arm_studies.identification.regression.base_parameters import base_parameters
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import HELD_OUT
 from benchmarks.identification.lagrange import LagrangeArm, Link
@@ -208,12 +207,7 @@ def truth(name: str) -> dict[str, float]:
 
 def base_truth(regressor: RigidRegressor, theta: Array, armature: Array) -> dict[str, float]:
     """True base parameters by the names that ``identify`` gives them."""
-    n, names = len(armature), regressor.model.joint_names
-
-    def columns(q: Array, v: Array, a: Array) -> Array:
-        return np.concatenate([np.eye(n) * a[:, :, None], regressor(q, v, a)], axis=2)
-
-    base = base_parameters(columns, n, [*(f"{x}.armature" for x in names), *regressor.names()])
+    base = regressor.base
     values = base.of(np.concatenate([armature, theta]))
     return dict(zip(base.names, values.tolist(), strict=True))
 

@@ -105,14 +105,15 @@ def test_too_few_independent_measurements_are_refused_by_the_joint() -> None:
     """Of filtered values only a part is independent; held-out rows do not count."""
     least = checks.LEAST_ROWS
     valid, train = np.ones((4000, 2), dtype=bool), np.arange(4000) < 3000
-    rows: Any = SimpleNamespace(valid=valid, train=train, independent=0.1)
-    checks.check_rows(rows, ["hip", "knee"], [])
+    names = ["hip", "knee"]
+    rows: Any = SimpleNamespace(valid=valid, train=train, independent=0.1, names=names)
+    checks.check_count(rows, [])
     valid[: 3000 - 10 * least, 1] = False
-    checks.check_rows(rows, ["hip", "knee"], [])
+    checks.check_count(rows, [])
     valid[: 3000 - 9 * least, 1] = False
     share = valid[:, 1].mean()
     notes = ["'hip': odd", "'knee': effort saturated", "'knee': frozen"]
     said = f"joint 'knee': {share:.0%} of the samples can be used, which is {0.9 * least:.0f} "
     with pytest.raises(InvalidInput, match=said) as error:
-        checks.check_rows(rows, ["hip", "knee"], notes)
+        checks.check_count(rows, notes)
     assert str(error.value).endswith("; 'knee': effort saturated; 'knee': frozen")

@@ -44,6 +44,8 @@ def test_the_true_scene_has_no_error() -> None:
     assert found.free_run is not None
     assert found.free_run.count >= 20 and not found.free_run.lost
     assert np.all(found.free_run.relative < 2e-3)
+    assert f"{found!r}".startswith("<Comparison: torque error 0.0")
+    assert f"<FreeRun: {found.free_run.count} windows of 0.25 s; errors" in f"{found!r}"
 
 
 def test_windows_in_which_an_effort_of_one_joint_is_missing_are_left_out() -> None:
@@ -54,6 +56,13 @@ def test_windows_in_which_an_effort_of_one_joint_is_missing_are_left_out() -> No
     assert found.free_run is not None
     assert found.free_run.count <= 17 and not found.free_run.lost
     assert np.all(found.free_run.relative < 2e-3)
+
+
+def test_positions_that_jump_by_whole_turns_are_unwrapped() -> None:
+    good = record()
+    q = good.q + 2.0 * np.pi * (good.time > 3.0)[:, None]
+    found = compare(HEAVY, JointRecord.of(good.joint_names, good.time, q, good.effort))
+    assert found.whole < 1e-3 and any("are unwrapped" in note for note in found.notes)
 
 
 def test_the_error_of_another_scene_is_what_it_lacks() -> None:

@@ -11,7 +11,7 @@ from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification.checks import check_model
 from arm_studies.identification.described import scene_with
-from arm_studies.identification.regression.friction_columns import (
+from arm_studies.identification.regression.friction import (
     COULOMB,
     COULOMB_SKEW,
     EXCESS,

@@ -9,7 +9,7 @@ import pytest
 
 from arm_dynamics import Dynamics
 from arm_studies.identification import Identification, JointRecord, identify
-from arm_studies.identification.regression.friction_columns import JointFit
+from arm_studies.identification.regression.friction import JointFit
 from arm_studies.identification.report import friction_words, residual, share, text
 
 
@@ -43,6 +43,14 @@ def test_an_unknown_error_is_not_a_number(found: Identification, tmp_path) -> No
     assert share(0.0123, 1) == "1.2%"
     page = text(rests, tmp_path / "arm.yaml", ["run"], [tmp_path / "a.png", tmp_path / "b.png"])
     assert "**unknown**" in page and "nan" not in page
+
+
+def test_printed_it_is_a_summary(found: Identification) -> None:
+    said = f"{replace(found, error=(0.01, np.nan), notes=('first',))!r}"
+    assert said.startswith("<Identification of 2 joints: shoulder, elbow\n  torque error on held-")
+    assert "data: 1.00%, of the nominal scene unknown" in said
+    assert f"{len(found.parameters.keys() - found.missing.keys())} parameters identified" in said
+    assert said.endswith("note: first>")
 
 
 def rows_of(page: str, heading: str) -> list[list[str]]:

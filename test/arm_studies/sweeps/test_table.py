@@ -28,6 +28,15 @@ def done() -> Sweep:
     return sweep(STUDY, workers=1)
 
 
+def test_printed_it_is_a_summary(done: Sweep) -> None:
+    said = f"{done!r}"
+    assert said.startswith("<Sweep: 4 runs of 0.05 s, 4 done, 4 in compiled code, sets of eq")
+    assert f"energy: median {np.median(done.table['energy']):.4g}, from " in said
+    assert f"{done.table!r}".startswith(
+        "<Table: 4 runs; columns: run, sample, controller, gravity"
+    )
+
+
 def test_runs_are_grouped_by_everything_that_is_no_number(done: Sweep) -> None:
     found = groups(done.table)
     assert [mask.tolist() for mask in found.values()] == np.eye(4, dtype=bool).tolist()

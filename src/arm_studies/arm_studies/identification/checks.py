@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,39 +12,55 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.friction import STATEFUL
+from arm_dynamics.scene.load import load_scene
 from arm_studies.identification.data import JointRecord, MeasuredMotion
 from arm_studies.identification.described import REPLACED
-from arm_studies.identification.regression.estimation import Belief, Mask
+from arm_studies.identification.names import joint_records
+from arm_studies.identification.regression.estimation import Problem
 from arm_studies.identification.regression.matching import LATEST, delayed, mismatched, scaled
 from arm_studies.identification.regression.rows import Rows
 
-BEYOND = 0.2
-"""Tolerance of positions beyond the limits of the URDF in [rad] or [m]."""
-MOVED = 1e-3
-"""Range in [rad] or [m] below which a joint has not moved."""
+BEYOND = 0.2  # Tolerance of positions beyond the limits of the URDF in [rad] or [m].
+MOVED = 1e-3  # Range in [rad] or [m] below which a joint has not moved.
+# Largest residual of a fit relative to the torques; above it the model is of another robot.
 UNEXPLAINED = 0.6
-"""Largest residual of a fit relative to the torques; above it the model is of another robot."""
-OUT_OF_SCALE = 5.0
-"""Largest factor between identified and nominal masses, in the median."""
+OUT_OF_SCALE = 5.0  # Largest factor between identified and nominal masses, in the median.
+# Factor between efforts and the torques of nominal bodies that only another unit explains.
 OTHER_UNIT = 20.0
-"""Factor between efforts and the torques of nominal bodies that only another unit explains."""
-SLOWEST = 0.2
-"""Largest sampling interval in [s] from which a motion can be identified."""
+SLOWEST = 0.2  # Largest sampling interval in [s] from which a motion can be identified.
+# Standard errors by which a scene must predict worse than the nominal one to be refused; chance
+# alone makes more once in 160 recordings.
 WORSE = 2.5
-"""Standard errors by which a scene must predict worse than the nominal one to be refused; chance
-alone makes more once in 160 recordings."""
-ROUNDING = 1e-6
-"""Relative residual below which a prediction is exact."""
-LEAST_ROWS = 50
-"""Smallest number of independent measurements of each joint."""
+ROUNDING = 1e-6  # Relative residual below which a prediction is exact.
+LEAST_ROWS = 50  # Smallest number of independent measurements of each joint.
+
+
+def fitting(
+    scene: Any, recordings: Any, names: Mapping[str, str] | None = None
+) -> tuple[ArmModel, list[JointRecord]]:
+    """The arm of a scene, and its joints from recordings of them, if both can be used.
+
+    Args:
+        scene: Anything ``load_scene`` accepts.
+        recordings: One or several of any kind.
+        names: Joint names of the recordings by those of the scene, where they cannot be matched.
+
+    Raises:
+        SceneError: If the scene cannot be used.
+        InvalidInput: If joint torques do not follow from the joints' motion, or a recording is of
+            another arm, without efforts, or in other units; with the joint, the value and what is
+            expected.
+    """
+    model = ArmModel(load_scene(scene))
+    check_model(model)
+    records = joint_records(recordings, model, names)
+    for record in records:
+        check_record(record, model)
+    return model, records
 
 
 def check_model(model: ArmModel) -> None:
-    """Refuse scenes whose joint torques do not follow from the joints' motion.
-
-    Raises:
-        InvalidInput: With the feature that prevents it.
-    """
+    """Refuse scenes whose joint torques do not follow from the joints' motion."""
     if model.scene.bilateral:
         raise InvalidInput(
             "the scene has closed loops: forces within them are not measured, so torques do not "
@@ -66,55 +83,58 @@ def check_model(model: ArmModel) -> None:
 
 
 def check_record(record: JointRecord, model: ArmModel) -> None:
-    """Refuse recordings without efforts, or in other units.
-
-    Raises:
-        InvalidInput: Naming the joint, the value and what is expected.
-    """
+    """Refuse recordings without efforts, or in other units."""
     step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else 0.0
     if step > SLOWEST:
         raise InvalidInput(
             f"{record.name}: samples are {step:.3g} s apart; allowed: at most {SLOWEST} s (are "
             "the times in milliseconds or nanoseconds?)"
         )
-    for j in range(len(record.joint_names)):
-        _check_efforts(record, j)
-        _check_positions(record, j, model.position_lower[j], model.position_upper[j])
+    limits = zip(model.position_lower, model.position_upper, strict=True)
+    for j, (name, (lower, upper)) in enumerate(zip(record.joint_names, limits, strict=True)):
+        known = record.effort[np.isfinite(record.effort[:, j]), j]
+        if not known.size:
+            raise InvalidInput(
+                f"{record.name}: no effort of joint '{name}'; masses and friction cannot be "
+                "identified without torques"
+            )
+        if np.ptp(known) == 0.0:
+            raise InvalidInput(
+                f"{record.name}: the effort of joint '{name}' is constantly {known[0]:g}: it is "
+                "not measured, or the drive is off"
+            )
+        reach = record.q[np.isfinite(record.q[:, j]), j]
+        if reach.size and (reach.min() < lower - BEYOND or reach.max() > upper + BEYOND):
+            raise InvalidInput(
+                f"{record.name}: positions of joint '{name}' range from {reach.min():.4g} to "
+                f"{reach.max():.4g}, but its limits are {lower:.4g} to {upper:.4g} (another "
+                "robot, or degrees?)"
+            )
 
 
-def _check_efforts(record: JointRecord, j: int) -> None:
-    """Refuse missing or constant efforts of a joint."""
-    name, effort = record.joint_names[j], record.effort[:, j]
-    known = effort[np.isfinite(effort)]
-    if not known.size:
-        raise InvalidInput(
-            f"{record.name}: no effort of joint '{name}'; masses and friction cannot be "
-            "identified without torques"
-        )
-    if np.ptp(known) == 0.0:
-        raise InvalidInput(
-            f"{record.name}: the effort of joint '{name}' is constantly {known[0]:g}: it is "
-            "not measured, or the drive is off"
-        )
+def check_rows(problem: Problem, notes: Sequence[str]) -> tuple[Array, list[str]]:
+    """Refuse motions that are too small or too short, and efforts that they do not explain.
 
+    Args:
+        problem: The regression's rows, those in which joints move, and how far the bodies may be
+            from the nominal ones.
+        notes: Irregularities of the recordings, of which those of a joint that is refused are
+            told.
 
-def _check_positions(record: JointRecord, j: int, lower: float, upper: float) -> None:
-    """Refuse positions of a joint far beyond its limits."""
-    reach = record.q[np.isfinite(record.q[:, j]), j]
-    if reach.size and (reach.min() < lower - BEYOND or reach.max() > upper + BEYOND):
-        raise InvalidInput(
-            f"{record.name}: positions of joint '{record.joint_names[j]}' range from "
-            f"{reach.min():.4g} to {reach.max():.4g}, but its limits are {lower:.4g} to "
-            f"{upper:.4g} (another robot, or degrees?)"
-        )
+    Returns:
+        Range of each joint's position in [rad] or [m], shape (n,); and notes of delays of efforts
+        that matter little.
+
+    Raises:
+        InvalidInput: With the joints, and how to correct their efforts.
+    """
+    ranges = moved(problem.rows.whole)
+    check_count(problem.rows, notes)
+    return ranges, check_columns(problem)
 
 
 def moved(motions: Sequence[MeasuredMotion]) -> Array:
-    """Range of each joint's position in [rad] or [m], shape (n,).
-
-    Raises:
-        InvalidInput: If no joint moves.
-    """
+    """Range of each joint's position in [rad] or [m], shape (n,), of which one is enough."""
     ranges = np.max([np.ptp(motion.q, axis=0) for motion in motions], axis=0)
     if (ranges < MOVED).all():
         raise InvalidInput(
@@ -124,19 +144,10 @@ def moved(motions: Sequence[MeasuredMotion]) -> Array:
     return np.asarray(ranges)
 
 
-def check_rows(rows: Rows, names: Sequence[str], notes: Sequence[str]) -> None:
-    """Refuse recordings that are too short, or saturated most of the time.
-
-    Args:
-        rows: The regression's rows.
-        names: Joint names.
-        notes: Irregularities of the recordings, of which those of the joint are told.
-
-    Raises:
-        InvalidInput: With the joint.
-    """
+def check_count(rows: Rows, notes: Sequence[str]) -> None:
+    """Refuse recordings that are too short, or saturated most of the time."""
     counts = rows.valid[rows.train].sum(axis=0) * rows.independent
-    for name, count, share in zip(names, counts, rows.valid.mean(axis=0), strict=True):
+    for name, count, share in zip(rows.names, counts, rows.valid.mean(axis=0), strict=True):
         if count < LEAST_ROWS:
             known = "".join(f"; {note}" for note in notes if note.startswith(f"'{name}'"))
             raise InvalidInput(
@@ -146,23 +157,10 @@ def check_rows(rows: Rows, names: Sequence[str], notes: Sequence[str]) -> None:
             )
 
 
-def check_columns(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -> list[str]:
-    """Refuse efforts that another sign, another joint's motion or a delay explains far better.
-
-    Args:
-        rows: The regression's rows.
-        use: Rows that are used, shape (k, n).
-        belief: Prior of the bodies alone.
-        names: Joint names.
-
-    Returns:
-        Notes of delays that matter less.
-
-    Raises:
-        InvalidInput: With the joints, and how to correct their efforts.
-    """
-    told = []
-    for match in mismatched(rows, use, belief):
+def check_columns(problem: Problem) -> list[str]:
+    """Refuse efforts that another sign, another joint's motion or a delay explains far better."""
+    told, names = [], problem.rows.names
+    for match in mismatched(problem):
         sign, own = ("-1 times " if match.sign < 0 else ""), match.column == match.joint
         whose = "the torque of its motion" if own else f"that of '{names[match.joint]}'"
         told.append(f"the effort of '{names[match.column]}' is {sign}{whose}")
@@ -171,14 +169,20 @@ def check_columns(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -
             f"{'; '.join(told)}: exchange the columns of joints that are swapped, and give the "
             "torque per unit of effort, negative for a joint whose sign is reversed (per unit)"
         )
-    late = delayed(rows, use)
-    told = [
-        f"'{names[x.joint]}': its efforts are {_late(x.late)}, which causes most of what bodies "
-        f"and friction do not explain (residual {x.before:.1%}, without the delay {x.after:.1%}); "
-        f"shift the column of its efforts by that time{'' if x.gross else _UNSURE}"
-        for x in late
-    ]
-    if gross := [text for x, text in zip(late, told, strict=True) if x.gross]:
+    gross = []
+    for x in delayed(problem):
+        more = " or more" if abs(x.late) > 0.99 * LATEST else ""
+        way = "late by" if x.late > 0.0 else "ahead of the motion by"
+        text = (
+            f"'{names[x.joint]}': its efforts are {way} {1e3 * abs(x.late):.3g} ms{more}, which "
+            "causes most of what bodies and friction do not explain (residual "
+            f"{x.before:.1%}, without the delay {x.after:.1%}); shift the column of its efforts "
+            "by that time"
+        )
+        if x.gross:
+            gross.append(text)
+        told.append(text if x.gross else text + _UNSURE)
+    if gross:
         raise InvalidInput("; ".join(gross))
     return told
 
@@ -186,23 +190,13 @@ def check_columns(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -
 _UNSURE = ", if that is so: friction of another shape, such as a Stribeck peak, can look like it"
 
 
-def _late(seconds: float) -> str:
-    """A delay of efforts in words."""
-    more = " or more" if abs(seconds) > 0.99 * LATEST else ""
-    way = "late by" if seconds > 0.0 else "ahead of the motion by"
-    return f"{way} {1e3 * abs(seconds):.3g} ms{more}"
-
-
-def check_scales(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) -> list[str]:
+def check_scales(problem: Problem) -> list[str]:
     """Refuse efforts that are so many times the torque, or so few, that no bodies explain it.
 
     Torques alone do not tell a scale from a density: less of it is noted, with both explanations.
 
     Args:
-        rows: The regression's rows.
-        use: Rows that are used, shape (k, n).
-        belief: Prior of the bodies alone: how far they may be from the nominal ones.
-        names: Joint names.
+        problem: Its prior says how far bodies may be from the nominal ones.
 
     Returns:
         Notes of the joints.
@@ -210,13 +204,17 @@ def check_scales(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) ->
     Raises:
         InvalidInput: With the joints, and how to correct their efforts.
     """
-    scales = scaled(rows, use, belief)
-    found = [(x, f"{x.factor:.2g} ({x.low:.2g} to {x.high:.2g})") for x in scales]
-    gross = [
-        f"{names[scale.joint]} {span}"
-        for scale, span in found
-        if scale.low > OTHER_UNIT or scale.high < 1.0 / OTHER_UNIT
-    ]
+    gross, notes, names = [], [], problem.rows.names
+    for x in scaled(problem):
+        name, span = names[x.joint], f"{x.factor:.2g} ({x.low:.2g} to {x.high:.2g})"
+        if x.low > OTHER_UNIT or x.high < 1.0 / OTHER_UNIT:
+            gross.append(f"{name} {span}")
+        notes.append(
+            f"'{name}': its efforts are scaled by about {span} against the torques of the nominal "
+            "bodies: either their gain or unit is another (then give the torque per unit of "
+            f"effort, about {1.0 / x.factor:.2g}, or let scales be identified: per unit, effort "
+            "scale), or the nominal scene lacks a payload or has other masses"
+        )
     if gross:
         raise InvalidInput(
             f"efforts over nominal torques: {known_names(gross)}; allowed: "
@@ -224,13 +222,7 @@ def check_scales(rows: Rows, use: Mask, belief: Belief, names: Sequence[str]) ->
             "N mm or per mille of a rated torque; give the torque per unit of effort (per unit), "
             "or let scales be identified (effort scale)"
         )
-    return [
-        f"'{names[scale.joint]}': its efforts are scaled by about {span} against the torques of "
-        "the nominal bodies: either their gain or unit is another (then give the torque per unit "
-        f"of effort, about {1.0 / scale.factor:.2g}, or let scales be identified: per unit, "
-        "effort scale), or the nominal scene lacks a payload or has other masses"
-        for scale, span in found
-    ]
+    return notes
 
 
 def check_explained(error: float, nominal: float, names: Sequence[str], scales: Array) -> None:
@@ -267,7 +259,7 @@ def check_better(error: float, nominal: float, excess: float) -> None:
     Args:
         error: Relative residual of the held-out torques; NaN if it is unknown.
         nominal: That of the nominal scene.
-        excess: By how many standard errors it is worse, see ``held_out.excess``.
+        excess: By how many standard errors it is worse, see ``judging.excess``.
 
     Raises:
         InvalidInput: With both.

@@ -12,14 +12,11 @@ from arm_studies.identification.data import JointRecord, runs
 from arm_studies.identification.filtering import ABOVE, WIDEST, ZeroPhase, chosen_band
 
 ROUNDS = 4
+# Fraction of the positions' noise power that late stamps must explain to be corrected.
 EXPLAINED = 0.75
-"""Fraction of the positions' noise power that late stamps must explain to be corrected."""
-LEAST = 1e-2
-"""Errors below this fraction of the sampling interval are not corrected."""
-REPEATS = 3
-"""Largest number of repetitions of a row; in longer ones the robot rests."""
-MOTION = 30.0
-"""Ratio to the noise above which the power of a position is motion."""
+LEAST = 1e-2  # Errors below this fraction of the sampling interval are not corrected.
+REPEATS = 3  # Largest number of repetitions of a row; in longer ones the robot rests.
+MOTION = 30.0  # Ratio to the noise above which the power of a position is motion.
 
 
 def without_repeats(record: JointRecord) -> JointRecord:
@@ -72,7 +69,11 @@ def repaired(record: JointRecord) -> JointRecord:
     before, _ = _deviations(record, late, band, dt)
     for _ in range(ROUNDS):
         deviation, velocity = _deviations(record, late, band, dt)
-        late = late + _lateness(deviation, velocity, dt)
+        # The stamp is later than the sample, so the sampled position lags the motion at the time
+        # of the stamp by q̇ δ; δ is near zero where no joint moves, since nothing determines it.
+        noise = np.var(deviation, axis=0) / 10.0 + 1e-30
+        info = (velocity**2 / noise).sum(axis=1) + 1.0 / (0.1 * dt) ** 2
+        late = late - (velocity * deviation / noise).sum(axis=1) / info
         late = np.clip(late - late.mean(), -0.3 * dt, 0.3 * dt)
     after, _ = _deviations(record, late, band, dt)
     left = _share(record, after, before)
@@ -126,12 +127,3 @@ def _deviations(record: JointRecord, late: Array, band: float, dt: float) -> tup
         np.column_stack([np.interp(time, grid, column) for column in x.T]) for x in (smooth, slope)
     ]
     return record.q - at[0], at[1]
-
-
-def _lateness(deviation: Array, velocity: Array, dt: float) -> Array:
-    """δ of each time in [s]; near zero where no joint moves, since nothing determines it."""
-    # The stamp is later than the sample, so the sampled position lags the motion at the time of
-    # the stamp by q̇ δ.
-    noise = np.var(deviation, axis=0) / 10.0 + 1e-30
-    info = (velocity**2 / noise).sum(axis=1)
-    return np.asarray(-(velocity * deviation / noise).sum(axis=1) / (info + 1.0 / (0.1 * dt) ** 2))

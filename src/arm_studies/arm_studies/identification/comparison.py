@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
 from arm_dynamics.arrays import Array, positive, read_only
@@ -15,11 +14,12 @@ from arm_dynamics.attributes import frozen
 from arm_sim.recording.recording import Recording
 from arm_sim.simulation.simulator import Simulator
 from arm_studies.identification.data import JointRecord, MeasuredMotion
-from arm_studies.identification.names import mapped
+from arm_studies.identification.names import joint_records
 from arm_studies.identification.preparation import prepare
 
 _FEWEST = 100  # rows with a valid torque
 _MOVES = 1e-6  # [rad] or [m] in all windows above which a joint has moved
+_DRIVEN = "the scene has drives, and the recording does not have their commands"
 
 
 @frozen
@@ -39,6 +39,15 @@ class FreeRun:
     lost: int
     error: Array
     moved: Array
+
+    def __repr__(self) -> str:
+        """A summary: the windows, and the error of each joint."""
+        errors = ", ".join(f"{x:.2g}" for x in self.error)
+        lost = f", {self.lost} diverged" if self.lost else ""
+        return (
+            f"<FreeRun: {self.count} windows of {self.window:.3g} s{lost}; errors at their ends "
+            f"{errors} rad or m>"
+        )
 
     @property
     def relative(self) -> Array:
@@ -74,6 +83,17 @@ class Comparison:
     computed: Array
     band: float
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """A summary: errors of all joints and of each, and of the free run."""
+        relative = zip(self.joint_names, self.relative, strict=True)
+        lines = [
+            f"<Comparison: torque error {self.whole:.2%}",
+            ", ".join(f"{name} {error:.2%}" for name, error in relative),
+            f"no free run: {self.why_not}" if self.free_run is None else f"{self.free_run}",
+            *(f"note: {note}" for note in self.notes),
+        ]
+        return "\n  ".join(lines) + ">"
 
     @property
     def relative(self) -> Array:
@@ -116,19 +136,39 @@ def compare(
     positive("window", window)
     if not 0.0 < last <= 1.0:
         raise InvalidInput(f"last = {last}; a fraction above 0 and at most 1 is expected")
-    model = _open_chain(scene)
-    motion = prepare(_moving_record(recording, model, names), band)
+    model = ArmModel(load_scene(scene))
+    if model.scene.bilateral:
+        raise InvalidInput(
+            "the scene has closed loops: its joint torques do not follow from the motion alone; "
+            "an open chain is expected"
+        )
+    (record,) = joint_records(recording, model, names)
+    if not np.any(np.nanmax(record.q, axis=0) - np.nanmin(record.q, axis=0) > _MOVES):
+        raise InvalidInput(f"{record.name}: no joint moves; a motion is expected")
+    motion = prepare(record, band)
     motion = motion.span(slice(round((1.0 - last) * len(motion.time)), len(motion.time)))
-    used = _usable(motion)
-    dynamics = Dynamics(model)
-    computed = motion.filtered(dynamics.inverse(motion.q, motion.v, motion.a))
+    used = motion.valid
+    few = np.count_nonzero(used, axis=0) < _FEWEST
+    if few.any():
+        lost = ", ".join(motion.joint_names[i] for i in np.flatnonzero(few))
+        raise InvalidInput(
+            f"{motion.name}: efforts of {lost} are missing or saturated; at least {_FEWEST} valid "
+            "samples are expected"
+        )
+    if not np.any(motion.effort[used]):
+        raise InvalidInput(f"{motion.name}: all efforts are zero; measured torques are expected")
+    computed = motion.filtered(Dynamics(model).inverse(motion.q, motion.v, motion.a))
     measured = motion.filtered(motion.effort)
-    why_not = _why_not(model)
+
+    def rms(values: Array) -> Array:
+        return read_only(np.sqrt(np.mean(values**2, axis=0, where=used)))
+
+    why_not = _DRIVEN if any(model.drives) else ""
     return Comparison(
         joint_names=model.joint_names,
-        error=_rms(measured - computed, used),
-        torque=_rms(measured, used),
-        free_run=None if why_not else _free_run(Simulator(model), motion, used, window),
+        error=rms(measured - computed),
+        torque=rms(measured),
+        free_run=None if why_not else _free_run(Simulator(model), motion, window),
         why_not=why_not,
         time=read_only(motion.time),
         measured=read_only(np.where(used, measured, np.nan)),
@@ -138,79 +178,30 @@ def compare(
     )
 
 
-def _open_chain(scene: Any) -> ArmModel:
-    model = ArmModel(load_scene(scene))
-    if model.scene.bilateral:
-        raise InvalidInput(
-            "the scene has closed loops: its joint torques do not follow from the motion alone; "
-            "an open chain is expected"
-        )
-    return model
-
-
-def _moving_record(
-    recording: JointRecord | Recording, model: ArmModel, names: Mapping[str, str] | None
-) -> JointRecord:
-    """Joint states of a recording in the model's order."""
-    record = (
-        recording if isinstance(recording, JointRecord) else JointRecord.from_recording(recording)
-    )
-    record = mapped(record, model.joint_names, names)
-    if not np.any(np.nanmax(record.q, axis=0) - np.nanmin(record.q, axis=0) > _MOVES):
-        raise InvalidInput(f"{record.name}: no joint moves; a motion is expected")
-    return record
-
-
-def _rms(values: Array, used: NDArray[np.bool_]) -> Array:
-    squares = np.sum(np.where(used, values, 0.0) ** 2, axis=0)
-    return read_only(np.sqrt(squares / np.count_nonzero(used, axis=0)))
-
-
-def _usable(motion: MeasuredMotion) -> NDArray[np.bool_]:
-    """The torques that can be used; raises InvalidInput if there are too few."""
-    few = np.count_nonzero(motion.valid, axis=0) < _FEWEST
-    if few.any():
-        names = [motion.joint_names[i] for i in np.flatnonzero(few)]
-        raise InvalidInput(
-            f"{motion.name}: efforts of {', '.join(names)} are missing or saturated; at least "
-            f"{_FEWEST} valid samples are expected"
-        )
-    if not np.any(motion.effort[motion.valid]):
-        raise InvalidInput(f"{motion.name}: all efforts are zero; measured torques are expected")
-    return motion.valid
-
-
-def _why_not(model: ArmModel) -> str:
-    if any(model.drives):
-        return "the scene has drives, and the recording does not have their commands"
-    return ""
-
-
-def _free_run(
-    sim: Simulator, motion: MeasuredMotion, used: NDArray[np.bool_], window: float
-) -> FreeRun:
+def _free_run(sim: Simulator, motion: MeasuredMotion, window: float) -> FreeRun:
     """Simulate the windows, with torques taken at the middle of each tick."""
     rows = max(1, round(window / motion.dt))
     ticks = max(1, round(rows * motion.dt / sim.dt))
-    whole = used.all(axis=1)
+    whole = motion.valid.all(axis=1)
     starts = np.array([
         start for part in motion.stretches for start in range(part.start, part.stop - rows, rows)
         if whole[start : start + rows + 1].all()
     ], int)  # fmt: skip
-    n = sim.n
+    n, unknown = sim.n, np.full(sim.n, np.nan)
     if not len(starts):
-        return FreeRun(rows * motion.dt, 0, 0, np.full(n, np.nan), np.full(n, np.nan))
+        return FreeRun(rows * motion.dt, 0, 0, unknown, unknown)
     effort = motion.filtered(motion.effort)
     share = (np.arange(ticks) + 0.5) * rows / ticks
-    i, part = np.floor(share).astype(int), (share % 1.0)[:, None]
-    at = starts[:, None] + i
+    part = (share % 1.0)[:, None]
+    at = starts[:, None] + np.floor(share).astype(int)
     tau = effort[at] * (1.0 - part) + effort[at + 1] * part
     begin, there = motion.q[starts], motion.q[starts + rows]
     ends = sim.rollout(begin, motion.v[starts], tau, ticks, last_only=True)[:, :n]
     kept = np.isfinite(ends).all(axis=1)
-    error, way = ends[kept] - there[kept], there[kept] - begin[kept]
+    error = moved = unknown
+    if kept.any():
+        error, moved = (
+            np.sqrt(np.mean(x[kept] ** 2, axis=0)) for x in (ends - there, there - begin)
+        )
     lost = int(np.count_nonzero(~kept))
-    if lost == len(starts):
-        return FreeRun(rows * motion.dt, lost, lost, np.full(n, np.nan), np.full(n, np.nan))
-    rms = (read_only(np.sqrt(np.mean(x**2, axis=0))) for x in (error, way))
-    return FreeRun(rows * motion.dt, len(starts), lost, *rms)
+    return FreeRun(rows * motion.dt, len(starts), lost, read_only(error), read_only(moved))

@@ -15,6 +15,8 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.recording.recording import Recording
 
+_MEASURED = ("q", "effort", "v", "a")
+
 
 @frozen
 class JointRecord:
@@ -44,6 +46,10 @@ class JointRecord:
     notes: tuple[str, ...] = ()
     effort_age: float | None = None
 
+    def __repr__(self) -> str:
+        """A summary: its rows, joints and notes."""
+        return _summary(self)
+
     @classmethod
     def of(
         cls, joint_names: Sequence[str], time: ArrayLike, q: ArrayLike, effort: ArrayLike,
@@ -55,14 +61,24 @@ class JointRecord:
         Raises:
             InvalidInput: If shapes do not match, or time does not increase.
         """
-        names = tuple(joint_names)
-        t = real_array("time", time)
+        names, t = tuple(joint_names), real_array("time", time)
         if t.ndim != 1 or len(t) < 2:
             raise InvalidInput(f"{name}: time has shape {t.shape}; (k,) with k > 1 is expected")
-        _check_time(name, t)
-        shape = (len(t), len(names))
-        parts = {"q": q, "effort": effort, "v": v, "a": a}
-        arrays = {key: _column_block(name, key, part, shape) for key, part in parts.items()}
+        if (bad := np.flatnonzero(~np.isfinite(t))).size:
+            i = int(bad[0])
+            raise InvalidInput(f"{name}: time[{i}] = {t[i]}; finite times are expected")
+        if (back := np.flatnonzero(np.diff(t) <= 0.0)).size:
+            i = int(back[0]) + 1
+            raise InvalidInput(
+                f"{name}: time[{i}] = {t[i]:.9g} s after {t[i - 1]:.9g} s: the clock stops or "
+                "jumps back; increasing times are expected"
+            )
+        shape, arrays = (len(t), len(names)), {}
+        for key, part in {"q": q, "effort": effort, "v": v, "a": a}.items():
+            array = np.full(shape, np.nan) if part is None else real_array(key, part)
+            if array.shape != shape:
+                raise InvalidInput(f"{name}: {key} has shape {array.shape}; {shape} is expected")
+            arrays[key] = read_only(array)
         if len(set(names)) != len(names):
             raise InvalidInput(f"{name}: a joint name is repeated: {known_names(names)}")
         return cls(
@@ -107,35 +123,13 @@ class JointRecord:
                 f"{known_names(self.joint_names)}"
             )
         place = [self.joint_names.index(joint) for joint in names]
-        kinds = ("q", "effort", "v", "a")
-        parts: dict[str, Any] = {k: read_only(getattr(self, k)[:, place]) for k in kinds}
-        return replace(self, joint_names=tuple(names), **parts)
+        parts = {k: read_only(getattr(self, k)[:, place]) for k in _MEASURED}
+        return replace(self, joint_names=tuple(names), **parts)  # type: ignore[arg-type]
 
     def rows(self, which: slice | NDArray[np.bool_]) -> JointRecord:
         """Some of its rows, by a slice or by a mask of shape (k,)."""
-        kinds = ("time", "q", "effort", "v", "a")
-        parts: dict[str, Any] = {k: read_only(getattr(self, k)[which]) for k in kinds}
-        return replace(self, **parts)
-
-
-def _check_time(name: str, time: Array) -> None:
-    if (bad := np.flatnonzero(~np.isfinite(time))).size:
-        raise InvalidInput(f"{name}: time[{bad[0]}] = {time[bad[0]]}; finite times are expected")
-    if (back := np.flatnonzero(np.diff(time) <= 0.0)).size:
-        i = int(back[0]) + 1
-        raise InvalidInput(
-            f"{name}: time[{i}] = {time[i]:.9g} s after {time[i - 1]:.9g} s: the clock stops or "
-            "jumps back; increasing times are expected"
-        )
-
-
-def _column_block(name: str, key: str, part: ArrayLike | None, shape: tuple[int, int]) -> Array:
-    if part is None:
-        return read_only(np.full(shape, np.nan))
-    array = real_array(key, part)
-    if array.shape != shape:
-        raise InvalidInput(f"{name}: {key} has shape {array.shape}; {shape} is expected")
-    return read_only(array)
+        parts = {k: read_only(getattr(self, k)[which]) for k in ("time", *_MEASURED)}
+        return replace(self, **parts)  # type: ignore[arg-type]
 
 
 @frozen
@@ -180,6 +174,10 @@ class MeasuredMotion:
     aged: bool = True
     noise: Array = field(default_factory=lambda: np.zeros((2, 1)))
 
+    def __repr__(self) -> str:
+        """A summary: its rows, joints and notes."""
+        return _summary(self)
+
     @property
     def n(self) -> int:
         """Number of joints."""
@@ -212,10 +210,21 @@ class MeasuredMotion:
         cut = [
             slice(max(s.start, start) - start, min(s.stop, stop) - start) for s in self.stretches
         ]
-        parts = ("time", "q", "v", "a", "effort")
-        arrays: dict[str, Any] = {k: read_only(getattr(self, k)[rows]) for k in parts}
+        arrays: dict[str, Any] = {
+            k: read_only(getattr(self, k)[rows]) for k in ("time", *_MEASURED)
+        }
         kept = tuple(s for s in cut if s.stop > s.start)
         return replace(self, **arrays, valid=self.valid[rows], stretches=kept)
+
+
+def _summary(what: JointRecord | MeasuredMotion) -> str:
+    names = known_names(what.joint_names, 8)
+    lines = [
+        f"<{type(what).__name__} {what.name}: {len(what.time)} rows from {what.time[0]:g} to "
+        f"{what.time[-1]:g} s, {len(what.joint_names)} joints: {names}",
+        *(f"note: {note}" for note in what.notes),
+    ]
+    return "\n  ".join(lines) + ">"
 
 
 def records_of(recordings: Any) -> list[JointRecord]:
@@ -227,16 +236,13 @@ def records_of(recordings: Any) -> list[JointRecord]:
     given = recordings if isinstance(recordings, list | tuple) else [recordings]
     if not given:
         raise InvalidInput("no recording is given; at least one is expected")
-    return [r if isinstance(r, JointRecord) else _record_of(r) for r in given]
-
-
-def _record_of(recording: Any) -> JointRecord:
-    if not hasattr(recording, "joint_names"):
-        raise InvalidInput(
-            f"recording = {recording!r}; allowed: a Recording, such as Recording.load(path), or a "
-            "JointRecord"
-        )
-    return JointRecord.from_recording(recording)
+    for each in given:
+        if not isinstance(each, JointRecord) and not hasattr(each, "joint_names"):
+            raise InvalidInput(
+                f"recording = {each!r}; allowed: a Recording, such as Recording.load(path), or a "
+                "JointRecord"
+            )
+    return [r if isinstance(r, JointRecord) else JointRecord.from_recording(r) for r in given]
 
 
 def runs(where: NDArray[np.bool_]) -> NDArray[np.int_]:

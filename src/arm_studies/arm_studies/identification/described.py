@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
@@ -20,7 +20,7 @@ from arm_dynamics.model.friction_table import steepest
 from arm_dynamics.scene.inertia import six_of
 from arm_dynamics.scene.schema import Scene, validated
 from arm_dynamics.scene.urdf import set_inertial, xml_root
-from arm_studies.identification.regression.friction_columns import (
+from arm_studies.identification.regression.friction import (
     COULOMB,
     COULOMB_SKEW,
     EXCESS,
@@ -29,15 +29,15 @@ from arm_studies.identification.regression.friction_columns import (
     JointFit,
     Shape,
 )
+from arm_studies.identification.regression.friction import STEEPEST as IDENTIFIED
 from arm_studies.identification.regression.regressor import EACH, TINY
-from arm_studies.identification.regression.selection import STEEPEST as IDENTIFIED
 
+# Keys of a joint's friction whose values are identified; the others stay as they are.
 REPLACED = ("viscous", "coulomb", "static", "stribeck_velocity", "load", "table")
-"""Keys of a joint's friction whose values are identified; the others stay as they are."""
+# Smallest static friction relative to Coulomb friction: a joint has to be able to rest.
 HELD = 1e-3
-"""Smallest static friction relative to Coulomb friction: a joint has to be able to rest."""
+# Growth of friction with load over the allowed one where it is limited, for rounding.
 LESS = 0.999
-"""Growth of friction with load over the allowed one where it is limited, for rounding."""
 
 
 def urdf_with(model: ArmModel, theta: Array) -> str:
@@ -53,41 +53,24 @@ def urdf_with(model: ArmModel, theta: Array) -> str:
     """
     root = xml_root(model.scene.description)
     links = {link.get("name"): link for link in root.findall("link")}
-    below: dict[str | None, list[ElementTree.Element]] = {}
+    ends: dict[str | None, tuple[str | None, str | None]] = {}
     for joint in root.findall("joint"):
-        parent = joint.find("parent")
-        below.setdefault(None if parent is None else parent.get("link"), []).append(joint)
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+        parent, child = joint.find("parent"), joint.find("child")
+        assert parent is not None and child is not None  # as checked when the scene was loaded
+        ends[joint.get("name")] = parent.get("link"), child.get("link")
     moving = list(model.pin.names)[1:]
-    for i, name in enumerate(moving):
-        numbers = theta[EACH * i : EACH * (i + 1)]
+    for name, numbers in zip(moving, theta.reshape(-1, EACH), strict=True):
         if numbers[0] <= TINY:
             continue
-        link = _child(joints[name])
-        for fixed in _rigidly_behind(link, below, set(moving)):
-            for inertial in links[fixed].findall("inertial"):
-                links[fixed].remove(inertial)
+        body = [ends[name][1]]  # and what moves rigidly with it
+        for link in body:
+            body += [b for joint, (a, b) in ends.items() if a == link and joint not in moving]
+        for link in body[1:]:
+            for inertial in links[link].findall("inertial"):
+                links[link].remove(inertial)
         mass, com, central = central_inertia(numbers)
-        set_inertial(links[link], mass, com, six_of(central))
+        set_inertial(links[body[0]], mass, com, six_of(central))
     return ElementTree.tostring(root, encoding="unicode")
-
-
-def _child(joint: ElementTree.Element) -> str:
-    child = joint.find("child")
-    assert child is not None  # it was checked when the scene was loaded
-    return str(child.get("link"))
-
-
-def _rigidly_behind(
-    link: str, below: Mapping[str | None, Sequence[ElementTree.Element]], moving: set[str]
-) -> list[str]:
-    """The other links that move rigidly with a link."""
-    found = []
-    for joint in below.get(link, ()):
-        if joint.get("name") not in moving:
-            child = _child(joint)
-            found += [child, *_rigidly_behind(child, below, moving)]
-    return found
 
 
 def central_inertia(numbers: Array) -> tuple[float, Array, Array]:
@@ -128,23 +111,15 @@ def scene_with(
         if name not in model.joint_names:  # a mimic joint: its leader has all of it
             plain = {"friction": {"viscous": 0.0, "coulomb": 0.0}, "armature": 0.0}
             content["joints"][name] = {**content["joints"].get(name, {}), **plain}
-    return _accepted(validated(content))
-
-
-def _accepted(scene: Scene) -> Scene:
-    """The scene, if friction laws with states that the nominal one has agree with its friction.
-
-    Raises:
-        InvalidInput: With the joint, the law, and why it does not.
-    """
+    written = validated(content)
     try:
-        friction_laws(ArmModel(scene))
+        friction_laws(ArmModel(written))
     except SceneError as error:
         raise InvalidInput(
             f"the identified friction contradicts a law of the nominal scene: {error}; change "
             "the law, or remove it and identify it by tests of the joint"
         ) from None
-    return scene
+    return written
 
 
 def _of_drive(model: ArmModel, j: int, what: str) -> float:
@@ -177,17 +152,32 @@ def _friction(
     name: str, model: ArmModel, j: int, fit: JointFit, notes: list[str]
 ) -> dict[str, Any]:
     """A joint's identified friction by the keys of a scene, which are among ``REPLACED``."""
-    c = {kind: fit.coefficients.get(kind, 0.0) for kind in fit.kinds}
-    viscous = max(c.get(VISCOUS, 0.0) - _of_drive(model, j, "viscous"), 0.0)
-    coulomb, offset = c.get(COULOMB, 0.0), _offset(name, c, notes)
+    viscous, coulomb, offset, viscous_skew, excess = (
+        fit.coefficients.get(kind, 0.0) if kind in fit.kinds else 0.0
+        for kind in (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
+    )
+    viscous = max(viscous - _of_drive(model, j, "viscous"), 0.0)
+    if abs(offset) > coulomb:
+        notes.append(
+            f"'{name}': a constant torque of {offset:.3g} exceeds its Coulomb friction of "
+            f"{coulomb:.3g} (an offset of the sensor, or gravity?); the scene limits it to that"
+        )
+        offset = float(np.clip(offset, -coulomb, coulomb))
     highest = coulomb + abs(offset)
     found: dict[str, Any] = {
-        "viscous": _sides(viscous, float(np.clip(c.get(VISCOUS_SKEW, 0.0), -viscous, viscous))),
+        "viscous": _sides(viscous, float(np.clip(viscous_skew, -viscous, viscous))),
         "coulomb": _sides(coulomb, offset),
     }
-    static = _static(name, model, c, offset, notes)
-    if static is not None and fit.shape.stribeck_velocity is not None:
-        level, skew = static
+    law = model.scene.joint(name).friction.stateful
+    if excess < 0.0 and law is not None:
+        notes.append(
+            f"'{name}': dry friction rises with speed, from {coulomb + excess:.3g} to "
+            f"{coulomb:.3g}, which a scene cannot express together with '{law}'"
+        )
+    elif EXCESS in fit.kinds and fit.shape.stribeck_velocity is not None:
+        level = max(coulomb + excess, HELD * coulomb)
+        most = level if excess > 0.0 else (1.0 - HELD) * level
+        skew = float(np.clip(offset, -most, most))
         highest = max(highest, level + abs(skew))
         found["static"] = _sides(level, skew)
         found["stribeck_velocity"] = fit.shape.stribeck_velocity
@@ -199,37 +189,6 @@ def _friction(
             f"it; at most {IDENTIFIED} is identified, so its growth is left out"
         )
     return found
-
-
-def _offset(name: str, c: Mapping[str, float], notes: list[str]) -> float:
-    """Skew of the Coulomb friction, at most all of it."""
-    coulomb, offset = c.get(COULOMB, 0.0), c.get(COULOMB_SKEW, 0.0)
-    if abs(offset) <= coulomb:
-        return offset
-    notes.append(
-        f"'{name}': a constant torque of {offset:.3g} exceeds its Coulomb friction of "
-        f"{coulomb:.3g} (an offset of the sensor, or gravity?); the scene limits it to that"
-    )
-    return float(np.clip(offset, -coulomb, coulomb))
-
-
-def _static(
-    name: str, model: ArmModel, c: Mapping[str, float], offset: float, notes: list[str]
-) -> tuple[float, float] | None:
-    """Mean and skew of the static friction; None if a scene has none, or cannot express it."""
-    if EXCESS not in c:
-        return None
-    coulomb, excess = c.get(COULOMB, 0.0), c[EXCESS]
-    law = model.scene.joint(name).friction.stateful
-    if excess < 0.0 and law is not None:
-        notes.append(
-            f"'{name}': dry friction rises with speed, from {coulomb + excess:.3g} to "
-            f"{coulomb:.3g}, which a scene cannot express together with '{law}'"
-        )
-        return None
-    level = max(coulomb + excess, HELD * coulomb)
-    most = level if excess > 0.0 else (1.0 - HELD) * level
-    return level, float(np.clip(offset, -most, most))
 
 
 def _growth(name: str, shape: Shape, highest: float, notes: list[str]) -> dict[str, list[float]]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import count
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -13,38 +14,31 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 
+# Order of the Butterworth filter whose squared gain is applied: within 1.6e-4 of one below a third
+# of the cut-off frequency, within 1e-8 below a tenth.
 ORDER = 4
-"""Order of the Butterworth filter whose squared gain is applied: within 1.6e-4 of one below a
-third of the cut-off frequency, within 1e-8 below a tenth."""
+# Periods of the cut-off frequency after which the transient of an end has decayed to 1e-4: the
+# slowest pole decays by exp(-2π sin(π/4p)) in each.
 SETTLED = 4.0
-"""Periods of the cut-off frequency after which the transient of an end has decayed to 1e-4: the
-slowest pole decays by exp(-2π sin(π/4p)) in each."""
+# Noise bandwidth over the cut-off frequency: ∫ 1/(1 + x⁸)² dx; and for accelerations of motions
+# that are filtered twice, over its fifth power: ∫ x⁴/(1 + x⁸)⁴ dx.
 FLAT_NOISE, BENT_NOISE = 0.898, 0.087
-"""Noise bandwidth over the cut-off frequency: ∫ 1/(1 + x⁸)² dx; and for accelerations of motions
-that are filtered twice, over its fifth power: ∫ x⁴/(1 + x⁸)⁴ dx."""
-MOST_LEFT_OUT = 0.06
-"""Largest fraction of a stretch that is discarded at each end."""
-FADED = 12.0
-"""Periods of the cut-off frequency after which the transient has decayed to rounding."""
-FEWEST = 25
-"""Samples that are always discarded, so that at wide bands it has decayed to rounding."""
-ABOVE = 3.0
-"""Ratio to the noise above which the smoothed power is motion."""
+MOST_LEFT_OUT = 0.06  # Largest fraction of a stretch that is discarded at each end.
+FADED = 12.0  # Periods of the cut-off frequency after which the transient has decayed to rounding.
+FEWEST = 25  # Samples that are always discarded, so that at wide bands it has decayed to rounding.
+ABOVE = 3.0  # Ratio to the noise above which the smoothed power is motion.
+# Cut-off frequency over the highest frequency at which the motion exceeds the noise, for positions
+# as for efforts: there the gain is within 4e-3 of one.
 FLAT = 2.0
-"""Cut-off frequency over the highest frequency at which the motion exceeds the noise, for
-positions as for efforts: there the gain is within 4e-3 of one."""
-SLOWEST = 45.0
-"""Smallest number of periods of the cut-off frequency in a recording."""
-RATIO = 1.15
-"""Growth of the bins of the spectrum."""
+SLOWEST = 45.0  # Smallest number of periods of the cut-off frequency in a recording.
+RATIO = 1.15  # Growth of the bins of the spectrum.
+# The cut-off is at most ``ENOUGH`` times the frequency below which ``HELD`` of accelerations'
+# power lies.
 HELD, ENOUGH = 0.999, 10.0
-"""The cut-off is at most ``ENOUGH`` times the frequency below which ``HELD`` of accelerations'
-power lies."""
-WIDEST = 0.4
-"""Largest cut-off frequency as a fraction of the sampling frequency."""
+WIDEST = 0.4  # Largest cut-off frequency as a fraction of the sampling frequency.
+# Rows on either side that ``spread`` averages over, and its window's parameter: up to a tenth of
+# the rows' rate, its gain is within 2e-6 of one, and what folds there is below 2e-6.
 REACH, KAISER = 6, 12.0
-"""Rows on either side that ``spread`` averages over, and its window's parameter: up to a tenth of
-the rows' rate, its gain is within 2e-6 of one, and what folds there is below 2e-6."""
 
 
 @dataclass(frozen=True)
@@ -81,16 +75,16 @@ class ZeroPhase:
         band = min(self.band, 0.5 / self.dt)
         k, shape = len(x), (-1, *[1] * (x.ndim - 1))
         pad = min(k - 1, max(64, math.ceil(FADED / (band * self.dt))))
-        count = _fast_length(k + 2 * pad)
+        size = _fast_length(k + 2 * pad)
         head, tail = 2.0 * x[0] - x[pad:0:-1], 2.0 * x[-1] - x[-2 : -pad - 2 : -1]
-        rest = np.broadcast_to(tail[-1:], (count - k - 2 * pad, *x.shape[1:]))
+        rest = np.broadcast_to(tail[-1:], (size - k - 2 * pad, *x.shape[1:]))
         long = np.concatenate([head, x, tail, rest])
         # Without the line through both ends it begins and ends at zero, as if it were periodic.
-        slope = (long[-1] - long[0]) / (count - 1)
-        line = long[0] + np.arange(count).reshape(shape) * slope
-        response = _response(count, self.dt, band, self.order, derivative, before)
+        slope = (long[-1] - long[0]) / (size - 1)
+        line = long[0] + np.arange(size).reshape(shape) * slope
+        response = _response(size, self.dt, band, self.order, derivative, before)
         spectrum = np.fft.rfft(long - line, axis=0) * response.reshape(shape)
-        found = np.fft.irfft(spectrum, count, axis=0)
+        found = np.fft.irfft(spectrum, size, axis=0)
         found += (line - before / self.dt * slope, slope / self.dt, 0.0)[min(derivative, 2)]
         return np.asarray(found[pad : pad + k])
 
@@ -118,15 +112,7 @@ def _response(
 @lru_cache(maxsize=16)
 def _fast_length(least: int) -> int:
     """The smallest number of at least ``least`` whose only factors are 2, 3 and 5."""
-    found = 1 << (least - 1).bit_length()
-    five = 1
-    while five < found:
-        three = five
-        while three < found:
-            two = three << max(0, (-(-least // three) - 1).bit_length())
-            found, three = min(found, two), 3 * three
-        five *= 5
-    return found
+    return next(n for n in count(least) if 60**30 % n == 0)
 
 
 def decimated(x: Array, stride: int) -> Array:
@@ -217,33 +203,20 @@ def chosen_band(q: Array, dt: float, factor: float = 1.0) -> float:
     """
     frequency, power = spectrum(q, dt)
     floor = np.median(power[frequency > 0.35 / dt], axis=0) / np.log(2.0)
-    edges, level = _octaves(frequency), factor * ABOVE * floor
-    bands = [
-        _left(frequency[edges], np.add.reduceat(column, edges) / np.diff([*edges, len(column)]), x)
-        for column, x in zip(power.T, level, strict=True)
-    ]
+    level, edges, at = factor * ABOVE * floor, [0], 2  # of bins that widen with frequency
+    while at < len(frequency):
+        edges.append(at)
+        at = max(at + 3, int(at * RATIO))
+    widths, bands = np.diff([*edges, len(frequency)]), []
+    for column, noise in zip(power.T, level, strict=True):
+        means = np.add.reduceat(column, edges) / widths
+        # The lowest frequency from which the power of three bins is below the noise.
+        quiet, first = means <= noise, int(np.argmax(means))
+        three = [i for i in range(first, len(quiet) - 2) if quiet[i : i + 3].all()]
+        bands.append(float(frequency[edges[three[0] if three else -1]]))
     signal = np.maximum(power - level, 0.0) * (frequency <= max(bands))[:, None]
     best = min(FLAT * max(bands), ENOUGH * _holding(frequency, signal))
     return float(min(WIDEST / dt, max(best, SLOWEST / (len(q) * dt))))
-
-
-def _octaves(frequency: Array) -> NDArray[np.int_]:
-    """Starts of bins that widen with frequency and have at least three samples each."""
-    found, at = [0], 2
-    while at < len(frequency):
-        found.append(at)
-        at = max(at + 3, int(at * RATIO))
-    return np.array(found)
-
-
-def _left(starts: Array, power: Array, level: float) -> float:
-    """The lowest frequency from which the power of three bins is below the noise level."""
-    below = power <= level
-    first = int(np.argmax(power))
-    for i in range(first, len(below) - 2):
-        if below[i : i + 3].all():
-            return float(starts[i])
-    return float(starts[-1])
 
 
 def _holding(frequency: Array, power: Array) -> float:

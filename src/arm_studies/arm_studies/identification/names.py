@@ -6,12 +6,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from arm_dynamics.arrays import read_only
 from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
-from arm_studies.identification.data import JointRecord
+from arm_dynamics.model.arm import ArmModel
+from arm_studies.identification.data import JointRecord, records_of
 
 
 def mapped(
@@ -61,10 +63,10 @@ def mapped(
 
 
 def _found(record: JointRecord, joint: str) -> str | None:
-    if joint in record.joint_names:
+    names = record.joint_names
+    if joint in names:
         return joint
     bare = _without_prefix(joint)
-    names = record.joint_names
     longer = [name for name in names if name.endswith(joint) or joint.endswith(name)]
     alike = [name for name in names if bare and _without_prefix(name) == bare]
     return next((found[0] for found in (longer, alike) if len(found) == 1), None)
@@ -90,3 +92,18 @@ def unwrapped(record: JointRecord, turning: Sequence[bool]) -> JointRecord:
         return record
     note = "positions that jump by whole turns are unwrapped"
     return replace(record, q=read_only(q), notes=(*record.notes, note))
+
+
+def joint_records(
+    recordings: Any, model: ArmModel, names: Mapping[str, str] | None = None
+) -> list[JointRecord]:
+    """The joints of an arm from one or several recordings of any kind.
+
+    Raises:
+        InvalidInput: If there is none, or it is something else, or a joint is missing.
+    """
+    turning = [kind != "prismatic" for kind in model.joint_types]
+    return [
+        unwrapped(mapped(record, model.joint_names, names), turning)
+        for record in records_of(recordings)
+    ]

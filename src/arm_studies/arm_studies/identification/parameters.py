@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,81 +10,67 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_studies.identification.checks import MOVED
-from arm_studies.identification.regression.base_parameters import BaseParameters, base_parameters
-from arm_studies.identification.regression.estimation import Mask
 from arm_studies.identification.regression.fit import Fit
-from arm_studies.identification.regression.friction_columns import (
-    COULOMB,
-    EXCESS,
-    VISCOUS,
-    JointFit,
-)
-from arm_studies.identification.regression.intervals import Estimate, estimated
-from arm_studies.identification.regression.regressor import RigidRegressor
-from arm_studies.identification.regression.rows import Rows
+from arm_studies.identification.regression.friction import COULOMB, EXCESS, VISCOUS, JointFit
+from arm_studies.identification.regression.intervals import Estimates, estimated
 
+# Smallest value of a friction term beside viscous and Coulomb, over half its interval.
 SURELY = 1.5
-"""Smallest value of a friction term beside viscous and Coulomb, over half its interval."""
 NO_FRICTION = "none that opposes the motion was found"
 
 
-def parameters(
-    regressor: RigidRegressor, rows: Rows, fit: Fit, use: Mask, ranges: Array, scene: Fit
-) -> dict[str, Any]:
+def parameters(fit: Fit, ranges: Array, scene: Fit) -> dict[str, Any]:
     """Fields of an ``Identification``.
 
     Args:
-        regressor: Of the nominal scene.
-        rows: The regression's rows.
         fit: The fit of all parameters.
-        use: Rows that it uses, shape (k, n).
         ranges: How far each joint moved without sticking in [rad] or [m], shape (n,).
         scene: The fit that is written into the scene.
     """
-    names, base = regressor.model.joint_names, _base(regressor)
-    order, lead = _leading(base, fit, rows.n)
-    estimates = estimated(rows, use, fit, lead)
-    at_first = np.concatenate([regressor.model.armature, regressor.nominal])
-    values = (base.grouping @ np.stack([at_first, scene.x[order]], axis=1)).T.tolist()
-    nominal, written = (dict(zip(base.names, x, strict=True)) for x in values)
-    coefficients = {
-        f"{name}.{kind}": written_law.coefficients.get(kind, 0.0)
-        for name, own, written_law in zip(names, fit.friction, scene.friction, strict=True)
-        for kind in own.coefficients
-    }
-    shapes = {(j, name): f"{names[j]}.{name}" for j, name in estimates.shapes}
-    written |= coefficients
-    written |= {
-        key: getattr(scene.friction[j].shape, name) or 0.0 for (j, name), key in shapes.items()
-    }
-    by_name = dict(zip([*base.names, *coefficients], estimates.linear, strict=True))
-    by_name |= {key: estimates.shapes[place] for place, key in shapes.items()}
+    regressor, names = fit.rows.regressor, fit.rows.names
+    base, estimates = regressor.base, _estimated(fit)
+    written = base.of(np.concatenate([scene.armature, scene.theta]))
+    nominal = base.of(np.concatenate([regressor.model.armature, regressor.nominal]))
+    values = dict(zip(base.names, written.tolist(), strict=True))
+    linear = list(base.names)
+    for name, own, law in zip(names, fit.friction, scene.friction, strict=True):
+        linear += [f"{name}.{kind}" for kind in own.coefficients]
+        values |= {f"{name}.{kind}": law.coefficients.get(kind, 0.0) for kind in own.coefficients}
+    by_name = dict(zip(linear, estimates.linear, strict=True))
+    for (j, name), each in estimates.shapes.items():
+        by_name[f"{names[j]}.{name}"] = each
+        values[f"{names[j]}.{name}"] = getattr(scene.friction[j].shape, name) or 0.0
     known = {name: each for name, each in by_name.items() if np.isfinite(each.high)}
+    missing = _without_friction(scene, ranges)
+    for name, each in by_name.items():
+        if name not in known:
+            missing[name] = "the motion does not determine it"
+        elif not each.significant:
+            span = f"{each.value:.3g} ± {each.high - each.value:.2g}"
+            missing[name] = f"{span}: not significantly different from zero"
     return {
         "parameters": {name: each.value for name, each in known.items()},
         "intervals": {name: (each.low, each.high) for name, each in known.items()},
         "scatter": frozenset(name for name, each in known.items() if each.scatter),
-        "written": written, "nominal": nominal, "condition": estimates.condition,
-        "missing": _unidentified(names, scene.friction, ranges) | _uncertain(by_name),
+        "written": values, "nominal": dict(zip(base.names, nominal.tolist(), strict=True)),
+        "condition": estimates.condition, "missing": missing,
     }  # fmt: skip
 
 
-def _leading(base: BaseParameters, fit: Fit, n: int) -> tuple[list[int], list[int]]:
-    """Places of armatures and bodies in a fit, and of the leading ones of base parameters."""
-    order = [*range(fit.bodies, fit.bodies + n), *range(fit.bodies)]  # bodies lead, if any can
-    return order, [order[k] for k in base.independent]
+def _estimated(fit: Fit) -> Estimates:
+    """Estimates of base parameters, by their leading unknowns, and of friction."""
+    numbers, n = len(fit.theta), fit.rows.n
+    order = [*range(numbers, numbers + n), *range(numbers)]  # bodies lead, if any can
+    return estimated(fit, [order[k] for k in fit.rows.regressor.base.independent])
 
 
-def without_doubtful(
-    regressor: RigidRegressor, rows: Rows, fit: Fit, use: Mask
-) -> tuple[JointFit, ...]:
+def without_doubtful(fit: Fit) -> tuple[JointFit, ...]:
     """The friction of a fit without terms that may be zero, or of either sign, after all.
 
     Selection sees gains in prediction, which errors that are correlated over the recording can
     cause; intervals count these.
     """
-    _, lead = _leading(base := _base(regressor), fit, rows.n)
-    estimates = iter(estimated(rows, use, fit, lead).linear[len(base.independent) :])
+    estimates = iter(_estimated(fit).linear[fit.rows.regressor.base.count :])
     found = []
     for own in fit.friction:
         sure = {kind: not abs(each.value) < SURELY * (each.high - each.value) < np.inf
@@ -96,34 +81,10 @@ def without_doubtful(
     return tuple(found)
 
 
-def _base(regressor: RigidRegressor) -> BaseParameters:
-    n = regressor.model.n
-
-    def columns(q: Array, v: Array, a: Array) -> Array:
-        return np.concatenate([np.eye(n) * a[:, :, None], regressor(q, v, a)], axis=2)
-
-    armatures = [f"{name}.armature" for name in regressor.model.joint_names]
-    return base_parameters(columns, n, [*armatures, *regressor.names()])
-
-
-def _uncertain(estimates: dict[str, Estimate]) -> dict[str, str]:
-    """Why estimates are not known, or may be zero, by name."""
-    missing = dict[str, str]()
-    for name, each in estimates.items():
-        if np.isinf(each.high):
-            missing[name] = "the motion does not determine it"
-        elif not each.significant:
-            span = f"{each.value:.3g} ± {each.high - each.value:.2g}"
-            missing[name] = f"{span}: not significantly different from zero"
-    return missing
-
-
-def _unidentified(
-    names: Sequence[str], friction: Sequence[JointFit], ranges: Array
-) -> dict[str, str]:
+def _without_friction(fit: Fit, ranges: Array) -> dict[str, str]:
     """Friction that was not identified, by name, and why."""
     missing = dict[str, str]()
-    for joint, own, way in zip(names, friction, ranges, strict=True):
+    for joint, own, way in zip(fit.rows.names, fit.friction, ranges, strict=True):
         if way <= MOVED:
             missing[f"{joint}.friction"] = (
                 f"it moved only {way:.2g} rad or m where it cannot stick"

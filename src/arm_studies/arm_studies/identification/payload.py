@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,36 +16,31 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.inertia import six_of
-from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Payload
 from arm_studies.identification import checks
-from arm_studies.identification.data import records_of
 from arm_studies.identification.described import central_inertia
-from arm_studies.identification.names import mapped
-from arm_studies.identification.preparation import EvenRecord, common_band, resampled
 from arm_studies.identification.regression import bodies
-from arm_studies.identification.regression.age import age_of
 from arm_studies.identification.regression.bandwidth import noise_above
+from arm_studies.identification.regression.efforts import with_age
 from arm_studies.identification.regression.estimation import (
     Mask,
-    belief_of,
+    Prior,
+    Problem,
     deviations,
     made_possible,
     solved,
 )
 from arm_studies.identification.regression.intervals import STRICT, Estimate, unbiased
-from arm_studies.identification.regression.regressor import RigidRegressor
-from arm_studies.identification.regression.rows import Rows, steady_friction
+from arm_studies.identification.regression.rows import Rows, Sampled, steady_friction
 
+# Of a payload's mass, centre of mass and inertia about it, in order.
 NAMES = ("mass", *(f"com.{k}" for k in "xyz"))
 NAMES += tuple(f"inertia.{k}" for k in "xx xy xz yy yz zz".split())
-"""Of a payload's mass, centre of mass and inertia about it, in order."""
-GUESS = 0.1
-"""Radius in [m] of the ball of 1 kg that is the weak prior of a payload."""
+GUESS = 0.1  # Radius in [m] of the ball of 1 kg that is the weak prior of a payload.
 LOOSE = 10.0
+# Deviations of the arm's bodies, which stand in for the payload, where columns of efforts are
+# matched with joints.
 DOUBT = 0.5, 0.5
-"""Deviations of the arm's bodies, which stand in for the payload, where columns of efforts are
-matched with joints."""
 
 
 @frozen
@@ -64,6 +60,17 @@ class PayloadEstimate:
     intervals: Mapping[str, tuple[float, float]]
     scatter: frozenset[str]
     missing: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """A summary: each number with its interval, and what is not determined."""
+        lines = []
+        for name, value, unit in self.rows():
+            low, high = self.intervals.get(name, (np.nan, np.nan))
+            span = f", {low:.4g} to {high:.4g}" if name in self.intervals else ""
+            scatter = " (scatter)" if name in self.scatter else ""
+            unknown = ": the motion does not determine it" if name in self.missing else ""
+            lines.append(f"{name} {value:.4g} {unit}{span}{scatter}{unknown}")
+        return f"<PayloadEstimate on {self.payload.frame}:\n  " + "\n  ".join(lines) + ">"
 
     def rows(self) -> list[tuple[str, float, str]]:
         """Name, value and unit of each number of the payload."""
@@ -100,18 +107,37 @@ def estimate_payload(
         SceneError: If the scene cannot be used.
         InvalidInput: If the frame is unknown or fixed, or the recordings do not determine it.
     """
-    model = ArmModel(load_scene(scene))
-    checks.check_model(model)
+    model, records = checks.fitting(scene, recordings, names)
     place, carrier = _carried(model, frame)
-    records = [mapped(r, model.joint_names, names) for r in records_of(recordings)]
-    for record in records:
-        checks.check_record(record, model)
-    carried = _Carried(model, [resampled(record) for record in records], band, place, carrier)
-    for note in dict.fromkeys(carried.notes):
+    data = Sampled.of(model, records, band, held_out=0.0)
+    notes, G = data.notes, place.homogeneous
+    moved = np.column_stack([bodies.numbers_of(G @ basis @ G.T) for basis in bodies.BASIS])
+    rows, places = data.rows(), data.regressor.places(carrier)
+    near = Prior.near(data.regressor.nominal, *DOUBT)
+    notes += (late := checks.check_rows(Problem(rows, rows.use, near), notes)[1])
+    first = _fitted(rows, places, moved)
+    limit = noise_above(rows, rows.use, first.residual) if band is None else None
+    if limit is not None:
+        data = replace(data, band=limit)
+        rows = data.rows()
+
+    def fit_at(age: float) -> tuple[_Fit, float, float]:
+        """The correction of an age of the efforts, and its standard deviation."""
+        now = rows if age == 0.0 else replace(data, age=age).rows()
+        fit = _without_sticking(_fitted(now, places, moved))
+        found, doubt, _ = fit.unbiased(fit.columns, fit.torque)
+        return fit, float(found[-1]), float(doubt[-1])
+
+    if not all(motion.aged for motion in rows.motions) and len(late) in (0, model.n):
+        fit, more = with_age(fit_at, rows.band)
+        notes += more
+    else:
+        fit = _without_sticking(_fitted(rows, places, moved))
+    for note in dict.fromkeys(notes):
         told(note)
-    mass, com, inertia = central_inertia(carried.x)
+    mass, com, inertia = central_inertia(fit.x)
     values = np.array([mass, *com, *six_of(inertia)])
-    estimates = dict(zip(NAMES, carried.estimated(values), strict=True))
+    estimates = dict(zip(NAMES, _estimated(fit, values), strict=True))
     most = [mass, *[np.inf] * 3, *[0.5 * np.trace(inertia)] * 6]  # of any body, up to its sign
     known = {name: e for name, e in estimates.items() if np.isfinite(e.high)}
     missing = [
@@ -125,107 +151,89 @@ def estimate_payload(
     return PayloadEstimate(payload, intervals, scatter, tuple(missing))
 
 
-class _Carried:
+@dataclass(frozen=True)
+class _Fit:
     """The regression of what the arm alone does not explain.
 
     Attributes:
         rows: Of the arm without the payload.
+        places: Of the parameters of the body that carries the payload.
+        moved: Map from the payload's parameters in its frame to those in that body's joint.
         columns: Of the payload in its frame, shape (n, k, 10).
         torque: What it explains, shape (k, n).
         weights: Of each joint; zero where not used, shape (k, n).
         x: The payload's inertial parameters, physically consistent.
-        notes: Irregularities of the recordings.
     """
 
-    def __init__(
-        self, model: ArmModel, recordings: Sequence[EvenRecord], band: float | None,
-        place: pin.SE3, carrier: int,
-    ) -> None:  # fmt: skip
-        self._model, self._regressor, self._recordings = model, RigidRegressor(model), recordings
-        self._band = common_band(recordings) if band is None else band
-        self._moved, self._places = _moved(place), self._regressor.places(carrier)
-        self.notes = [note for each in recordings for note in each.notes]
-        self._at(0.0)
-        checks.moved(self.rows.motions)
-        checks.check_rows(self.rows, model.joint_names, self.notes)
-        nominal = self._regressor.nominal
-        near = belief_of(nominal, len(nominal), *DOUBT)
-        late = checks.check_columns(self.rows, self.rows.use, near, model.joint_names)
-        self.notes += late
-        self._regress()
-        left = self.torque - (self.columns @ self.x).T
-        narrow = noise_above(self.rows, self.rows.use, left) if band is None else None
-        if narrow is not None:
-            self._band = narrow
-            self._at(0.0)
-        self._fit()
-        if not all(motion.aged for motion in self.rows.motions) and len(late) in (0, model.n):
-            self.notes += age_of(self._corrected, self.rows.band)[1]
+    rows: Rows
+    places: slice
+    moved: Array
+    columns: Array
+    torque: Array
+    weights: Array
+    x: Array
 
-    def _at(self, age: float) -> None:
-        """Compare efforts of this age with the motion."""
-        self._age = age
-        motions = [each.filtered(self._band, age) for each in self._recordings]
-        self.rows = Rows(self._regressor, motions, held_out=0.0)
+    @property
+    def residual(self) -> Array:
+        """Torques that are left, shape (k, n)."""
+        return self.torque - (self.columns @ self.x).T
 
-    def _corrected(self, age: float) -> tuple[float, float]:
-        """The correction of an age of the efforts, and its standard deviation."""
-        if age != self._age:
-            self._at(age)
-            self._fit()
-        found, doubt, *_ = self._unbiased(self.columns, self.torque)
-        return float(found[-1]), float(doubt[-1])
-
-    def _fit(self) -> None:
-        """Clear rows of what joints may cause while they stick, and fit them again."""
-        self._regress()
-        rest, friction = np.full_like(self.rows.v, 1e-9), SteadyFriction.of(self._model)
-        levels = abs(friction(rest, np.sign(rest), 0.0 * rest, self.rows.effort)).mean(axis=0)
-        sizes = 1.0 / np.maximum(self.weights.max(axis=0), 1e-300)
-        self.rows = self.rows.cleared(STRICT * levels, sizes)
-        self._regress()
-
-    def _regress(self) -> None:
-        """Weight the joints, and fit the payload."""
-        rows, self.torque = self.rows, self.rows.effort - self._alone(self.rows)
-        self.columns = np.swapaxes(rows.rigid[:, :, self._places] @ self._moved, 0, 1)
-        left = [
-            y - c @ np.linalg.lstsq(c[used], y[used], rcond=1e-10)[0]
-            for c, y, used in zip(self.columns, self.torque.T, rows.use.T, strict=True)
-        ]
-        self.weights = rows.use / deviations(rows.effort, rows.effort - np.array(left).T, rows.use)
-        flat = (self.columns * self.weights.T[:, :, None]).reshape(-1, 10)
-        y, count = (self.weights * self.torque).T.ravel(), np.sqrt(rows.independent)
-        T, z = belief_of(_ball(), 10, LOOSE, LOOSE).combined(count * flat, count * y)
-        self.x = solved(T, z)
-        if not bodies.possible(self.x, 1e-9):
-            self.x = made_possible(T, z, _ball(), _ball(), ())
-
-    def _alone(self, rows: Rows) -> Array:
-        """Efforts without the payload, shape (k, n)."""
-        plain, nominal, rotors = rows.plain, self._regressor.nominal, self._model.armature
-        load = plain.rigid @ nominal + plain.known + plain.inertia * rotors
-        return rows.clear(np.asarray(load + steady_friction(plain, load)))
-
-    def estimated(self, values: Array) -> list[Estimate]:
-        """Estimates of mass, centre of mass and inertia near some values, without the prior."""
-        step = 1e-20  # of the complex-step derivative
-        slopes = [_numbers(values + 1j * step * unit).imag / step for unit in np.eye(len(NAMES))]
-        left = self.torque - (self.columns @ _numbers(values)).T
-        more, doubt, scatter, _ = self._unbiased(self.columns @ np.column_stack(slopes), left)
-        found = values + more[: len(NAMES)]
-        return [*map(Estimate.of, found.tolist(), doubt.tolist(), scatter.tolist())]
-
-    def _unbiased(self, columns: Array, left: Array) -> tuple[Array, Array, Mask, float]:
-        rows, theta = self.rows, self._regressor.nominal + self._regressor.payload
-        theta[self._places] += self._moved @ self.x
+    def unbiased(self, columns: Array, left: Array) -> tuple[Array, Array, Mask]:
+        """Values, deviations and scatter of the unknowns of some columns, without the prior."""
+        rows, regressor = self.rows, self.rows.regressor
+        theta, body = regressor.nominal + regressor.payload, self.moved @ self.x
+        theta[self.places] += body
         plain = rows.plain
-        predicted = self._alone(plain) + plain.rigid[:, :, self._places] @ self._moved @ self.x
-        noise = self.weights.max(axis=0) * rows.noise(theta, self._model.armature)
+        predicted = _alone(plain) + plain.rigid[:, :, self.places] @ body
+        noise = self.weights.max(axis=0) * rows.noise(theta, regressor.model.armature)
+        own, ageing = columns * self.weights.T[:, :, None], self.weights * rows.ageing(predicted)
         size = float(np.linalg.norm(self.weights * self.torque))
-        ageing = self.weights * rows.ageing(predicted)
-        own, y = columns * self.weights.T[:, :, None], self.weights * left
-        return unbiased(rows, own, y, ageing, noise, size)
+        return unbiased(rows, own, self.weights * left, ageing, noise, size)[:3]
+
+
+def _fitted(rows: Rows, places: slice, moved: Array) -> _Fit:
+    """Weight the joints, and fit the payload."""
+    torque = rows.effort - rows.clear(_alone(rows.plain))
+    columns = np.swapaxes(rows.rigid[:, :, places] @ moved, 0, 1)
+    left = [
+        y - c @ np.linalg.lstsq(c[used], y[used], rcond=1e-10)[0]
+        for c, y, used in zip(columns, torque.T, rows.use.T, strict=True)
+    ]
+    weights = rows.use / deviations(rows.effort, rows.effort - np.array(left).T, rows.use)
+    flat = (columns * weights.T[:, :, None]).reshape(-1, 10)
+    y, count = (weights * torque).T.ravel(), np.sqrt(rows.independent)
+    ball = bodies.numbers_of(np.diag([GUESS**2 / 5.0] * 3 + [1.0]))
+    T, z = Prior.near(ball, LOOSE, LOOSE).combined(count * flat, count * y)
+    x = solved(T, z)
+    if not bodies.possible(x, 1e-9):
+        x = made_possible(T, z, ball, ball, ())
+    return _Fit(rows, places, moved, columns, torque, weights, x)
+
+
+def _without_sticking(fit: _Fit) -> _Fit:
+    """Clear rows of what joints may cause while they stick, and fit them again."""
+    rows = fit.rows
+    rest, friction = np.full_like(rows.v, 1e-9), SteadyFriction.of(rows.regressor.model)
+    levels = abs(friction(rest, np.sign(rest), 0.0 * rest, rows.effort)).mean(axis=0)
+    sizes = 1.0 / np.maximum(fit.weights.max(axis=0), 1e-300)
+    return _fitted(rows.cleared(STRICT * levels, sizes), fit.places, fit.moved)
+
+
+def _alone(rows: Rows) -> Array:
+    """Efforts without the payload in rows where joints stick, too, shape (k, n)."""
+    regressor = rows.regressor
+    load = rows.rigid @ regressor.nominal + rows.known + rows.inertia * regressor.model.armature
+    return np.asarray(load + steady_friction(rows, load))
+
+
+def _estimated(fit: _Fit, values: Array) -> list[Estimate]:
+    """Estimates of mass, centre of mass and inertia near some values, without the prior."""
+    step = 1e-20  # of the complex-step derivative
+    slopes = [_numbers(values + 1j * step * unit).imag / step for unit in np.eye(len(NAMES))]
+    left = fit.torque - (fit.columns @ _numbers(values)).T
+    more, doubt, scatter = fit.unbiased(fit.columns @ np.column_stack(slopes), left)
+    found = values + more[: len(NAMES)]
+    return [*map(Estimate.of, found.tolist(), doubt.tolist(), scatter.tolist())]
 
 
 def _numbers(values: Any) -> Any:
@@ -247,13 +255,3 @@ def _carried(model: ArmModel, frame: str) -> tuple[pin.SE3, int]:
     if found.parentJoint == 0:
         raise InvalidInput(f"frame '{frame}' is fixed to the base; a moving frame is expected")
     return found.placement, found.parentJoint - 1
-
-
-def _moved(place: pin.SE3) -> Array:
-    """Map from inertial parameters in a frame to those in its body's joint, shape (10, 10)."""
-    G = place.homogeneous
-    return np.column_stack([bodies.numbers_of(G @ basis @ G.T) for basis in bodies.BASIS])
-
-
-def _ball() -> Array:
-    return bodies.numbers_of(np.diag([GUESS**2 / 5.0] * 3 + [1.0]))

@@ -23,34 +23,28 @@ from arm_studies.identification.filtering import (
     white_noise,
 )
 
+# Steps without a sample that split a recording; over shorter holes the filter gets interpolated
+# values, and only the samples that are missing are left out.
 GAP = 4.5
-"""Steps without a sample that split a recording; over shorter holes the filter gets interpolated
-values, and only the samples that are missing are left out."""
-NEAR = 0.5
-"""Steps from a sample up to which an effort is known."""
-SHORTEST = 100
-"""Smallest number of samples of a stretch."""
-PER_BAND = 10.0
-"""Rows per period of the band that ``thinned`` keeps."""
-MOST_ROWS = 6_000
-"""Rows beyond which the band is narrowed, so that long recordings take seconds."""
+NEAR = 0.5  # Steps from a sample up to which an effort is known.
+SHORTEST = 100  # Smallest number of samples of a stretch.
+PER_BAND = 10.0  # Rows per period of the band that ``thinned`` keeps.
+MOST_ROWS = 6_000  # Rows beyond which the band is narrowed, so that long recordings take seconds.
+# Fraction of a step by which samples may be off an even grid without being interpolated.
 UNEVEN = 1e-3
-"""Fraction of a step by which samples may be off an even grid without being interpolated."""
-SATURATED = 8
-"""Number of consecutive samples at the same extreme effort that indicate saturation."""
+SATURATED = 8  # Number of consecutive samples at the same extreme effort that indicate saturation.
+# Departure of a position from uniform motion in [rad] or [m] from which an effort that does not
+# change is frozen: in uniform motion it may be constant.
 BENT = 1e-3
-"""Departure of a position from uniform motion in [rad] or [m] from which an effort that does not
-change is frozen: in uniform motion it may be constant."""
+# Change after which an effort was frozen, over its typical change, if that is less than ``COARSE``
+# times its small ones: those of a coarse sensor are all alike, and its long runs end with one of
+# them.
 JUMP, COARSE = 3.0, 3.0
-"""Change after which an effort was frozen, over its typical change, if that is less than
-``COARSE`` times its small ones: those of a coarse sensor are all alike, and its long runs end with
-one of them."""
+# Ratios of power from which high frequencies of positions and efforts are motion and no noise, see
+# ``white_noise``. Without noise they are above 18 and 130; a controller that differentiates steps
+# of encoders makes the second up to 14.
 SLOPED = 5.0, 40.0
-"""Ratios of power from which high frequencies of positions and efforts are motion and no noise,
-see ``white_noise``. Without noise they are above 18 and 130; a controller that differentiates
-steps of encoders makes the second up to 14."""
-SPANS = 3
-"""Stretches that a note lists."""
+SPANS = 3  # Stretches that a note lists.
 WORDS = {"q": "position", "v": "velocity", "a": "acceleration", "effort": "effort"}
 
 
@@ -90,11 +84,7 @@ class EvenRecord:
         Raises:
             InvalidInput: If the band is not positive, or too wide for the sampling rate.
         """
-        band = self._allowed(self.band if band is None else band)
-        low_pass = ZeroPhase(np.inf if self.exact else band, self.dt)
-        return joined([_motion(stretch, low_pass, age) for stretch in self.stretches], self.notes)
-
-    def _allowed(self, band: float) -> float:
+        band = self.band if band is None else band
         name, widest = self.stretches[0].name, WIDEST / self.dt
         if not band > 0.0:
             raise InvalidInput(f"{name}: band is {band} Hz; a positive number is expected")
@@ -103,7 +93,8 @@ class EvenRecord:
                 f"{name}: band is {band:g} Hz; at {1.0 / self.dt:.5g} samples per second; "
                 f"allowed: up to {widest:.4g} Hz"
             )
-        return band
+        low_pass = ZeroPhase(np.inf if self.exact else band, self.dt)
+        return joined([_motion(stretch, low_pass, age) for stretch in self.stretches], self.notes)
 
 
 def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
@@ -135,22 +126,40 @@ def resampled(record: JointRecord) -> EvenRecord:
     Raises:
         InvalidInput: If positions are missing, or no stretch is long enough.
     """
-    needed, start = _needed(record), record.time[0]
+    # All of the motion in computed recordings, else positions.
+    computed = (np.isfinite(record.v) & np.isfinite(record.a)).all(axis=1)
+    needed = ("q", "v", "a") if computed.mean() > 0.5 else ("q",)
     whole = np.hstack([np.isfinite(getattr(record, key)) for key in needed]).all(axis=1)
     if not whole.any():
         raise InvalidInput(f"{record.name}: no row has a position of every joint")
-    holes = [note for key in (*needed, "effort") for note in _missing(record, key)]
+    holes, start = list[str](), record.time[0]
+    for key in (*needed, "effort"):
+        left_out = "its efforts there" if key == "effort" else "these rows"
+        for name, lost in zip(
+            record.joint_names, ~np.isfinite(getattr(record, key)).T, strict=True
+        ):
+            if lost.any() and not lost.all():
+                where = _places(lost, record.time - start)
+                holes.append(f"'{name}': no {WORDS[key]} in {where}; {left_out} are not used")
     record, stuck = _without_frozen(without_repeats(record.rows(whole)), start)
-    notes = [*record.notes, *holes, *stuck]
     step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else np.inf
     pieces, told = _pieces(record, step, start)
-    notes += told
+    notes = [*record.notes, *holes, *stuck, *told]
     pieces = [repaired(piece) for piece in pieces]
     notes += [note for piece in pieces for note in piece.notes if note not in notes]
-    step = _exact_step(pieces, step)
+    longest = max(pieces, key=lambda piece: len(piece.time))
+    steps = float(np.rint(np.diff(longest.time) / step).sum())  # also over rows that are missing
+    mean = float(longest.time[-1] - longest.time[0]) / max(steps, 1.0)
+    # The mean where times are even, so that no drift adds up; else the median.
+    step = mean if abs(mean - step) < 0.02 * step else step
     stretches = tuple(_even(piece, step) for piece in pieces)
     for stretch in stretches:
-        notes += _saturation(stretch)
+        shares = saturated(stretch.effort).mean(axis=0).tolist()
+        notes += [
+            f"'{name}': effort saturated in {share:.1%} of the samples"
+            for name, share in zip(stretch.joint_names, shares, strict=True)
+            if share > 0.0
+        ]
     return EvenRecord(stretches, step, tuple(notes))
 
 
@@ -161,24 +170,6 @@ def common_band(recordings: Sequence[EvenRecord]) -> float:
         return common
     spans = sum(len(part.time) * each.dt for each in recordings for part in each.stretches)
     return float(min(common, MOST_ROWS / (PER_BAND * spans)))
-
-
-def _needed(record: JointRecord) -> tuple[str, ...]:
-    """What every row must have: all of the motion in computed recordings, else positions."""
-    computed = (np.isfinite(record.v) & np.isfinite(record.a)).all(axis=1)
-    return ("q", "v", "a") if computed.mean() > 0.5 else ("q",)
-
-
-def _missing(record: JointRecord, key: str) -> list[str]:
-    """Notes of joints without a position, velocity, acceleration or effort in some rows."""
-    left_out = "its efforts there" if key == "effort" else "these rows"
-    lost = ~np.isfinite(getattr(record, key))
-    return [
-        f"'{name}': no {WORDS[key]} in {_places(column, record.time - record.time[0])}; "
-        f"{left_out} are not used"
-        for name, column in zip(record.joint_names, lost.T, strict=True)
-        if column.any() and not column.all()
-    ]
 
 
 def _places(where: NDArray[np.bool_], time: Array) -> str:
@@ -225,15 +216,6 @@ def _frozen(q: Array, effort: Array) -> NDArray[np.bool_]:
         if length >= SATURATED * usual and bent and not change[last] <= least:
             found[start + 1 : last + 1] = True
     return found
-
-
-def _saturation(stretch: JointRecord) -> list[str]:
-    shares = saturated(stretch.effort).mean(axis=0)
-    return [
-        f"'{name}': effort saturated in {share:.1%} of the samples"
-        for name, share in zip(stretch.joint_names, shares.tolist(), strict=True)
-        if share > 0.0
-    ]
 
 
 def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
@@ -300,14 +282,6 @@ def _pieces(record: JointRecord, step: float, start: float) -> tuple[list[JointR
     return [record.rows(s) for s in long], notes
 
 
-def _exact_step(pieces: Sequence[JointRecord], step: float) -> float:
-    """The mean step where times are even, so that no drift adds up; else the median."""
-    longest = max(pieces, key=lambda piece: len(piece.time))
-    steps = float(np.rint(np.diff(longest.time) / step).sum())  # also over rows that are missing
-    mean = float(longest.time[-1] - longest.time[0]) / max(steps, 1.0)
-    return mean if abs(mean - step) < 0.02 * step else step
-
-
 def _even(piece: JointRecord, step: float) -> JointRecord:
     """A stretch at even times."""
     count = round(float(piece.time[-1] - piece.time[0]) / step)
@@ -318,13 +292,16 @@ def _even(piece: JointRecord, step: float) -> JointRecord:
     after = np.clip(np.searchsorted(piece.time, time), 1, len(piece.time) - 1)
     far = np.minimum(time - piece.time[after - 1], piece.time[after] - time) > NEAR * step
     slopes = np.gradient(piece.q, piece.time, axis=0)
-    parts = {"q": cubic(time, piece.time, piece.q, slopes)}
-    for key in ("effort", "v", "a"):
-        columns = [np.interp(time, piece.time, column) for column in getattr(piece, key).T]
-        parts[key] = np.column_stack(columns)
-    parts["effort"][far] = np.nan
-    arrays: dict[str, Any] = {key: read_only(array) for key, array in parts.items()}
-    return replace(piece, time=read_only(time), **arrays)
+
+    def linear(values: Array) -> Array:
+        return np.column_stack([np.interp(time, piece.time, column) for column in values.T])
+
+    effort, q = linear(piece.effort), cubic(time, piece.time, piece.q, slopes)
+    effort[far] = np.nan
+    return replace(
+        piece, time=read_only(time), q=read_only(q), effort=read_only(effort),
+        v=read_only(linear(piece.v)), a=read_only(linear(piece.a)),
+    )  # fmt: skip
 
 
 def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:
@@ -342,10 +319,19 @@ def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:
 
 def _motion(grid: JointRecord, low_pass: ZeroPhase, age: float) -> MeasuredMotion:
     """Filter one even stretch, whose efforts are of this age if it does not state another."""
-    known = np.isfinite(grid.effort) & ~saturated(grid.effort)
-    effort = _filled(grid.effort, np.isfinite(grid.effort))
-    margin = low_pass.margin(len(grid.time))
-    valid = known & _eroded(_bridged(known), margin)
+    measured = np.isfinite(grid.effort)
+    known = measured & ~saturated(grid.effort)
+    margin, rows, effort = low_pass.margin(len(grid.time)), np.arange(len(grid.time)), []
+    near = known.copy()  # known, or in a hole so short that it is interpolated
+    for j, there in enumerate(measured.T):
+        values = grid.effort[there, j]
+        effort.append(np.interp(rows, rows[there], values) if there.any() else 0.0 * rows)
+        for start, end in runs(~known[:, j]):
+            near[start:end, j] = end - start < GAP - 1.0
+    # Valid together with all rows within the margin.
+    bad = np.cumsum(np.vstack([np.zeros_like(near[:1]), ~near]), axis=0, dtype=np.int64)
+    upper, lower = np.minimum(rows + margin + 1, len(rows)), np.maximum(rows - margin, 0)
+    valid = known & np.asarray(bad[upper] == bad[lower])
     valid[:margin] = valid[-margin:] = False
     filters = bool(np.isfinite(low_pass.band))
     if filters:
@@ -353,10 +339,11 @@ def _motion(grid: JointRecord, low_pass: ZeroPhase, age: float) -> MeasuredMotio
         q, v, a = (low_pass(grid.q, derivative, before) for derivative in range(3))
     else:
         q, v, a = grid.q, grid.v, grid.a
-    pairs = zip((grid.q, effort), SLOPED, strict=True)
+    efforts = read_only(np.column_stack(effort))
+    pairs = zip((grid.q, efforts), SLOPED, strict=True)
     noise = [white_noise(values, low_pass.dt, sloped) for values, sloped in pairs]
     return MeasuredMotion(
-        grid.joint_names, grid.time, read_only(q), read_only(v), read_only(a), read_only(effort),
+        grid.joint_names, grid.time, read_only(q), read_only(v), read_only(a), efforts,
         valid, low_pass.dt, (slice(0, len(grid.time)),), low_pass.band, low_pass, grid.name,
         grid.notes, not filters or grid.effort_age is not None, read_only(noise),
     )  # fmt: skip
@@ -372,29 +359,3 @@ def saturated(effort: Array) -> NDArray[np.bool_]:
         if np.nanmin(column, initial=np.inf) >= np.nanmax(column, initial=-np.inf):
             found[:, i] = False  # a constant effort is refused in ``checks``
     return found
-
-
-def _bridged(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Samples that are known or in a hole so short that it is interpolated, shape (k, n)."""
-    found = known.copy()
-    for j, column in enumerate(known.T):
-        for start, end in runs(~column):
-            found[start:end, j] = end - start < GAP - 1.0
-    return found
-
-
-def _filled(values: Array, there: NDArray[np.bool_]) -> Array:
-    """Values with holes interpolated linearly; zeros if a column has no value."""
-    found, rows = np.array(values), np.arange(len(values))
-    for i, known in enumerate(there.T):
-        column = values[known, i]
-        found[:, i] = np.interp(rows, rows[known], column) if known.any() else 0.0
-    return found
-
-
-def _eroded(valid: NDArray[np.bool_], margin: int) -> NDArray[np.bool_]:
-    """The rows that are valid together with all rows within ``margin``."""
-    bad = np.cumsum(np.vstack([np.zeros_like(valid[:1]), ~valid]), axis=0, dtype=np.int64)
-    rows = np.arange(len(valid))
-    upper, lower = np.minimum(rows + margin + 1, len(valid)), np.maximum(rows - margin, 0)
-    return np.asarray(bad[upper] == bad[lower])

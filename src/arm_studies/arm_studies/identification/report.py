@@ -22,6 +22,16 @@ _KINDS = {
     "excess": "static beyond Coulomb", "stribeck_velocity": "Stribeck velocity",
     "load": "fraction of the dry friction that grows with the load",
 }  # fmt: skip
+_IDENTIFIED = [
+    "## Identified parameters", "",
+    "In SI units, with 95 % confidence intervals. Values are those of the torques alone; in the "
+    "scene, bodies are physically consistent, and near the nominal ones where the torques "
+    "determine little.", "",
+]  # fmt: skip
+_SCATTER = [
+    "Where an interval is called scatter, errors of the model cause most of its width: it says "
+    "how much the value scatters along the recording, and need not contain the truth.", "",
+]  # fmt: skip
 
 
 def write(found: Identification, out: Path, sources: Sequence[str]) -> list[Path]:
@@ -63,15 +73,6 @@ def write_scene(scene: Scene, out: Path, head: str = "") -> list[Path]:
 
 def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequence[Path]) -> str:
     """The report, as Markdown."""
-    lines = [*_summary(found, out, sources), *_joints(found)]
-    lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
-    lines += [*_identified(found), *_not_identified(found), *_bodies(found)]
-    if found.notes:
-        lines += ["## Notes", "", *[f"- {note}" for note in found.notes], ""]
-    return "\n".join(lines)
-
-
-def _summary(found: Identification, out: Path, sources: Sequence[str]) -> list[str]:
     lines = [f"# {out.stem}: identified from {', '.join(sources)}", ""]
     lines += [
         f"Torque error on held-out data: **{share(found.error[0], 2)}**, of the nominal scene "
@@ -81,64 +82,39 @@ def _summary(found: Identification, out: Path, sources: Sequence[str]) -> list[s
     ]  # fmt: skip
     if found.effort_band is not None:
         lines += [f"Predictions are low-pass filtered at {found.effort_band:.3g} Hz.", ""]
-    return lines
-
-
-def _joints(found: Identification) -> list[str]:
     columns = ["joint", "nominal error", "error", "residual rms [N m, N]", "friction"]
-    lines = [*_table(columns, joint_rows(found, 2)), ""]
+    lines += _table(columns, joint_rows(found, 2))
     if not np.allclose(found.scales, 1.0):
         pairs = zip(found.joint_names, found.scales, strict=True)
         lines += ["Torque per unit of effort: " + ", ".join(f"{n} {s:.4g}" for n, s in pairs), ""]
-    return lines
-
-
-def _identified(found: Identification) -> list[str]:
-    head = [
-        "## Identified parameters", "",
-        "In SI units, with 95 % confidence intervals. Values are those of the torques alone; in "
-        "the scene, bodies are physically consistent, and near the nominal ones where the torques "
-        "determine little.", "",
-    ]  # fmt: skip
-    if found.scatter:
-        head += [
-            "Where an interval is called scatter, errors of the model cause most of its width: it "
-            "says how much the value scatters along the recording, and need not contain the "
-            "truth.", "",
-        ]  # fmt: skip
-    rows = [
-        [_spoken(name), f"{value:.5g}", _interval(found, name),
-         f"{found.written[name]:.5g}",
-         f"{found.nominal[name]:.5g}" if name in found.nominal else ""]
-        for name, value in found.parameters.items() if name not in found.missing
-    ]  # fmt: skip
-    columns = ["parameter", "value", "interval", "scene", "nominal"]
-    return [*head, *_table(columns, rows), ""]
-
-
-def _interval(found: Identification, name: str) -> str:
-    low, high = found.intervals[name]
-    return f"{low:.4g} to {high:.4g}{' (scatter)' if name in found.scatter else ''}"
-
-
-def _not_identified(found: Identification) -> list[str]:
+    lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
+    lines += [*_IDENTIFIED, *(_SCATTER if found.scatter else [])]
+    rows = []
+    for name, value in found.parameters.items():
+        if name not in found.missing:
+            low, high = found.intervals[name]
+            interval = f"{low:.4g} to {high:.4g}{' (scatter)' if name in found.scatter else ''}"
+            nominal = f"{found.nominal[name]:.5g}" if name in found.nominal else ""
+            written = f"{found.written[name]:.5g}"
+            rows.append([_spoken(name), f"{value:.5g}", interval, written, nominal])
+    lines += _table(["parameter", "value", "interval", "scene", "nominal"], rows)
     rows = [[_spoken(name), why] for name, why in found.missing.items()]
-    return ["## Not identified", "", *_table(["parameter", "reason"], rows), ""]
-
-
-def _bodies(found: Identification) -> list[str]:
+    lines += ["## Not identified", "", *_table(["parameter", "reason"], rows)]
     where = "Near the nominal values where the motion does not determine them."
     rows = [
         [name, f"{body[0]:.4g}", ", ".join(f"{x:.4g}" for x in body[1:4] / max(body[0], 1e-12))]
         for name, body in zip(found.body_names, found.bodies, strict=True)
     ]
-    columns = ["moved by", "mass [kg]", "centre of mass [m]"]
-    return ["## Bodies", "", where, "", *_table(columns, rows), ""]
+    lines += ["## Bodies", "", where, ""]
+    lines += _table(["moved by", "mass [kg]", "centre of mass [m]"], rows)
+    if found.notes:
+        lines += ["## Notes", "", *[f"- {note}" for note in found.notes], ""]
+    return "\n".join(lines)
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     lines = [columns, ["---"] * len(columns), *rows]
-    return ["| " + " | ".join(line) + " |" for line in lines]
+    return [*("| " + " | ".join(line) + " |" for line in lines), ""]
 
 
 def _spoken(name: str) -> str:

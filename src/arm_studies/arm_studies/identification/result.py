@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
+from arm_dynamics.exceptions import known_names
 from arm_dynamics.scene.schema import Scene
-from arm_studies.identification.regression.friction_columns import JointFit
+from arm_studies.identification.regression.friction import JointFit
 
 
 @frozen
@@ -95,3 +96,17 @@ class Identification:
     condition: float
     notes: tuple[str, ...]
     torques: Torques
+
+    def __repr__(self) -> str:
+        """A summary: errors, how much is known, and the notes."""
+        error, nominal = ("unknown" if np.isnan(x) else f"{x:.2%}" for x in self.error)
+        known = len(self.parameters.keys() - self.missing.keys())
+        names = known_names(self.joint_names, 8)
+        lines = [
+            f"<Identification of {len(self.joint_names)} joints: {names}",
+            f"torque error on held-out data: {error}, of the nominal scene {nominal}",
+            f"{known} parameters identified, {len(self.missing)} not; low-pass filter "
+            f"{self.band:.3g} Hz; condition number {self.condition:.3g}",
+            *(f"note: {note}" for note in self.notes),
+        ]
+        return "\n  ".join(lines) + ">"

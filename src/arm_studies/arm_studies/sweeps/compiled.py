@@ -14,11 +14,11 @@ from arm_dynamics.control.compiled_law import command_function
 from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.control.law import Law
 
+# Controllers without memory that are compiled into the simulation.
 COMPILED = ("computed_torque", "pd", "pd_gravity", "feed_forward", "float")
-"""Controllers without memory that are compiled into the simulation."""
 
+# Settings that compiled controllers support; with others a run uses the Python controller.
 GAINS = ("dt", "bandwidth", "damping_ratio")
-"""Settings that compiled controllers support; with others a run uses the Python controller."""
 
 
 def is_compiled(name: str, settings: Settings) -> bool:

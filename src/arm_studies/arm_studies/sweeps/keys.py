@@ -22,10 +22,10 @@ _TUNABLE = {
     "gravity": re.compile(r"gravity\.\d"),
 }
 OF_STUDY = ("scene", "controller", "motion")
+# Keys that require no new equations, except ``commands.gravity_compensated``.
 OF_RUN = (
     "motion", "controller.settings", "initial.position", "initial.velocity", "sensors", "commands",
 )  # fmt: skip
-"""Keys that require no new equations, except ``commands.gravity_compensated``."""
 _IN_EQUATIONS = ("commands.gravity_compensated",)
 
 

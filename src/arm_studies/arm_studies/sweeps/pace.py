@@ -47,12 +47,9 @@ class Pace:
         if self._results < _FEW or self._began is None or not self._busy or now <= self._began:
             return None
         side_by_side = self._busy / (now - self._began)
-        return self._work_left() / side_by_side
-
-    def _work_left(self) -> float:
-        """Time of a single worker that the remaining runs will take in [s]."""
         usual = sum(self._spent_seconds.values()) / max(1, sum(self._done.values()))
-        return sum(
+        work_left = sum(  # of a single worker
             count * (self._spent_seconds[kind] / done if (done := self._done[kind]) else usual)
             for kind, count in self._left.items()
         )
+        return work_left / side_by_side

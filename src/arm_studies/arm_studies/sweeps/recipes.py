@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -160,18 +161,15 @@ def _spelled(key: str, value: Any) -> str:
     return "controller.name" if key == "controller" and isinstance(value, str) else key
 
 
-class _about:
-    """Adds the key of the study to error messages."""
-
-    def __init__(self, key: str) -> None:
-        self._key = key
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, SceneError) and not str(error).startswith("study: "):
-            raise SceneError(f"study: '{self._key}': {error}") from None
+@contextmanager
+def _about(key: str) -> Iterator[None]:
+    """Add a key of the study to error messages."""
+    try:
+        yield
+    except SceneError as error:
+        if str(error).startswith("study: "):
+            raise
+        raise SceneError(f"study: '{key}': {error}") from None
 
 
 def _content(scene: Scene) -> dict[str, Any]:

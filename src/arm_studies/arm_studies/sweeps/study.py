@@ -24,8 +24,8 @@ from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
 from arm_studies.sweeps.metrics import METRICS, check_metric
 
+# Source of a study; see ``load_study``.
 type StudySource = str | os.PathLike[str] | Mapping[str, Any] | Study
-"""Source of a study; see ``load_study``."""
 
 _WHAT = "study"
 _PLAIN = (str, int, float, list)  # types of values in a list, besides true and false

@@ -14,6 +14,8 @@ from itertools import batched
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import arm_sim
 from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput
@@ -27,8 +29,8 @@ from arm_studies.sweeps.study import Study, StudySource, load_study
 from arm_studies.sweeps.table import Table, table_of
 from arm_studies.sweeps.world import COMPILED, PYTHON, Row, runs_compiled, world_of
 
+# Runs per task, such that the cost of passing it to a worker is negligible.
 _RUNS = {COMPILED: 32, PYTHON: 2}
-"""Runs per task, such that the cost of passing it to a worker is negligible."""
 _LEAST_TASKS = 4  # tasks per worker, such that none is idle at the end
 
 
@@ -86,6 +88,19 @@ class Sweep:
     made: int
     seconds: float
     dropped: bool = False
+
+    def __repr__(self) -> str:
+        """A summary: runs, how they ended, and the median of each metric."""
+        plan, table = self.plan, self.table
+        lines = [
+            f"<Sweep: {plan.runs} runs of {self.study.duration:g} s, {np.sum(table.done)} done, "
+            f"{plan.compiled} in compiled code, sets of equations: {plan.worlds}",
+            *([f"varied: {', '.join(table.varied)}"] if table.varied else []),
+        ]
+        for name in table.metrics if table.done.any() else ():
+            least, median, most = np.percentile(table[name][table.done], (0, 50, 100))
+            lines.append(f"{name}: median {median:.4g}, from {least:.4g} to {most:.4g}")
+        return "\n  ".join(lines) + ">"
 
 
 def sweep(

@@ -35,6 +35,10 @@ class Table:
     varied: tuple[str, ...]
     metrics: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        """A summary: its size and its columns."""
+        return f"<Table: {len(self)} runs; columns: {', '.join(self.columns)}>"
+
     def __len__(self) -> int:
         """Number of runs."""
         return len(self.columns["run"])

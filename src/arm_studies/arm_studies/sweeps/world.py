@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from itertools import batched
@@ -38,8 +39,8 @@ from arm_studies.sweeps.keys import below, tunable, with_values
 from arm_studies.sweeps.metrics import MeasuredRun, measured
 from arm_studies.sweeps.study import ControllerChoice, MotionChoice, part_of_run
 
+# How runs are simulated: entirely in compiled code, or with the controller in Python.
 COMPILED, PYTHON = "compiled", "Python"
-"""How runs are simulated: entirely in compiled code, or with the controller in Python."""
 DONE, DIVERGED, FAILED = "done", "diverged", "failed"
 IMPERFECT = ("sensors", "commands")
 OF_LOOP = ("initial", "motion", "controller")
@@ -133,6 +134,7 @@ class World:
         self._nominal = simulator.arm.parameters
         self._slots = {key: list(places) for key, places in recipe.slots}
         self._remembered: dict[bytes, tuple[Array, Array]] = {}
+        self._gains: dict[str, Array] = {}
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -145,93 +147,100 @@ class World:
         if self._recipe.lanes:
             self._rollouts.prepare()
 
-    def rows(self, jobs: Sequence[Job]) -> list[Row]:
-        """Simulate runs, side by side in vector registers if possible, with identical results."""
-        if not self._recipe.lanes:
-            return [self.row(job) for job in jobs]
-        together = self._side_by_side(jobs)
-        return [together.get(job.index) or self.row(job) for job in jobs]
-
-    def row(self, job: Job) -> Row:
-        """Simulate a run; a failure gives a row as well."""
-        nothing = (np.nan,) * len(self._recipe.metrics)
-        try:
-            return self._made(job)
-        except SimulationDiverged as error:
-            return Row(job.index, DIVERGED, plain(error, 300), nothing)
-        except ArmError as error:
-            return Row(job.index, FAILED, plain(error, 300), nothing)
-
     def check(self, job: Job) -> None:
         """Check the inputs of a run before it is simulated.
 
         Raises:
             ArmError: If they are not allowed.
         """
-        self._tuned(job)
-        _, rows = self._course(job)
-        if runs_compiled(self._recipe, job):
-            self._inputs(job, rows)
+        run = self._checked(job)
+        if run.compiled:
+            self._inputs(run)
         else:
-            self._control(job)
+            self._control(run)
+
+    def rows(self, jobs: Sequence[Job]) -> list[Row]:
+        """Simulate runs; a failure gives a row as well.
+
+        Those with one start, one motion and one compiled controller are simulated side by side in
+        vector registers if possible, with identical results.
+        """
+        found, alike = dict[int, Row](), dict[str, list[_Run]]()
+        for job in jobs:
+            with self._failing(job, found):
+                run = self._checked(job)
+                given = {k: v for k, v in job.values.items() if below(k, OF_LOOP)}
+                together = run.compiled and self._recipe.lanes
+                alike.setdefault(json.dumps(given) if together else f"{job.index}", []).append(run)
+        size = (self._ticks + 1) * (self._simulator.arm.plant.nx + len(self.joint_names))
+        for group in alike.values():
+            for part in batched(group, max(1, _ROOM // size)):
+                if len(part) >= _FEW:
+                    found |= self._side_by_side(part)
+                for run in part:
+                    if run.job.index not in found:
+                        with self._failing(run.job, found):
+                            found[run.job.index] = self._alone(run)
+        return [found[job.index] for job in jobs]
+
+    @contextmanager
+    def _failing(self, job: Job, found: dict[int, Row]) -> Iterator[None]:
+        """Add a row for an error."""
+        try:
+            yield
+        except ArmError as error:
+            status = DIVERGED if isinstance(error, SimulationDiverged) else FAILED
+            nothing = (np.nan,) * len(self._recipe.metrics)
+            found[job.index] = Row(job.index, status, plain(error, 300), nothing)
 
     # --- inputs of a job -----------------------------------------------------------------------
 
-    def _controller(self, job: Job) -> tuple[ControllerChoice, Settings]:
-        choice, settings = chosen(self._recipe, job)
-        if "dt" in choice.settings or settings.dt == self._simulator.dt:
-            return choice, settings
-        return choice, replace(settings, dt=self._simulator.dt)
-
-    def _tuned(self, job: Job) -> Array:
-        """The vector p of a run, checked."""
+    def _checked(self, job: Job) -> _Run:
+        """The inputs of a run, checked."""
         parameters = self._simulator.arm.plant.parameters
         named = {name: parameters.of(name, self._nominal).copy() for name in parameters.names}
         for key, places in self._slots.items():
             quantity = tunable(key)
             assert quantity is not None
             named[quantity][places] = job.values[key]
-        return parameters.merged(named, self._nominal)
-
-    def _start(self, job: Job) -> tuple[Array, Array]:
-        """Positions and velocities at the start, shape (n,) each."""
-        model, names = self._simulator.model, self.joint_names
-        q, v = model.q0.copy(), model.v0.copy()
-        for key, value in job.values.items():
-            if below(key, ("initial",)):
-                _, what, joint = key.split(".", 2)
-                if joint not in names:
-                    raise InvalidInput(f"'{key}': allowed joints: {choices(joint, names)}")
-                {"position": q, "velocity": v}[what][names.index(joint)] = value
-        return q, v
-
-    def _settled(self, job: Job) -> Array:
-        """The state at the start of a run, shape (nx,)."""
-        given = {key: value for key, value in job.values.items() if below(key, ("initial",))}
-        q, v = self._start(job) if given else (None, None)
-        self._simulator.reset(q, v)
-        return self._simulator.arm.x.copy()
+        p = parameters.merged(named, self._nominal)
+        choice, settings = chosen(self._recipe, job)
+        if "dt" not in choice.settings and settings.dt != self._simulator.dt:
+            settings = replace(settings, dt=self._simulator.dt)
+        compiled = runs_compiled(self._recipe, job)
+        return _Run(job, p, *self._course(job), choice, settings, compiled)
 
     def _course(self, job: Job) -> tuple[Array, Array]:
         """Start and references of a run at all its ticks: shapes (nx,) and (ticks + 1, 3n)."""
         given = {k: v for k, v in job.values.items() if below(k, ("initial", "motion"))}
         key = json.dumps(given).encode()
         if key not in self._remembered:
-            x0 = self._settled(job)
+            x0 = self._start({k: v for k, v in given.items() if below(k, ("initial",))})
             own = {k: v for k, v in given.items() if below(k, ("motion",))}
-            motion = json.loads(self._recipe.motion)
-            varied = with_values({"motion": motion}, own)["motion"]
-            choice = part_of_run(MotionChoice, "motion", varied)
-            motion = self._motion(choice, x0[: len(self.joint_names)])
-            times = np.arange(self._ticks + 1) * self._simulator.dt
-            if motion.torques is not None:
+            motion = with_values({"motion": json.loads(self._recipe.motion)}, own)["motion"]
+            choice = part_of_run(MotionChoice, "motion", motion)
+            course = self._motion(choice, x0[: len(self.joint_names)])
+            if course.torques is not None:
                 raise InvalidInput("'motion.file' has efforts; allowed: motions without effort")
-            samples = (motion.sample(float(t)) for t in times)
+            times = np.arange(self._ticks + 1) * self._simulator.dt
+            samples = (course.sample(float(t)) for t in times)
             rows = np.array([np.concatenate((r.q, r.v, r.a)) for r in samples])
             if len(self._remembered) >= _REMEMBERED:
                 self._remembered.clear()
             self._remembered[key] = read_only(x0), read_only(rows)
         return self._remembered[key]
+
+    def _start(self, given: dict[str, Any]) -> Array:
+        """The state at the start of a run, shape (nx,)."""
+        model, names = self._simulator.model, self.joint_names
+        q, v = model.q0.copy(), model.v0.copy()
+        for key, value in given.items():
+            _, what, joint = key.split(".", 2)
+            if joint not in names:
+                raise InvalidInput(f"'{key}': allowed joints: {choices(joint, names)}")
+            {"position": q, "velocity": v}[what][names.index(joint)] = value
+        self._simulator.reset(*((q, v) if given else ()))
+        return self._simulator.arm.x.copy()
 
     def _motion(self, choice: MotionChoice, q0: Array) -> Trajectory:
         names = self.joint_names
@@ -251,81 +260,63 @@ class World:
 
     # --- runs ----------------------------------------------------------------------------------
 
-    def _made(self, job: Job) -> Row:
-        p, (x0, rows) = self._tuned(job), self._course(job)
-        made = self._rolled if runs_compiled(self._recipe, job) else self._stepped
-        return self._row(job, rows, *made(job, p, x0, rows))
-
-    def _row(self, job: Job, rows: Array, q: Array, torque: Array, command: Array) -> Row:
-        simulator, n = self._simulator, len(self.joint_names)
-        run = MeasuredRun(
-            simulator.dt, q, rows[:, :n], torque, command, simulator.model.standing_limit,
-            simulator.model.stops.place,
+    def _row(self, run: _Run, q: Array, torque: Array, command: Array) -> Row:
+        """Metrics of positions, torques and commands."""
+        model, n = self._simulator.model, len(self.joint_names)
+        done = MeasuredRun(
+            self._simulator.dt, q, run.rows[:, :n], torque, command, model.standing_limit,
+            model.stops.place,
         )  # fmt: skip
-        values = measured(run, self._recipe.metrics, self.joint_names)
-        return Row(job.index, DONE, "", tuple(values))
+        values = measured(done, self._recipe.metrics, self.joint_names)
+        return Row(run.job.index, DONE, "", tuple(values))
 
-    def _rolled(self, job: Job, p: Array, x0: Array, rows: Array) -> tuple[Array, Array, Array]:
-        """Positions, torques and commands of a run in compiled code."""
-        stepper, (trace, effort, notes) = self._stepper, self._room
-        stepper.restart()
-        stepper.p[:] = p
-        inputs, x = self._inputs(job, rows), x0.copy()
-        done = stepper.roll(x, inputs, trace, effort, notes)
-        if done < self._ticks:
-            raise _diverged(done + 1, self._simulator.dt)
-        n = len(self.joint_names)
-        torque = self._simulator.arm.plant.joint_torque(trace, effort)
-        return np.vstack([x0[:n], trace[:, :n]]), torque, effort
+    def _alone(self, run: _Run) -> Row:
+        """Simulate a run: in compiled code, or with its controller as a ``ClosedLoop`` runs it."""
+        simulator, n = self._simulator, len(self.joint_names)
+        if run.compiled:
+            stepper, (trace, effort, notes) = self._stepper, self._space
+            stepper.restart()
+            stepper.p[:] = run.p
+            done = stepper.roll(run.x0.copy(), self._inputs(run), trace, effort, notes)
+            if done < self._ticks:
+                raise _diverged(done + 1, simulator.dt)
+            torque = simulator.arm.plant.joint_torque(trace, effort)
+            return self._row(run, np.vstack([run.x0[:n], trace[:, :n]]), torque, effort)
+        control = self._control(run)
+        simulator.arm.imperfect(self._imperfect(run.job))
+        simulator.arm.restore(run.x0, run.p, 0)
+        references = [Reference(*np.split(row, 3)) for row in run.rows]
 
-    def _inputs(self, job: Job, rows: Array) -> Array:
-        """Inputs of the compiled controller in each tick: references and gains."""
-        choice, settings = self._controller(job)
-        tuning = self._gains(choice.name, json.dumps(choice.settings), settings)
-        return np.hstack([rows[:-1], np.broadcast_to(tuning, (self._ticks, len(tuning)))])
+        def answer(state: State) -> Array:
+            tau = control.torque(Measured(state.q, state.v), references[state.step])
+            return np.asarray(self._dynamics.command_map(state.q, state.v, tau))
 
-    def _side_by_side(self, jobs: Sequence[Job]) -> dict[int, Row]:
-        """Rows of the runs that can be simulated together; the others are simulated alone."""
-        alike: dict[str, list[tuple[Job, Array]]] = {}
-        for job in jobs:
-            try:
-                if runs_compiled(self._recipe, job):
-                    given = {k: v for k, v in job.values.items() if below(k, OF_LOOP)}
-                    alike.setdefault(json.dumps(given), []).append((job, self._tuned(job)))
-            except ArmError:
-                continue  # its own run reports the error
-        size = _ROOM // (
-            (self._ticks + 1) * (self._simulator.arm.plant.nx + len(self.joint_names))
-        )
-        found: dict[int, Row] = {}
-        for group in alike.values():
-            for part in batched(group, max(1, size)):
-                if len(part) >= _FEW:
-                    found |= self._rolled_together(
-                        [job for job, _ in part], np.array([p for _, p in part])
-                    )
-        return found
-
-    def _rolled_together(self, jobs: Sequence[Job], p: Array) -> dict[int, Row]:
-        """The same for runs with one start, one motion and one controller; p of shape (b, np)."""
         try:
-            x0, rows = self._course(jobs[0])
-            inputs = self._inputs(jobs[0], rows)
+            motion = simulator.run(self._ticks * simulator.dt, answer)
+        except SimulationDiverged as error:
+            raise _diverged(len(error.recording), simulator.dt) from None
+        return self._row(run, motion.q, motion.tau[:-1], motion.command[:-1])
+
+    def _side_by_side(self, runs: Sequence[_Run]) -> dict[int, Row]:
+        """Rows of runs with one start, one motion and one controller, but for those left over."""
+        first, arms, n, ticks = runs[0], len(runs), len(self.joint_names), self._ticks
+        try:
+            inputs = self._inputs(first)
         except ArmError:
-            return {}
-        arms, n, ticks = len(jobs), len(self.joint_names), self._ticks
-        out, effort = np.empty((arms, ticks + 1, len(x0))), np.empty((arms, ticks, n))
+            return {}  # each run reports the error
+        out, effort = np.empty((arms, ticks + 1, len(first.x0))), np.empty((arms, ticks, n))
         every = np.broadcast_to(inputs, (arms, *inputs.shape))
-        batch = Batch(np.tile(x0, (arms, 1)), every, p, ticks, out, effort)
+        p = np.array([run.p for run in runs])
+        batch = Batch(np.tile(first.x0, (arms, 1)), every, p, ticks, out, effort)
         left = self._rollouts.side_by_side(batch)
         if left is None:
             return {}
-        plant, found = self._simulator.arm.plant, {}
-        for i, job in enumerate(jobs):
+        found = dict[int, Row]()
+        for i, run in enumerate(runs):
             if i not in left and np.isfinite(out[i, -1]).all():
-                torque = plant.joint_torque(out[i, 1:], effort[i])
+                torque = self._simulator.arm.plant.joint_torque(out[i, 1:], effort[i])
                 q = np.ascontiguousarray(out[i, :, :n])  # sums depend on the memory layout
-                found[job.index] = self._row(job, rows, q, torque, effort[i])
+                found[run.job.index] = self._row(run, q, torque, effort[i])
         return found
 
     @cached_property
@@ -344,44 +335,25 @@ class World:
         return Rollouts(scene.plant, scene.choice, scene.stepper, scene.backend, self._control_law)
 
     @cached_property
-    def _room(self) -> tuple[Array, Array, Array]:
+    def _space(self) -> tuple[Array, Array, Array]:
+        """For states, efforts and notes of all ticks."""
         n, nx = len(self.joint_names), self._simulator.arm.plant.nx
         return np.empty((self._ticks, nx)), np.empty((self._ticks, n)), np.empty((self._ticks, 2))
 
-    @cached_property
-    def _known_gains(self) -> dict[str, Array]:
-        return {}
+    def _inputs(self, run: _Run) -> Array:
+        """Inputs of the compiled controller in each tick: references and gains."""
+        key = json.dumps(run.choice.settings)
+        if key not in self._gains:
+            if len(self._gains) >= _REMEMBERED:
+                self._gains.clear()
+            self._gains[key] = gains(run.choice.name, self._dynamics, run.settings)
+        tuning = self._gains[key]
+        return np.hstack([run.rows[:-1], np.broadcast_to(tuning, (self._ticks, len(tuning)))])
 
-    def _gains(self, name: str, key: str, settings: Settings) -> Array:
-        known = self._known_gains
-        if key not in known:
-            if len(known) >= _REMEMBERED:
-                known.clear()
-            known[key] = gains(name, self._dynamics, settings)
-        return known[key]
-
-    def _stepped(self, job: Job, p: Array, x0: Array, rows: Array) -> tuple[Array, Array, Array]:
-        """The same with a controller in Python, as a ``ClosedLoop`` runs it."""
-        simulator, control = self._simulator, self._control(job)
-        simulator.arm.imperfect(self._imperfect(job))
-        simulator.arm.restore(x0, p, 0)
-        references = [Reference(*np.split(row, 3)) for row in rows]
-
-        def answer(state: State) -> Array:
-            tau = control.torque(Measured(state.q, state.v), references[state.step])
-            return np.asarray(self._dynamics.command_map(state.q, state.v, tau))
-
-        try:
-            motion = simulator.run(self._ticks * simulator.dt, answer)
-        except SimulationDiverged as error:
-            raise _diverged(len(error.recording), simulator.dt) from None
-        return motion.q, motion.tau[:-1], motion.command[:-1]
-
-    def _control(self, job: Job) -> AnyController:
-        choice, settings = self._controller(job)
-        name = choice.name
+    def _control(self, run: _Run) -> AnyController:
+        name = run.choice.name
         maker = load_controller(name) if is_own(name) else name
-        return make_controller(maker, self._dynamics, settings)
+        return make_controller(maker, self._dynamics, run.settings)
 
     def _imperfect(self, job: Job) -> Scene:
         """The scene with the sensors and command delays of a run, and its own noise."""
@@ -393,6 +365,29 @@ class World:
             return scene
         sensors = (scene.sensors or Sensors()).model_copy(update={"seed": job.noise})
         return scene.model_copy(update={"sensors": sensors})
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A run with its inputs.
+
+    Attributes:
+        job: What it is.
+        p: The vector p, shape (np,).
+        x0: State at the start, shape (nx,).
+        rows: References at all ticks, shape (ticks + 1, 3n).
+        choice: Its controller.
+        settings: Of the controller.
+        compiled: Whether it is simulated entirely in compiled code.
+    """
+
+    job: Job
+    p: Array
+    x0: Array
+    rows: Array
+    choice: ControllerChoice
+    settings: Settings
+    compiled: bool
 
 
 def chosen(recipe: Recipe, job: Job) -> tuple[ControllerChoice, Settings]:

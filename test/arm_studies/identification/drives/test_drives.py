@@ -123,6 +123,8 @@ def test_parameters_that_a_test_does_not_determine_are_named() -> None:
     close(found, MOTOR, ("resistance", "inductance"), 1e-5)
     told = {"torque_constant", "rotor_inertia", "rotor_damping", "coulomb"}
     assert set(found.missing) == told
+    said = f"{found!r}"
+    assert "\n  resistance 1.3 ± " in said and f"records: {', '.join(found.missing)}>" in said
 
 
 def test_a_measured_torque_separates_torque_and_voltage_constants() -> None:

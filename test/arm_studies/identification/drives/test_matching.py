@@ -16,7 +16,7 @@ DT, RATE, GAIN = 0.01, 3.0, 2.0
 def decay(count: int = 60, noise: float = 0.0) -> Trial:
     """x' = gain u - rate x from x = 0.3, u one for a while: a closed form."""
     x, u, rate, gain = (ca.SX.sym(name) for name in ("x", "u", "rate", "gain"))
-    law = Law(x, u, ca.vertcat(rate, gain), gain * u - rate * x, x, ("rate", "gain"))
+    law = Law(x, u, {"rate": rate, "gain": gain}, gain * u - rate * x, x)
     held = np.where(np.arange(count) < count // 2, 1.0, -0.5)
     y, fade = [0.3], np.exp(-RATE * DT)
     for push in held[:-1]:

@@ -107,6 +107,7 @@ def test_it_is_more_informative_than_random_motions_and_reports_how_much() -> No
     assert best.information > max(chances) + best.parameters * np.log(1.5)
     assert best.information == pytest.approx(max(best.attempts), rel=1e-9)
     assert best.parameters == 13
+    assert f"{best!r}".startswith("<Excitation of 2 joints: 4 s, from rest to rest; 13 parameters")
     assert 1.0 < best.condition < 100.0
 
 

@@ -7,7 +7,7 @@ import pytest
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification.regression import bodies
 from arm_studies.identification.regression.base_parameters import base_parameters
-from arm_studies.identification.regression.estimation import belief_of, made_possible
+from arm_studies.identification.regression.estimation import Prior, made_possible
 from arm_studies.identification.regression.regressor import RigidRegressor
 
 BALL = bodies.numbers_of(np.diag([0.01, 0.01, 0.01, 2.0]))
@@ -42,8 +42,6 @@ def test_the_barrier_has_the_derivatives_that_differences_have():
 
 
 def test_density_is_a_distance_of_its_own():
-    Q = bodies.metric(BALL)
-    assert 0.01 * BALL @ Q @ (0.01 * BALL) == pytest.approx(2.0 * 0.01**2)
     rows = bodies.prior(BALL, 0.1, 0.001)
     prior = rows.T @ rows
     assert 0.1 * BALL @ prior @ (0.1 * BALL) == pytest.approx(1.0)
@@ -52,7 +50,7 @@ def test_density_is_a_distance_of_its_own():
 def test_a_plate_of_less_density_is_believed_to_be_a_body():
     """One that a description has too thin, too: it has no direction to shrink in."""
     plate = bodies.numbers_of(np.diag([0.01, 0.01, 1e-7, 2.0]))
-    belief = belief_of(plate, 10, 0.1, 1e-4)
+    belief = Prior.near(plate, 0.1, 1e-4)
     lighter = 0.8 * belief.x0
     assert bodies.possible(lighter)
     assert np.linalg.norm(belief.rows @ (lighter - belief.x0)) == pytest.approx(2.0, 1e-3)

@@ -7,14 +7,9 @@ import pytest
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
 from arm_studies.identification.regression.bodies import possible
-from arm_studies.identification.regression.estimation import belief_of
+from arm_studies.identification.regression.estimation import Prior, Problem
 from arm_studies.identification.regression.fit import fitted
-from arm_studies.identification.regression.friction_columns import (
-    COULOMB,
-    VISCOUS,
-    JointFit,
-    Shape,
-)
+from arm_studies.identification.regression.friction import COULOMB, VISCOUS, JointFit, Shape
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
 
@@ -39,7 +34,7 @@ def test_growth_with_load_that_is_too_steep_is_left_out_and_kept_in_mind(growth,
     rows = Rows(regressor, [prepare(record, np.inf)])
     plain, grown = JointFit((VISCOUS, COULOMB)), Shape(None, 0.9, float(abs(tau[:, 0]).max()))
     found = fitted(
-        rows, rows.use, lambda size: belief_of(regressor.nominal, size, 0.01, 0.01),
+        Problem(rows, rows.use, Prior.near(regressor.nominal, 0.01, 0.01)),
         [JointFit(plain.kinds, grown), plain],
     )  # fmt: skip
     own = found.friction[0]
@@ -57,7 +52,7 @@ def test_bodies_that_cannot_be_are_changed_and_it_is_told(factor, changed):
     tau += 0.01 * np.random.default_rng(1).normal(size=tau.shape)
     rows = Rows(regressor, [prepare(JointRecord.of(MODEL.joint_names, t, q, tau, v, a), np.inf)])
     found = fitted(
-        rows, rows.use, lambda size: belief_of(regressor.nominal, size, 0.05, 0.5),
+        Problem(rows, rows.use, Prior.near(regressor.nominal, 0.05, 0.5)),
         [JointFit((VISCOUS,))] * 2, possible=True,
     )  # fmt: skip
     assert found.changed == changed

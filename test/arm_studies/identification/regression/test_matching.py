@@ -9,14 +9,14 @@ from samples import sampled
 
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
-from arm_studies.identification.regression.estimation import belief_of
+from arm_studies.identification.regression.estimation import Prior, Problem
 from arm_studies.identification.regression.matching import Match, delayed, mismatched, scaled
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
 
 
 def recorded(scene: str, heavier: float, change, moving=None):
-    """Rows of an arm with much friction whose last body is ``heavier`` than nominal; its prior."""
+    """Rows of an arm of much friction whose last body is ``heavier`` than nominal; and a prior."""
     model, t = ArmModel(load_scene(scene)), np.arange(0.0, 12.0, 0.01)
     regressor, n = RigidRegressor(model), model.n
     rng = np.random.default_rng(4)
@@ -33,12 +33,11 @@ def recorded(scene: str, heavier: float, change, moving=None):
     tau += 0.05 * tau.std(axis=0) * rng.normal(size=tau.shape)
     record = JointRecord.of(model.joint_names, t, q, change(tau), v, a)
     rows = Rows(regressor, [prepare(record, np.inf)])
-    return rows, belief_of(regressor.nominal, theta.size, 0.12, 0.2)
+    return Problem(rows, rows.use, Prior.near(regressor.nominal, 0.12, 0.2))
 
 
 def matched(scene: str, heavier: float, change, moving=None):
-    rows, belief = recorded(scene, heavier, change, moving)
-    return mismatched(rows, rows.use, belief)
+    return mismatched(recorded(scene, heavier, change, moving))
 
 
 def swapped(tau):
@@ -91,8 +90,7 @@ def late(by: int, joint: int = 1):
 @pytest.mark.parametrize(("scene", "heavier"), sampled(BODIES, 2))
 @pytest.mark.parametrize("by", [-12, 7, 40])
 def test_delays_whatever_the_bodies(scene, heavier, by):
-    rows, _ = recorded(scene, heavier, late(by))
-    (found,) = delayed(rows, rows.use)
+    (found,) = delayed(recorded(scene, heavier, late(by)))
     assert found.joint == 1
     assert found.late == pytest.approx(0.01 * by, abs=2e-3)
     assert found.after == pytest.approx(0.05, abs=0.02)  # the noise
@@ -100,21 +98,18 @@ def test_delays_whatever_the_bodies(scene, heavier, by):
 
 @pytest.mark.parametrize(("scene", "heavier"), sampled(BODIES, 2))
 def test_no_delay_is_told_where_there_is_none(scene, heavier):
-    rows, _ = recorded(scene, heavier, lambda tau: tau)
-    assert delayed(rows, rows.use) == []
+    assert delayed(recorded(scene, heavier, lambda tau: tau)) == []
 
 
 @pytest.mark.parametrize("factor", [1e-3, 0.4, 3.0, 1e3])
 def test_scales_whose_interval_has_the_truth(factor):
-    rows, belief = recorded("panda", 1.0, lambda tau: tau * [1, factor, 1, 1, 1, 1, 1])
-    (found,) = scaled(rows, rows.use, belief)
+    problem = recorded("panda", 1.0, lambda tau: tau * [1, factor, 1, 1, 1, 1, 1])
+    (found,) = scaled(problem)
     assert found.joint == 1
     assert found.low < factor < found.high
     assert found.factor == pytest.approx(factor, rel=0.2)
 
 
 def test_no_scale_is_told_of_bodies_within_their_prior_or_where_friction_dominates():
-    rows, belief = recorded("panda", 1.2, lambda tau: tau)
-    assert scaled(rows, rows.use, belief) == []
-    rows, belief = recorded("panda", 1.0, lambda tau: tau * [1, 1, 1, 1, 1, 1, 3])
-    assert scaled(rows, rows.use, belief) == []
+    assert scaled(recorded("panda", 1.2, lambda tau: tau)) == []
+    assert scaled(recorded("panda", 1.0, lambda tau: tau * [1, 1, 1, 1, 1, 1, 3])) == []

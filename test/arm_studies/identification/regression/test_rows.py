@@ -6,7 +6,7 @@ import numpy as np
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
 from arm_studies.identification.filtering import REACH, decimated, spread
-from arm_studies.identification.regression.friction_columns import (
+from arm_studies.identification.regression.friction import (
     COULOMB,
     EXCESS,
     VISCOUS,
@@ -98,7 +98,7 @@ def test_friction_of_a_joint_that_sticks_leaves_no_trace_in_cleared_rows(rng):
 def test_joints_that_rest_or_reverse_most_of_the_time_are_noted():
     t = np.arange(0.0, 12.0, 1e-3)
     q = np.column_stack([np.sin(2.1 * t), 0.01 * np.sin(25.0 * t)])
-    (told,) = sticking(["shoulder", "elbow"], rows_of(t, q))
+    (told,) = sticking(rows_of(t, q))
     assert told.startswith("'elbow': it may stick in ")
 
 

@@ -103,10 +103,11 @@ def view(
         if pictures:
             stack.enter_context(waiting(lambda: doing[-1], in_lines=True))
         if live:
-            from arm_sim.cli.view.live import RunningArms
+            from arm_sim.cli.robot.listener import Listener
+            from arm_sim.cli.view.live import followed
 
             library()
-            page = stack.enter_context(RunningArms(live)).show(what, host, port)
+            page = followed(stack.enter_context(Listener()), live, what, host, port)
         elif what:
             from arm_sim.cli.view.sources import shown
 

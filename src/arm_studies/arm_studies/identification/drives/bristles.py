@@ -21,7 +21,7 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import friction, lugre
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_studies.identification.drives.evenly import check_motion, even_table
+from arm_studies.identification.drives.evenly import check_motion, even_table, step_of
 from arm_studies.identification.drives.matching import Law, Match, Trial, match
 from arm_studies.identification.regression.estimation import solved
 
@@ -66,7 +66,7 @@ class SmallMotion:
     @property
     def dt(self) -> float:
         """Sampling interval in [s]."""
-        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+        return step_of(self.time)
 
     @property
     def velocity(self) -> Array:
@@ -96,22 +96,18 @@ def identify_bristles(
         raise InvalidInput(
             f"guess: unknown parameter {known_names(strangers)}; allowed: {known_names(UNITS)}"
         )
-    J, s0, s1, Fc, Fs, vs, s2 = p = [ca.SX.sym(name) for name in UNITS]
+    numbers = {name: ca.SX.sym(name) for name in UNITS}
+    J, s0, s1, Fc, Fs, vs, s2 = numbers.values()
     q, v, z, tau = (ca.SX.sym(name) for name in "qvzt")
-    level = friction.dry(v, 1.0, Fc, Fs - Fc, vs)
-    rate = lugre.bending(v, z, s0, level)
+    rate = lugre.bending(v, z, s0, friction.dry(v, 1.0, Fc, Fs - Fc, vs))
     held = lugre.torque(z, rate, s0, s1) + friction.viscous(v, s2)
-    x = ca.vertcat(q, v, z)
-    names = tuple(UNITS)
-    law = Law(x, tau, ca.vertcat(*p), ca.vertcat(v, (tau - held) / J, rate), q, names, *_KINKED)
-    start, by_size = _guess(records) | dict(guess or {}), sorted(records, key=_span)
+    slope = ca.vertcat(v, (tau - held) / J, rate)
+    law = Law(ca.vertcat(q, v, z), tau, numbers, slope, q, *_KINKED)
+    by_size = sorted(records, key=lambda record: float(np.ptp(record.position)))
+    start = _guess(by_size[0], by_size[-1]) | dict(guess or {})
     if len(records) > 1:  # the fit of the smallest motion is a better guess for the others
         start |= match(_windows(by_size[0], law, start), start).values
     return match([trial for r in records for trial in _windows(r, law, start)], start)
-
-
-def _span(record: SmallMotion) -> float:
-    return float(np.ptp(record.position))
 
 
 def _windows(record: SmallMotion, law: Law, start: Mapping[str, float]) -> list[Trial]:
@@ -136,9 +132,8 @@ def _windows(record: SmallMotion, law: Law, start: Mapping[str, float]) -> list[
     ]  # fmt: skip
 
 
-def _guess(records: list[SmallMotion]) -> dict[str, float]:
+def _guess(small: SmallMotion, wide: SmallMotion) -> dict[str, float]:
     """Least squares on the sticking motion, and on the fastest part of the widest one."""
-    small, wide = min(records, key=_span), max(records, key=_span)
     q, tau = small.position, small.torque
     table = np.column_stack([np.gradient(small.velocity, small.dt), small.velocity, q, q * 0 + 1])
     J, s1, s0, _ = solved(table, tau, 1e-12)

@@ -42,7 +42,18 @@ def even_table(
             f"{name}: times are not even: {t[i]:.9g} s, then {t[i + 1]:.9g} s; a constant step of "
             f"{usual:.4g} s within 1 % is expected"
         )
-    return read_only(t), {key: _column(name, key, x, len(t)) for key, x in given.items()}
+    columns = {}
+    for key, value in given.items():
+        column = np.full(len(t), np.nan) if value is None else real_array(key, value)
+        if column.shape != t.shape:
+            raise InvalidInput(f"{name}: {key} has shape {column.shape}; ({len(t)},) is expected")
+        columns[key] = read_only(column)
+    return read_only(t), columns
+
+
+def step_of(time: Array) -> float:
+    """Sampling interval of even times in [s]."""
+    return float((time[-1] - time[0]) / (len(time) - 1))
 
 
 def check_motion(name: str, columns: Mapping[str, Array]) -> None:
@@ -56,12 +67,3 @@ def check_motion(name: str, columns: Mapping[str, Array]) -> None:
             raise InvalidInput(f"{name}: {key} is missing in some samples; all are expected")
         if np.ptp(column) == 0.0:
             raise InvalidInput(f"{name}: {key} does not vary; a motion is expected")
-
-
-def _column(name: str, key: str, value: ArrayLike | None, count: int) -> Array:
-    if value is None:
-        return read_only(np.full(count, np.nan))
-    array = real_array(key, value)
-    if array.shape != (count,):
-        raise InvalidInput(f"{name}: {key} has shape {array.shape}; ({count},) is expected")
-    return read_only(array)

@@ -18,7 +18,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import transmission
-from arm_studies.identification.drives.evenly import check_motion, even_table
+from arm_studies.identification.drives.evenly import check_motion, even_table, step_of
 from arm_studies.identification.drives.matching import Law, Match, Trial, match
 
 UNITS = {
@@ -77,35 +77,27 @@ def identify_joint(record: JointTest) -> Match:
         Those of ``UNITS`` that the test involves; ``missing`` names those that it does not
         determine.
     """
-    k, d, Jm, Bm, Jl, Bl = (ca.SX.sym(name) for name in UNITS)
+    numbers = {name: ca.SX.sym(name) for name in UNITS}
+    k, d, Jm, Bm, Jl, Bl = numbers.values()
     th, om, q, v, tau = (ca.SX.sym(name) for name in ("th", "om", "q", "v", "tau"))
-    held = not np.isfinite(record.link).any()
-    slow = _slopes(record)
+    held, dt = not np.isfinite(record.link).any(), step_of(record.time)
+    elastic = transmission.elastic_torque(th - q, k, 0.0)
+    at = np.column_stack([record.motor[:2], np.nan_to_num(record.link[:2])])
+    slow = (at[1] - at[0]) / dt
     if held:
-        bent = transmission.elastic_torque(th - q, k, 0.0) + d * om
-        x, slope = ca.vertcat(th, om, q), ca.vertcat(om, (tau - bent) / Jm, 0)
-        numbers = {"stiffness": k, "damping": d, "motor_inertia": Jm}
-        x0 = [record.motor[0], slow[0], record.motor.mean()]  # held about the middle of its swing
-        y, outputs = record.motor[:, None], th
+        x, outputs, y = ca.vertcat(th, om, q), th, record.motor[:, None]
+        slope = ca.vertcat(om, (tau - elastic - d * om) / Jm, 0)
+        numbers = {name: numbers[name] for name in ("stiffness", "damping", "motor_inertia")}
+        x0 = [at[0, 0], slow[0], record.motor.mean()]  # held about the middle of its swing
     else:
-        bent = transmission.elastic_torque(th - q, k, 0.0) + d * (om - v)
-        x = ca.vertcat(th, om, q, v)
+        bent = elastic + d * (om - v)
+        x, outputs = ca.vertcat(th, om, q, v), ca.vertcat(th, q)
+        y = np.column_stack([record.motor, record.link])
         slope = ca.vertcat(om, (tau - bent - Bm * om) / Jm, v, (bent - Bl * v) / Jl)
-        numbers = dict(zip(UNITS, (k, d, Jm, Bm, Jl, Bl), strict=True))
-        x0 = [record.motor[0], slow[0], record.link[0], slow[1]]
-        y, outputs = np.column_stack([record.motor, record.link]), ca.vertcat(th, q)
-    law = Law(x, tau, ca.vertcat(*numbers.values()), slope, outputs, tuple(numbers))
-    dt = float(np.mean(np.diff(record.time)))
-    trial = Trial(
-        law, dt, record.torque[:, None], y, np.array(x0), np.zeros((1, len(x0))), record.name
-    )
+        x0 = [at[0, 0], slow[0], at[0, 1], slow[1]]
+    law, around = Law(x, tau, numbers, slope, outputs), np.zeros((1, len(x0)))
+    trial = Trial(law, dt, record.torque[:, None], y, np.array(x0), around, record.name)
     return match([trial], _guess(record, held, dt))
-
-
-def _slopes(record: JointTest) -> tuple[float, float]:
-    dt = record.time[1] - record.time[0]
-    link = np.nan_to_num(record.link)
-    return float(record.motor[1] - record.motor[0]) / dt, float(link[1] - link[0]) / dt
 
 
 def _guess(record: JointTest, held: bool, dt: float) -> dict[str, float]:

@@ -38,10 +38,9 @@ class Law:
     Attributes:
         x: States, shape (nx,).
         u: Inputs, constant between samples, shape (nu,).
-        p: Parameters, all positive, shape (np,).
+        numbers: Parameters by name, all positive.
         slope: x', shape (nx,).
         outputs: Measured outputs, shape (ny,).
-        names: Names of the parameters.
         exact: Error of the simulation relative to a signal, below which a residual is
             meaningless; larger where a slope has kinks.
         step: Longest Runge-Kutta step over the shortest time constant.
@@ -49,12 +48,16 @@ class Law:
 
     x: ca.SX
     u: ca.SX
-    p: ca.SX
+    numbers: Mapping[str, ca.SX]
     slope: ca.SX
     outputs: ca.SX
-    names: tuple[str, ...]
     exact: float = 1e-8
     step: float = 0.08
+
+    @property
+    def p(self) -> ca.SX:
+        """All parameters, shape (np,)."""
+        return ca.vertcat(*self.numbers.values())
 
 
 @frozen
@@ -123,6 +126,19 @@ class Match:
     follows: bool
     simulated: tuple[Array, ...]
 
+    def __repr__(self) -> str:
+        """A summary: the parameters that were found, and what is missing."""
+        lines = [f"<Match: residual {self.residual:.2%} of the variation of the records"]
+        lines += [
+            f"{name} {each.value:.6g} ± {each.interval:.2g}"
+            for name, each in self.estimates.items() if each.found
+        ]  # fmt: skip
+        if not self.follows:
+            lines.append("the model does not fit the records: no parameter is identified")
+        elif self.missing:
+            lines.append(f"not determined by these records: {', '.join(self.missing)}")
+        return "\n  ".join(lines) + ">"
+
     @property
     def values(self) -> dict[str, float]:
         """Values of the parameters that were found."""
@@ -147,7 +163,7 @@ def match(trials: Sequence[Trial], guess: Mapping[str, float]) -> Match:
     Raises:
         InvalidInput: If nothing varies, or a guess is not positive or its trajectory not finite.
     """
-    names = tuple(dict.fromkeys(name for trial in trials for name in trial.law.names))
+    names = tuple(dict.fromkeys(name for trial in trials for name in trial.law.numbers))
     if bad := [name for name in names if not 0.0 < guess.get(name, 0.0) < np.inf]:
         raise InvalidInput(
             f"first guess of {bad[0]} = {guess.get(bad[0])}; a positive number is expected"
@@ -157,12 +173,10 @@ def match(trials: Sequence[Trial], guess: Mapping[str, float]) -> Match:
     problem.refine(log_p)
     for _ in range(_WEIGHTED):  # each output by its own noise, and by steps that are short enough
         log_p, problem.x0 = _least_squares(problem, log_p)
-        finer = problem.refine(log_p)
-        if not finer and not _follows(*_left_over(problem.trials, problem.simulated(log_p))):
+        if not problem.refine(log_p) and not _left_over(problem, log_p)[1]:
             break
         problem.weigh(log_p)
-    residual, J = problem.evaluate(log_p, problem.x0)
-    return _judged(problem, names, log_p, residual, J)
+    return _judged(problem, log_p)
 
 
 class _Problem:
@@ -206,12 +220,12 @@ class _Problem:
             self.noise[i] = np.maximum(left, trial.law.exact * trial.size)
 
     def _own(self, trial: Trial, log_p: Array) -> Array:
-        return np.exp([log_p[self.names.index(name)] for name in trial.law.names])
+        return np.exp([log_p[self.names.index(name)] for name in trial.law.numbers])
 
     def simulate(self, i: int, log_p: Array, x0: Array) -> tuple[Array, Array]:
         """Outputs of a trial, shape (k, ny), and their derivatives, (k, ny, own p + nx)."""
         trial, roll = self.trials[i], self._rolls[i]
-        p, nx, m = self._own(trial, log_p), len(x0), len(trial.law.names)
+        p, nx, m = self._own(trial, log_p), len(x0), len(trial.law.numbers)
         seed = np.hstack([np.zeros((nx, m)), np.eye(nx)]).ravel(order="F")
         k, ny = trial.y.shape
         (seen,) = roll(np.concatenate([x0, seed]), np.reshape(trial.u.T, roll.inputs[1].shape), p)
@@ -234,7 +248,7 @@ class _Problem:
             used = np.isfinite(trial.y) & (self.noise[i] > 0.0)
             size = np.where(self.noise[i] > 0.0, self.noise[i], 1.0)
             J = np.zeros((*trial.y.shape, width))
-            own = [self.names.index(name) for name in trial.law.names]
+            own = [self.names.index(name) for name in trial.law.numbers]
             J[..., own] = slopes[..., : len(own)]
             J[..., place : place + len(x0[i])] = slopes[..., len(own) :]
             place += len(x0[i])
@@ -287,9 +301,11 @@ def _least_squares(problem: _Problem, log_p: Array) -> tuple[Array, list[Array]]
         for _ in range(_TRIES):
             step = -np.linalg.solve(A + damping * np.eye(len(A)), b) / scale
             step[: len(log_p)] = np.clip(step[: len(log_p)], -1.0, 1.0)
-            new_p, new_x = _moved(log_p, x0, step)
+            first, *others = np.split(step, np.cumsum([len(log_p), *map(len, x0)])[:-1])
+            new_p, new_x = log_p + first, [x + more for x, more in zip(x0, others, strict=True)]
             r_new, J_new = problem.evaluate(new_p, new_x)
-            after = _sum_of_squares(r_new)
+            with np.errstate(over="ignore"):  # a step that went too far
+                after = float(r_new @ r_new)
             if np.isfinite(after) and after <= before:
                 break
             damping = min(damping * 6.0, 1e12)
@@ -302,56 +318,42 @@ def _least_squares(problem: _Problem, log_p: Array) -> tuple[Array, list[Array]]
     return log_p, x0
 
 
-def _sum_of_squares(r: Array) -> float:
-    with np.errstate(over="ignore"):  # a step that went too far
-        return float(r @ r)
-
-
-def _moved(log_p: Array, x0: list[Array], step: Array) -> tuple[Array, list[Array]]:
-    ends = np.cumsum([len(log_p), *map(len, x0)])
-    parts = np.split(step, ends[:-1])
-    return log_p + parts[0], [x + part for x, part in zip(x0, parts[1:], strict=True)]
-
-
-def _judged(problem: _Problem, names: tuple[str, ...], log_p: Array, r: Array, J: Array) -> Match:
+def _judged(problem: _Problem, log_p: Array) -> Match:
     """Intervals by the curvature of the sum of squares (Ljung, section 9.4), and what is missing.
 
     A residual is at least the error of the method, so that without noise the remaining rounding
     is not taken for information.
     """
+    r, J = problem.evaluate(log_p, problem.x0)
+    count = len(problem.names)
     noise = max(np.sqrt(float(r @ r) / max(len(r) - J.shape[1], 1)), 1.0)
-    scale = np.linalg.norm(J, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
+    lengths = np.linalg.norm(J, axis=0)
+    scale = np.where(lengths > 0.0, lengths, 1.0)
     _, sigma, V = np.linalg.svd(J / scale, full_matrices=False)
     spread = noise / np.maximum(sigma, 1e-100)
     spread[sigma < _BLIND * sigma[0]] = 1e100
     part = np.where(abs(V) > _APART, V, 0.0)  # less is rounding
     variance = np.sum((part * spread[:, None]) ** 2, axis=0)
-    seen = np.linalg.norm(J, axis=0)[: len(names)] > 0.0
-    relative = 1.96 * np.sqrt(variance[: len(names)]) / scale[: len(names)]
-    values = np.exp(log_p)
-    simulated = problem.simulated(log_p)
-    residual, alike = _left_over(problem.trials, simulated)
-    follows = _follows(residual, alike)
+    relative = 1.96 * np.sqrt(variance[:count]) / scale[:count]
+    residual, follows, simulated = _left_over(problem, log_p)
+    triples = zip(problem.names, np.exp(log_p).tolist(), relative.tolist(), strict=True)
     estimates = {
         name: Estimate(
-            name, float(value), float(value * width), bool(follows and known and width < _FOUND)
+            name, value, value * width, bool(follows and lengths[i] > 0.0 and width < _FOUND)
         )
-        for name, value, width, known in zip(names, values, relative, seen, strict=True)
+        for i, (name, value, width) in enumerate(triples)
     }
     return Match(estimates, residual, follows, simulated)
 
 
-def _follows(residual: float, alike: float) -> bool:
-    return residual < _SMALL or alike < _LIKE
-
-
-def _left_over(trials: Sequence[Trial], simulated: Sequence[Array]) -> tuple[float, float]:
-    """Residual over signal, and the correlation of successive residuals."""
+def _left_over(problem: _Problem, log_p: Array) -> tuple[float, bool, tuple[Array, ...]]:
+    """Residual over signal, whether it is noise or hardly any, and the simulated outputs."""
     left = signal = like = 0.0
-    for trial, y in zip(trials, simulated, strict=True):
+    simulated = problem.simulated(log_p)
+    for trial, y in zip(problem.trials, simulated, strict=True):
         size = np.where(trial.size > 0.0, trial.size, np.inf)
         r = np.nan_to_num((y - trial.y) / size)
         left, like = left + np.sum(r**2), like + np.sum(r[1:] * r[:-1])
         signal += np.sum(np.isfinite(trial.y) & np.isfinite(size))
-    return float(np.sqrt(left / signal)), float(like / left) if left else 0.0
+    residual, alike = float(np.sqrt(left / signal)), float(like / left) if left else 0.0
+    return residual, residual < _SMALL or alike < _LIKE, simulated

@@ -28,7 +28,7 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import motor
 from arm_dynamics.exceptions import InvalidInput
-from arm_studies.identification.drives.evenly import even_table
+from arm_studies.identification.drives.evenly import even_table, step_of
 from arm_studies.identification.drives.matching import Law, Match, Trial, match
 from arm_studies.identification.regression.estimation import solved
 
@@ -85,7 +85,7 @@ class MotorRecord:
     @property
     def dt(self) -> float:
         """Sampling interval in [s]."""
-        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+        return step_of(self.time)
 
     def _check(self) -> None:
         needed = {"blocked": ("voltage", "current"), "free": ("voltage", "current", "speed"),
@@ -134,47 +134,33 @@ def identify_motor(records: Sequence[MotorRecord]) -> Match:
 
 @one_at_a_time
 def _trial(record: MotorRecord, apart: bool) -> Trial:
-    """The trial of a record: its model, inputs and outputs."""
-    y = np.column_stack([record.current, record.speed, record.voltage, record.torque])
-    u = np.column_stack([np.nan_to_num(record.voltage), _direction(record)])
-    states, outputs = {"blocked": ([0], [0, 3]), "coast": ([1], [1, 2])}.get(
-        record.kind, ([0, 1], [0, 1])
-    )
-    x0 = np.nan_to_num(y[0])[states]
-    law = _law_of(record.kind, apart)
-    return Trial(law, record.dt, u, y[:, outputs], x0, np.zeros((1, len(x0))), record.name)
-
-
-def _law_of(kind: Kind, apart: bool) -> Law:
-    """The model of a test; ``apart``: with a torque constant besides that of the back EMF."""
-    R, L, Kt, Ke, J, B, C = (ca.SX.sym(name) for name in UNITS)
-    Ke = Ke if apart else Kt
+    """The trial of a record; ``apart``: with a torque constant besides that of the back EMF."""
+    numbers = {name: ca.SX.sym(name) for name in UNITS}
+    if not apart:
+        numbers["back_emf_constant"] = numbers["torque_constant"]
+    R, L, Kt, Ke, J, B, C = numbers.values()
     i, w, V, way = (ca.SX.sym(name) for name in ("i", "w", "V", "way"))
     electric = motor.current_slope(V, i, motor.back_emf(w, Ke), L, R)
     friction = B * w + C * way
-    if kind == "blocked":
-        slope = ca.substitute(electric, w, 0)
+    constant = "back_emf_constant" if apart else "torque_constant"
+    y = np.column_stack([record.current, record.speed, record.voltage, record.torque])
+    u = np.column_stack([np.nan_to_num(record.voltage), _direction(record)])
+    if record.kind == "blocked":
+        x, slope, states, columns = i, ca.substitute(electric, w, 0), [0], [0, 3]
         outputs = ca.vertcat(i, motor.torque(i, Kt) if apart else 0)
-        return _law(i, (V, way), slope, outputs, {"resistance": R, "inductance": L} | (
-            {"torque_constant": Kt} if apart else {}))  # fmt: skip
-    if kind == "coast":
-        slope = -friction / J
+        names = ["resistance", "inductance", *(["torque_constant"] if apart else [])]
+    elif record.kind == "coast":
+        x, slope, states, columns = w, -friction / J, [1], [1, 2]
         outputs = ca.vertcat(w, motor.back_emf(w, Ke))
-        numbers = {"rotor_inertia": J, "rotor_damping": B, "coulomb": C}
-        numbers |= {"back_emf_constant": Ke} if apart else {"torque_constant": Kt}
-        return _law(w, (V, way), slope, outputs, numbers)
-    slope = ca.vertcat(electric, (motor.torque(i, Kt) - friction) / J)
-    numbers = dict(zip(UNITS, (R, L, Kt, Ke, J, B, C), strict=True))
-    if not apart:
-        del numbers["back_emf_constant"]
-    return _law(ca.vertcat(i, w), (V, way), slope, ca.vertcat(i, w), numbers)
-
-
-def _law(
-    x: ca.SX, u: tuple[ca.SX, ca.SX], slope: ca.SX, outputs: ca.SX, numbers: dict[str, ca.SX]
-) -> Law:
-    p = ca.vertcat(*numbers.values())
-    return Law(x, ca.vertcat(*u), p, slope, outputs, tuple(numbers))
+        names = ["rotor_inertia", "rotor_damping", "coulomb", constant]
+    else:
+        x = outputs = ca.vertcat(i, w)
+        slope = ca.vertcat(electric, (motor.torque(i, Kt) - friction) / J)
+        states = columns = [0, 1]
+        names = [name for name in UNITS if apart or name != "back_emf_constant"]
+    law = Law(x, ca.vertcat(V, way), {name: numbers[name] for name in names}, slope, outputs)
+    x0 = np.nan_to_num(y[0])[states]
+    return Trial(law, record.dt, u, y[:, columns], x0, np.zeros((1, len(x0))), record.name)
 
 
 def _direction(record: MotorRecord) -> Array:
@@ -186,53 +172,33 @@ def _direction(record: MotorRecord) -> Array:
 
 def _guess(records: Sequence[MotorRecord], apart: bool) -> dict[str, float]:
     """Least squares on the equations integrated over each interval, currents by trapezoids."""
-    electric = [_electric(record) for record in records if np.isfinite(record.voltage).all()]
-    R, L, Ke = _solved(electric, 3)
-    dt = min(record.dt for record in records)
-    R = R if R > 0.0 else 1.0
-    Ke = Ke if Ke > 0.0 else 0.1
+    electric, mechanical = [np.zeros((0, 4))], [np.zeros((0, 4))]
+    for record in records:
+        i, w, V = np.nan_to_num(record.current), np.nan_to_num(record.speed), record.voltage
+        coasts = record.kind == "coast"
+        i = np.zeros_like(i) if coasts else i
+        mean_i, mean_w = (i[1:] + i[:-1]) / 2, (w[1:] + w[:-1]) / 2
+        if np.isfinite(V).all():
+            mean_V = (V[1:] + V[:-1]) / 2 if coasts else V[:-1]
+            electric.append(np.column_stack([mean_i, np.diff(i) / record.dt, mean_w, mean_V]))
+        if record.kind != "blocked":
+            way, rise = _direction(record)[:-1], np.diff(w) / record.dt
+            mechanical.append(np.column_stack([rise, mean_w, way, mean_i]))
+    (R, L, Ke), (J, B, C) = (
+        solved(table[:, :3], table[:, 3], 1e-9) if len(table := np.vstack(parts)) else np.zeros(3)
+        for parts in (electric, mechanical)
+    )
+    R, Ke = R if R > 0.0 else 1.0, Ke if Ke > 0.0 else 0.1
     Kt = _torque_over_current(records) if apart else Ke
-    mechanical = [_mechanical(record) for record in records if record.kind != "blocked"]
-    J, B, C = Kt * _solved(mechanical, 3)
-    J = J if J > 0.0 else 1e-4
+    J, B, C = Kt * np.array([J if J > 0.0 else 1e-4 / Kt, B, C])
     small = 1e-3 * J / max((r.time[-1] - r.time[0]) for r in records)
+    dt = min(record.dt for record in records)
     found = {
         "resistance": R, "inductance": max(L, R * dt / 20.0), "torque_constant": Kt,
         "back_emf_constant": Ke, "rotor_inertia": J, "rotor_damping": max(B, small),
         "coulomb": max(C, small),
     }  # fmt: skip
     return {name: float(value) for name, value in found.items()}
-
-
-def _electric(record: MotorRecord) -> Array:
-    """Columns of mean current, its slope, mean speed and voltage in each interval."""
-    V, (mean_i, mean_w) = record.voltage, _means(record)
-    if record.kind == "coast":
-        return np.column_stack([mean_i, np.zeros_like(mean_i), mean_w, (V[1:] + V[:-1]) / 2])
-    slope = np.diff(np.nan_to_num(record.current)) / record.dt
-    return np.column_stack([mean_i, slope, mean_w, V[:-1]])
-
-
-def _mechanical(record: MotorRecord) -> Array:
-    """Columns of acceleration, mean speed, direction and mean current in each interval."""
-    mean_i, mean_w = _means(record)
-    acceleration = np.diff(np.nan_to_num(record.speed)) / record.dt
-    return np.column_stack([acceleration, mean_w, _direction(record)[:-1], mean_i])
-
-
-def _means(record: MotorRecord) -> tuple[Array, Array]:
-    """Mean current, none while it coasts, and mean speed in each interval."""
-    i, w = np.nan_to_num(record.current), np.nan_to_num(record.speed)
-    mean_i = (i[1:] + i[:-1]) / 2
-    return np.zeros_like(mean_i) if record.kind == "coast" else mean_i, (w[1:] + w[:-1]) / 2
-
-
-def _solved(parts: list[Array], count: int) -> Array:
-    """Least-squares coefficients of the first columns for the last; zeros without any row."""
-    if not parts:
-        return np.zeros(count)
-    table = np.vstack(parts)
-    return solved(table[:, :count], table[:, count], 1e-9)
 
 
 def _torque_over_current(records: Sequence[MotorRecord]) -> float:

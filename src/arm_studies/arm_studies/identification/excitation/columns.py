@@ -10,6 +10,8 @@ grouped by the singular value decomposition of W at random states.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
@@ -35,13 +37,19 @@ def regressor(model: ArmModel, turning: Array) -> ca.Function:
     """
     n = model.n
     q, v, a = (ca.SX.sym(name, n) for name in "qva")
-    tree = tree_of(model)
-    links, symbols = zip(*(_symbolic(link) for link in tree.links), strict=True)
-    bodies = Tree(links, np.zeros(len(links)), tree.followers, tree.offsets)
-    tau = rigid_body.inverse(bodies, q, v, a, gravity_of(model))
-    inertial = ca.jacobian(tau, ca.vertcat(*symbols))
+    links, symbols = zip(*(_symbolic(link) for link in tree_of(model).links), strict=True)
+    inertial = of_bodies(model, links, ca.vertcat(*symbols), (q, v, a))
     W = ca.densify(ca.horzcat(inertial, *friction_columns(v, a, turning), ca.SX.eye(n)))
     return ca.Function("regressor", [q, v, a], [W], {"cse": True})
+
+
+def of_bodies(
+    model: ArmModel, links: Sequence[Link], numbers: ca.SX, state: tuple[ca.SX, ca.SX, ca.SX]
+) -> ca.SX:
+    """Columns of the torques of some links by numbers in which these are linear."""
+    tree = tree_of(model)
+    bodies = Tree(tuple(links), np.zeros(len(links)), tree.followers, tree.offsets)
+    return ca.jacobian(rigid_body.inverse(bodies, *state, gravity_of(model)), numbers)
 
 
 def friction_columns(v: ca.SX, a: ca.SX, turning: Array) -> list[ca.SX]:

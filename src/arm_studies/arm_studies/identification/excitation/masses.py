@@ -15,13 +15,12 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.equations import rigid_body
-from arm_dynamics.equations.tree import Tree, regrouped
-from arm_dynamics.model import ArmModel, gravity_of, tree_of
-from arm_studies.identification.excitation.columns import friction_columns
+from arm_dynamics.equations.tree import regrouped
+from arm_dynamics.model import ArmModel, tree_of
+from arm_studies.identification.excitation.columns import friction_columns, of_bodies
 
+# Noise of torques relative to their root mean square, white at this many samples per second.
 NOISE, RATE = 0.05, 1000.0
-"""Noise of torques relative to their root mean square, white at this many samples per second."""
 _FLOOR = 0.01  # fraction of a joint's typical torque below which noise does not fall
 _BEFORE = 0.1  # prior standard deviation of a density, relative
 _TOTAL = 1e-4  # of the total mass, likewise: it is weighed
@@ -41,14 +40,12 @@ def densities(model: ArmModel, turning: Array) -> ca.Function:
         Coulomb friction of each joint, and of each body 1 for its nominal density.
     """
     q, v, a = (ca.SX.sym(name, model.n) for name in "qva")
-    tree = tree_of(model, regroup=False)
-    links, density = list(tree.links), ca.SX.sym("density", len(tree.links))
+    links = list(tree_of(model, regroup=False).links)
+    density = ca.SX.sym("density", len(links))
     for i, link in enumerate(links):
         link.m, link.h, link.I = density[i] * link.m, density[i] * link.h, density[i] * link.I
     regrouped(links)
-    bodies = Tree(tuple(links), np.zeros(len(links)), tree.followers, tree.offsets)
-    tau = rigid_body.inverse(bodies, q, v, a, gravity_of(model))
-    columns = [*friction_columns(v, a, turning), ca.jacobian(tau, density)]
+    columns = [*friction_columns(v, a, turning), of_bodies(model, links, density, (q, v, a))]
     return ca.Function("densities", [q, v, a], [ca.densify(ca.horzcat(*columns))], {"cse": True})
 
 

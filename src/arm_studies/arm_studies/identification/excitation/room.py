@@ -15,7 +15,6 @@ from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations.frame import placement, relative
 from arm_dynamics.equations.rigid_body import placements
-from arm_dynamics.equations.tree import Tree
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model import ArmModel, frame_of, tree_of
 from arm_dynamics.trajectory import Bounds, Limits, Trajectory
@@ -132,7 +131,7 @@ class Room:
     def gaps(self) -> tuple[ca.Function, tuple[str, ...]]:
         """Distances in [m] that must not be negative, as a function of q, and their names."""
         model = self.model
-        q, tree = ca.SX.sym("q", model.n), tree_of(self.model)
+        q, tree = ca.SX.sym("q", model.n), tree_of(model)
         pose = placements(tree, q)
         found: list[ca.SX] = []
         names: list[str] = []
@@ -143,25 +142,19 @@ class Room:
             height = ca.dot(ca.DM(plane.normal), u) - contact.radius
             found.append(height - self.clearance)
             names.append(f"the distance of '{name}' from its plane")
-        if self.box is not None:
-            more, ends = self._to_walls(self.box, tree, q)
-            found, names = found + more, names + ends
-        rows = ca.densify(ca.vertcat(ca.SX(0, 1), *found))
-        return ca.Function("gaps", [q], [rows], {"cse": True}), tuple(names)
-
-    def _to_walls(self, box: Box, tree: Tree, q: ca.SX) -> tuple[list[ca.SX], list[str]]:
-        found: list[ca.SX] = []
-        names: list[str] = []
-        for frame in box.frames:
-            if not self.model.has_frame(frame):
+        box = self.box
+        for frame in () if box is None else box.frames:
+            if not model.has_frame(frame):
                 raise InvalidInput(
-                    f"box: unknown frame '{frame}'; allowed: {known_names(self.model.frame_names)}"
+                    f"box: unknown frame '{frame}'; allowed: {known_names(model.frame_names)}"
                 )
-            place, _ = placement(tree, frame_of(self.model, frame), q)
+            place, _ = placement(tree, frame_of(model, frame), q)
+            assert box is not None
             found += [place - ca.DM(box.lower), ca.DM(box.upper) - place]
             names += [f"the distance of '{frame}' from the {end} side of the box in {axis}"
                       for end in ("lower", "upper") for axis in "xyz"]  # fmt: skip
-        return found, names
+        rows = ca.densify(ca.vertcat(ca.SX(0, 1), *found))
+        return ca.Function("gaps", [q], [rows], {"cse": True}), tuple(names)
 
     def torques(self, q: Array, v: Array, a: Array) -> Array:
         """Torques of a motion in [N m] or [N], shape (k, n)."""

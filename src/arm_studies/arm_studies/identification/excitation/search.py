@@ -35,8 +35,8 @@ _STATES = 40  # random states for each column of the regressor
 _SILENT = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory", "tol": 1e-4}
 
 
+# Parameters that a motion is optimized for: all of them, or the masses.
 ALL, MASSES = "all", "masses"
-"""Parameters that a motion is optimized for: all of them, or the masses."""
 
 
 @frozen
@@ -63,6 +63,17 @@ class Excitation:
     parameters: int
     attempts: Array
     masses: Array | None = None
+
+    def __repr__(self) -> str:
+        """A summary: the motion, and how well it determines parameters."""
+        spreads = () if self.masses is None else self.masses
+        masses = ", ".join(f"{x:.2%}" for x in spreads)
+        masses = f"; relative standard deviations of masses {masses}" if masses else ""
+        return (
+            f"<Excitation of {len(self.joint_names)} joints: {self.motion.duration:g} s, from "
+            f"rest to rest; {self.parameters} parameters, condition number {self.condition:.3g}, "
+            f"log det {self.information:.4g}{masses}; collisions between links are not checked>"
+        )
 
 
 def excite(
@@ -115,7 +126,12 @@ def excite(
         told(attempt + 1)
     _, y = max(found, key=lambda pair: pair[0])
     sigma = np.linalg.svd(search.rows(y), compute_uv=False)
-    _check_rank(sigma)
+    shown = int(np.sum(sigma > 1e-9 * sigma[0]))
+    if shown < len(sigma):
+        raise InvalidInput(
+            f"the best motion identifies only {shown} of {len(sigma)} parameters; more harmonics, "
+            "a larger workspace or more attempts are expected"
+        )
     reached = np.array([value for value, _ in found])
     masses = search.masses(y) if aim == MASSES else None
     return Excitation(
@@ -123,16 +139,6 @@ def excite(
         float(2.0 * np.log(sigma).sum()), len(sigma), reached if masses is None else -reached,
         masses,
     )  # fmt: skip
-
-
-def _check_rank(sigma: Array) -> None:
-    """Refuse singular values of a motion that does not identify every parameter."""
-    shown = int(np.sum(sigma > 1e-9 * sigma[0]))
-    if shown < len(sigma):
-        raise InvalidInput(
-            f"the best motion identifies only {shown} of {len(sigma)} parameters; more harmonics, "
-            "a larger workspace or more attempts are expected"
-        )
 
 
 class _Search:
@@ -148,7 +154,10 @@ class _Search:
         W = regressor(model, _SOFT * self.speed)
         count = _STATES * W.size2_out(0) // model.n
         states = random_states(limits.lower, limits.upper, self.speed, rise, count)
-        usual = self._usual_torque(states)
+        # The scale of each torque: its limit, or its rms over random motions.
+        rms = np.sqrt(np.mean(room.torques(*np.moveaxis(states, 1, 0)) ** 2, axis=0))
+        effort = room.effort
+        usual = np.where(np.isfinite(effort), effort, np.maximum(rms, 1e-9 * rms.max()))
         columns = distinct(W, states, 1.0 / usual)
         self.shape = model.n, 2 * (harmonics - 1)
         y, times = ca.MX.sym("y", *self.shape), self._times(_INSTANTS)
@@ -239,10 +248,3 @@ class _Search:
         count = motion[0].shape[1]
         bounds = (np.tile(np.hstack(x)[kept], count) for x in (lower, upper))
         return ca.vec(held.map(count)(*motion)), *bounds
-
-    def _usual_torque(self, states: Array) -> Array:
-        """The scale of each torque: its limit, or its rms over random motions."""
-        usual = np.sqrt(np.mean(self.room.torques(*np.moveaxis(states, 1, 0)) ** 2, axis=0))
-        effort = self.room.effort
-        scale: Array = np.where(np.isfinite(effort), effort, np.maximum(usual, 1e-9 * usual.max()))
-        return scale

@@ -16,14 +16,12 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 
-STATES = 60
-"""Random states per joint: of the model, and so independent of the measurements."""
+STATES = 60  # Random states per joint: of the model, and so independent of the measurements.
+# Relative distance of a column from the span of the others above which it is independent.
+# Dependent ones are at 1e-13, or at 1e-9 if a URDF rounds right angles to nine digits; independent
+# ones are above 1e-3.
 DEPENDENT = 1e-5
-"""Relative distance of a column from the span of the others above which it is independent.
-Dependent ones are at 1e-13, or at 1e-9 if a URDF rounds right angles to nine digits; independent
-ones are above 1e-3."""
-ROUNDED = 1e-7
-"""Coefficients below it are rounding, for lengths of the order of meters."""
+ROUNDED = 1e-7  # Coefficients below it are rounding, for lengths of the order of meters.
 
 
 @dataclass(frozen=True)

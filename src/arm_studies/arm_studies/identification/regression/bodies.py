@@ -13,9 +13,9 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 
+# Smallest eigenvalue of Σ = ∫ r rᵀ dm relative to the largest: a plate has a thickness, which
+# rounded numbers of a URDF may make negative.
 THIN = 1e-3
-"""Smallest eigenvalue of Σ = ∫ r rᵀ dm relative to the largest: a plate has a thickness, which
-rounded numbers of a URDF may make negative."""
 
 
 def _basis() -> Array:
@@ -28,8 +28,7 @@ def _basis() -> Array:
     return found
 
 
-BASIS = _basis()
-"""J = Σ θ_k BASIS_k."""
+BASIS = _basis()  # J = Σ θ_k BASIS_k.
 
 
 def pseudo_inertia(theta: Array) -> Array:
@@ -66,19 +65,14 @@ def nearest(theta: Array) -> Array:
     return numbers_of(J)
 
 
-def metric(theta: Array) -> Array:
-    """Q of the squared distance δᵀ Q δ of bodies near this one, shape (10, 10).
-
-    ½ tr((J⁻¹ δJ)²): that of the affine-invariant metric at J, which depends neither on units nor
-    on the frame (Lee, Wensing, Park, "Geometric robot dynamic identification: a convex programming
-    approach", IEEE Trans. Robotics 36(2), 2020). A body of 1 + ε times the density is at 2 ε².
-    """
-    rows = _distance(theta)
-    return np.asarray(rows.T @ rows)
-
-
 def _distance(theta: Array) -> Array:
-    """F with Q = Fᵀ F of ``metric``: F δ are the entries of C⁻¹ δJ C⁻ᵀ / √2, with J = C Cᵀ."""
+    """F of the distance ‖F δ‖ of bodies near this one, shape (16, 10).
+
+    F δ are the entries of C⁻¹ δJ C⁻ᵀ / √2, with J = C Cᵀ: the affine-invariant metric ½ tr((J⁻¹
+    δJ)²), which depends neither on units nor on the frame (Lee, Wensing, Park, "Geometric robot
+    dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2), 2020). A
+    body of 1 + ε times the density is at √2 ε.
+    """
     C = np.linalg.cholesky(pseudo_inertia(theta))
     half = np.linalg.solve(C, BASIS)
     both = np.linalg.solve(C, np.swapaxes(half, 1, 2))
@@ -93,7 +87,7 @@ def prior(theta: Array, mass: float, shape: float) -> Array:
     Args:
         theta: Ten inertial parameters of a body.
         mass: Relative standard deviation of its density.
-        shape: That of all else, as a distance; see ``metric``.
+        shape: That of all else, as a distance; see ``_distance``.
     """
     F = _distance(theta)
     along = F @ theta

@@ -10,42 +10,46 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_studies.identification.regression import bodies
-from arm_studies.identification.regression.regressor import EACH
+from arm_studies.identification.regression.regressor import EACH, TINY
 from arm_studies.identification.regression.rows import Rows
 
 Mask = NDArray[np.bool_]
-NOISELESS = 1e-9
-"""Residual relative to a joint's torque below which it is rounding."""
+Places = NDArray[np.int_]
+NOISELESS = 1e-9  # Residual relative to a joint's torque below which it is rounding.
 
 
 @dataclass(frozen=True)
 class Common:
-    """QR factors of the columns of one joint that do not depend on its friction law.
+    """Columns of one joint that do not depend on its friction law: of bodies and its armature.
 
     Attributes:
+        columns: Shape (k, m).
         use: Rows that are used, shape (k,).
         Q: Orthonormal columns of the rows that are used.
-        T: Triangle: Q T are the columns.
+        T: Triangle: Q T are the columns in these rows.
     """
 
+    columns: Array
     use: Mask
     Q: Array
     T: Array
 
     @classmethod
-    def of(cls, columns: Array, use: Mask) -> Common:
-        """Of columns of shape (k, m); a joint does not carry the bodies before it."""
+    def of(cls, rows: Rows, use: Mask, j: int) -> Common:
+        """Of one joint, which does not carry the bodies before it."""
+        columns = np.hstack([rows.rigid[:, j], rows.inertia[:, j : j + 1]])
         there = columns.any(axis=0)
-        Q, R = np.linalg.qr(columns[use][:, there])
+        Q, R = np.linalg.qr(columns[use[:, j]][:, there])
         T = np.zeros((len(R), len(there)))
         T[:, there] = R
-        return cls(use, Q, T)
+        return cls(columns, use[:, j], Q, T)
 
 
 @dataclass(frozen=True)
@@ -53,25 +57,42 @@ class Columns:
     """A regression: the columns of each joint, and the unknowns they belong to.
 
     Attributes:
-        common: Of each joint: columns of bodies and of its armature, shape (k, m).
-        own: Of each joint: columns of its friction, shape (k, m_j).
+        common: Of each joint: columns of bodies and of its armature.
+        own: Of each joint: low-pass filtered columns of its friction, shape (k, m_j).
         places: Of each joint: indices of all its columns in x.
         size: Number of unknowns.
-        reduced: Of each joint: factors of ``common`` in the rows that are used.
     """
 
-    common: tuple[Array, ...]
+    common: tuple[Common, ...]
     own: tuple[Array, ...]
-    places: tuple[NDArray[np.int_], ...]
+    places: tuple[Places, ...]
     size: int
-    reduced: tuple[Common, ...]
+
+    @classmethod
+    def of(cls, common: Sequence[Common], own: Sequence[Array]) -> Columns:
+        """Of bodies, armatures, then friction, joint by joint."""
+        numbers = common[0].columns.shape[1] - 1
+        start, places = numbers + len(common), []
+        for j, mine in enumerate(own):
+            ours = np.arange(start, start + mine.shape[1])
+            places.append(np.concatenate([np.arange(numbers), [numbers + j], ours]))
+            start += mine.shape[1]
+        return cls(tuple(common), tuple(own), tuple(places), start)
+
+    def wider(self, more: Sequence[Array], places: Sequence[Places], count: int) -> Columns:
+        """With ``count`` more unknowns: columns of each joint, and which of these they are of."""
+        own = [np.column_stack(pair) for pair in zip(self.own, more, strict=True)]
+        all_places = [
+            np.append(a, self.size + b) for a, b in zip(self.places, places, strict=True)
+        ]
+        return Columns(self.common, tuple(own), tuple(all_places), self.size + count)
 
     def predicted(self, x: Array) -> Array:
         """A x of shape (k, n)."""
         found = []
         for common, own, place in zip(self.common, self.own, self.places, strict=True):
-            m = common.shape[1]
-            found.append(common @ x[place[:m]] + own @ x[place[m:]])
+            m = common.columns.shape[1]
+            found.append(common.columns @ x[place[:m]] + own @ x[place[m:]])
         return np.column_stack(found)
 
     def own_predicted(self, x: Array) -> Array:
@@ -83,7 +104,7 @@ class Columns:
 
     def all_of(self, j: int) -> Array:
         """All columns of a joint."""
-        return np.hstack([self.common[j], self.own[j]])
+        return np.hstack([self.common[j].columns, self.own[j]])
 
     def whitened(self, y: Array, weights: Array, count: float) -> tuple[Array, Array]:
         """A triangle R and a vector z: ‖R x - z‖² is the weighted sum of squares up to a constant.
@@ -94,47 +115,20 @@ class Columns:
             count: Independent values per row.
         """
         triangles = []
-        for j, (reduced, place) in enumerate(zip(self.reduced, self.places, strict=True)):
-            if not reduced.use.any():
+        for j, (common, place) in enumerate(zip(self.common, self.places, strict=True)):
+            if not common.use.any():
                 continue
-            rest = np.column_stack([self.own[j], y[:, j]])[reduced.use]
-            along = reduced.Q.T @ rest
-            across = np.linalg.qr(rest - reduced.Q @ along, mode="r")
-            m = reduced.T.shape[1]
+            rest = np.column_stack([self.own[j], y[:, j]])[common.use]
+            along = common.Q.T @ rest
+            across = np.linalg.qr(rest - common.Q @ along, mode="r")
+            m = common.T.shape[1]
             wide = np.zeros((len(along) + len(across), self.size + 1))
-            wide[: len(along), place[:m]] = reduced.T
+            wide[: len(along), place[:m]] = common.T
             where = np.append(place[m:], self.size)
             wide[: len(along), where], wide[len(along) :, where] = along, across
             triangles.append(weights[j] * np.sqrt(count) * wide)
         both = np.linalg.qr(np.vstack(triangles), mode="r")
         return both[:, :-1], both[:, -1]
-
-
-def common_columns(rows: Rows, use: Mask) -> tuple[tuple[Array, ...], tuple[Common, ...]]:
-    """Columns of bodies and armature of each joint, and their factors in the used rows."""
-    columns = tuple(
-        np.hstack([rows.rigid[:, j], rows.inertia[:, j : j + 1]]) for j in range(rows.n)
-    )
-    return columns, tuple(Common.of(part, use[:, j]) for j, part in enumerate(columns))
-
-
-def columns_of(
-    common: tuple[tuple[Array, ...], tuple[Common, ...]], friction: Sequence[Array]
-) -> Columns:
-    """All columns: bodies, armatures, then friction, joint by joint.
-
-    Args:
-        common: See ``common_columns``.
-        friction: Low-pass filtered columns of each joint, shape (k, m_j).
-    """
-    columns, reduced = common
-    n, numbers = len(columns), columns[0].shape[1] - 1
-    start, places = numbers + n, []
-    for j, own in enumerate(friction):
-        mine = np.arange(start, start + own.shape[1])
-        places.append(np.concatenate([np.arange(numbers), [numbers + j], mine]))
-        start += own.shape[1]
-    return Columns(columns, tuple(friction), tuple(places), start, reduced)
 
 
 def deviations(y: Array, predicted: Array, use: Mask) -> Array:
@@ -150,46 +144,97 @@ def deviations(y: Array, predicted: Array, use: Mask) -> Array:
 
 
 @dataclass(frozen=True)
-class Belief:
-    """The prior of x: its mean x0, and rows S of its precision SᵀS.
+class Prior:
+    """What is believed of the bodies before: their mean x0, and rows S of its precision SᵀS.
+
+    Nothing is believed of the other unknowns, which come after them in x.
 
     Attributes:
-        x0: Shape (size,).
-        rows: Shape (m, size).
+        x0: Shape (numbers,).
+        rows: Shape (m, numbers).
     """
 
     x0: Array
     rows: Array
 
+    @classmethod
+    def near(
+        cls, nominal: Array, mass: float, shape: float,
+        known: Sequence[tuple[Sequence[int], float]] = (),
+    ) -> Prior:  # fmt: skip
+        """Bodies are near the nominal ones; see ``bodies.prior`` for their deviations.
+
+        Bodies that a URDF makes too thin get the smallest possible thickness, since a thin body of
+        lower density would not be physically consistent. Bodies without mass are fixed.
+
+        Args:
+            nominal: Ten inertial parameters of each body.
+            mass: Relative standard deviation of densities.
+            shape: That of all else.
+            known: Places of masses in x, and their sum in [kg], which is exact.
+        """
+        x0, rows = nominal.copy(), np.zeros((len(nominal), len(nominal)))
+        for i in range(0, len(nominal), EACH):
+            body = slice(i, i + EACH)
+            if nominal[i] > TINY:
+                x0[body] = bodies.nearest(nominal[body])
+                rows[body, body] = bodies.prior(x0[body], mass, shape)
+            else:
+                rows[body, body] = 1e9 * np.eye(EACH)
+        for places, total in known:
+            row = np.zeros((1, len(x0)))
+            row[0, list(places)] = 1e5 / total
+            rows = np.vstack([rows, row])
+            factor = total / x0[list(places)].sum()
+            for place in places:  # the nominal bodies, of another density
+                x0[place : place + EACH] *= factor
+        return cls(x0, rows)
+
     def combined(self, R: Array, z: Array) -> tuple[Array, Array]:
         """The triangle and vector of data and prior together."""
-        A = np.vstack([R, self.rows])
+        size = R.shape[1]
+        A = np.vstack([R, np.pad(self.rows, ((0, 0), (0, size - len(self.x0))))])
         b = np.concatenate([z, self.rows @ self.x0])
         both = np.linalg.qr(np.column_stack([A, b]), mode="r")
-        size = R.shape[1]
         return both[:size, :-1], both[:size, -1]
 
 
-def belief_of(nominal: Array, size: int, mass: float, shape: float) -> Belief:
-    """The prior that bodies are near the nominal ones; see ``bodies.prior``.
+@dataclass(frozen=True)
+class Problem:
+    """What is to be fitted.
 
-    Bodies that a URDF makes too thin get the smallest possible thickness, since a thin body of
-    lower density would not be physically consistent. Bodies without mass are fixed. The other
-    unknowns, ``size`` in all, have a weak prior at zero, so that undetermined ones become zero.
+    Attributes:
+        rows: The regression's rows.
+        use: Rows that are used, shape (k, n).
+        prior: Of the bodies.
     """
-    x0 = np.zeros(size)
-    x0[: len(nominal)] = nominal
-    rows = []
-    for i in range(0, len(nominal), EACH):
-        part = np.zeros((EACH, size))
-        if nominal[i] > 1e-9:
-            body = bodies.nearest(nominal[i : i + EACH])
-            x0[i : i + EACH] = body
-            part[:, i : i + EACH] = bodies.prior(body, mass, shape)
-        else:
-            part[:, i : i + EACH] = 1e9 * np.eye(EACH)
-        rows.append(part)
-    return Belief(x0, np.vstack(rows))
+
+    rows: Rows
+    use: Mask
+    prior: Prior
+
+    @cached_property
+    def target(self) -> Array:
+        """Efforts without known torques, shape (k, n)."""
+        return np.asarray(self.rows.effort - self.rows.known)
+
+    @cached_property
+    def common(self) -> tuple[Common, ...]:
+        """Columns of bodies and armature of each joint."""
+        return tuple(Common.of(self.rows, self.use, j) for j in range(self.rows.n))
+
+    def data(self, columns: Columns, weights: Array) -> tuple[Array, Array]:
+        """The triangle and vector of all rows that are used; see ``Columns.whitened``."""
+        return columns.whitened(self.target, weights, self.rows.independent)
+
+    def combined(self, columns: Columns, weights: Array) -> tuple[Array, Array]:
+        """Those of the rows and the prior together."""
+        return self.prior.combined(*self.data(columns, weights))
+
+
+def with_mass(nominal: Array) -> list[slice]:
+    """Places of the bodies that have a mass."""
+    return [slice(i, i + EACH) for i in range(0, len(nominal), EACH) if nominal[i] > TINY]
 
 
 def solved(R: Array, z: Array, rcond: float = 1e-14) -> Array:
@@ -216,7 +261,7 @@ def made_possible(
         positive: Indices of coefficients that must not be negative.
     """
     x = start.copy()
-    movable = [i for i in range(0, len(nominal), EACH) if nominal[i] > 1e-9]
+    movable = with_mass(nominal)
     barriers = 4 * len(movable) + len(positive)
     cost = max(float(np.sum((R @ x - z) ** 2)), 1.0)
     sharpness = barriers / cost
@@ -227,22 +272,22 @@ def made_possible(
 
 
 def _centred(
-    R: Array, z: Array, x: Array, movable: list[int], positive: Sequence[int], sharpness: float
+    R: Array, z: Array, x: Array, movable: list[slice], positive: Sequence[int], sharpness: float
 ) -> Array:  # fmt: skip
     def value(x: Array) -> float:
         if any(x[i] <= 0.0 for i in positive):
             return np.inf
         total = sharpness * float(np.sum((R @ x - z) ** 2))
-        total += sum(bodies.log_det(x[i : i + EACH])[0] for i in movable)
+        total += sum(bodies.log_det(x[body])[0] for body in movable)
         return total - float(np.log(x[list(positive)]).sum())
 
     def derivatives(x: Array) -> tuple[Array, Array]:
         gradient = 2.0 * sharpness * (R.T @ (R @ x - z))
         hessian = 2.0 * sharpness * (R.T @ R)
-        for i in movable:
-            _, slope, bend = bodies.log_det(x[i : i + EACH])
-            gradient[i : i + EACH] += slope
-            hessian[i : i + EACH, i : i + EACH] += bend
+        for body in movable:
+            _, slope, bend = bodies.log_det(x[body])
+            gradient[body] += slope
+            hessian[body, body] += bend
         for i in positive:
             gradient[i] -= 1.0 / x[i]
             hessian[i, i] += 1.0 / x[i] ** 2

@@ -5,40 +5,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.regression import bodies
+from arm_studies.identification.regression import bodies, friction
 from arm_studies.identification.regression.estimation import (
-    Belief,
     Columns,
-    Mask,
-    columns_of,
-    common_columns,
+    Problem,
     deviations,
     made_possible,
     solved,
+    with_mass,
 )
-from arm_studies.identification.regression.friction_columns import (
-    COULOMB,
-    COULOMB_SKEW,
-    EXCESS,
-    STEEP,
-    VISCOUS,
-    VISCOUS_SKEW,
-    JointFit,
-    Shape,
-)
-from arm_studies.identification.regression.regressor import EACH
+from arm_studies.identification.regression.friction import JointFit, Shape
 from arm_studies.identification.regression.rows import Rows
-from arm_studies.identification.regression.selection import STEEPEST
 
-SIGNED = (COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
+SIGNED = (friction.COULOMB_SKEW, friction.VISCOUS_SKEW, friction.EXCESS)
 STEPS = 25
+# ``settled`` of results: then shapes are known far better than any noise lets them be.
 SETTLED = 1e-6
-"""``settled`` of results: then shapes are known far better than any noise lets them be."""
 
 
 @dataclass(frozen=True)
@@ -46,30 +34,52 @@ class Fit:
     """Result of a fit.
 
     Attributes:
+        problem: What was fitted.
         x: Bodies, armatures and friction, shape (size,).
         friction: Of each joint, with its coefficients.
         columns: The regression at the end.
         weights: Of each joint, shape (n,).
-        residual: Shape (k, n).
+        load: Torques of the drives under which its friction was computed, shape (k, n).
         changed: Whether bodies had to be changed to be physically consistent.
     """
 
+    problem: Problem
     x: Array
     friction: tuple[JointFit, ...]
     columns: Columns
     weights: Array
-    residual: Array
-    changed: bool
+    load: Array
+    changed: bool = False
 
     @property
-    def bodies(self) -> int:
-        """Number of inertial parameters."""
-        return self.columns.size - len(self.weights) - sum(len(f.kinds) for f in self.friction)
+    def rows(self) -> Rows:
+        """The regression's rows."""
+        return self.problem.rows
+
+    @property
+    def theta(self) -> Array:
+        """Inertial parameters of the bodies."""
+        return self.x[: len(self.problem.prior.x0)]
+
+    @property
+    def armature(self) -> Array:
+        """Inertia of each joint's drive, shape (n,)."""
+        first = len(self.problem.prior.x0)
+        return self.x[first : first + self.rows.n]
+
+    @cached_property
+    def residual(self) -> Array:
+        """Efforts that it leaves, shape (k, n)."""
+        return np.asarray(self.problem.target - self.columns.predicted(self.x))
+
+    @cached_property
+    def drives(self) -> Array:
+        """Torques of the drives, which are all that it predicts, shape (k, n)."""
+        return np.asarray(self.columns.predicted(self.x) + self.rows.known)
 
     def predicted(self, rows: Rows) -> Array:
         """Efforts of the same motion in rows with another bandwidth, shape (k, n)."""
-        bodies, n = self.bodies, len(self.weights)
-        rigid = rows.rigid @ self.x[:bodies] + rows.inertia * self.x[bodies : bodies + n]
+        rigid = rows.rigid @ self.theta + rows.inertia * self.armature
         return np.asarray(rows.known + rigid + self.own_predicted(rows))
 
     def own_predicted(self, rows: Rows) -> Array:
@@ -81,225 +91,199 @@ class Fit:
         ]
         return np.column_stack(own)
 
+    def before(self, **changes: Any) -> Fit:
+        """The same numbers beside other ``rows``, ``use`` or ``prior``, not fitted to them yet."""
+        return replace(self, problem=replace(self.problem, **changes))
+
+    def again(self, *, possible: bool = False, **changes: Any) -> Fit:
+        """A fit of the same laws to other ``rows``, ``use`` or ``prior``."""
+        return fitted(replace(self.problem, **changes), self.friction, possible=possible)
+
+    @cached_property
+    def with_shapes(self) -> tuple[Columns, list[tuple[int, str]]]:
+        """Its columns with its shapes as more unknowns, linearized; see ``widened``."""
+        return widened(self, self.drives)
+
 
 def fitted(
-    rows: Rows, use: Mask, belief_for: object, friction: Sequence[JointFit], *,
-    possible: bool = False, settled: float = SETTLED,
-) -> Fit:  # fmt: skip
+    problem: Problem, laws: Sequence[JointFit], *, possible: bool = False, settled: float = SETTLED
+) -> Fit:
     """Fit all unknowns: linear ones in one step, shapes of friction by Gauss-Newton.
 
     Args:
-        rows: The regression's rows.
-        use: Rows that are used, shape (k, n).
-        belief_for: Returns the prior for a number of unknowns.
-        friction: Laws of each joint, with first guesses of their shapes.
+        problem: Rows and prior.
+        laws: Friction of each joint, with first guesses of its shapes.
         possible: Whether bodies must be physically consistent.
         settled: Change of the sum of the logarithms of the joints' residuals at which shapes have
             converged.
     """
-    target = rows.effort - rows.known
-    common = common_columns(rows, use)
-    load = np.zeros_like(target)
-    fits = [_kept(rows, use, j, fit) for j, fit in enumerate(friction)]
-    weights = 1.0 / deviations(target, np.zeros_like(target), use)
-    fastest = abs(rows.v).max(axis=0)
+    target, use = problem.target, problem.use
+    laws = [_kept(problem.rows.v[use[:, j], j], law) for j, law in enumerate(laws)]
+    load, weights = np.zeros_like(target), 1.0 / deviations(target, np.zeros_like(target), use)
+    fastest = abs(problem.rows.v).max(axis=0)
     for _ in range(4):  # impossible terms are removed
-        fits, load, weights, x, columns = _settled(
-            rows, use, common, belief_for, fits, target, load, weights, settled
-        )
-        lean = [_without_impossible(fit, fastest[j]) for j, fit in enumerate(fits)]
-        if all((a.kinds, a.bends) == (b.kinds, b.bends) for a, b in zip(lean, fits, strict=True)):
+        found = _settled(problem, laws, load, weights, settled)
+        laws = [_without_impossible(law, fastest[j]) for j, law in enumerate(found.friction)]
+        if all(
+            (a.kinds, a.bends) == (b.kinds, b.bends)
+            for a, b in zip(laws, found.friction, strict=True)
+        ):
             break
-        fits = lean
-    R, z = columns.whitened(target, weights, rows.independent)
-    changed = False
-    if possible:
-        x, changed = _possible(R, z, x, belief_for(columns.size), rows, fits)  # type: ignore[operator]
-    fits = _with_coefficients(fits, x, columns.size)
-    residual = target - columns.predicted(x)
-    return Fit(x, tuple(fits), columns, weights, residual, changed)
+        load, weights = found.load, found.weights
+    return _possible(found) if possible else found
 
 
-def _kept(rows: Rows, use: Mask, j: int, fit: JointFit) -> JointFit:
+def _kept(v: Array, law: JointFit) -> JointFit:
     """The law without terms that a joint at rest, or moving one way only, cannot determine."""
-    v = rows.v[use[:, j], j]
     if not v.size or np.sqrt(np.mean(v**2)) < 1e-9:
         return JointFit(())
     if (v > 0.0).all() or (v < 0.0).all():
-        return JointFit(tuple(k for k in fit.kinds if k in (VISCOUS, COULOMB)), fit.shape)
-    return fit
+        plain = (friction.VISCOUS, friction.COULOMB)
+        return JointFit(tuple(k for k in law.kinds if k in plain), law.shape)
+    return law
 
 
 def _settled(
-    rows: Rows, use: Mask, common: Any, belief_for: object, fits: list[JointFit], target: Array,
-    load: Array, weights: Array, settled: float,
-) -> tuple[list[JointFit], Array, Array, Array, Columns]:  # fmt: skip
-    best = np.inf
-    kept: tuple[list[JointFit], Array, Array, Array, Columns] | None = None
-    trial, damping = fits, 1.0
+    problem: Problem, laws: Sequence[JointFit], load: Array, weights: Array, settled: float
+) -> Fit:
+    """The fit of these laws, possible or not."""
+    rows, best, damping = problem.rows, np.inf, 1.0
+    kept: Fit | None = None
     for step in range(STEPS):
-        own = [rows.friction(fit, j, load[:, j]) for j, fit in enumerate(trial)]
-        columns = columns_of(common, own)
-        belief: Belief = belief_for(columns.size)  # type: ignore[operator]
-        R, z = belief.combined(*columns.whitened(target, weights, rows.independent))
-        x = solved(R, z)
-        predicted = columns.predicted(x)
-        left = deviations(target, predicted, use)
+        own = [rows.friction(law, j, load[:, j]) for j, law in enumerate(laws)]
+        columns = Columns.of(problem.common, own)
+        x = solved(*problem.combined(columns, weights))
+        now = Fit(problem, x, _with_coefficients(laws, x, columns.size), columns, weights, load)
+        left = deviations(problem.target, columns.predicted(x), problem.use)
         cost = float(np.log(left).sum())
-        trial = _with_coefficients(trial, x, columns.size)
         gain = best - cost
         if step > 4 and gain < -1e-12 and kept is not None:
-            if -gain < settled:
-                break
             damping *= 0.3
-            if damping < 1e-2:
+            if -gain < settled or damping < 1e-2:
                 break
-            trial = _stepped(rows, belief_for, kept, target, damping)
+            laws = _stepped(kept, damping)
             continue
-        best, kept = cost, (trial, load, weights, x, columns)
-        weights = 1.0 / left
-        load = predicted + rows.known
-        if not any(fit.bends for fit in trial):
-            if step >= 3:
-                break
-            continue
-        if step >= 3 and abs(gain) < settled:
+        best, kept, laws = cost, now, now.friction
+        weights, load = 1.0 / left, now.drives
+        bent = any(law.bends for law in laws)
+        if step >= 3 and (not bent or abs(gain) < settled):
             break
-        damping = min(1.0, 2.0 * damping)
-        trial = _stepped(rows, belief_for, (trial, load, weights, x, columns), target, damping)
+        if bent:
+            damping = min(1.0, 2.0 * damping)
+            laws = _stepped(replace(now, weights=weights, load=load), damping)
     assert kept is not None
     return kept
 
 
-def _with_coefficients(fits: Sequence[JointFit], x: Array, size: int) -> list[JointFit]:
+def _with_coefficients(laws: Sequence[JointFit], x: Array, size: int) -> tuple[JointFit, ...]:
     """The laws with the coefficients at the end of x."""
-    place = size - sum(len(fit.kinds) for fit in fits)
-    found = []
-    for fit in fits:
-        values = x[place : place + len(fit.kinds)].tolist()
-        found.append(replace(fit, coefficients=dict(zip(fit.kinds, values, strict=True))))
-        place += len(fit.kinds)
-    return found
+    place, found = size - sum(len(law.kinds) for law in laws), []
+    for law in laws:
+        values = x[place : place + len(law.kinds)].tolist()
+        found.append(replace(law, coefficients=dict(zip(law.kinds, values, strict=True))))
+        place += len(law.kinds)
+    return tuple(found)
 
 
-def _stepped(
-    rows: Rows, belief_for: object,
-    now: tuple[list[JointFit], Array, Array, Array, Columns], target: Array, damping: float,
-) -> list[JointFit]:  # fmt: skip
-    """Shapes after a Gauss-Newton step, with all linear unknowns free."""
-    fits, load, weights, _, columns = now
-    wide, names = _widened(rows, fits, load, columns)
-    belief: Belief = belief_for(wide.size)  # type: ignore[operator]
-    R, z = belief.combined(*wide.whitened(target, weights, rows.independent))
-    x = solved(R, z)
-    moved = list(fits)
-    for i, (j, name) in enumerate(names):
-        by = damping * float(np.clip(x[columns.size + i], -0.7, 0.7))
+def _stepped(fit: Fit, damping: float) -> list[JointFit]:
+    """Laws whose shapes have made a Gauss-Newton step, with all linear unknowns free."""
+    wide, names = widened(fit, fit.load)
+    x = solved(*fit.problem.combined(wide, fit.weights))
+    moved = list(fit.friction)
+    for i, (j, name) in enumerate(names, fit.columns.size):
+        by = damping * float(np.clip(x[i], -0.7, 0.7))
         moved[j] = replace(moved[j], shape=moved[j].shape.moved(name, by))
     return moved
 
 
-def with_shapes(rows: Rows, fit: Fit) -> tuple[Columns, list[tuple[int, str]]]:
-    """The regression of a fit with its shapes as more unknowns, linearized.
+def widened(fit: Fit, load: Array) -> tuple[Columns, list[tuple[int, str]]]:
+    """The columns of a fit with its shapes as more unknowns, linearized.
 
     Returns:
         The columns, and the joint and name of each further unknown, see ``Shape.moved``.
     """
-    load = fit.columns.predicted(fit.x) + rows.known
-    return _widened(rows, fit.friction, load, fit.columns)
+    names = [(j, name) for j, law in enumerate(fit.friction) for name in law.bends]
+    more = [_slopes(fit.rows, law, j, load[:, j]) for j, law in enumerate(fit.friction)]
+    places = [
+        np.array([i for i, (of, _) in enumerate(names) if of == j], int)
+        for j in range(len(fit.friction))
+    ]
+    return fit.columns.wider(more, places, len(names)), names
 
 
-def _widened(
-    rows: Rows, fits: Sequence[JointFit], load: Array, columns: Columns
-) -> tuple[Columns, list[tuple[int, str]]]:
-    names = [(j, name) for j, fit in enumerate(fits) for name in fit.bends]
-    parts, places = list(columns.own), list(columns.places)
-    for j in dict.fromkeys(j for j, _ in names):
-        parts[j] = np.column_stack([parts[j], _slopes(rows, fits[j], j, load[:, j])])
-    for i, (j, _) in enumerate(names):
-        places[j] = np.append(places[j], columns.size + i)
-    size = columns.size + len(names)
-    return replace(columns, own=tuple(parts), places=tuple(places), size=size), names
-
-
-def _slopes(rows: Rows, fit: JointFit, j: int, load: Array) -> Array:
+def _slopes(rows: Rows, law: JointFit, j: int, load: Array) -> Array:
     """Derivatives of a joint's friction by the parameters of its shape, shape (k, parameters)."""
-    coefficients = [fit.coefficients[kind] for kind in fit.kinds]
+    if not law.bends:
+        return np.empty((len(load), 0))
+    coefficients = [law.coefficients[kind] for kind in law.kinds]
 
     def torque(shape: Shape) -> Array:
-        return np.asarray(rows.sliding(replace(fit, shape=shape), j, load) @ coefficients)
+        return np.asarray(rows.sliding(replace(law, shape=shape), j, load) @ coefficients)
 
-    h, now, found = 1e-6, torque(fit.shape), []
-    for name in fit.bends:
-        shape, span = fit.shape.moved(name, h), h
-        if shape == fit.shape:  # at its upper bound
-            shape, span = fit.shape.moved(name, -h), -h
-        if name == "load":
-            span = (shape.load or 0.0) - (fit.shape.load or 0.0)
+    h, now, found = 1e-6, torque(law.shape), []
+    for name in law.bends:
+        shape, span = law.shape.moved(name, h), h
+        if shape == law.shape:  # at its upper bound
+            shape, span = law.shape.moved(name, -h), -h
+        if name == friction.LOAD:
+            span = (shape.load or 0.0) - (law.shape.load or 0.0)
         found.append((torque(shape) - now) / span)
     return rows.filtered(np.column_stack(found), j)
 
 
-def _without_impossible(fit: JointFit, fastest: float) -> JointFit:
+def _without_impossible(law: JointFit, fastest: float) -> JointFit:
     """The law without terms of impossible coefficients, such as negative friction.
 
     Args:
-        fit: The law.
+        law: The law.
         fastest: Largest speed of the joint, at which friction must have changed from its level at
             rest; else the change is viscous friction.
     """
-    c = fit.coefficients
-    kinds = [k for k in fit.kinds if k in SIGNED or c[k] > 0.0]
-    level = c.get(COULOMB, 0.0)
-    if EXCESS in kinds and (
+    c, shape, refused = law.coefficients, law.shape, law.refused
+    kinds = [k for k in law.kinds if k in SIGNED or c[k] > 0.0]
+    level = c.get(friction.COULOMB, 0.0)
+    if friction.EXCESS in kinds and (
         level <= 0.0
-        or c[EXCESS] < -STEEP * level
-        or (fit.shape.stribeck_velocity or 0.0) > fastest
+        or c[friction.EXCESS] < -friction.STEEP * level
+        or (shape.stribeck_velocity or 0.0) > fastest
     ):  # the other terms may be possible without it
-        kinds = [k for k in fit.kinds if k != EXCESS]
-    for skew, mean in ((COULOMB_SKEW, COULOMB), (VISCOUS_SKEW, VISCOUS)):
-        if skew in kinds and mean not in kinds and skew != COULOMB_SKEW:
-            kinds.remove(skew)
-    if COULOMB not in kinds and EXCESS in kinds:
-        kinds.remove(EXCESS)
-    shape, refused = fit.shape, fit.refused
-    if EXCESS not in kinds:
+        kinds = [k for k in law.kinds if k != friction.EXCESS]
+    if friction.VISCOUS_SKEW in kinds and friction.VISCOUS not in kinds:
+        kinds.remove(friction.VISCOUS_SKEW)
+    if friction.EXCESS not in kinds:
         shape = replace(shape, stribeck_velocity=None)
     if shape.load is not None:
-        growth = c.get(COULOMB, 0.0) * shape.steepness
-        if COULOMB not in kinds or shape.load <= 0.01 or growth > STEEPEST:
-            shape = replace(shape, load=None)
-        if growth > STEEPEST:
+        growth = level * shape.steepness
+        if growth > friction.STEEPEST:
             refused = growth
-    return replace(fit, kinds=tuple(kinds), shape=shape, refused=refused)
+        if friction.COULOMB not in kinds or shape.load <= 0.01 or growth > friction.STEEPEST:
+            shape = replace(shape, load=None)
+    return replace(law, kinds=tuple(kinds), shape=shape, refused=refused)
 
 
-def _possible(
-    R: Array, z: Array, x: Array, belief: Belief, rows: Rows, fits: Sequence[JointFit]
-) -> tuple[Array, bool]:
-    """The estimate if it is physically consistent, else the best consistent one."""
-    nominal = belief.x0[: len(rows.regressor.nominal)]
-    parts = [x[i : i + EACH] for i in range(0, len(nominal), EACH) if nominal[i] > 1e-9]
-    armatures = range(len(nominal), len(nominal) + rows.n)
-    shown = [i for i in armatures if np.linalg.norm(R[:, i]) > 0.0]
-    if all(bodies.possible(part, 1e-12) for part in parts) and all(x[i] >= 0.0 for i in shown):
-        return x, False
-    start = x.copy()
-    for i in range(0, len(nominal), EACH):
-        if nominal[i] > 1e-9:
-            start[i : i + EACH] = bodies.nearest(nominal[i : i + EACH])
-    first = len(nominal) + rows.n
-    kinds = [kind for fit in fits for kind in fit.kinds]
-    positive = [*shown, *(first + i for i, k in enumerate(kinds) if k not in SIGNED)]
+def _possible(fit: Fit) -> Fit:
+    """The fit if it is physically consistent, else the best consistent one."""
+    problem, x = fit.problem, fit.x
+    R, z = problem.data(fit.columns, fit.weights)
+    nominal, n = problem.prior.x0, fit.rows.n
+    shown = [i for i in range(len(nominal), len(nominal) + n) if np.linalg.norm(R[:, i]) > 0.0]
+    movable = with_mass(nominal)
+    if all(bodies.possible(x[body], 1e-12) for body in movable) and (x[shown] >= 0.0).all():
+        return fit
+    kinds = [kind for law in fit.friction for kind in law.kinds]
+    of_friction = [i for i, kind in enumerate(kinds, len(nominal) + n) if kind not in SIGNED]
+    start, positive = x.copy(), [*shown, *of_friction]
+    for body in movable:
+        start[body] = bodies.nearest(nominal[body])
     start[positive] = np.maximum(x[positive], 1e-3 * abs(x[positive]).max() + 1e-9)
+
+    def inside(x: Array) -> bool:
+        return bool((x[positive] > 0.0).all()) and all(bodies.possible(x[b]) for b in movable)
+
     share = 1.0
-    while not _inside(start + share * (x - start), nominal, positive):
+    while not inside(start + share * (x - start)):
         share *= 0.7
-    return made_possible(
-        *belief.combined(R, z), start + 0.9 * share * (x - start), nominal, positive
-    ), True
-
-
-def _inside(x: Array, nominal: Array, positive: Sequence[int]) -> bool:
-    parts = (x[i : i + EACH] for i in range(0, len(nominal), EACH) if nominal[i] > 1e-9)
-    return bool((x[list(positive)] > 0.0).all()) and all(bodies.possible(part) for part in parts)
+    start += 0.9 * share * (x - start)
+    x = made_possible(*problem.prior.combined(R, z), start, nominal, positive)
+    laws = _with_coefficients(fit.friction, x, fit.columns.size)
+    return replace(fit, x=x, friction=laws, changed=True)

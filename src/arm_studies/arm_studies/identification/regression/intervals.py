@@ -10,40 +10,34 @@ truth as often as they claim, wherever the nominal scene is.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_studies.identification.filtering import FLAT_NOISE
-from arm_studies.identification.regression.estimation import Belief, Columns, Mask, solved
-from arm_studies.identification.regression.fit import Fit, with_shapes
-from arm_studies.identification.regression.friction_columns import LOAD, STRIBECK_VELOCITY
+from arm_studies.identification.regression.estimation import Mask, solved
+from arm_studies.identification.regression.fit import Fit
+from arm_studies.identification.regression.friction import LOAD, STRIBECK_VELOCITY
 from arm_studies.identification.regression.rows import Rows
 
-Places = NDArray[np.int_]
+# Singular values relative to the largest below which a direction is not determined.
 SINGULAR = 1e-7
-"""Singular values relative to the largest below which a direction is not determined."""
+# Largest torque, relative to those that are measured, that the standard deviation of a parameter
+# may cause: beyond it, the motion does not determine the parameter.
 VAGUE = 0.1
-"""Largest torque, relative to those that are measured, that the standard deviation of a parameter
-may cause: beyond it, the motion does not determine the parameter."""
 
 
-WIDEST = 50.0
-"""Largest half width of an interval of a logarithm, beyond which numbers overflow."""
+WIDEST = 50.0  # Largest half width of an interval of a logarithm, beyond which numbers overflow.
+# Ratio of the variance of any residuals to that of white ones that the uncertainty of the former
+# explains.
 BY_CHANCE = 1.5
-"""Ratio of the variance of any residuals to that of white ones that the uncertainty of the former
-explains."""
+# Width of an interval over that by white noise of the sensors beyond which it is scatter.
 CLEARLY = 2.0
-"""Width of an interval over that by white noise of the sensors beyond which it is scatter."""
-CERTAIN = 1.96
-"""Standard deviations on either side of a 95 % interval."""
-STRICT = 10.0
-"""Size of unknown friction over dry friction of which nothing is assumed."""
-NOTHING = 1e-9
-"""Standard deviation below which even a zero is identified."""
+CERTAIN = 1.96  # Standard deviations on either side of a 95 % interval.
+STRICT = 10.0  # Size of unknown friction over dry friction of which nothing is assumed.
+NOTHING = 1e-9  # Standard deviation below which even a zero is identified.
 
 
 @dataclass(frozen=True)
@@ -96,23 +90,24 @@ class Estimates:
     condition: float
 
 
-def estimated(rows: Rows, use: Mask, fit: Fit, lead: Sequence[int]) -> Estimates:
-    """Estimates of base parameters and friction, with the laws of a fit.
+def estimated(fit: Fit, lead: Sequence[int]) -> Estimates:
+    """Estimates of base parameters and friction, with the laws, weights and residuals of a fit.
 
     Args:
-        rows: The regression's rows.
-        use: Rows that the fit uses, shape (k, n).
-        fit: Its laws, weights and residuals; shapes are linearized there.
+        fit: Shapes are linearized there.
         lead: Place of each base parameter's leading unknown: bodies and armatures act through
             these alone, see ``base_parameters``.
     """
-    columns, names = with_shapes(rows, fit)
-    places = np.array([*lead, *range(fit.bodies + rows.n, columns.size)])
-    own, y = _weighted(use, fit, columns, places), fit.weights * use * (rows.effort - rows.known)
-    ageing = fit.weights * use * rows.ageing(fit.predicted(rows.plain))
-    noise = rows.noise(fit.x[: fit.bodies], fit.x[fit.bodies : fit.bodies + rows.n])
+    columns, names = fit.with_shapes
+    rows, weights = fit.rows, fit.weights * fit.problem.use
+    places = np.array([*lead, *range(len(fit.theta) + rows.n, columns.size)])
+    own = np.zeros((rows.n, len(weights), columns.size))
+    for j, place in enumerate(columns.places):
+        own[j][:, place] = columns.all_of(j) * weights[:, j : j + 1]
+    y, ageing = weights * fit.problem.target, weights * rows.ageing(fit.predicted(rows.plain))
+    noise = fit.weights * rows.noise(fit.theta, fit.armature)
     found, deviations, scatter, condition = unbiased(
-        rows, own, y, ageing, fit.weights * noise, float(np.linalg.norm(y))
+        rows, own[:, :, places], y, ageing, noise, float(np.linalg.norm(y))
     )
     first = len(places) - len(names)
     triples = list(zip(found.tolist(), deviations.tolist(), scatter.tolist(), strict=True))
@@ -161,7 +156,11 @@ def unbiased(
     doubt[hidden | (doubt * lengths[shown] > VAGUE * torque)] = np.inf
     found, deviations = np.zeros(len(lengths)), np.full(len(lengths), np.inf)
     found[shown], deviations[shown] = solved(R[:, shown], z), doubt
-    scatter = deviations > CLEARLY * _by_noise(rows, own, noise)
+    # By the white noise of sensors alone.
+    H, inverse = _information(own)
+    white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
+    by_noise = np.sqrt(np.maximum(np.diag(inverse @ white @ inverse), 0.0))
+    scatter = deviations > CLEARLY * by_noise
     return found, deviations, scatter, float(singular[0] / max(singular[-1], 1e-300))
 
 
@@ -176,19 +175,6 @@ def _information(own: Array) -> tuple[Array, Array]:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H.sum(axis=0)), 1e-300))
     both = np.outer(scale, scale)
     return H, both * np.linalg.pinv(H.sum(axis=0) * both, rcond=1e-14, hermitian=True)
-
-
-def _by_noise(rows: Rows, own: Array, noise: Array) -> Array:
-    """Standard deviations of unknowns by the white noise of sensors alone.
-
-    Args:
-        rows: The regression's rows.
-        own: Weighted columns in each joint's rows, shape (n, k, unknowns).
-        noise: Its weighted standard deviation in these rows, shape (n,).
-    """
-    H, inverse = _information(own)
-    white = np.tensordot(noise**2, H, axes=1) / _independent(rows)
-    return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ white @ inverse), 0.0)))
 
 
 def _variances(rows: Rows, own: Array, left: Array) -> Array:
@@ -216,37 +202,22 @@ def _variances(rows: Rows, own: Array, left: Array) -> Array:
     return np.where(any_residuals > BY_CHANCE * plain, any_residuals, plain)
 
 
-def _weighted(use: Mask, fit: Fit, columns: Columns, places: Places) -> Array:
-    """Columns of some unknowns in each joint's rows, over its deviation; (n, k, unknowns)."""
-    found = np.zeros((len(columns.places), len(use), columns.size))
-    for j, place in enumerate(columns.places):
-        found[j][:, place] = columns.all_of(j) * (fit.weights[j] * use[:, j : j + 1])
-    return found[:, :, places]
-
-
-def besides(
-    rows: Rows, fit: Fit, more: Array, belief: Callable[[int], Belief]
-) -> tuple[Array, Array]:
+def besides(fit: Fit, more: Array) -> tuple[Array, Array]:
     """Coefficients of additional columns of a fit, and their standard deviations.
 
     Args:
-        rows: The regression's rows.
         fit: Its unknowns are all free.
         more: The columns, shape (k, n, m).
-        belief: Returns the prior of a number of unknowns.
 
     Returns:
         Shapes (m,) and (m,); deviations are inf where the data do not determine a column.
     """
-    columns, new = fit.columns, np.arange(more.shape[2])
-    own = [np.column_stack([c, more[:, j]]) for j, c in enumerate(columns.own)]
-    places = [np.append(p, columns.size + new) for p in columns.places]
-    wide = replace(columns, own=tuple(own), places=tuple(places), size=columns.size + len(new))
-    data = wide.whitened(rows.effort - rows.known, fit.weights, rows.independent)
-    R, z = belief(wide.size).combined(*data)
+    n, count = more.shape[1:]
+    wide = fit.columns.wider(list(np.moveaxis(more, 1, 0)), [np.arange(count)] * n, count)
+    R, z = fit.problem.combined(wide, fit.weights)
     size = np.linalg.norm(R, axis=0)
     seen = size > 1e-12 * size.max()
     inverse = np.linalg.pinv(R[:, seen] / size[seen], rcond=1e-14)
     doubt = np.full(len(size), np.inf)
     doubt[seen] = np.linalg.norm(inverse, axis=1) / size[seen]
-    return solved(R, z)[columns.size :], doubt[columns.size :]
+    return solved(R, z)[fit.columns.size :], doubt[fit.columns.size :]

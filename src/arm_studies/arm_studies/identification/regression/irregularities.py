@@ -3,36 +3,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.regression.estimation import Belief, Mask
+from arm_studies.identification.regression.estimation import Mask
 from arm_studies.identification.regression.fit import Fit
-from arm_studies.identification.regression.friction_columns import COULOMB
+from arm_studies.identification.regression.friction import COULOMB
 from arm_studies.identification.regression.intervals import besides
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows import Rows
 
+# Angle in [rad], and standard deviations, above which a tilt of the base is reported.
 TILT, SURELY = 0.01, 5.0
-"""Angle in [rad], and standard deviations, above which a tilt of the base is reported."""
+# Blocks of a recording, and relative change of friction, from which a drift is reported.
 BLOCKS, DRIFT = 10, 0.1
-"""Blocks of a recording, and relative change of friction, from which a drift is reported."""
+# Change of friction over a turn, relative to its Coulomb friction, from which it is reported.
 RIPPLE = 0.1
-"""Change of friction over a turn, relative to its Coulomb friction, from which it is reported."""
-MOSTLY = 0.5
-"""Fraction of the rows in which a joint may stick, from which it is reported."""
+MOSTLY = 0.5  # Fraction of the rows in which a joint may stick, from which it is reported.
+# Robust standard deviations beyond which a residual is an outlier: contact, or stiction.
 FAR_OFF = 5.0
-"""Robust standard deviations beyond which a residual is an outlier: contact, or stiction."""
 
 
-def without_outliers(
-    names: Sequence[str], rows: Rows, use: Mask, fit: Fit
-) -> tuple[Mask, list[str]]:
+def without_outliers(fit: Fit, use: Mask) -> tuple[Mask, list[str]]:
     """Rows to use without outliers, shape (k, n), and a note of each joint that has many."""
+    rows = fit.rows
     kept, notes, reach = use.copy(), list[str](), max(1, rows.lag // 8)
-    for j, name in enumerate(names):
+    for j, name in enumerate(rows.names):
         mine = use[:, j]
         if not mine.any():
             continue
@@ -52,31 +48,40 @@ def without_outliers(
     return kept, notes
 
 
-def sticking(names: Sequence[str], rows: Rows) -> list[str]:
+def all_of(trial: Fit, final: Fit) -> list[str]:
+    """Notes of what a fit of the rows that are not held out, and one of all rows, show."""
+    band, notes = final.rows.effort_band, list[str]()
+    if band is not None:
+        notes.append(
+            f"efforts do not follow the motion above about {band:.3g} Hz: they were filtered "
+            "before, or predictions are only position noise there; predictions are filtered "
+            "likewise"
+        )
+    return [*notes, *sticking(final.rows), *drifts(final), *ripples(trial), *tilts(trial)]
+
+
+def sticking(rows: Rows) -> list[str]:
     """Notes of joints that rest or reverse so often that most of their rows are not used."""
     shares = (rows.still & rows.valid).sum(axis=0) / np.maximum(rows.valid.sum(axis=0), 1)
     return [
         f"'{name}': it may stick in {share:.0%} of the rows, where it rests or reverses; they are "
         "not used (a faster motion, or friction compensation, leaves more)"
-        for name, share in zip(names, shares.tolist(), strict=True)
+        for name, share in zip(rows.names, shares.tolist(), strict=True)
         if MOSTLY < share < 1.0
     ]
 
 
-def drifts(names: Sequence[str], rows: Rows, fit: Fit, use: Mask) -> list[str]:
+def drifts(fit: Fit) -> list[str]:
     """Notes of joints whose friction changes over the recording, as with temperature."""
-    own = fit.columns.own_predicted(fit.x)
-    changes = [
-        _drift(rows.v[mine, j], own[mine, j], fit.residual[mine, j])
-        for j in range(rows.n)
-        for mine in [np.flatnonzero(use[:, j] & (rows.v[:, j] != 0.0))]
-    ]
-    return [
-        f"'{name}': friction changes by {change:+.0%} over the recording, as with temperature; "
-        "the scene has the mean"
-        for name, change in zip(names, changes, strict=True)
-        if change
-    ]
+    rows, own, notes = fit.rows, fit.columns.own_predicted(fit.x), []
+    for j, name in enumerate(rows.names):
+        mine = np.flatnonzero(fit.problem.use[:, j] & (rows.v[:, j] != 0.0))
+        if change := _drift(rows.v[mine, j], own[mine, j], fit.residual[mine, j]):
+            notes.append(
+                f"'{name}': friction changes by {change:+.0%} over the recording, as with "
+                "temperature; the scene has the mean"
+            )
+    return notes
 
 
 def _drift(v: Array, friction: Array, residual: Array) -> float:
@@ -97,47 +102,44 @@ def _drift(v: Array, friction: Array, residual: Array) -> float:
     return slope / size if certain else 0.0
 
 
-def ripples(
-    names: Sequence[str], turning: Sequence[bool], rows: Rows, fit: Fit,
-    belief: Callable[[int], Belief],
-) -> list[str]:  # fmt: skip
+def ripples(fit: Fit) -> list[str]:
     """Notes of joints whose dry friction changes over a turn, as with gears and misalignment.
 
     It is if friction of the form sign(v) (a sin q + b cos q) explains the torques.
     """
+    rows = fit.rows
     waves = np.zeros((*rows.q.shape, 2 * rows.n))
-    for j in np.flatnonzero(turning):
+    for j in np.flatnonzero(rows.regressor.turning):
         q, way = rows.q[:, j], np.sign(rows.v[:, j])
         waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = way * np.sin(q), way * np.cos(q)
-    found, doubt = besides(rows, fit, rows.of_joints(waves), belief)
+    found, doubt = besides(fit, rows.of_joints(waves))
     sizes, doubts = np.hypot(*found.reshape(-1, 2).T), doubt.reshape(-1, 2).max(axis=1)
     dry = [own.coefficients.get(COULOMB, 0.0) for own in fit.friction]
     return [
         f"'{name}': friction changes by ±{size / level:.0%} with the position over a turn; the "
         "scene has the mean ('friction.position' describes it)"
-        for name, size, sd, level in zip(names, sizes, doubts, dry, strict=True)
+        for name, size, sd, level in zip(rows.names, sizes, doubts, dry, strict=True)
         if size > max(SURELY * sd, RIPPLE * level) and level > 0.0
     ]
 
 
-def tilts(
-    regressor: RigidRegressor, rows: Rows, fit: Fit, belief: Callable[[int], Belief]
-) -> list[str]:
+def tilts(fit: Fit) -> list[str]:
     """A note if the orientation of the base does not agree with the scene's gravity.
 
     A small rotation of gravity adds components along two perpendicular directions, whose
     torques are additional columns.
     """
+    rows, regressor = fit.rows, fit.rows.regressor
     model = regressor.model
     gravity = np.array(model.scene.gravity)
     size = float(np.linalg.norm(gravity))
     if size == 0.0:
         return []
     across = np.linalg.svd(gravity[None])[2][1:] * size
-    theta, still = fit.x[: fit.bodies] + regressor.payload, np.zeros_like(rows.q)
+    theta, still = fit.theta + regressor.payload, np.zeros_like(rows.q)
     turned = [RigidRegressor(model.under(g, model.scene.payloads)) for g in across]
     torques = np.stack([each(rows.q, still, still) @ theta for each in turned], axis=2)
-    turn, doubt = besides(rows, fit, rows.of_joints(torques), belief)
+    turn, doubt = besides(fit, rows.of_joints(torques))
     if (abs(turn) < np.maximum(SURELY * doubt, TILT)).all():
         return []
     better = gravity + turn @ across

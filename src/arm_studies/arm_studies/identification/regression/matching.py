@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.regression.estimation import Belief, Mask, solved
-from arm_studies.identification.regression.friction_columns import (
+from arm_studies.identification.regression.estimation import Prior, Problem, solved
+from arm_studies.identification.regression.friction import (
     COULOMB,
     COULOMB_SKEW,
     VISCOUS,
@@ -20,28 +20,24 @@ from arm_studies.identification.regression.intervals import CERTAIN
 from arm_studies.identification.regression.rows import Rows
 
 SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))
-EXACT = 0.1
-"""Relative residual that is as unlikely as one standard deviation of the bodies."""
+EXACT = 0.1  # Relative residual that is as unlikely as one standard deviation of the bodies.
+# Relative residual above which a joint's own motion does not explain its efforts, and below which
+# another does.
 POOR, FAIR = 0.2, 0.5
-"""Relative residual above which a joint's own motion does not explain its efforts, and below which
-another does."""
-BETTER = 0.3
-"""Smallest improvement by which another is believed: the ratio of the two residuals."""
+BETTER = 0.3  # Smallest improvement by which another is believed: the ratio of the two residuals.
+# Largest delay that is looked for in [s], and number of delays that are tried up to it.
 LATEST, SHIFTS = 0.5, 50
-"""Largest delay that is looked for in [s], and number of delays that are tried up to it."""
+# Fraction of the power of a residual that a delay must cause, and smallest relative residual, for
+# it to be told as possible: friction of another shape, such as a Stribeck peak, can look like it.
 CAUSED, FELT = 0.5, 0.003
-"""Fraction of the power of a residual that a delay must cause, and smallest relative residual, for
-it to be told as possible: friction of another shape, such as a Stribeck peak, can look like it."""
+# Fraction that it must cause to be certain, and relative residual that it causes from which it
+# spoils friction and bodies.
 SURELY, GROSS = 0.9, 0.05
-"""Fraction that it must cause to be certain, and relative residual that it causes from which it
-spoils friction and bodies."""
-SINGULAR = 1e-7
-"""Singular values relative to the largest below which columns are dependent."""
+SINGULAR = 1e-7  # Singular values relative to the largest below which columns are dependent.
+# Factor, and standard deviations of its logarithm, from which a scale is told: rather too often
+# than too seldom, since bodies may be the cause as well.
 FACTOR, LIKELY = 1.4, 1.5
-"""Factor, and standard deviations of its logarithm, from which a scale is told: rather too often
-than too seldom, since bodies may be the cause as well."""
-VAGUE = 0.7
-"""Largest standard deviation of the logarithm of a scale that is told."""
+VAGUE = 0.7  # Largest standard deviation of the logarithm of a scale that is told.
 
 
 @dataclass(frozen=True)
@@ -100,18 +96,14 @@ class Scale:
     high: float
 
 
-def mismatched(rows: Rows, use: Mask, belief: Belief) -> list[Match]:
+def mismatched(problem: Problem) -> list[Match]:
     """Columns of efforts that another sign, or the motion of another joint, explains far better.
 
     Bodies stay near the nominal ones, up to a common positive factor, and friction opposes the
     motion: without these two conditions, bodies of negative mass would explain a reversed column.
-
-    Args:
-        rows: The regression's rows.
-        use: Rows that are used, shape (k, n).
-        belief: Prior of the bodies alone.
     """
-    left = np.stack([_residuals(rows, use[:, j], belief, j) for j in range(rows.n)], axis=-1)
+    rows = problem.rows
+    left = np.stack([_residuals(problem, j) for j in range(rows.n)], axis=-1)
     found = []
     for i in np.flatnonzero(rows.use.any(axis=0)):  # of others, nothing is known
         of_column = left[:, i]
@@ -122,41 +114,41 @@ def mismatched(rows: Rows, use: Mask, belief: Belief) -> list[Match]:
     return found
 
 
-def delayed(rows: Rows, use: Mask) -> list[Delay]:
+def delayed(problem: Problem) -> list[Delay]:
     """Columns of efforts whose residual a constant delay causes for the most part.
 
     Each column is fitted by its joint's own motion with bodies that are free, at each of a grid of
     delays, and the square of the residual is interpolated around its minimum. Nothing is assumed
     of the bodies: none of them makes a torque late.
-
-    Args:
-        rows: The regression's rows.
-        use: Rows that are used, shape (k, n).
     """
-    dt = rows.motions[0].dt
+    rows, dt = problem.rows, problem.rows.motions[0].dt
     step = max(1, round(LATEST / (SHIFTS * dt)))
     shifts = step * np.arange(-SHIFTS, SHIFTS + 1)
     shifts = shifts[abs(shifts) * dt < LATEST + 0.5 * step * dt]
     found = []
     for j in range(rows.n):
         shifted = [rows.ahead(j, int(by)) for by in shifts]
-        there = use[:, j] & rows.use[:, j].any() & np.all([known for _, known in shifted], axis=0)
+        there = (
+            problem.use[:, j]
+            & rows.use[:, j].any()
+            & np.all([known for _, known in shifted], axis=0)
+        )
         if not there.any():
             continue
-        left = _left(_free(rows, j)[there], np.column_stack([y[there] for y, _ in shifted]))
+        friction = rows.friction(SIMPLE, j, np.zeros(len(rows.effort)))
+        parts = (rows.rigid[:, j], rows.inertia[:, [j]], friction, rows.known[:, [j]])
+        own = np.hstack(parts)
+        left = _left(own[there], np.column_stack([y[there] for y, _ in shifted]))
         before, at = left[len(shifts) // 2], int(np.argmin(left))
         after = left[at]
         if before > FELT**2 and after < (1.0 - CAUSED) * before:
-            late = step * dt * (at - len(shifts) // 2 + _vertex(left, at))
+            vertex = 0.0  # of the parabola through the smallest and its neighbours, from it
+            if 0 < at < len(left) - 1:
+                a, b, c = left[at - 1 : at + 2]
+                vertex = 0.5 * (a - c) / (a - 2.0 * b + c)
+            late = float(step * dt * (at - len(shifts) // 2 + vertex))
             found.append(Delay(j, late, float(np.sqrt(before)), float(np.sqrt(after))))
     return found
-
-
-def _free(rows: Rows, j: int) -> Array:
-    """Columns of a joint's own motion: bodies, rotor, friction and known torques."""
-    friction = rows.friction(SIMPLE, j, np.zeros(len(rows.effort)))
-    parts = (rows.rigid[:, j], rows.inertia[:, j : j + 1], friction, rows.known[:, j : j + 1])
-    return np.hstack(parts)
 
 
 def _left(columns: Array, y: Array) -> Array:
@@ -168,28 +160,15 @@ def _left(columns: Array, y: Array) -> Array:
     return np.asarray(((y - U @ (U.T @ y)) ** 2).sum(axis=0) / power)
 
 
-def _vertex(values: Array, at: int) -> float:
-    """Place of the minimum of a parabola through a smallest value and its neighbours, from it."""
-    if not 0 < at < len(values) - 1:
-        return 0.0
-    before, least, after = values[at - 1 : at + 2]
-    return float(0.5 * (before - after) / (before - 2.0 * least + after))
-
-
-def scaled(rows: Rows, use: Mask, belief: Belief) -> list[Scale]:
+def scaled(problem: Problem) -> list[Scale]:
     """Columns of efforts that are many times the torques of bodies near the nominal ones, or few.
 
     Where friction makes most of an effort, its scale is uncertain, and nothing is said.
-
-    Args:
-        rows: The regression's rows.
-        use: Rows that are used, shape (k, n).
-        belief: Prior of the bodies alone.
     """
-    found = []
+    rows, use, found = problem.rows, problem.use, []
     for j in np.flatnonzero(use.any(axis=0)):
         R = _triangle(rows, use[:, j] & rows.valid[:, j], int(j), np.array([j]))
-        gain, deviation, _ = _fitted(R[:, :-2], R[:, -2], R[:, -1], belief)
+        gain, deviation, _ = _fitted(R[:, :-2], R[:, -2], R[:, -1], problem.prior)
         if gain <= 0.0 or deviation > VAGUE:
             continue
         if abs(np.log(gain)) > max(LIKELY * deviation, np.log(FACTOR)):
@@ -198,22 +177,22 @@ def scaled(rows: Rows, use: Mask, belief: Belief) -> list[Scale]:
     return found
 
 
-def _residuals(rows: Rows, use: NDArray[np.bool_], belief: Belief, j: int) -> Array:
+def _residuals(problem: Problem, j: int) -> Array:
     """Relative residuals of all columns, as they are and reversed, by the motion of joint j.
 
     Returns:
         Shape (2, n).
     """
+    rows = problem.rows
     found = np.full((2, rows.n), np.inf)
-    masks = use[:, None] & rows.valid
+    masks = problem.use[:, j : j + 1] & rows.valid
     for mask in np.unique(masks, axis=1).T:
         columns = np.flatnonzero((masks == mask[:, None]).all(axis=0))
         R = _triangle(rows, mask, j, columns)
-        for k, i in enumerate(columns, R.shape[1] - len(columns)):
+        A, known, efforts = np.split(R, [-len(columns) - 1, -len(columns)], axis=1)
+        for i, y in zip(columns, efforts.T, strict=True):
             for turned, sign in enumerate((1.0, -1.0)):
-                y = sign * R[:, k]
-                found[turned, i] = _fitted(R[:, : -len(columns) - 1], R[:, -len(columns) - 1],
-                                           y, belief)[2]  # fmt: skip
+                found[turned, i] = _fitted(A, known[:, 0], sign * y, problem.prior)[2]
     return found
 
 
@@ -225,27 +204,27 @@ def _triangle(rows: Rows, mask: NDArray[np.bool_], j: int, columns: NDArray[np.i
     return np.asarray(np.linalg.qr(motion, mode="r"))
 
 
-def _fitted(A: Array, known: Array, y: Array, belief: Belief) -> tuple[float, float, float]:
+def _fitted(A: Array, known: Array, y: Array, prior: Prior) -> tuple[float, float, float]:
     """Factor g of efforts y, an unknown as well: A x + known = g y.
 
     Args:
         A: Columns of the bodies, of a constant torque, of the armature and of friction.
         known: Torques of payloads and springs.
         y: Efforts in the same rows.
-        belief: Prior of the bodies.
+        prior: Prior of the bodies.
 
     Returns:
         The factor, the standard deviation of its logarithm, and the relative residual.
     """
-    bodies = len(belief.x0)
-    size = EXACT * float(np.linalg.norm(A[:, :bodies] @ belief.x0 + known))
+    bodies = len(prior.x0)
+    size = EXACT * float(np.linalg.norm(A[:, :bodies] @ prior.x0 + known))
     length = float(np.linalg.norm(y))
     if size == 0.0 or length == 0.0:
         return 0.0, np.inf, np.inf
     A = np.insert(A, bodies + 1, -y / length, axis=1)
-    prior = np.hstack([belief.rows, np.zeros((len(belief.rows), A.shape[1] - bodies))])
-    R = np.vstack([A / size, prior])
-    z = np.concatenate([-known / size, belief.rows @ belief.x0])
+    before = np.pad(prior.rows, ((0, 0), (0, A.shape[1] - bodies)))
+    R = np.vstack([A / size, before])
+    z = np.concatenate([-known / size, prior.rows @ prior.x0])
     x, kept = _partly_positive(R, z, bodies + 1)
     gain = float(x[bodies + 1])
     if gain <= 0.0:

@@ -3,19 +3,21 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.springs import SpringTerms
+from arm_studies.identification.regression.base_parameters import BaseParameters, base_parameters
 
+# Inertial parameters of a body: mass, mass times centre of mass, inertia about the origin of its
+# joint's frame; in Pinocchio's order ``NAMES``.
 EACH = 10
-"""Inertial parameters of a body: mass, mass times centre of mass, inertia about the origin of its
-joint's frame; in Pinocchio's order ``NAMES``."""
 NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-TINY = 1e-9
-"""Mass in [kg] below which a body is treated as massless, and not identified."""
+TINY = 1e-9  # Mass in [kg] below which a body is treated as massless, and not identified.
 
 
 class RigidRegressor:
@@ -55,6 +57,22 @@ class RigidRegressor:
         if not terms.springs:
             return np.zeros_like(q)
         return np.array([terms.torque(*row) for row in zip(q, v, strict=True)])
+
+    @cached_property
+    def base(self) -> BaseParameters:
+        """Combinations of armatures and inertial parameters, in this order, that motions show."""
+        n = self.model.n
+
+        def columns(q: Array, v: Array, a: Array) -> Array:
+            return np.concatenate([np.eye(n) * a[:, :, None], self(q, v, a)], axis=2)
+
+        armatures = [f"{name}.armature" for name in self.model.joint_names]
+        return base_parameters(columns, n, [*armatures, *self.names()])
+
+    @property
+    def turning(self) -> list[bool]:
+        """For each joint, whether it is revolute."""
+        return [kind != "prismatic" for kind in self.model.joint_types]
 
     def places(self, body: int) -> slice:
         """Indices of the parameters of a body in θ."""

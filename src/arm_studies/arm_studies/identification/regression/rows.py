@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
-from arm_studies.identification.data import MeasuredMotion, runs
+from arm_studies.identification.data import JointRecord, MeasuredMotion, runs
 from arm_studies.identification.filtering import (
     BENT_NOISE,
     FLAT_NOISE,
@@ -22,31 +23,68 @@ from arm_studies.identification.filtering import (
     decimated,
     spread,
 )
-from arm_studies.identification.preparation import thinned
-from arm_studies.identification.regression.friction_columns import DRY, EXCESS, JointFit, Shape
+from arm_studies.identification.preparation import EvenRecord, common_band, resampled, thinned
+from arm_studies.identification.regression.friction import DRY, EXCESS, JointFit, Shape
 from arm_studies.identification.regression.regressor import RigidRegressor
 
-HELD_OUT = 0.3
-"""Fraction of each recording, at its end, that is held out to measure errors."""
-FOLDS = 5
-"""Folds of the rest by which laws are selected, each predicted from the others."""
+HELD_OUT = 0.3  # Fraction of each recording, at its end, that is held out to measure errors.
+FOLDS = 5  # Folds of the rest by which laws are selected, each predicted from the others.
+# Time in [s] for which a joint whose velocity is exact may be at rest, and most of the time before
+# and after a reversal in which one may stick.
 STILL = 0.1
-"""Time in [s] for which a joint whose velocity is exact may be at rest, and most of the time
-before and after a reversal in which one may stick."""
+# Periods of the band before and after a joint rests or reverses in which it may stick: its
+# friction has then any value up to static friction. Periods from one to the next of its values
+# that are unknown there.
 NEARBY, APART = 0.3, 0.2
-"""Periods of the band before and after a joint rests or reverses in which it may stick: its
-friction has then any value up to static friction. Periods from one to the next of its values that
-are unknown there."""
+# Independent values in which a joint cannot stick below which none of its are used: its unknowns
+# would explain them exactly, so that they would weigh more than all others.
 FEWEST = 25
-"""Independent values in which a joint cannot stick below which none of its are used: its unknowns
-would explain them exactly, so that they would weigh more than all others."""
-SAMPLED = 50
-"""Positions at which inertias are computed to see what noise of accelerations does."""
-LEAST = 1e-3
-"""Power of such a value, relative to the residual's, below which it does not matter."""
+SAMPLED = 50  # Positions at which inertias are computed to see what noise of accelerations does.
+LEAST = 1e-3  # Power of such a value, relative to the residual's, below which it does not matter.
+# Velocity relative to a joint's root mean square velocity below which it is at rest; the low-pass
+# filter rings by up to 5e-3 of it when a joint sticks.
 SLOW = 1e-2
-"""Velocity relative to a joint's root mean square velocity below which it is at rest; the
-low-pass filter rings by up to 5e-3 of it when a joint sticks."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Recordings of an arm at constant rates, and how they become rows of a regression.
+
+    Attributes:
+        regressor: Of the nominal scene.
+        recordings: Not filtered.
+        band: Cut-off frequency of the low-pass filter in [Hz].
+        age: That of the efforts in [s] where a recording does not state it.
+        held_out: Fraction of each recording, at its end, that is held out.
+        scales: Torque per unit of effort, shape (n,).
+    """
+
+    regressor: RigidRegressor
+    recordings: tuple[EvenRecord, ...]
+    band: float
+    held_out: float
+    age: float = 0.0
+    scales: Array | float = 1.0
+
+    @classmethod
+    def of(
+        cls, model: ArmModel, records: Sequence[JointRecord], band: float | None, held_out: float
+    ) -> Sampled:
+        """Of joint states; with None as band, it is chosen from the noise."""
+        even = tuple(resampled(record) for record in records)
+        return cls(
+            RigidRegressor(model), even, common_band(even) if band is None else band, held_out
+        )
+
+    @property
+    def notes(self) -> list[str]:
+        """Irregularities of the recordings."""
+        return list(dict.fromkeys(note for each in self.recordings for note in each.notes))
+
+    def rows(self, effort_band: float | None = None) -> Rows:
+        """Filter them, at two bands if efforts are known to be filtered before."""
+        motions = [each.filtered(self.band, self.age) for each in self.recordings]
+        return Rows(self.regressor, motions, effort_band, self.held_out, self.scales)
 
 
 class Rows:
@@ -75,18 +113,24 @@ class Rows:
     def __init__(
         self, regressor: RigidRegressor, motions: Sequence[MeasuredMotion],
         effort_band: float | None = None, held_out: float = HELD_OUT,
+        scales: Array | float = 1.0,
     ) -> None:  # fmt: skip
         self.regressor, self.whole, self.effort_band = regressor, tuple(motions), effort_band
         self._made: dict[tuple[int, str], tuple[float | None, Array, Array]] = {}
         pairs = [thinned(motion) for motion in motions]
-        self.motions, self._strides = [m for m, _ in pairs], [stride for _, stride in pairs]
+        self.motions, self.strides = [m for m, _ in pairs], [stride for _, stride in pairs]
         self.q, self.v, self.a = (
             np.concatenate([getattr(motion, key) for motion in self.motions]) for key in "qva"
         )
-        self._near = np.concatenate(_neighbours(self.motions))
+        near, reach = list[NDArray[np.int_]](), np.arange(-REACH, REACH + 1)
+        for _, s in self._stretches():  # of each row, in its stretch
+            rows = np.arange(s.start, s.stop)[:, None] + reach
+            near.append(np.clip(rows, s.start, s.stop - 1))
+        self._near = np.concatenate(near)
         self._sticking: tuple[Array, Array] | None = None
         self._plain: Rows | None = None
-        self.effort = np.concatenate([motion.filtered(motion.effort) for motion in self.motions])
+        efforts = [motion.filtered(motion.effort) for motion in self.motions]
+        self.effort = np.concatenate(efforts) * scales
         self.valid = np.concatenate([motion.valid for motion in self.motions])
         self.still = np.concatenate([_still(motion) for motion in self.motions])
         self.use = self.valid & ~self.still
@@ -94,7 +138,12 @@ class Rows:
         few = self.independent * self.use.sum(axis=0) < FEWEST
         self.use[:, few & ~few.all()] = False
         self.rests = np.concatenate([_resting(motion) for motion in self.motions])
-        self.fold = np.concatenate([_folds(len(m.time), held_out) for m in self.motions])
+        folds = []
+        for motion in self.motions:
+            train, at = round(len(motion.time) * (1.0 - held_out)), np.arange(len(motion.time))
+            fold = np.minimum(at * FOLDS // max(train, 1), FOLDS - 1)
+            folds.append(np.where(at < train, fold, -1))
+        self.fold = np.concatenate(folds)
         self.train = self.fold >= 0
         self.lag = int(4.0 / (self.band * self.motions[0].dt)) if np.isfinite(self.band) else 1
 
@@ -102,6 +151,17 @@ class Rows:
     def n(self) -> int:
         """Number of joints."""
         return int(self.v.shape[1])
+
+    def scaled(self, scales: Array) -> Rows:
+        """The same rows with efforts multiplied by a factor of each joint."""
+        other = copy(self)
+        other.effort = self.effort * scales
+        return other
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the joints."""
+        return tuple(self.regressor.model.joint_names)
 
     @cached_property
     def rigid(self) -> Array:  # noqa: D102 - see the attributes
@@ -324,46 +384,17 @@ class Rows:
         if made is None or made[0] != fall:
             weights = np.concatenate([
                 spread(Shape(fall).unloaded(kind, motion.v[stretch, joint]), stride)
-                for motion, stride in zip(self.whole, self._strides, strict=True)
+                for motion, stride in zip(self.whole, self.strides, strict=True)
                 for stretch in motion.stretches
             ])  # fmt: skip
             made = fall, weights, self.filtered(weights.sum(axis=1), joint)
             self._made[joint, kind] = made
         return made[1:]
 
-    def sudden(self, of: Callable[[Array, Array], Array], joint: int, load: Array) -> Array:
-        """Low-pass filtered torques that jump, computed at all measured times, shape (k,).
 
-        Args:
-            of: Torques by the joint's velocity and its drive's torque.
-            joint: Index of the joint.
-            load: Torque of its drive in each row, shape (k,).
-        """
-        found, start = [], 0
-        for motion, thin, stride in zip(self.whole, self.motions, self._strides, strict=True):
-            own = load[start : start + len(thin.time)]
-            start += len(thin.time)
-            dense = of(motion.v[:, joint], np.interp(motion.time, thin.time, own))
-            found += [decimated(dense[stretch], stride) for stretch in motion.stretches]
-        return self.filtered(np.concatenate(found), joint)
-
-
-def _neighbours(motions: Sequence[MeasuredMotion]) -> list[NDArray[np.int_]]:
-    """Indices of the rows within ``REACH`` of each, in its stretch."""
-    found, start, near = [], 0, np.arange(-REACH, REACH + 1)
-    for motion in motions:
-        for s in motion.stretches:
-            rows = np.arange(s.start, s.stop)[:, None] + near
-            found.append(start + np.clip(rows, s.start, s.stop - 1))
-        start += len(motion.time)
-    return found
-
-
-def _folds(count: int, held_out: float) -> NDArray[np.int_]:
-    train = round(count * (1.0 - held_out))
-    fold = np.full(count, -1)
-    fold[:train] = np.minimum(np.arange(train) * FOLDS // max(train, 1), FOLDS - 1)
-    return fold
+def _slow(motion: MeasuredMotion) -> NDArray[np.bool_]:
+    """Where a joint is slow, shape (k, n)."""
+    return np.asarray(abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12)
 
 
 def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
@@ -373,7 +404,7 @@ def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
     """
     if not np.isfinite(motion.band):
         return _resting(motion)
-    slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
+    slow = _slow(motion)
     reach = round(min(NEARBY / motion.band, STILL) / motion.dt)
     found = np.zeros_like(slow)
     for s in motion.stretches:
@@ -388,7 +419,7 @@ def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
 
 def _resting(motion: MeasuredMotion) -> NDArray[np.bool_]:
     """Rows in which a joint is slow for longer than ``STILL``, shape (k, n)."""
-    slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
+    slow = _slow(motion)
     found = np.zeros_like(slow)
     for j, column in enumerate(slow.T):
         for start, end in runs(column):
@@ -397,16 +428,15 @@ def _resting(motion: MeasuredMotion) -> NDArray[np.bool_]:
 
 
 def steady_friction(rows: Rows, load: Array) -> Array:
-    """The scene's friction under torques of the drives, low-pass filtered; shapes (k, n)."""
-    model = rows.regressor.model
-    own = [rows.sudden(partial(_steady, model, j), j, load[:, j]) for j in range(rows.n)]
-    return np.column_stack(own)
+    """The scene's friction under torques of the drives, low-pass filtered; shapes (k, n).
 
-
-def _steady(model: ArmModel, j: int, v: Array, load: Array) -> Array:
-    """The friction of one joint, not filtered, shape (k,)."""
-    wide_v, wide_load = np.zeros((2, len(v), model.n))
-    wide_v[:, j], wide_load[:, j] = v, load
-    friction = SteadyFriction.of(model)
-    torque = friction(wide_v, np.sign(wide_v), np.zeros_like(wide_v), wide_load)
-    return np.asarray(torque[:, j])
+    It jumps with the velocity, and is computed at all measured times.
+    """
+    friction, found, start = SteadyFriction.of(rows.regressor.model), [], 0
+    for motion, thin, stride in zip(rows.whole, rows.motions, rows.strides, strict=True):
+        own = load[start : start + len(thin.time)].T
+        start += len(thin.time)
+        dense = np.column_stack([np.interp(motion.time, thin.time, column) for column in own])
+        torque = friction(motion.v, np.sign(motion.v), np.zeros_like(motion.v), dense)
+        found += [decimated(torque[stretch], stride) for stretch in motion.stretches]
+    return rows.of_joints(np.concatenate(found))

@@ -3,183 +3,150 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.regression.estimation import Belief, Mask, columns_of
-from arm_studies.identification.regression.friction_columns import (
-    COULOMB,
-    COULOMB_SKEW,
-    EXCESS,
-    LINEAR,
-    STEEP,
-    VISCOUS,
-    VISCOUS_SKEW,
-    JointFit,
-    Shape,
-)
-from arm_studies.identification.regression.rows import FOLDS, Rows
+from arm_studies.identification.regression import friction
+from arm_studies.identification.regression.estimation import Columns, Mask
+from arm_studies.identification.regression.fit import Fit
+from arm_studies.identification.regression.friction import COULOMB, EXCESS, JointFit, Shape
+from arm_studies.identification.regression.rows import FOLDS
 
+# Stribeck velocities that are tried, relative to a joint's root mean square velocity.
 FALLS = np.geomspace(0.01, 1.0, 7)
-"""Stribeck velocities that are tried, relative to a joint's root mean square velocity."""
+# Reduction of the prediction error by which a law is accepted: relative, and in variances of the
+# residual, which chance alone exceeds once in a thousand laws.
 WORTH, CHANCE = 0.02, 10.0
-"""Reduction of the prediction error by which a law is accepted: relative, and in variances of the
-residual, which chance alone exceeds once in a thousand laws."""
-RESOLVED = 1e-6
-"""Resolution of prediction errors relative to the torque."""
-STEEPEST = 0.3
-"""Largest growth of friction with the load; the scene's curve is up to half as steep again."""
+RESOLVED = 1e-6  # Resolution of prediction errors relative to the torque.
 ROUNDS = 2
+USUAL = (friction.VISCOUS, COULOMB)  # Kinds that every joint begins with.
+LOADED = "load"  # Kind of a candidate for friction that grows with the load.
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A column that may be selected for a joint.
+class Candidate(NamedTuple):
+    """A column of a joint that may be selected, of a kind of ``friction.LINEAR`` or ``LOADED``."""
 
-    Attributes:
-        kind: One of ``LINEAR``, or ``"load"``.
-        shape: Its shape.
-    """
-
+    joint: int
     kind: str
     shape: Shape
 
 
-def candidates(speed: float, load: Array) -> list[Candidate]:
-    """Candidates for a joint with a root mean square velocity under torques of shape (k,)."""
-    plain = Shape()
-    made = [Candidate(kind, plain) for kind in (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW)]
-    made += [Candidate(EXCESS, Shape(stribeck_velocity=float(f * speed))) for f in FALLS]
+def selected(fit: Fit) -> list[JointFit]:
+    """The laws of each joint that predict best, with torques of the drives as of a fit."""
+    return _Selection(fit).run()
+
+
+def _candidates(j: int, speed: float, load: Array) -> list[Candidate]:
+    """Of a joint with a root mean square velocity under torques of shape (k,)."""
+    made = [Candidate(j, kind, Shape()) for kind in friction.LINEAR if kind != EXCESS]
+    made += [Candidate(j, EXCESS, Shape(stribeck_velocity=float(f * speed))) for f in FALLS]
     heaviest = float(abs(load).max())
     if heaviest > 0.0:
-        made.append(Candidate(LOADED, Shape(heaviest=float(f"{1.1 * heaviest:.2g}"))))
+        made.append(Candidate(j, LOADED, Shape(heaviest=float(f"{1.1 * heaviest:.2g}"))))
     return made
 
 
-LOADED = "load"
-
-
-def column(rows: Rows, candidate: Candidate, j: int, load: Array) -> Array:
-    """Low-pass filtered friction of a candidate for joint j with a unit coefficient, (k, 1)."""
-    law = JointFit((candidate.kind,), candidate.shape)
-    if candidate.kind == LOADED:
-        law = JointFit((COULOMB,), replace(candidate.shape, load=1.0))
-    return rows.friction(law, j, load)
-
-
-def fit_of(chosen: Sequence[Candidate], coefficients: Sequence[float]) -> JointFit:
+def _law(chosen: Sequence[Candidate], coefficients: Sequence[float], refused: float) -> JointFit:
     """The sum of candidates with these coefficients as one friction law."""
     values = {c.kind: float(x) for c, x in zip(chosen, coefficients, strict=True)}
-    fall = next((c.shape.stribeck_velocity for c in chosen if c.kind == EXCESS), None)
-    heaviest = next((c.shape.heaviest for c in chosen if c.kind == LOADED), 1.0)
-    kinds = tuple(kind for kind in LINEAR if kind in values)
-    if LOADED not in values:
-        return JointFit(kinds, Shape(fall), {kind: values[kind] for kind in kinds})
-    grows, stays = values[LOADED], values.get(COULOMB, 0.0)
-    share = float(np.clip(grows / (grows + stays), 0.02, STEEP)) if grows > 0.0 else 0.02
-    values[COULOMB] = max(grows + stays, 0.0)
-    return JointFit(kinds, Shape(fall, share, heaviest), {kind: values[kind] for kind in kinds})
+    shapes = {c.kind: c.shape for c in chosen}
+    shape = shapes.get(EXCESS, Shape())
+    if LOADED in values:
+        grows, stays = values[LOADED], values.get(COULOMB, 0.0)
+        share = grows / (grows + stays) if grows > 0.0 else 0.0
+        share = float(np.clip(share, 0.02, friction.STEEP))
+        shape = replace(shape, load=share, heaviest=shapes[LOADED].heaviest)
+        values[COULOMB] = max(grows + stays, 0.0)
+    kinds = tuple(kind for kind in friction.LINEAR if kind in values)
+    return JointFit(kinds, shape, {kind: values[kind] for kind in kinds}, refused)
 
 
-class Choice:
+class _Selection:
     """Forward selection of laws joint by joint, by prediction errors over ``FOLDS`` folds.
 
     Sums of products of all candidate columns are computed once, so that every selection is a small
     system of equations.
-
-    Args:
-        rows: The regression's rows.
-        use: Rows that are used in the fit, shape (k, n).
-        common: Columns of bodies and armatures; see ``common_columns``.
-        belief: Prior of bodies, for all unknowns before friction.
-        load: Torques of the drives, shape (k, n).
-        offered: Kinds to select from; None for all.
     """
 
-    def __init__(
-        self, rows: Rows, use: Mask, common: Any, belief: Belief, load: Array,
-        offered: Sequence[str] | None = None,
-    ) -> None:  # fmt: skip
-        self._rows, self._belief, self._target = rows, belief, rows.effort - rows.known
-        self._use = use
+    def __init__(self, fit: Fit) -> None:
+        problem, rows = fit.problem, fit.rows
         speeds = np.sqrt((rows.v**2).mean(axis=0))
-        self.offered = [
-            [c for c in candidates(speeds[j], load[:, j]) if offered is None or c.kind in offered]
-            for j in range(rows.n)
-        ]
-        own = [
-            np.hstack([column(rows, c, j, load[:, j]) for c in offer])
-            for j, offer in enumerate(self.offered)
-        ]
-        self._columns = columns_of(common, own)
-        self._first, self._precision = len(belief.x0), belief.rows.T @ belief.rows
-        starts = np.cumsum([self._first, *(len(offer) for offer in self.offered)])
-        self._starts = starts.tolist()
-        self._sums = [self._products(fold) for fold in range(FOLDS)]
-        self._total = sum((s for s in self._sums), np.zeros_like(self._sums[0]))
-        self.chosen = [
-            {self._starts[j] + i for i, c in enumerate(offer) if c.kind in (VISCOUS, COULOMB)}
-            for j, offer in enumerate(self.offered)
-        ]
-        self._refused = [0.0] * rows.n  # growth that would predict better, but is too steep
+        offered = [_candidates(j, speeds[j], fit.drives[:, j]) for j in range(rows.n)]
+        own = []
+        for j, offer in enumerate(offered):
+            laws = [
+                JointFit((COULOMB,), replace(c.shape, load=1.0)) if c.kind == LOADED
+                else JointFit((c.kind,), c.shape) for c in offer
+            ]  # fmt: skip
+            own.append(np.hstack([rows.friction(law, j, fit.drives[:, j]) for law in laws]))
+        self.columns = Columns.of(problem.common, own)
+        self.first = self.columns.size - sum(map(len, offered))
+        flat = [c for offer in offered for c in offer]
+        self.candidates = dict(enumerate(flat, self.first))
+        self.chosen = {place for place, c in self.candidates.items() if c.kind in USUAL}
+        self.refused = [0.0] * rows.n  # growth that would predict better, but is too steep
+        self.counts = problem.use.sum(axis=0) * rows.independent
+        self.sums = [self._products(fit, rows.fold == fold) for fold in range(FOLDS)]
+        self.total = sum((s for s in self.sums), np.zeros_like(self.sums[0]))
+        S = problem.prior.rows
+        self.precision, self.x0 = S.T @ S, problem.prior.x0
 
-    def _products(self, fold: int) -> Array:
+    def _products(self, fit: Fit, fold: Mask) -> Array:
         """Products of columns and effort of each joint over one fold, (n, size + 1, size + 1)."""
-        rows, size = self._rows, self._columns.size
-        found = np.zeros((rows.n, size + 1, size + 1))
-        for j, place in enumerate(self._columns.places):
-            part = self._columns.all_of(j)
-            use = self._use[:, j] & (rows.fold == fold)
-            all_columns = np.column_stack([part[use], self._target[use, j]])
+        size = self.columns.size
+        found = np.zeros((fit.rows.n, size + 1, size + 1))
+        for j, place in enumerate(self.columns.places):
+            use = fit.problem.use[:, j] & fold
+            both = np.column_stack([self.columns.all_of(j)[use], fit.problem.target[use, j]])
             where = np.append(place, size)
-            found[j][np.ix_(where, where)] = all_columns.T @ all_columns
-        return found * rows.independent
+            found[j][np.ix_(where, where)] = both.T @ both
+        return found * fit.rows.independent
 
     def run(self) -> list[JointFit]:
         """Select the laws of each joint."""
         weights = self._weights()
         for _ in range(ROUNDS):
-            before = [set(chosen) for chosen in self.chosen]
-            for j in range(self._rows.n):
+            before = set(self.chosen)
+            for j in range(len(self.refused)):
                 self._extend(j, weights)
             weights = self._weights()
             if before == self.chosen:
                 break
-        x = self._solve(self._total, weights, self._all())
-        found = []
-        for j, chosen in enumerate(self.chosen):
-            places = sorted(chosen)
-            own = [self.offered[j][place - self._starts[j]] for place in places]
-            fit = fit_of(own, x[places].tolist())
-            found.append(replace(fit, refused=self._refused[j]))
+        x, found = self._solve(self.total, weights), []
+        for j, refused in enumerate(self.refused):
+            places = self._of(j)
+            own = [self.candidates[place] for place in places]
+            found.append(_law(own, x[places].tolist(), refused))
         return found
+
+    def _of(self, j: int) -> list[int]:
+        """Places of what is chosen for a joint."""
+        return [place for place in sorted(self.chosen) if self.candidates[place].joint == j]
 
     def _weights(self) -> Array:
         """Of each joint: 1 over the variance of its residual, shape (n,)."""
-        n, size = self._rows.n, self._columns.size
-        energy = np.array([self._total[j][size, size] for j in range(n)])
+        energy = self.total[:, -1, -1]
         weights = 1.0 / np.maximum(energy, 1e-300)
-        counts = self._use.sum(axis=0) * self._rows.independent
         for _ in range(4):
-            x = self._solve(self._total, weights, self._all())
-            left = np.array([_error(self._total[j], x) for j in range(n)])
-            weights = np.maximum(counts, 1.0) / np.maximum(left, RESOLVED**2 * energy + 1e-300)
+            x = self._solve(self.total, weights)
+            left = np.array([_error(sums, x) for sums in self.total])
+            weights = np.maximum(self.counts, 1.0) / np.maximum(
+                left, RESOLVED**2 * energy + 1e-300
+            )
         return np.asarray(weights)
 
-    def _all(self) -> list[int]:
-        return [*range(self._first), *sorted(set().union(*self.chosen))]
-
-    def _solve(self, sums: Array, weights: Array, places: list[int]) -> Array:
-        size = self._columns.size
+    def _solve(self, sums: Array, weights: Array, more: Iterable[int] = ()) -> Array:
+        """Least squares of what is chosen and, for a trial, of more."""
+        size, bodies = self.columns.size, len(self.x0)
+        places = [*range(self.first), *sorted(self.chosen.union(more))]
         whole = np.tensordot(weights, sums, axes=1)
-        H = whole[:size, :size]
-        H[: self._first, : self._first] += self._precision
-        g = whole[:size, size].copy()
-        g[: self._first] += self._precision @ self._belief.x0
+        H, g = whole[:size, :size], whole[:size, size].copy()
+        H[:bodies, :bodies] += self.precision
+        g[:bodies] += self.precision @ self.x0
         H, g = H[np.ix_(places, places)], g[places]
         scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
         small = H * np.outer(scale, scale) + 1e-13 * np.eye(len(places))
@@ -187,57 +154,51 @@ class Choice:
         x[places] = scale * np.linalg.solve(small, scale * g)
         return x
 
-    def _scores(self, j: int, weights: Array) -> tuple[Array, bool, float]:
+    def _scores(
+        self, j: int, weights: Array, more: Sequence[int] = ()
+    ) -> tuple[Array, bool, float]:
         """Weighted errors of each fold predicted from the others, and whether laws are possible.
 
         Friction must not fall under load, nor below zero towards rest, nor grow too steeply; also
         its steepest growth is returned.
         """
-        places, found, possible, growth = self._all(), [], True, 0.0
-        for sums in self._sums:
-            x = self._solve(self._total - sums, weights, places)
+        places, found, possible, growth = [*self._of(j), *more], [], True, 0.0
+        shapes = {self.candidates[p].kind: self.candidates[p].shape for p in places}
+        for sums in self.sums:
+            x = self._solve(self.total - sums, weights, more)
             errors = [w * _error(s, x) for w, s in zip(weights, sums, strict=True)]
             found.append(sum(errors))
-            allowed, grows = self._possible(j, x)
-            possible, growth = possible and allowed, max(growth, grows)
-        return np.array(found), possible and growth <= STEEPEST, growth
-
-    def _possible(self, j: int, x: Array) -> tuple[bool, float]:
-        """Whether friction is nowhere negative, and its growth with the load."""
-        own = {(c := self.offered[j][p - self._starts[j]]).kind: (x[p], c) for p in self.chosen[j]}
-        grows, heaviest = 0.0, 1.0
-        if LOADED in own:
-            grows, heaviest = own[LOADED][0], own[LOADED][1].shape.heaviest
-        level = own[COULOMB][0] + grows
-        excess = own[EXCESS][0] if EXCESS in own else 0.0
-        return bool(grows >= 0.0 and excess >= -STEEP * max(level, 0.0)), float(grows / heaviest)
+            own = {self.candidates[p].kind: float(x[p]) for p in places}
+            grows = own.get(LOADED, 0.0)
+            level = own[COULOMB] + grows
+            possible &= grows >= 0.0
+            possible &= own.get(EXCESS, 0.0) >= -friction.STEEP * max(level, 0.0)
+            growth = max(growth, grows / shapes[LOADED].heaviest if grows else 0.0)
+        return np.array(found), possible and growth <= friction.STEEPEST, growth
 
     def _extend(self, j: int, weights: Array) -> None:
         """Add laws to a joint one by one as long as they reduce the prediction error."""
         best, *_ = self._scores(j, weights)
         # The other joints add the same errors, so the gain is measured against this joint's.
-        least = max(WORTH * self._use[:, j].sum() * self._rows.independent, CHANCE)
+        least = max(WORTH * self.counts[j], CHANCE)
         while True:
-            taken = {self.offered[j][p - self._starts[j]].kind for p in self.chosen[j]}
+            taken = {self.candidates[place].kind for place in self._of(j)}
             found: tuple[float, int, Array] | None = None
-            self._refused[j] = 0.0
-            for place in range(self._starts[j], self._starts[j + 1]):
-                kind = self.offered[j][place - self._starts[j]].kind
-                if kind in taken:
+            self.refused[j] = 0.0
+            for place, (joint, kind, _) in self.candidates.items():
+                if joint != j or kind in taken:
                     continue
-                self.chosen[j].add(place)
-                scores, possible, growth = self._scores(j, weights)
-                self.chosen[j].remove(place)
+                scores, possible, growth = self._scores(j, weights, [place])
                 worth = best.sum() - scores.sum() > least
                 better = np.count_nonzero(scores < best) >= FOLDS - 1
-                if kind == LOADED and growth > STEEPEST and better and worth:
-                    self._refused[j] = growth
+                if kind == LOADED and growth > friction.STEEPEST and better and worth:
+                    self.refused[j] = growth
                 if possible and better and (found is None or scores.sum() < found[0]):
                     found = float(scores.sum()), place, scores
             if found is None or not best.sum() - found[0] > least:
                 return
             best = found[2]
-            self.chosen[j].add(found[1])
+            self.chosen.add(found[1])
 
 
 def _error(sums: Array, x: Array) -> float:

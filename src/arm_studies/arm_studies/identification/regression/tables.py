@@ -8,31 +8,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.bandwidth import mean_residual
-from arm_studies.identification.regression.estimation import Mask
 from arm_studies.identification.regression.fit import Fit, fitted
-from arm_studies.identification.regression.friction_columns import (
-    COULOMB,
-    STEEP,
-    VISCOUS,
-    JointFit,
-)
-from arm_studies.identification.regression.rows import FOLDS, Rows
+from arm_studies.identification.regression.friction import COULOMB, STEEP, VISCOUS, JointFit
+from arm_studies.identification.regression.rows import FOLDS
 
+# Numbers of points that are tried; their loads, and all values but one, are fitted.
 COUNTS = (2, 3, 4)
-"""Numbers of points that are tried; their loads, and all values but one, are fitted."""
-ENDS = np.geomspace(0.1, 1.1, 10)
-"""First guesses of the last point, relative to the largest load."""
+ENDS = np.geomspace(0.1, 1.1, 10)  # First guesses of the last point, relative to the largest load.
+# Relative prediction error of each of ``JUDGES`` that a table must reach to be accepted.
 BETTER = 0.95
-"""Relative prediction error of each of ``JUDGES`` that a table must reach to be accepted."""
-ROUGH = 1e-3
-"""``settled`` of fits that are only compared, to a few percent."""
+ROUGH = 1e-3  # ``settled`` of fits that are only compared, to a few percent.
+# Folds that tables predict from the others; one alone may favor a table by chance.
 JUDGES = (FOLDS - 1, FOLDS // 2)
-"""Folds that tables predict from the others; one alone may favor a table by chance."""
 
 
-def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
+def tabled(fit: Fit) -> Fit:
     """The fit with other tables of friction over load, if they predict better.
 
     They are fitted without one fold, and compared by their prediction of it, for two folds. Tables
@@ -40,25 +31,22 @@ def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
     them.
 
     Args:
-        rows: The regression's rows.
-        use: Rows that are used, shape (k, n).
-        belief_for: See ``fit.fitted``.
         fit: With friction that grows in proportion to the load.
     """
     if all(own.shape.load is None for own in fit.friction):
         return fit
-    load = fit.columns.predicted(fit.x) + rows.known
+    problem, use = fit.problem, fit.problem.use
 
     def trial(laws: Sequence[JointFit], fold: int) -> tuple[float, tuple[JointFit, ...]]:
-        mine = (rows.fold == fold)[:, None]
-        found = fitted(rows, use & ~mine, belief_for, laws, settled=ROUGH)
+        mine = (fit.rows.fold == fold)[:, None]
+        found = fitted(replace(problem, use=use & ~mine), laws, settled=ROUGH)
         return mean_residual(found.residual, use & mine), found.friction
 
     least = [trial(fit.friction, fold)[0] for fold in JUDGES]
     chosen: Sequence[JointFit] = ()
     for count in COUNTS:
         laws = [
-            own if own.shape.load is None else _begun(rows, use, load, fit, j, count)
+            own if own.shape.load is None else _begun(fit, j, count)
             for j, own in enumerate(fit.friction)
         ]
         trials = []
@@ -70,29 +58,26 @@ def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
             least, chosen = [now for now, _ in trials], trials[0][1]
     if not chosen:
         return fit
-    found = fitted(rows, use, belief_for, chosen)
-    return found if _determined(found, use, load) else fit
-
-
-def _determined(fit: Fit, use: Mask, load: Array) -> bool:
-    """Whether the loads that occur reach all points of all tables but the last."""
-    return all(
-        own.shape.load is not None and own.shape.points[-2][0] < abs(load[use[:, j], j]).max()
-        for j, own in enumerate(fit.friction)
+    found = fitted(problem, chosen)
+    determined = all(
+        own.shape.load is not None
+        and own.shape.points[-2][0] < abs(fit.drives[use[:, j], j]).max()
+        for j, own in enumerate(found.friction)
         if own.shape.points
     )
+    return found if determined else fit
 
 
-def _begun(rows: Rows, use: Mask, load: Array, fit: Fit, j: int, count: int) -> JointFit:
+def _begun(fit: Fit, j: int, count: int) -> JointFit:
     """A table at even loads whose last point explains a joint's friction best."""
-    own, mine = fit.friction[j], use[:, j]
+    own, mine, load = fit.friction[j], fit.problem.use[:, j], fit.drives[:, j]
     part = np.linspace(0.0, 1.0, count)
-    largest = float(abs(load[mine, j]).max())
+    largest = float(abs(load[mine]).max())
     tables = [tuple(zip((e * largest * part).tolist(), part.tolist(), strict=True)) for e in ENDS]
     shapes = [replace(own.shape, load=1.0, points=points) for points in tables]
     laws = [JointFit((VISCOUS, COULOMB)), *(JointFit((COULOMB,), shape) for shape in shapes)]
-    table = np.hstack([rows.friction(law, j, load[:, j]) for law in laws])[mine]
-    y = (fit.residual[:, j] + fit.columns.own_predicted(fit.x)[:, j])[mine]
+    table = np.hstack([fit.rows.friction(law, j, load) for law in laws])[mine]
+    y = (fit.residual + fit.columns.own_predicted(fit.x))[mine, j]
     found: tuple[float, JointFit] = np.inf, own
     for k, shape in enumerate(shapes):
         A = table[:, [0, 1, 2 + k]]

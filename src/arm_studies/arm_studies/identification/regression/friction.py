@@ -17,19 +17,18 @@ from arm_dynamics.equations.interpolation import Curve
 
 VISCOUS, VISCOUS_SKEW = "viscous", "viscous_skew"
 COULOMB, COULOMB_SKEW, EXCESS = "coulomb", "coulomb_skew", "excess"
+# Coefficients in which friction is linear. In a moving joint, a constant torque, such as a sensor
+# offset, is equivalent to a skew of its Coulomb friction.
 LINEAR = (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
-"""Coefficients in which friction is linear. In a moving joint, a constant torque, such as a sensor
-offset, is equivalent to a skew of its Coulomb friction."""
-DRY = (COULOMB, COULOMB_SKEW, EXCESS)
-"""Those that grow with the load."""
+DRY = (COULOMB, COULOMB_SKEW, EXCESS)  # Those that grow with the load.
 STRIBECK_VELOCITY, LOAD = "stribeck_velocity", "load"
+# Largest fraction of the dry friction that may grow with the load, or with the speed: friction is
+# positive.
 STEEP = 0.98
-"""Largest fraction of the dry friction that may grow with the load, or with the speed: friction is
-positive."""
-FARTHEST = 0.7
-"""Largest change of a shape's logarithm at a time."""
-POINTS = 6
-"""Number of points in a table of friction over load."""
+FARTHEST = 0.7  # Largest change of a shape's logarithm at a time.
+# Largest growth of friction with the load; the scene's curve is up to half as steep again.
+STEEPEST = 0.3
+POINTS = 6  # Number of points in a table of friction over load.
 
 
 @dataclass(frozen=True)

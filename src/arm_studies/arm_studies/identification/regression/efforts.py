@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Efforts as a robot reports them: how old they are, and their torque per unit, if unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_studies.identification.regression.estimation import Prior, Problem
+from arm_studies.identification.regression.fit import Fit, fitted
+from arm_studies.identification.regression.friction import JointFit
+from arm_studies.identification.regression.intervals import CERTAIN, besides
+from arm_studies.identification.regression.rows import Rows
+
+# Largest number of corrections of the age; standard errors below which one is left out; largest
+# age in periods of the band.
+CORRECTIONS, SETTLED, OLDEST = 4, 0.2, 0.15
+# Fraction of a joint's frictionless efforts that bodies must explain to identify its scale.
+SHOWN = 0.7
+# Fraction of the deviation of a joint's efforts that bodies must cause to identify its scale: if
+# friction dominates, an error of its law or of the nominal bodies would be taken for the scale.
+HEAVY = 0.5
+# Prior deviations of bodies while scales are identified: of density, of all else. If bodies were
+# fixed, an error of the last bodies would be taken for a scale of their joints.
+NEAR = 0.03, 0.05
+# Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
+# columns of efforts are matched with joints.
+DOUBT = 0.12, 0.2
+
+
+def with_age[T](
+    fit_at: Callable[[float], tuple[T, float, float]], band: float
+) -> tuple[T, list[str]]:
+    """What fits efforts of the most likely age, and a note if that is significant.
+
+    Args:
+        fit_at: Compares efforts of an age in [s] with the motion: returns a fit, the correction of
+            the age, and its standard deviation.
+        band: Of the low-pass filter in [Hz].
+    """
+    age, farthest = 0.0, OLDEST / band
+    found, step, doubt = fit_at(age)
+    for _ in range(CORRECTIONS):
+        if not abs(step) > SETTLED * doubt:
+            break
+        age = float(np.clip(age + step, -farthest, farthest))
+        found, step, doubt = fit_at(age)
+    if not abs(age) > CERTAIN * doubt:
+        return found, []
+    return found, [
+        f"efforts are {1e3 * age:.2g} ± {1e3 * CERTAIN * doubt:.1g} ms older than the positions "
+        "beside them; they are compared with the motion at that time"
+    ]
+
+
+def scales_of(
+    rows: Rows, laws: Sequence[JointFit], prior: Callable[[float, float], Prior]
+) -> tuple[Array, list[str]]:
+    """Identify the torque per unit of effort, alternating with friction, until it converges.
+
+    Bodies stay near nominal meanwhile: otherwise scales and bodies would shrink together, which
+    reduces the residual of friction and noise.
+
+    Args:
+        rows: With efforts in unknown units.
+        laws: Friction of each joint.
+        prior: Of bodies, by the deviations of their density and of all else.
+
+    Returns:
+        Of each joint, 1 where it cannot be identified, shape (n,); and notes of their intervals.
+    """
+    train = rows.use & rows.train[:, None]
+    shown, scales, notes = _guess(rows, train, laws)
+
+    def at(scales: Array, prior: Prior) -> Fit:
+        return fitted(Problem(rows.scaled(scales), train, prior), laws)
+
+    for _ in range(30):
+        change = np.where(shown, _rescaled(at(scales, prior(*NEAR)))[0], 0.0)
+        scales = scales * np.exp(np.clip(change, -0.5, 0.5))
+        if abs(change).max() < 1e-5:
+            break
+    _, doubt = _rescaled(at(scales, prior(*DOUBT)))
+    lines = [
+        f"{name} {k:.3g} ({k * np.exp(-CERTAIN * sd):.3g} to {k * np.exp(CERTAIN * sd):.3g})"
+        for name, k, sd, there in zip(rows.names, scales, doubt, shown, strict=True)
+        if there
+    ]
+    if lines:
+        notes.append(
+            f"scales of efforts assume that densities of the nominal bodies are accurate to "
+            f"{DOUBT[0]:.0%} and their shapes to {DOUBT[1]:.0%}: " + ", ".join(lines)
+        )
+    return scales, notes
+
+
+def _guess(rows: Rows, train: Array, laws: Sequence[JointFit]) -> tuple[Array, Array, list[str]]:
+    """Which scales can be identified, (n,), these by the nominal bodies, and notes of others."""
+    nominal = rows.rigid @ rows.regressor.nominal + rows.known
+    shown, scales, notes = np.zeros(rows.n, bool), np.ones(rows.n), []
+    for j, name in enumerate(rows.names):
+        mine = train[:, j]
+        y, more = rows.effort[mine, j], nominal[mine, j]
+        own = np.hstack([rows.inertia[:, j : j + 1], rows.friction(laws[j], j, nominal[:, j])])
+        both = np.column_stack([own[mine], more])
+        alone, left = (
+            float(np.sum((y - A @ np.linalg.lstsq(A, y, rcond=1e-10)[0]) ** 2))
+            for A in (own[mine], both)
+        )
+        slope = float(np.linalg.lstsq(both, y, rcond=1e-10)[0][-1])
+        heavy = slope * more.std() / y.std()
+        shown[j] = 1.0 - left / max(alone, 1e-300) > SHOWN and heavy > HEAVY
+        if shown[j]:
+            scales[j] = 1.0 / slope
+        else:
+            notes.append(
+                f"'{name}': the scale of its efforts cannot be identified, because friction "
+                "dominates them; they are taken as torques"
+            )
+    return shown, scales, notes
+
+
+def _rescaled(fit: Fit) -> tuple[Array, Array]:
+    """Relative corrections of scales, with all unknowns free, and their deviations.
+
+    The residual is that of the measured efforts, so that small scales do not reduce it:
+    e - A x / k is linear in x and in the change of k.
+    """
+    return besides(fit, -fit.drives[:, :, None] * np.eye(fit.rows.n))
