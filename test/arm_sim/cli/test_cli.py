@@ -180,7 +180,7 @@ def test_describe_shows_joints_physics_and_cost() -> None:
     said = run("describe", PANDA).output
     assert all(name in said for name in models.dynamics("panda").joint_names)
     for words in (
-        r"2\.175 +87 +0\.003", "computed +gravity", "skipped .*payloads", "µs for a tick",
+        r"2\.175 +87 +0\.003", "computed +gravity", "skipped .*payloads", "µs for a time step",
     ):  # fmt: skip
         assert re.search(words, said), words
 
@@ -362,7 +362,7 @@ def test_a_replay_says_what_is_equal_and_what_is_not(tmp_path: Path) -> None:
     first = Simulator("two_link").run(0.1)
     first.save(path)
     said = run("replay", str(path), "--out", str(out))
-    assert said.exit_code == 0 and "100 ticks replayed, every state bit-identical" in said.output
+    assert said.exit_code == 0 and "100 time steps replayed, every state bit-id" in said.output
     assert said.output.splitlines()[-1].strip() == str(out)
     assert Recording.load(out).q.tobytes() == first.q.tobytes()
     told = json.loads(run("replay", str(path), "--json").stdout)

@@ -110,7 +110,7 @@ def test_the_figure_shows_reference_error_torque_and_answers(tmp_path: Path) -> 
     [
         ({}, None),
         ({"rate": 800.0}, None),
-        ({"rate": 799.0}, "the simulator executed 799.0 ticks per second instead of 1000"),
+        ({"rate": 799.0}, "the simulator executed 799.0 time steps per second instead of 1000"),
         ({"commands": 150}, None),
         ({"commands": 149}, "only 149 of 1990 states were answered by a command"),
         ({"questions": 0}, "the dynamics node answered no torque query"),
@@ -205,7 +205,7 @@ def test_a_report_is_written_before_it_is_complained_of(
     good = told(seen()) | {"goal_distance": 0.0, "rate": 985.0}
     _report(tmp_path, motion, seen(), good, "right to 1e-9 rad", console)
     said = console.export_text()
-    assert "note: the simulator executed 985.0 ticks per second instead of 1000" in said
+    assert "note: the simulator executed 985.0 time steps per second instead of 1000" in said
     assert f"figure:  {tmp_path / 'demo.png'}" in said and "torque queries" in said
     kept = json.loads((tmp_path / "demo.json").read_text())
     assert kept.pop("time").startswith("20") and kept == good

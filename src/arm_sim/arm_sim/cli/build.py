@@ -59,8 +59,8 @@ def build(
     Args:
         out: Folder for the compiled code; created if missing.
         integrator: Integration method instead of the scene's, e.g. rk4, dop853.
-        dt: Length of a tick in s instead of the scene's.
-        tolerance: Control the error inside each tick, e.g. 1e-8.
+        dt: Length of a time step in s instead of the scene's.
+        tolerance: Control the error inside each time step, e.g. 1e-8.
         processor: Processors to compile for: like this one, or all of a level.
         controllers: Also compile every controller in joint space.
         task_frame: Also compile every controller in task space, for this frame.

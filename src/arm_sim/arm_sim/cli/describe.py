@@ -37,15 +37,15 @@ def describe(
     details: bool = False,
     as_json: Json = False,
 ) -> None:
-    """Show the joints of SCENE, what is computed and what is skipped, and the cost of a tick.
+    """Show the joints of SCENE, what is computed or skipped, and the cost of a time step.
 
     SCENE is the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
     The time is measured on this machine.
 
     Args:
         integrator: Integration method, instead of the scene's, e.g. rk4, dop853.
-        dt: Length of a tick in s, instead of the scene's.
-        tolerance: Control the error inside each tick, e.g. 1e-8.
+        dt: Length of a time step in s, instead of the scene's.
+        tolerance: Control the error inside each time step, e.g. 1e-8.
         details: Also show the comment at the top of the file, and why each part is skipped.
     """
     from arm_dynamics import ModelError
@@ -240,14 +240,14 @@ def _show_physics(out: Console, simulator: Simulator, details: bool) -> None:
     plan, choice = simulator.plan, simulator.choice
     parts = sorted(plan.parts, key=lambda part: not part.on)
     rows = [("computed" if p.on else "skipped", p.name, p.why) for p in parts if p.on or details]
-    say(table(("in a tick", "", ""), rows, text=(0, 1, 2)))
+    say(table(("in a time step", "", ""), rows, text=(0, 1, 2)))
     if not details:
         skipped = ", ".join(part.name for part in parts if not part.on)
         out.print(f" skipped    {skipped}; --details says why", style="dim")
         out.print()
     method, microseconds = choice.method, plan.nanoseconds / 1e3
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
-    step = "sub-step" if choice.tolerance else "tick"
+    step = "sub-step" if choice.tolerance else "time step"
     how = f"{method.name}, order {method.order}, {simulator.dt:g} s{control}"
     faster = f"{simulator.dt * 1e6 / microseconds:,.0f} times faster than real time"
     out.print(facts([
@@ -255,6 +255,6 @@ def _show_physics(out: Console, simulator: Simulator, details: bool) -> None:
         ("algorithm", plan.algorithm),
         ("runs on", plan.backend),
         ("operations", f"{plan.operations} in a {step}, {plan.evaluation} in one evaluation"),
-        ("time", f"{microseconds:.2f} µs for a tick, measured now; {faster}"),
+        ("time", f"{microseconds:.2f} µs for a time step, measured now; {faster}"),
     ]))  # fmt: skip
     out.print()

@@ -39,11 +39,11 @@ def export(
     Args:
         out: A new or empty folder, or one exported before.
         name: Prefix of all functions, a C identifier. [default: from the scene]
-        tick: Also export the simulator's tick.
-        servo: Also export the tick and the servos, which track positions and velocities.
+        tick: Also export the simulator's time step.
+        servo: Also export the time step and servos that track positions and velocities.
         fmu: Also make functional mock-up units, by FMI 3.0 and 2.0.
         frames: Also export pose and Jacobian of this frame; may be repeated.
-        derivatives: Also export derivatives of the dynamics, and of the tick.
+        derivatives: Also export derivatives of the dynamics, and of the time step.
         single: Gone: code is in double precision.
     """
     if single:

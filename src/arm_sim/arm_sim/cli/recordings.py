@@ -83,7 +83,7 @@ def record(
 ) -> None:
     """Record TOPICs of a running system until Ctrl-C; all topics if none is given.
 
-    To record every tick of a simulator with its full state, for a bit-exact replay, let the
+    To record every time step of a simulator with its full state, for a bit-exact replay, let the
     simulator record itself: ./arm sim SCENE --ros-args -p record:=FILE.
 
     Args:
@@ -160,8 +160,8 @@ def replay(
 
     The file contains the scene, its robot, commands, parameter changes and external forces. The
     exit status is 1 if any state differs, by as little as one bit. With --check the whole motion
-    is made again by another method, a finer tick and a tighter tolerance; the exit status is 1 if
-    its error exceeds the scene's accuracy.
+    is made again by another method, a finer time step and a tighter tolerance; the exit status is
+    1 if its error exceeds the scene's accuracy.
 
     Args:
         scene: Replay with another scene that has the same joints.
@@ -206,7 +206,7 @@ def replay(
         for name in found.other_versions:
             lines.append(f"{name} has another version here; last bits may differ")
         if passed:
-            lines.append(f"{ticks} ticks replayed, every state bit-identical")
+            lines.append(f"{ticks} time steps replayed, every state bit-identical")
         if found.first is not None:
             lines.append(f"first difference: {found.first}")
             lines.append(f"positions differ by {largest:.3g} rad or m at most")

@@ -134,9 +134,11 @@ def write_film(path: Path, pictures: Iterable[Any], rate: float) -> None:
             said = coder.stderr.decode(errors="replace").strip()
             raise ViewError(f"'{path}': ffmpeg failed: {said}")
         return
-    # One palette, so that static parts are stored once and do not flicker.
+    # One palette, so that static parts are stored once and do not flicker; an octree keeps the
+    # colours of few points, such as those of curves.
     sample = np.vstack([frames[k] for k in (0, len(frames) // 2, -1)])
-    palette = Image.fromarray(sample).quantize(128, dither=Image.Dither.NONE)
+    octree = Image.Quantize.FASTOCTREE
+    palette = Image.fromarray(sample).quantize(128, method=octree, dither=Image.Dither.NONE)
     first, *others = [
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
         for frame in frames

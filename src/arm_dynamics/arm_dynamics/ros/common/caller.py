@@ -106,12 +106,16 @@ class TemporaryNode:
         mine = self._node.get_name()
         return sorted(f"{space.rstrip('/')}/{name}" for name, space in found if name != mine)
 
-    def where(self) -> str:
-        """The visible nodes, for messages."""
+    def where(self, node: str | None = None) -> str:
+        """The visible nodes, and what to check if none, or not this one, is among them."""
+        seen = [name for name in self.nodes() if "/arm_shell_" not in name]
+        text = f"nodes seen: {', '.join(seen) or 'none'}"
+        if node in seen:
+            return f"{text}\n  {node} may still be starting"
+        if node is None and seen:
+            return text
         domain = self._context.get_domain_id()
-        seen = ", ".join(name for name in self.nodes() if "/arm_shell_" not in name) or "none"
-        rule = f"both sides must have the same ROS_DOMAIN_ID; here it is {domain}"
-        return f"nodes seen: {seen}\n  {rule}"
+        return f"{text}\n  both sides must have the same ROS_DOMAIN_ID; here it is {domain}"
 
 
 class Caller(TemporaryNode):
@@ -217,7 +221,7 @@ class Caller(TemporaryNode):
         others = [o for o, _ in offered if o.rsplit("/", 1)[1] == wanted and o != name]
         if others:
             lines.append(f"it is offered as {', '.join(others)}")
-        return "\n  ".join([*lines, self.where()])
+        return "\n  ".join([*lines, self.where(name.rsplit("/", 1)[0])])
 
 
 def _full_name(node: str) -> str:

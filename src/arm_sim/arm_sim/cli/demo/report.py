@@ -87,7 +87,7 @@ def remarks(n: Numbers) -> list[str]:
 
 def _slow(n: Numbers) -> str:
     return (
-        f"the simulator executed {n['rate']:.1f} ticks per second instead of "
+        f"the simulator executed {n['rate']:.1f} time steps per second instead of "
         f"{n['wanted_rate']:g}: this machine is too slow or too busy"
     )
 
@@ -98,8 +98,8 @@ def cause(n: Numbers) -> str:
     if os.getloadavg()[0] <= len(os.sched_getaffinity(0)) and not late:
         return "the loop was not closed"
     return (
-        f"this machine was too busy: {load()}; {n['missed']} of {n['ticks']} ticks were late by "
-        f"more than a tick, round trips took up to {1e3 * n['round_trip_max']:.0f} ms"
+        f"this machine was too busy: {load()}; {n['missed']} of {n['ticks']} cycles were late by "
+        f"more than a cycle, round trips took up to {1e3 * n['round_trip_max']:.0f} ms"
     )
 
 
